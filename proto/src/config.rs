@@ -1,0 +1,99 @@
+//! Configuration as data.
+//!
+//! A section is described once, as a [`TableSpec`]: its keys, their meaning, unit, range and default. From that one
+//! description come the checks ([`check`], which collects every problem instead of stopping at the first), the
+//! effective configuration with defaults filled in, and the JSON Schema ([`schema`]). A checked table deserialises into
+//! the section's typed struct without further questions.
+
+mod check;
+mod schema;
+mod spec;
+mod tree;
+
+pub use check::{Checked, FileReference, check};
+pub use schema::json_schema;
+pub use spec::{Choice, Default, Field, Kind, Range, TableSpec, Tag, Variant};
+pub use tree::{Node, Value, parse};
+
+/// Something wrong with a configuration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// Path of the key: `netsim.phy.radius_m`, `site.wall[2].to_m`. Empty if the text is not TOML.
+    pub path: String,
+    /// What is wrong and what is allowed, starting with a verb: `must be greater than 0 m`.
+    pub message: String,
+    /// The offending value as written, if there is one.
+    pub value: Option<String>,
+    /// The nearest valid choice, if there is one.
+    pub nearest: Option<String>,
+    /// Bytes of the text, where no path can tell (syntax errors).
+    pub span: Option<std::ops::Range<usize>>,
+}
+
+impl Problem {
+    /// A problem with the key at `path`.
+    pub fn new(path: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { path: path.into(), message: message.into(), value: None, nearest: None, span: None }
+    }
+
+    /// Adds the offending value.
+    #[must_use]
+    pub fn value(mut self, value: impl ToString) -> Self {
+        self.value = Some(value.to_string());
+        self
+    }
+
+    /// Adds the nearest valid choice.
+    #[must_use]
+    pub fn nearest(mut self, nearest: impl ToString) -> Self {
+        self.nearest = Some(nearest.to_string());
+        self
+    }
+
+    /// Puts a prefix before the path: `netsim` makes `netsim.phy` of `phy`.
+    #[must_use]
+    pub fn within(mut self, prefix: &str) -> Self {
+        self.path = join(prefix, &self.path);
+        self
+    }
+}
+
+impl std::fmt::Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if !self.path.is_empty() {
+            write!(f, "{}: ", self.path)?;
+        }
+        f.write_str(&self.message)?;
+        if let Some(value) = &self.value {
+            write!(f, ", got {value}")?;
+        }
+        if let Some(nearest) = &self.nearest {
+            write!(f, " (nearest valid: {nearest})")?;
+        }
+        Ok(())
+    }
+}
+
+/// Joins a prefix and a key into a path.
+#[must_use]
+pub fn join(prefix: &str, key: &str) -> String {
+    match (prefix.is_empty(), key.is_empty()) {
+        (true, _) => key.to_owned(),
+        (_, true) => prefix.to_owned(),
+        _ => format!("{prefix}.{key}"),
+    }
+}
+
+/// The most similar of `choices`, if any is similar enough to have been meant.
+#[must_use]
+pub fn most_similar<'a>(
+    given: &str,
+    choices: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
+    choices
+        .into_iter()
+        .map(|choice| (strsim::jaro_winkler(&given.to_lowercase(), choice), choice))
+        .filter(|&(similarity, _)| 0.7 <= similarity)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, choice)| choice)
+}

@@ -1,0 +1,439 @@
+//! The walk over what was written, held against its description.
+
+use super::{Default, Field, Kind, Node, Problem, TableSpec, Value, Variant, join, most_similar};
+
+/// A table that was checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checked {
+    /// The effective table: defaults filled in, keys in the order of their description. Where there were problems,
+    /// something valid stands in their place, so that checks across keys can still be made.
+    pub table: toml::Table,
+    /// The files that it names.
+    pub files: Vec<FileReference>,
+}
+
+/// A file that a configuration names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileReference {
+    /// Path of the key.
+    pub key: String,
+    /// The file's path as written.
+    pub path: String,
+}
+
+/// Checks the table `node`, which stands at `path`, against `spec`, adding every problem to `problems`.
+pub fn check(node: &Node, path: &str, spec: &TableSpec, problems: &mut Vec<Problem>) -> Checked {
+    let mut walk = Walk { problems, files: Vec::new() };
+    let table = match &node.value {
+        Value::Table(_) => walk.table(Some(node), path, spec),
+        _ => {
+            walk.problems.push(Problem::new(path, "must be a table").value(node.show()));
+            walk.table(None, path, spec)
+        }
+    };
+    Checked { table, files: walk.files }
+}
+
+struct Walk<'a> {
+    problems: &'a mut Vec<Problem>,
+    files: Vec<FileReference>,
+}
+
+impl Walk<'_> {
+    fn table(&mut self, node: Option<&Node>, path: &str, spec: &TableSpec) -> toml::Table {
+        let variants = spec.tag.map(|tag| (tag.variants)()).unwrap_or_default();
+        let mut table = toml::Table::new();
+        let mut selected: Option<Variant> = None;
+        if let Some(tag) = spec.tag {
+            let names = || variants.iter().map(|variant| variant.name);
+            let listed = || names().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
+            let tag_path = join(path, tag.key);
+            let written = node.and_then(|node| node.get(tag.key));
+            let name = match written.map(|node| (&node.value, node)) {
+                None => tag.default.or_else(|| {
+                    self.problems
+                        .push(Problem::new(tag_path, format!("is missing: one of {}", listed())));
+                    None
+                }),
+                Some((Value::Text(name), node)) => {
+                    let known = names().find(|known| known == name);
+                    if known.is_none() {
+                        let mut problem =
+                            Problem::new(tag_path, format!("must be one of {}", listed()))
+                                .value(node.show());
+                        problem.nearest =
+                            most_similar(name, names()).map(|name| format!("{name:?}"));
+                        self.problems.push(problem);
+                    }
+                    known
+                }
+                Some((_, node)) => {
+                    let message = format!("must be one of {}", listed());
+                    self.problems.push(Problem::new(tag_path, message).value(node.show()));
+                    None
+                }
+            };
+            selected = variants.iter().find(|variant| Some(variant.name) == name).copied();
+            if let Some(variant) = selected {
+                table.insert(tag.key.to_owned(), toml::Value::String(variant.name.to_owned()));
+            }
+        }
+        // Where the variant is not known, its keys cannot be judged.
+        let unjudged = spec.tag.is_some() && selected.is_none();
+        let own = selected.map_or(&[][..], |variant| variant.fields);
+        for field in own.iter().chain(spec.fields) {
+            let written = node.and_then(|node| node.get(field.key));
+            if let Some(value) = self.field(written, &join(path, field.key), field, unjudged) {
+                table.insert(field.key.to_owned(), value);
+            }
+        }
+        if let Some(Value::Table(entries)) = node.map(|node| &node.value) {
+            for (key, ..) in entries {
+                let known = spec.tag.is_some_and(|tag| tag.key == key)
+                    || own.iter().chain(spec.fields).any(|field| field.key == key);
+                if !known {
+                    self.unknown_key(key, path, spec, &variants, selected.as_ref(), unjudged);
+                }
+            }
+        }
+        table
+    }
+
+    fn unknown_key(
+        &mut self,
+        key: &str,
+        path: &str,
+        spec: &TableSpec,
+        variants: &[Variant],
+        selected: Option<&Variant>,
+        unjudged: bool,
+    ) {
+        let with: Vec<&str> = variants
+            .iter()
+            .filter(|variant| variant.fields.iter().any(|field| field.key == key))
+            .map(|variant| variant.name)
+            .collect();
+        if unjudged && !with.is_empty() {
+            return;
+        }
+        let problem =
+            if let (Some(tag), Some(selected), false) = (spec.tag, selected, with.is_empty()) {
+                let with: Vec<String> = with.iter().map(|name| format!("{name:?}")).collect();
+                Problem::new(
+                    join(path, key),
+                    format!(
+                        "does not go with {} = {:?}, only with {}",
+                        tag.key,
+                        selected.name,
+                        with.join(", ")
+                    ),
+                )
+            } else {
+                let known: Vec<&str> = spec
+                    .tag
+                    .map(|tag| tag.key)
+                    .into_iter()
+                    .chain(
+                        selected
+                            .map_or(&[][..], |variant| variant.fields)
+                            .iter()
+                            .map(|field| field.key),
+                    )
+                    .chain(spec.fields.iter().map(|field| field.key))
+                    .collect();
+                let mut problem = Problem::new(join(path, key), "is not a known key");
+                problem.nearest = most_similar(key, known.iter().copied()).map(str::to_owned);
+                if problem.nearest.is_none() {
+                    problem.message = if known.is_empty() {
+                        "is not a known key: there are none here".to_owned()
+                    } else {
+                        format!("is not a known key: there are {}", known.join(", "))
+                    };
+                }
+                problem
+            };
+        self.problems.push(problem);
+    }
+
+    fn field(
+        &mut self,
+        written: Option<&Node>,
+        path: &str,
+        field: &Field,
+        lenient: bool,
+    ) -> Option<toml::Value> {
+        let Some(node) = written else {
+            return match field.default {
+                Default::Required => {
+                    if !lenient {
+                        self.problems.push(Problem::new(
+                            path,
+                            format!("is missing: must be {}", field.kind.describe()),
+                        ));
+                    }
+                    None
+                }
+                Default::Absent => None,
+                Default::Bool(value) => Some(toml::Value::Boolean(value)),
+                Default::Integer(value) => Some(toml::Value::Integer(value)),
+                Default::Number(value) => Some(toml::Value::Float(value)),
+                Default::Text(value) => Some(toml::Value::String(value.to_owned())),
+                Default::Table => match field.kind {
+                    Kind::Table(spec) => Some(toml::Value::Table(self.table(None, path, spec))),
+                    _ => unreachable!("{path}: only a table can have a table as default"),
+                },
+            };
+        };
+        match self.value(node, path, &field.kind) {
+            Ok(value) => Some(value),
+            Err(problem) => {
+                self.problems.push(problem);
+                // Stand-in, so that other checks go on.
+                self.field(None, path, field, true)
+            }
+        }
+    }
+
+    fn value(&mut self, node: &Node, path: &str, kind: &Kind) -> Result<toml::Value, Problem> {
+        let wrong =
+            || Problem::new(path, format!("must be {}", kind.describe())).value(node.show());
+        match (kind, &node.value) {
+            (Kind::Bool, Value::Bool(value)) => Ok(toml::Value::Boolean(*value)),
+            (Kind::Integer { min, max }, Value::Integer(value)) => {
+                if (min..=max).contains(&value) {
+                    Ok(toml::Value::Integer(*value))
+                } else {
+                    Err(wrong().nearest(value.clamp(min, max)))
+                }
+            }
+            (Kind::Number(range), Value::Integer(_) | Value::Number(_)) => {
+                let number = match node.value {
+                    Value::Integer(value) => value as f64,
+                    Value::Number(value) => value,
+                    _ => unreachable!("matched above"),
+                };
+                if range.contains(number) {
+                    Ok(toml::Value::Float(number))
+                } else {
+                    let mut problem = Problem::new(
+                        path,
+                        if number.is_finite() {
+                            format!("must be {}", range.describe())
+                        } else {
+                            format!(
+                                "must be {}",
+                                kind.describe().replace("a number", "a finite number")
+                            )
+                        },
+                    )
+                    .value(node.show());
+                    problem.nearest =
+                        range.nearest(number).filter(|n| n.is_finite()).map(|n| n.to_string());
+                    Err(problem)
+                }
+            }
+            (Kind::Text, Value::Text(text)) if !text.is_empty() => {
+                Ok(toml::Value::String(text.clone()))
+            }
+            (Kind::File, Value::Text(text)) if !text.is_empty() => {
+                self.files.push(FileReference { key: path.to_owned(), path: text.clone() });
+                Ok(toml::Value::String(text.clone()))
+            }
+            (Kind::Choice(choices), Value::Text(text)) => {
+                if choices.iter().any(|choice| choice.name == text) {
+                    Ok(toml::Value::String(text.clone()))
+                } else {
+                    let mut problem = wrong();
+                    problem.nearest = most_similar(text, choices.iter().map(|choice| choice.name))
+                        .map(|name| format!("{name:?}"));
+                    Err(problem)
+                }
+            }
+            (Kind::List { of, min, max }, Value::List(list)) => {
+                if !(min..=max).contains(&&list.len()) {
+                    let entries = match (*min, *max) {
+                        (min, max) if min == max => format!("{min} entries"),
+                        (min, usize::MAX) => format!("at least {min} entries"),
+                        (min, max) => format!("{min} to {max} entries"),
+                    };
+                    return Err(
+                        Problem::new(path, format!("must have {entries}")).value(node.show())
+                    );
+                }
+                let mut converted = Vec::with_capacity(list.len());
+                for (index, entry) in list.iter().enumerate() {
+                    converted.push(self.value(entry, &format!("{path}[{index}]"), of)?);
+                }
+                Ok(toml::Value::Array(converted))
+            }
+            (Kind::Table(spec), Value::Table(_)) => {
+                Ok(toml::Value::Table(self.table(Some(node), path, spec)))
+            }
+            (Kind::Tables(spec), Value::List(list)) => {
+                let mut converted = Vec::with_capacity(list.len());
+                for (index, entry) in list.iter().enumerate() {
+                    let entry_path = format!("{path}[{index}]");
+                    match entry.value {
+                        Value::Table(_) => converted.push(toml::Value::Table(self.table(
+                            Some(entry),
+                            &entry_path,
+                            spec,
+                        ))),
+                        _ => self
+                            .problems
+                            .push(Problem::new(entry_path, "must be a table").value(entry.show())),
+                    }
+                }
+                Ok(toml::Value::Array(converted))
+            }
+            (Kind::Either(kinds), value) => {
+                match kinds.iter().find(|kind| fits_by_type(kind, value)) {
+                    Some(Kind::Choice(_)) => {
+                        // A text that is no choice: all alternatives are named.
+                        let fit = kinds.iter().filter(|kind| fits_by_type(kind, value));
+                        let mut first = None;
+                        for kind in fit {
+                            match self.value(node, path, kind) {
+                                Ok(value) => return Ok(value),
+                                Err(problem) => first = first.or(Some(problem)),
+                            }
+                        }
+                        Err(first.unwrap_or_else(wrong))
+                    }
+                    Some(kind) => self.value(node, path, kind),
+                    None => Err(wrong()),
+                }
+            }
+            (Kind::Anything, _) => Ok(node.to_toml()),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+fn fits_by_type(kind: &Kind, value: &Value) -> bool {
+    matches!(
+        (kind, value),
+        (Kind::Bool, Value::Bool(_))
+            | (Kind::Integer { .. }, Value::Integer(_))
+            | (Kind::Number(_), Value::Integer(_) | Value::Number(_))
+            | (Kind::Text | Kind::File | Kind::Choice(_), Value::Text(_))
+            | (Kind::List { .. } | Kind::Tables(_), Value::List(_))
+            | (Kind::Table(_), Value::Table(_))
+            | (Kind::Anything, _)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Choice, Range, Tag, parse};
+    use super::*;
+
+    const INNER: TableSpec = TableSpec {
+        doc: "An inner table.",
+        fields: &[Field {
+            key: "count",
+            doc: "How many.",
+            kind: Kind::Integer { min: 1, max: 9 },
+            default: Default::Required,
+        }],
+        tag: None,
+    };
+    const SPEC: TableSpec = TableSpec {
+        doc: "A table.",
+        fields: &[
+            Field {
+                key: "radius_m",
+                doc: "Size.",
+                kind: Kind::Number(Range::POSITIVE),
+                default: Default::Number(10.0),
+            },
+            Field {
+                key: "mode",
+                doc: "How.",
+                kind: Kind::Choice(&[
+                    Choice { name: "slow", doc: "" },
+                    Choice { name: "fast", doc: "" },
+                ]),
+                default: Default::Text("slow"),
+            },
+            Field {
+                key: "inner",
+                doc: "More.",
+                kind: Kind::Tables(&INNER),
+                default: Default::Absent,
+            },
+        ],
+        tag: Some(&Tag {
+            key: "kind",
+            doc: "Which.",
+            default: Some("a"),
+            variants: || {
+                vec![
+                    Variant { name: "a", doc: "A.", fields: &[] },
+                    Variant {
+                        name: "b",
+                        doc: "B.",
+                        fields: &[Field {
+                            key: "gain_db",
+                            doc: "Gain.",
+                            kind: Kind::Number(Range::ANY),
+                            default: Default::Required,
+                        }],
+                    },
+                ]
+            },
+        }),
+    };
+
+    fn problems(text: &str) -> Vec<String> {
+        let mut problems = Vec::new();
+        check(&parse(text).unwrap(), "x", &SPEC, &mut problems);
+        problems.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn every_problem_is_found_at_once() {
+        assert_eq!(
+            problems(
+                "kind = \"b\"\nradios_m = 3\nradius_m = -3\nmode = \"fats\"\n[[inner]]\ncount = 12\n[[inner]]\n"
+            ),
+            [
+                "x.gain_db: is missing: must be a number",
+                "x.radius_m: must be greater than 0, got -3 (nearest valid: 3)",
+                "x.mode: must be one of \"slow\", \"fast\", got \"fats\" (nearest valid: \"fast\")",
+                "x.inner[0].count: must be a whole number from 1 to 9, got 12 (nearest valid: 9)",
+                "x.inner[1].count: is missing: must be a whole number from 1 to 9",
+                "x.radios_m: is not a known key (nearest valid: radius_m)",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_key_of_another_variant_says_where_it_belongs() {
+        assert_eq!(
+            problems("gain_db = 1"),
+            ["x.gain_db: does not go with kind = \"a\", only with \"b\""]
+        );
+        assert_eq!(
+            problems("kind = \"c\"\ngain_db = 1"),
+            ["x.kind: must be one of \"a\", \"b\", got \"c\""]
+        );
+    }
+
+    #[test]
+    fn not_a_number_is_no_number() {
+        assert_eq!(
+            problems("radius_m = nan"),
+            ["x.radius_m: must be a finite number, greater than 0, got NaN"]
+        );
+        assert_eq!(problems("radius_m = \"3\"").len(), 1);
+    }
+
+    #[test]
+    fn defaults_are_filled_in() {
+        let mut problems = Vec::new();
+        let checked = check(&parse("").unwrap(), "", &SPEC, &mut problems);
+        assert!(problems.is_empty());
+        assert_eq!(checked.table.to_string(), "kind = \"a\"\nradius_m = 10.0\nmode = \"slow\"\n");
+    }
+}

@@ -1,0 +1,103 @@
+//! JSON Schema (draft 2020-12) of a description.
+
+use super::{Default, Field, Kind, Range, TableSpec};
+use serde_json::{Map, Value, json};
+
+/// The schema of a table.
+#[must_use]
+pub fn json_schema(spec: &TableSpec) -> Value {
+    let mut schema = object(spec.doc, spec.fields, None);
+    if let Some(tag) = spec.tag {
+        let variants = (tag.variants)();
+        let names: Vec<&str> = variants.iter().map(|variant| variant.name).collect();
+        let alternatives: Vec<Value> = variants
+            .iter()
+            .map(|variant| {
+                let mut fields = variant.fields.to_vec();
+                fields.extend_from_slice(spec.fields);
+                object(variant.doc, &fields, Some((tag.key, variant.name, tag.default)))
+            })
+            .collect();
+        schema = json!({ "type": "object", "description": spec.doc, "oneOf": alternatives });
+        schema["properties"] = json!({ tag.key: { "description": tag.doc, "enum": names } });
+        if let Some(default) = tag.default {
+            schema["properties"][tag.key]["default"] = json!(default);
+        }
+    }
+    schema
+}
+
+fn object(doc: &str, fields: &[Field], tag: Option<(&str, &str, Option<&str>)>) -> Value {
+    let mut properties = Map::new();
+    let mut required = Vec::new();
+    if let Some((key, name, default)) = tag {
+        properties.insert(key.to_owned(), json!({ "const": name }));
+        if default != Some(name) {
+            required.push(key);
+        }
+    }
+    for field in fields {
+        let mut property = kind_schema(&field.kind);
+        property["description"] = json!(field.doc);
+        match field.default {
+            Default::Required => required.push(field.key),
+            Default::Absent | Default::Table => {}
+            Default::Bool(value) => property["default"] = json!(value),
+            Default::Integer(value) => property["default"] = json!(value),
+            Default::Number(value) => property["default"] = json!(value),
+            Default::Text(value) => property["default"] = json!(value),
+        }
+        properties.insert(field.key.to_owned(), property);
+    }
+    json!({
+        "type": "object",
+        "description": doc,
+        "properties": properties,
+        "required": required,
+        "additionalProperties": false,
+    })
+}
+
+fn kind_schema(kind: &Kind) -> Value {
+    match kind {
+        Kind::Bool => json!({ "type": "boolean" }),
+        Kind::Integer { min, max } => {
+            let mut schema = json!({ "type": "integer", "minimum": min });
+            if *max != i64::MAX {
+                schema["maximum"] = json!(max);
+            }
+            schema
+        }
+        Kind::Number(Range { min, max, above_min }) => {
+            let mut schema = json!({ "type": "number" });
+            if min.is_finite() {
+                schema[if *above_min { "exclusiveMinimum" } else { "minimum" }] = json!(min);
+            }
+            if max.is_finite() {
+                schema["maximum"] = json!(max);
+            }
+            schema
+        }
+        Kind::Text | Kind::File => json!({ "type": "string", "minLength": 1 }),
+        Kind::Choice(choices) => {
+            let alternatives: Vec<Value> = choices
+                .iter()
+                .map(|choice| json!({ "const": choice.name, "description": choice.doc }))
+                .collect();
+            json!({ "oneOf": alternatives })
+        }
+        Kind::List { of, min, max } => {
+            let mut schema = json!({ "type": "array", "items": kind_schema(of), "minItems": min });
+            if *max != usize::MAX {
+                schema["maxItems"] = json!(max);
+            }
+            schema
+        }
+        Kind::Table(spec) => json_schema(spec),
+        Kind::Tables(spec) => json!({ "type": "array", "items": json_schema(spec) }),
+        Kind::Either(kinds) => {
+            json!({ "anyOf": kinds.iter().map(kind_schema).collect::<Vec<_>>() })
+        }
+        Kind::Anything => json!({}),
+    }
+}

@@ -1,0 +1,272 @@
+//! A configuration as it was written: values with the places they stand at.
+
+use super::{Problem, join};
+use std::borrow::Cow;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// A value and where it stands in the text. No span: it came from elsewhere, such as the command line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// The value.
+    pub value: Value,
+    /// Bytes of the text.
+    pub span: Option<Range<usize>>,
+}
+
+/// What can be written.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// `true` or `false`.
+    Bool(bool),
+    /// A whole number.
+    Integer(i64),
+    /// A number with a point, an exponent, or one of TOML's `nan` and `inf`.
+    Number(f64),
+    /// A text.
+    Text(String),
+    /// A date or time, or a whole number beyond 64 bits: nothing here takes one.
+    Other(String),
+    /// A list.
+    List(Vec<Node>),
+    /// A table, in the order written: key, where the key stands, value.
+    Table(Vec<(String, Option<Range<usize>>, Node)>),
+}
+
+/// Reads TOML text.
+///
+/// # Errors
+///
+/// Every syntax error, with its place.
+pub fn parse(text: &str) -> Result<Node, Vec<Problem>> {
+    let (table, errors) = DeTable::parse_recoverable(text);
+    if errors.is_empty() {
+        let span = table.span();
+        Ok(Node { value: table_value(table.get_ref()), span: Some(span) })
+    } else {
+        Err(errors
+            .into_iter()
+            .map(|error| Problem {
+                span: error.span(),
+                ..Problem::new("", format!("is not TOML: {}", error.message().trim()))
+            })
+            .collect())
+    }
+}
+
+impl Node {
+    /// An empty table.
+    #[must_use]
+    pub fn empty_table() -> Self {
+        Self { value: Value::Table(Vec::new()), span: None }
+    }
+
+    /// The entry of a table under `key`.
+    #[must_use]
+    pub fn get(&self, key: &str) -> Option<&Self> {
+        match &self.value {
+            Value::Table(entries) => {
+                entries.iter().find(|(k, ..)| k == key).map(|(_, _, node)| node)
+            }
+            _ => None,
+        }
+    }
+
+    /// Removes and returns the entry of a table under `key`.
+    pub fn take(&mut self, key: &str) -> Option<Self> {
+        match &mut self.value {
+            Value::Table(entries) => {
+                let index = entries.iter().position(|(k, ..)| k == key)?;
+                Some(entries.remove(index).2)
+            }
+            _ => None,
+        }
+    }
+
+    /// Sets the value at a dotted path (`netsim.phy.effect[0].sd_db`), creating tables on the way. Entries of lists must
+    /// exist.
+    ///
+    /// # Errors
+    ///
+    /// Where a part of the path is not what the path takes it for.
+    pub fn set(&mut self, path: &str, value: Value) -> Result<(), Problem> {
+        let mut node = self;
+        let mut walked = String::new();
+        for part in path.split('.') {
+            let (key, indices) = split_indices(part)
+                .ok_or_else(|| Problem::new(path, "is not a path: use a.b or a.b[0].c"))?;
+            if let Value::List(_) = node.value {
+                return Err(Problem::new(walked, "is a list: say which entry, as in key[0]"));
+            }
+            let Value::Table(entries) = &mut node.value else {
+                return Err(Problem::new(walked, "is not a table"));
+            };
+            walked = join(&walked, key);
+            let index = entries.iter().position(|(k, ..)| k == key).unwrap_or_else(|| {
+                entries.push((key.to_owned(), None, Self::empty_table()));
+                entries.len() - 1
+            });
+            node = &mut entries[index].2;
+            for index in indices {
+                let Value::List(list) = &mut node.value else {
+                    return Err(Problem::new(walked, "is not a list"));
+                };
+                let n = list.len();
+                node = list.get_mut(index).ok_or_else(|| {
+                    Problem::new(&walked, format!("has {n} entries, there is no [{index}]"))
+                })?;
+                walked = format!("{walked}[{index}]");
+            }
+        }
+        *node = Self { value, span: None };
+        Ok(())
+    }
+
+    /// Where the key or entry at a path stands. For a path that does not exist, where its nearest parent stands, unless
+    /// that is the whole text.
+    #[must_use]
+    pub fn span_of(&self, path: &str) -> Option<Range<usize>> {
+        let mut node = self;
+        let mut found = None;
+        for part in path.split('.') {
+            let (key, indices) = split_indices(part)?;
+            let Value::Table(entries) = &node.value else { return found };
+            let Some((_, key_span, child)) = entries.iter().find(|(k, ..)| k == key) else {
+                return found;
+            };
+            found = match (key_span, &child.span) {
+                (Some(key_span), Some(value_span)) if key_span.start <= value_span.start => {
+                    match child.value {
+                        Value::Table(_) | Value::List(_) => Some(key_span.clone()),
+                        _ => Some(key_span.start..value_span.end),
+                    }
+                }
+                (key_span, value_span) => key_span.clone().or_else(|| value_span.clone()),
+            };
+            node = child;
+            for index in indices {
+                let Value::List(list) = &node.value else { return found };
+                let Some(child) = list.get(index) else { return found };
+                found = child.span.clone().or(found);
+                node = child;
+            }
+        }
+        found
+    }
+
+    /// The value as plain TOML.
+    #[must_use]
+    pub fn to_toml(&self) -> toml::Value {
+        match &self.value {
+            Value::Bool(value) => toml::Value::Boolean(*value),
+            Value::Integer(value) => toml::Value::Integer(*value),
+            Value::Number(value) => toml::Value::Float(*value),
+            Value::Text(value) | Value::Other(value) => toml::Value::String(value.clone()),
+            Value::List(list) => toml::Value::Array(list.iter().map(Self::to_toml).collect()),
+            Value::Table(entries) => toml::Value::Table(
+                entries.iter().map(|(key, _, node)| (key.clone(), node.to_toml())).collect(),
+            ),
+        }
+    }
+
+    /// The value as a person would write it, shortened.
+    #[must_use]
+    pub fn show(&self) -> Cow<'static, str> {
+        match &self.value {
+            Value::Bool(value) => value.to_string().into(),
+            Value::Integer(value) => value.to_string().into(),
+            Value::Number(value) => format!("{value:?}").into(),
+            Value::Text(value) => format!("{value:?}").into(),
+            Value::Other(value) => value.clone().into(),
+            Value::List(list) if list.len() <= 4 => {
+                let entries: Vec<_> = list.iter().map(Self::show).collect();
+                format!("[{}]", entries.join(", ")).into()
+            }
+            Value::List(list) => format!("a list of {}", list.len()).into(),
+            Value::Table(_) => "a table".into(),
+        }
+    }
+}
+
+impl From<&toml::Value> for Value {
+    fn from(value: &toml::Value) -> Self {
+        let node = |value: &toml::Value| Node { value: value.into(), span: None };
+        match value {
+            toml::Value::Boolean(value) => Self::Bool(*value),
+            toml::Value::Integer(value) => Self::Integer(*value),
+            toml::Value::Float(value) => Self::Number(*value),
+            toml::Value::String(value) => Self::Text(value.clone()),
+            toml::Value::Datetime(value) => Self::Other(value.to_string()),
+            toml::Value::Array(list) => Self::List(list.iter().map(node).collect()),
+            toml::Value::Table(table) => Self::Table(
+                table.iter().map(|(key, value)| (key.clone(), None, node(value))).collect(),
+            ),
+        }
+    }
+}
+
+fn table_value(table: &DeTable<'_>) -> Value {
+    let mut entries: Vec<_> = table
+        .iter()
+        .map(|(key, value)| (key.get_ref().to_string(), Some(key.span()), node_of(value)))
+        .collect();
+    entries.sort_by_key(|(_, span, _)| span.as_ref().map(|span| span.start));
+    Value::Table(entries)
+}
+
+fn node_of(value: &Spanned<DeValue<'_>>) -> Node {
+    let converted = match value.get_ref() {
+        DeValue::Boolean(value) => Value::Bool(*value),
+        DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
+            .map_or_else(|_| Value::Other(number.as_str().to_owned()), Value::Integer),
+        DeValue::Float(number) => number
+            .as_str()
+            .parse()
+            .map_or_else(|_| Value::Other(number.as_str().to_owned()), Value::Number),
+        DeValue::String(text) => Value::Text(text.to_string()),
+        DeValue::Datetime(datetime) => Value::Other(datetime.to_string()),
+        DeValue::Array(list) => Value::List(list.iter().map(node_of).collect()),
+        DeValue::Table(table) => table_value(table),
+    };
+    Node { value: converted, span: Some(value.span()) }
+}
+
+/// `effect[0][1]` → `effect`, 0, 1.
+fn split_indices(part: &str) -> Option<(&str, Vec<usize>)> {
+    let (key, rest) = part.split_once('[').map_or((part, None), |(key, rest)| (key, Some(rest)));
+    let indices = match rest {
+        None => Vec::new(),
+        Some(rest) => {
+            rest.strip_suffix(']')?.split("][").map(str::parse).collect::<Result<_, _>>().ok()?
+        }
+    };
+    (!key.is_empty()).then_some((key, indices))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_set_by_path_is_found_by_path() {
+        let mut node = parse("[a]\nb = 1\n[[a.c]]\nd = 2\n").unwrap();
+        node.set("a.c[0].d", Value::Integer(3)).unwrap();
+        node.set("x.y", Value::Bool(true)).unwrap();
+        assert_eq!(node.get("a").unwrap().get("c").unwrap().show(), "[a table]");
+        assert_eq!(node.get("x").unwrap().get("y").unwrap().value, Value::Bool(true));
+        assert_eq!(node.set("a.c.d", Value::Integer(0)).unwrap_err().path, "a.c");
+        assert_eq!(node.set("a.b.e", Value::Integer(0)).unwrap_err().path, "a.b");
+    }
+
+    #[test]
+    fn a_span_covers_key_and_value() {
+        let text = "[a]\nb = 12\n[[a.c]]\nd = 2\n[[a.c]]\nd = 5\n";
+        let node = parse(text).unwrap();
+        assert_eq!(&text[node.span_of("a.b").unwrap()], "b = 12");
+        assert_eq!(&text[node.span_of("a.c[1].d").unwrap()], "d = 5");
+        // A key that is missing: where its table begins.
+        assert!(node.span_of("a.missing").is_some());
+        assert_eq!(node.span_of("missing"), None);
+    }
+}

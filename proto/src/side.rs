@@ -1,0 +1,188 @@
+//! What a simulator is to the shell around it: a plain object, without sockets, threads, clocks or messages.
+//!
+//! [`crate::host`] serves an object of this kind over gRPC. It keeps count of steps and time, checks every request,
+//! remembers the latest reply and computes the digest; the simulator only simulates.
+
+use crate::config::{Node, Problem};
+use crate::site::Site;
+use crate::types::{
+    AgentCommand, AgentStates, Deliveries, DeliveryColumn, Experiment, MoteCommand, MoteStates,
+    MovedObstacle, Payloads,
+};
+use crate::v1::MoteCommandKind;
+use bytes::Bytes;
+use std::collections::BTreeMap;
+
+/// Everything a simulator is told when an experiment begins.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// Seed, capacity, period, coupling.
+    pub experiment: Experiment,
+    /// The place.
+    pub site: Site,
+    /// The simulator's own section, its keys at top level, as written.
+    pub config: Node,
+    /// Path of `config` in messages: `netsim` where the whole experiment is checked, empty over the contract.
+    pub path: String,
+    /// The files that `config` names, by the path written there.
+    pub files: BTreeMap<String, Bytes>,
+    /// Delivery columns that are wanted. Empty for robots.
+    pub columns: Vec<DeliveryColumn>,
+}
+
+/// What `Restore` found wrong.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("state: is not a snapshot of this simulator and version: {0}")]
+pub struct NotASnapshot(pub String);
+
+/// Where the robots begin.
+#[derive(Clone, Debug)]
+pub struct RobotStart {
+    /// The configuration in force.
+    pub effective: toml::Table,
+    /// States at time 0.
+    pub states: AgentStates,
+    /// What each has to say at time 0.
+    pub payloads: Payloads,
+}
+
+/// What the robots are given for a step.
+#[derive(Clone, Copy, Debug)]
+pub struct RobotInput<'a> {
+    /// Number of the step, from 1.
+    pub step: u64,
+    /// Where the step begins (ns).
+    pub from_ns: u64,
+    /// Where it ends (ns), later than `from_ns`.
+    pub until_ns: u64,
+    /// What was delivered in the period before. `None` in step 1.
+    pub deliveries: Option<&'a Deliveries>,
+    /// The motes after the period before, if the network reports them.
+    pub motes: Option<&'a MoteStates>,
+    /// Orders that take effect now, sorted.
+    pub commands: &'a [AgentCommand],
+}
+
+/// What the robots reply.
+#[derive(Clone, Debug, Default)]
+pub struct RobotOutput {
+    /// States at `until_ns`.
+    pub states: AgentStates,
+    /// What each says from now on.
+    pub payloads: Payloads,
+    /// Obstacles that moved.
+    pub moved_obstacles: Vec<MovedObstacle>,
+    /// Orders that take effect with the next step.
+    pub commands: Vec<AgentCommand>,
+    /// The robots regard their task as done.
+    pub task_complete: bool,
+}
+
+/// A robot simulator.
+pub trait RobotSimulator: Send + 'static {
+    /// Its name.
+    const NAME: &'static str;
+
+    /// JSON Schema of its configuration.
+    fn config_schema_json() -> String;
+
+    /// Begins an experiment, discarding any before it.
+    ///
+    /// # Errors
+    ///
+    /// Every problem with the configuration; the simulator is then as it was.
+    fn configure(&mut self, setup: &Setup) -> Result<RobotStart, Vec<Problem>>;
+
+    /// Moves to `input.until_ns`. Called only after `configure`, in order, with checked input.
+    fn step(&mut self, input: &RobotInput<'_>) -> RobotOutput;
+
+    /// The whole state.
+    fn snapshot(&self) -> Vec<u8>;
+
+    /// Puts a state back.
+    ///
+    /// # Errors
+    ///
+    /// Bytes that are no such state; the simulator is then as it was.
+    fn restore(&mut self, state: &[u8]) -> Result<(), NotASnapshot>;
+}
+
+/// Where the network begins.
+#[derive(Clone, Debug)]
+pub struct NetStart {
+    /// The configuration in force.
+    pub effective: toml::Table,
+    /// The motes at time 0.
+    pub motes: MoteStates,
+    /// What should be checked before the results are trusted.
+    pub warnings: Vec<String>,
+}
+
+/// What the network is given for a step.
+#[derive(Clone, Copy, Debug)]
+pub struct NetInput<'a> {
+    /// Number of the step, from 1.
+    pub step: u64,
+    /// Where the step begins (ns).
+    pub from_ns: u64,
+    /// How far to run (ns), later than `from_ns`.
+    pub until_ns: u64,
+    /// Where the agents are.
+    pub states: &'a AgentStates,
+    /// What each broadcasts. One per agent.
+    pub payloads: &'a Payloads,
+    /// Obstacles that moved.
+    pub moved_obstacles: &'a [MovedObstacle],
+    /// Orders that take effect now, sorted. Only of kinds that [`NetSimulator::commands`] lists.
+    pub commands: &'a [MoteCommand],
+    /// Stop where the first delivery is complete.
+    pub stop_at_first_delivery: bool,
+}
+
+/// What the network replies.
+#[derive(Clone, Debug, Default)]
+pub struct NetOutput {
+    /// The time reached (ns).
+    pub time_ns: u64,
+    /// What was delivered.
+    pub deliveries: Deliveries,
+    /// The motes at that time.
+    pub motes: MoteStates,
+    /// Orders to agents.
+    pub commands: Vec<AgentCommand>,
+}
+
+/// A network simulator.
+pub trait NetSimulator: Send + 'static {
+    /// Its name.
+    const NAME: &'static str;
+
+    /// JSON Schema of its configuration.
+    fn config_schema_json() -> String;
+
+    /// Orders it obeys.
+    fn commands() -> &'static [MoteCommandKind];
+
+    /// Delivery columns it can fill in.
+    fn columns() -> &'static [DeliveryColumn];
+
+    /// Begins an experiment, discarding any before it.
+    ///
+    /// # Errors
+    ///
+    /// Every problem with the configuration; the simulator is then as it was.
+    fn configure(&mut self, setup: &Setup) -> Result<NetStart, Vec<Problem>>;
+
+    /// Runs to `input.until_ns`, or to the first delivery. Called only after `configure`, in order, with checked input.
+    fn step(&mut self, input: &NetInput<'_>) -> NetOutput;
+
+    /// The whole state.
+    fn snapshot(&self) -> Vec<u8>;
+
+    /// Puts a state back.
+    ///
+    /// # Errors
+    ///
+    /// Bytes that are no such state; the simulator is then as it was.
+    fn restore(&mut self, state: &[u8]) -> Result<(), NotASnapshot>;
+}

@@ -1,0 +1,184 @@
+//! The place: walls, obstacles and ground. Both simulators read the same one, from the `[site]` section.
+
+use crate::config::{self, Default, Field, Kind, Node, Problem, Range, TableSpec};
+use serde::{Deserialize, Serialize};
+
+const POINT: Kind = Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 };
+
+/// Description of `[site]`.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "The place that robots and radio share.",
+    fields: &[
+        Field {
+            key: "wall",
+            doc: "Walls: straight, upright, thin.",
+            kind: Kind::Tables(&WALL),
+            default: Default::Absent,
+        },
+        Field {
+            key: "obstacle",
+            doc: "Round, upright obstacles.",
+            kind: Kind::Tables(&OBSTACLE),
+            default: Default::Absent,
+        },
+    ],
+    tag: None,
+};
+
+const WALL: TableSpec = TableSpec {
+    doc: "A straight wall.",
+    fields: &[
+        Field {
+            key: "from_m",
+            doc: "One end (x, y in m).",
+            kind: POINT,
+            default: Default::Required,
+        },
+        Field {
+            key: "to_m",
+            doc: "The other end (x, y in m).",
+            kind: POINT,
+            default: Default::Required,
+        },
+        Field {
+            key: "height_m",
+            doc: "Height above ground (m). Absent: it has no top.",
+            kind: Kind::Number(Range::POSITIVE),
+            default: Default::Absent,
+        },
+        Field {
+            key: "material",
+            doc: "What it is made of: a name that effects refer to.",
+            kind: Kind::Text,
+            default: Default::Absent,
+        },
+    ],
+    tag: None,
+};
+
+const OBSTACLE: TableSpec = TableSpec {
+    doc: "A round obstacle.",
+    fields: &[
+        Field {
+            key: "name",
+            doc: "A unique name, for obstacles that move.",
+            kind: Kind::Text,
+            default: Default::Absent,
+        },
+        Field {
+            key: "centre_m",
+            doc: "Its centre (x, y in m).",
+            kind: POINT,
+            default: Default::Required,
+        },
+        Field {
+            key: "radius_m",
+            doc: "Its radius (m).",
+            kind: Kind::Number(Range::POSITIVE),
+            default: Default::Required,
+        },
+        Field {
+            key: "height_m",
+            doc: "Height above ground (m). Absent: it has no top.",
+            kind: Kind::Number(Range::POSITIVE),
+            default: Default::Absent,
+        },
+        Field {
+            key: "material",
+            doc: "What it is made of: a name that effects refer to.",
+            kind: Kind::Text,
+            default: Default::Absent,
+        },
+    ],
+    tag: None,
+};
+
+/// The place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, std::default::Default)]
+pub struct Site {
+    /// Walls.
+    #[serde(default)]
+    pub wall: Vec<Wall>,
+    /// Obstacles.
+    #[serde(default)]
+    pub obstacle: Vec<Obstacle>,
+}
+
+/// A straight, upright, thin wall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wall {
+    /// One end (m).
+    pub from_m: [f64; 2],
+    /// The other end (m).
+    pub to_m: [f64; 2],
+    /// Height above ground (m); none: unlimited.
+    pub height_m: Option<f64>,
+    /// What it is made of.
+    pub material: Option<String>,
+}
+
+/// A round, upright obstacle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Obstacle {
+    /// Its name.
+    pub name: Option<String>,
+    /// Its centre (m).
+    pub centre_m: [f64; 2],
+    /// Its radius (m).
+    pub radius_m: f64,
+    /// Height above ground (m); none: unlimited.
+    pub height_m: Option<f64>,
+    /// What it is made of.
+    pub material: Option<String>,
+}
+
+/// Reads `[site]`, which stands at `path`. The site is returned with its effective table, even where there were problems.
+pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (Site, toml::Table) {
+    let before = problems.len();
+    let table = config::check(node, path, &SPEC, problems).table;
+    if problems.len() != before {
+        return (Site::default(), table);
+    }
+    let site: Site = table.clone().try_into().expect("a checked table has the site's shape");
+    for (index, wall) in site.wall.iter().enumerate() {
+        if wall.from_m == wall.to_m {
+            problems.push(
+                Problem::new(
+                    format!("{}[{index}].to_m", config::join(path, "wall")),
+                    "must differ from from_m: a wall has a length",
+                )
+                .value(format!("{:?}", wall.to_m)),
+            );
+        }
+    }
+    for (index, obstacle) in site.obstacle.iter().enumerate() {
+        if let Some(name) = &obstacle.name
+            && site.obstacle[..index].iter().any(|other| other.name.as_ref() == Some(name))
+        {
+            problems.push(
+                Problem::new(
+                    format!("{}[{index}].name", config::join(path, "obstacle")),
+                    "must be unique",
+                )
+                .value(format!("{name:?}")),
+            );
+        }
+    }
+    (site, table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wall_of_no_length_is_refused() {
+        let node = config::parse("[[wall]]\nfrom_m = [1, 2]\nto_m = [1.0, 2.0]\n").unwrap();
+        let mut problems = Vec::new();
+        read(&node, "site", &mut problems);
+        assert_eq!(
+            problems[0].to_string(),
+            "site.wall[0].to_m: must differ from from_m: a wall has a length, got [1.0, 2.0]"
+        );
+    }
+}
