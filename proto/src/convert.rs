@@ -578,6 +578,20 @@ impl From<MoteCommand> for v1::MoteCommand {
     }
 }
 
+impl MoteOrder {
+    /// Which announced kind of order this is.
+    #[must_use]
+    pub fn kind(&self) -> v1::MoteCommandKind {
+        match self {
+            Self::Kill(_) => v1::MoteCommandKind::Kill,
+            Self::Revive(_) => v1::MoteCommandKind::Revive,
+            Self::Add(_) => v1::MoteCommandKind::Add,
+            Self::Jam { .. } => v1::MoteCommandKind::Jam,
+            Self::Send { .. } => v1::MoteCommandKind::Send,
+        }
+    }
+}
+
 impl From<MovedObstacle> for v1::MovedObstacle {
     fn from(moved: MovedObstacle) -> Self {
         let [x_m, y_m] = moved.centre_m;

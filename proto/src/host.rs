@@ -1,1 +1,29 @@
-//! h
+//! The shell around a simulator: gRPC service, lifecycle, TLS, readiness and shutdown.
+//!
+//! [`RobotHost`] and [`NetHost`] turn a [`crate::side`] object into the service of the contract: they check every request
+//! before the simulator sees it, count steps, answer a repeated step from memory and compute the digest. [`serve`] puts
+//! such a service on a listening socket together with health and reflection.
+
+mod lifecycle;
+mod network;
+mod robots;
+mod serve;
+
+pub use network::NetHost;
+pub use robots::RobotHost;
+pub use serve::{ServeArgs, ServeError, init_logging, serve_network, serve_robots};
+
+/// The largest message either side decodes (bytes), announced in `Describe`.
+pub const MAX_MESSAGE_BYTES: usize = 256 << 20;
+
+/// The largest capacity that the built-in simulators take.
+pub const MAX_AGENTS: u32 = 100_000;
+
+/// HTTP/2 flow-control window of a stream (bytes). Smaller than a step's message, every step would wait for updates.
+pub const STREAM_WINDOW_BYTES: u32 = 64 << 20;
+
+/// HTTP/2 flow-control window of a connection (bytes).
+pub const CONNECTION_WINDOW_BYTES: u32 = 128 << 20;
+
+/// Largest HTTP/2 frame (bytes).
+pub const FRAME_BYTES: u32 = 1 << 20;

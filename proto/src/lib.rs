@@ -9,6 +9,7 @@
 //! | [`rng`] | keyed random draws, and the one list of purposes |
 //! | [`config`] | configuration as data: one description gives checks, defaults, effective values and JSON Schema |
 //! | [`site`] | walls, obstacles and ground: the place both simulators share |
+//! | [`side`] | what a simulator is to the shell around it: a plain object |
 //! | [`host`] | the shell around a simulator: gRPC, lifecycle, TLS, readiness, shutdown |
 
 pub mod config;

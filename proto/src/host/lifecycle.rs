@@ -1,0 +1,253 @@
+//! What both sides' lifecycles share: counting steps and time, and running a simulator where it cannot do harm.
+
+use crate::config::{self, Node, Problem};
+use crate::digest::{self, Digest};
+use crate::site::{self, Site};
+use crate::types::{AgentStates, Coupling, Deliveries, Experiment};
+use crate::{convert, v1};
+use bytes::Bytes;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
+use tonic::Status;
+use tonic_types::{ErrorDetails, StatusExt as _};
+
+/// Where an experiment stands.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Ledger {
+    pub(super) experiment: Experiment,
+    pub(super) step: u64,
+    pub(super) time_ns: u64,
+    /// The `until_ns` of the latest step: a repetition must ask the same.
+    asked_ns: u64,
+    digest: Digest,
+    /// Robots' latest states: those that the network uses next where it runs a step behind.
+    pub(super) states: AgentStates,
+}
+
+/// Whether a step is new.
+pub(super) enum Admission {
+    New,
+    Repeated,
+}
+
+impl Ledger {
+    pub(super) fn new(experiment: Experiment, states: AgentStates) -> Self {
+        let digest = digest::of_step(0, 0, &states, None);
+        Self { experiment, step: 0, time_ns: 0, asked_ns: 0, digest, states }
+    }
+
+    pub(super) fn agent_count(&self) -> usize {
+        self.experiment.agent_count
+    }
+
+    /// Checks the number and time of a step, and the digest that everyone agreed on after the one before.
+    pub(super) fn admit(
+        &self,
+        step: u64,
+        until_ns: u64,
+        confirmed: &[u8],
+    ) -> Result<Admission, Status> {
+        if step == self.step && step != 0 {
+            if until_ns != self.asked_ns {
+                return Err(Status::failed_precondition(format!(
+                    "until_ns: step {step} was taken to {} ns, its repetition asks for {until_ns} ns",
+                    self.asked_ns
+                )));
+            }
+            return Ok(Admission::Repeated);
+        }
+        if step != self.step + 1 {
+            return Err(Status::failed_precondition(format!(
+                "step: the next step is {}, got {step}",
+                self.step + 1
+            )));
+        }
+        if until_ns <= self.time_ns {
+            return Err(Status::failed_precondition(format!(
+                "until_ns: must be later than {} ns, where step {} ended, got {until_ns} ns",
+                self.time_ns, self.step
+            )));
+        }
+        if !confirmed.is_empty() && confirmed != self.digest {
+            return Err(Status::failed_precondition(format!(
+                "confirmed_digest: step {} has {} here, got {}",
+                self.step,
+                digest::hex(&self.digest),
+                digest::hex(confirmed)
+            )));
+        }
+        Ok(Admission::New)
+    }
+
+    /// Advances after a step that was admitted. `new_states` are the states of the step's reply (robots) or those that
+    /// the step was given (network).
+    pub(super) fn advance(
+        &mut self,
+        step: u64,
+        asked_ns: u64,
+        time_ns: u64,
+        used: &AgentStates,
+        deliveries: Option<&Deliveries>,
+    ) -> Bytes {
+        self.step = step;
+        self.asked_ns = asked_ns;
+        self.time_ns = time_ns;
+        self.digest = digest::of_step(step, time_ns, used, deliveries);
+        self.digest()
+    }
+
+    pub(super) fn digest(&self) -> Bytes {
+        Bytes::copy_from_slice(&self.digest)
+    }
+
+    /// Checks that a barrier asks about the latest step.
+    pub(super) fn barrier(&self, step: u64) -> Result<(), Status> {
+        if step == self.step {
+            Ok(())
+        } else {
+            Err(Status::failed_precondition(format!(
+                "step: the latest step is {}, got {step}",
+                self.step
+            )))
+        }
+    }
+}
+
+/// A request to configure, in either service's form.
+pub(super) struct ConfigureFields {
+    pub(super) seed: u64,
+    pub(super) agent_count: u32,
+    pub(super) step_ns: u64,
+    pub(super) coupling: i32,
+    pub(super) site_toml: String,
+    pub(super) config_toml: String,
+    pub(super) files: Vec<v1::File>,
+    pub(super) columns: Vec<i32>,
+}
+
+impl ConfigureFields {
+    pub(super) fn setup(self) -> Result<crate::side::Setup, Status> {
+        if self.agent_count == 0 {
+            return Err(Status::invalid_argument("agent_count: must be at least 1, got 0"));
+        }
+        if super::MAX_AGENTS < self.agent_count {
+            return Err(Status::resource_exhausted(format!(
+                "agent_count: must be at most {}, got {}",
+                super::MAX_AGENTS,
+                self.agent_count
+            )));
+        }
+        if self.step_ns == 0 {
+            return Err(Status::invalid_argument("step_ns: must be at least 1, got 0"));
+        }
+        let coupling: Coupling = convert::coupling(self.coupling)?;
+        let columns = convert::columns(&self.columns)?;
+        let mut problems = Vec::new();
+        let site = parse("site_toml", &self.site_toml, &mut problems)
+            .map_or_else(Site::default, |node| site::read(&node, "site", &mut problems).0);
+        let config = parse("config_toml", &self.config_toml, &mut problems);
+        let Some(config) = config.filter(|_| problems.is_empty()) else {
+            return Err(refusal(&problems));
+        };
+        let files: BTreeMap<String, Bytes> =
+            self.files.into_iter().map(|file| (file.path, file.content)).collect();
+        let experiment = Experiment {
+            seed: self.seed,
+            agent_count: self.agent_count as usize,
+            step_ns: self.step_ns,
+            coupling,
+        };
+        Ok(crate::side::Setup { experiment, site, config, path: String::new(), files, columns })
+    }
+}
+
+fn parse(field: &str, text: &str, problems: &mut Vec<Problem>) -> Option<Node> {
+    match config::parse(text) {
+        Ok(node) => Some(node),
+        Err(errors) => {
+            problems.extend(errors.into_iter().map(|error| error.within(field)));
+            None
+        }
+    }
+}
+
+/// All problems of a configuration as one status.
+pub(super) fn refusal(problems: &[Problem]) -> Status {
+    let mut details = ErrorDetails::new();
+    for problem in problems {
+        let description = Problem { path: String::new(), ..problem.clone() }.to_string();
+        details.add_bad_request_violation(problem.path.clone(), description);
+    }
+    let texts: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    Status::with_error_details(tonic::Code::InvalidArgument, texts.join("\n"), details)
+}
+
+/// A simulator that several calls share, one at a time.
+pub(super) struct Shared<T> {
+    inner: Arc<Mutex<T>>,
+}
+
+impl<T> Clone for Shared<T> {
+    fn clone(&self) -> Self {
+        Self { inner: Arc::clone(&self.inner) }
+    }
+}
+
+/// Something that can be put back to its beginning after a panic.
+pub(super) trait Discard {
+    /// Forgets the experiment.
+    fn discard(&mut self);
+
+    /// Whether a call takes so little time that it need not leave the network thread.
+    fn is_quick(&self) -> bool;
+}
+
+impl<T: Discard + Send + 'static> Shared<T> {
+    pub(super) fn new(inner: T) -> Self {
+        Self { inner: Arc::new(Mutex::new(inner)) }
+    }
+
+    /// Runs `call` on the simulator. The lock is held for the call alone, never across an await. A panic ends the
+    /// experiment, not the process.
+    pub(super) async fn call<R: Send + 'static>(
+        &self,
+        call: impl FnOnce(&mut T) -> Result<R, Status> + Send + 'static,
+    ) -> Result<R, Status> {
+        let guarded = |inner: &Mutex<T>| {
+            // A panic never leaves the lock: catch_unwind is inside.
+            let mut simulator = inner.lock().unwrap_or_else(PoisonError::into_inner);
+            match catch_unwind(AssertUnwindSafe(|| call(&mut simulator))) {
+                Ok(result) => result,
+                Err(panic) => {
+                    simulator.discard();
+                    let text = panic
+                        .downcast_ref::<String>()
+                        .map(String::as_str)
+                        .or_else(|| panic.downcast_ref::<&str>().copied())
+                        .unwrap_or("no message");
+                    Err(Status::internal(format!("a bug ended the experiment: {text}")))
+                }
+            }
+        };
+        // A lock that is taken belongs to a call on a blocking thread: wait there, not here.
+        let quick = self.inner.try_lock().is_ok_and(|simulator| simulator.is_quick());
+        if quick {
+            guarded(&self.inner)
+        } else {
+            let inner = Arc::clone(&self.inner);
+            tokio::task::spawn_blocking(move || guarded(&inner))
+                .await
+                .map_err(|error| Status::internal(format!("the step was not finished: {error}")))?
+        }
+    }
+}
+
+/// Agents up to which a step runs on the network thread: a step of so few takes less than handing it over.
+pub(super) const QUICK_AGENTS: usize = 256;
+
+/// The status of a call that came before `Configure`.
+pub(super) fn not_configured() -> Status {
+    Status::failed_precondition("not configured: call Configure first")
+}

@@ -1,0 +1,340 @@
+//! The network's service.
+
+use super::lifecycle::{
+    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, refusal,
+};
+use crate::side::{NetInput, NetOutput, NetSimulator, NotASnapshot};
+use crate::types::{AgentStates, Deliveries, MoteCommand};
+use crate::v1::net_sim_service_server::NetSimService;
+use crate::v1::net_sim_service_session_request::Request as SessionCall;
+use crate::v1::net_sim_service_session_response::Response as SessionReply;
+use crate::v1::{self, Limits};
+use crate::{CONTRACT_VERSION, convert};
+use futures::stream::{BoxStream, StreamExt as _, try_unfold};
+use prost::Message as _;
+use serde::{Deserialize, Serialize};
+use tonic::{Request, Response, Status, Streaming};
+
+/// A network simulator as a service.
+pub struct NetHost<S> {
+    shared: Shared<Lifecycle<S>>,
+}
+
+impl<S> Clone for NetHost<S> {
+    fn clone(&self) -> Self {
+        Self { shared: self.shared.clone() }
+    }
+}
+
+impl<S: NetSimulator> NetHost<S> {
+    /// A service around `simulator`, not configured yet.
+    pub fn new(simulator: S) -> Self {
+        Self { shared: Shared::new(Lifecycle { simulator, active: None }) }
+    }
+}
+
+struct Lifecycle<S> {
+    simulator: S,
+    active: Option<Active>,
+}
+
+struct Active {
+    ledger: Ledger,
+    pending: Vec<MoteCommand>,
+    /// What was delivered in the latest step: the robots are given it in the next.
+    delivered: Option<Deliveries>,
+    last: v1::NetSimServiceStepResponse,
+}
+
+/// A whole experiment, frozen.
+#[derive(Serialize, Deserialize)]
+struct Frozen {
+    version: String,
+    ledger: Ledger,
+    pending: Vec<MoteCommand>,
+    delivered: Option<Deliveries>,
+    last: Vec<u8>,
+    simulator: Vec<u8>,
+}
+
+impl<S: NetSimulator> Discard for Lifecycle<S> {
+    fn discard(&mut self) {
+        self.active = None;
+    }
+
+    fn is_quick(&self) -> bool {
+        self.active.as_ref().is_none_or(|active| active.ledger.agent_count() <= QUICK_AGENTS)
+    }
+}
+
+impl<S: NetSimulator> Lifecycle<S> {
+    fn active(&mut self) -> Result<&mut Active, Status> {
+        self.active.as_mut().ok_or_else(not_configured)
+    }
+
+    fn describe() -> v1::NetSimServiceDescribeResponse {
+        v1::NetSimServiceDescribeResponse {
+            name: S::NAME.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            contract_version: CONTRACT_VERSION,
+            limits: Some(Limits {
+                max_message_bytes: super::MAX_MESSAGE_BYTES as u64,
+                max_agents: super::MAX_AGENTS,
+            }),
+            session: true,
+            snapshots: true,
+            commands: S::commands().iter().map(|&kind| kind.into()).collect(),
+            parallel: true,
+            stop_at_first_delivery: true,
+            columns: S::columns()
+                .iter()
+                .map(|&column| v1::DeliveryColumn::from(column).into())
+                .collect(),
+            config_schema_json: S::config_schema_json(),
+        }
+    }
+
+    fn configure(
+        &mut self,
+        request: v1::NetSimServiceConfigureRequest,
+    ) -> Result<v1::NetSimServiceConfigureResponse, Status> {
+        let setup = ConfigureFields {
+            seed: request.seed,
+            agent_count: request.agent_count,
+            step_ns: request.step_ns,
+            coupling: request.coupling,
+            site_toml: request.site_toml,
+            config_toml: request.config_toml,
+            files: request.files,
+            columns: request.columns,
+        }
+        .setup()?;
+        if let Some(column) = setup.columns.iter().find(|column| !S::columns().contains(column)) {
+            return Err(Status::invalid_argument(format!("columns: {column:?} is not announced")));
+        }
+        let start = self.simulator.configure(&setup).map_err(|problems| refusal(&problems))?;
+        self.active = Some(Active {
+            ledger: Ledger::new(setup.experiment, AgentStates::default()),
+            pending: Vec::new(),
+            delivered: None,
+            last: v1::NetSimServiceStepResponse::default(),
+        });
+        Ok(v1::NetSimServiceConfigureResponse {
+            effective_config_toml: start.effective.to_string(),
+            motes: Some(start.motes.into()),
+            warnings: start.warnings,
+        })
+    }
+
+    fn step(
+        &mut self,
+        request: v1::NetSimServiceStepRequest,
+    ) -> Result<v1::NetSimServiceStepResponse, Status> {
+        let active = self.active.as_mut().ok_or_else(not_configured)?;
+        let ledger = &mut active.ledger;
+        if let Admission::Repeated =
+            ledger.admit(request.step, request.until_ns, &request.confirmed_digest)?
+        {
+            return Ok(active.last.clone());
+        }
+        let n = ledger.agent_count();
+        let states = convert::states(request.states, n)?;
+        let payloads = convert::payloads(request.payloads, n)?;
+        let moved_obstacles = convert::moved_obstacles(request.moved_obstacles)?;
+        let mut commands = obeyed::<S>(request.commands, n)?;
+        commands.extend_from_slice(&active.pending);
+        commands.sort_by(|a, b| a.source.cmp(&b.source));
+
+        let input = NetInput {
+            step: request.step,
+            from_ns: ledger.time_ns,
+            until_ns: request.until_ns,
+            states: &states,
+            payloads: &payloads,
+            moved_obstacles: &moved_obstacles,
+            commands: &commands,
+            stop_at_first_delivery: request.stop_at_first_delivery,
+        };
+        let NetOutput { time_ns, deliveries, motes, commands } = self.simulator.step(&input);
+
+        let given = active.delivered.replace(deliveries);
+        let digest =
+            ledger.advance(request.step, request.until_ns, time_ns, &states, given.as_ref());
+        active.last = v1::NetSimServiceStepResponse {
+            step: request.step,
+            time_ns,
+            deliveries: active.delivered.clone().map(Into::into),
+            motes: Some(motes.into()),
+            commands: commands.into_iter().map(Into::into).collect(),
+            applied_commands: std::mem::take(&mut active.pending)
+                .into_iter()
+                .map(Into::into)
+                .collect(),
+            digest,
+        };
+        Ok(active.last.clone())
+    }
+
+    fn barrier(
+        &mut self,
+        request: &v1::NetSimServiceBarrierRequest,
+    ) -> Result<v1::NetSimServiceBarrierResponse, Status> {
+        let ledger = &self.active()?.ledger;
+        ledger.barrier(request.step)?;
+        Ok(v1::NetSimServiceBarrierResponse {
+            step: ledger.step,
+            time_ns: ledger.time_ns,
+            digest: ledger.digest(),
+        })
+    }
+
+    fn command(
+        &mut self,
+        request: v1::NetSimServiceCommandRequest,
+    ) -> Result<v1::NetSimServiceCommandResponse, Status> {
+        let active = self.active()?;
+        let commands = obeyed::<S>(request.commands, active.ledger.agent_count())?;
+        active.pending.extend(commands);
+        active.pending.sort_by(|a, b| a.source.cmp(&b.source));
+        Ok(v1::NetSimServiceCommandResponse { applies_at_step: active.ledger.step + 1 })
+    }
+
+    fn snapshot(&mut self) -> Result<v1::NetSimServiceSnapshotResponse, Status> {
+        let simulator = self.simulator.snapshot();
+        let active = self.active()?;
+        let frozen = Frozen {
+            version: version::<S>(),
+            ledger: active.ledger.clone(),
+            pending: active.pending.clone(),
+            delivered: active.delivered.clone(),
+            last: active.last.encode_to_vec(),
+            simulator,
+        };
+        let state = postcard::to_stdvec(&frozen)
+            .map_err(|error| Status::internal(format!("the state cannot be written: {error}")))?;
+        Ok(v1::NetSimServiceSnapshotResponse { state: state.into() })
+    }
+
+    fn restore(
+        &mut self,
+        request: &v1::NetSimServiceRestoreRequest,
+    ) -> Result<v1::NetSimServiceRestoreResponse, Status> {
+        let refuse = |error: NotASnapshot| Status::invalid_argument(error.to_string());
+        let frozen: Frozen = postcard::from_bytes(&request.state)
+            .map_err(|error| refuse(NotASnapshot(error.to_string())))?;
+        if frozen.version != version::<S>() {
+            return Err(refuse(NotASnapshot(format!("it is of {}", frozen.version))));
+        }
+        let last = v1::NetSimServiceStepResponse::decode(&frozen.last[..])
+            .map_err(|error| refuse(NotASnapshot(error.to_string())))?;
+        self.simulator.restore(&frozen.simulator).map_err(refuse)?;
+        let (step, time_ns) = (frozen.ledger.step, frozen.ledger.time_ns);
+        self.active = Some(Active {
+            ledger: frozen.ledger,
+            pending: frozen.pending,
+            delivered: frozen.delivered,
+            last,
+        });
+        Ok(v1::NetSimServiceRestoreResponse { step, time_ns })
+    }
+}
+
+/// Orders that are well formed and announced.
+fn obeyed<S: NetSimulator>(
+    messages: Vec<v1::MoteCommand>,
+    n: usize,
+) -> Result<Vec<MoteCommand>, Status> {
+    let commands = convert::mote_commands(messages, n)?;
+    for command in &commands {
+        let kind = command.order.kind();
+        if !S::commands().contains(&kind) {
+            return Err(Status::unimplemented(format!(
+                "commands: {} does not obey {}",
+                S::NAME,
+                kind.as_str_name()
+            )));
+        }
+    }
+    Ok(commands)
+}
+
+fn version<S: NetSimulator>() -> String {
+    format!("{} {}", S::NAME, env!("CARGO_PKG_VERSION"))
+}
+
+#[tonic::async_trait]
+impl<S: NetSimulator> NetSimService for NetHost<S> {
+    async fn describe(
+        &self,
+        _: Request<v1::NetSimServiceDescribeRequest>,
+    ) -> Result<Response<v1::NetSimServiceDescribeResponse>, Status> {
+        Ok(Response::new(Lifecycle::<S>::describe()))
+    }
+
+    async fn configure(
+        &self,
+        request: Request<v1::NetSimServiceConfigureRequest>,
+    ) -> Result<Response<v1::NetSimServiceConfigureResponse>, Status> {
+        self.shared.call(|host| host.configure(request.into_inner())).await.map(Response::new)
+    }
+
+    async fn step(
+        &self,
+        request: Request<v1::NetSimServiceStepRequest>,
+    ) -> Result<Response<v1::NetSimServiceStepResponse>, Status> {
+        self.shared.call(|host| host.step(request.into_inner())).await.map(Response::new)
+    }
+
+    async fn barrier(
+        &self,
+        request: Request<v1::NetSimServiceBarrierRequest>,
+    ) -> Result<Response<v1::NetSimServiceBarrierResponse>, Status> {
+        self.shared.call(move |host| host.barrier(request.get_ref())).await.map(Response::new)
+    }
+
+    type SessionStream = BoxStream<'static, Result<v1::NetSimServiceSessionResponse, Status>>;
+
+    async fn session(
+        &self,
+        request: Request<Streaming<v1::NetSimServiceSessionRequest>>,
+    ) -> Result<Response<Self::SessionStream>, Status> {
+        let shared = self.shared.clone();
+        let replies =
+            try_unfold((request.into_inner(), shared), |(mut calls, shared)| async move {
+                let Some(call) = calls.message().await? else { return Ok(None) };
+                let reply = match call.request {
+                    Some(SessionCall::Step(step)) => {
+                        SessionReply::Step(shared.call(|host| host.step(step)).await?)
+                    }
+                    Some(SessionCall::Barrier(barrier)) => SessionReply::Barrier(
+                        shared.call(move |host| host.barrier(&barrier)).await?,
+                    ),
+                    None => return Err(Status::invalid_argument("request: is missing")),
+                };
+                let reply = v1::NetSimServiceSessionResponse { response: Some(reply) };
+                Ok(Some((reply, (calls, shared))))
+            });
+        Ok(Response::new(replies.boxed()))
+    }
+
+    async fn snapshot(
+        &self,
+        _: Request<v1::NetSimServiceSnapshotRequest>,
+    ) -> Result<Response<v1::NetSimServiceSnapshotResponse>, Status> {
+        self.shared.call(Lifecycle::snapshot).await.map(Response::new)
+    }
+
+    async fn restore(
+        &self,
+        request: Request<v1::NetSimServiceRestoreRequest>,
+    ) -> Result<Response<v1::NetSimServiceRestoreResponse>, Status> {
+        self.shared.call(move |host| host.restore(request.get_ref())).await.map(Response::new)
+    }
+
+    async fn command(
+        &self,
+        request: Request<v1::NetSimServiceCommandRequest>,
+    ) -> Result<Response<v1::NetSimServiceCommandResponse>, Status> {
+        self.shared.call(|host| host.command(request.into_inner())).await.map(Response::new)
+    }
+}

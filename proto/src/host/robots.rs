@@ -1,0 +1,309 @@
+//! The robots' service.
+
+use super::lifecycle::{
+    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, refusal,
+};
+use crate::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator};
+use crate::types::{AgentCommand, Coupling};
+use crate::v1::robot_sim_service_server::RobotSimService;
+use crate::v1::robot_sim_service_session_request::Request as SessionCall;
+use crate::v1::robot_sim_service_session_response::Response as SessionReply;
+use crate::v1::{self, Limits};
+use crate::{CONTRACT_VERSION, convert};
+use futures::stream::{BoxStream, StreamExt as _, try_unfold};
+use prost::Message as _;
+use serde::{Deserialize, Serialize};
+use tonic::{Request, Response, Status, Streaming};
+
+/// A robot simulator as a service.
+pub struct RobotHost<S> {
+    shared: Shared<Lifecycle<S>>,
+}
+
+impl<S> Clone for RobotHost<S> {
+    fn clone(&self) -> Self {
+        Self { shared: self.shared.clone() }
+    }
+}
+
+impl<S: RobotSimulator> RobotHost<S> {
+    /// A service around `simulator`, not configured yet.
+    pub fn new(simulator: S) -> Self {
+        Self { shared: Shared::new(Lifecycle { simulator, active: None }) }
+    }
+}
+
+struct Lifecycle<S> {
+    simulator: S,
+    active: Option<Active>,
+}
+
+struct Active {
+    ledger: Ledger,
+    pending: Vec<AgentCommand>,
+    last: v1::RobotSimServiceStepResponse,
+}
+
+/// A whole experiment, frozen.
+#[derive(Serialize, Deserialize)]
+struct Frozen {
+    version: String,
+    ledger: Ledger,
+    pending: Vec<AgentCommand>,
+    last: Vec<u8>,
+    simulator: Vec<u8>,
+}
+
+impl<S: RobotSimulator> Discard for Lifecycle<S> {
+    fn discard(&mut self) {
+        self.active = None;
+    }
+
+    fn is_quick(&self) -> bool {
+        self.active.as_ref().is_none_or(|active| active.ledger.agent_count() <= QUICK_AGENTS)
+    }
+}
+
+impl<S: RobotSimulator> Lifecycle<S> {
+    fn active(&mut self) -> Result<&mut Active, Status> {
+        self.active.as_mut().ok_or_else(not_configured)
+    }
+
+    fn describe() -> v1::RobotSimServiceDescribeResponse {
+        v1::RobotSimServiceDescribeResponse {
+            name: S::NAME.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            contract_version: CONTRACT_VERSION,
+            limits: Some(Limits {
+                max_message_bytes: super::MAX_MESSAGE_BYTES as u64,
+                max_agents: super::MAX_AGENTS,
+            }),
+            session: true,
+            snapshots: true,
+            commands: true,
+            parallel: true,
+            config_schema_json: S::config_schema_json(),
+        }
+    }
+
+    fn configure(
+        &mut self,
+        request: v1::RobotSimServiceConfigureRequest,
+    ) -> Result<v1::RobotSimServiceConfigureResponse, Status> {
+        let setup = ConfigureFields {
+            seed: request.seed,
+            agent_count: request.agent_count,
+            step_ns: request.step_ns,
+            coupling: request.coupling,
+            site_toml: request.site_toml,
+            config_toml: request.config_toml,
+            files: request.files,
+            columns: Vec::new(),
+        }
+        .setup()?;
+        let start = self.simulator.configure(&setup).map_err(|problems| refusal(&problems))?;
+        self.active = Some(Active {
+            ledger: Ledger::new(setup.experiment, start.states.clone()),
+            pending: Vec::new(),
+            last: v1::RobotSimServiceStepResponse::default(),
+        });
+        Ok(v1::RobotSimServiceConfigureResponse {
+            effective_config_toml: start.effective.to_string(),
+            states: Some(start.states.into()),
+            payloads: Some(start.payloads.into()),
+        })
+    }
+
+    fn step(
+        &mut self,
+        request: v1::RobotSimServiceStepRequest,
+    ) -> Result<v1::RobotSimServiceStepResponse, Status> {
+        let active = self.active.as_mut().ok_or_else(not_configured)?;
+        let ledger = &mut active.ledger;
+        if let Admission::Repeated =
+            ledger.admit(request.step, request.until_ns, &request.confirmed_digest)?
+        {
+            return Ok(active.last.clone());
+        }
+        let n = ledger.agent_count();
+        let deliveries = convert::deliveries(request.deliveries, n)?;
+        let motes = request.motes.map(|motes| convert::motes(Some(motes), n)).transpose()?;
+        let mut commands = convert::agent_commands(request.commands, n)?;
+        commands.extend_from_slice(&active.pending);
+        convert::sort_agent_commands(&mut commands);
+
+        let input = RobotInput {
+            step: request.step,
+            from_ns: ledger.time_ns,
+            until_ns: request.until_ns,
+            deliveries: deliveries.as_ref(),
+            motes: motes.as_ref(),
+            commands: &commands,
+        };
+        let RobotOutput { states, payloads, moved_obstacles, commands, task_complete } =
+            self.simulator.step(&input);
+
+        let used = match ledger.experiment.coupling {
+            Coupling::Sequential => &states,
+            Coupling::Parallel | Coupling::Event => &std::mem::take(&mut ledger.states),
+        };
+        let until_ns = request.until_ns;
+        let digest = ledger.advance(request.step, until_ns, until_ns, used, deliveries.as_ref());
+        if ledger.experiment.coupling != Coupling::Sequential {
+            ledger.states = states.clone();
+        }
+        active.last = v1::RobotSimServiceStepResponse {
+            step: request.step,
+            time_ns: until_ns,
+            states: Some(states.into()),
+            payloads: Some(payloads.into()),
+            moved_obstacles: moved_obstacles.into_iter().map(Into::into).collect(),
+            commands: commands.into_iter().map(Into::into).collect(),
+            applied_commands: std::mem::take(&mut active.pending)
+                .into_iter()
+                .map(Into::into)
+                .collect(),
+            task_complete,
+            digest,
+        };
+        Ok(active.last.clone())
+    }
+
+    fn barrier(
+        &mut self,
+        request: &v1::RobotSimServiceBarrierRequest,
+    ) -> Result<v1::RobotSimServiceBarrierResponse, Status> {
+        let ledger = &self.active()?.ledger;
+        ledger.barrier(request.step)?;
+        Ok(v1::RobotSimServiceBarrierResponse {
+            step: ledger.step,
+            time_ns: ledger.time_ns,
+            digest: ledger.digest(),
+        })
+    }
+
+    fn command(
+        &mut self,
+        request: v1::RobotSimServiceCommandRequest,
+    ) -> Result<v1::RobotSimServiceCommandResponse, Status> {
+        let active = self.active()?;
+        let commands = convert::agent_commands(request.commands, active.ledger.agent_count())?;
+        active.pending.extend(commands);
+        convert::sort_agent_commands(&mut active.pending);
+        Ok(v1::RobotSimServiceCommandResponse { applies_at_step: active.ledger.step + 1 })
+    }
+
+    fn snapshot(&mut self) -> Result<v1::RobotSimServiceSnapshotResponse, Status> {
+        let simulator = self.simulator.snapshot();
+        let active = self.active()?;
+        let frozen = Frozen {
+            version: version::<S>(),
+            ledger: active.ledger.clone(),
+            pending: active.pending.clone(),
+            last: active.last.encode_to_vec(),
+            simulator,
+        };
+        let state = postcard::to_stdvec(&frozen)
+            .map_err(|error| Status::internal(format!("the state cannot be written: {error}")))?;
+        Ok(v1::RobotSimServiceSnapshotResponse { state: state.into() })
+    }
+
+    fn restore(
+        &mut self,
+        request: &v1::RobotSimServiceRestoreRequest,
+    ) -> Result<v1::RobotSimServiceRestoreResponse, Status> {
+        let refuse = |error: NotASnapshot| Status::invalid_argument(error.to_string());
+        let frozen: Frozen = postcard::from_bytes(&request.state)
+            .map_err(|error| refuse(NotASnapshot(error.to_string())))?;
+        if frozen.version != version::<S>() {
+            return Err(refuse(NotASnapshot(format!("it is of {}", frozen.version))));
+        }
+        let last = v1::RobotSimServiceStepResponse::decode(&frozen.last[..])
+            .map_err(|error| refuse(NotASnapshot(error.to_string())))?;
+        self.simulator.restore(&frozen.simulator).map_err(refuse)?;
+        let (step, time_ns) = (frozen.ledger.step, frozen.ledger.time_ns);
+        self.active = Some(Active { ledger: frozen.ledger, pending: frozen.pending, last });
+        Ok(v1::RobotSimServiceRestoreResponse { step, time_ns })
+    }
+}
+
+fn version<S: RobotSimulator>() -> String {
+    format!("{} {}", S::NAME, env!("CARGO_PKG_VERSION"))
+}
+
+#[tonic::async_trait]
+impl<S: RobotSimulator> RobotSimService for RobotHost<S> {
+    async fn describe(
+        &self,
+        _: Request<v1::RobotSimServiceDescribeRequest>,
+    ) -> Result<Response<v1::RobotSimServiceDescribeResponse>, Status> {
+        Ok(Response::new(Lifecycle::<S>::describe()))
+    }
+
+    async fn configure(
+        &self,
+        request: Request<v1::RobotSimServiceConfigureRequest>,
+    ) -> Result<Response<v1::RobotSimServiceConfigureResponse>, Status> {
+        self.shared.call(|host| host.configure(request.into_inner())).await.map(Response::new)
+    }
+
+    async fn step(
+        &self,
+        request: Request<v1::RobotSimServiceStepRequest>,
+    ) -> Result<Response<v1::RobotSimServiceStepResponse>, Status> {
+        self.shared.call(|host| host.step(request.into_inner())).await.map(Response::new)
+    }
+
+    async fn barrier(
+        &self,
+        request: Request<v1::RobotSimServiceBarrierRequest>,
+    ) -> Result<Response<v1::RobotSimServiceBarrierResponse>, Status> {
+        self.shared.call(move |host| host.barrier(request.get_ref())).await.map(Response::new)
+    }
+
+    type SessionStream = BoxStream<'static, Result<v1::RobotSimServiceSessionResponse, Status>>;
+
+    async fn session(
+        &self,
+        request: Request<Streaming<v1::RobotSimServiceSessionRequest>>,
+    ) -> Result<Response<Self::SessionStream>, Status> {
+        let shared = self.shared.clone();
+        let replies =
+            try_unfold((request.into_inner(), shared), |(mut calls, shared)| async move {
+                let Some(call) = calls.message().await? else { return Ok(None) };
+                let reply = match call.request {
+                    Some(SessionCall::Step(step)) => {
+                        SessionReply::Step(shared.call(|host| host.step(step)).await?)
+                    }
+                    Some(SessionCall::Barrier(barrier)) => SessionReply::Barrier(
+                        shared.call(move |host| host.barrier(&barrier)).await?,
+                    ),
+                    None => return Err(Status::invalid_argument("request: is missing")),
+                };
+                let reply = v1::RobotSimServiceSessionResponse { response: Some(reply) };
+                Ok(Some((reply, (calls, shared))))
+            });
+        Ok(Response::new(replies.boxed()))
+    }
+
+    async fn snapshot(
+        &self,
+        _: Request<v1::RobotSimServiceSnapshotRequest>,
+    ) -> Result<Response<v1::RobotSimServiceSnapshotResponse>, Status> {
+        self.shared.call(Lifecycle::snapshot).await.map(Response::new)
+    }
+
+    async fn restore(
+        &self,
+        request: Request<v1::RobotSimServiceRestoreRequest>,
+    ) -> Result<Response<v1::RobotSimServiceRestoreResponse>, Status> {
+        self.shared.call(move |host| host.restore(request.get_ref())).await.map(Response::new)
+    }
+
+    async fn command(
+        &self,
+        request: Request<v1::RobotSimServiceCommandRequest>,
+    ) -> Result<Response<v1::RobotSimServiceCommandResponse>, Status> {
+        self.shared.call(|host| host.command(request.into_inner())).await.map(Response::new)
+    }
+}

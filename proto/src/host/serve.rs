@@ -1,0 +1,273 @@
+//! Putting a service on a socket.
+
+use super::{
+    CONNECTION_WINDOW_BYTES, FRAME_BYTES, MAX_MESSAGE_BYTES, NetHost, RobotHost,
+    STREAM_WINDOW_BYTES,
+};
+use crate::FILE_DESCRIPTOR_SET;
+use crate::side::{NetSimulator, RobotSimulator};
+use crate::v1::net_sim_service_server::NetSimServiceServer;
+use crate::v1::robot_sim_service_server::RobotSimServiceServer;
+use std::io::{Read as _, Write as _};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tonic::service::{Routes, RoutesBuilder};
+use tonic::transport::server::TcpIncoming;
+use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
+
+/// How a simulator is served. The same for both.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ServeArgs {
+    /// Where to listen: address and port, port 0 for one the system chooses
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:0")]
+    pub listen: SocketAddr,
+    /// Certificate chain of this server (PEM). Required off loopback
+    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    pub tls_cert: Option<PathBuf>,
+    /// Private key of this server (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    pub tls_key: Option<PathBuf>,
+    /// Accept only clients with a certificate signed by this authority (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    pub tls_client_ca: Option<PathBuf>,
+    /// Listen off loopback without TLS: anyone on the network can read and control the experiment
+    #[arg(long)]
+    pub insecure_no_tls: bool,
+    /// Threads for physics and dynamics; results do not depend on it [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// What to log: error, warn, info, debug, trace, or a filter such as netsim=debug
+    #[arg(long, value_name = "FILTER", default_value = "warn")]
+    pub log: String,
+    /// Log as JSON, one object a line
+    #[arg(long)]
+    pub log_json: bool,
+    /// Exit when standard input closes, as it does when the process that started this one ends
+    #[arg(long, hide = true)]
+    pub exit_with_parent: bool,
+}
+
+/// Why a simulator cannot be served.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The address is not usable: taken, or not of this machine.
+    #[error("--listen {address}: {source}")]
+    Listen {
+        /// The address asked for.
+        address: SocketAddr,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Off loopback, traffic must be encrypted unless the user spells out otherwise.
+    #[error(
+        "--listen {0}: not a loopback address, so TLS is required: give --tls-cert and --tls-key, or --insecure-no-tls \
+         if everyone on that network may read and control the experiment"
+    )]
+    TlsRequired(SocketAddr),
+    /// A certificate or key file cannot be read.
+    #[error("{option} {path}: {source}")]
+    TlsFile {
+        /// The option that names it.
+        option: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A certificate or key is not what it should be.
+    #[error("--tls-cert, --tls-key or --tls-client-ca: {0}")]
+    Tls(String),
+    /// The log filter cannot be read.
+    #[error("--log {filter}: {reason}")]
+    Log {
+        /// The filter.
+        filter: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Serving ended with an error.
+    #[error("serving ended: {0}")]
+    Transport(String),
+}
+
+/// Serves a robot simulator until the process is told to end.
+///
+/// # Errors
+///
+/// See [`ServeError`].
+pub fn serve_robots<S: RobotSimulator>(simulator: S, args: &ServeArgs) -> Result<(), ServeError> {
+    let service = RobotSimServiceServer::new(RobotHost::new(simulator))
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let name = <RobotSimServiceServer<RobotHost<S>> as tonic::server::NamedService>::NAME;
+    serve(S::NAME, name, args, |routes| {
+        routes.add_service(service);
+    })
+}
+
+/// Serves a network simulator until the process is told to end.
+///
+/// # Errors
+///
+/// See [`ServeError`].
+pub fn serve_network<S: NetSimulator>(simulator: S, args: &ServeArgs) -> Result<(), ServeError> {
+    let service = NetSimServiceServer::new(NetHost::new(simulator))
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let name = <NetSimServiceServer<NetHost<S>> as tonic::server::NamedService>::NAME;
+    serve(S::NAME, name, args, |routes| {
+        routes.add_service(service);
+    })
+}
+
+/// Starts logging to standard error. Lines carry no wall-clock time, so that the logs of two runs can be compared.
+///
+/// # Errors
+///
+/// A filter that cannot be read.
+pub fn init_logging(filter: &str, json: bool) -> Result<(), ServeError> {
+    let parsed = tracing_subscriber::EnvFilter::builder().parse(filter).map_err(|error| {
+        ServeError::Log { filter: filter.to_owned(), reason: error.to_string() }
+    })?;
+    let subscriber = tracing_subscriber::fmt()
+        .with_env_filter(parsed)
+        .with_writer(std::io::stderr)
+        .without_time();
+    // A second start within one process (tests) keeps the first.
+    let _ = if json { subscriber.json().try_init() } else { subscriber.try_init() };
+    Ok(())
+}
+
+fn serve(
+    simulator: &'static str,
+    service: &'static str,
+    args: &ServeArgs,
+    add: impl FnOnce(&mut RoutesBuilder),
+) -> Result<(), ServeError> {
+    init_logging(&args.log, args.log_json)?;
+    let tls = tls_config(args)?;
+    if !args.listen.ip().is_loopback() && tls.is_none() && !args.insecure_no_tls {
+        return Err(ServeError::TlsRequired(args.listen));
+    }
+    if let Some(threads) = args.threads {
+        // Fails only if a pool exists already, which then serves.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+    }
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|error| ServeError::Transport(error.to_string()))?;
+    let result = runtime.block_on(async {
+        let listener = TcpListener::bind(args.listen)
+            .await
+            .map_err(|source| ServeError::Listen { address: args.listen, source })?;
+        let address = listener
+            .local_addr()
+            .map_err(|source| ServeError::Listen { address: args.listen, source })?;
+        let (health, health_service) = tonic_health::server::health_reporter();
+        health.set_service_status(service, tonic_health::ServingStatus::Serving).await;
+        let reflection = tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(FILE_DESCRIPTOR_SET)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+            .build_v1()
+            .map_err(|error| ServeError::Transport(error.to_string()))?;
+        let mut routes = Routes::builder();
+        routes.add_service(health_service).add_service(reflection);
+        add(&mut routes);
+        let mut server = Server::builder()
+            .initial_stream_window_size(STREAM_WINDOW_BYTES)
+            .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+            .max_frame_size(FRAME_BYTES)
+            .http2_keepalive_interval(Some(Duration::from_secs(30)))
+            .max_concurrent_streams(64);
+        let scheme = if let Some(tls) = tls {
+            server = server.tls_config(tls).map_err(|error| ServeError::Tls(chain(&error)))?;
+            "https"
+        } else {
+            "http"
+        };
+        announce(simulator, scheme, address);
+        tracing::info!(%address, scheme, "serving");
+        let serving = server
+            .add_routes(routes.routes())
+            .serve_with_incoming(TcpIncoming::from(listener).with_nodelay(Some(true)));
+        tokio::select! {
+            result = serving => result.map_err(|error| ServeError::Transport(chain(&error))),
+            () = end(args.exit_with_parent) => Ok(()),
+        }
+    });
+    // A step that still runs on a blocking thread is not waited for.
+    runtime.shutdown_background();
+    result
+}
+
+/// The one line on standard output that says where to connect.
+fn announce(simulator: &str, scheme: &str, address: SocketAddr) {
+    let mut out = std::io::stdout().lock();
+    // Nobody may be reading: that is no reason not to serve.
+    let _ = writeln!(out, "{simulator} listening on {scheme}://{address}");
+    let _ = out.flush();
+}
+
+/// Completes when the process is told to end.
+async fn end(with_parent: bool) {
+    use tokio::signal::unix::{SignalKind, signal};
+    let (parent_lives, parent_ended) = tokio::sync::oneshot::channel::<()>();
+    if with_parent {
+        // Dropped, and so noticed, when standard input closes.
+        std::thread::spawn(move || {
+            let _parent_lives = parent_lives;
+            let mut byte = [0];
+            while !matches!(std::io::stdin().read(&mut byte), Ok(0) | Err(_)) {}
+        });
+    } else {
+        std::mem::forget(parent_lives);
+    }
+    let parent = async {
+        let _ = parent_ended.await;
+    };
+    let terminate = async {
+        match signal(SignalKind::terminate()) {
+            Ok(mut terminate) => {
+                terminate.recv().await;
+            }
+            Err(_) => std::future::pending().await,
+        }
+    };
+    tokio::select! {
+        () = parent => {}
+        () = terminate => {}
+        _ = tokio::signal::ctrl_c() => {}
+    }
+}
+
+fn tls_config(args: &ServeArgs) -> Result<Option<ServerTlsConfig>, ServeError> {
+    let (Some(cert), Some(key)) = (&args.tls_cert, &args.tls_key) else { return Ok(None) };
+    let identity = Identity::from_pem(read("--tls-cert", cert)?, read("--tls-key", key)?);
+    let mut tls = ServerTlsConfig::new().identity(identity).timeout(Duration::from_secs(10));
+    if let Some(ca) = &args.tls_client_ca {
+        tls = tls.client_ca_root(Certificate::from_pem(read("--tls-client-ca", ca)?));
+    }
+    Ok(Some(tls))
+}
+
+fn read(option: &'static str, path: &Path) -> Result<Vec<u8>, ServeError> {
+    std::fs::read(path).map_err(|source| ServeError::TlsFile {
+        option,
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// An error and its causes in one line.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text
+}
