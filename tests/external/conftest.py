@@ -1,0 +1,76 @@
+"""What the tests share: the built programs, one recorded run, Python modules made from the contract."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAMS = ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "release"
+
+# A run of a ready experiment takes seconds; a hang must not take the whole of CI with it.
+RUN_DEADLINE_S = 120
+
+
+def program(name):
+    """The path of a built program. Tests of something that is not there fail here, with the command that builds it."""
+    path = PROGRAMS / name
+    assert path.exists(), f"{path} is missing: cargo build --release --workspace --bins"
+    return str(path)
+
+
+def succeed(command, deadline_s=RUN_DEADLINE_S, **options):
+    """Runs a command to its end, demands exit status 0, returns what it printed."""
+    done = subprocess.run(
+        [str(word) for word in command],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=deadline_s,
+        **options,
+    )
+    said = f"{' '.join(map(str, command))}\n{done.stdout}\n{done.stderr}"
+    assert done.returncode == 0, f"exit status {done.returncode}: {said}"
+    return done.stdout
+
+
+def only_directory(parent):
+    """The one directory that a run left below --out."""
+    found = [path for path in parent.iterdir() if path.is_dir()]
+    assert len(found) == 1, f"expected one result below {parent}, found {sorted(parent.iterdir())}"
+    return found[0]
+
+
+@pytest.fixture(scope="session")
+def flocking(tmp_path_factory):
+    """The directory that `run configs/flocking.toml` left."""
+    out = tmp_path_factory.mktemp("flocking")
+    succeed([program("orchestrator"), "run", "configs/flocking.toml", "--out", out], cwd=ROOT)
+    return only_directory(out)
+
+
+@pytest.fixture(scope="session")
+def stubs(tmp_path_factory):
+    """Puts modules made from the .proto files by grpcio-tools on the path, as a stranger would make them."""
+    out = tmp_path_factory.mktemp("stubs")
+    protos = sorted((ROOT / "proto").glob("cosim/v1/*.proto"))
+    make = [sys.executable, "-m", "grpc_tools.protoc", f"-I{ROOT / 'proto'}"]
+    succeed([*make, f"--python_out={out}", f"--grpc_python_out={out}", *protos])
+    sys.path.insert(0, str(out))
+    return out
+
+
+def pytest_terminal_summary(terminalreporter):
+    """The last line of the suite: what passed, what did not. A skipped test has not passed."""
+    outcomes = terminalreporter.stats
+    failed = sum(len(outcomes.get(kind, [])) for kind in ("failed", "error", "skipped", "xfailed"))
+    terminalreporter.write_line(f"external: {len(outcomes.get('passed', []))} passed, {failed} failed")
+
+
+def pytest_sessionfinish(session, exitstatus):
+    """A suite that skipped something is not a suite that passed."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if exitstatus == 0 and any(reporter.stats.get(kind) for kind in ("skipped", "xfailed")):
+        session.exitstatus = 1
