@@ -1,1 +1,27 @@
-//! x
+//! Who moves how: robots, controllers and scenarios, in simulated time.
+//!
+//! The crate is a pure core: [`sim::Swarm`] is a plain object that is configured, stepped, saved and restored. It opens
+//! no file and no socket, reads no clock, and draws only keyed random numbers, so that the same seed and configuration
+//! give the same motion for any number of threads. `main.rs` serves it over gRPC.
+//!
+//! In reading order:
+//!
+//! | module | what |
+//! |---|---|
+//! | [`sim`] | the swarm: owns the state; knowledge in, commands out, motion, payloads |
+//! | [`payload`] | what the built-in robots say: position and velocity, 48 bytes |
+//! | [`knowledge`] | what each robot knows of the others: what it heard, or the truth |
+//! | [`controller`] | who wants to go where: one file per controller, one list |
+//! | [`line_fit`] | the straight line nearest to some points, by two rules |
+//! | [`dynamics`] | from command to motion: speed cap and integration |
+//! | [`scenario`] | where everyone begins: one file per scenario, one list |
+//! | [`config`] | the `[robotsim]` section: its description and its checks |
+
+pub mod config;
+pub mod controller;
+pub mod dynamics;
+pub mod knowledge;
+pub mod line_fit;
+pub mod payload;
+pub mod scenario;
+pub mod sim;

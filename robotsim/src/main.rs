@@ -1,1 +1,2 @@
+//! The robotsim as a process of its own.
 fn main() {}

@@ -1,0 +1,160 @@
+//! The `[robotsim]` section: its description, and what no description can check.
+
+use crate::controller::{self, Controller};
+use crate::dynamics::{self, Dynamics};
+use crate::knowledge::Source;
+use crate::scenario::{self, Scenario};
+use bytes::Bytes;
+use proto::config::{
+    self, Choice, Default, Field, FileReference, Kind, Node, Problem, TableSpec, join,
+};
+use proto::side::Setup;
+use std::collections::BTreeMap;
+
+/// Description of the section.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "The robots: who they are, where they begin, and what they want.",
+    fields: &[
+        field(
+            "knowledge",
+            "What a robot knows of the others.",
+            Kind::Choice(&[
+                Choice {
+                    name: "heard",
+                    doc: "What was delivered to it in the period that just ended.",
+                },
+                Choice {
+                    name: "truth",
+                    doc: "Everything, at once: the ideal baseline, no radio involved.",
+                },
+            ]),
+            Default::Text("heard"),
+        ),
+        field("dynamics", "How the robots move.", Kind::Table(&dynamics::SPEC), Default::Table),
+        field("scenario", "Where they begin.", Kind::Table(&scenario::SPEC), Default::Table),
+        field("controller", "What they want.", Kind::Table(&controller::SPEC), Default::Table),
+    ],
+    tag: None,
+};
+
+/// A valid configuration. The only way to get one is [`read`].
+#[derive(Debug)]
+pub struct Config {
+    /// How robots behave once they stand where they begin.
+    pub behaviour: Behaviour,
+    /// Where they begin.
+    pub scenario: Box<dyn Scenario>,
+}
+
+/// How robots behave.
+#[derive(Debug)]
+pub struct Behaviour {
+    /// What they know of each other.
+    pub knowledge: Source,
+    /// How they move.
+    pub dynamics: Dynamics,
+    /// What they want.
+    pub controller: Box<dyn Controller>,
+}
+
+/// What a part of a configuration is checked against.
+#[derive(Clone, Debug)]
+pub struct Context<'a> {
+    /// Path of the part.
+    pub path: String,
+    /// How many agents there are.
+    pub n_agents: usize,
+    /// The greatest speed (m/s).
+    pub speed_cap_mps: f64,
+    /// The files that the configuration names.
+    pub files: &'a BTreeMap<String, Bytes>,
+}
+
+impl Context<'_> {
+    /// A problem with a key of the part.
+    #[must_use]
+    pub fn problem(&self, key: &str, message: impl Into<String>) -> Problem {
+        Problem::new(join(&self.path, key), message)
+    }
+}
+
+/// Reads and checks the section, and returns it with its effective table.
+///
+/// # Errors
+///
+/// Every problem, all at once.
+pub fn read(setup: &Setup) -> Result<(Config, toml::Table), Vec<Problem>> {
+    let n_agents = setup.experiment.agent_count;
+    let mut problems = Vec::new();
+    let mut table = config::check(&setup.config, &setup.path, &SPEC, &mut problems).table;
+    let behaviour = build_behaviour(&mut table, &setup.path, n_agents, &mut problems);
+    let context = Context {
+        path: join(&setup.path, "scenario"),
+        n_agents,
+        speed_cap_mps: f64::INFINITY,
+        files: &setup.files,
+    };
+    let scenario = scenario::build(part(&mut table, "scenario"), &context, &mut problems);
+    match (behaviour, scenario) {
+        (Some(behaviour), Some(scenario)) if problems.is_empty() => {
+            Ok((Config { behaviour, scenario }, table))
+        }
+        (..) => Err(problems),
+    }
+}
+
+/// The behaviour alone, from an effective table: what a saved state needs, whose robots have left where they began.
+pub(crate) fn read_behaviour(
+    effective: &toml::Table,
+    n_agents: usize,
+) -> Result<Behaviour, Vec<Problem>> {
+    let mut problems = Vec::new();
+    let node = Node { value: (&toml::Value::Table(effective.clone())).into(), span: None };
+    let mut table = config::check(&node, "", &SPEC, &mut problems).table;
+    build_behaviour(&mut table, "", n_agents, &mut problems)
+        .filter(|_| problems.is_empty())
+        .ok_or(problems)
+}
+
+/// The files that the section, which stands at `path`, names.
+#[must_use]
+pub fn files(config: &Node, path: &str) -> Vec<FileReference> {
+    config::check(config, path, &SPEC, &mut Vec::new()).files
+}
+
+/// Describes a key.
+pub(crate) const fn field(
+    key: &'static str,
+    doc: &'static str,
+    kind: Kind,
+    default: Default,
+) -> Field {
+    Field { key, doc, kind, default }
+}
+
+fn build_behaviour(
+    table: &mut toml::Table,
+    path: &str,
+    n_agents: usize,
+    problems: &mut Vec<Problem>,
+) -> Option<Behaviour> {
+    let knowledge = table["knowledge"].clone().try_into().ok();
+    let dynamics = Dynamics::build(part(table, "dynamics"));
+    let context = Context {
+        path: join(path, "controller"),
+        n_agents,
+        speed_cap_mps: dynamics.as_ref().map_or(f64::INFINITY, Dynamics::speed_cap_mps),
+        files: &BTreeMap::new(),
+    };
+    let controller = controller::build(part(table, "controller"), &context, problems);
+    Some(Behaviour { knowledge: knowledge?, dynamics: dynamics?, controller: controller? })
+}
+
+/// A table within the checked section.
+fn part<'a>(table: &'a mut toml::Table, key: &str) -> &'a mut toml::Table {
+    table
+        .entry(key)
+        .or_insert_with(|| toml::Table::new().into())
+        .as_table_mut()
+        .expect("the description says it is a table")
+}

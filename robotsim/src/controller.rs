@@ -1,0 +1,130 @@
+//! What the robots want: one file per controller, one list.
+//!
+//! A controller is the same program on every robot. It sees the robot's own state and what that robot knows of others,
+//! and gives a command for the period that begins. It keeps nothing between steps. To add one: write its file, and add
+//! its registration to the list.
+
+mod constant_velocity;
+mod flocking;
+mod hold;
+mod line_formation;
+mod random_jump;
+
+use crate::config::Context;
+use crate::dynamics::Command;
+use crate::knowledge::Knowledge;
+use proto::config::{Field, Problem, TableSpec, Tag, Variant};
+use proto::rng::Draws;
+use proto::types::AgentStates;
+use rayon::prelude::*;
+
+/// The one list.
+const ALL: &[Registration] = &[
+    flocking::REGISTRATION,
+    line_formation::REGISTRATION,
+    random_jump::REGISTRATION,
+    constant_velocity::REGISTRATION,
+    hold::REGISTRATION,
+];
+
+/// Description of `[robotsim.controller]`.
+pub(crate) const SPEC: TableSpec = TableSpec {
+    doc: "What the robots want.",
+    fields: &[],
+    tag: Some(&Tag {
+        key: "kind",
+        doc: "The controller.",
+        default: None,
+        variants: || ALL.iter().map(Registration::variant).collect(),
+    }),
+};
+
+/// A kind of controller.
+struct Registration {
+    name: &'static str,
+    doc: &'static str,
+    fields: &'static [Field],
+    /// From a table with the fields checked. Fills in defaults that depend on other values, and adds what is wrong
+    /// across keys. `None`: a field had no valid value.
+    build: fn(&mut toml::Table, &Context<'_>, &mut Vec<Problem>) -> Option<Box<dyn Controller>>,
+}
+
+impl Registration {
+    fn variant(&self) -> Variant {
+        Variant { name: self.name, doc: self.doc, fields: self.fields }
+    }
+}
+
+/// What a controller decides on.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// Number of the step, from 1.
+    pub step: u64,
+    /// Length of the period that begins (s).
+    pub dt_s: f64,
+    /// The robots' own states. A controller looks only at the entry of the robot it decides for.
+    pub states: &'a AgentStates,
+    /// What they know of each other.
+    pub knowledge: &'a Knowledge<'a>,
+    /// Draws for the controller, whose entity is the agent.
+    pub draws: Draws,
+}
+
+/// A controller.
+pub trait Controller: std::fmt::Debug + Send + Sync {
+    /// The command for one robot.
+    fn command(&self, view: &View<'_>, agent: usize) -> Command;
+
+    /// Whether the robots, seen together, regard their task as done, given their commands. Most tasks have no end.
+    fn is_done(&self, _view: &View<'_>, _commands: &[Command]) -> bool {
+        false
+    }
+}
+
+/// The commands for all robots; those that are not alive hold still.
+#[must_use]
+pub fn commands(controller: &dyn Controller, view: &View<'_>) -> Vec<Command> {
+    let n = view.states.len();
+    let command = |agent| {
+        if view.states.alive.get(agent) {
+            controller.command(view, agent)
+        } else {
+            Command::Velocity([0.0; 3])
+        }
+    };
+    // Each command depends on its own robot alone, so threads cannot change it. Below this much work they cost more than
+    // they save.
+    if 20_000 <= view.knowledge.n_visits_max() {
+        (0..n).into_par_iter().with_min_len(32).map(command).collect()
+    } else {
+        (0..n).map(command).collect()
+    }
+}
+
+/// The controller described by a checked table.
+pub(crate) fn build(
+    table: &mut toml::Table,
+    context: &Context<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<Box<dyn Controller>> {
+    let name = table.get("kind")?.as_str()?;
+    let registration = ALL.iter().find(|registration| registration.name == name)?;
+    (registration.build)(table, context, problems)
+}
+
+/// Refuses a speed that no robot can have.
+fn check_speed(key: &str, speed_mps: f64, context: &Context<'_>, problems: &mut Vec<Problem>) {
+    if context.speed_cap_mps < speed_mps {
+        problems.push(
+            context
+                .problem(
+                    key,
+                    format!(
+                        "must not be faster than dynamics.speed_cap_mps = {} m/s",
+                        context.speed_cap_mps
+                    ),
+                )
+                .value(format!("{speed_mps} m/s")),
+        );
+    }
+}

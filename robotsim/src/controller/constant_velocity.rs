@@ -1,0 +1,36 @@
+//! Robots that all move with one velocity, whatever they hear.
+
+use super::{Controller, Registration, View};
+use crate::config::field;
+use crate::dynamics::Command;
+use proto::config::{Default, Kind, Range};
+use serde::Deserialize;
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "constant-velocity",
+    doc: "Everyone moves with the same velocity.",
+    fields: &[field(
+        "velocity_mps",
+        "The velocity (x, y in m/s).",
+        Kind::List { of: &Kind::Number(Range::closed(-1e4, 1e4)), min: 2, max: 2 },
+        Default::Required,
+    )],
+    build: |table, context, problems| {
+        let this: ConstantVelocity = table.clone().try_into().ok()?;
+        let [vx, vy] = this.velocity_mps;
+        super::check_speed("velocity_mps", libm::hypot(vx, vy), context, problems);
+        Some(Box::new(this))
+    },
+};
+
+#[derive(Debug, Deserialize)]
+struct ConstantVelocity {
+    velocity_mps: [f64; 2],
+}
+
+impl Controller for ConstantVelocity {
+    fn command(&self, _view: &View<'_>, _agent: usize) -> Command {
+        let [vx, vy] = self.velocity_mps;
+        Command::Velocity([vx, vy, 0.0])
+    }
+}

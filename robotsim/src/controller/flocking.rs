@@ -1,0 +1,280 @@
+//! Robots that follow a leader, held together and apart by a potential.
+
+use super::{Controller, Registration, View};
+use crate::config::field;
+use crate::dynamics::Command;
+use crate::knowledge::Seen;
+use proto::config::{Choice, Default, Kind, Range};
+use serde::Deserialize;
+
+const RADIUS: Kind = Kind::Number(Range::closed(1e-3, 1e6));
+const SPEED: Kind = Kind::Number(Range::closed(-1e4, 1e4));
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "flocking",
+    doc: "One robot leads with a constant velocity, the others follow by a potential.",
+    fields: &[
+        field(
+            "law",
+            "The potential.",
+            Kind::Choice(&[
+                Choice { name: "paper", doc: "As the BotNet paper prints it: exponents in d²." },
+                Choice { name: "botnet", doc: "As BotNet's code has it: exponents in d." },
+            ]),
+            Default::Text("paper"),
+        ),
+        field(
+            "flock_radius_m",
+            "r_flock: the greatest distance wanted between robots (m).",
+            RADIUS,
+            Default::Required,
+        ),
+        field(
+            "collision_radius_m",
+            "r_collision (m). Default: the BotNet paper's.",
+            RADIUS,
+            Default::Number(0.8),
+        ),
+        field(
+            "leader",
+            "The agent that leads.",
+            Kind::Integer { min: 0, max: u32::MAX as i64 },
+            Default::Integer(0),
+        ),
+        field(
+            "leader_velocity_mps",
+            "The leader's velocity (x, y in m/s). Default: [7, 0], the BotNet paper's experiments.",
+            Kind::List { of: &SPEED, min: 2, max: 2 },
+            Default::Absent,
+        ),
+        field(
+            "leader_weight",
+            "Weight of the leader among those a follower knows of. Default: a tenth of the number of agents, at least 1.",
+            Kind::Number(Range::above(0.0, 1e6)),
+            Default::Absent,
+        ),
+        field(
+            "leader_weight_on",
+            "Which term of the leader is weighted.",
+            Kind::Choice(&[
+                Choice { name: "gradient", doc: "The gradient of its potential." },
+                Choice {
+                    name: "velocity",
+                    doc: "The difference of velocities; needs velocity_term = true.",
+                },
+            ]),
+            Default::Text("gradient"),
+        ),
+        field(
+            "velocity_term",
+            "Followers also align velocities, by the first sum of the BotNet paper's general law.",
+            Kind::Bool,
+            Default::Bool(false),
+        ),
+    ],
+    build: |table, context, problems| {
+        let default = context.n_agents as f64 / 10.0;
+        table.entry("leader_weight").or_insert(default.max(1.0).into());
+        table.entry("leader_velocity_mps").or_insert(vec![7.0, 0.0].into());
+        let this: Flocking = table.clone().try_into().ok()?;
+        if context.n_agents <= this.leader {
+            let last = context.n_agents - 1;
+            problems.push(
+                context
+                    .problem("leader", format!("must be one of the agents, 0 to {last}"))
+                    .value(this.leader)
+                    .nearest(last),
+            );
+        }
+        let [vx, vy] = this.leader_velocity_mps;
+        super::check_speed("leader_velocity_mps", libm::hypot(vx, vy), context, problems);
+        if this.leader_weight_on == WeightOn::Velocity && !this.velocity_term {
+            problems.push(
+                context
+                    .problem("leader_weight_on", "needs velocity_term = true")
+                    .value("\"velocity\"")
+                    .nearest("\"gradient\""),
+            );
+        }
+        Some(Box::new(this))
+    },
+};
+
+/// Follow-the-leader flocking.
+///
+/// # Model
+///
+/// BotNet paper (Selden et al., arXiv 2108.13606), § Flocking. The leader has u = v*. A follower i, over those j it
+/// knows of at distance d:
+///
+/// ```text
+///                                 K_conn            K_col
+///     u_i  =  −  Σ  2 w_j (x_i − x_j) ( ────── e^{d²/r_f²} − ────── e^{−d²/r_c²} )
+///                j                 r_f²              r_c²
+/// ```
+///
+/// with r_f the flock radius, r_c the collision radius, K_conn = r_f, K_col = r_c² + r_f (values as printed, without
+/// units). That is the gradient of the printed potential; its inner sum is a misprint. w_j is `leader_weight` for the
+/// leader, else 1. `law = "botnet"` has d in place of d² in both exponents (but not in the gradient's factors), as the
+/// published code has; it then is the gradient of nothing. `velocity_term` adds −Σ (v_i − v_j) of the paper's first
+/// equation, in which the published code takes v* for v_i.
+///
+/// # Validity
+///
+/// A follower that knows of nobody stops. The exponent is limited to 200: further out the speed cap decides anyway.
+#[derive(Debug, Deserialize)]
+struct Flocking {
+    law: Law,
+    flock_radius_m: f64,
+    collision_radius_m: f64,
+    leader: usize,
+    leader_velocity_mps: [f64; 2],
+    leader_weight: f64,
+    leader_weight_on: WeightOn,
+    velocity_term: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Law {
+    Botnet,
+    Paper,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum WeightOn {
+    Gradient,
+    Velocity,
+}
+
+impl Flocking {
+    /// What the separation from another robot at `distance_m` is multiplied by (1/s): positive pulls together.
+    fn pull(&self, distance_m: f64) -> f64 {
+        let (r_flock, r_collision) = (self.flock_radius_m, self.collision_radius_m);
+        let (flock_2, collision_2) = (r_flock * r_flock, r_collision * r_collision);
+        let power = match self.law {
+            Law::Botnet => distance_m,
+            Law::Paper => distance_m * distance_m,
+        };
+        let connect = r_flock / flock_2 * libm::exp((power / flock_2).min(200.0));
+        let collide = (collision_2 + r_flock) / collision_2 * libm::exp(-power / collision_2);
+        2.0 * (connect - collide)
+    }
+
+    /// A follower's velocity (m/s) on account of one other robot.
+    fn term(&self, own_m: [f64; 3], own_mps: [f64; 3], seen: &Seen) -> [f64; 3] {
+        let weight = |on| {
+            let weighted = seen.agent as usize == self.leader && self.leader_weight_on == on;
+            if weighted { self.leader_weight } else { 1.0 }
+        };
+        let away: [f64; 3] = std::array::from_fn(|i| own_m[i] - seen.motion.position_m[i]);
+        let distance_m = libm::sqrt(away[0] * away[0] + away[1] * away[1] + away[2] * away[2]);
+        let pull = weight(WeightOn::Gradient) * self.pull(distance_m);
+        let align = if self.velocity_term { weight(WeightOn::Velocity) } else { 0.0 };
+        std::array::from_fn(|i| {
+            -pull * away[i] - align * (own_mps[i] - seen.motion.velocity_mps[i])
+        })
+    }
+}
+
+impl Controller for Flocking {
+    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+        let [vx, vy] = self.leader_velocity_mps;
+        let leading = [vx, vy, 0.0];
+        if agent == self.leader {
+            return Command::Velocity(leading);
+        }
+        let states = view.states;
+        let own_m = states.position_m(agent);
+        let own_mps = match self.law {
+            Law::Botnet => leading,
+            Law::Paper => [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]],
+        };
+        let mut velocity = [0.0; 3];
+        view.knowledge.for_each_known_to(agent, |seen| {
+            let term = self.term(own_m, own_mps, seen);
+            for (sum, component) in velocity.iter_mut().zip(term) {
+                *sum += component;
+            }
+        });
+        Command::Velocity(velocity)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::payload::Motion;
+
+    fn flocking(law: Law, flock_radius_m: f64) -> Flocking {
+        Flocking {
+            law,
+            flock_radius_m,
+            collision_radius_m: 0.8,
+            leader: 0,
+            leader_velocity_mps: [7.0, 0.0],
+            leader_weight: 1.0,
+            leader_weight_on: WeightOn::Gradient,
+            velocity_term: false,
+        }
+    }
+
+    /// A leader (agent 0) at the origin.
+    fn leader(velocity_mps: [f64; 3]) -> Seen {
+        Seen { agent: 0, sent_ns: 0, motion: Motion { position_m: [0.0; 3], velocity_mps } }
+    }
+
+    #[test]
+    fn a_follower_two_metres_behind_is_pulled_by_the_printed_law_and_pushed_by_the_code() {
+        // r_flock 10 m, 10 agents. Tolerances: half a unit of the last digit of the hand-calculated values.
+        for (law, speed_mps, tolerance) in
+            [(Law::Paper, 0.28795, 5e-6), (Law::Botnet, -2.5137, 5e-5)]
+        {
+            let [vx, vy, vz] =
+                flocking(law, 10.0).term([-2.0, 0.0, 0.0], [0.0; 3], &leader([0.0; 3]));
+            assert!((vx - speed_mps).abs() < tolerance, "{law:?}: {vx}");
+            assert_eq!((vy, vz), (0.0, 0.0));
+        }
+    }
+
+    #[test]
+    fn two_robots_rest_where_the_gradient_vanishes() {
+        for (law, rest_m) in
+            [(Law::Paper, [1.537, 1.803, 2.429]), (Law::Botnet, [2.362, 3.252, 5.899])]
+        {
+            for (radius_m, rest_m) in [5.0, 10.0, 80.0].into_iter().zip(rest_m) {
+                let flocking = flocking(law, radius_m);
+                let (mut near, mut far) = (0.1, 20.0);
+                while 1e-9 < far - near {
+                    let middle = 0.5 * (near + far);
+                    *(if flocking.pull(middle) < 0.0 { &mut near } else { &mut far }) = middle;
+                }
+                // Half a unit of the last digit given.
+                assert!((near - rest_m).abs() < 5e-4, "{law:?} at {radius_m} m: {near}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_weight_acts_on_the_term_it_is_said_to_act_on() {
+        let plain = flocking(Law::Paper, 10.0);
+        let weighted = Flocking { leader_weight: 5.0, ..flocking(Law::Paper, 10.0) };
+        let moving = leader([3.0, 0.0, 0.0]);
+        let [one, ..] = plain.term([-2.0, 0.0, 0.0], [1.0, 0.0, 0.0], &moving);
+        let [five, ..] = weighted.term([-2.0, 0.0, 0.0], [1.0, 0.0, 0.0], &moving);
+        assert_eq!(five, 5.0 * one);
+        let aligned =
+            Flocking { velocity_term: true, leader_weight_on: WeightOn::Velocity, ..weighted };
+        let [vx, ..] = aligned.term([-2.0, 0.0, 0.0], [1.0, 0.0, 0.0], &moving);
+        assert_eq!(vx, one + 5.0 * 2.0);
+    }
+
+    #[test]
+    fn however_far_the_others_are_the_command_is_a_number() {
+        for law in [Law::Paper, Law::Botnet] {
+            let [vx, ..] = flocking(law, 1e-3).term([-1e7, 0.0, 0.0], [0.0; 3], &leader([0.0; 3]));
+            assert!(vx.is_finite() && 0.0 < vx, "{law:?}: {vx}");
+        }
+    }
+}

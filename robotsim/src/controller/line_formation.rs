@@ -1,0 +1,136 @@
+//! Robots that form a straight line, wherever it may lie.
+
+use super::{Controller, Registration, View};
+use crate::config::field;
+use crate::dynamics::Command;
+use crate::line_fit::{Fit, Moments};
+use proto::config::{Choice, Default, Kind, Range};
+use serde::Deserialize;
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "line-formation",
+    doc: "Everyone moves to the straight line nearest to those it knows of.",
+    fields: &[
+        field(
+            "law",
+            "Which positions are fitted.",
+            Kind::Choice(&[
+                Choice { name: "paper", doc: "One's own once, as the BotNet paper says." },
+                Choice { name: "botnet", doc: "One's own twice, as BotNet's code does." },
+            ]),
+            Default::Text("paper"),
+        ),
+        field(
+            "fit",
+            "Which distances to the line are to be small.",
+            Kind::Choice(&[
+                Choice { name: "vertical", doc: "Along y, as the BotNet paper prints." },
+                Choice { name: "orthogonal", doc: "Across the line." },
+            ]),
+            Default::Text("vertical"),
+        ),
+        field(
+            "step_cap_m",
+            "Greatest move per control step (m). Default: BotNet's.",
+            Kind::Number(Range::above(0.0, 1e6)),
+            Default::Number(0.1),
+        ),
+        field(
+            "threshold_m",
+            "The task is done when nobody moves more than this in a step (m). Default: BotNet's.",
+            Kind::Number(Range::closed(0.0, 1e6)),
+            Default::Number(0.001),
+        ),
+    ],
+    build: |table, context, problems| {
+        let this: LineFormation = table.clone().try_into().ok()?;
+        if this.step_cap_m <= this.threshold_m {
+            problems.push(
+                context
+                    .problem(
+                        "threshold_m",
+                        format!("must be less than step_cap_m = {}", this.step_cap_m),
+                    )
+                    .value(this.threshold_m),
+            );
+        }
+        Some(Box::new(this))
+    },
+};
+
+/// Line formation by local least squares.
+///
+/// # Model
+///
+/// Each robot fits a line to its own position and those it knows of ([`Fit`]), and moves towards the orthogonal
+/// projection of its own position on it, at most `step_cap_m` a step: BotNet paper, § Formation Control, after Yun,
+/// Alptekin and Albayrak (1997). The published code counts a robot's own position twice, because there a robot is its own
+/// neighbour; the lines of two robots then differ even where both know everything, which leaves a residual of the order
+/// of the threshold.
+///
+/// # Validity
+///
+/// A robot that knows of nobody, or only of robots at its own place, has no line and stays. Robots do not avoid each
+/// other. "Done" is what the robots believe; they may have formed several lines.
+#[derive(Debug, Deserialize)]
+struct LineFormation {
+    law: Law,
+    fit: Fit,
+    step_cap_m: f64,
+    threshold_m: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Law {
+    Botnet,
+    Paper,
+}
+
+impl LineFormation {
+    /// Where the robot would have to be (m), relative to where it is.
+    fn offset_m(&self, view: &View<'_>, agent: usize) -> [f64; 2] {
+        let own = [view.states.x_m[agent], view.states.y_m[agent]];
+        let own_weight = match self.law {
+            Law::Botnet => 2.0,
+            Law::Paper => 1.0,
+        };
+        // Relative to the robot, so that no digits are lost far from the origin.
+        let moments = Moments::of(|visit| {
+            visit(0.0, 0.0, own_weight);
+            view.knowledge.for_each_known_to(agent, |seen| {
+                let [x, y, _] = seen.motion.position_m;
+                visit(x - own[0], y - own[1], 1.0);
+            });
+        });
+        let Some((moments, [dx, dy])) =
+            moments.and_then(|moments| Some((moments, moments.direction(self.fit)?)))
+        else {
+            return [0.0; 2];
+        };
+        // From the robot to its projection: the part of the way to the centroid that is across the line.
+        let [cx, cy] = moments.centroid_m;
+        let across = cy * dx - cx * dy;
+        [-across * dy, across * dx]
+    }
+}
+
+impl Controller for LineFormation {
+    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+        let [x, y] = self.offset_m(view, agent);
+        let distance_m = libm::hypot(x, y);
+        let scale = if distance_m <= self.step_cap_m { 1.0 } else { self.step_cap_m / distance_m };
+        Command::Velocity([x * scale / view.dt_s, y * scale / view.dt_s, 0.0])
+    }
+
+    /// Nobody wants to move more than the threshold, and somebody could have been known: before the first frames of the
+    /// network arrive nobody moves either.
+    fn is_done(&self, view: &View<'_>, commands: &[Command]) -> bool {
+        let can_tell = view.knowledge.is_any() || view.states.len() == 1;
+        can_tell
+            && commands.iter().all(|command| match command {
+                Command::Velocity([x, y, _]) => libm::hypot(*x, *y) * view.dt_s <= self.threshold_m,
+                Command::Jump(_) => false,
+            })
+    }
+}

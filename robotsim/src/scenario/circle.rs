@@ -1,0 +1,35 @@
+//! A circle.
+
+use super::{LENGTH, Place, Registration, Scenario};
+use crate::config::field;
+use proto::config::Default;
+use proto::rng::Draws;
+use serde::Deserialize;
+use std::f64::consts::TAU;
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "circle",
+    doc: "Evenly on a circle around the origin, agent 0 in the east, counter-clockwise.",
+    fields: &[field("radius_m", "Radius of the circle (m).", LENGTH, Default::Required)],
+    build: |table, _, _| Some(Box::new(table.clone().try_into::<Circle>().ok()?)),
+};
+
+/// Agent i at the angle 2 π i / n.
+#[derive(Debug, Deserialize)]
+struct Circle {
+    radius_m: f64,
+}
+
+impl Scenario for Circle {
+    fn place(&self, agent: usize, n_agents: usize, _draws: Draws) -> Place {
+        let angle_rad = TAU * agent as f64 / n_agents as f64;
+        Place {
+            position_m: [
+                self.radius_m * libm::cos(angle_rad),
+                self.radius_m * libm::sin(angle_rad),
+                0.0,
+            ],
+            heading_rad: None,
+        }
+    }
+}

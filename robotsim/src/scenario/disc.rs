@@ -1,0 +1,44 @@
+//! A disc of given density.
+
+use super::{Place, Registration, Scenario};
+use crate::config::field;
+use proto::config::{Default, Kind, Range};
+use proto::rng::{Draws, uniform};
+use serde::Deserialize;
+use std::f64::consts::{PI, TAU};
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "disc",
+    doc: "At random in a disc around the origin, as large as the density asks.",
+    fields: &[field(
+        "density_per_m2",
+        "Agents per m²: about 5 in the BotNet paper, 0.22 in its code.",
+        Kind::Number(Range::closed(1e-9, 1e9)),
+        Default::Required,
+    )],
+    build: |table, _, _| Some(Box::new(table.clone().try_into::<Disc>().ok()?)),
+};
+
+/// Uniform in a disc of radius √(n / (π density)).
+#[derive(Debug, Deserialize)]
+struct Disc {
+    density_per_m2: f64,
+}
+
+/// Radius (m) of a disc with `n_agents` at `density_per_m2` (positive).
+#[must_use]
+pub fn radius_m(n_agents: usize, density_per_m2: f64) -> f64 {
+    libm::sqrt(n_agents as f64 / (density_per_m2 * PI))
+}
+
+impl Scenario for Disc {
+    fn place(&self, agent: usize, n_agents: usize, draws: Draws) -> Place {
+        let [a, b, ..] = draws.words(agent as u64, 0, 0);
+        let radius_m = radius_m(n_agents, self.density_per_m2) * libm::sqrt(uniform(a));
+        let angle_rad = TAU * uniform(b);
+        Place {
+            position_m: [radius_m * libm::cos(angle_rad), radius_m * libm::sin(angle_rad), 0.0],
+            heading_rad: None,
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! The swarm: owns the state; each step turns knowledge into commands, commands into motion, motion into payloads.
+
+use crate::config::{self, Behaviour};
+use crate::controller::{self, View};
+use crate::dynamics::Command;
+use crate::knowledge::{Knowledge, Source};
+use crate::{payload, scenario};
+use proto::config::Problem;
+use proto::rng::{Draws, Purpose};
+use proto::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator, RobotStart, Setup};
+use proto::types::{AgentOrder, AgentStates, seconds};
+use serde::{Deserialize, Serialize};
+
+/// The robots of an experiment.
+#[derive(Debug, Default)]
+pub struct Swarm {
+    running: Option<Running>,
+}
+
+#[derive(Debug)]
+struct Running {
+    behaviour: Behaviour,
+    state: State,
+}
+
+/// Everything that is saved.
+#[derive(Debug, Serialize, Deserialize)]
+struct State {
+    seed: u64,
+    /// The configuration in force, as TOML text.
+    effective: String,
+    states: AgentStates,
+    /// What each agent was ordered to do. `None`: its controller decides.
+    orders: Vec<Option<AgentOrder>>,
+    /// Transmissions so far whose payload was not one of ours.
+    n_foreign: u64,
+}
+
+impl Swarm {
+    /// How many transmissions had a payload that is not one of ours and were not read, since the experiment began.
+    #[must_use]
+    pub fn n_foreign_payloads(&self) -> u64 {
+        self.running.as_ref().map_or(0, |running| running.state.n_foreign)
+    }
+}
+
+impl RobotSimulator for Swarm {
+    const NAME: &'static str = "robotsim";
+
+    fn config_schema_json() -> String {
+        proto::config::json_schema(&config::SPEC).to_string()
+    }
+
+    fn configure(&mut self, setup: &Setup) -> Result<RobotStart, Vec<Problem>> {
+        let (config, effective) = config::read(setup)?;
+        let (seed, n_agents) = (setup.experiment.seed, setup.experiment.agent_count);
+        let states = scenario::states(&*config.scenario, n_agents, seed);
+        if config.behaviour.knowledge == Source::Truth {
+            tracing::warn!(
+                "knowledge = \"truth\": every robot is told the state of every other; an ideal baseline, no radio"
+            );
+        }
+        let payloads = payload::encode(&states);
+        let state = State {
+            seed,
+            effective: effective.to_string(),
+            states: states.clone(),
+            orders: vec![None; n_agents],
+            n_foreign: 0,
+        };
+        self.running = Some(Running { behaviour: config.behaviour, state });
+        Ok(RobotStart { effective, states, payloads })
+    }
+
+    fn step(&mut self, input: &RobotInput<'_>) -> RobotOutput {
+        let Running { behaviour, state } =
+            self.running.as_mut().expect("step is called after configure only");
+        for command in input.commands {
+            state.orders[command.agent as usize] = match command.order {
+                AgentOrder::Release => None,
+                order => Some(order),
+            };
+        }
+        let knowledge = match behaviour.knowledge {
+            Source::Heard => Knowledge::heard(input.deliveries, state.states.len()),
+            Source::Truth => Knowledge::truth(&state.states, input.from_ns),
+        };
+        state.note_foreign(knowledge.n_foreign(), input.step);
+
+        let dt_s = seconds(input.until_ns - input.from_ns);
+        let view = View {
+            step: input.step,
+            dt_s,
+            states: &state.states,
+            knowledge: &knowledge,
+            draws: Draws::new(state.seed, Purpose::Control),
+        };
+        let mut commands = controller::commands(&*behaviour.controller, &view);
+        let task_complete = behaviour.controller.is_done(&view, &commands);
+        for (agent, command) in commands.iter_mut().enumerate() {
+            match state.orders[agent] {
+                Some(AgentOrder::Velocity(velocity_mps)) => {
+                    *command = Command::Velocity(velocity_mps);
+                }
+                Some(AgentOrder::Waypoint(to_m)) => {
+                    // Straight there: the cap shortens a step that is too long.
+                    let at_m = state.states.position_m(agent);
+                    *command =
+                        Command::Velocity(std::array::from_fn(|i| (to_m[i] - at_m[i]) / dt_s));
+                }
+                Some(AgentOrder::Release) | None => {}
+            }
+        }
+        behaviour.dynamics.advance(dt_s, &commands, &mut state.states);
+        RobotOutput {
+            states: state.states.clone(),
+            payloads: payload::encode(&state.states),
+            task_complete,
+            ..RobotOutput::default()
+        }
+    }
+
+    fn snapshot(&self) -> Vec<u8> {
+        let state = self.running.as_ref().map(|running| &running.state);
+        postcard::to_stdvec(&(HEADER, state)).expect("a state is plain numbers and text")
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), NotASnapshot> {
+        let ((header, state), rest): ((&str, Option<State>), _) =
+            postcard::take_from_bytes(bytes).map_err(|error| NotASnapshot(error.to_string()))?;
+        if header != HEADER {
+            return Err(NotASnapshot(format!("it is of {header:?}, not of {HEADER:?}")));
+        }
+        if !rest.is_empty() {
+            return Err(NotASnapshot(format!("{} bytes too many", rest.len())));
+        }
+        self.running = state.map(Running::resume).transpose()?;
+        Ok(())
+    }
+}
+
+impl Running {
+    fn resume(state: State) -> Result<Self, NotASnapshot> {
+        state.check_lengths()?;
+        let effective: toml::Table =
+            state.effective.parse().map_err(|error| NotASnapshot(format!("{error}")))?;
+        let behaviour = config::read_behaviour(&effective, state.states.len())
+            .map_err(|problems| NotASnapshot(format!("{}", Listed(&problems))))?;
+        Ok(Self { behaviour, state })
+    }
+}
+
+impl State {
+    /// Warns once, at the first payload that cannot be read, and counts on.
+    fn note_foreign(&mut self, n: u64, step: u64) {
+        if self.n_foreign == 0 && n != 0 {
+            tracing::warn!(
+                step,
+                n,
+                "payloads that are not {} bytes of finite numbers are not read",
+                payload::LENGTH_BYTES
+            );
+        }
+        self.n_foreign += n;
+    }
+
+    fn check_lengths(&self) -> Result<(), NotASnapshot> {
+        let AgentStates { alive, x_m, y_m, z_m, vx_mps, vy_mps, vz_mps, heading_rad, .. } =
+            &self.states;
+        let n = x_m.len();
+        let columns = [y_m, z_m, vx_mps, vy_mps, vz_mps].map(Vec::len);
+        let fit = columns == [n; 5]
+            && alive.len() == n
+            && self.orders.len() == n
+            && (heading_rad.is_empty() || heading_rad.len() == n);
+        if fit { Ok(()) } else { Err(NotASnapshot("columns of unequal length".to_owned())) }
+    }
+}
+
+/// Problems in one line.
+struct Listed<'a>(&'a [Problem]);
+
+impl std::fmt::Display for Listed<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (index, problem) in self.0.iter().enumerate() {
+            write!(f, "{}{problem}", if index == 0 { "" } else { "; " })?;
+        }
+        Ok(())
+    }
+}
+
+/// Begins every snapshot.
+const HEADER: &str = concat!("robotsim ", env!("CARGO_PKG_VERSION"));

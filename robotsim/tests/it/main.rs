@@ -1,0 +1,7 @@
+//! The swarm as its host sees it: configured, stepped, saved and restored.
+
+mod air;
+mod config;
+mod flocking;
+mod line_formation;
+mod swarm;

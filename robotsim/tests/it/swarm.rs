@@ -1,0 +1,1 @@
+//! Orders, saving, and what every swarm must keep.
