@@ -1,0 +1,379 @@
+//! The command line.
+
+use crate::bench::{self, BenchOptions};
+use crate::config::{self, Overrides, Tls};
+use crate::console::{complain, say, warn};
+use crate::record;
+use crate::run::{self, RunOptions, RunReport, StartOptions};
+use clap::{Args, Parser, Subcommand};
+use proto::host::{ServeArgs, init_logging, serve_network, serve_robots};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Runs experiments on robot swarms that talk over a radio mesh
+///
+/// Two simulators run as processes of their own, one for the robots and one for the network, and are kept in step.
+/// Exit status: 0 done, 1 the work failed, 2 the request was wrong.
+#[derive(Parser)]
+#[command(name = "orchestrator", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// What to log on standard error: error, warn, info, debug, trace, or a filter such as netsim=debug
+    #[arg(long, global = true, value_name = "FILTER", default_value = "warn")]
+    log: String,
+    /// Log as JSON, one object a line
+    #[arg(long, global = true)]
+    log_json: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run an experiment
+    Run(RunArgs),
+    /// Check an experiment file without running it
+    Check(CheckArgs),
+    /// Print the JSON Schema of experiment files
+    Schema,
+    /// Check that a recorded run is whole and agrees with itself
+    Verify(VerifyArgs),
+    /// Measure speed through the real processes
+    Bench(BenchArgs),
+    /// Serve the network simulator
+    #[command(hide = true)]
+    Netsim(ServeOptions),
+    /// Serve the robot simulator
+    #[command(hide = true)]
+    Robotsim(ServeOptions),
+}
+
+#[derive(Args)]
+struct FileArgs {
+    /// The experiment file (TOML)
+    config: PathBuf,
+    /// Set a key of the file: netsim.phy.propagation=friis. May be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Seed of every random draw, in place of the file's
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Use the network simulator at this URL instead of starting one
+    #[arg(long, value_name = "URL")]
+    netsim: Option<String>,
+    /// Use the robot simulator at this URL instead of starting one
+    #[arg(long, value_name = "URL")]
+    robotsim: Option<String>,
+    /// Authority that signed the certificates of simulators at https URLs (PEM)
+    #[arg(long, value_name = "FILE")]
+    tls_ca: Option<PathBuf>,
+    /// Our certificate, where they ask for one (PEM)
+    #[arg(long, value_name = "FILE", requires_all = ["tls_key", "tls_ca"])]
+    tls_cert: Option<PathBuf>,
+    /// Its private key (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl FileArgs {
+    fn overrides(&self) -> Overrides {
+        Overrides {
+            set: self.set.clone(),
+            seed: self.seed,
+            netsim_url: self.netsim.clone(),
+            robotsim_url: self.robotsim.clone(),
+            tls: self
+                .tls_ca
+                .clone()
+                .map(|ca| Tls { ca, identity: self.tls_cert.clone().zip(self.tls_key.clone()) }),
+        }
+    }
+}
+
+#[derive(Args)]
+struct RunArgs {
+    #[command(flatten)]
+    file: FileArgs,
+    /// Folder of results: the run gets a folder of its name in it
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    out: PathBuf,
+    /// Threads of each simulator; results do not depend on it [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+#[derive(Args)]
+struct CheckArgs {
+    #[command(flatten)]
+    file: FileArgs,
+}
+
+#[derive(Args)]
+struct VerifyArgs {
+    /// Folder of a run
+    run: PathBuf,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Args)]
+struct BenchArgs {
+    /// Only rows of so many agents. May be given several times
+    #[arg(long, value_name = "N")]
+    agents: Vec<u32>,
+    /// Steps measured per row [default: enough for a second]
+    #[arg(long, value_name = "N")]
+    steps: Option<u64>,
+    /// Measure with recording and parallel coupling as well
+    #[arg(long)]
+    all: bool,
+    /// Threads of each simulator [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// As [`ServeArgs`], whose log options are global here.
+#[derive(Args)]
+struct ServeOptions {
+    #[arg(long, default_value = "127.0.0.1:0")]
+    listen: std::net::SocketAddr,
+    #[arg(long)]
+    threads: Option<u16>,
+    #[arg(long)]
+    exit_with_parent: bool,
+}
+
+impl ServeOptions {
+    fn args(self, log: String, log_json: bool) -> ServeArgs {
+        ServeArgs {
+            listen: self.listen,
+            tls_cert: None,
+            tls_key: None,
+            tls_client_ca: None,
+            insecure_no_tls: false,
+            threads: self.threads,
+            log,
+            log_json,
+            exit_with_parent: self.exit_with_parent,
+        }
+    }
+}
+
+/// Something went wrong: what to say and how to exit.
+struct Failure {
+    status: u8,
+    text: String,
+}
+
+impl Failure {
+    fn work(error: impl ToString) -> Self {
+        Self { status: 1, text: error.to_string() }
+    }
+
+    fn request(error: impl ToString) -> Self {
+        Self { status: 2, text: error.to_string() }
+    }
+}
+
+/// Runs the program.
+#[must_use]
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.command {
+        Command::Netsim(options) => {
+            return served(serve_network(netsim::sim::Network::default(), &options.args(cli.log, cli.log_json)));
+        }
+        Command::Robotsim(options) => {
+            return served(serve_robots(robotsim::sim::Swarm::default(), &options.args(cli.log, cli.log_json)));
+        }
+        command => init_logging(&cli.log, cli.log_json)
+            .map_err(Failure::request)
+            .and_then(|()| dispatch(command, &cli.log, cli.log_json)),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            complain(failure.text);
+            ExitCode::from(failure.status)
+        }
+    }
+}
+
+fn served(result: Result<(), proto::host::ServeError>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            complain(error);
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> {
+    let start = |threads| -> Result<StartOptions, Failure> {
+        let executable = std::env::current_exe().map_err(Failure::work)?;
+        Ok(StartOptions { executable, threads, log: log.to_owned(), log_json })
+    };
+    match command {
+        Command::Run(args) => run_command(&args, start(args.threads)?),
+        Command::Check(args) => check_command(&args.file),
+        Command::Schema => {
+            say(format!("{:#}", config::schema()));
+            Ok(())
+        }
+        Command::Verify(args) => verify_command(&args),
+        Command::Bench(args) => {
+            let options =
+                BenchOptions { agents: args.agents, steps: args.steps, all: args.all, start: start(args.threads)? };
+            let table = on_runtime(bench::bench(&options))?.map_err(Failure::work)?;
+            say(&table);
+            write_json(args.json.as_deref(), &table.to_json())
+        }
+        Command::Netsim(_) | Command::Robotsim(_) => unreachable!("served in main"),
+    }
+}
+
+/// One thread suffices: the work is in the simulators, and handing over between threads would cost more than it gains.
+fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
+    let runtime =
+        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::work)?;
+    Ok(runtime.block_on(work))
+}
+
+fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
+    let options = RunOptions {
+        config: args.file.config.clone(),
+        overrides: args.file.overrides(),
+        out: args.out.clone(),
+        start,
+    };
+    let report = on_runtime(run::run(&options))?
+        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+    for warning in &report.warnings {
+        warn(warning);
+    }
+    describe(&report);
+    write_json(args.file.json.as_deref(), &report.finished.summary)?;
+    if report.interrupted {
+        return Err(Failure::work(format!(
+            "interrupted after step {}: what was recorded until then is kept",
+            report.n_steps
+        )));
+    }
+    Ok(())
+}
+
+fn describe(report: &RunReport) {
+    let summary = &report.finished.summary;
+    let rate = if report.wall_s > 0.0 { report.n_steps as f64 / report.wall_s } else { 0.0 };
+    say(format!(
+        "{}: {} steps, {:.1} s simulated in {:.2} s ({rate:.0} steps/s)",
+        summary["name"].as_str().unwrap_or("run"),
+        report.n_steps,
+        run::ns_to_s(report.time_ns),
+        report.wall_s,
+    ));
+    for line in highlights(summary) {
+        say(format!("  {line}"));
+    }
+    say(format!("results in {}", report.finished.dir.display()));
+    if let Some(page) = &report.finished.report {
+        say(format!("look at {}", page.display()));
+    }
+}
+
+/// The few numbers of a summary that a person looks for first.
+fn highlights(summary: &Value) -> Vec<String> {
+    let task = &summary["task"];
+    let network = &summary["network"];
+    let mut lines = Vec::new();
+    if let Some(baseline) = summary["baseline"].as_str() {
+        lines.push(format!("{baseline}: robots knew the true state of all others"));
+    }
+    if let Some(speed_mps) = task["flock_speed_mps"].as_f64() {
+        let leader = task["leader_speed_mps"].as_f64().map(|leader| format!(" (the leader's: {leader:.2})"));
+        lines.push(format!("flock speed {speed_mps:.2} m/s{}", leader.unwrap_or_default()));
+    }
+    if let Some(step) = task["completed_at_step"].as_u64() {
+        lines.push(format!("task complete at step {step}"));
+    }
+    if let Some(residual) = task["line_residual_log10"].as_f64() {
+        lines.push(format!("line residual 10^{residual:.1} m²"));
+    }
+    if let (Some(ratio), Some(heard)) =
+        (network["delivery_ratio"].as_f64(), network["mean_neighbours_heard"].as_f64())
+    {
+        lines.push(format!("{:.1} % of frames delivered, {heard:.1} neighbours heard on average", ratio * 100.0));
+    }
+    lines
+}
+
+fn check_command(args: &FileArgs) -> Result<(), Failure> {
+    let plan = config::load(&args.config, &args.overrides()).map_err(Failure::request)?;
+    let n_steps = plan.duration_ns.div_ceil(plan.experiment.step_ns);
+    for warning in &plan.warnings {
+        warn(warning);
+    }
+    say(format!(
+        "{}: good. {} agents, seed {}, {n_steps} steps of {} ms",
+        args.config.display(),
+        plan.experiment.agent_count,
+        plan.experiment.seed,
+        plan.experiment.step_ns as f64 / 1e6
+    ));
+    for (section, side) in [("robotsim", &plan.robotsim), ("netsim", &plan.netsim)] {
+        if let Some(url) = &side.url {
+            say(format!("[{section}] is not checked here: the simulator at {url} does when the experiment runs"));
+        }
+    }
+    let found = serde_json::json!({
+        "schema": "check/1",
+        "name": plan.name,
+        "agents": plan.experiment.agent_count,
+        "seed": plan.experiment.seed,
+        "steps": n_steps,
+        "step_ns": plan.experiment.step_ns,
+        "warnings": plan.warnings,
+    });
+    write_json(args.json.as_deref(), &found)
+}
+
+fn verify_command(args: &VerifyArgs) -> Result<(), Failure> {
+    let report = record::verify(&args.run).map_err(Failure::work)?;
+    for problem in &report.problems {
+        complain(problem);
+    }
+    let found = serde_json::json!({
+        "schema": "verify/1",
+        "files": report.files,
+        "steps": report.steps,
+        "digests": report.digests,
+        "problems": report.problems,
+    });
+    write_json(args.json.as_deref(), &found)?;
+    let (files, steps, digests) = (report.files.len(), report.steps, report.digests);
+    let counted = format!("{files} files whole, {steps} steps, {digests} digests computed again and equal");
+    if report.problems.is_empty() {
+        say(format!("{}: good. {counted}", args.run.display()));
+        Ok(())
+    } else {
+        Err(Failure::work(format!("{}: {} problems; {counted}", args.run.display(), report.problems.len())))
+    }
+}
+
+/// Writes a file in one piece: under another name first.
+fn write_json(path: Option<&Path>, value: &Value) -> Result<(), Failure> {
+    let Some(path) = path else { return Ok(()) };
+    let failed = |error: &dyn std::fmt::Display| Failure::work(format!("--json {}: {error}", path.display()));
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = tempfile::NamedTempFile::new_in(folder).map_err(|error| failed(&error))?;
+    std::fs::write(file.path(), format!("{value:#}\n")).map_err(|error| failed(&error))?;
+    file.persist(path).map(|_| ()).map_err(|error| failed(&error))
+}

@@ -1,0 +1,590 @@
+//! An experiment file: from text to something that can be run, or to every problem it has.
+
+mod control;
+mod refusal;
+
+pub use control::ControlPeriod;
+pub use refusal::Refusal;
+
+use crate::record::{self, OutputConfig};
+use bytes::Bytes;
+use proto::config::{self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, Value};
+use proto::side::Setup;
+use proto::site::{self, Site};
+use proto::types::{Coupling, Experiment, NS_PER_S};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Description of `[experiment]`.
+pub const EXPERIMENT: TableSpec = TableSpec {
+    doc: "What is run, for how long, and how the two simulators take turns.",
+    fields: &[
+        Field {
+            key: "name",
+            doc: "Name of the experiment and of the folder with its results: letters, digits, '-', '_' and '.'.",
+            kind: Kind::Text,
+            default: Default::Required,
+        },
+        Field {
+            key: "seed",
+            doc: "Seed of every random draw. The same seed and configuration give the same recording.",
+            kind: Kind::Integer { min: 0, max: i64::MAX },
+            default: Default::Required,
+        },
+        Field {
+            key: "duration_s",
+            doc: "Simulated time (s). Rounded up to whole control periods.",
+            kind: Kind::Number(Range::above(0.0, 1e9)),
+            default: Default::Required,
+        },
+        Field {
+            key: "agents",
+            doc: "How many robots, each with a radio.",
+            kind: Kind::Integer { min: 1, max: proto::host::MAX_AGENTS as i64 },
+            default: Default::Required,
+        },
+        Field {
+            key: "coupling",
+            doc: "How the two simulators take turns.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "sequential",
+                    doc: "Robots act on what was heard and move, then the network runs over their new positions.",
+                },
+                Choice { name: "parallel", doc: "Both run at the same time; what robots hear is one period older." },
+            ]),
+            default: Default::Text("sequential"),
+        },
+        Field {
+            key: "control_period",
+            doc: "How often robots act: every slotframe (as many slots as agents), every packet that is delivered, or \
+                  { slots = n } or { rate_hz = r }.",
+            kind: Kind::Either(&[
+                Kind::Choice(&[
+                    Choice { name: "slotframe", doc: "As many slots as there are agents." },
+                    Choice { name: "packet", doc: "Whenever a packet was delivered, at the latest every slotframe." },
+                ]),
+                Kind::Table(&control::SPEC),
+            ]),
+            default: Default::Text("slotframe"),
+        },
+        Field {
+            key: "stop_when_complete",
+            doc: "End when the robots regard their task as done.",
+            kind: Kind::Bool,
+            default: Default::Bool(true),
+        },
+        Field {
+            key: "transport",
+            doc: "How steps cross. Results do not depend on it.",
+            kind: Kind::Choice(&[
+                Choice { name: "auto", doc: "One stream where a simulator announces it, else single calls." },
+                Choice { name: "stream", doc: "One stream; refused if a simulator does not announce it." },
+                Choice { name: "unary", doc: "Single calls." },
+            ]),
+            default: Default::Text("auto"),
+        },
+        Field {
+            key: "step_deadline_s",
+            doc: "How long a simulator may take for one step (s of real time) while it shows signs of life. One that \
+                  shows none is given up after about five seconds.",
+            kind: Kind::Number(Range::closed(1.0, 86_400.0)),
+            default: Default::Number(60.0),
+        },
+        Field {
+            key: "tls",
+            doc: "Certificates for simulators on other hosts.",
+            kind: Kind::Table(&TLS),
+            default: Default::Absent,
+        },
+    ],
+    tag: None,
+};
+
+const TLS: TableSpec = TableSpec {
+    doc: "Certificates, as paths of PEM files.",
+    fields: &[
+        Field { key: "ca", doc: "Authority that signed the simulators' certificates.", kind: Kind::Text, default: Default::Required },
+        Field { key: "cert", doc: "Our own certificate, where they ask for one.", kind: Kind::Text, default: Default::Absent },
+        Field { key: "key", doc: "Its private key.", kind: Kind::Text, default: Default::Absent },
+    ],
+    tag: None,
+};
+
+/// The key of `[netsim]` and `[robotsim]` that is the orchestrator's.
+pub const URL: Field = Field {
+    key: "url",
+    doc: "Where a simulator already runs: http://HOST:PORT, or https:// with [experiment.tls]. Absent: one is started here.",
+    kind: Kind::Text,
+    default: Default::Absent,
+};
+
+/// Certificates to talk to simulators with.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tls {
+    /// Authority (PEM).
+    pub ca: PathBuf,
+    /// Own certificate and key (PEM).
+    pub identity: Option<(PathBuf, PathBuf)>,
+}
+
+/// How steps cross.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// A stream if announced.
+    Auto,
+    /// A stream, or refusal.
+    Stream,
+    /// Single calls.
+    Unary,
+}
+
+/// One side's section.
+#[derive(Clone, Debug)]
+pub struct SideConfig {
+    /// Where it runs already; `None`: it is started here.
+    pub url: Option<String>,
+    /// Its section without the orchestrator's keys, as written, as TOML text.
+    pub toml: String,
+    /// The files that the section names, by the path written there.
+    pub files: BTreeMap<String, Bytes>,
+    /// Where those files are: path of the key, absolute path of the file.
+    pub places: Vec<(String, String)>,
+    /// The URL that the file itself gives.
+    pub written_url: Option<String>,
+}
+
+/// What the command line puts over the file.
+#[derive(Clone, Debug, std::default::Default)]
+pub struct Overrides {
+    /// `--set key=value`, in order.
+    pub set: Vec<String>,
+    /// `--seed`.
+    pub seed: Option<u64>,
+    /// `--netsim`.
+    pub netsim_url: Option<String>,
+    /// `--robotsim`.
+    pub robotsim_url: Option<String>,
+    /// `--tls-ca`, `--tls-cert`, `--tls-key`.
+    pub tls: Option<Tls>,
+}
+
+/// A valid experiment.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The file it came from.
+    pub path: PathBuf,
+    /// Its text, for messages about what a foreign simulator refuses.
+    pub text: String,
+    /// What was written, with places.
+    pub tree: Node,
+    /// Name.
+    pub name: String,
+    /// Seed, capacity, period, coupling.
+    pub experiment: Experiment,
+    /// How often robots act.
+    pub control: ControlPeriod,
+    /// Simulated time (ns).
+    pub duration_ns: u64,
+    /// End when the robots are done.
+    pub stop_when_complete: bool,
+    /// How steps cross.
+    pub transport: Transport,
+    /// Longest wait for a step that shows signs of life (s).
+    pub step_deadline_s: f64,
+    /// Certificates.
+    pub tls: Option<Tls>,
+    /// `[site]` as TOML text.
+    pub site_toml: String,
+    /// `[robotsim]`.
+    pub robotsim: SideConfig,
+    /// `[netsim]`.
+    pub netsim: SideConfig,
+    /// `[output]`.
+    pub output: OutputConfig,
+    /// Effective `[experiment]`, `[site]` and `[output]`, for the record.
+    pub effective: toml::Table,
+    /// What should be checked before the results are trusted.
+    pub warnings: Vec<String>,
+}
+
+/// Reads and checks an experiment file.
+///
+/// # Errors
+///
+/// Every problem it has, with its place.
+pub fn load(path: &Path, overrides: &Overrides) -> Result<Plan, Refusal> {
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        let reason = match error.kind() {
+            std::io::ErrorKind::NotFound => missing_file(path),
+            std::io::ErrorKind::InvalidData => "is not UTF-8 text".to_owned(),
+            _ => format!("cannot be read: {error}"),
+        };
+        Refusal::of_file(path, reason)
+    })?;
+    read(path, text, overrides)
+}
+
+/// Checks the text of an experiment file; `path` is for messages, and for files that it names.
+///
+/// # Errors
+///
+/// Every problem it has, with its place.
+pub fn read(path: &Path, text: String, overrides: &Overrides) -> Result<Plan, Refusal> {
+    let mut tree =
+        config::parse(&text).map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
+    let mut problems = Vec::new();
+    for assignment in &overrides.set {
+        if let Err(problem) = set(&mut tree, assignment) {
+            problems.push(problem);
+        }
+    }
+    if let Some(seed) = overrides.seed {
+        match i64::try_from(seed) {
+            Ok(seed) => {
+                if let Err(problem) = tree.set("experiment.seed", Value::Integer(seed)) {
+                    problems.push(problem);
+                }
+            }
+            Err(_) => problems.push(
+                Problem::new("--seed", format!("must be at most {}", i64::MAX)).value(seed).nearest(i64::MAX),
+            ),
+        }
+    }
+    let base = path.parent().unwrap_or(Path::new(""));
+    match plan(path, &text, &tree, base, overrides, &mut problems) {
+        Some(plan) if problems.is_empty() => Ok(plan),
+        _ => Err(Refusal::new(path, &text, &tree, problems)),
+    }
+}
+
+/// The JSON Schema of an experiment file.
+#[must_use]
+pub fn schema() -> serde_json::Value {
+    let section = |spec: &TableSpec, with_url: bool| {
+        let mut schema = config::json_schema(spec);
+        if with_url {
+            let url = serde_json::json!({ "type": "string", "description": URL.doc });
+            let tables = match schema.get_mut("oneOf").and_then(|tables| tables.as_array_mut()) {
+                Some(tables) => tables.iter_mut().collect(),
+                None => vec![&mut schema],
+            };
+            for table in tables {
+                table["properties"]["url"] = url.clone();
+            }
+        }
+        schema
+    };
+    serde_json::json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Murmuration experiment",
+        "type": "object",
+        "properties": {
+            "experiment": section(&EXPERIMENT, false),
+            "site": section(&site::SPEC, false),
+            "robotsim": {
+                "anyOf": [section(&robotsim::config::SPEC, true), foreign("robot")],
+            },
+            "netsim": {
+                "anyOf": [section(&netsim::config::SPEC, true), foreign("network")],
+            },
+            "output": section(&record::output::SPEC, false),
+        },
+        "required": ["experiment"],
+        "additionalProperties": false,
+    })
+}
+
+/// The schema of a section that a simulator elsewhere reads.
+fn foreign(what: &str) -> serde_json::Value {
+    serde_json::json!({
+        "type": "object",
+        "description": format!("For a {what} simulator that runs elsewhere: its own keys."),
+        "properties": { "url": { "type": "string", "description": URL.doc } },
+        "required": ["url"],
+    })
+}
+
+fn missing_file(path: &Path) -> String {
+    let sibling = path.file_name().and_then(|wanted| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut names: Vec<String> = std::fs::read_dir(folder)
+            .ok()?
+            .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+            .collect();
+        names.sort();
+        let nearest = config::most_similar(wanted.to_str()?, names.iter().map(String::as_str))?.to_owned();
+        Some(path.with_file_name(nearest))
+    });
+    match sibling {
+        Some(sibling) => format!("does not exist (nearest: {})", sibling.display()),
+        None => "does not exist".to_owned(),
+    }
+}
+
+/// `--set key=value`: the value is TOML, or a bare word taken as a text.
+fn set(tree: &mut Node, assignment: &str) -> Result<(), Problem> {
+    let (key, value) = assignment.split_once('=').ok_or_else(|| {
+        Problem::new(format!("--set {assignment}"), "must be key=value, such as experiment.seed=2")
+    })?;
+    let (key, value) = (key.trim(), value.trim());
+    let parsed: toml::Value = toml::from_str::<toml::Table>(&format!("v = {value}"))
+        .ok()
+        .and_then(|mut table| table.remove("v"))
+        .unwrap_or_else(|| toml::Value::String(value.to_owned()));
+    tree.set(key, Value::from(&parsed)).map_err(|problem| Problem {
+        message: format!("{} (in --set {assignment})", problem.message),
+        ..problem
+    })
+}
+
+/// Builds the plan, collecting problems. `None` only where there are problems.
+fn plan(
+    path: &Path,
+    text: &str,
+    tree: &Node,
+    base: &Path,
+    overrides: &Overrides,
+    problems: &mut Vec<Problem>,
+) -> Option<Plan> {
+    const SECTIONS: [&str; 5] = ["experiment", "site", "robotsim", "netsim", "output"];
+    if let Value::Table(entries) = &tree.value {
+        for (key, ..) in entries {
+            if !SECTIONS.contains(&key.as_str()) {
+                let mut problem = Problem::new(key, "is not a known section");
+                problem.nearest = config::most_similar(key, SECTIONS).map(str::to_owned);
+                if problem.nearest.is_none() {
+                    problem.message = format!("is not a known section: there are {}", SECTIONS.join(", "));
+                }
+                problems.push(problem);
+            }
+        }
+    }
+    let empty = Node::empty_table();
+    let section = |key: &str| tree.get(key).unwrap_or(&empty);
+    let experiment_table = config::check(section("experiment"), "experiment", &EXPERIMENT, problems).table;
+    let (site, site_table) = site::read(section("site"), "site", problems);
+    let (output, output_table) = record::output::read(section("output"), "output", problems);
+
+    let name = experiment_table.get("name").and_then(toml::Value::as_str).unwrap_or("").to_owned();
+    if !name.is_empty() && !is_file_name(&name) {
+        problems.push(
+            Problem::new(
+                "experiment.name",
+                "must be letters, digits, '-', '_' and '.', at most 100, not starting with '.': it names a folder",
+            )
+            .value(format!("{name:?}"))
+            .nearest(format!("{:?}", as_file_name(&name))),
+        );
+    }
+    let integer = |key: &str| experiment_table.get(key).and_then(toml::Value::as_integer);
+    let number = |key: &str| experiment_table.get(key).and_then(toml::Value::as_float);
+    let agents = integer("agents").and_then(|agents| usize::try_from(agents).ok());
+    let parallel = experiment_table.get("coupling").and_then(toml::Value::as_str) == Some("parallel");
+    let slot_ns = slot_ns(section("netsim"));
+    let control =
+        control::read(&experiment_table, agents.unwrap_or(1), slot_ns, parallel, problems);
+    let tls = overrides.tls.clone().or_else(|| tls_of(&experiment_table, base, problems));
+
+    let experiment = Experiment {
+        seed: integer("seed").unwrap_or(0).unsigned_abs(),
+        agent_count: agents.unwrap_or(1),
+        step_ns: control.step_ns(agents.unwrap_or(1), slot_ns),
+        coupling: match (&control, parallel) {
+            (ControlPeriod::Packet, _) => Coupling::Event,
+            (_, true) => Coupling::Parallel,
+            (_, false) => Coupling::Sequential,
+        },
+    };
+    let mut sides = Sides { base, site: &site, experiment: &experiment, known: agents.is_some(), problems };
+    let robotsim = sides.read(
+        section("robotsim"),
+        "robotsim",
+        overrides.robotsim_url.as_ref(),
+        robotsim::config::files,
+        |setup| robotsim::config::read(setup).map(|_| Vec::new()),
+    );
+    let netsim = sides.read(
+        section("netsim"),
+        "netsim",
+        overrides.netsim_url.as_ref(),
+        netsim::config::files,
+        |setup| netsim::config::read(setup).map(|(_, _, warnings)| warnings),
+    );
+    if !problems.is_empty() {
+        return None;
+    }
+    let mut effective = toml::Table::new();
+    effective.insert("experiment".to_owned(), experiment_table.clone().into());
+    effective.insert("site".to_owned(), site_table.clone().into());
+    effective.insert("output".to_owned(), output_table.into());
+    Some(Plan {
+        path: path.to_owned(),
+        text: text.to_owned(),
+        tree: tree.clone(),
+        name,
+        control,
+        duration_ns: libm::round(number("duration_s")? * NS_PER_S as f64) as u64,
+        stop_when_complete: experiment_table.get("stop_when_complete")?.as_bool()?,
+        transport: match experiment_table.get("transport")?.as_str()? {
+            "stream" => Transport::Stream,
+            "unary" => Transport::Unary,
+            _ => Transport::Auto,
+        },
+        step_deadline_s: number("step_deadline_s")?,
+        tls,
+        site_toml: site_table.to_string(),
+        warnings: [robotsim.1, netsim.1].concat(),
+        robotsim: robotsim.0,
+        netsim: netsim.0,
+        output,
+        effective,
+        experiment,
+    })
+}
+
+/// The slot of the network (ns), where its section says one; 10 ms otherwise (IEEE 802.15.4-2015 default timeslot).
+fn slot_ns(netsim: &Node) -> u64 {
+    let written = match netsim.get("slot_duration_s").map(|node| &node.value) {
+        Some(Value::Number(seconds)) => *seconds,
+        Some(Value::Integer(seconds)) => *seconds as f64,
+        _ => 0.01,
+    };
+    let ns = libm::round(written * NS_PER_S as f64);
+    if (1.0..=1e18).contains(&ns) { ns as u64 } else { 10_000_000 }
+}
+
+fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>) -> Option<Tls> {
+    let table = experiment.get("tls")?.as_table()?;
+    let path = |key: &str| table.get(key).and_then(toml::Value::as_str).map(|path| base.join(path));
+    let identity = match (path("cert"), path("key")) {
+        (Some(cert), Some(key)) => Some((cert, key)),
+        (None, None) => None,
+        (Some(_), None) => {
+            problems.push(Problem::new("experiment.tls.key", "is missing: cert and key go together"));
+            None
+        }
+        (None, Some(_)) => {
+            problems.push(Problem::new("experiment.tls.cert", "is missing: cert and key go together"));
+            None
+        }
+    };
+    Some(Tls { ca: path("ca")?, identity })
+}
+
+fn is_file_name(name: &str) -> bool {
+    !name.starts_with('.')
+        && name.len() <= 100
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
+}
+
+fn as_file_name(name: &str) -> String {
+    let replaced: String = name
+        .trim_start_matches('.')
+        .chars()
+        .take(100)
+        .map(|c| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' })
+        .collect();
+    if replaced.is_empty() { "experiment".to_owned() } else { replaced }
+}
+
+struct Sides<'a> {
+    base: &'a Path,
+    site: &'a Site,
+    experiment: &'a Experiment,
+    /// The number of agents is known: without it, nothing that counts agents can be judged.
+    known: bool,
+    problems: &'a mut Vec<Problem>,
+}
+
+impl Sides<'_> {
+    /// Reads one side's section, and checks it if the side is ours to start.
+    fn read(
+        &mut self,
+        node: &Node,
+        path: &str,
+        url_override: Option<&String>,
+        files: fn(&Node, &str) -> Vec<FileReference>,
+        check: impl Fn(&Setup) -> Result<Vec<String>, Vec<Problem>>,
+    ) -> (SideConfig, Vec<String>) {
+        let mut own = node.clone();
+        let written_url = own.take(URL.key);
+        if !matches!(own.value, Value::Table(_)) {
+            self.problems.push(Problem::new(path, "must be a table").value(node.show()));
+            own = Node::empty_table();
+        }
+        let in_file = match written_url.as_ref().map(|node| &node.value) {
+            Some(Value::Text(url)) => Some(url.clone()),
+            _ => None,
+        };
+        let url = match (url_override, written_url.map(|node| (node.show(), node.value))) {
+            (Some(url), _) => self.url(&format!("--{path}"), url),
+            (None, Some((_, Value::Text(url)))) => self.url(&format!("{path}.url"), &url),
+            (None, Some((shown, _))) => {
+                self.problems.push(Problem::new(format!("{path}.url"), "must be a text in quotes").value(shown));
+                None
+            }
+            (None, None) => None,
+        };
+        let mut contents = BTreeMap::new();
+        let mut places = Vec::new();
+        for reference in files(&own, path) {
+            let file = self.base.join(&reference.path);
+            match std::fs::read(&file) {
+                Ok(content) => {
+                    let place = std::path::absolute(&file).unwrap_or(file);
+                    places.push((reference.key, place.display().to_string()));
+                    contents.insert(reference.path, Bytes::from(content));
+                }
+                Err(error) => {
+                    let reason = if error.kind() == std::io::ErrorKind::NotFound {
+                        missing_file(&file)
+                    } else {
+                        format!("cannot be read: {error}")
+                    };
+                    self.problems.push(
+                        Problem::new(reference.key, format!("names a file that {reason}"))
+                            .value(format!("{:?}", reference.path)),
+                    );
+                    // Stands for the file, so that the rest of the section is still checked.
+                    contents.insert(reference.path, Bytes::new());
+                }
+            }
+        }
+        let mut warnings = Vec::new();
+        if url.is_none() && self.known {
+            let setup = Setup {
+                experiment: self.experiment.clone(),
+                site: self.site.clone(),
+                config: own.clone(),
+                path: path.to_owned(),
+                files: contents.clone(),
+                columns: Vec::new(),
+            };
+            match check(&setup) {
+                Ok(found) => warnings = found,
+                Err(found) => {
+                    // A file that is missing was reported above; what its stand-in lacks is no news.
+                    let reported: Vec<String> = self.problems.iter().map(|p| p.path.clone()).collect();
+                    self.problems.extend(found.into_iter().filter(|p| !reported.contains(&p.path)));
+                }
+            }
+        }
+        let toml = own.to_toml().as_table().map(toml::Table::to_string).unwrap_or_default();
+        (SideConfig { url, toml, files: contents, places, written_url: in_file }, warnings)
+    }
+
+    fn url(&mut self, path: &str, url: &str) -> Option<String> {
+        let host = url.strip_prefix("http://").or_else(|| url.strip_prefix("https://"));
+        if host.is_some_and(|host| !host.is_empty()) && tonic::transport::Endpoint::from_shared(url.to_owned()).is_ok() {
+            return Some(url.to_owned());
+        }
+        let mut problem =
+            Problem::new(path, "must be http://HOST:PORT or https://HOST:PORT").value(format!("{url:?}"));
+        if host.is_none() && !url.contains("://") && !url.is_empty() {
+            problem = problem.nearest(format!("\"http://{url}\""));
+        }
+        self.problems.push(problem);
+        None
+    }
+}

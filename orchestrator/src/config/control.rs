@@ -1,0 +1,136 @@
+//! How often robots act.
+
+use proto::config::{Default, Field, Kind, Problem, Range, TableSpec};
+use proto::types::NS_PER_S;
+
+/// `control_period = { ... }`.
+pub(super) const SPEC: TableSpec = TableSpec {
+    doc: "A control period of fixed length: one of the two keys.",
+    fields: &[
+        Field {
+            key: "slots",
+            doc: "Length in slots of the network.",
+            kind: Kind::Integer { min: 1, max: 1_000_000 },
+            default: Default::Absent,
+        },
+        Field {
+            key: "rate_hz",
+            doc: "How many times a second. The period must be whole slots.",
+            kind: Kind::Number(Range::above(0.0, 1e6)),
+            default: Default::Absent,
+        },
+    ],
+    tag: None,
+};
+
+/// How often robots act.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ControlPeriod {
+    /// Every so many slots.
+    Slots(u64),
+    /// Once in as many slots as there are agents.
+    Slotframe,
+    /// When a packet was delivered, at the latest after as many slots as there are agents.
+    Packet,
+}
+
+impl ControlPeriod {
+    /// The nominal period (ns).
+    #[must_use]
+    pub fn step_ns(self, agents: usize, slot_ns: u64) -> u64 {
+        let slots = match self {
+            Self::Slots(slots) => slots,
+            Self::Slotframe | Self::Packet => agents as u64,
+        };
+        slots.saturating_mul(slot_ns).max(1)
+    }
+}
+
+/// Reads the checked `control_period`.
+pub(super) fn read(
+    experiment: &toml::Table,
+    agents: usize,
+    slot_ns: u64,
+    parallel: bool,
+    problems: &mut Vec<Problem>,
+) -> ControlPeriod {
+    const PATH: &str = "experiment.control_period";
+    match experiment.get("control_period") {
+        Some(toml::Value::String(kind)) if kind == "packet" => {
+            if parallel {
+                problems.push(
+                    Problem::new(PATH, "does not go with coupling = \"parallel\": each packet ends a period of both")
+                        .value("\"packet\"")
+                        .nearest("\"slotframe\""),
+                );
+            }
+            ControlPeriod::Packet
+        }
+        Some(toml::Value::Table(table)) => {
+            let slots = table.get("slots").and_then(toml::Value::as_integer);
+            let rate_hz = table.get("rate_hz").and_then(toml::Value::as_float);
+            match (slots, rate_hz) {
+                (Some(slots), None) => ControlPeriod::Slots(slots.unsigned_abs()),
+                (None, Some(rate_hz)) => of_rate(rate_hz, slot_ns, agents, problems),
+                _ => {
+                    problems.push(Problem::new(PATH, "must have one of slots and rate_hz"));
+                    ControlPeriod::Slotframe
+                }
+            }
+        }
+        _ => ControlPeriod::Slotframe,
+    }
+}
+
+/// Whole slots, or refused with the two nearest rates.
+fn of_rate(rate_hz: f64, slot_ns: u64, agents: usize, problems: &mut Vec<Problem>) -> ControlPeriod {
+    let slots_per_s = NS_PER_S as f64 / slot_ns as f64;
+    let exact = slots_per_s / rate_hz;
+    let whole = libm::round(exact);
+    // A rate as people write it (16.67) is not taken for 50/3: only rounding of the division is forgiven.
+    if 1.0 <= whole && libm::fabs(exact - whole) <= 1e-9 * whole {
+        return ControlPeriod::Slots(whole as u64);
+    }
+    let slower = slots_per_s / (libm::floor(exact) + 1.0);
+    let faster = if 1.0 <= exact { slots_per_s / libm::floor(exact) } else { slots_per_s };
+    let nearest = if exact < 1.0 { format!("{faster} Hz") } else { format!("{slower} Hz or {faster} Hz") };
+    problems.push(
+        Problem::new(
+            "experiment.control_period.rate_hz",
+            format!("must give a period of whole slots of {} ms", slot_ns as f64 / 1e6),
+        )
+        .value(rate_hz)
+        .nearest(nearest),
+    );
+    ControlPeriod::Slots(agents as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(rate_hz: f64) -> Result<u64, String> {
+        let mut problems = Vec::new();
+        match of_rate(rate_hz, 10_000_000, 10, &mut problems) {
+            ControlPeriod::Slots(slots) if problems.is_empty() => Ok(slots),
+            _ => Err(problems[0].to_string()),
+        }
+    }
+
+    #[test]
+    fn a_rate_gives_whole_slots_or_names_its_two_neighbours() {
+        assert_eq!(of(10.0), Ok(10));
+        assert_eq!(of(100.0), Ok(1));
+        assert_eq!(of(100.0 / 3.0), Ok(3));
+        assert_eq!(
+            of(30.0).unwrap_err(),
+            "experiment.control_period.rate_hz: must give a period of whole slots of 10 ms, got 30 (nearest valid: \
+             25 Hz or 33.333333333333336 Hz)"
+        );
+        assert_eq!(
+            of(400.0).unwrap_err(),
+            "experiment.control_period.rate_hz: must give a period of whole slots of 10 ms, got 400 (nearest valid: \
+             100 Hz)"
+        );
+    }
+}

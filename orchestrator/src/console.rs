@@ -1,0 +1,82 @@
+//! What a person reads while it works: results on standard output, progress and errors on standard error.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proto::types::seconds;
+use std::fmt::Display;
+use std::io::{IsTerminal as _, Write as _};
+use std::time::{Duration, Instant};
+
+/// A line on standard output. That nobody reads it is no failure.
+pub fn say(line: impl Display) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
+
+/// An error on standard error.
+pub fn complain(error: impl Display) {
+    let _ = writeln!(std::io::stderr(), "error: {error}");
+}
+
+/// A warning on standard error: something to check before the results are trusted.
+pub fn warn(warning: impl Display) {
+    let _ = writeln!(std::io::stderr(), "warning: {warning}");
+}
+
+/// Step, simulated time, rate and time left: a bar on a terminal, a line every few seconds elsewhere.
+pub struct Progress {
+    bar: Option<ProgressBar>,
+    n_steps: u64,
+    begun: Instant,
+    shown: Instant,
+}
+
+/// How often a line is printed where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(5);
+
+impl Progress {
+    /// For a run of at most `n_steps`.
+    #[must_use]
+    pub fn new(n_steps: u64) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style = ProgressStyle::with_template(
+                "{bar:30} step {pos}/{len}  {msg} simulated  {per_sec}  {eta} left",
+            )
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::with_draw_target(Some(n_steps), ProgressDrawTarget::stderr_with_hz(10)).with_style(style)
+        });
+        let now = Instant::now();
+        Self { bar, n_steps, begun: now, shown: now }
+    }
+
+    /// Step `step` is done and stands at `time_ns`.
+    pub fn at(&mut self, step: u64, time_ns: u64) {
+        // The clock is not looked at more often than a person could tell.
+        if self.bar.is_none() && !step.is_multiple_of(16) {
+            return;
+        }
+        if let Some(bar) = &self.bar {
+            if self.shown.elapsed() < Duration::from_millis(50) && step != self.n_steps {
+                return;
+            }
+            self.shown = Instant::now();
+            bar.set_message(format!("{:.1} s", seconds(time_ns)));
+            bar.set_position(step);
+        } else if LINE_EVERY <= self.shown.elapsed() {
+            self.shown = Instant::now();
+            let rate = step as f64 / self.begun.elapsed().as_secs_f64();
+            let left_s = self.n_steps.saturating_sub(step) as f64 / rate;
+            let _ = writeln!(
+                std::io::stderr(),
+                "step {step}/{}  {:.1} s simulated  {rate:.0} steps/s  {left_s:.0} s left",
+                self.n_steps,
+                seconds(time_ns)
+            );
+        }
+    }
+
+    /// Removes the bar.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

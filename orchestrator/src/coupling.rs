@@ -1,0 +1,340 @@
+//! Keeping the two simulators in step: who is given what, when, and the check that they agree.
+//!
+//! `proto/cosim/v1/common.proto` defines the order of things; this is its other half. Every reply is checked before it
+//! is passed on, so that a side that answers nonsense is named and the other never sees it.
+
+use crate::peer::{Network, Peer, Robots, SideError, Standing};
+use bytes::Bytes;
+use proto::convert::{self, InvalidField};
+use proto::digest::{self, Digest};
+use proto::types::{AgentCommand, AgentStates, Coupling, Deliveries, Experiment, MovedObstacle, Payloads};
+use proto::v1;
+
+/// Both simulators, configured, and what was exchanged last.
+pub struct Coupled {
+    robots: Peer<Robots>,
+    network: Peer<Network>,
+    experiment: Experiment,
+    step: u64,
+    time_ns: u64,
+    /// Digest of the latest step, which both sides hold. Empty before the first.
+    agreed: Bytes,
+    states: AgentStates,
+    payloads: Payloads,
+    deliveries: Option<Deliveries>,
+    motes: Option<v1::MoteStates>,
+    moved: Vec<MovedObstacle>,
+    commands: Vec<AgentCommand>,
+}
+
+/// What a step brought, for records. The replies are as received, without their digests.
+#[derive(Debug)]
+pub struct StepOutcome {
+    /// Its number, from 1.
+    pub step: u64,
+    /// The time reached (ns).
+    pub time_ns: u64,
+    /// The robots' reply, if asked for.
+    pub robots: Option<v1::RobotSimServiceStepResponse>,
+    /// The network's reply, if asked for.
+    pub network: Option<v1::NetSimServiceStepResponse>,
+    /// The digest that everyone holds.
+    pub digest: Digest,
+    /// The robots regard their task as done.
+    pub task_complete: bool,
+}
+
+impl Coupled {
+    /// Takes over two peers that have been configured with `experiment`; `start` is the robots' reply.
+    ///
+    /// # Errors
+    ///
+    /// A malformed reply.
+    pub fn new(
+        robots: Peer<Robots>,
+        network: Peer<Network>,
+        experiment: Experiment,
+        start: v1::RobotSimServiceConfigureResponse,
+    ) -> Result<Self, SideError> {
+        let n = experiment.agent_count;
+        let garbage = |invalid: InvalidField| garbage(Side::Robots, "Configure", invalid);
+        let states = convert::states(start.states, n).map_err(garbage)?;
+        let payloads = convert::payloads(start.payloads, n).map_err(garbage)?;
+        Ok(Self {
+            robots,
+            network,
+            experiment,
+            step: 0,
+            time_ns: 0,
+            agreed: Bytes::new(),
+            states,
+            payloads,
+            deliveries: None,
+            motes: None,
+            moved: Vec::new(),
+            commands: Vec::new(),
+        })
+    }
+
+    /// The latest step.
+    #[must_use]
+    pub fn step_number(&self) -> u64 {
+        self.step
+    }
+
+    /// The time reached (ns).
+    #[must_use]
+    pub fn time_ns(&self) -> u64 {
+        self.time_ns
+    }
+
+    /// Takes the next step: to `until_ns`, or under event coupling to the first delivery before. `keep`: the replies are
+    /// wanted.
+    ///
+    /// # Errors
+    ///
+    /// A side fails, refuses, or does not stand where it should. The experiment cannot go on.
+    pub async fn advance(&mut self, until_ns: u64, keep: bool) -> Result<StepOutcome, SideError> {
+        let n = self.experiment.agent_count;
+        let step = self.step + 1;
+        let given = self.deliveries.take();
+        let mut used = None;
+        let (mut robots_reply, mut network_reply) = match self.experiment.coupling {
+            Coupling::Sequential => {
+                let request = self.robots_request(step, until_ns, given.as_ref());
+                let mut robots_reply = self.robots.step(step, request).await?;
+                self.take_robots_reply(step, until_ns, &mut robots_reply, n)?;
+                let request = self.network_request(step, until_ns, false);
+                (robots_reply, self.network.step(step, request).await?)
+            }
+            Coupling::Parallel => {
+                let to_robots = self.robots_request(step, until_ns, given.as_ref());
+                let to_network = self.network_request(step, until_ns, false);
+                let (robots_reply, network_reply) =
+                    tokio::join!(self.robots.step(step, to_robots), self.network.step(step, to_network));
+                let mut robots_reply = robots_reply?;
+                used = Some(self.states.clone());
+                self.take_robots_reply(step, until_ns, &mut robots_reply, n)?;
+                (robots_reply, network_reply?)
+            }
+            Coupling::Event => {
+                let request = self.network_request(step, until_ns, true);
+                let network_reply = self.network.step(step, request).await?;
+                let reached_ns = network_reply.time_ns;
+                if reached_ns <= self.time_ns || until_ns < reached_ns {
+                    return Err(SideError::WrongTime {
+                        side: "netsim",
+                        step,
+                        expected: until_ns,
+                        got: reached_ns,
+                    });
+                }
+                let request = self.robots_request(step, reached_ns, given.as_ref());
+                let mut robots_reply = self.robots.step(step, request).await?;
+                used = Some(self.states.clone());
+                self.take_robots_reply(step, reached_ns, &mut robots_reply, n)?;
+                (robots_reply, network_reply)
+            }
+        };
+        let reached_ns = match self.experiment.coupling {
+            Coupling::Event => network_reply.time_ns,
+            Coupling::Sequential | Coupling::Parallel => until_ns,
+        };
+        self.take_network_reply(step, reached_ns, &mut network_reply, n)?;
+
+        let used = used.as_ref().unwrap_or(&self.states);
+        let digest = digest::of_step(step, reached_ns, used, given.as_ref());
+        let standings = (
+            standing(self.robots.streams(), step, reached_ns, &mut robots_reply.digest),
+            standing(self.network.streams(), step, reached_ns, &mut network_reply.digest),
+        );
+        let robots_stand = match standings.0 {
+            Some(standing) => standing,
+            None => self.robots.barrier(step, reached_ns).await?,
+        };
+        check("robotsim", &robots_stand, step, reached_ns, &digest)?;
+        let network_stands = match standings.1 {
+            Some(standing) => standing,
+            None => self.network.barrier(step, reached_ns).await?,
+        };
+        check("netsim", &network_stands, step, reached_ns, &digest)?;
+
+        self.step = step;
+        self.time_ns = reached_ns;
+        self.agreed = Bytes::copy_from_slice(&digest);
+        let task_complete = robots_reply.task_complete;
+        let kept = keep.then(|| {
+            robots_reply.states = Some(self.states.clone().into());
+            robots_reply.payloads = Some(self.payloads.clone().into());
+            network_reply.deliveries = self.deliveries.clone().map(Into::into);
+            (robots_reply, network_reply)
+        });
+        let (robots, network) = kept.unzip();
+        Ok(StepOutcome { step, time_ns: reached_ns, robots, network, digest, task_complete })
+    }
+
+    /// A last barrier, so that a session's last step is confirmed like all others, and then the end of both sides.
+    ///
+    /// # Errors
+    ///
+    /// A side does not stand where it should.
+    pub async fn close(mut self) -> Result<(), SideError> {
+        let mut result = Ok(());
+        if self.step != 0 {
+            let (step, time_ns) = (self.step, self.time_ns);
+            let digest: Digest = self.agreed[..].try_into().unwrap_or_default();
+            result = async {
+                check("robotsim", &self.robots.barrier(step, time_ns).await?, step, time_ns, &digest)?;
+                check("netsim", &self.network.barrier(step, time_ns).await?, step, time_ns, &digest)
+            }
+            .await;
+        }
+        self.stop().await;
+        result
+    }
+
+    /// Ends both sides as they are.
+    pub async fn stop(self) {
+        tokio::join!(self.robots.stop(), self.network.stop());
+    }
+
+    /// Gives both peers back, to configure another experiment on them.
+    #[must_use]
+    pub fn into_peers(self) -> (Peer<Robots>, Peer<Network>) {
+        (self.robots, self.network)
+    }
+
+    fn confirmed(&self, streams: bool) -> Bytes {
+        if streams { self.agreed.clone() } else { Bytes::new() }
+    }
+
+    fn robots_request(
+        &mut self,
+        step: u64,
+        until_ns: u64,
+        deliveries: Option<&Deliveries>,
+    ) -> v1::RobotSimServiceStepRequest {
+        let commands = std::mem::take(&mut self.commands);
+        if !commands.is_empty() && !self.robots.described().commands {
+            tracing::warn!(
+                n = commands.len(),
+                "orders to agents are lost: the robot simulator does not announce commands"
+            );
+        }
+        v1::RobotSimServiceStepRequest {
+            step,
+            until_ns,
+            deliveries: deliveries.cloned().map(Into::into),
+            motes: self.motes.clone(),
+            commands: if self.robots.described().commands {
+                commands.into_iter().map(Into::into).collect()
+            } else {
+                Vec::new()
+            },
+            confirmed_digest: self.confirmed(self.robots.streams()),
+        }
+    }
+
+    fn network_request(
+        &mut self,
+        step: u64,
+        until_ns: u64,
+        stop_at_first_delivery: bool,
+    ) -> v1::NetSimServiceStepRequest {
+        v1::NetSimServiceStepRequest {
+            step,
+            until_ns,
+            states: Some(self.states.clone().into()),
+            payloads: Some(self.payloads.clone().into()),
+            moved_obstacles: std::mem::take(&mut self.moved).into_iter().map(Into::into).collect(),
+            commands: Vec::new(),
+            stop_at_first_delivery,
+            confirmed_digest: self.confirmed(self.network.streams()),
+        }
+    }
+
+    fn take_robots_reply(
+        &mut self,
+        step: u64,
+        until_ns: u64,
+        reply: &mut v1::RobotSimServiceStepResponse,
+        n: usize,
+    ) -> Result<(), SideError> {
+        stands_at("robotsim", step, until_ns, reply.step, reply.time_ns)?;
+        let garbage = |invalid| garbage(Side::Robots, &format!("step {step}"), invalid);
+        self.states = convert::states(reply.states.take(), n).map_err(garbage)?;
+        self.payloads = convert::payloads(reply.payloads.take(), n).map_err(garbage)?;
+        self.moved = convert::moved_obstacles(reply.moved_obstacles.clone()).map_err(garbage)?;
+        self.commands.extend(convert::agent_commands(reply.commands.clone(), n).map_err(garbage)?);
+        convert::sort_agent_commands(&mut self.commands);
+        Ok(())
+    }
+
+    fn take_network_reply(
+        &mut self,
+        step: u64,
+        reached_ns: u64,
+        reply: &mut v1::NetSimServiceStepResponse,
+        n: usize,
+    ) -> Result<(), SideError> {
+        stands_at("netsim", step, reached_ns, reply.step, reply.time_ns)?;
+        let garbage = |invalid| garbage(Side::Network, &format!("step {step}"), invalid);
+        let deliveries = convert::deliveries(reply.deliveries.take(), n).map_err(garbage)?;
+        self.deliveries = Some(deliveries.unwrap_or_default());
+        if let Some(motes) = &reply.motes {
+            convert::motes(Some(motes.clone()), n).map_err(garbage)?;
+        }
+        self.motes = reply.motes.clone();
+        self.commands.extend(convert::agent_commands(reply.commands.clone(), n).map_err(garbage)?);
+        convert::sort_agent_commands(&mut self.commands);
+        Ok(())
+    }
+}
+
+enum Side {
+    Robots,
+    Network,
+}
+
+fn garbage(side: Side, doing: &str, invalid: InvalidField) -> SideError {
+    let side = match side {
+        Side::Robots => "robotsim",
+        Side::Network => "netsim",
+    };
+    SideError::Garbage { side, doing: doing.to_owned(), reason: invalid.to_string() }
+}
+
+/// In a session the digest rides on the step's reply; otherwise the barrier asks for it.
+fn standing(streams: bool, step: u64, time_ns: u64, digest: &mut Bytes) -> Option<Standing> {
+    let digest = std::mem::take(digest);
+    streams.then_some(Standing { step, time_ns, digest })
+}
+
+fn stands_at(side: &'static str, step: u64, time_ns: u64, got_step: u64, got_ns: u64) -> Result<(), SideError> {
+    if got_step != step {
+        return Err(SideError::WrongStep { side, expected: step, got: got_step });
+    }
+    if got_ns != time_ns {
+        return Err(SideError::WrongTime { side, step, expected: time_ns, got: got_ns });
+    }
+    Ok(())
+}
+
+fn check(
+    side: &'static str,
+    standing: &Standing,
+    step: u64,
+    time_ns: u64,
+    digest: &Digest,
+) -> Result<(), SideError> {
+    stands_at(side, step, time_ns, standing.step, standing.time_ns)?;
+    if standing.digest[..] != digest[..] {
+        return Err(SideError::WrongDigest {
+            side,
+            step,
+            expected: digest::hex(digest),
+            got: if standing.digest.is_empty() { "missing".to_owned() } else { digest::hex(&standing.digest) },
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,362 @@
+//! One simulator as the orchestrator sees it: a connection with deadlines, whose every failure names the side.
+
+mod error;
+mod process;
+mod service;
+
+pub use error::SideError;
+pub use process::Launch;
+pub use service::{Network, Robots, Service};
+
+use crate::config::{Tls, Transport};
+use process::ChildProcess;
+use proto::host::{CONNECTION_WINDOW_BYTES, STREAM_WINDOW_BYTES};
+use service::Described;
+use std::future::Future;
+use std::time::{Duration, Instant};
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
+use tonic::{Code, Status, Streaming};
+
+/// After how long without an answer a side is asked for a sign of life.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// How long it may take to give one.
+const SIGN_OF_LIFE: Duration = Duration::from_secs(3);
+/// How long connecting, describing and configuring may take.
+const SETUP: Duration = Duration::from_secs(10);
+
+/// A simulator, connected and described.
+pub struct Peer<S: Service> {
+    url: String,
+    client: S::Client,
+    child: Option<ChildProcess>,
+    described: Described,
+    session: Option<Session<S>>,
+    streams: bool,
+    step_deadline: Duration,
+}
+
+struct Session<S: Service> {
+    calls: mpsc::Sender<S::SessionRequest>,
+    replies: Streaming<S::SessionResponse>,
+}
+
+/// How to reach a side and how long to wait for it.
+#[derive(Clone, Debug)]
+pub struct Reach {
+    /// Where it runs already; `None`: it is started here.
+    pub url: Option<String>,
+    /// Certificates for `https`.
+    pub tls: Option<Tls>,
+    /// How steps cross.
+    pub transport: Transport,
+    /// Longest wait for a step that shows signs of life.
+    pub step_deadline: Duration,
+    /// How to start it.
+    pub launch: Launch,
+}
+
+impl<S: Service> Peer<S> {
+    /// Starts the side if need be, connects, and asks what it is.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be started or reached, is no simulator of this kind, speaks another version, or cannot do what is asked.
+    pub async fn connect(reach: &Reach) -> Result<Self, SideError> {
+        let (url, mut child) = match &reach.url {
+            Some(url) => (url.clone(), None),
+            None => {
+                let (url, child) = ChildProcess::start(S::SIDE, &reach.launch).await?;
+                (url, Some(child))
+            }
+        };
+        let connected = async {
+            let channel = channel(S::SIDE, &url, reach.tls.as_ref()).await?;
+            let client = S::client(channel);
+            let described = tokio::time::timeout(SETUP, S::describe(client.clone()))
+                .await
+                .map_err(|_| SideError::Hangs { side: S::SIDE, doing: "Describe".to_owned(), waited: SETUP })?
+                .map_err(|status| not_a_simulator(S::SIDE, &url, &status))?;
+            Ok((client, described))
+        }
+        .await;
+        let (client, described) = match (connected, &mut child) {
+            (Ok(connected), _) => connected,
+            (Err(error), Some(child)) => return Err(child.explain(S::SIDE, "starting", error).await),
+            (Err(error), None) => return Err(error),
+        };
+        if described.contract_version != proto::CONTRACT_VERSION {
+            return Err(SideError::Cannot {
+                side: S::SIDE,
+                what: format!(
+                    "{} speaks version {} of the contract, this is version {}",
+                    described.name,
+                    described.contract_version,
+                    proto::CONTRACT_VERSION
+                ),
+            });
+        }
+        if reach.transport == Transport::Stream && !described.session {
+            return Err(SideError::Cannot {
+                side: S::SIDE,
+                what: format!(
+                    "{} does not announce sessions, which experiment.transport = \"stream\" asks for",
+                    described.name
+                ),
+            });
+        }
+        let streams = described.session && reach.transport != Transport::Unary;
+        let step_deadline = reach.step_deadline;
+        Ok(Self { url, client, child, described, session: None, streams, step_deadline })
+    }
+
+    /// What it says of itself.
+    #[must_use]
+    pub fn described(&self) -> &Described {
+        &self.described
+    }
+
+    /// Where it runs.
+    #[must_use]
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// Whether it was started here.
+    #[must_use]
+    pub fn is_child(&self) -> bool {
+        self.child.is_some()
+    }
+
+    /// Whether steps cross in one stream.
+    #[must_use]
+    pub fn streams(&self) -> bool {
+        self.streams
+    }
+
+    /// Process number of the child.
+    #[must_use]
+    pub fn process_id(&self) -> Option<u32> {
+        self.child.as_ref().and_then(ChildProcess::id)
+    }
+
+    /// Begins an experiment.
+    ///
+    /// # Errors
+    ///
+    /// [`SideError::Refused`] with the status if the side refuses the configuration.
+    pub async fn configure(
+        &mut self,
+        request: S::ConfigureRequest,
+    ) -> Result<S::ConfigureResponse, SideError> {
+        self.session = None;
+        let call = S::configure(self.client.clone(), request);
+        self.wait("Configure".to_owned(), call).await
+    }
+
+    /// Takes a step.
+    ///
+    /// # Errors
+    ///
+    /// It fails, hangs, refuses, or breaks the protocol.
+    pub async fn step(&mut self, step: u64, request: S::StepRequest) -> Result<S::StepResponse, SideError> {
+        let doing = format!("step {step}");
+        if !self.streams {
+            let call = S::step(self.client.clone(), request);
+            return self.wait(doing, call).await;
+        }
+        let reply = self.exchange(doing.clone(), S::session_step(request)).await?;
+        S::step_of(reply).ok_or_else(|| SideError::Garbage {
+            side: S::SIDE,
+            doing,
+            reason: "it answered a step with something else".to_owned(),
+        })
+    }
+
+    /// Asks where it stands.
+    ///
+    /// # Errors
+    ///
+    /// It fails, hangs, refuses, or breaks the protocol.
+    pub async fn barrier(&mut self, step: u64, time_ns: u64) -> Result<Standing, SideError> {
+        let doing = format!("the barrier of step {step}");
+        if !self.streams {
+            let call = S::barrier(self.client.clone(), step, time_ns);
+            return self.wait(doing, call).await;
+        }
+        let reply = self.exchange(doing.clone(), S::session_barrier(step, time_ns)).await?;
+        S::barrier_of(reply).ok_or_else(|| SideError::Garbage {
+            side: S::SIDE,
+            doing,
+            reason: "it answered a barrier with something else".to_owned(),
+        })
+    }
+
+    /// Ends the side if it was started here. Never fails: what does not end is killed.
+    pub async fn stop(mut self) {
+        self.session = None;
+        if let Some(child) = self.child.take() {
+            child.stop().await;
+        }
+    }
+
+    async fn exchange(
+        &mut self,
+        doing: String,
+        call: S::SessionRequest,
+    ) -> Result<S::SessionResponse, SideError> {
+        let mut session = self.session.take();
+        let client = self.client.clone();
+        let exchange = async {
+            let closed = || Status::unavailable("the stream is closed");
+            if let Some(session) = &mut session {
+                session.calls.send(call).await.map_err(|_| closed())?;
+            } else {
+                // The first call goes along, since a server may answer headers only with its first reply.
+                let (calls, queued) = mpsc::channel(1);
+                calls.send(call).await.map_err(|_| closed())?;
+                let replies = S::session(client, ReceiverStream::new(queued)).await?;
+                session = Some(Session { calls, replies });
+            }
+            let session = session.as_mut().ok_or_else(closed)?;
+            session.replies.message().await?.ok_or_else(|| Status::unavailable("it closed the stream"))
+        };
+        let reply = self.wait(doing, exchange).await?;
+        self.session = session;
+        Ok(reply)
+    }
+
+    /// Waits for a call. A side that gives no sign of life is given up within seconds, however long a step may take.
+    async fn wait<T>(
+        &mut self,
+        doing: String,
+        call: impl Future<Output = Result<T, Status>>,
+    ) -> Result<T, SideError> {
+        tokio::pin!(call);
+        // The common case costs no look at the clock.
+        if let Ok(result) = tokio::time::timeout(PATIENCE, &mut call).await {
+            return self.explain(doing, result).await;
+        }
+        let begun = Instant::now();
+        loop {
+            let alive = tokio::time::timeout(SIGN_OF_LIFE, S::describe(self.client.clone()));
+            tokio::select! {
+                biased;
+                result = &mut call => return self.explain(doing, result).await,
+                answer = alive => match answer {
+                    Ok(Ok(_)) => {}
+                    Ok(Err(status)) => return self.explain(doing, Err(status)).await,
+                    Err(_) => {
+                        let waited = PATIENCE + begun.elapsed();
+                        let hangs = SideError::Hangs { side: S::SIDE, doing: doing.clone(), waited };
+                        return Err(match &mut self.child {
+                            Some(child) => child.explain(S::SIDE, &doing, hangs).await,
+                            None => hangs,
+                        });
+                    }
+                },
+            }
+            let waited = PATIENCE + begun.elapsed();
+            if self.step_deadline < waited {
+                return Err(SideError::TooSlow { side: S::SIDE, doing, waited });
+            }
+            if let Ok(result) = tokio::time::timeout(PATIENCE, &mut call).await {
+                return self.explain(doing, result).await;
+            }
+        }
+    }
+
+    async fn explain<T>(&mut self, doing: String, result: Result<T, Status>) -> Result<T, SideError> {
+        let status = match result {
+            Ok(value) => return Ok(value),
+            Err(status) => status,
+        };
+        let error = match status.code() {
+            // Transport failures, which tonic reports under these codes.
+            Code::Unavailable | Code::Unknown | Code::Cancelled | Code::Internal
+                if std::error::Error::source(&status).is_some() || status.code() == Code::Unavailable =>
+            {
+                SideError::Lost { side: S::SIDE, url: self.url.clone(), doing: doing.clone(), reason: cause(&status) }
+            }
+            Code::Internal if status.message().contains("protobuf") || status.message().contains("decode") => {
+                SideError::Garbage { side: S::SIDE, doing: doing.clone(), reason: status.message().to_owned() }
+            }
+            _ => SideError::Refused { side: S::SIDE, doing: doing.clone(), status: Box::new(status) },
+        };
+        Err(match &mut self.child {
+            Some(child) => child.explain(S::SIDE, &doing, error).await,
+            None => error,
+        })
+    }
+}
+
+/// Where a side says that it stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Standing {
+    /// Its latest step.
+    pub step: u64,
+    /// Its time (ns).
+    pub time_ns: u64,
+    /// Its digest of the exchanged state.
+    pub digest: bytes::Bytes,
+}
+
+fn not_a_simulator(side: &'static str, url: &str, status: &Status) -> SideError {
+    let found = match status.code() {
+        Code::Unimplemented => "a gRPC server without that service".to_owned(),
+        Code::Unavailable => return SideError::Unreachable { side, url: url.to_owned(), reason: cause(status) },
+        _ => format!("something that does not speak gRPC ({})", cause(status)),
+    };
+    SideError::NotASimulator { side, url: url.to_owned(), found }
+}
+
+/// The innermost cause of a status: what the system said.
+fn cause(status: &Status) -> String {
+    let mut error: &dyn std::error::Error = status;
+    while let Some(source) = error.source() {
+        error = source;
+    }
+    match error.to_string() {
+        text if std::ptr::addr_eq(error, status) => {
+            let _ = text;
+            status.message().to_owned()
+        }
+        text => text,
+    }
+}
+
+async fn channel(side: &'static str, url: &str, tls: Option<&Tls>) -> Result<Channel, SideError> {
+    let unreachable = |reason: String| SideError::Unreachable { side, url: url.to_owned(), reason };
+    let mut endpoint = Endpoint::from_shared(url.to_owned())
+        .map_err(|error| unreachable(error.to_string()))?
+        .connect_timeout(SETUP)
+        .tcp_nodelay(true)
+        .initial_stream_window_size(STREAM_WINDOW_BYTES)
+        .initial_connection_window_size(CONNECTION_WINDOW_BYTES);
+    if url.starts_with("https://") {
+        let tls = tls.ok_or_else(|| {
+            unreachable("https needs the authority's certificate: --tls-ca or [experiment.tls] ca".to_owned())
+        })?;
+        let read = |path: &std::path::Path| {
+            std::fs::read(path).map_err(|error| SideError::Certificate {
+                path: path.to_owned(),
+                reason: error.to_string(),
+            })
+        };
+        let mut config = ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(&tls.ca)?));
+        if let Some((cert, key)) = &tls.identity {
+            config = config.identity(Identity::from_pem(read(cert)?, read(key)?));
+        }
+        endpoint = endpoint.tls_config(config).map_err(|error| unreachable(innermost(&error)))?;
+    }
+    endpoint.connect().await.map_err(|error| unreachable(innermost(&error)))
+}
+
+fn innermost(error: &dyn std::error::Error) -> String {
+    let mut error = error;
+    while let Some(source) = error.source() {
+        error = source;
+    }
+    error.to_string()
+}

@@ -1,0 +1,156 @@
+//! What can go wrong with a side. Every message names the side and the fact.
+
+use std::path::PathBuf;
+use std::time::Duration;
+use tonic::Status;
+
+/// A failure of one side. All of them end the experiment.
+#[derive(Debug, thiserror::Error)]
+pub enum SideError {
+    /// Its process could not be started.
+    #[error("{side}: cannot be started: {reason}")]
+    Start {
+        /// Which side.
+        side: &'static str,
+        /// Why.
+        reason: String,
+    },
+    /// Nothing listens there, or not for us.
+    #[error("{side}: cannot be reached at {url}: {reason}")]
+    Unreachable {
+        /// Which side.
+        side: &'static str,
+        /// Where.
+        url: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// Something else listens there.
+    #[error("{side}: at {url} is {found}, not a {side}")]
+    NotASimulator {
+        /// Which side.
+        side: &'static str,
+        /// Where.
+        url: String,
+        /// What is there.
+        found: String,
+    },
+    /// A certificate or key of ours cannot be used.
+    #[error("certificate {}: {reason}", path.display())]
+    Certificate {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// It lacks something that the experiment needs.
+    #[error("{side}: {what}")]
+    Cannot {
+        /// Which side.
+        side: &'static str,
+        /// What it cannot do.
+        what: String,
+    },
+    /// Its process ended.
+    #[error("{side}: its process ended during {doing}: {how}")]
+    Exited {
+        /// Which side.
+        side: &'static str,
+        /// What it was asked to do.
+        doing: String,
+        /// Exit status or signal.
+        how: String,
+    },
+    /// The connection broke.
+    #[error("{side}: the connection to {url} was lost during {doing}: {reason}")]
+    Lost {
+        /// Which side.
+        side: &'static str,
+        /// Where.
+        url: String,
+        /// What it was asked to do.
+        doing: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// It gives no sign of life.
+    #[error("{side}: hangs: no answer to {doing}, nor any sign of life, for {:.1} s", waited.as_secs_f64())]
+    Hangs {
+        /// Which side.
+        side: &'static str,
+        /// What it was asked to do.
+        doing: String,
+        /// For how long.
+        waited: Duration,
+    },
+    /// It lives but does not answer.
+    #[error(
+        "{side}: no answer to {doing} for {:.0} s (it is alive; experiment.step_deadline_s sets the limit)",
+        waited.as_secs_f64()
+    )]
+    TooSlow {
+        /// Which side.
+        side: &'static str,
+        /// What it was asked to do.
+        doing: String,
+        /// For how long.
+        waited: Duration,
+    },
+    /// It refused a request.
+    #[error("{side}: refused {doing}: {} ({:?})", status.message(), status.code())]
+    Refused {
+        /// Which side.
+        side: &'static str,
+        /// What it was asked to do.
+        doing: String,
+        /// What it said.
+        status: Box<Status>,
+    },
+    /// Its answer makes no sense.
+    #[error("{side}: gave a malformed answer to {doing}: {reason}")]
+    Garbage {
+        /// Which side.
+        side: &'static str,
+        /// What it was asked to do.
+        doing: String,
+        /// What is wrong with the answer.
+        reason: String,
+    },
+    /// It answered for another step.
+    #[error("{side}: answered for step {got} when asked for step {expected}")]
+    WrongStep {
+        /// Which side.
+        side: &'static str,
+        /// The step asked for.
+        expected: u64,
+        /// The step answered.
+        got: u64,
+    },
+    /// It stands at another time.
+    #[error("{side}: stands at {got} ns after step {step}, which ends at {expected} ns")]
+    WrongTime {
+        /// Which side.
+        side: &'static str,
+        /// The step.
+        step: u64,
+        /// Where it should stand (ns).
+        expected: u64,
+        /// Where it stands (ns).
+        got: u64,
+    },
+    /// It holds other state than was exchanged.
+    #[error(
+        "{side}: its digest of step {step} is {got}, but what was exchanged has {expected}: it holds other positions or \
+         deliveries than it sent or was given"
+    )]
+    WrongDigest {
+        /// Which side.
+        side: &'static str,
+        /// The step.
+        step: u64,
+        /// Digest of what was exchanged.
+        expected: String,
+        /// Its digest.
+        got: String,
+    },
+}

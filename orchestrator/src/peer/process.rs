@@ -1,0 +1,105 @@
+//! A side that runs as a child process of this one.
+
+use super::SideError;
+use std::os::unix::process::ExitStatusExt as _;
+use std::path::PathBuf;
+use std::process::{ExitStatus, Stdio};
+use std::time::Duration;
+use tokio::io::{AsyncBufReadExt as _, BufReader};
+use tokio::process::{Child, Command};
+
+/// How long a child may take until it listens.
+const START: Duration = Duration::from_secs(10);
+/// How long a child may take to end by itself.
+const STOP: Duration = Duration::from_secs(2);
+
+/// How children are started.
+#[derive(Clone, Debug)]
+pub struct Launch {
+    /// The executable, which takes the side's name as its subcommand.
+    pub executable: PathBuf,
+    /// Threads for physics and dynamics; `None`: one per core.
+    pub threads: Option<u16>,
+    /// Log filter.
+    pub log: String,
+    /// Log as JSON.
+    pub log_json: bool,
+}
+
+/// A running child. Killed if dropped.
+pub(super) struct ChildProcess {
+    child: Child,
+}
+
+impl ChildProcess {
+    /// Starts a side and waits until it listens. Returns where.
+    pub(super) async fn start(side: &'static str, launch: &Launch) -> Result<(String, Self), SideError> {
+        let failed = |reason: String| SideError::Start { side, reason };
+        let mut command = Command::new(&launch.executable);
+        command.args([side, "--listen", "127.0.0.1:0", "--exit-with-parent", "--log", &launch.log]);
+        if launch.log_json {
+            command.arg("--log-json");
+        }
+        if let Some(threads) = launch.threads {
+            command.args(["--threads", &threads.to_string()]);
+        }
+        let mut child = command
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            // A group of its own: Ctrl-C on the terminal reaches the orchestrator alone, which then ends its children.
+            .process_group(0)
+            .kill_on_drop(true)
+            .spawn()
+            .map_err(|error| failed(format!("{}: {error}", launch.executable.display())))?;
+        let stdout = child.stdout.take().ok_or_else(|| failed("it has no standard output".to_owned()))?;
+        let mut lines = BufReader::new(stdout).lines();
+        let line = tokio::time::timeout(START, lines.next_line())
+            .await
+            .map_err(|_| failed(format!("it did not listen within {} s", START.as_secs())))?
+            .map_err(|error| failed(error.to_string()))?;
+        let mut process = Self { child };
+        let Some(line) = line else {
+            let ended = failed("it ended without listening".to_owned());
+            return Err(process.explain(side, "starting", ended).await);
+        };
+        let url = line
+            .rsplit_once(" listening on ")
+            .map(|(_, url)| url.to_owned())
+            .ok_or_else(|| failed(format!("it said {line:?} instead of where it listens")))?;
+        Ok((url, process))
+    }
+
+    pub(super) fn id(&self) -> Option<u32> {
+        self.child.id()
+    }
+
+    /// If the process has ended, that explains whatever error was seen.
+    pub(super) async fn explain(&mut self, side: &'static str, doing: &str, error: SideError) -> SideError {
+        // The connection breaks a moment before the process can be reaped.
+        match tokio::time::timeout(Duration::from_millis(500), self.child.wait()).await {
+            Ok(Ok(status)) => SideError::Exited { side, doing: doing.to_owned(), how: how(status) },
+            _ => error,
+        }
+    }
+
+    /// Asks it to end by closing its standard input; kills it if it does not.
+    pub(super) async fn stop(mut self) {
+        drop(self.child.stdin.take());
+        if tokio::time::timeout(STOP, self.child.wait()).await.is_err()
+            && let Err(error) = self.child.kill().await
+        {
+            tracing::warn!(%error, "a child process could not be killed");
+        }
+    }
+}
+
+fn how(status: ExitStatus) -> String {
+    match (status.code(), status.signal()) {
+        (Some(code), _) => format!("exit status {code}"),
+        (None, Some(signal)) => match nix::sys::signal::Signal::try_from(signal) {
+            Ok(name) => format!("killed by {name}"),
+            Err(_) => format!("killed by signal {signal}"),
+        },
+        (None, None) => "no status".to_owned(),
+    }
+}

@@ -1,0 +1,229 @@
+//! One experiment, from file to results.
+
+mod interrupt;
+mod provenance;
+mod start;
+
+pub use start::{StartOptions, start};
+
+use crate::config::{self, Overrides, Plan, Refusal};
+use crate::console::Progress;
+use crate::coupling::Coupled;
+use crate::peer::SideError;
+use crate::record::{Ending, Finished, RecordError, Recorder, Status, StepRecord};
+use interrupt::Interrupt;
+use proto::types::NS_PER_S;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What to run and where to put it.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// The experiment file.
+    pub config: PathBuf,
+    /// What the command line puts over it.
+    pub overrides: Overrides,
+    /// Folder of results; the run gets a folder of its name in it.
+    pub out: PathBuf,
+    /// How the sides are started.
+    pub start: StartOptions,
+}
+
+/// Why a run did not leave complete results.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The file cannot be run. Nothing was started.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// A side cannot be started or reached, or failed.
+    #[error("{error}{}", kept_text(.kept))]
+    Side {
+        /// What happened.
+        error: SideError,
+        /// What was recorded until then.
+        kept: Option<Box<Finished>>,
+    },
+    /// Results cannot be written.
+    #[error("{error}")]
+    Record {
+        /// What stands in the way.
+        error: RecordError,
+        /// It was found before the first step.
+        before_start: bool,
+    },
+}
+
+fn kept_text(kept: &Option<Box<Finished>>) -> String {
+    kept.as_ref().map_or_else(String::new, |kept| format!("\nwhat was recorded until then is in {}", kept.dir.display()))
+}
+
+impl RunError {
+    /// 2: the request was wrong; 1: the work failed.
+    #[must_use]
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Refused(_) => 2,
+            Self::Record { before_start: true, .. } => 2,
+            Self::Side { error, .. } => match error {
+                SideError::Unreachable { .. }
+                | SideError::NotASimulator { .. }
+                | SideError::Certificate { .. }
+                | SideError::Cannot { .. } => 2,
+                _ => 1,
+            },
+            Self::Record { .. } => 1,
+        }
+    }
+}
+
+/// A run that ended as it should, or was interrupted.
+#[derive(Debug)]
+pub struct RunReport {
+    /// What it left.
+    pub finished: Finished,
+    /// Steps taken.
+    pub n_steps: u64,
+    /// Simulated time (ns).
+    pub time_ns: u64,
+    /// Real time spent on steps (s).
+    pub wall_s: f64,
+    /// It was interrupted.
+    pub interrupted: bool,
+    /// What should be checked before the results are trusted.
+    pub warnings: Vec<String>,
+}
+
+/// Runs an experiment.
+///
+/// # Errors
+///
+/// See [`RunError`].
+pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
+    let plan = config::load(&options.config, &options.overrides)?;
+    let mut interrupt = Interrupt::listen();
+    // A place for the results first: what cannot be written is not worth computing.
+    probe(&options.out, &plan.name).map_err(|error| RunError::Record { error, before_start: true })?;
+    let started = start(&plan, &options.start, true).await?;
+    let provenance = provenance::Provenance::gather(&plan, &started, options);
+    let mut coupled = started.coupled;
+    let begun = Instant::now();
+    let recorder = Recorder::create(&options.out, started.header).and_then(|mut recorder| {
+        recorder.configured(started.exchange)?;
+        Ok(recorder)
+    });
+    let mut recorder = match recorder {
+        Ok(recorder) => recorder,
+        Err(error) => {
+            coupled.stop().await;
+            return Err(RunError::Record { error, before_start: true });
+        }
+    };
+    let result = drive(&plan, &mut coupled, &mut recorder, &mut interrupt).await;
+    let (n_steps, time_ns) = (coupled.step_number(), coupled.time_ns());
+    let wall_s = begun.elapsed().as_secs_f64();
+
+    let (ending, failure) = match result {
+        Ok(Stopped::Complete) => match coupled.close().await {
+            Ok(()) => (Ending { status: Status::Complete, reason: None }, None),
+            Err(error) => (failed(&error), Some(Failure::Side(error))),
+        },
+        Ok(Stopped::Interrupted(signal)) => {
+            coupled.stop().await;
+            let reason = Some(format!("stopped by {signal} after step {n_steps}"));
+            (Ending { status: Status::Interrupted, reason }, None)
+        }
+        Err(failure) => {
+            coupled.stop().await;
+            (failed(&failure), Some(failure))
+        }
+    };
+    let interrupted = ending.status == Status::Interrupted;
+    let finished = recorder
+        .finish(&ending, provenance.finish(n_steps, time_ns, wall_s))
+        .map_err(|error| RunError::Record { error, before_start: false })?;
+    match failure {
+        None => {
+            Ok(RunReport { finished, n_steps, time_ns, wall_s, interrupted, warnings: started.warnings })
+        }
+        Some(Failure::Side(error)) => Err(RunError::Side { error, kept: Some(Box::new(finished)) }),
+        Some(Failure::Record(error)) => Err(RunError::Record { error, before_start: false }),
+    }
+}
+
+fn failed(error: &dyn std::error::Error) -> Ending {
+    Ending { status: Status::Failed, reason: Some(error.to_string()) }
+}
+
+/// Whether results can be put into `out`: found out before anything is started.
+fn probe(out: &Path, name: &str) -> Result<(), RecordError> {
+    let create = |source| RecordError::Create { path: out.to_owned(), source };
+    std::fs::create_dir_all(out).map_err(create)?;
+    tempfile::Builder::new().prefix(".probe-").tempdir_in(out).map_err(create)?.close().map_err(create)?;
+    let dir = out.join(name);
+    if dir.exists() && !dir.join("provenance.json").exists() {
+        return Err(RecordError::Foreign { path: dir });
+    }
+    Ok(())
+}
+
+enum Stopped {
+    Complete,
+    Interrupted(&'static str),
+}
+
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    #[error(transparent)]
+    Side(#[from] SideError),
+    #[error(transparent)]
+    Record(#[from] RecordError),
+}
+
+/// Steps until the time is up, the robots are done, or someone says stop.
+async fn drive(
+    plan: &Plan,
+    coupled: &mut Coupled,
+    recorder: &mut Recorder,
+    interrupt: &mut Interrupt,
+) -> Result<Stopped, Failure> {
+    let step_ns = plan.experiment.step_ns;
+    let mut progress = Progress::new(plan.duration_ns.div_ceil(step_ns));
+    while coupled.time_ns() < plan.duration_ns {
+        if let Some(signal) = interrupt.seen() {
+            progress.finish();
+            return Ok(Stopped::Interrupted(signal));
+        }
+        let until_ns = coupled.time_ns() + step_ns;
+        // A side that never answers must not keep the user from stopping.
+        let outcome = tokio::select! {
+            biased;
+            outcome = coupled.advance(until_ns, true) => outcome?,
+            signal = interrupt.lasting() => {
+                progress.finish();
+                return Ok(Stopped::Interrupted(signal));
+            }
+        };
+        let task_complete = outcome.task_complete;
+        if let (Some(robots), Some(net)) = (outcome.robots, outcome.network) {
+            recorder.step(StepRecord {
+                step: outcome.step,
+                time_ns: outcome.time_ns,
+                robots: &robots,
+                net: &net,
+                digest: outcome.digest,
+            })?;
+        }
+        progress.at(outcome.step, outcome.time_ns);
+        if task_complete && plan.stop_when_complete {
+            break;
+        }
+    }
+    progress.finish();
+    Ok(Stopped::Complete)
+}
+
+/// A duration in seconds as nanoseconds, for messages.
+#[must_use]
+pub fn ns_to_s(time_ns: u64) -> f64 {
+    time_ns as f64 / NS_PER_S as f64
+}

@@ -1,0 +1,55 @@
+//! Ctrl-C and SIGTERM: the step under way is finished, what was recorded is kept.
+
+use std::time::Duration;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+
+/// How long the step under way may still take after someone said stop.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Listens for both signals.
+pub(super) struct Interrupt {
+    interrupt: Option<Signal>,
+    terminate: Option<Signal>,
+    seen: Option<&'static str>,
+}
+
+impl Interrupt {
+    pub(super) fn listen() -> Self {
+        Self {
+            interrupt: signal(SignalKind::interrupt()).ok(),
+            terminate: signal(SignalKind::terminate()).ok(),
+            seen: None,
+        }
+    }
+
+    /// The signal that came, if one did.
+    pub(super) fn seen(&self) -> Option<&'static str> {
+        self.seen
+    }
+
+    /// Completes when a signal came and, a while later, its step is still under way, or a second signal came.
+    pub(super) async fn lasting(&mut self) -> &'static str {
+        if self.seen.is_none() {
+            self.seen = Some(next(&mut self.interrupt, &mut self.terminate).await);
+        }
+        let second = next(&mut self.interrupt, &mut self.terminate);
+        let _ = tokio::time::timeout(PATIENCE, second).await;
+        self.seen.unwrap_or("a signal")
+    }
+}
+
+async fn next(interrupt: &mut Option<Signal>, terminate: &mut Option<Signal>) -> &'static str {
+    tokio::select! {
+        () = recv(interrupt) => "SIGINT",
+        () = recv(terminate) => "SIGTERM",
+    }
+}
+
+async fn recv(signal: &mut Option<Signal>) {
+    match signal {
+        Some(signal) => {
+            signal.recv().await;
+        }
+        None => std::future::pending().await,
+    }
+}

@@ -1,0 +1,64 @@
+//! Where a result comes from: everything that is outside the promise of identical bytes.
+
+use super::RunOptions;
+use super::start::{SideIdentity, Started};
+use crate::config::Plan;
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+pub(super) struct Provenance {
+    value: Value,
+}
+
+impl Provenance {
+    pub(super) fn gather(plan: &Plan, started: &Started, options: &RunOptions) -> Self {
+        #[expect(clippy::disallowed_methods, reason = "when an experiment was run is not part of it")]
+        let now = SystemTime::now();
+        let unix_s = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        let side = |side: &SideIdentity| {
+            json!({
+                "name": side.name,
+                "version": side.version,
+                "url": side.url,
+                "started_here": side.is_child,
+                "transport": if side.streams { "stream" } else { "unary" },
+            })
+        };
+        let files: Vec<Value> = plan
+            .robotsim
+            .files
+            .iter()
+            .chain(&plan.netsim.files)
+            .map(|(path, content)| json!({ "path": path, "sha256": sha256(content), "bytes": content.len() }))
+            .collect();
+        let value = json!({
+            "schema": "provenance/1",
+            "orchestrator": { "version": env!("CARGO_PKG_VERSION"), "contract_version": proto::CONTRACT_VERSION },
+            "robotsim": side(&started.robots),
+            "netsim": side(&started.network),
+            "command_line": std::env::args().collect::<Vec<_>>(),
+            "config_file": { "path": plan.path, "sha256": sha256(plan.text.as_bytes()) },
+            "files": files,
+            "host": std::fs::read_to_string("/proc/sys/kernel/hostname").map(|name| name.trim().to_owned()).ok(),
+            "os": std::env::consts::OS,
+            "architecture": std::env::consts::ARCH,
+            "cores": std::thread::available_parallelism().map_or(1, usize::from),
+            "threads": options.start.threads,
+            "started_unix_s": unix_s,
+        });
+        Self { value }
+    }
+
+    /// Adds what only the end knows.
+    pub(super) fn finish(mut self, n_steps: u64, time_ns: u64, wall_s: f64) -> Value {
+        self.value["wall_s"] = json!(wall_s);
+        self.value["steps_per_s"] = json!(if wall_s > 0.0 { n_steps as f64 / wall_s } else { 0.0 });
+        self.value["simulated_over_wall"] = json!(if wall_s > 0.0 { super::ns_to_s(time_ns) / wall_s } else { 0.0 });
+        self.value
+    }
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    proto::digest::hex(&Sha256::digest(bytes))
+}

@@ -1,0 +1,292 @@
+//! Starting, connecting and configuring both sides.
+
+use super::RunError;
+use crate::config::{Plan, Refusal, SideConfig};
+use crate::coupling::Coupled;
+use crate::peer::{Launch, Network, Peer, Reach, Robots, Service, SideError};
+use crate::record::{Configured, RunHeader};
+use proto::config::{Node, Problem, Value};
+use proto::types::{Coupling, DeliveryColumn};
+use proto::v1;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Duration;
+use tonic::Code;
+use tonic_types::StatusExt as _;
+
+/// How the sides are started.
+#[derive(Clone, Debug)]
+pub struct StartOptions {
+    /// The executable that serves either side as a subcommand.
+    pub executable: PathBuf,
+    /// Threads of each side; `None`: one per core.
+    pub threads: Option<u16>,
+    /// Log filter.
+    pub log: String,
+    /// Log as JSON.
+    pub log_json: bool,
+}
+
+/// Both sides, ready for the first step.
+pub struct Started {
+    /// The sides in step.
+    pub coupled: Coupled,
+    /// What was said while configuring.
+    pub exchange: Configured,
+    /// What the record begins with.
+    pub header: RunHeader,
+    /// Name, version, URL and transport of the robots.
+    pub robots: SideIdentity,
+    /// Name, version, URL and transport of the network.
+    pub network: SideIdentity,
+    /// What should be checked before the results are trusted.
+    pub warnings: Vec<String>,
+}
+
+/// Who a side is: for provenance.
+#[derive(Clone, Debug)]
+pub struct SideIdentity {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Where it runs.
+    pub url: String,
+    /// It was started here.
+    pub is_child: bool,
+    /// Steps cross in one stream.
+    pub streams: bool,
+}
+
+fn identity<S: Service>(peer: &Peer<S>) -> SideIdentity {
+    SideIdentity {
+        name: peer.described().name.clone(),
+        version: peer.described().version.clone(),
+        url: peer.url().to_owned(),
+        is_child: peer.is_child(),
+        streams: peer.streams(),
+    }
+}
+
+/// Starts, connects and configures both sides. `record`: the columns that the record wants are asked for.
+///
+/// # Errors
+///
+/// A side cannot be started or reached, or refuses its configuration.
+pub async fn start(plan: &Plan, options: &StartOptions, record: bool) -> Result<Started, RunError> {
+    let reach = |url: &Option<String>| Reach {
+        url: url.clone(),
+        tls: plan.tls.clone(),
+        transport: plan.transport,
+        step_deadline: Duration::from_secs_f64(plan.step_deadline_s),
+        launch: Launch {
+            executable: options.executable.clone(),
+            threads: options.threads,
+            log: options.log.clone(),
+            log_json: options.log_json,
+        },
+    };
+    let (robots_reach, network_reach) = (reach(&plan.robotsim.url), reach(&plan.netsim.url));
+    let (robots, network) =
+        tokio::join!(Peer::<Robots>::connect(&robots_reach), Peer::<Network>::connect(&network_reach));
+    let (mut robots, mut network) = match (robots, network) {
+        (Ok(robots), Ok(network)) => (robots, network),
+        (Err(error), Ok(network)) => {
+            network.stop().await;
+            return Err(side(error));
+        }
+        (Ok(robots), Err(error)) => {
+            robots.stop().await;
+            return Err(side(error));
+        }
+        (Err(error), Err(_)) => return Err(side(error)),
+    };
+    match configure(plan, &mut robots, &mut network, record).await {
+        Ok((exchange, warnings)) => {
+            let identities = (identity(&robots), identity(&network));
+            let header = header(plan, &exchange);
+            match Coupled::new(robots, network, plan.experiment.clone(), exchange.robot_response.clone()) {
+                Ok(coupled) => Ok(Started {
+                    coupled,
+                    exchange,
+                    header,
+                    robots: identities.0,
+                    network: identities.1,
+                    warnings,
+                }),
+                Err(error) => Err(side(error)),
+            }
+        }
+        Err(error) => {
+            tokio::join!(robots.stop(), network.stop());
+            Err(error)
+        }
+    }
+}
+
+/// Configures both sides with the plan.
+pub(crate) async fn configure(
+    plan: &Plan,
+    robots: &mut Peer<Robots>,
+    network: &mut Peer<Network>,
+    record: bool,
+) -> Result<(Configured, Vec<String>), RunError> {
+    let coupling = plan.experiment.coupling;
+    if coupling != Coupling::Sequential {
+        for (name, side, parallel) in [
+            (&robots.described().name, Robots::SIDE, robots.described().parallel),
+            (&network.described().name, Network::SIDE, network.described().parallel),
+        ] {
+            if !parallel {
+                return Err(self::side(cannot(
+                    side,
+                    format!("{name} does not announce parallel coupling, which the experiment asks for"),
+                )));
+            }
+        }
+    }
+    if coupling == Coupling::Event && !network.described().stop_at_first_delivery {
+        let what = format!(
+            "{} does not announce stop_at_first_delivery, which experiment.control_period = \"packet\" needs",
+            network.described().name
+        );
+        return Err(self::side(cannot(Network::SIDE, what)));
+    }
+    for (side, max_agents) in
+        [(Robots::SIDE, robots.described().max_agents), (Network::SIDE, network.described().max_agents)]
+    {
+        if max_agents != 0 && max_agents < plan.experiment.agent_count as u32 {
+            let what = format!("takes at most {max_agents} agents, got {}", plan.experiment.agent_count);
+            return Err(self::side(cannot(side, what)));
+        }
+    }
+    let (seed, agent_count, step_ns) =
+        (plan.experiment.seed, plan.experiment.agent_count as u32, plan.experiment.step_ns);
+    let coupling = v1::Coupling::from(coupling).into();
+    let files = |side: &SideConfig| {
+        side.files
+            .iter()
+            .map(|(path, content)| v1::File { path: path.clone(), content: content.clone() })
+            .collect::<Vec<_>>()
+    };
+    let robots_request = v1::RobotSimServiceConfigureRequest {
+        seed,
+        agent_count,
+        step_ns,
+        coupling,
+        site_toml: plan.site_toml.clone(),
+        config_toml: plan.robotsim.toml.clone(),
+        files: files(&plan.robotsim),
+    };
+    let wanted: &[DeliveryColumn] = if record { plan.output.columns() } else { &[] };
+    let network_request = v1::NetSimServiceConfigureRequest {
+        seed,
+        agent_count,
+        step_ns,
+        coupling,
+        site_toml: plan.site_toml.clone(),
+        config_toml: plan.netsim.toml.clone(),
+        columns: wanted
+            .iter()
+            .map(|&column| v1::DeliveryColumn::from(column).into())
+            .filter(|column| network.described().columns.contains(column))
+            .collect(),
+        files: files(&plan.netsim),
+    };
+    let robots_response = robots
+        .configure(robots_request.clone())
+        .await
+        .map_err(|error| refused(plan, Robots::SIDE, error))?;
+    let network_response = network
+        .configure(network_request.clone())
+        .await
+        .map_err(|error| refused(plan, Network::SIDE, error))?;
+    let mut warnings = plan.warnings.clone();
+    for warning in &network_response.warnings {
+        if !warnings.contains(warning) {
+            warnings.push(warning.clone());
+        }
+    }
+    let exchange = Configured {
+        robot_request: robots_request,
+        robot_response: robots_response,
+        net_request: network_request,
+        net_response: network_response,
+    };
+    Ok((exchange, warnings))
+}
+
+fn header(plan: &Plan, exchange: &Configured) -> RunHeader {
+    let robotsim = effective(&exchange.robot_response.effective_config_toml, &plan.robotsim);
+    let netsim = effective(&exchange.net_response.effective_config_toml, &plan.netsim);
+    let mut labels = BTreeMap::new();
+    if let Some(knowledge) = robotsim.get("knowledge").and_then(toml::Value::as_str) {
+        labels.insert("knowledge".to_owned(), knowledge.to_owned());
+    }
+    let mut config = plan.effective.clone();
+    let output = config.remove("output");
+    config.insert("robotsim".to_owned(), robotsim.into());
+    config.insert("netsim".to_owned(), netsim.into());
+    config.extend(output.map(|output| ("output".to_owned(), output)));
+    let mut tree = Node { value: Value::from(&toml::Value::Table(config)), span: None };
+    for (key, file) in plan.robotsim.places.iter().chain(&plan.netsim.places) {
+        // The key exists: the file was found through it.
+        let _ = tree.set(key, Value::Text(file.clone()));
+    }
+    let config = tree.to_toml().as_table().map(toml::Table::to_string).unwrap_or_default();
+    RunHeader {
+        name: plan.name.clone(),
+        seed: plan.experiment.seed,
+        agent_count: plan.experiment.agent_count as u32,
+        step_ns: plan.experiment.step_ns,
+        coupling: plan.experiment.coupling,
+        config_toml: config,
+        labels,
+        output: plan.output,
+        // The network's own are recorded with its reply.
+        warnings: Vec::new(),
+    }
+}
+
+/// A side's configuration in force: as it says, or as it was sent.
+fn effective(reply: &str, side: &SideConfig) -> toml::Table {
+    let text = if reply.is_empty() { &side.toml } else { reply };
+    let mut table = toml::Table::new();
+    table.extend(side.written_url.clone().map(|url| ("url".to_owned(), url.into())));
+    table.extend(toml::from_str::<toml::Table>(text).unwrap_or_default());
+    table
+}
+
+fn cannot(side: &'static str, what: String) -> SideError {
+    SideError::Cannot { side, what }
+}
+
+fn side(error: SideError) -> RunError {
+    RunError::Side { error, kept: None }
+}
+
+/// A configuration that a side refuses is the user's: shown on the lines of the file.
+fn refused(plan: &Plan, section: &str, error: SideError) -> RunError {
+    let SideError::Refused { status, .. } = &error else { return side(error) };
+    if status.code() != Code::InvalidArgument {
+        return side(error);
+    }
+    let violations =
+        status.get_details_bad_request().map(|bad_request| bad_request.field_violations).unwrap_or_default();
+    let problems: Vec<Problem> = if violations.is_empty() {
+        vec![Problem::new(section, format!("is refused: {}", status.message()))]
+    } else {
+        violations
+            .into_iter()
+            .map(|violation| {
+                let path = if violation.field.starts_with("site") {
+                    violation.field
+                } else {
+                    proto::config::join(section, &violation.field)
+                };
+                Problem::new(path, violation.description)
+            })
+            .collect()
+    };
+    RunError::Refused(Refusal::new(&plan.path, &plan.text, &plan.tree, problems))
+}
