@@ -37,7 +37,7 @@ pub(super) const REGISTRATION: Registration = Registration {
         ),
         field(
             "threshold_m",
-            "The task is done when nobody moves more than this in a step (m). Default: BotNet's.",
+            "A robot closer to its line than this stays; the task is done when all stay (m). Default: BotNet's.",
             Kind::Number(Range::closed(0.0, 1e6)),
             Default::Number(0.001),
         ),
@@ -63,8 +63,9 @@ pub(super) const REGISTRATION: Registration = Registration {
 /// # Model
 ///
 /// Each robot fits a line to its own position and those it knows of ([`Fit`]), and moves towards the orthogonal
-/// projection of its own position on it, at most `step_cap_m` a step: BotNet paper, § Formation Control, after Yun,
-/// Alptekin and Albayrak (1997). The published code counts a robot's own position twice, because there a robot is its own
+/// projection of its own position on it, at most `step_cap_m` a step, unless it is within `threshold_m` of it: BotNet
+/// paper, § Formation Control, after Yun, Alptekin and Albayrak (1997). The task is done when all stay. In the BotNet
+/// paper's count of rounds that last one is included; the first step of a run, before anything was heard, is not. The published code counts a robot's own position twice, because there a robot is its own
 /// neighbour; the lines of two robots then differ even where both know everything, which leaves a residual of the order
 /// of the threshold.
 ///
@@ -119,18 +120,17 @@ impl Controller for LineFormation {
     fn command(&self, view: &View<'_>, agent: usize) -> Command {
         let [x, y] = self.offset_m(view, agent);
         let distance_m = libm::hypot(x, y);
+        if distance_m <= self.threshold_m {
+            return Command::Velocity([0.0; 3]);
+        }
         let scale = if distance_m <= self.step_cap_m { 1.0 } else { self.step_cap_m / distance_m };
         Command::Velocity([x * scale / view.dt_s, y * scale / view.dt_s, 0.0])
     }
 
-    /// Nobody wants to move more than the threshold, and somebody could have been known: before the first frames of the
-    /// network arrive nobody moves either.
+    /// Nobody wants to move, and somebody could have been known: before the first frames of the network arrive nobody
+    /// moves either.
     fn is_done(&self, view: &View<'_>, commands: &[Command]) -> bool {
         let can_tell = view.knowledge.is_any() || view.states.len() == 1;
-        can_tell
-            && commands.iter().all(|command| match command {
-                Command::Velocity([x, y, _]) => libm::hypot(*x, *y) * view.dt_s <= self.threshold_m,
-                Command::Jump(_) => false,
-            })
+        can_tell && commands.iter().all(|command| *command == Command::Velocity([0.0; 3]))
     }
 }
