@@ -1,0 +1,96 @@
+//! What can go wrong while recording.
+
+use parquet::errors::ParquetError;
+use proto::convert::InvalidField;
+use std::path::PathBuf;
+
+/// Why a run could not be recorded. Every variant names the path it is about; all end the recording.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// The name of the run cannot be that of a directory everywhere.
+    #[error(
+        "experiment.name: must be 1 to 100 of the characters A-Z a-z 0-9 . _ -, the first not a point, got {name:?}"
+    )]
+    Name {
+        /// The name given.
+        name: String,
+    },
+    /// Something that no run left stands where the result is to go.
+    #[error("{} is not a result of an earlier run and will not be replaced: move it away, or choose another name or --out", path.display())]
+    Foreign {
+        /// What stands there.
+        path: PathBuf,
+    },
+    /// A directory or file could not be made. Likely no permission, or the disk is full.
+    #[error("cannot create {}: {source}", path.display())]
+    Create {
+        /// What was to be made.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Writing failed. Likely the disk is full.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The message log failed, most likely for the reason that writing a file fails.
+    #[error("cannot write {}: {source}", path.display())]
+    Log {
+        /// The file.
+        path: PathBuf,
+        /// What the writer says.
+        source: Box<mcap::McapError>,
+    },
+    /// A table failed, most likely for the reason that writing a file fails.
+    #[error("cannot write {}: {source}", path.display())]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// What the writer says.
+        source: ParquetError,
+    },
+    /// A reply that breaks the contract came to be recorded. The caller should have refused it.
+    #[error("step {step}: the {side}'s reply cannot be recorded: {source}")]
+    Message {
+        /// The step, 0 for `Configure`.
+        step: u64,
+        /// `robot simulator` or `network simulator`.
+        side: &'static str,
+        /// What is wrong.
+        source: InvalidField,
+    },
+    /// Steps came before the configuration, twice, or not one after the other. A bug in the caller.
+    #[error("step {got} cannot be recorded: step {expected} is next")]
+    Order {
+        /// The step given.
+        got: u64,
+        /// The step expected; 0 for the configuration.
+        expected: u64,
+    },
+    /// The finished directory could not be put in its place. The record stands whole under its temporary name.
+    #[error("cannot rename {} to {}: {source}", from.display(), to.display())]
+    Rename {
+        /// Where the record stands.
+        from: PathBuf,
+        /// Where it was to go.
+        to: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Recording had failed before; the reason was told then.
+    #[error("recording to {} had already failed", path.display())]
+    Stopped {
+        /// The directory it wrote to.
+        path: PathBuf,
+    },
+    /// The writer ended without saying why: it panicked. A bug.
+    #[error("the writer of {} ended unexpectedly", path.display())]
+    Lost {
+        /// The directory it wrote to.
+        path: PathBuf,
+    },
+}

@@ -1,0 +1,323 @@
+//! What a run shows: measured step by step, so that no run is too long.
+
+use super::counts::heard;
+use super::distances::{DistanceBin, Distances};
+use super::period::{Period, distance_m};
+use super::task::Task;
+use super::trajectories::Trajectories;
+use proto::types::{AgentStates, seconds};
+
+/// Measures of a run.
+#[derive(Clone, Debug)]
+pub struct Measures {
+    /// What the robots were asked to do.
+    pub task: Task,
+    /// Time series, one entry per step.
+    pub series: Vec<Sample>,
+    /// Where agents went.
+    pub trajectories: Trajectories,
+    /// Steps recorded.
+    pub n_steps: u64,
+    /// Simulated time reached (ns).
+    pub time_ns: u64,
+    /// The first step after which the robots regarded their task as done.
+    pub completed_at_step: Option<u64>,
+    /// Transmissions.
+    pub transmissions: u64,
+    /// Bytes of payload sent.
+    pub sent_bytes: u64,
+    /// Transmissions times alive receivers other than the sender.
+    pub attempts: u64,
+    /// Deliveries.
+    pub deliveries: u64,
+    /// Fewer than all receivers were looked at for [`Measures::by_distance`].
+    pub is_distance_sampled: bool,
+    distances: Distances,
+    delay_ns: u128,
+    speed_sum_mps: f64,
+    n_speeds: u64,
+    neighbour_sum: u64,
+    isolated: u64,
+    last_states: AgentStates,
+}
+
+/// What is measured in every step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Time at the end of the step (s).
+    pub time_s: f64,
+    /// Magnitude of the mean velocity of alive agents (m/s).
+    pub flock_speed_mps: f64,
+    /// Neighbours heard per alive agent: 10 % quantile, median, 90 % quantile.
+    pub neighbours: [f64; 3],
+}
+
+impl Measures {
+    /// Begins with the states of step 0.
+    pub(crate) fn new(task: Task, states: &AgentStates) -> Self {
+        Self {
+            trajectories: Trajectories::new(states, task.leader),
+            task,
+            series: Vec::new(),
+            n_steps: 0,
+            time_ns: 0,
+            completed_at_step: None,
+            transmissions: 0,
+            sent_bytes: 0,
+            attempts: 0,
+            deliveries: 0,
+            is_distance_sampled: false,
+            distances: Distances::new(),
+            delay_ns: 0,
+            speed_sum_mps: 0.0,
+            n_speeds: 0,
+            neighbour_sum: 0,
+            isolated: 0,
+            last_states: states.clone(),
+        }
+    }
+
+    /// Adds a step.
+    pub(crate) fn add(&mut self, period: &Period<'_>) {
+        self.n_steps = period.step;
+        self.time_ns = period.time_ns;
+        if period.task_complete && self.completed_at_step.is_none() {
+            self.completed_at_step = Some(period.step);
+        }
+        self.trajectories.add(period.step, period.states);
+        self.add_network(period);
+        self.add_distances(period);
+        let flock_speed_mps = self.add_speeds(period);
+        let neighbours = self.add_neighbours(period);
+        let time_s = seconds(period.time_ns);
+        self.series.push(Sample { time_s, flock_speed_mps, neighbours });
+        self.last_states.clone_from(period.states);
+    }
+
+    /// Notes that no step follows.
+    pub(crate) fn end(&mut self) {
+        self.trajectories.end(&self.last_states);
+    }
+
+    /// Time mean of the flock's speed (m/s): of the magnitude of the mean velocity of alive agents.
+    #[must_use]
+    pub fn flock_speed_mps(&self) -> Option<f64> {
+        mean(self.series.iter().map(|sample| sample.flock_speed_mps).sum(), self.n_steps)
+    }
+
+    /// Mean over alive agents and steps of each one's own speed (m/s).
+    #[must_use]
+    pub fn mean_speed_mps(&self) -> Option<f64> {
+        mean(self.speed_sum_mps, self.n_speeds)
+    }
+
+    /// Root mean square distance of alive agents from their centroid at the end (m).
+    #[must_use]
+    pub fn final_spread_m(&self) -> Option<f64> {
+        let states = &self.last_states;
+        let alive: Vec<usize> = states.alive.iter_ones().collect();
+        let n = alive.len() as u64;
+        let mut sum = 0.0;
+        for column in [&states.x_m, &states.y_m, &states.z_m] {
+            let centre = mean(alive.iter().map(|&agent| column[agent]).sum(), n)?;
+            sum += alive
+                .iter()
+                .map(|&agent| (column[agent] - centre) * (column[agent] - centre))
+                .sum::<f64>();
+        }
+        mean(sum, n).map(libm::sqrt)
+    }
+
+    /// Sum of the squared vertical distances (m²) of alive agents at the end from the line y = a + b x that makes it
+    /// least. `None` where their x do not differ.
+    #[must_use]
+    pub fn line_residual_m2(&self) -> Option<f64> {
+        let states = &self.last_states;
+        let alive: Vec<usize> = states.alive.iter_ones().collect();
+        let n = alive.len() as u64;
+        let x0 = mean(alive.iter().map(|&agent| states.x_m[agent]).sum(), n)?;
+        let y0 = mean(alive.iter().map(|&agent| states.y_m[agent]).sum(), n)?;
+        let (mut xx, mut xy) = (0.0, 0.0);
+        for &agent in &alive {
+            let (x, y) = (states.x_m[agent] - x0, states.y_m[agent] - y0);
+            xx += x * x;
+            xy += x * y;
+        }
+        if xx <= 0.0 {
+            return None;
+        }
+        let slope = xy / xx;
+        let square = |&agent: &usize| {
+            let residual = states.y_m[agent] - y0 - slope * (states.x_m[agent] - x0);
+            residual * residual
+        };
+        Some(alive.iter().map(square).sum())
+    }
+
+    /// Mean over alive agents and steps of how many others each heard.
+    #[must_use]
+    pub fn mean_neighbours(&self) -> Option<f64> {
+        mean(self.neighbour_sum as f64, self.n_speeds)
+    }
+
+    /// Share of alive agents and steps in which the agent heard nobody.
+    #[must_use]
+    pub fn isolated_ratio(&self) -> Option<f64> {
+        mean(self.isolated as f64, self.n_speeds)
+    }
+
+    /// Share of [`Measures::attempts`] that were delivered.
+    #[must_use]
+    pub fn delivery_ratio(&self) -> Option<f64> {
+        mean(self.deliveries as f64, self.attempts)
+    }
+
+    /// Mean time from the first bit sent to the delivery (s).
+    #[must_use]
+    pub fn mean_delay_s(&self) -> Option<f64> {
+        mean(self.delay_ns as f64 / 1e9, self.deliveries)
+    }
+
+    /// Delivery against distance, in at most 30 bins of equal width.
+    #[must_use]
+    pub fn by_distance(&self) -> Vec<DistanceBin> {
+        self.distances.table(30)
+    }
+
+    fn add_network(&mut self, period: &Period<'_>) {
+        let sent = &period.deliveries.transmissions;
+        let alive = &period.states_on_air.alive;
+        let n_alive = alive.count() as u64;
+        self.transmissions += sent.len() as u64;
+        self.sent_bytes += sent.payloads.data().len() as u64;
+        self.deliveries += period.counts.n_deliveries;
+        for (index, &sender) in sent.sender.iter().enumerate() {
+            self.attempts += n_alive - u64::from(alive.get(sender as usize));
+            if period.deliveries.received_ns.is_empty() {
+                self.delay_ns += u128::from(period.counts.receivers[index])
+                    * u128::from(sent.end_ns[index] - sent.sent_ns[index]);
+            }
+        }
+        if period.deliveries.received_ns.is_empty() {
+            return;
+        }
+        let mut delivery = 0;
+        for receiver in 0..period.states.len() {
+            for index in period.deliveries.heard_by(receiver) {
+                if sent.sender[index] as usize != receiver {
+                    let received_ns = period.deliveries.received_ns[delivery];
+                    self.delay_ns += u128::from(received_ns.saturating_sub(sent.sent_ns[index]));
+                }
+                delivery += 1;
+            }
+        }
+    }
+
+    /// Counts attempts by distance. Where there are very many, over some receivers only: spread evenly over the agents,
+    /// and others in each step.
+    fn add_distances(&mut self, period: &Period<'_>) {
+        let sent = &period.deliveries.transmissions;
+        if sent.is_empty() {
+            return;
+        }
+        let alive: Vec<usize> = period.states_on_air.alive.iter_ones().collect();
+        let n_looked_at = alive.len().min((MAX_PAIRS / sent.len()).max(1));
+        self.is_distance_sampled |= n_looked_at < alive.len();
+        for i in 0..n_looked_at {
+            let place = i * alive.len() / n_looked_at + (period.step % alive.len() as u64) as usize;
+            let receiver = alive[place % alive.len()];
+            for (index, &sender) in sent.sender.iter().enumerate() {
+                if sender as usize != receiver {
+                    let distance_m = distance_m(period.states_on_air, sender as usize, receiver);
+                    self.distances.add(distance_m, heard(period.deliveries, receiver, index));
+                }
+            }
+        }
+    }
+
+    /// Adds everyone's speed. Returns the flock's (m/s).
+    fn add_speeds(&mut self, period: &Period<'_>) -> f64 {
+        let (states, before) = (period.states, period.states_before);
+        let duration_s = seconds(period.time_ns - period.from_ns);
+        let known = [&states.vx_mps, &states.vy_mps, &states.vz_mps];
+        let reached = [&states.x_m, &states.y_m, &states.z_m];
+        let left = [&before.x_m, &before.y_m, &before.z_m];
+        let mut sum = [0.0; 3];
+        let mut n = 0u64;
+        for agent in states.alive.iter_ones() {
+            let mut square = 0.0;
+            for axis in 0..3 {
+                let velocity = known[axis].get(agent).copied().unwrap_or_else(|| {
+                    // Not reported. An agent that has just come to life has not moved.
+                    if before.alive.get(agent) && 0.0 < duration_s {
+                        (reached[axis][agent] - left[axis][agent]) / duration_s
+                    } else {
+                        0.0
+                    }
+                });
+                sum[axis] += velocity;
+                square += velocity * velocity;
+            }
+            self.speed_sum_mps += libm::sqrt(square);
+            n += 1;
+        }
+        self.n_speeds += n;
+        let norm = libm::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
+        mean(norm, n).unwrap_or(0.0)
+    }
+
+    /// Adds how many neighbours everyone heard. Returns the quantiles.
+    fn add_neighbours(&mut self, period: &Period<'_>) -> [f64; 3] {
+        let mut heard: Vec<u32> =
+            period.states.alive.iter_ones().map(|agent| period.counts.neighbours[agent]).collect();
+        heard.sort_unstable();
+        self.neighbour_sum += heard.iter().map(|&n| u64::from(n)).sum::<u64>();
+        self.isolated += heard.iter().filter(|&&n| n == 0).count() as u64;
+        [0.1, 0.5, 0.9].map(|share| quantile(&heard, share))
+    }
+}
+
+/// The quantile of an ascending list, interpolated between neighbours (Hyndman and Fan's type 7); 0 of an empty one.
+fn quantile(ascending: &[u32], share: f64) -> f64 {
+    let Some(last) = ascending.len().checked_sub(1) else { return 0.0 };
+    let place = share * last as f64;
+    let below = place as usize;
+    let above = (below + 1).min(last);
+    let (low, high) = (f64::from(ascending[below]), f64::from(ascending[above]));
+    low + (high - low) * (place - below as f64)
+}
+
+fn mean(sum: f64, n: u64) -> Option<f64> {
+    (n != 0).then(|| sum / n as f64)
+}
+
+/// Most pairs whose distance is looked at in a step.
+const MAX_PAIRS: usize = 100_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_interpolate() {
+        // numpy.quantile([1, 2, 4, 8], [0.1, 0.5, 0.9]) = 1.3, 3.0, 6.8; equal up to rounding.
+        let of = |share| quantile(&[1, 2, 4, 8], share);
+        assert!((of(0.1) - 1.3).abs() < 1e-12);
+        assert!((of(0.5) - 3.0).abs() < 1e-12);
+        assert!((of(0.9) - 6.8).abs() < 1e-12);
+        assert!(quantile(&[], 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_square_has_the_spread_of_its_half_diagonal_and_the_residual_of_its_rows() {
+        let mut states = AgentStates::at_origin(4);
+        states.x_m = vec![0.0, 2.0, 0.0, 2.0];
+        states.y_m = vec![0.0, 0.0, 2.0, 2.0];
+        let measures = Measures::new(Task::default(), &states);
+        // Exact but for the rounding of a square root.
+        assert!((measures.final_spread_m().unwrap() - 2f64.sqrt()).abs() < 1e-12);
+        assert!((measures.line_residual_m2().unwrap() - 4.0).abs() < 1e-12);
+        states.x_m = vec![1.0; 4];
+        assert_eq!(Measures::new(Task::default(), &states).line_residual_m2(), None);
+    }
+}

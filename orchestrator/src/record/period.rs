@@ -1,0 +1,37 @@
+//! A step as the tables and measures see it.
+
+use super::counts::Counts;
+use proto::types::{AgentStates, Deliveries, MoteStates};
+
+/// A step and the period that it covers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Period<'a> {
+    /// The step, from 1.
+    pub(crate) step: u64,
+    /// When the period began (ns).
+    pub(crate) from_ns: u64,
+    /// When it ended (ns).
+    pub(crate) time_ns: u64,
+    /// Where the agents ended up.
+    pub(crate) states: &'a AgentStates,
+    /// Where they ended up in the step before.
+    pub(crate) states_before: &'a AgentStates,
+    /// Where the network took them to be during the period.
+    pub(crate) states_on_air: &'a AgentStates,
+    /// What was delivered.
+    pub(crate) deliveries: &'a Deliveries,
+    /// How many heard and were heard.
+    pub(crate) counts: &'a Counts,
+    /// The motes at the end.
+    pub(crate) motes: &'a MoteStates,
+    /// The robots regard their task as done.
+    pub(crate) task_complete: bool,
+}
+
+/// Distance between two agents (m).
+pub(crate) fn distance_m(states: &AgentStates, a: usize, b: usize) -> f64 {
+    let [ax, ay, az] = states.position_m(a);
+    let [bx, by, bz] = states.position_m(b);
+    let (dx, dy, dz) = (ax - bx, ay - by, az - bz);
+    libm::sqrt(dx * dx + dy * dy + dz * dz)
+}

@@ -1,0 +1,146 @@
+//! Opens `run.mcap` again.
+
+use super::Configured;
+use super::log::Topic;
+use super::writer::LOG_FILE;
+use mcap::io::MessageReader;
+use mcap::sans_io::LinearReaderOptions;
+use prost::Message;
+use proto::v1;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+/// A recorded run, read step by step: memory does not grow with its length.
+pub struct Reader {
+    path: PathBuf,
+    messages: MessageReader<BufReader<File>>,
+    configured: Option<Configured>,
+}
+
+/// A step as it was recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedStep {
+    /// The robots' reply.
+    pub robots: v1::RobotSimServiceStepResponse,
+    /// The network's reply.
+    pub net: v1::NetSimServiceStepResponse,
+    /// Step, time and digest that both agreed on.
+    pub barrier: v1::RobotSimServiceBarrierResponse,
+}
+
+/// Why a recording cannot be read, or not further.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file cannot be opened. Likely `output.mcap = false`, or not the directory of a run.
+    #[error("cannot open {}: {source}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is damaged or ends too early. What was read before is right.
+    #[error("{} is damaged or cut off: {source}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What the reader says.
+        source: Box<mcap::McapError>,
+    },
+    /// A message is not what its topic says.
+    #[error("{}: a message on {topic} cannot be decoded: {source}", path.display())]
+    Decode {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: &'static str,
+        /// What the decoder says.
+        source: prost::DecodeError,
+    },
+    /// A message is missing, or on a topic that no run writes. Likely a file of another program.
+    #[error("{}: expected a message on {expected}, got {got}", path.display())]
+    Unexpected {
+        /// The file.
+        path: PathBuf,
+        /// The topic expected.
+        expected: &'static str,
+        /// The topic found, or `the end`.
+        got: String,
+    },
+}
+
+impl Reader {
+    /// Opens the recording of a run, given its directory or the file itself, and reads how both sides were configured.
+    ///
+    /// # Errors
+    ///
+    /// No such file, or not the recording of a run.
+    pub fn open(run: &Path) -> Result<Self, ReadError> {
+        let path = if run.is_dir() { run.join(LOG_FILE) } else { run.to_owned() };
+        let file =
+            File::open(&path).map_err(|source| ReadError::Open { path: path.clone(), source })?;
+        let options = LinearReaderOptions::default()
+            .with_prevalidate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
+            .with_validate_summary_section_crc(true)
+            .with_check_finishes_after_end_magic(true);
+        let messages = MessageReader::new_with_options(BufReader::new(file), options);
+        let mut reader = Self { path, messages, configured: None };
+        if let Some(robot_request) = reader.next_or_end(Topic::RobotConfigureRequest)? {
+            reader.configured = Some(Configured {
+                robot_request,
+                robot_response: reader.next(Topic::RobotConfigureResponse)?,
+                net_request: reader.next(Topic::NetConfigureRequest)?,
+                net_response: reader.next(Topic::NetConfigureResponse)?,
+            });
+        }
+        Ok(reader)
+    }
+
+    /// How both sides were configured; `None` of a run that ended before that.
+    #[must_use]
+    pub fn configured(&self) -> Option<&Configured> {
+        self.configured.as_ref()
+    }
+
+    /// The next step; `None` after the last.
+    ///
+    /// # Errors
+    ///
+    /// The file is damaged or cut off here.
+    pub fn next_step(&mut self) -> Result<Option<RecordedStep>, ReadError> {
+        let Some(robots) = self.next_or_end(Topic::RobotStep)? else { return Ok(None) };
+        let net = self.next(Topic::NetStep)?;
+        let barrier = self.next(Topic::Barrier)?;
+        Ok(Some(RecordedStep { robots, net, barrier }))
+    }
+
+    fn next<M: Message + Default>(&mut self, topic: Topic) -> Result<M, ReadError> {
+        self.next_or_end(topic)?.ok_or_else(|| self.unexpected(topic, "the end"))
+    }
+
+    fn next_or_end<M: Message + Default>(&mut self, topic: Topic) -> Result<Option<M>, ReadError> {
+        let Some(message) = self.messages.next() else { return Ok(None) };
+        let message = message.map_err(|source| ReadError::Damaged {
+            path: self.path.clone(),
+            source: Box::new(source),
+        })?;
+        if Topic::named(&message.channel.topic) != Some(topic) {
+            return Err(self.unexpected(topic, &message.channel.topic));
+        }
+        M::decode(&message.data[..]).map(Some).map_err(|source| ReadError::Decode {
+            path: self.path.clone(),
+            topic: topic.names().0,
+            source,
+        })
+    }
+
+    fn unexpected(&self, expected: Topic, got: &str) -> ReadError {
+        ReadError::Unexpected {
+            path: self.path.clone(),
+            expected: expected.names().0,
+            got: got.to_owned(),
+        }
+    }
+}

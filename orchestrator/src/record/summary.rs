@@ -1,0 +1,143 @@
+//! `summary.json`: what came of a run, in numbers.
+
+use super::directory::SCHEMA_PREFIX;
+use super::measures::Measures;
+use super::output::Links;
+use super::writer::Written;
+use super::{Ending, RunHeader, Status};
+use proto::digest::hex;
+use proto::types::seconds;
+use serde_json::{Map, Value, json};
+
+/// The summary of a run.
+pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> Value {
+    let measures = written.measures.as_ref();
+    let n_steps = measures.map_or(0, |measures| measures.n_steps);
+    let files: Map<String, Value> = written
+        .files
+        .iter()
+        .map(|(file, n, _)| {
+            let counted = if file.ends_with(".mcap") { "messages" } else { "rows" };
+            ((*file).to_owned(), json!({ counted: n }))
+        })
+        .collect();
+    json!({
+        "schema": format!("{SCHEMA_PREFIX}1"),
+        "name": header.name,
+        "seed": header.seed,
+        "agent_count": header.agent_count,
+        "step_ns": header.step_ns,
+        "coupling": header.coupling,
+        "labels": header.labels,
+        "baseline": is_truth(header, measures).then_some(TRUTH_BASELINE),
+        "status": ending.status.name(),
+        "reason": ending.reason,
+        "steps": n_steps,
+        "simulated_s": measures.map_or(0.0, |measures| seconds(measures.time_ns)),
+        "final_digest": written.digest.map(|digest| hex(&digest)),
+        "task": measures.map(task),
+        "network": measures.map(network),
+        "files": files,
+        "warnings": warnings(header, ending, written),
+    })
+}
+
+/// Whether the robots knew the truth instead of what was delivered to them.
+pub(crate) fn is_truth(header: &RunHeader, measures: Option<&Measures>) -> bool {
+    header.labels.get("knowledge").is_some_and(|knowledge| knowledge == "truth")
+        || measures.is_some_and(|measures| measures.task.is_truth_baseline)
+}
+
+/// What such a run is called wherever it is shown.
+pub(crate) const TRUTH_BASELINE: &str = "truth baseline";
+
+fn task(measures: &Measures) -> Value {
+    let mut task = json!({
+        "controller": measures.task.controller,
+        "complete": measures.completed_at_step.is_some(),
+        "completed_at_step": measures.completed_at_step,
+        "flock_speed_mps": measures.flock_speed_mps(),
+        "mean_speed_mps": measures.mean_speed_mps(),
+        "final_spread_m": measures.final_spread_m(),
+    });
+    if let Some(leader_speed_mps) = measures.task.leader_speed_mps {
+        task["leader_speed_mps"] = json!(leader_speed_mps);
+    }
+    if measures.task.controller.as_deref() == Some("line-formation") {
+        let residual_m2 = measures.line_residual_m2();
+        task["line_residual_m2"] = json!(residual_m2);
+        task["line_residual_log10"] =
+            json!(residual_m2.filter(|&residual_m2| 0.0 < residual_m2).map(libm::log10));
+    }
+    task
+}
+
+fn network(measures: &Measures) -> Value {
+    let by_distance: Vec<Value> = measures
+        .by_distance()
+        .iter()
+        .map(|bin| {
+            json!({
+                "from_m": bin.from_m,
+                "to_m": bin.to_m,
+                "attempts": bin.attempts,
+                "deliveries": bin.deliveries,
+                "ratio": bin.ratio(),
+                "ratio_interval_95": bin.interval(),
+            })
+        })
+        .collect();
+    json!({
+        "transmissions": measures.transmissions,
+        "sent_bytes": measures.sent_bytes,
+        "attempts": measures.attempts,
+        "deliveries": measures.deliveries,
+        "delivery_ratio": measures.delivery_ratio(),
+        "mean_delay_s": measures.mean_delay_s(),
+        "mean_neighbours_heard": measures.mean_neighbours(),
+        "isolated_ratio": measures.isolated_ratio(),
+        "by_distance_is_sampled": measures.is_distance_sampled,
+        "by_distance": by_distance,
+    })
+}
+
+fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<String> {
+    let mut warnings = header.warnings.clone();
+    warnings.extend(written.net_warnings.iter().map(|warning| format!("network: {warning}")));
+    let measures = written.measures.as_ref();
+    if is_truth(header, measures) {
+        warnings.push(format!(
+            "{TRUTH_BASELINE}: the robots knew the true state of all others, whatever the network delivered"
+        ));
+    }
+    let n_steps = measures.map_or(0, |measures| measures.n_steps);
+    match ending.status {
+        Status::Complete => {}
+        Status::Interrupted => {
+            warnings.push(format!("the run was interrupted after {n_steps} steps"));
+        }
+        Status::Failed => warnings.push(format!("the run failed after {n_steps} steps")),
+    }
+    if let Some(measures) = measures {
+        if 0 < measures.n_steps && measures.transmissions == 0 {
+            warnings.push("nothing was transmitted".to_owned());
+        } else if 0 < measures.n_steps && measures.deliveries == 0 {
+            warnings.push("nothing that was transmitted was delivered".to_owned());
+        }
+        if measures.is_distance_sampled {
+            warnings.push(
+                "delivery against distance was counted over a sample of the receivers".to_owned(),
+            );
+        }
+    }
+    if let Links::Sample { fraction } = header.output.links {
+        warnings.push(format!(
+            "links.parquet holds a sample of all links, each with chance {fraction}"
+        ));
+    }
+    if !header.output.mcap {
+        warnings
+            .push("there is no run.mcap: the run can be neither replayed nor verified".to_owned());
+    }
+    warnings
+}

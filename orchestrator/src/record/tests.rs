@@ -1,0 +1,553 @@
+//! A run made up of messages, recorded and read again.
+
+use super::log::Topic;
+use super::read::{ReadError, Reader};
+use super::*;
+use bytes::Bytes;
+use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use parquet::record::{Field, Row};
+use proto::convert;
+use proto::digest::of_step;
+use proto::types::{Bitmap, Deliveries, Heard, Payloads, Transmissions};
+use std::fs;
+
+const N: usize = 7;
+const STEPS: u64 = 12;
+const STEP_NS: u64 = 100_000_000;
+
+fn header(name: &str) -> RunHeader {
+    RunHeader {
+        name: name.to_owned(),
+        seed: 42,
+        agent_count: N as u32,
+        step_ns: STEP_NS,
+        coupling: Coupling::Sequential,
+        config_toml: "[experiment]\nname = \"made-up\"\n".to_owned(),
+        labels: BTreeMap::new(),
+        output: OutputConfig::default(),
+        warnings: Vec::new(),
+    }
+}
+
+/// Seven agents on a line, 1 m apart, drifting east at 2 m/s; agent 6 does not exist.
+fn states(step: u64) -> v1::AgentStates {
+    let mut alive = Bitmap::filled(N, true);
+    alive.set(6, false);
+    v1::AgentStates {
+        alive: Bytes::copy_from_slice(alive.as_bytes()),
+        x_m: (0..N).map(|i| i as f64 + 0.2 * step as f64).collect(),
+        y_m: vec![0.5; N],
+        z_m: vec![0.0; N],
+        ..Default::default()
+    }
+}
+
+/// Everyone alive sends; those at most 2 m away hear it.
+fn deliveries(step: u64) -> Deliveries {
+    let begin_ns = (step - 1) * STEP_NS;
+    let (mut ends, mut indices) = (Vec::new(), Vec::new());
+    for receiver in 0..N {
+        let range = receiver.saturating_sub(2)..=(receiver + 2).min(5);
+        indices.extend(range.filter(|&i| i != receiver && receiver != 6).map(|i| i as u32));
+        ends.push(indices.len() as u32);
+    }
+    let n_deliveries = indices.len();
+    Deliveries {
+        transmissions: Transmissions {
+            sender: (0..6).collect(),
+            sent_ns: (0..6).map(|i| begin_ns + i * 10_000_000).collect(),
+            end_ns: (0..6).map(|i| begin_ns + i * 10_000_000 + 2_000_000).collect(),
+            payloads: Payloads::new(vec![3; 6], Bytes::from(vec![step as u8; 18])).unwrap(),
+        },
+        heard: Heard::Lists { ends, indices },
+        rssi_dbm: (0..n_deliveries).map(|i| -60.0 - i as f32).collect(),
+        ..Default::default()
+    }
+}
+
+fn configured(header: &RunHeader) -> Configured {
+    Configured {
+        robot_request: v1::RobotSimServiceConfigureRequest {
+            seed: header.seed,
+            agent_count: header.agent_count,
+            step_ns: header.step_ns,
+            coupling: v1::Coupling::from(header.coupling).into(),
+            ..Default::default()
+        },
+        robot_response: v1::RobotSimServiceConfigureResponse {
+            states: Some(states(0)),
+            ..Default::default()
+        },
+        net_request: v1::NetSimServiceConfigureRequest::default(),
+        net_response: v1::NetSimServiceConfigureResponse {
+            warnings: vec!["made up".to_owned()],
+            ..Default::default()
+        },
+    }
+}
+
+fn replies(step: u64) -> (v1::RobotSimServiceStepResponse, v1::NetSimServiceStepResponse) {
+    let robots = v1::RobotSimServiceStepResponse {
+        step,
+        time_ns: step * STEP_NS,
+        states: Some(states(step)),
+        digest: Bytes::from_static(b"of a stream"),
+        ..Default::default()
+    };
+    let net = v1::NetSimServiceStepResponse {
+        step,
+        time_ns: step * STEP_NS,
+        deliveries: Some(deliveries(step).into()),
+        ..Default::default()
+    };
+    (robots, net)
+}
+
+fn digest(step: u64, coupling: Coupling) -> Digest {
+    let on_air = if coupling == Coupling::Sequential { step } else { step - 1 };
+    let on_air = convert::states(Some(states(on_air)), N).unwrap();
+    let given = (1 < step).then(|| deliveries(step - 1));
+    of_step(step, step * STEP_NS, &on_air, given.as_ref())
+}
+
+fn record(out: &Path, header: RunHeader, steps: u64) -> Recorder {
+    let coupling = header.coupling;
+    let configured = configured(&header);
+    let mut recorder = Recorder::create(out, header).unwrap();
+    recorder.configured(configured).unwrap();
+    for step in 1..=steps {
+        let (robots, net) = replies(step);
+        let digest = digest(step, coupling);
+        let time_ns = step * STEP_NS;
+        recorder.step(StepRecord { step, time_ns, robots: &robots, net: &net, digest }).unwrap();
+    }
+    recorder
+}
+
+fn complete() -> Ending {
+    Ending { status: Status::Complete, reason: None }
+}
+
+fn finished(out: &Path, header: RunHeader) -> Finished {
+    record(out, header, STEPS).finish(&complete(), json!({ "host": "here" })).unwrap()
+}
+
+fn rows(dir: &Path, file: &str) -> Vec<Row> {
+    let reader = SerializedFileReader::new(fs::File::open(dir.join(file)).unwrap()).unwrap();
+    reader.get_row_iter(None).unwrap().map(Result::unwrap).collect()
+}
+
+fn column(row: &Row, name: &str) -> Field {
+    row.get_column_iter().find(|(column, _)| *column == name).unwrap().1.clone()
+}
+
+fn names(dir: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(dir)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn two_recordings_of_the_same_run_are_the_same_bytes() {
+    let out = tempfile::tempdir().unwrap();
+    let dirs = ["a", "b"].map(|place| finished(&out.path().join(place), header("run")).dir);
+    for file in names(&dirs[0]) {
+        let [a, b] = [&dirs[0], &dirs[1]].map(|dir| fs::read(dir.join(&file)).unwrap());
+        assert_eq!(a, b, "{file}");
+    }
+    assert_eq!(
+        names(&dirs[0]),
+        [
+            "config.toml",
+            "links.parquet",
+            "motes.parquet",
+            "packets.parquet",
+            "provenance.json",
+            "report.html",
+            "run.mcap",
+            "steps.parquet",
+            "summary.json"
+        ]
+    );
+}
+
+#[test]
+fn nothing_but_the_result_is_left_behind_and_a_second_run_replaces_it() {
+    let out = tempfile::tempdir().unwrap();
+    let first = finished(out.path(), header("run"));
+    fs::write(first.dir.join("note.txt"), "mine").unwrap();
+    let second = finished(out.path(), header("run"));
+    assert_eq!(first.dir, second.dir);
+    assert_eq!(names(out.path()), ["run"]);
+    assert!(!second.dir.join("note.txt").exists());
+}
+
+#[test]
+fn a_directory_that_no_run_left_is_refused_and_stays() {
+    let out = tempfile::tempdir().unwrap();
+    let foreign = out.path().join("run");
+    fs::create_dir(&foreign).unwrap();
+    fs::write(foreign.join("thesis.tex"), "years of work").unwrap();
+    let error = Recorder::create(out.path(), header("run")).unwrap_err();
+    assert!(matches!(&error, RecordError::Foreign { path } if *path == foreign), "{error}");
+    assert_eq!(names(out.path()), ["run"]);
+    assert_eq!(names(&foreign), ["thesis.tex"]);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_told_before_anything_runs() {
+    let out = tempfile::tempdir().unwrap();
+    let file = out.path().join("file");
+    fs::write(&file, "").unwrap();
+    let error = Recorder::create(&file.join("runs"), header("run")).unwrap_err();
+    assert!(matches!(&error, RecordError::Create { .. }), "{error}");
+    assert!(error.to_string().contains("file/runs"), "{error}");
+    for name in ["", "../run", ".run", "a/b", "a b"] {
+        let error = Recorder::create(out.path(), header(name)).unwrap_err();
+        assert!(matches!(error, RecordError::Name { .. }), "{name}: {error}");
+    }
+}
+
+#[test]
+fn a_whole_record_is_found_whole_in_every_coupling() {
+    for coupling in [Coupling::Sequential, Coupling::Parallel, Coupling::Event] {
+        let out = tempfile::tempdir().unwrap();
+        let run = finished(out.path(), RunHeader { coupling, ..header("run") });
+        let report = verify(&run.dir).unwrap();
+        assert_eq!(report.problems, Vec::<String>::new());
+        assert_eq!((report.steps, report.digests), (STEPS, STEPS));
+        assert_eq!(report.files.len(), 8);
+    }
+}
+
+#[test]
+fn files_that_were_cut_off_or_changed_are_found() {
+    for file in ["run.mcap", "steps.parquet", "links.parquet", "report.html", "config.toml"] {
+        let out = tempfile::tempdir().unwrap();
+        let path = finished(out.path(), header("run")).dir.join(file);
+        let content = fs::read(&path).unwrap();
+
+        fs::write(&path, &content[..content.len() * 2 / 3]).unwrap();
+        let problems = verify(path.parent().unwrap()).unwrap().problems;
+        assert!(
+            problems.iter().any(|p| p.starts_with(file) && p.contains("bytes")),
+            "{problems:?}"
+        );
+
+        let mut changed = content.clone();
+        changed[content.len() / 2] ^= 1;
+        fs::write(&path, &changed).unwrap();
+        let problems = verify(path.parent().unwrap()).unwrap().problems;
+        assert!(problems.iter().any(|p| p.starts_with(file)), "{problems:?}");
+    }
+}
+
+#[test]
+fn a_wrong_digest_is_found_with_its_step() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder = record(out.path(), header("run"), 3);
+    let (robots, net) = replies(4);
+    let wrong = StepRecord {
+        step: 4,
+        time_ns: 4 * STEP_NS,
+        robots: &robots,
+        net: &net,
+        digest: digest(3, Coupling::Sequential),
+    };
+    recorder.step(wrong).unwrap();
+    let dir = recorder.finish(&complete(), Value::Null).unwrap().dir;
+    let report = verify(&dir).unwrap();
+    assert_eq!((report.steps, report.digests), (4, 3));
+    assert!(report.problems[0].contains("step 4: the digest"), "{:?}", report.problems);
+}
+
+#[test]
+fn what_no_run_left_cannot_be_verified() {
+    let out = tempfile::tempdir().unwrap();
+    let error = verify(out.path()).unwrap_err().to_string();
+    assert!(error.contains("is not a record"), "{error}");
+    let error = Reader::open(out.path()).err().unwrap();
+    assert!(matches!(error, ReadError::Open { .. }), "{error}");
+}
+
+#[test]
+fn messages_come_back_as_they_were_but_for_what_depends_on_the_transport() {
+    let out = tempfile::tempdir().unwrap();
+    let run = finished(out.path(), header("run"));
+    let mut reader = Reader::open(&run.dir).unwrap();
+    let configured = reader.configured().unwrap();
+    assert_eq!(configured.robot_request.seed, 42);
+    assert_eq!(configured.net_response.warnings, ["made up"]);
+    for step in 1..=STEPS {
+        let recorded = reader.next_step().unwrap().unwrap();
+        let (mut robots, net) = replies(step);
+        robots.digest.clear();
+        assert_eq!(recorded.robots, robots);
+        assert_eq!(recorded.net, net);
+        assert_eq!(recorded.barrier.digest, digest(step, Coupling::Sequential).to_vec());
+    }
+    assert_eq!(reader.next_step().unwrap(), None);
+}
+
+#[test]
+fn the_log_describes_itself_to_any_reader() {
+    let out = tempfile::tempdir().unwrap();
+    let content = fs::read(finished(out.path(), header("run")).dir.join("run.mcap")).unwrap();
+    let summary = mcap::Summary::read(&content).unwrap().unwrap();
+    assert_eq!(summary.channels.len(), 7);
+    for topic in Topic::ALL {
+        let channel = summary.channels.values().find(|c| c.topic == topic.names().0).unwrap();
+        let schema = channel.schema.as_ref().unwrap();
+        assert_eq!(
+            (schema.encoding.as_str(), channel.message_encoding.as_str()),
+            ("protobuf", "protobuf")
+        );
+        let set: prost_types::FileDescriptorSet = prost::Message::decode(&schema.data[..]).unwrap();
+        let (package, message) = schema.name.rsplit_once('.').unwrap();
+        let found = set.file.iter().any(|file| {
+            file.package() == package && file.message_type.iter().any(|m| m.name() == message)
+        });
+        assert!(found, "{}", schema.name);
+    }
+    let statistics = summary.stats.unwrap();
+    assert_eq!(statistics.message_count, 4 + 3 * STEPS);
+    assert_eq!(statistics.message_end_time, STEPS * STEP_NS);
+}
+
+#[test]
+fn steps_hold_every_agent_from_the_beginning() {
+    let out = tempfile::tempdir().unwrap();
+    let run = finished(out.path(), header("run"));
+    let rows = rows(&run.dir, "steps.parquet");
+    assert_eq!(rows.len(), N * (STEPS as usize + 1));
+    assert_eq!(run.summary["files"]["steps.parquet"]["rows"], rows.len());
+    let row = &rows[N * 3 + 1];
+    assert_eq!(column(row, "step"), Field::ULong(3));
+    assert_eq!(column(row, "time_ns"), Field::ULong(3 * STEP_NS));
+    assert_eq!(column(row, "agent"), Field::UInt(1));
+    assert_eq!(column(row, "alive"), Field::Bool(true));
+    assert_eq!(column(row, "x_m"), Field::Double(1.0 + 0.2 * 3.0));
+    assert_eq!(column(row, "vx_mps"), Field::Null);
+    assert_eq!(column(row, "n_heard"), Field::UInt(3));
+    assert_eq!(column(&rows[6], "alive"), Field::Bool(false));
+}
+
+#[test]
+fn packets_and_motes_hold_what_the_network_said() {
+    let out = tempfile::tempdir().unwrap();
+    let dir = finished(out.path(), header("run")).dir;
+    let packets = rows(&dir, "packets.parquet");
+    assert_eq!(packets.len(), 6 * STEPS as usize);
+    assert_eq!(column(&packets[7], "sender"), Field::UInt(1));
+    assert_eq!(column(&packets[7], "end_ns"), Field::ULong(STEP_NS + 12_000_000));
+    assert_eq!(column(&packets[7], "payload_bytes"), Field::UInt(3));
+    assert_eq!(column(&packets[7], "n_receivers"), Field::UInt(3));
+    let motes = rows(&dir, "motes.parquet");
+    assert_eq!(motes.len(), N * (STEPS as usize + 1));
+    assert_eq!(column(&motes[0], "alive"), Field::Bool(true));
+    assert_eq!(column(&motes[0], "rank"), Field::Null);
+}
+
+#[test]
+fn links_are_those_asked_for() {
+    let of = |links: Links| {
+        let out = tempfile::tempdir().unwrap();
+        let mut header = header("run");
+        header.output.links = links;
+        let dir = finished(out.path(), header).dir;
+        dir.join("links.parquet").exists().then(|| rows(&dir, "links.parquet"))
+    };
+    assert_eq!(of(Links::None), None);
+
+    // 0 and 5 hear two others, 1 and 4 three, 2 and 3 four.
+    let heard = of(Links::Heard).unwrap();
+    assert_eq!(heard.len(), 18 * STEPS as usize);
+    let row = &heard[2];
+    assert_eq!((column(row, "sender"), column(row, "receiver")), (Field::UInt(0), Field::UInt(1)));
+    assert_eq!(column(row, "distance_m"), Field::Double(1.0));
+    assert_eq!(column(row, "rssi_dbm"), Field::Float(-62.0));
+    assert_eq!(column(row, "received_ns"), Field::ULong(2_000_000));
+    assert_eq!(column(row, "hops"), Field::UInt(1));
+
+    let all = of(Links::All).unwrap();
+    assert_eq!(all.len(), 6 * 5 * STEPS as usize);
+    let received: Vec<&Row> =
+        all.iter().filter(|row| column(row, "received") == Field::Bool(true)).collect();
+    assert_eq!(received.len(), heard.len());
+    assert!(
+        received.iter().zip(&heard).all(|(a, b)| column(a, "rssi_dbm") == column(b, "rssi_dbm"))
+    );
+    let missed = all.iter().find(|row| column(row, "received") == Field::Bool(false)).unwrap();
+    assert_eq!(column(missed, "rssi_dbm"), Field::Null);
+
+    // 360 links, each with chance 0.5: outside 180 +- 4 standard deviations (38) once in 16,000 seeds.
+    let sample = of(Links::Sample { fraction: 0.5 }).unwrap();
+    assert!((142..=218).contains(&sample.len()), "{}", sample.len());
+    assert!(sample.iter().all(|row| all.contains(row)));
+    assert_eq!(of(Links::Sample { fraction: 1.0 }).unwrap(), all);
+}
+
+#[test]
+fn tables_can_hold_every_few_steps_and_the_log_still_holds_all() {
+    let out = tempfile::tempdir().unwrap();
+    let mut header = header("run");
+    header.output.every_steps = 5;
+    let dir = finished(out.path(), header).dir;
+    let mut steps: Vec<Field> =
+        rows(&dir, "steps.parquet").iter().map(|row| column(row, "step")).collect();
+    steps.dedup();
+    assert_eq!(steps, [Field::ULong(0), Field::ULong(5), Field::ULong(10)]);
+    assert_eq!(verify(&dir).unwrap().steps, STEPS);
+}
+
+#[test]
+fn what_is_not_asked_for_is_not_written() {
+    let out = tempfile::tempdir().unwrap();
+    let mut header = header("run");
+    header.output = OutputConfig {
+        mcap: false,
+        steps: false,
+        packets: false,
+        motes: false,
+        links: Links::None,
+        every_steps: 1,
+        report: false,
+    };
+    let run = finished(out.path(), header);
+    assert_eq!(names(&run.dir), ["config.toml", "provenance.json", "summary.json"]);
+    assert_eq!(run.report, None);
+    assert!(verify(&run.dir).unwrap().problems.is_empty());
+}
+
+#[test]
+fn an_interrupted_run_keeps_what_it_recorded_and_says_so() {
+    let out = tempfile::tempdir().unwrap();
+    let recorder = record(out.path(), header("run"), 5);
+    let ending =
+        Ending { status: Status::Interrupted, reason: Some("stopped by Ctrl-C".to_owned()) };
+    let run = recorder.finish(&ending, Value::Null).unwrap();
+    assert_eq!(run.summary["status"], "interrupted");
+    assert_eq!(run.summary["reason"], "stopped by Ctrl-C");
+    assert_eq!(run.summary["steps"], 5);
+    let report = verify(&run.dir).unwrap();
+    assert_eq!((report.steps, report.problems), (5, vec![]));
+}
+
+#[test]
+fn a_run_that_failed_before_it_was_configured_leaves_a_summary_too() {
+    let out = tempfile::tempdir().unwrap();
+    let recorder = Recorder::create(out.path(), header("run")).unwrap();
+    let ending = Ending { status: Status::Failed, reason: Some("no such host".to_owned()) };
+    let run = recorder.finish(&ending, Value::Null).unwrap();
+    assert_eq!(run.summary["steps"], 0);
+    assert_eq!(run.summary["task"], Value::Null);
+    let report = verify(&run.dir).unwrap();
+    assert_eq!((report.steps, report.problems), (0, vec![]));
+}
+
+#[test]
+fn a_recorder_that_is_dropped_leaves_messages_that_can_be_read() {
+    let out = tempfile::tempdir().unwrap();
+    drop(record(out.path(), header("run"), 5));
+    let partial = names(out.path());
+    assert_eq!(partial.len(), 1);
+    assert!(partial[0].starts_with(".run.partial-"), "{partial:?}");
+    let mut reader = Reader::open(&out.path().join(&partial[0])).unwrap();
+    for _ in 0..5 {
+        assert!(reader.next_step().unwrap().is_some());
+    }
+    assert_eq!(reader.next_step().unwrap(), None);
+}
+
+#[test]
+fn a_log_that_is_cut_off_gives_the_steps_before_the_cut() {
+    let out = tempfile::tempdir().unwrap();
+    let path = finished(out.path(), header("run")).dir.join("run.mcap");
+    let content = fs::read(&path).unwrap();
+    // The end magic is missing, all steps are there.
+    fs::write(&path, &content[..content.len() - 8]).unwrap();
+    let mut reader = Reader::open(&path).unwrap();
+    for _ in 0..STEPS {
+        assert!(reader.next_step().unwrap().is_some());
+    }
+    assert!(matches!(reader.next_step(), Err(ReadError::Damaged { .. })));
+}
+
+#[test]
+fn steps_out_of_order_are_refused() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder = record(out.path(), header("run"), 2);
+    let (robots, net) = replies(4);
+    let skipped = StepRecord {
+        step: 4,
+        time_ns: 4 * STEP_NS,
+        robots: &robots,
+        net: &net,
+        digest: digest(4, Coupling::Sequential),
+    };
+    // The thread finds out; the caller learns of it at one of the next calls, at the latest at the end.
+    let error = recorder
+        .step(skipped)
+        .err()
+        .unwrap_or_else(|| recorder.finish(&complete(), Value::Null).unwrap_err());
+    assert!(matches!(error, RecordError::Order { got: 4, expected: 3 }), "{error}");
+}
+
+#[test]
+fn the_summary_measures_task_and_network() {
+    let out = tempfile::tempdir().unwrap();
+    let summary = finished(out.path(), header("run")).summary;
+    assert_eq!(summary["schema"], "murmuration/summary/1");
+    assert_eq!(summary["simulated_s"], 1.2);
+    assert_eq!(summary["baseline"], Value::Null);
+    let near = |value: &Value, expected: f64| {
+        // Positions are sums of decimal fractions: right up to rounding.
+        let value = value.as_f64().unwrap();
+        assert!((value - expected).abs() < 1e-9, "{value} is not {expected}");
+    };
+    near(&summary["task"]["flock_speed_mps"], 2.0);
+    near(&summary["task"]["mean_speed_mps"], 2.0);
+    // Six agents 1 m apart: variance 35/12 m2.
+    near(&summary["task"]["final_spread_m"], (35.0f64 / 12.0).sqrt());
+    let network = &summary["network"];
+    assert_eq!(network["transmissions"], 6 * STEPS);
+    assert_eq!(network["attempts"], 30 * STEPS);
+    assert_eq!(network["deliveries"], 18 * STEPS);
+    near(&network["delivery_ratio"], 0.6);
+    near(&network["mean_neighbours_heard"], 3.0);
+    near(&network["mean_delay_s"], 0.002);
+    let by_distance = network["by_distance"].as_array().unwrap();
+    assert_eq!(by_distance.len(), 5);
+    for bin in by_distance {
+        near(&bin["ratio"], if bin["from_m"].as_f64().unwrap() < 2.5 { 1.0 } else { 0.0 });
+    }
+    assert_eq!(summary["warnings"], json!(["network: made up"]));
+}
+
+#[test]
+fn the_truth_baseline_is_called_so_in_summary_and_report() {
+    let out = tempfile::tempdir().unwrap();
+    let mut header = header("run");
+    header.labels.insert("knowledge".to_owned(), "truth".to_owned());
+    let run = finished(out.path(), header);
+    assert_eq!(run.summary["baseline"], "truth baseline");
+    let page = fs::read_to_string(run.report.unwrap()).unwrap();
+    assert!(page.matches("truth baseline").count() >= 2);
+}
+
+#[test]
+fn the_data_dictionary_names_every_column() {
+    let dictionary = include_str!("../../../docs/outputs.md");
+    for table in TABLES {
+        assert!(dictionary.contains(&format!("`{}`", table.file)), "{}", table.file);
+        for column in table.columns {
+            let row = format!("| `{}` | {} | ", column.name, column.kind.name());
+            assert!(dictionary.contains(&row), "{}: {row}", table.file);
+            assert!(dictionary.contains(column.doc), "{}: {}", table.file, column.doc);
+            assert!(dictionary.contains(column.null_when), "{}: {}", table.file, column.null_when);
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! Turns replies into files, step by step, in the order they come.
+
+use super::counts::Counts;
+use super::log::{MessageLog, Topic};
+use super::measures::Measures;
+use super::period::Period;
+use super::tables::Tables;
+use super::task::Task;
+use super::whole::Fingerprint;
+use super::{Configured, RecordError, RunHeader};
+use proto::convert;
+use proto::digest::Digest;
+use proto::types::{AgentStates, Coupling};
+use proto::v1;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What comes to be recorded.
+pub(crate) enum Event {
+    /// Both sides are configured.
+    Configured(Box<Configured>),
+    /// Both sides have answered a step and agree on its digest.
+    Step(Box<Step>),
+}
+
+/// A step.
+pub(crate) struct Step {
+    pub(crate) step: u64,
+    pub(crate) time_ns: u64,
+    pub(crate) robots: v1::RobotSimServiceStepResponse,
+    pub(crate) net: v1::NetSimServiceStepResponse,
+    pub(crate) digest: Digest,
+}
+
+/// The files being written, and the measures of the run so far.
+pub(crate) struct RunWriter {
+    n_agents: usize,
+    coupling: Coupling,
+    log: Option<MessageLog>,
+    tables: Tables,
+    run: Option<Run>,
+}
+
+/// What a configured run has come to.
+struct Run {
+    measures: Measures,
+    net_warnings: Vec<String>,
+    states: AgentStates,
+    time_ns: u64,
+    n_steps: u64,
+    digest: Option<Digest>,
+}
+
+/// What is left when all files are whole.
+pub(crate) struct Written {
+    /// Measures; `None` of a run that was never configured.
+    pub(crate) measures: Option<Measures>,
+    /// What the network warned of.
+    pub(crate) net_warnings: Vec<String>,
+    /// Digest of the last step.
+    pub(crate) digest: Option<Digest>,
+    /// Files, each with how many rows or messages it holds.
+    pub(crate) files: Vec<(&'static str, u64, Fingerprint)>,
+}
+
+impl RunWriter {
+    /// Begins all files.
+    pub(crate) fn create(dir: &Path, header: &RunHeader) -> Result<Self, RecordError> {
+        let log = header
+            .output
+            .mcap
+            .then(|| MessageLog::create(&dir.join(LOG_FILE), about(header)))
+            .transpose()?;
+        Ok(Self {
+            n_agents: header.agent_count as usize,
+            coupling: header.coupling,
+            log,
+            tables: Tables::create(dir, &header.output, header.seed)?,
+            run: None,
+        })
+    }
+
+    /// Records what came.
+    pub(crate) fn handle(&mut self, event: Event) -> Result<(), RecordError> {
+        match event {
+            Event::Configured(configured) => self.configured(*configured),
+            Event::Step(step) => self.step(*step),
+        }
+    }
+
+    /// Makes all files whole.
+    pub(crate) fn finish(mut self) -> Result<Written, RecordError> {
+        let mut files = Vec::new();
+        let n_steps = self.run.as_ref().map(|run| run.n_steps);
+        if let Some(log) = self.log.take() {
+            // Four messages about the configuration and three for each step.
+            let n_messages = n_steps.map_or(0, |n| 4 + 3 * n);
+            files.push((LOG_FILE, n_messages, log.finish()?));
+        }
+        files.extend(self.tables.finish()?);
+        Ok(match self.run {
+            None => Written { measures: None, net_warnings: Vec::new(), digest: None, files },
+            Some(mut run) => {
+                run.measures.end();
+                Written {
+                    measures: Some(run.measures),
+                    net_warnings: run.net_warnings,
+                    digest: run.digest,
+                    files,
+                }
+            }
+        })
+    }
+
+    fn configured(&mut self, configured: Configured) -> Result<(), RecordError> {
+        if let Some(run) = &self.run {
+            return Err(RecordError::Order { got: 0, expected: run.n_steps + 1 });
+        }
+        let Configured { robot_request, robot_response, net_request, net_response } = configured;
+        if let Some(log) = &mut self.log {
+            log.write(Topic::RobotConfigureRequest, 0, 0, &robot_request)?;
+            log.write(Topic::RobotConfigureResponse, 0, 0, &robot_response)?;
+            log.write(Topic::NetConfigureRequest, 0, 0, &net_request)?;
+            log.write(Topic::NetConfigureResponse, 0, 0, &net_response)?;
+        }
+        let n = self.n_agents;
+        let states = convert::states(robot_response.states, n).map_err(of_robots(0))?;
+        let motes = convert::motes(net_response.motes, n).map_err(of_network(0))?;
+        self.tables.begin(&states, &motes)?;
+        let effective = if robot_response.effective_config_toml.is_empty() {
+            &robot_request.config_toml
+        } else {
+            &robot_response.effective_config_toml
+        };
+        self.run = Some(Run {
+            measures: Measures::new(Task::of(effective), &states),
+            net_warnings: net_response.warnings,
+            states,
+            time_ns: 0,
+            n_steps: 0,
+            digest: None,
+        });
+        Ok(())
+    }
+
+    fn step(&mut self, step: Step) -> Result<(), RecordError> {
+        let Step { step, time_ns, mut robots, mut net, digest } = step;
+        let expected = self.run.as_ref().map_or(0, |run| run.n_steps + 1);
+        let Some(run) = self.run.as_mut().filter(|_| step == expected) else {
+            return Err(RecordError::Order { got: step, expected });
+        };
+        // Only a stream carries them; the record is the same without.
+        robots.digest.clear();
+        net.digest.clear();
+        if let Some(log) = &mut self.log {
+            log.write(Topic::RobotStep, step, time_ns, &robots)?;
+            log.write(Topic::NetStep, step, time_ns, &net)?;
+            let barrier = v1::RobotSimServiceBarrierResponse {
+                step,
+                time_ns,
+                digest: digest.to_vec().into(),
+            };
+            log.write(Topic::Barrier, step, time_ns, &barrier)?;
+        }
+        let n = self.n_agents;
+        let states = convert::states(robots.states, n).map_err(of_robots(step))?;
+        let deliveries =
+            convert::deliveries(net.deliveries, n).map_err(of_network(step))?.unwrap_or_default();
+        let motes = convert::motes(net.motes, n).map_err(of_network(step))?;
+        let counts = Counts::of(&deliveries, n);
+        let period = Period {
+            step,
+            from_ns: run.time_ns,
+            time_ns,
+            states: &states,
+            states_before: &run.states,
+            states_on_air: match self.coupling {
+                Coupling::Sequential => &states,
+                Coupling::Parallel | Coupling::Event => &run.states,
+            },
+            deliveries: &deliveries,
+            counts: &counts,
+            motes: &motes,
+            task_complete: robots.task_complete,
+        };
+        self.tables.add(&period)?;
+        run.measures.add(&period);
+        run.states = states;
+        run.time_ns = time_ns;
+        run.n_steps = step;
+        run.digest = Some(digest);
+        Ok(())
+    }
+}
+
+/// What the log says about the run, for those who open it without the files beside it.
+fn about(header: &RunHeader) -> BTreeMap<String, String> {
+    let coupling = v1::Coupling::from(header.coupling).as_str_name();
+    let mut about = header.labels.clone();
+    about.insert("name".to_owned(), header.name.clone());
+    about.insert("seed".to_owned(), header.seed.to_string());
+    about.insert("agent_count".to_owned(), header.agent_count.to_string());
+    about.insert("step_ns".to_owned(), header.step_ns.to_string());
+    about.insert("coupling".to_owned(), coupling.to_owned());
+    about
+}
+
+fn of_robots(step: u64) -> impl Fn(convert::InvalidField) -> RecordError {
+    move |source| RecordError::Message { step, side: "robot simulator", source }
+}
+
+fn of_network(step: u64) -> impl Fn(convert::InvalidField) -> RecordError {
+    move |source| RecordError::Message { step, side: "network simulator", source }
+}
+
+/// The message log.
+pub(crate) const LOG_FILE: &str = "run.mcap";
