@@ -46,8 +46,11 @@ struct Registration {
     fields: &'static [Field],
     /// From a table with the fields checked. Fills in defaults that depend on other values, and adds what is wrong
     /// across keys. `None`: a field had no valid value.
-    build: fn(&mut toml::Table, &Context<'_>, &mut Vec<Problem>) -> Option<Box<dyn Controller>>,
+    build: Build,
 }
+
+type Build = fn(&mut toml::Table, &Context<'_>, &mut Vec<Problem>) -> Built;
+type Built = Option<Box<dyn Controller>>;
 
 impl Registration {
     fn variant(&self) -> Variant {

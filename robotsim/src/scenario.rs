@@ -44,8 +44,11 @@ struct Registration {
     fields: &'static [Field],
     /// From a table with the fields checked. Adds what is wrong across keys and in files. `None`: a field had no valid
     /// value.
-    build: fn(&toml::Table, &Context<'_>, &mut Vec<Problem>) -> Option<Box<dyn Scenario>>,
+    build: Build,
 }
+
+type Build = fn(&toml::Table, &Context<'_>, &mut Vec<Problem>) -> Built;
+type Built = Option<Box<dyn Scenario>>;
 
 impl Registration {
     fn variant(&self) -> Variant {

@@ -126,11 +126,12 @@ impl RobotSimulator for Swarm {
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), NotASnapshot> {
-        let ((header, state), rest): ((&str, Option<State>), _) =
-            postcard::take_from_bytes(bytes).map_err(|error| NotASnapshot(error.to_string()))?;
+        let wrong = |error: postcard::Error| NotASnapshot(error.to_string());
+        let (header, rest): (&str, _) = postcard::take_from_bytes(bytes).map_err(wrong)?;
         if header != HEADER {
             return Err(NotASnapshot(format!("it is of {header:?}, not of {HEADER:?}")));
         }
+        let (state, rest): (Option<State>, _) = postcard::take_from_bytes(rest).map_err(wrong)?;
         if !rest.is_empty() {
             return Err(NotASnapshot(format!("{} bytes too many", rest.len())));
         }

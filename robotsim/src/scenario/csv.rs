@@ -61,6 +61,7 @@ fn in_file(context: &Context<'_>, file: &str, wrong: &str) -> Problem {
 
 /// One place per agent, or everything that is wrong.
 fn read(content: &[u8], n_agents: usize) -> Result<Vec<Place>, Vec<String>> {
+    let content = content.strip_prefix(b"\xef\xbb\xbf").unwrap_or(content);
     let mut reader = ::csv::ReaderBuilder::new()
         .flexible(true)
         .trim(::csv::Trim::All)
@@ -80,7 +81,7 @@ fn read(content: &[u8], n_agents: usize) -> Result<Vec<Place>, Vec<String>> {
                 continue;
             }
         };
-        let line = record.position().map_or(0, ::csv::Position::line);
+        let line = record.position().map_or(0, |position| line(content, position));
         let before = wrong.len();
         let row = read_row(&record, columns, n_agents, &mut wrong);
         for text in &mut wrong[before..] {
@@ -111,6 +112,16 @@ fn read(content: &[u8], n_agents: usize) -> Result<Vec<Place>, Vec<String>> {
     } else {
         Err(wrong)
     }
+}
+
+/// The line that a record stands in: its position is where the reader began to look, before comments and empty lines.
+fn line(content: &[u8], position: &::csv::Position) -> u64 {
+    let rest = content.get(position.byte() as usize..).unwrap_or_default();
+    let n_skipped = rest
+        .split(|&byte| byte == b'\n')
+        .take_while(|line| line.first().is_none_or(|&byte| byte == b'#' || byte == b'\r'))
+        .count();
+    position.line() + n_skipped as u64
 }
 
 /// Where each of [`COLUMNS`] stands.

@@ -18,7 +18,7 @@ pub(crate) fn setup(toml: &str, n: usize, seed: u64) -> Setup {
             coupling: Coupling::Sequential,
         },
         site: proto::site::Site::default(),
-        config: config::parse(toml).unwrap(),
+        config: config::parse(toml).expect("the text is TOML"),
         path: "robotsim".to_owned(),
         files: BTreeMap::new(),
         columns: Vec::new(),
@@ -39,7 +39,7 @@ pub(crate) struct Air<F> {
 impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
     pub(crate) fn new(setup: &Setup, hears: F) -> Self {
         let mut swarm = Swarm::default();
-        let start = swarm.configure(setup).unwrap();
+        let start = swarm.configure(setup).expect("the configuration is valid");
         let period_ns = setup.experiment.step_ns;
         Self { swarm, states: start.states, step: 0, deliveries: None, period_ns, hears }
     }

@@ -1,1 +1,186 @@
-//! The texts of refusals.
+//! The texts of refusals, and what a configuration becomes when defaults are filled in.
+
+use crate::air::setup;
+use proto::side::RobotSimulator as _;
+use robotsim::config;
+use robotsim::sim::Swarm;
+
+/// What is wrong with a configuration of five agents, one problem per line.
+fn refusal(toml: &str, csv: Option<&str>) -> String {
+    let mut setup = setup(toml, 5, 1);
+    if let Some(csv) = csv {
+        setup.files.insert("places.csv".to_owned(), csv.as_bytes().to_vec().into());
+    }
+    let problems = config::read(&setup).expect_err("it is wrong");
+    problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn every_problem_is_found_at_once() {
+    insta::assert_snapshot!(refusal(
+        "knowledge = 'herd'
+        [dynamics]
+        speed_cap_mps = -30
+        cap = 'axes'
+        [scenario]
+        kind = 'line'
+        spacing_m = 2
+        jitter_m = 1.5
+        spaceing_m = 3
+        [controller]
+        kind = 'flocking'
+        flock_radius = 10
+        leader = 5
+        leader_velocity_mps = [40, 0]
+        leader_weight_on = 'velocity'
+        [[dynamics.effect]]
+        kind = 'slip'
+        ",
+        None
+    ), @r#"
+robotsim.knowledge: must be one of "heard", "truth", got "herd" (nearest valid: "heard")
+robotsim.dynamics.speed_cap_mps: must be greater than 0 and at most 10000, got -30 (nearest valid: 30)
+robotsim.dynamics.cap: must be one of "norm", "axis", got "axes" (nearest valid: "axis")
+robotsim.dynamics.effect: is not a known key: there are kind, speed_cap_mps, cap
+robotsim.scenario.spaceing_m: is not a known key (nearest valid: spacing_m)
+robotsim.controller.flock_radius_m: is missing: must be a number, from 0.001 to 1000000
+robotsim.controller.flock_radius: is not a known key (nearest valid: flock_radius_m)
+robotsim.scenario.jitter_m: must be at most half of spacing_m = 2, got 1.5 (nearest valid: 1)
+"#);
+}
+
+#[test]
+fn what_is_missing_is_named_with_what_is_possible() {
+    insta::assert_snapshot!(refusal("", None), @r#"
+robotsim.scenario.kind: is missing: one of "line", "disc", "square", "circle", "csv"
+robotsim.controller.kind: is missing: one of "flocking", "line-formation", "random-jump", "constant-velocity", "hold"
+"#);
+    insta::assert_snapshot!(refusal("scenario.kind = 'ring'\ncontroller.kind = 'flock'", None), @r#"
+robotsim.scenario.kind: must be one of "line", "disc", "square", "circle", "csv", got "ring"
+robotsim.controller.kind: must be one of "flocking", "line-formation", "random-jump", "constant-velocity", "hold", got "flock" (nearest valid: "flocking")
+"#);
+    insta::assert_snapshot!(
+        refusal("scenario.kind = 'circle'\ncontroller = { kind = 'flocking', leader = 9 }", None), @r#"
+robotsim.scenario.radius_m: is missing: must be a number, greater than 0 and at most 1000000
+robotsim.controller.flock_radius_m: is missing: must be a number, from 0.001 to 1000000
+"#);
+}
+
+#[test]
+fn keys_that_do_not_fit_together_are_refused() {
+    let scenario = "scenario = { kind = 'circle', radius_m = 3 }\n";
+    let refusal = |rest: &str| refusal(&format!("{scenario}{rest}"), None);
+    insta::assert_snapshot!(
+        refusal("controller = { kind = 'flocking', flock_radius_m = 10, leader = 5, leader_weight_on = 'velocity' }"), @r#"
+robotsim.controller.leader: must be one of the agents, 0 to 4, got 5 (nearest valid: 4)
+robotsim.controller.leader_weight_on: needs velocity_term = true, got "velocity" (nearest valid: "gradient")
+"#);
+    insta::assert_snapshot!(
+        refusal("controller = { kind = 'line-formation', threshold_m = 0.2 }"), @r#"
+robotsim.controller.threshold_m: must be less than step_cap_m = 0.1, got 0.2
+"#);
+    insta::assert_snapshot!(
+        refusal("controller = { kind = 'random-jump', arena = 'disc', side_m = 10 }"), @r#"
+robotsim.controller.side_m: does not go with arena = "disc"
+"#);
+    insta::assert_snapshot!(
+        refusal("dynamics.speed_cap_mps = 2\ncontroller = { kind = 'constant-velocity', velocity_mps = [3, 4] }"), @r#"
+robotsim.controller.velocity_mps: must not be faster than dynamics.speed_cap_mps = 2 m/s, got 5 m/s
+"#);
+    insta::assert_snapshot!(refusal("controller = { kind = 'hold', velocity_mps = [1, 1] }"), @r#"
+robotsim.controller.velocity_mps: does not go with kind = "hold", only with "constant-velocity"
+"#);
+}
+
+const FROM_FILE: &str =
+    "scenario = { kind = 'csv', file = 'places.csv' }\ncontroller.kind = 'hold'";
+
+#[test]
+fn a_file_of_places_is_refused_with_the_lines_that_are_wrong() {
+    insta::assert_snapshot!(refusal(FROM_FILE, None), @r#"
+robotsim.scenario.file: was not provided, got "places.csv"
+"#);
+    insta::assert_snapshot!(refusal(FROM_FILE, Some("")), @r#"
+robotsim.scenario.file: places.csv: line 1: column agent is missing
+robotsim.scenario.file: places.csv: line 1: column x_m is missing
+robotsim.scenario.file: places.csv: line 1: column y_m is missing
+"#);
+    insta::assert_snapshot!(refusal(FROM_FILE, Some("agent,x,y_m,y_m,speed\n")), @r#"
+robotsim.scenario.file: places.csv: line 1: "x" is not a known column (nearest valid: x_m)
+robotsim.scenario.file: places.csv: line 1: column y_m stands there twice
+robotsim.scenario.file: places.csv: line 1: "speed" is not a known column
+robotsim.scenario.file: places.csv: line 1: column x_m is missing
+"#);
+    insta::assert_snapshot!(refusal(FROM_FILE, Some(
+        "agent,x_m,y_m\n0,0,0\n\n# a comment\r\n\r\n1,1,nan\n2,2\n0,3,3\n7,1,1\n3,-0.0,0\n"
+    )), @r#"
+robotsim.scenario.file: places.csv: line 6: y_m must be a number from -10000000 to 10000000, got nan
+robotsim.scenario.file: places.csv: line 7: must have 3 entries, got 2
+robotsim.scenario.file: places.csv: line 8: agent 0 has a place already, in line 2
+robotsim.scenario.file: places.csv: line 9: agent must be a whole number from 0 to 4, got 7
+robotsim.scenario.file: places.csv: must have a valid line for each of 5 agents, 3 without: 1, 2, 4
+robotsim.scenario.file: places.csv: line 10: agent 3 stands where agent 0 of line 2 stands, at [0.0, 0.0, 0.0] m
+"#);
+    insta::assert_snapshot!(refusal(FROM_FILE, Some("agent,x_m,y_m,heading_rad\n0,1e300,0,x\n")), @r#"
+robotsim.scenario.file: places.csv: line 2: x_m must be a number from -10000000 to 10000000, got 1e300
+robotsim.scenario.file: places.csv: line 2: heading_rad must be a number from -1000 to 1000, got x
+robotsim.scenario.file: places.csv: must have a valid line for each of 5 agents, 5 without: 0, 1, 2, 3, 4
+"#);
+}
+
+#[test]
+fn places_are_read_in_any_order_with_optional_columns() {
+    let mut setup = setup(FROM_FILE, 3, 1);
+    let csv = "heading_rad,agent,x_m,y_m,z_m\n1.5,2,1,2,3\n0,0,4,5,6\n-1,1,7,8,9\n";
+    setup.files.insert("places.csv".to_owned(), csv.into());
+    let states = Swarm::default().configure(&setup).unwrap().states;
+    assert_eq!(states.x_m, [4.0, 7.0, 1.0]);
+    assert_eq!(states.z_m, [6.0, 9.0, 3.0]);
+    assert_eq!(states.heading_rad, [0.0, -1.0, 1.5]);
+    assert_eq!(config::files(&setup.config, "robotsim")[0].key, "robotsim.scenario.file");
+}
+
+#[test]
+fn defaults_are_filled_in_and_read_back_as_the_same() {
+    let written = "scenario.kind = 'line'\ncontroller = { kind = 'flocking', flock_radius_m = 10 }";
+    let mut setup = setup(written, 25, 1);
+    let (_, effective) = config::read(&setup).unwrap();
+    insta::assert_snapshot!(effective, @r#"
+knowledge = "heard"
+
+[dynamics]
+kind = "point-mass"
+speed_cap_mps = 30.0
+cap = "norm"
+
+[scenario]
+kind = "line"
+spacing_m = 2.0
+jitter_m = 0.25
+
+[controller]
+kind = "flocking"
+law = "paper"
+flock_radius_m = 10.0
+collision_radius_m = 0.8
+leader = 0
+leader_weight_on = "gradient"
+velocity_term = false
+leader_weight = 2.5
+leader_velocity_mps = [7.0, 0.0]
+"#);
+    setup.config = proto::config::parse(&effective.to_string()).unwrap();
+    assert_eq!(config::read(&setup).unwrap().1, effective);
+}
+
+#[test]
+fn every_default_of_every_kind_is_valid() {
+    for controller in ["hold", "line-formation", "random-jump"] {
+        for scenario in ["line", "square"] {
+            let toml = format!("scenario.kind = '{scenario}'\ncontroller.kind = '{controller}'");
+            let (_, effective) = config::read(&setup(&toml, 1, 1)).unwrap();
+            assert!(effective.contains_key("dynamics"), "{effective}");
+        }
+    }
+    assert!(Swarm::config_schema_json().contains("\"flock_radius_m\""));
+}
