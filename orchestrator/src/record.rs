@@ -145,6 +145,18 @@ pub struct Finished {
     pub report: Option<PathBuf>,
 }
 
+/// Makes sure that a run of that name can be recorded in `out`, without leaving anything but `out` itself.
+///
+/// # Errors
+///
+/// As [`Recorder::create`].
+pub fn probe(out: &Path, name: &str) -> Result<(), RecordError> {
+    let directory = Directory::create(out, name)?;
+    let path = directory.path().to_owned();
+    directory.write("probe", b"probe")?;
+    std::fs::remove_dir_all(&path).map_err(|source| RecordError::Write { path, source })
+}
+
 /// Records a run.
 ///
 /// Dropped without [`Recorder::finish`], it leaves whole files under the temporary name, without a summary.
@@ -154,6 +166,7 @@ pub struct Recorder {
     directory: Option<Directory>,
     events: Option<SyncSender<Event>>,
     thread: Option<JoinHandle<Result<Written, RecordError>>>,
+    failure: Option<String>,
 }
 
 impl Recorder {
@@ -172,7 +185,13 @@ impl Recorder {
             .name("recorder".to_owned())
             .spawn(move || record(writer, &inbox))
             .map_err(|source| RecordError::Create { path: directory.path().to_owned(), source })?;
-        Ok(Self { header, directory: Some(directory), events: Some(events), thread: Some(thread) })
+        Ok(Self {
+            header,
+            directory: Some(directory),
+            events: Some(events),
+            thread: Some(thread),
+            failure: None,
+        })
     }
 
     /// Records how both sides were configured: once, before any step.
@@ -254,7 +273,9 @@ impl Recorder {
             return Ok(());
         }
         // The thread has given up: it says why.
-        Err(self.join().err().unwrap_or_else(|| RecordError::Lost { path: self.path() }))
+        let error = self.join().err().unwrap_or_else(|| RecordError::Lost { path: self.path() });
+        self.failure.get_or_insert_with(|| error.to_string());
+        Err(error)
     }
 
     /// Lets the thread finish and takes what it leaves. A second time there is nothing to take.
@@ -263,7 +284,10 @@ impl Recorder {
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(written)) => written,
             Some(Err(_)) => Err(RecordError::Lost { path: self.path() }),
-            None => Err(RecordError::Stopped { path: self.path() }),
+            None => {
+                let reason = self.failure.clone().unwrap_or_default();
+                Err(RecordError::Stopped { path: self.path(), reason })
+            }
         }
     }
 

@@ -1,6 +1,15 @@
-//! stub
-use crate::record::{Measures, RunHeader};
+//! `report.html`: a run in pictures and numbers, in one file that opens without a network and needs no script.
+
+mod figures;
+mod svg;
+mod text;
+
+use crate::record::{Measures, RunHeader, TRUTH_BASELINE};
+use figures::Figure;
 use serde_json::Value;
+use std::fmt::Write as _;
+use text::{count, escape, number, percent};
+
 /// What goes into a report.
 #[derive(Clone, Copy, Debug)]
 pub struct Contents<'a> {
@@ -13,8 +22,201 @@ pub struct Contents<'a> {
     /// Its `provenance.json`.
     pub provenance: &'a Value,
 }
-/// page
+
+/// The page.
 #[must_use]
-pub fn page(_contents: &Contents<'_>) -> String {
-    String::new()
+pub fn page(contents: &Contents<'_>) -> String {
+    let name = escape(&contents.header.name);
+    let is_truth = contents.summary["baseline"] == TRUTH_BASELINE;
+    let suffix = if is_truth { format!(" ({TRUTH_BASELINE})") } else { String::new() };
+    let mut page = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}{suffix}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
+        include_str!("report/style.css")
+    );
+    heading(&mut page, contents, is_truth);
+    notices(&mut page, contents.summary);
+    if let Some(measures) = contents.measures {
+        tiles(&mut page, measures);
+        page.push_str("<div class=\"figures\">\n");
+        for figure in figures::of_run(measures, contents.header.agent_count) {
+            show(&mut page, &figure);
+        }
+        page.push_str("</div>\n");
+    }
+    experiment(&mut page, contents);
+    if let Some(measures) = contents.measures {
+        numbers(&mut page, measures);
+    }
+    sources(&mut page, contents);
+    page.push_str("</main>\n</body>\n</html>\n");
+    page
 }
+
+fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
+    let Contents { header, summary, .. } = contents;
+    let status = summary["status"].as_str().unwrap_or("");
+    let alert = if status == "complete" { "" } else { " alert" };
+    let mut badges = format!("<span class=\"badge{alert}\">{}</span>", escape(status));
+    if is_truth {
+        let _ = write!(badges, "<span class=\"badge alert\">{TRUTH_BASELINE}</span>");
+    }
+    let controller = contents
+        .measures
+        .and_then(|measures| measures.task.controller.as_deref())
+        .map(|controller| format!("{}, ", escape(controller)))
+        .unwrap_or_default();
+    let _ = write!(
+        page,
+        "<header>\n<h1>{}{badges}</h1>\n<p class=\"lead\">{controller}{} agents, {} steps of {} s, {} s simulated, {} coupling, seed {}.</p>\n</header>\n",
+        escape(&header.name),
+        count(u64::from(header.agent_count)),
+        count(summary["steps"].as_u64().unwrap_or(0)),
+        number(header.step_ns as f64 / 1e9),
+        number(summary["simulated_s"].as_f64().unwrap_or(0.0)),
+        escape(summary["coupling"].as_str().unwrap_or("")),
+        header.seed,
+    );
+}
+
+/// What must be known before anything else on the page is believed.
+fn notices(page: &mut String, summary: &Value) {
+    let warnings: Vec<&str> =
+        summary["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let reason = summary["reason"].as_str();
+    if warnings.is_empty() && reason.is_none() {
+        return;
+    }
+    page.push_str("<section class=\"notice\" aria-label=\"Warnings\"><ul>\n");
+    if let Some(reason) = reason {
+        let _ = writeln!(page, "<li><strong>{}</strong></li>", escape(reason));
+    }
+    for warning in warnings {
+        let _ = writeln!(page, "<li>{}</li>", escape(warning));
+    }
+    page.push_str("</ul></section>\n");
+}
+
+fn tiles(page: &mut String, measures: &Measures) {
+    let unit = |value: Option<f64>, unit: &str| {
+        value.map(|value| format!("{} <small>{unit}</small>", number(value)))
+    };
+    let completed =
+        measures.completed_at_step.map(|step| format!("{} <small>steps</small>", count(step)));
+    let tiles = [
+        ("Flock speed", unit(measures.flock_speed_mps(), "m/s")),
+        ("Spread at the end", unit(measures.final_spread_m(), "m")),
+        ("Task done after", completed),
+        ("Neighbours heard", unit(measures.mean_neighbours(), "per period")),
+        ("Delivery ratio", measures.delivery_ratio().map(percent)),
+        ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
+        ("Deliveries", (measures.deliveries != 0).then(|| count(measures.deliveries))),
+    ];
+    page.push_str("<dl class=\"tiles\">\n");
+    for (name, value) in tiles {
+        if let Some(value) = value {
+            let _ = writeln!(page, "<div class=\"tile\"><dt>{name}</dt><dd>{value}</dd></div>");
+        }
+    }
+    page.push_str("</dl>\n");
+}
+
+fn show(page: &mut String, figure: &Figure) {
+    let class = if figure.is_wide { " class=\"wide\"" } else { "" };
+    let _ = write!(
+        page,
+        "<figure{class}>\n<figcaption><h3>{}</h3>\n<p>{}</p></figcaption>\n<ul class=\"key\">",
+        figure.title,
+        escape(&figure.sentence)
+    );
+    for (mark, words) in &figure.key {
+        let shape = match *mark {
+            "band" => "<path class=\"band\" d=\"M0,1H26V11H0Z\"/>",
+            "start" | "end" => &format!("<path class=\"{mark}\" d=\"M13,6h0\"/>"),
+            "interval" => {
+                "<g class=\"interval\"><path d=\"M13,1V11M10,1h6M10,11h6\"/><circle cx=\"13\" cy=\"6\" r=\"3\"/></g>"
+            }
+            line => &format!("<path class=\"{line}\" d=\"M0,6H26\"/>"),
+        };
+        let _ = write!(
+            page,
+            "<li><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\">{shape}</svg>{words}</li>"
+        );
+    }
+    let _ = write!(page, "</ul>\n{}\n</figure>\n", figure.svg);
+}
+
+fn experiment(page: &mut String, contents: &Contents<'_>) {
+    let Contents { header, summary, .. } = contents;
+    page.push_str("<h2>Experiment</h2>\n<table class=\"facts\">\n");
+    let mut fact = |name: &str, value: &str| {
+        let _ = writeln!(
+            page,
+            "<tr><th scope=\"row\">{}</th><td>{}</td></tr>",
+            escape(name),
+            escape(value)
+        );
+    };
+    fact("name", &header.name);
+    fact("seed", &header.seed.to_string());
+    fact("agents", &header.agent_count.to_string());
+    fact("control period", &format!("{} ns", count(header.step_ns)));
+    fact("coupling", summary["coupling"].as_str().unwrap_or(""));
+    for (label, value) in &header.labels {
+        if label == "knowledge" && value == "truth" {
+            fact(label, &format!("{value}: {TRUTH_BASELINE}"));
+        } else {
+            fact(label, value);
+        }
+    }
+    if let Some(digest) = summary["final_digest"].as_str() {
+        fact("digest of the last step", digest);
+    }
+    page.push_str("</table>\n<h2>To do it again</h2>\n");
+    page.push_str(
+        "<p>Beside this page, <code>config.toml</code> holds the whole configuration, the seed included. The same configuration and seed give the same messages, tables and summary, byte for byte. In this directory:</p>\n<pre>orchestrator run config.toml --out again\norchestrator verify .</pre>\n",
+    );
+    let _ = write!(
+        page,
+        "<details><summary>The configuration</summary>\n<pre>{}</pre></details>\n",
+        escape(header.config_toml.trim_end())
+    );
+}
+
+/// Delivery against distance as a table: the picture for those who need the numbers.
+fn numbers(page: &mut String, measures: &Measures) {
+    let bins = measures.by_distance();
+    if bins.is_empty() {
+        return;
+    }
+    page.push_str(
+        "<details><summary>Delivery against distance in numbers</summary>\n<table>\n<tr><th class=\"n\">from (m)</th><th class=\"n\">to (m)</th><th class=\"n\">attempts</th><th class=\"n\">deliveries</th><th class=\"n\">share</th><th class=\"n\">95 % interval</th></tr>\n",
+    );
+    for bin in bins {
+        let [low, high] = bin.interval();
+        let _ = writeln!(
+            page,
+            "<tr><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{} to {}</td></tr>",
+            number(bin.from_m),
+            number(bin.to_m),
+            count(bin.attempts),
+            count(bin.deliveries),
+            percent(bin.ratio()),
+            percent(low),
+            percent(high)
+        );
+    }
+    page.push_str("</table></details>\n");
+}
+
+fn sources(page: &mut String, contents: &Contents<'_>) {
+    if contents.provenance.as_object().is_some_and(|provenance| !provenance.is_empty()) {
+        let _ = write!(
+            page,
+            "<details><summary>When, where and how it was run</summary>\n<pre>{}</pre></details>\n",
+            escape(&format!("{:#}", contents.provenance))
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests;

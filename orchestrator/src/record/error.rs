@@ -81,11 +81,13 @@ pub enum RecordError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// Recording had failed before; the reason was told then.
-    #[error("recording to {} had already failed", path.display())]
+    /// Recording had failed before, as was told then.
+    #[error("the record in {} ends early: {reason}", path.display())]
     Stopped {
         /// The directory it wrote to.
         path: PathBuf,
+        /// What had gone wrong.
+        reason: String,
     },
     /// The writer ended without saying why: it panicked. A bug.
     #[error("the writer of {} ended unexpectedly", path.display())]

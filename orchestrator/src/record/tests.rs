@@ -488,12 +488,25 @@ fn steps_out_of_order_are_refused() {
         net: &net,
         digest: digest(4, Coupling::Sequential),
     };
-    // The thread finds out; the caller learns of it at one of the next calls, at the latest at the end.
-    let error = recorder
-        .step(skipped)
-        .err()
-        .unwrap_or_else(|| recorder.finish(&complete(), Value::Null).unwrap_err());
+    // The thread finds out; the caller learns of it when it next hands something over, here after a few at most.
+    let error = (0..).find_map(|_| recorder.step(skipped).err()).unwrap();
     assert!(matches!(error, RecordError::Order { got: 4, expected: 3 }), "{error}");
+    // Finishing all the same tells the same reason again.
+    let error = recorder.finish(&complete(), Value::Null).unwrap_err();
+    assert!(matches!(&error, RecordError::Stopped { .. }), "{error}");
+    assert!(error.to_string().contains("step 4 cannot be recorded: step 3 is next"), "{error}");
+}
+
+#[test]
+fn probing_leaves_nothing_and_finds_what_recording_would_find() {
+    let out = tempfile::tempdir().unwrap();
+    let runs = out.path().join("runs");
+    probe(&runs, "run").unwrap();
+    assert_eq!(names(&runs), Vec::<String>::new());
+    fs::create_dir(runs.join("run")).unwrap();
+    probe(&runs, "run").unwrap();
+    fs::write(runs.join("run/thesis.tex"), "years of work").unwrap();
+    assert!(matches!(probe(&runs, "run"), Err(RecordError::Foreign { .. })));
 }
 
 #[test]

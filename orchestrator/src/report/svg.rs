@@ -1,0 +1,283 @@
+//! Charts as inline SVG: axes, lines, bands and marks. Colours come from classes, so that a style sheet can make the same
+//! picture light or dark.
+
+use super::text::escape;
+use std::fmt::Write as _;
+
+/// An axis: what it shows, from where to where.
+#[derive(Clone, Debug)]
+pub(crate) struct Axis {
+    /// What it shows, with the unit.
+    pub(crate) label: String,
+    /// Lower end.
+    pub(crate) min: f64,
+    /// Upper end, greater than `min`.
+    pub(crate) max: f64,
+    /// Ticks are in per cent.
+    pub(crate) is_percent: bool,
+}
+
+impl Axis {
+    /// An axis that holds all values, ending at round numbers where `rounded`.
+    pub(crate) fn new(label: &str, min: f64, max: f64) -> Self {
+        let max = if min < max { max } else { min + 1.0 };
+        Self { label: label.to_owned(), min, max, is_percent: false }
+    }
+
+    /// Round numbers along the axis, about `n` of them.
+    fn ticks(&self, n: f64) -> Vec<f64> {
+        let step = round_step((self.max - self.min) / n);
+        let first = libm::ceil(self.min / step - 1e-9);
+        let last = libm::floor(self.max / step + 1e-9);
+        (0..=(last - first).max(0.0) as usize).map(|i| (first + i as f64) * step).collect()
+    }
+
+    fn tick_label(&self, tick: f64, step: f64) -> String {
+        if self.is_percent {
+            return format!("{:.0} %", 100.0 * tick);
+        }
+        let decimals = (-libm::floor(libm::log10(step) + 1e-9)).clamp(0.0, 6.0) as usize;
+        // Not "-0".
+        let tick = if tick.abs() < 1e-9 * step { 0.0 } else { tick };
+        format!("{tick:.decimals$}").replace('-', "−")
+    }
+}
+
+/// The least of 1, 2, 5 times a power of ten that is not below `step`.
+pub(crate) fn round_step(step: f64) -> f64 {
+    let power = libm::pow(10.0, libm::floor(libm::log10(step)));
+    [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|digit| digit * power)
+        .find(|&round| step <= round * (1.0 + 1e-9))
+        .unwrap_or(10.0 * power)
+}
+
+/// A chart being drawn.
+pub(crate) struct Chart {
+    x: Axis,
+    y: Axis,
+    width: f64,
+    height: f64,
+    body: String,
+}
+
+impl Chart {
+    /// An empty chart of this size, in pixels at its natural size.
+    pub(crate) fn new(x: Axis, y: Axis, width: f64, height: f64) -> Self {
+        let mut chart = Self { x, y, width, height, body: String::new() };
+        chart.axes();
+        chart
+    }
+
+    /// Height of the plane for a chart of that width whose axes have the same scale.
+    pub(crate) fn plane_width(width: f64) -> f64 {
+        width - LEFT - RIGHT
+    }
+
+    /// Height of the chart with a plane of that height.
+    pub(crate) fn with_plane_height(height: f64) -> f64 {
+        height + TOP + BOTTOM
+    }
+
+    /// A line through points; a gap where there is none.
+    pub(crate) fn line(&mut self, class: &str, points: impl IntoIterator<Item = Option<[f64; 2]>>) {
+        let path = self.path(points);
+        if !path.is_empty() {
+            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
+        }
+    }
+
+    /// The area between two lines over the same x.
+    pub(crate) fn band(&mut self, class: &str, low_high: &[(f64, f64, f64)]) {
+        let there = low_high.iter().map(|&(x, _, high)| Some([x, high]));
+        let back = low_high.iter().rev().map(|&(x, low, _)| Some([x, low]));
+        let path = self.path(there.chain(back));
+        if !path.is_empty() {
+            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}Z\"/>");
+        }
+    }
+
+    /// Dots, all alike.
+    pub(crate) fn dots(&mut self, class: &str, points: impl IntoIterator<Item = [f64; 2]>) {
+        let mut path = String::new();
+        for point in points {
+            let [x, y] = self.place(point);
+            let _ = write!(path, "M{x:.1},{y:.1}h0");
+        }
+        if !path.is_empty() {
+            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
+        }
+    }
+
+    /// A ring around a point.
+    pub(crate) fn ring(&mut self, class: &str, point: [f64; 2], radius: f64) {
+        let [x, y] = self.place(point);
+        let _ = write!(
+            self.body,
+            "<circle class=\"{class}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\"/>"
+        );
+    }
+
+    /// A dot with an interval, which says more when pointed at.
+    pub(crate) fn interval(&mut self, x: f64, y: f64, [low, high]: [f64; 2], title: &str) {
+        let ([px, py], [_, top], [_, foot]) =
+            (self.place([x, y]), self.place([x, high]), self.place([x, low]));
+        let _ = write!(
+            self.body,
+            "<g class=\"interval\"><title>{}</title><path d=\"M{px:.1},{top:.1}V{foot:.1}M{:.1},{top:.1}h6M{:.1},{foot:.1}h6\"/><circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3.5\"/></g>",
+            escape(title),
+            px - 3.0,
+            px - 3.0,
+        );
+    }
+
+    /// A level drawn across, with a few words above its right end.
+    pub(crate) fn level(&mut self, y: f64, label: &str) {
+        let [left, py] = self.place([self.x.min, y]);
+        let [right, _] = self.place([self.x.max, y]);
+        // Above the line; below where there is no room above.
+        let text_y = if py < TOP + 16.0 { py + 13.0 } else { py - 5.0 };
+        let _ = write!(
+            self.body,
+            "<path class=\"level\" d=\"M{left:.1},{py:.1}H{right:.1}\"/><text class=\"note\" x=\"{right:.1}\" y=\"{text_y:.1}\" text-anchor=\"end\">{}</text>",
+            escape(label)
+        );
+    }
+
+    /// A few words beside a point.
+    pub(crate) fn label(&mut self, class: &str, point: [f64; 2], text: &str) {
+        let [x, y] = self.place(point);
+        let to_the_left = self.width - RIGHT - 60.0 < x;
+        let (x, anchor) = if to_the_left { (x - 8.0, "end") } else { (x + 8.0, "start") };
+        let y = (y - 7.0).max(TOP + 10.0);
+        let _ = write!(
+            self.body,
+            "<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>",
+            escape(text)
+        );
+    }
+
+    /// The picture, with a name and a text that says the same.
+    pub(crate) fn finish(self, id: &str, title: &str, alternative: &str) -> String {
+        format!(
+            "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-labelledby=\"{id}-title {id}-text\"><title id=\"{id}-title\">{}</title><desc id=\"{id}-text\">{}</desc>{}</svg>",
+            self.width,
+            self.height,
+            escape(title),
+            escape(alternative),
+            self.body
+        )
+    }
+
+    /// Where a point lies in the picture.
+    fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let share = |axis: &Axis, value: f64| (value - axis.min) / (axis.max - axis.min);
+        [
+            LEFT + share(&self.x, x) * (self.width - LEFT - RIGHT),
+            self.height - BOTTOM - share(&self.y, y) * (self.height - TOP - BOTTOM),
+        ]
+    }
+
+    /// A path through points, without those that would not be seen to move.
+    fn path(&self, points: impl IntoIterator<Item = Option<[f64; 2]>>) -> String {
+        let mut path = String::new();
+        let mut last: Option<[f64; 2]> = None;
+        let mut skipped: Option<[f64; 2]> = None;
+        let add = |path: &mut String, command: char, [x, y]: [f64; 2]| {
+            let _ = write!(path, "{command}{x:.1},{y:.1}");
+        };
+        for point in points {
+            let Some(point) = point.map(|point| self.place(point)) else {
+                if let Some(skipped) = skipped.take() {
+                    add(&mut path, 'L', skipped);
+                }
+                last = None;
+                continue;
+            };
+            match last {
+                Some([x, y]) if (point[0] - x).abs() + (point[1] - y).abs() < 0.7 => {
+                    skipped = Some(point);
+                }
+                Some(_) => {
+                    add(&mut path, 'L', point);
+                    (last, skipped) = (Some(point), None);
+                }
+                None => {
+                    add(&mut path, 'M', point);
+                    last = Some(point);
+                }
+            }
+        }
+        if let Some(skipped) = skipped {
+            add(&mut path, 'L', skipped);
+        }
+        path
+    }
+
+    fn axes(&mut self) {
+        let n_x = (self.width - LEFT - RIGHT) / 80.0;
+        let n_y = ((self.height - TOP - BOTTOM) / 45.0).max(2.0);
+        let [left, bottom] = self.place([self.x.min, self.y.min]);
+        let [right, top] = self.place([self.x.max, self.y.max]);
+        let mut body = String::new();
+        let ticks = self.x.ticks(n_x);
+        for &tick in &ticks {
+            let [x, _] = self.place([tick, self.y.min]);
+            let label = self.x.tick_label(tick, round_step((self.x.max - self.x.min) / n_x));
+            let _ = write!(
+                body,
+                "<path class=\"grid\" d=\"M{x:.1},{top:.1}V{bottom:.1}\"/><text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
+                bottom + 17.0
+            );
+        }
+        let ticks = self.y.ticks(n_y);
+        for &tick in &ticks {
+            let [_, y] = self.place([self.x.min, tick]);
+            let label = self.y.tick_label(tick, round_step((self.y.max - self.y.min) / n_y));
+            let _ = write!(
+                body,
+                "<path class=\"grid\" d=\"M{left:.1},{y:.1}H{right:.1}\"/><text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
+                left - 7.0,
+                y + 4.0
+            );
+        }
+        let _ = write!(
+            body,
+            "<path class=\"axis\" d=\"M{left:.1},{top:.1}V{bottom:.1}H{right:.1}\"/><text class=\"axis-label\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text><text class=\"axis-label\" transform=\"translate(14,{:.1})rotate(-90)\" text-anchor=\"middle\">{}</text>",
+            (left + right) / 2.0,
+            self.height - 6.0,
+            escape(&self.x.label),
+            (top + bottom) / 2.0,
+            escape(&self.y.label)
+        );
+        self.body.push_str(&body);
+    }
+}
+
+const LEFT: f64 = 62.0;
+const RIGHT: f64 = 16.0;
+const TOP: f64 = 12.0;
+const BOTTOM: f64 = 44.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_within_the_axis() {
+        let ticks = |min, max, n| Axis::new("", min, max).ticks(n);
+        assert_eq!(ticks(0.0, 25.0, 5.0), [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]);
+        assert_eq!(ticks(-3.0, 3.0, 4.0), [-2.0, 0.0, 2.0]);
+        assert_eq!(Axis::new("", 0.0, 1.0).tick_label(-0.0, 0.2), "0.0");
+        assert_eq!(Axis::new("", 0.0, 1.0).tick_label(-20.0, 20.0), "−20");
+    }
+
+    #[test]
+    fn a_path_breaks_where_there_is_nothing_and_reaches_its_last_point() {
+        let axis = || Axis::new("", 0.0, 100.0);
+        let chart = Chart::new(axis(), axis(), 178.0, 156.0);
+        let points = [Some([0.0, 0.0]), None, Some([50.0, 50.0]), Some([50.1, 50.0])];
+        assert_eq!(chart.path(points), "M62.0,112.0M112.0,62.0L112.1,62.0");
+    }
+}
