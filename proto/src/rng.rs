@@ -9,9 +9,10 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u64)]
 pub enum Purpose {
-    /// Whether a frame is received. Entity: ordered link.
+    /// Whether a frame is received. Entity: unordered link; time: begin of the period. Words 0 and 1 serve the frames from
+    /// the lower number and from the higher one, words 2 and 3 levels of `experimental-randomness` that are redrawn then.
     Reception = 1,
-    /// The level of `experimental-randomness`. Entity: unordered link.
+    /// The level of `experimental-randomness` where it outlives a period. Entity: unordered link.
     RandomnessLevel = 2,
     /// The value of `shadowing`. Entity: unordered link.
     Shadowing = 3,
@@ -23,6 +24,8 @@ pub enum Purpose {
     Localization = 6,
     /// The choice of links that a record samples. Entity: ordered link.
     RecordSample = 7,
+    /// Noise on the strength of one frame (`noise_sd_db`). Entity: ordered link.
+    FrameNoise = 8,
 }
 
 /// The draws of one purpose under one seed.

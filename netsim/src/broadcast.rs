@@ -1,0 +1,386 @@
+//! Propagation only: in every control period each payload is broadcast once, without any protocol.
+//!
+//! Control periods follow each other from time 0. A period has n slots; agent i sends in slot i mod n. Every other
+//! radio that is on receives with the probability that the physics gives, whatever else is sent in that slot; a radio
+//! may send and receive at once. An agent whose payload is empty says nothing. A step carries the frames that begin in it.
+
+use crate::config::Config;
+use crate::medium::{Air, Filters, Frame, Radios, resolve};
+use crate::phy::link::{Covariates, End, Scene};
+use crate::phy::nearest::Grid;
+use crate::phy::propagation::Reach;
+use proto::side::{NetInput, NetOutput};
+use proto::site::Site;
+use proto::types::{
+    AgentStates, Bitmap, Deliveries, DeliveryColumn, Experiment, Heard, Medium, MoteCommand,
+    MoteOrder, MoteStates, MovedObstacle, Payloads, Transmissions,
+};
+use serde::{Deserialize, Serialize};
+
+/// What changes as time goes on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// The place, obstacles where they are now.
+    pub site: Site,
+    /// Motes that belong to the network.
+    pub present: Bitmap,
+    /// Motes that have not failed.
+    pub working: Bitmap,
+    /// The way each agent has travelled while it was alive (m).
+    pub way_m: Vec<f64>,
+    /// Where each was last seen alive (m).
+    pub last_seen_m: Vec<Option<[f64; 3]>>,
+}
+
+/// The network without protocols.
+#[derive(Debug)]
+pub struct Broadcast {
+    experiment: Experiment,
+    columns: Vec<DeliveryColumn>,
+    config: Config,
+    filters: Filters,
+    reach: Reach,
+    state: State,
+    grid: Grid,
+}
+
+/// The frames of one period, or of one slot of it.
+struct Batch {
+    period_ns: u64,
+    /// Sender and begin, in the order (begin, sender).
+    frames: Vec<(u32, u64)>,
+}
+
+/// What became of the frames of a batch.
+struct Outcome {
+    n_frames: usize,
+    heard: Heard,
+    rssi_dbm: Vec<f32>,
+}
+
+impl Broadcast {
+    /// A network at time 0.
+    #[must_use]
+    pub fn new(
+        experiment: Experiment,
+        config: Config,
+        site: Site,
+        columns: Vec<DeliveryColumn>,
+    ) -> Self {
+        let n = experiment.agent_count;
+        let mut present = Bitmap::filled(n, true);
+        for &mote in &config.absent {
+            present.set(mote as usize, false);
+        }
+        let state = State {
+            site,
+            present,
+            working: Bitmap::filled(n, true),
+            way_m: vec![0.0; n],
+            last_seen_m: vec![None; n],
+        };
+        Self::with_state(experiment, config, columns, state)
+    }
+
+    /// A network in a state that another one of the same configuration reached.
+    #[must_use]
+    pub fn with_state(
+        experiment: Experiment,
+        config: Config,
+        columns: Vec<DeliveryColumn>,
+        state: State,
+    ) -> Self {
+        let filters = Filters::of(&config.model, &config.hopping_sequence);
+        let reach = farthest(&config);
+        Self { experiment, columns, config, filters, reach, state, grid: Grid::default() }
+    }
+
+    /// What changes as time goes on.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The motes now.
+    #[must_use]
+    pub fn motes(&self) -> MoteStates {
+        let mut alive = self.state.working.clone();
+        for mote in 0..alive.len() {
+            alive.set(mote, alive.get(mote) && self.state.present.get(mote));
+        }
+        MoteStates { alive, ..MoteStates::default() }
+    }
+
+    /// Runs to `input.until_ns`, or to the end of the first slot in which somebody heard something.
+    pub fn step(&mut self, input: &NetInput<'_>) -> NetOutput {
+        self.obey(input.commands);
+        self.move_obstacles(input.moved_obstacles);
+        self.travel(input.states);
+        let motes = self.motes();
+        let on: Vec<u32> = (0..self.experiment.agent_count as u32)
+            .filter(|&i| input.states.alive.get(i as usize) && motes.alive.get(i as usize))
+            .collect();
+        let lift_m = self.lift_m(input.states);
+
+        let mut time_ns = input.until_ns;
+        let mut frames = Vec::new();
+        let mut outcomes = Vec::new();
+        for batch in self.batches(input, &on) {
+            let outcome = self.resolve(input.states, lift_m, &on, &batch);
+            frames.extend_from_slice(&batch.frames);
+            let is_heard = input.stop_at_first_delivery && n_deliveries(&outcome.heard) != 0;
+            outcomes.push(outcome);
+            if let (true, Some(&(_, sent_ns))) = (is_heard, batch.frames.first()) {
+                time_ns = input.until_ns.min(sent_ns + self.config.slot_ns);
+                break;
+            }
+        }
+        let deliveries = self.deliveries(&frames, outcomes, input.payloads);
+        NetOutput { time_ns, deliveries, motes, commands: Vec::new() }
+    }
+
+    fn obey(&mut self, commands: &[MoteCommand]) {
+        for command in commands {
+            match command.order {
+                MoteOrder::Kill(mote) => self.state.working.set(mote as usize, false),
+                MoteOrder::Revive(mote) => self.state.working.set(mote as usize, true),
+                MoteOrder::Add(mote) => self.state.present.set(mote as usize, true),
+                // Not announced, hence never given.
+                MoteOrder::Jam { .. } | MoteOrder::Send { .. } => {}
+            }
+        }
+    }
+
+    fn move_obstacles(&mut self, moved: &[MovedObstacle]) {
+        for moved in moved {
+            let named = |name: &Option<String>| name.as_ref() == Some(&moved.name);
+            match self.state.site.obstacle.iter_mut().find(|obstacle| named(&obstacle.name)) {
+                Some(obstacle) => obstacle.centre_m = moved.centre_m,
+                None => {
+                    tracing::warn!(name = moved.name, "an obstacle moved that is not in the site")
+                }
+            }
+        }
+    }
+
+    /// Adds what every agent has moved since it was last seen alive to its way.
+    fn travel(&mut self, states: &AgentStates) {
+        for agent in states.alive.iter_ones() {
+            let position_m = states.position_m(agent);
+            if let Some(last_m) = self.state.last_seen_m[agent] {
+                let step = End::at(0, last_m).distance_squared_m2(&End::at(0, position_m));
+                self.state.way_m[agent] += step.sqrt();
+            }
+            self.state.last_seen_m[agent] = Some(position_m);
+        }
+    }
+
+    /// What is added to heights (m): that of the antennas, where all positions are planar.
+    #[expect(clippy::float_cmp, reason = "planar means exactly 0")]
+    fn lift_m(&self, states: &AgentStates) -> f64 {
+        let planar = states.alive.iter_ones().all(|agent| states.z_m[agent] == 0.0);
+        if planar { self.config.antenna_height_m } else { 0.0 }
+    }
+
+    /// The frames that begin within the step, by period; by slot where the first delivery ends the step.
+    fn batches(&self, input: &NetInput<'_>, on: &[u32]) -> Vec<Batch> {
+        let Config { slot_ns, n_slots, .. } = self.config;
+        let step_ns = self.experiment.step_ns;
+        let lengths = input.payloads.length_bytes();
+        let mut by_slot: Vec<Vec<u32>> =
+            vec![Vec::new(); (n_slots as usize).min(self.experiment.agent_count)];
+        for &agent in on.iter().filter(|&&agent| lengths[agent as usize] != 0) {
+            by_slot[(u64::from(agent) % n_slots) as usize].push(agent);
+        }
+        let mut batches: Vec<Batch> = Vec::new();
+        for period in input.from_ns / step_ns..=(input.until_ns - 1) / step_ns {
+            let period_ns = period * step_ns;
+            let mut whole = Batch { period_ns, frames: Vec::new() };
+            for (slot, senders) in (0..).zip(&by_slot) {
+                let sent_ns = period_ns + slot * slot_ns;
+                if senders.is_empty() || sent_ns < input.from_ns || input.until_ns <= sent_ns {
+                    continue;
+                }
+                let frames = senders.iter().map(|&sender| (sender, sent_ns));
+                if input.stop_at_first_delivery {
+                    batches.push(Batch { period_ns, frames: frames.collect() });
+                } else {
+                    whole.frames.extend(frames);
+                }
+            }
+            if !whole.frames.is_empty() {
+                batches.push(whole);
+            }
+        }
+        batches
+    }
+
+    fn resolve(&mut self, states: &AgentStates, lift_m: f64, on: &[u32], batch: &Batch) -> Outcome {
+        let agent_count = self.experiment.agent_count;
+        let radios = self.radios(states, lift_m, on, batch);
+        let mut scene = Scene {
+            site: Some(&self.state.site),
+            agents: &radios.ends,
+            covariates: Covariates::Agents(&states.covariates),
+            ..Scene::default()
+        };
+        self.config.model.prepare(&mut scene);
+        let air = Air {
+            model: &self.config.model,
+            filters: &self.filters,
+            seed: self.experiment.seed,
+            period_ns: batch.period_ns,
+            radios: &radios,
+            scene: &scene,
+        };
+        let heard = resolve::resolve(&air, agent_count, self.reach, &mut self.grid);
+        let rssi_dbm = if self.columns.contains(&DeliveryColumn::RssiDbm) {
+            resolve::register_rssi_dbm(&air, agent_count, &heard)
+        } else {
+            Vec::new()
+        };
+        Outcome { n_frames: batch.frames.len(), heard, rssi_dbm }
+    }
+
+    /// Radios that are on: those that send, in the order of their frames, then the others.
+    fn radios(&self, states: &AgentStates, lift_m: f64, on: &[u32], batch: &Batch) -> Radios {
+        let hopping = &self.config.hopping_sequence;
+        let channel = |sent_ns: u64| {
+            let slot = sent_ns / self.config.slot_ns;
+            (!hopping.is_empty()).then(|| hopping[(slot % hopping.len() as u64) as usize])
+        };
+        let mut sends = vec![false; self.experiment.agent_count];
+        for &(sender, _) in &batch.frames {
+            sends[sender as usize] = true;
+        }
+        let senders = batch.frames.iter().map(|&(sender, _)| sender);
+        let silent = on.iter().copied().filter(|&agent| !sends[agent as usize]);
+        let mut radios = Radios {
+            frames: batch
+                .frames
+                .iter()
+                .map(|&(_, sent_ns)| Frame { sent_ns, channel: channel(sent_ns) })
+                .collect(),
+            ..Radios::default()
+        };
+        for id in senders.chain(silent) {
+            let agent = id as usize;
+            let [x, y, z] = states.position_m(agent);
+            let velocity = |column: &[f64]| column.get(agent).copied();
+            radios.ends.push(End {
+                id,
+                position_m: [x, y, z + lift_m],
+                heading_rad: states.heading_rad.get(agent).copied(),
+                velocity_mps: velocity(&states.vx_mps)
+                    .zip(velocity(&states.vy_mps))
+                    .zip(velocity(&states.vz_mps))
+                    .map(|((x, y), z)| [x, y, z]),
+            });
+            radios.way_m.push(self.state.way_m[agent]);
+        }
+        radios
+    }
+
+    fn deliveries(
+        &self,
+        frames: &[(u32, u64)],
+        outcomes: Vec<Outcome>,
+        payloads: &Payloads,
+    ) -> Deliveries {
+        let n = self.experiment.agent_count;
+        let (heard, rssi_dbm) = joined(outcomes, n);
+        let end_ns: Vec<u64> =
+            frames.iter().map(|&(_, sent_ns)| sent_ns + self.config.slot_ns).collect();
+        let mut deliveries = Deliveries {
+            transmissions: Transmissions {
+                sender: frames.iter().map(|&(sender, _)| sender).collect(),
+                sent_ns: frames.iter().map(|&(_, sent_ns)| sent_ns).collect(),
+                end_ns,
+                payloads: sent_payloads(frames, payloads),
+            },
+            heard,
+            rssi_dbm,
+            ..Deliveries::default()
+        };
+        for column in &self.columns {
+            match column {
+                DeliveryColumn::RssiDbm => {}
+                DeliveryColumn::ReceivedNs => {
+                    deliveries.received_ns = (0..n)
+                        .flat_map(|agent| deliveries.heard_by(agent))
+                        .map(|frame| deliveries.transmissions.end_ns[frame])
+                        .collect();
+                }
+                DeliveryColumn::Hops => deliveries.hops = vec![1; deliveries.n_deliveries()],
+                DeliveryColumn::Medium => {
+                    deliveries.medium = vec![Medium::Radio; deliveries.n_deliveries()];
+                }
+            }
+        }
+        deliveries
+    }
+}
+
+/// The farthest that links reach on any channel in use.
+fn farthest(config: &Config) -> Reach {
+    let mut farthest = config.model.reach(None);
+    for &channel in &config.hopping_sequence {
+        farthest = match (farthest, config.model.reach(Some(channel))) {
+            (Reach::Within(a), Reach::Within(b)) => Reach::Within(a.max(b)),
+            (other, _) => other,
+        };
+    }
+    farthest
+}
+
+fn n_deliveries(heard: &Heard) -> usize {
+    match heard {
+        Heard::Lists { indices, .. } => indices.len(),
+        Heard::Rows { bytes, .. } => bytes.iter().map(|byte| byte.count_ones() as usize).sum(),
+    }
+}
+
+/// The payloads of the frames, in their order.
+fn sent_payloads(frames: &[(u32, u64)], payloads: &Payloads) -> Payloads {
+    let lengths = payloads.length_bytes();
+    let mut begins = Vec::with_capacity(lengths.len());
+    let mut begin = 0;
+    for &length in lengths {
+        begins.push(begin);
+        begin += length as usize;
+    }
+    let mut sent_lengths = Vec::with_capacity(frames.len());
+    let mut data = Vec::with_capacity(payloads.data().len());
+    for &(sender, _) in frames {
+        let (begin, length) = (begins[sender as usize], lengths[sender as usize]);
+        sent_lengths.push(length);
+        data.extend_from_slice(&payloads.data()[begin..begin + length as usize]);
+    }
+    Payloads::new(sent_lengths, data.into()).expect("as much data as the lengths add up to")
+}
+
+/// Outcomes of successive batches as one: frames numbered on, receivers' lists one after the other.
+fn joined(mut outcomes: Vec<Outcome>, agent_count: usize) -> (Heard, Vec<f32>) {
+    if outcomes.len() <= 1 {
+        return outcomes.pop().map(|only| (only.heard, only.rssi_dbm)).unwrap_or_default();
+    }
+    let mut parts = Vec::with_capacity(outcomes.len());
+    let mut first_frame = 0;
+    for Outcome { n_frames, heard, rssi_dbm } in outcomes {
+        let deliveries = Deliveries { heard, ..Deliveries::default() };
+        parts.push((first_frame, deliveries, rssi_dbm.into_iter()));
+        first_frame += n_frames as u32;
+    }
+    let mut ends = Vec::with_capacity(agent_count);
+    let mut indices = Vec::new();
+    let mut rssi_dbm = Vec::new();
+    for agent in 0..agent_count {
+        for (first_frame, deliveries, readings) in &mut parts {
+            let before = indices.len();
+            indices.extend(deliveries.heard_by(agent).map(|frame| *first_frame + frame as u32));
+            rssi_dbm.extend(readings.take(indices.len() - before));
+        }
+        ends.push(indices.len() as u32);
+    }
+    (resolve::shorter(Heard::Lists { ends, indices }, agent_count, first_frame as usize), rssi_dbm)
+}

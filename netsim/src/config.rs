@@ -1,0 +1,289 @@
+//! The `[netsim]` section.
+
+use crate::phy::model::Model;
+use crate::phy::propagation::{self, BuildContext, Radio};
+use crate::phy::{effect, reception};
+use proto::config::{
+    Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, Tag, Variant, check, join,
+};
+use proto::side::Setup;
+use proto::types::{NS_PER_S, seconds};
+
+/// Description of `[netsim]`.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "The network: who hears whom.",
+    fields: &[
+        Field {
+            key: "slot_duration_s",
+            doc: "Length of a slot (s), a whole part of the control period. 0.01: IEEE Std 802.15.4-2015's default timeslot.",
+            kind: Kind::Number(Range::closed(1e-6, 1e3)),
+            default: Default::Number(0.01),
+        },
+        Field {
+            key: "hopping_sequence",
+            doc: "Channels by absolute slot number. Absent: frames have no channel and are sent on carrier_hz; a trace is \
+                  replayed on 16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21.",
+            kind: Kind::List { of: &Kind::Integer { min: 11, max: 26 }, min: 1, max: 512 },
+            default: Default::Absent,
+        },
+        Field {
+            key: "absent",
+            doc: "Motes that are left out until an order adds them.",
+            kind: Kind::List {
+                of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
+                min: 0,
+                max: usize::MAX,
+            },
+            default: Default::Absent,
+        },
+        Field { key: "phy", doc: "The radio.", kind: Kind::Table(&PHY), default: Default::Table },
+    ],
+    tag: Some(&Tag {
+        key: "mode",
+        doc: "What is simulated.",
+        default: Some("propagation-only"),
+        variants: || {
+            vec![Variant {
+                name: "propagation-only",
+                doc: "No protocols: in every control period each payload is broadcast once, and every other radio receives \
+                      it with the probability that the physics gives. Frames do not disturb each other.",
+                fields: &[],
+            }]
+        },
+    }),
+};
+
+/// Description of `[netsim.phy]`.
+pub const PHY: TableSpec = TableSpec {
+    doc: "The radio.",
+    fields: &[
+        Field {
+            key: "tx_power_dbm",
+            doc: "Transmit power (dBm).",
+            kind: Kind::Number(Range::closed(-100.0, 60.0)),
+            default: Default::Number(0.0),
+        },
+        Field {
+            key: "tx_antenna_gain_dbi",
+            doc: "Antenna gain of senders (dBi).",
+            kind: Kind::Number(Range::closed(-60.0, 60.0)),
+            default: Default::Number(0.0),
+        },
+        Field {
+            key: "rx_antenna_gain_dbi",
+            doc: "Antenna gain of receivers (dBi).",
+            kind: Kind::Number(Range::closed(-60.0, 60.0)),
+            default: Default::Number(0.0),
+        },
+        Field {
+            key: "carrier_hz",
+            doc: "Frequency (Hz) where no channel is known. The 6TiSCH simulator has 2.4e9.",
+            kind: Kind::Number(Range::closed(1e6, 1e12)),
+            default: Default::Number(2.44e9),
+        },
+        Field {
+            key: "antenna_height_m",
+            doc: "Height of antennas above positions (m), where all positions are planar (z = 0).",
+            kind: Kind::Number(Range::NOT_NEGATIVE),
+            default: Default::Absent,
+        },
+        Field {
+            key: "min_distance_m",
+            doc: "Distances below this (m) count as this: closer, Friis has no meaning.",
+            kind: Kind::Number(Range::closed(1e-3, 1e3)),
+            default: Default::Number(0.1),
+        },
+        Field {
+            key: "noise_sd_db",
+            doc: "Standard deviation (dB) of normal noise on the strength of every frame, clipped at 5 of it. Absent: none in \
+                  a run; estimated where the model is compared with measurements.",
+            kind: Kind::Number(Range::closed(0.0, 30.0)),
+            default: Default::Absent,
+        },
+        Field {
+            key: "reception",
+            doc: "How the strength of a frame decides whether it is received.",
+            kind: Kind::Table(&reception::SPEC),
+            default: Default::Table,
+        },
+        Field {
+            key: "effect",
+            doc: "Physical effects that are added to the base model.",
+            kind: Kind::Tables(&effect::SPEC),
+            default: Default::Absent,
+        },
+    ],
+    tag: Some(&propagation::TAG),
+};
+
+/// The hopping sequence of 6TiSCH networks for 16 channels, as the 6TiSCH simulator has it (IEEE Std 802.15.4-2015 default).
+pub const HOPPING_SEQUENCE: [u8; 16] =
+    [16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21];
+
+/// A valid configuration.
+#[derive(Debug)]
+pub struct Config {
+    /// Length of a slot (ns).
+    pub slot_ns: u64,
+    /// Slots to a control period.
+    pub n_slots: u64,
+    /// Channels by absolute slot number; none: frames have no channel.
+    pub hopping_sequence: Vec<u8>,
+    /// Motes that are left out.
+    pub absent: Vec<u32>,
+    /// Height of antennas above planar positions (m).
+    pub antenna_height_m: f64,
+    /// The radio.
+    pub model: Model,
+}
+
+/// The files that a configuration names.
+#[must_use]
+pub fn files(config: &Node, path: &str) -> Vec<FileReference> {
+    check(config, path, &SPEC, &mut Vec::new()).files
+}
+
+/// Reads `[netsim]`: the configuration, its effective text, and what should be checked before results are trusted.
+///
+/// # Errors
+///
+/// Everything that is wrong with it.
+pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Problem>> {
+    let mut problems = Vec::new();
+    let table = check(&setup.config, &setup.path, &SPEC, &mut problems).table;
+    let at = |key: &str| join(&setup.path, key);
+    let number = |table: &toml::Table, key: &str| table.get(key).and_then(toml::Value::as_float);
+    let integers = |key: &str| -> Option<Vec<i64>> {
+        table.get(key)?.as_array()?.iter().map(toml::Value::as_integer).collect()
+    };
+
+    let slot_s = number(&table, "slot_duration_s").unwrap_or_default();
+    let slot_ns = (slot_s * NS_PER_S as f64).round() as u64;
+    let step_ns = setup.experiment.step_ns;
+    if !step_ns.is_multiple_of(slot_ns) {
+        let message =
+            format!("must divide the control period, {} s, into whole slots", seconds(step_ns));
+        let nearest = seconds(nearest_divisor(step_ns, slot_ns));
+        problems.push(Problem::new(at("slot_duration_s"), message).value(slot_s).nearest(nearest));
+    }
+
+    let agent_count = setup.experiment.agent_count;
+    let mut absent: Vec<u32> = Vec::new();
+    for (index, mote) in integers("absent").unwrap_or_default().into_iter().enumerate() {
+        let key = at(&format!("absent[{index}]"));
+        if usize::try_from(mote).is_ok_and(|mote| agent_count <= mote) {
+            let message = format!("must be a mote, 0 to {}", agent_count - 1);
+            problems.push(Problem::new(key, message).value(mote).nearest(agent_count - 1));
+        } else if absent.contains(&(mote as u32)) {
+            problems.push(Problem::new(key, "must not be listed twice").value(mote));
+        } else {
+            absent.push(mote as u32);
+        }
+    }
+
+    let phy_path = at("phy");
+    let empty = toml::Table::new();
+    let phy = table.get("phy").and_then(toml::Value::as_table).unwrap_or(&empty);
+    let is_trace = phy.get(propagation::TAG.key).and_then(|name| name.as_str()) == Some("trace");
+    let hopping_sequence = match integers("hopping_sequence") {
+        Some(channels) => channels.into_iter().map(|channel| channel as u8).collect(),
+        None if is_trace => HOPPING_SEQUENCE.to_vec(),
+        None => Vec::new(),
+    };
+    let radio = Radio {
+        tx_power_dbm: number(phy, "tx_power_dbm").unwrap_or_default(),
+        tx_antenna_gain_dbi: number(phy, "tx_antenna_gain_dbi").unwrap_or_default(),
+        rx_antenna_gain_dbi: number(phy, "rx_antenna_gain_dbi").unwrap_or_default(),
+        carrier_hz: number(phy, "carrier_hz").unwrap_or(2.44e9),
+    };
+    let mut context = BuildContext {
+        path: &phy_path,
+        radio,
+        agent_count,
+        slot_ns: slot_ns.max(1),
+        channels: &hopping_sequence,
+        files: &setup.files,
+        problems: Vec::new(),
+        warnings: Vec::new(),
+    };
+    let propagation = propagation::build(phy, &mut context);
+    let mut warnings = context.warnings;
+    problems.extend(context.problems);
+    let curve = phy
+        .get("reception")
+        .and_then(toml::Value::as_table)
+        .and_then(|table| reception::build(table, &join(&phy_path, "reception"), &mut problems));
+    let effects = phy.get("effect").and_then(toml::Value::as_array).map(|list| effect::build(list));
+
+    let (Some(propagation), Some(curve), true) = (propagation, curve, problems.is_empty()) else {
+        assert!(!problems.is_empty(), "what cannot be built has a problem");
+        return Err(problems);
+    };
+    let model = Model::new(
+        propagation,
+        effects.unwrap_or_default(),
+        curve,
+        radio,
+        number(phy, "min_distance_m").unwrap_or(0.1),
+        number(phy, "noise_sd_db"),
+    );
+    warnings.extend(without_influence(setup, &model, is_trace));
+    let config = Config {
+        slot_ns,
+        n_slots: step_ns / slot_ns,
+        hopping_sequence,
+        absent,
+        antenna_height_m: number(phy, "antenna_height_m").unwrap_or_default(),
+        model,
+    };
+    Ok((config, table, warnings))
+}
+
+/// Keys that are written but decide nothing.
+fn without_influence(setup: &Setup, model: &Model, is_trace: bool) -> Vec<String> {
+    let name = model.propagation.name();
+    let written = |key: &str| setup.config.get("phy").is_some_and(|phy| phy.get(key).is_some());
+    let states_reception = !matches!(
+        name,
+        "friis" | "probabilistic-disk" | "log-distance" | "experimental-randomness"
+    );
+    let mut warnings = Vec::new();
+    let mut warn = |key: &str, why: &str| {
+        let path = join(&setup.path, &format!("phy.{key}"));
+        warnings.push(format!("{path} has no influence: propagation = {name:?} {why}"));
+    };
+    if states_reception && written("reception") {
+        warn("reception", "states itself what is received");
+    }
+    if is_trace {
+        let unused = [
+            "tx_power_dbm",
+            "tx_antenna_gain_dbi",
+            "rx_antenna_gain_dbi",
+            "carrier_hz",
+            "min_distance_m",
+            "antenna_height_m",
+        ];
+        for key in unused.into_iter().filter(|key| written(key)) {
+            warn(key, "replays what was measured");
+        }
+    }
+    warnings
+}
+
+/// The divisor of `whole` that is nearest to `part`.
+fn nearest_divisor(whole: u64, part: u64) -> u64 {
+    let mut best = whole;
+    let mut low = 1;
+    while low * low <= whole {
+        if whole.is_multiple_of(low) {
+            for divisor in [low, whole / low] {
+                if divisor.abs_diff(part) < best.abs_diff(part) {
+                    best = divisor;
+                }
+            }
+        }
+        low += 1;
+    }
+    best
+}

@@ -1,0 +1,18 @@
+//! Who hears which of the frames of a moment: the physics of [`crate::phy`], asked for every link that may matter.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`air`] | the radios and frames of a moment, and the judgement of one link |
+//! | [`filter`] | bounds on a link's fate from its distance alone, so that few links need the whole computation |
+//! | [`resolve`] | all links: dense in tiles, or sparse by neighbourhoods |
+//!
+//! The judgement of a link is always `u < p`, with p from [`crate::phy::Model::evaluate_at`] and u the keyed draw of that
+//! link. Everything else here only spares work: results are those of the plain double loop, bit for bit, for any number
+//! of threads.
+
+pub mod air;
+pub mod filter;
+pub mod resolve;
+
+pub use air::{Air, Frame, Radios};
+pub use filter::Filters;

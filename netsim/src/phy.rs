@@ -1,0 +1,34 @@
+//! Radio physics: one file per effect, pure functions of a described link.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`link`] | what physics may ask about a link |
+//! | [`propagation`] | base models, one file each |
+//! | [`effect`] | effects added to them, one file each |
+//! | [`scatter`] | what varies at random, and when it is drawn anew |
+//! | [`reception`] | from power to the probability of reception, one file per curve |
+//! | [`model`] | all of these together: [`Model::evaluate`] |
+//! | [`sight`] | what stands between two antennas |
+//! | [`nearest`] | who is near whom |
+//!
+//! A running simulation and a comparison with measurements call the same [`Model::evaluate_at`]: the one with the levels
+//! it draws, the other over the distribution that [`Model::scatters`] describes.
+
+pub mod effect;
+pub mod link;
+pub mod model;
+pub mod nearest;
+pub mod propagation;
+pub mod reception;
+pub mod scatter;
+pub mod sight;
+
+pub use link::{Covariates, End, Link, Scene};
+pub use model::{LinkBudget, Model};
+
+use serde::de::DeserializeOwned;
+
+/// A checked table as typed keys. `None`: a required key is missing, which the check has reported.
+fn keys<T: DeserializeOwned>(table: &toml::Table) -> Option<T> {
+    table.clone().try_into().ok()
+}

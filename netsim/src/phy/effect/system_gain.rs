@@ -1,0 +1,74 @@
+//! A constant offset.
+
+use super::{Effect, Entry};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use serde::Deserialize;
+
+/// `kind = "system-gain"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "system-gain",
+        doc: "A constant offset: losses of connectors and matching, or an error of the RSSI register.",
+        fields: &[
+            Field {
+                key: "gain_db",
+                doc: "What is added (dB). Losses are negative.",
+                kind: Kind::Number(Range::closed(-100.0, 100.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "register_only",
+                doc: "Only what is read changes, not what is received.",
+                kind: Kind::Bool,
+                default: Default::Bool(false),
+            },
+        ],
+    },
+    build: |table, _| {
+        let effect: SystemGain = keys(table)?;
+        Some(Box::new(effect))
+    },
+};
+
+/// A constant offset of the received power, or of its reading.
+///
+/// # Model
+///
+/// ```text
+/// RSSI' = RSSI + gain_db
+/// ```
+///
+/// # Validity
+///
+/// All links alike, at any power. It cannot be told from an error of `tx_power_dbm`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+pub struct SystemGain {
+    /// What is added (dB).
+    pub gain_db: f64,
+    /// Only to what is read.
+    pub register_only: bool,
+}
+
+impl Effect for SystemGain {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn contribution_db(&self, _: &Link<'_>) -> f64 {
+        if self.register_only { 0.0 } else { self.gain_db }
+    }
+
+    fn max_gain_db(&self) -> f64 {
+        if self.register_only { 0.0 } else { self.gain_db }
+    }
+
+    fn register_dbm(&self, _: &Link<'_>, register_dbm: f64) -> f64 {
+        if self.register_only { register_dbm + self.gain_db } else { register_dbm }
+    }
+
+    fn is_isotropic(&self) -> bool {
+        true
+    }
+}

@@ -1,0 +1,162 @@
+//! The radio as configured: a base model, effects, a reception curve; and what they together say about a link.
+
+use super::effect::Effect;
+use super::link::{End, Link, Scene, channel_hz};
+use super::propagation::{Propagation, Radio, Reach, Reception};
+use super::reception::Curve;
+use super::scatter::{Law, Renewal, Scatter};
+use proto::rng::Purpose;
+
+/// What the radio makes of a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkBudget {
+    /// Power of the frame at the receiver (dBm).
+    pub rssi_dbm: f64,
+    /// What the receiver's register reads (dBm).
+    pub register_rssi_dbm: f64,
+    /// Probability that the frame is received.
+    pub reception_probability: f64,
+}
+
+/// The radio as configured.
+#[derive(Debug)]
+pub struct Model {
+    /// The base model.
+    pub propagation: Box<dyn Propagation>,
+    /// Effects, in the order of the configuration.
+    pub effects: Vec<Box<dyn Effect>>,
+    /// From power to reception.
+    pub curve: Box<dyn Curve>,
+    /// Shared settings.
+    pub radio: Radio,
+    /// Distances below this (m) count as this.
+    pub min_distance_m: f64,
+    scatters: Vec<Scatter>,
+}
+
+impl Model {
+    /// A radio. `noise_sd_db`: normal noise on the strength of every frame (dB), if there is any.
+    #[must_use]
+    pub fn new(
+        propagation: Box<dyn Propagation>,
+        effects: Vec<Box<dyn Effect>>,
+        curve: Box<dyn Curve>,
+        radio: Radio,
+        min_distance_m: f64,
+        noise_sd_db: Option<f64>,
+    ) -> Self {
+        let noise = noise_sd_db.filter(|&sd_db| 0.0 < sd_db).map(|sd_db| Scatter {
+            law: Law::Normal { sd_db },
+            renewal: Renewal::Frame,
+            purpose: Purpose::FrameNoise,
+            ordinal: 0,
+            directed: true,
+        });
+        let scatters = propagation
+            .scatter()
+            .into_iter()
+            .chain(effects.iter().filter_map(|effect| effect.scatter()))
+            .chain(noise)
+            .collect();
+        Self { propagation, effects, curve, radio, min_distance_m, scatters }
+    }
+
+    /// Describes a link. `channel`: 11 to 26, if it is known.
+    #[inline]
+    #[must_use]
+    pub fn link<'a>(
+        &self,
+        scene: &'a Scene<'a>,
+        sender: End,
+        receiver: End,
+        channel: Option<u8>,
+        time_ns: u64,
+    ) -> Link<'a> {
+        Link {
+            sender,
+            receiver,
+            distance_m: sender.distance_squared_m2(&receiver).sqrt().max(self.min_distance_m),
+            channel,
+            frequency_hz: self.frequency_hz(channel),
+            time_ns,
+            scene,
+        }
+    }
+
+    /// Frequency (Hz) of a channel, or of the carrier where no channel is known.
+    #[must_use]
+    pub fn frequency_hz(&self, channel: Option<u8>) -> f64 {
+        channel.map_or(self.radio.carrier_hz, channel_hz)
+    }
+
+    /// What the radio makes of a link at its mean level. [`Model::scatters`] says how it varies about that.
+    #[must_use]
+    pub fn evaluate(&self, link: &Link<'_>) -> LinkBudget {
+        self.evaluate_at(link, 0.0)
+    }
+
+    /// What the radio makes of a link whose level lies `scatter_db` above the mean.
+    #[must_use]
+    pub fn evaluate_at(&self, link: &Link<'_>, scatter_db: f64) -> LinkBudget {
+        let prediction = self.propagation.predict(link);
+        let mut rssi_dbm = prediction.rssi_dbm;
+        let mut shift_db = 0.0;
+        let mut survival = 1.0;
+        for effect in &self.effects {
+            rssi_dbm += effect.contribution_db(link);
+            shift_db += effect.curve_shift_db(link);
+            survival *= 1.0 - effect.loss(link);
+        }
+        rssi_dbm += scatter_db;
+        let mut register_rssi_dbm = rssi_dbm;
+        for effect in &self.effects {
+            register_rssi_dbm = effect.register_dbm(link, register_rssi_dbm);
+        }
+        let reception = match prediction.reception {
+            Reception::ByCurve => self.curve.reception_probability(rssi_dbm - shift_db),
+            Reception::Stated(probability) => probability,
+        };
+        LinkBudget { rssi_dbm, register_rssi_dbm, reception_probability: survival * reception }
+    }
+
+    /// What varies at random about the mean level.
+    #[must_use]
+    pub fn scatters(&self) -> &[Scatter] {
+        &self.scatters
+    }
+
+    /// The most that scatter adds (dB).
+    #[must_use]
+    pub fn max_scatter_db(&self) -> f64 {
+        self.scatters.iter().map(Scatter::max_gain_db).sum()
+    }
+
+    /// How far links may reach.
+    #[must_use]
+    pub fn reach(&self, channel: Option<u8>) -> Reach {
+        let gain_db: f64 = self.effects.iter().map(|effect| effect.max_gain_db()).sum();
+        let floor_dbm = self.curve.floor_dbm() - gain_db - self.max_scatter_db();
+        match self.propagation.reach(floor_dbm, self.frequency_hz(channel)) {
+            // Whatever lies below the least distance counts as lying there.
+            Reach::Within(distance_m) => Reach::Within(distance_m.max(self.min_distance_m)),
+            reach @ (Reach::Unlimited | Reach::Listed) => reach,
+        }
+    }
+
+    /// Whether, scatter apart, links differ by nothing but distance and frequency.
+    #[must_use]
+    pub fn is_isotropic(&self) -> bool {
+        self.propagation.is_isotropic() && self.effects.iter().all(|effect| effect.is_isotropic())
+    }
+
+    /// Whether every frame arrives, whatever the link.
+    #[must_use]
+    pub fn is_certain(&self) -> bool {
+        self.propagation.is_certain() && self.is_isotropic()
+    }
+
+    /// Computes, once per moment, what the base model asks of the scene.
+    pub fn prepare(&self, scene: &mut Scene<'_>) {
+        self.propagation.prepare(scene);
+    }
+}

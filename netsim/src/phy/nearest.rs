@@ -1,0 +1,255 @@
+//! Who is near whom: a uniform grid over the plane, and the k nearest neighbours found with it.
+
+use super::link::End;
+
+/// Points sorted into square cells.
+///
+/// A query returns a superset of what lies within a distance; who asks decides by the distance itself. So a grid never
+/// changes a result, it only spares looking at what is far away.
+#[derive(Clone, Debug, Default)]
+pub struct Grid {
+    cell_m: f64,
+    /// Cell of each point and the point's index, sorted.
+    entries: Vec<(u64, u32)>,
+}
+
+/// Cells are numbered up to this far from the origin; what lies farther counts to the outermost cell, which keeps
+/// neighbouring cells neighbours.
+const OUTERMOST: f64 = (1 << 30) as f64;
+
+impl Grid {
+    /// Sorts points into cells of `cell_m`, greater than 0.
+    pub fn build(&mut self, cell_m: f64, points: impl Iterator<Item = [f64; 2]>) {
+        self.cell_m = cell_m;
+        self.entries.clear();
+        let column = |x: f64| column(x, cell_m);
+        self.entries.extend(points.zip(0..).map(|([x, y], i)| (key(column(x), column(y)), i)));
+        self.entries.sort_unstable();
+    }
+
+    /// Sorts agents into cells of which those in the middle hold about `per_cell`.
+    pub fn build_for(&mut self, agents: &[End], per_cell: usize) {
+        // The spread of the middle half: a few agents far out must not make the cells useless.
+        let extent = |axis: usize| {
+            let mut values: Vec<f64> = agents.iter().map(|end| end.position_m[axis]).collect();
+            values.sort_unstable_by(f64::total_cmp);
+            match values.len() {
+                0 => 1.0,
+                n => (values[n * 3 / 4] - values[n / 4]).max(1e-3),
+            }
+        };
+        let area_m2 = 4.0 * extent(0) * extent(1);
+        let cell_m = (area_m2 * per_cell.max(1) as f64 / agents.len().max(1) as f64).sqrt();
+        self.build(cell_m, agents.iter().map(|end| [end.position_m[0], end.position_m[1]]));
+    }
+
+    /// Indices of the points in the cells that touch the square of half side `reach_m` around (x, y): at least all
+    /// within `reach_m`, in no particular order.
+    pub fn around(&self, [x, y]: [f64; 2], reach_m: f64) -> impl Iterator<Item = u32> + '_ {
+        self.in_box([x - reach_m, y - reach_m], [x + reach_m, y + reach_m])
+    }
+
+    /// Indices of the points in the cells that touch a box.
+    pub fn in_box(&self, low: [f64; 2], high: [f64; 2]) -> impl Iterator<Item = u32> + '_ {
+        let (left, right) = (self.column(low[0]), self.column(high[0]));
+        (self.column(low[1])..=self.column(high[1])).flat_map(move |row| {
+            let from = self.entries.partition_point(|&(cell, _)| cell < key(left, row));
+            let last = key(right, row);
+            self.entries[from..]
+                .iter()
+                .take_while(move |&&(cell, _)| cell <= last)
+                .map(|&(_, index)| index)
+        })
+    }
+
+    /// How many pairs of points lie in the same or in neighbouring cells, each counted from both ends: what a search
+    /// within one cell's width looks at.
+    #[must_use]
+    pub fn n_candidates(&self) -> usize {
+        let mut total = 0;
+        for cell in self.entries.chunk_by(|a, b| a.0 == b.0) {
+            let (column, row) = unkey(cell[0].0);
+            for row in row - 1..=row + 1 {
+                let from = self.entries.partition_point(|&(c, _)| c < key(column - 1, row));
+                let to = self.entries.partition_point(|&(c, _)| c <= key(column + 1, row));
+                total += cell.len() * (to - from);
+            }
+        }
+        total
+    }
+
+    fn column(&self, x: f64) -> i64 {
+        column(x, self.cell_m)
+    }
+}
+
+fn column(x: f64, cell_m: f64) -> i64 {
+    (x / cell_m).floor().clamp(-OUTERMOST, OUTERMOST) as i64
+}
+
+/// Cells of a row stand side by side in the order of keys.
+fn key(column: i64, row: i64) -> u64 {
+    let shifted = |number: i64| (number + (1 << 31)) as u64;
+    shifted(row) << 32 | shifted(column)
+}
+
+fn unkey(key: u64) -> (i64, i64) {
+    let number = |part: u64| part as i64 - (1 << 31);
+    (number(key & 0xffff_ffff), number(key >> 32))
+}
+
+/// The k nearest neighbours of every agent. Equal distances: the lower number is nearer.
+#[derive(Clone, Debug)]
+pub struct Nearest {
+    /// Agents' numbers, ascending, and the place of each in `agents`.
+    places: Vec<(u32, u32)>,
+    /// Per place in `agents`, the places of its neighbours, nearest first.
+    neighbours: Vec<Vec<u32>>,
+    /// Per place, the square of the distance (m²) and the number of the last of them.
+    last: Vec<Option<(f64, u32)>>,
+}
+
+impl Nearest {
+    /// Finds the `k` nearest neighbours of every agent.
+    #[must_use]
+    pub fn of(agents: &[End], k: usize) -> Self {
+        let mut places: Vec<(u32, u32)> = agents.iter().map(|end| end.id).zip(0..).collect();
+        places.sort_unstable();
+        // Too few agents for a grid to pay: all pairs.
+        let grid = (64 <= agents.len() && 8 * k <= agents.len()).then(|| {
+            let mut grid = Grid::default();
+            grid.build_for(agents, k);
+            grid
+        });
+        let neighbours: Vec<Vec<u32>> = agents
+            .iter()
+            .map(|agent| match &grid {
+                Some(grid) => nearest_by_rings(agents, grid, agent, k),
+                None => nearest_of_all(agents, agent, k),
+            })
+            .collect();
+        let last = neighbours
+            .iter()
+            .zip(agents)
+            .map(|(neighbours, agent)| {
+                neighbours.last().map(|&place| {
+                    let other = &agents[place as usize];
+                    (agent.distance_squared_m2(other), other.id)
+                })
+            })
+            .collect();
+        Self { places, neighbours, last }
+    }
+
+    /// Whether `other` is among the nearest of the agent with number `of`. `None`: that agent is not known.
+    #[must_use]
+    pub fn is_among(&self, of: &End, other: &End) -> Option<bool> {
+        let found = self.places.binary_search_by_key(&of.id, |&(id, _)| id).ok()?;
+        let place = self.places[found].1 as usize;
+        Some(self.last[place].is_some_and(|(distance, id)| {
+            (of.distance_squared_m2(other), other.id) <= (distance, id)
+        }))
+    }
+
+    /// Places, in the list the search was made over, of the nearest of the agent at `place`.
+    #[must_use]
+    pub fn neighbours_of(&self, place: usize) -> &[u32] {
+        &self.neighbours[place]
+    }
+}
+
+fn nearest_of_all(agents: &[End], agent: &End, k: usize) -> Vec<u32> {
+    first_k(agents, agent, k, (0..agents.len() as u32).collect())
+}
+
+fn first_k(agents: &[End], agent: &End, k: usize, mut places: Vec<u32>) -> Vec<u32> {
+    places.retain(|&place| agents[place as usize].id != agent.id);
+    let order = |place: &u32| {
+        let other = &agents[*place as usize];
+        (agent.distance_squared_m2(other), other.id)
+    };
+    let compare = |a: &u32, b: &u32| {
+        let (a, b) = (order(a), order(b));
+        a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+    };
+    if k < places.len() {
+        if k == 0 {
+            return Vec::new();
+        }
+        places.select_nth_unstable_by(k - 1, compare);
+        places.truncate(k);
+    }
+    places.sort_unstable_by(compare);
+    places
+}
+
+/// Looks within a square that doubles until the k-th nearest found lies within its half side.
+fn nearest_by_rings(agents: &[End], grid: &Grid, agent: &End, k: usize) -> Vec<u32> {
+    let centre = [agent.position_m[0], agent.position_m[1]];
+    let mut reach_m = grid.cell_m;
+    for _ in 0..6 {
+        let found = first_k(agents, agent, k, grid.around(centre, reach_m).collect());
+        if found.len() == k {
+            let last = found
+                .last()
+                .map_or(0.0, |&place| agent.distance_squared_m2(&agents[place as usize]));
+            if last <= reach_m * reach_m {
+                return found;
+            }
+        }
+        reach_m *= 2.0;
+    }
+    nearest_of_all(agents, agent, k)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn agents() -> impl Strategy<Value = Vec<End>> {
+        let near = prop::array::uniform3(-20i32..20).prop_map(|p| p.map(|x| f64::from(x) / 4.0));
+        let far = prop::array::uniform3(-1e9..1e9f64);
+        prop::collection::vec(prop_oneof![20 => near, 1 => far], 1..200).prop_map(|positions| {
+            positions.into_iter().zip(0..).map(|(position, id)| End::at(id, position)).collect()
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn a_grid_finds_at_least_all_within_reach(agents in agents(), reach_m in 0.1..9.0f64) {
+            let mut grid = Grid::default();
+            grid.build(reach_m, agents.iter().map(|end| [end.position_m[0], end.position_m[1]]));
+            for agent in &agents {
+                let centre = [agent.position_m[0], agent.position_m[1]];
+                let mut found: Vec<u32> = grid.around(centre, reach_m).collect();
+                found.sort_unstable();
+                let n = found.len();
+                found.dedup();
+                prop_assert_eq!(n, found.len(), "twice the same");
+                for other in &agents {
+                    if agent.distance_squared_m2(other) <= reach_m * reach_m {
+                        prop_assert!(found.binary_search(&other.id).is_ok());
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn rings_and_all_pairs_find_the_same_neighbours(agents in agents(), k in 0usize..8) {
+            let nearest = Nearest::of(&agents, k);
+            for (place, agent) in agents.iter().enumerate() {
+                prop_assert_eq!(nearest.neighbours_of(place), nearest_of_all(&agents, agent, k));
+            }
+        }
+    }
+
+    #[test]
+    fn of_two_equally_far_the_lower_number_is_nearer() {
+        let agents =
+            [End::at(0, [0.0; 3]), End::at(1, [1.0, 0.0, 0.0]), End::at(2, [-1.0, 0.0, 0.0])];
+        let nearest = Nearest::of(&agents, 1);
+        assert_eq!(nearest.is_among(&agents[0], &agents[1]), Some(true));
+        assert_eq!(nearest.is_among(&agents[0], &agents[2]), Some(false));
+    }
+}

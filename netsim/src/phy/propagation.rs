@@ -1,0 +1,193 @@
+//! Base models of propagation: `netsim.phy.propagation`.
+//!
+//! One file per model, one list: [`LIST`]. There are two families. *Signal models* (`friis`, `probabilistic-disk`,
+//! `log-distance`, `experimental-randomness`) predict a power, and the reception curve makes a probability of it.
+//! *Connectivity models* (`full`, `unit-disk`, `line-of-sight`, `nearest-k`, `gaussian`, `trace`) state the probability
+//! themselves; effects in dB then change what is read, not what is received.
+
+pub mod experimental_randomness;
+pub mod friis;
+pub mod full;
+pub mod gaussian;
+pub mod line_of_sight;
+pub mod log_distance;
+pub mod nearest_k;
+pub mod probabilistic_disk;
+pub mod trace;
+pub mod unit_disk;
+
+use super::link::{Link, Scene};
+use super::scatter::Scatter;
+use bytes::Bytes;
+use proto::config::{Default, Field, Kind, Problem, Range, Tag, Variant};
+use std::collections::BTreeMap;
+
+/// A base model of propagation. Stateless: everything it depends on is an argument.
+pub trait Propagation: Send + Sync + std::fmt::Debug {
+    /// Its name in configurations, records and reports.
+    fn name(&self) -> &'static str;
+
+    /// Mean power of a frame at the receiver, and how it decides reception.
+    fn predict(&self, link: &Link<'_>) -> Prediction;
+
+    /// What varies at random about the mean, if anything does.
+    fn scatter(&self) -> Option<Scatter> {
+        None
+    }
+
+    /// How far links may reach where frames of less than `floor_dbm` mean power are never received. May be too far,
+    /// never too near.
+    fn reach(&self, floor_dbm: f64, frequency_hz: f64) -> Reach;
+
+    /// Whether [`Propagation::predict`] depends on nothing but distance and frequency, and neither power nor probability
+    /// rises with distance. Then many links can be judged by their distance alone.
+    fn is_isotropic(&self) -> bool {
+        false
+    }
+
+    /// Whether every frame arrives, whatever the link.
+    fn is_certain(&self) -> bool {
+        false
+    }
+
+    /// Computes, once per moment, what it asks of the scene.
+    fn prepare(&self, _scene: &mut Scene<'_>) {}
+}
+
+/// What a base model says about a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    /// Mean power at the receiver (dBm), before effects.
+    pub rssi_dbm: f64,
+    /// How reception is decided.
+    pub reception: Reception,
+}
+
+/// How reception is decided.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reception {
+    /// The reception curve, from the power.
+    ByCurve,
+    /// With this probability, whatever the power.
+    Stated(f64),
+}
+
+/// How far links may reach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reach {
+    /// Anywhere.
+    Unlimited,
+    /// Within a distance (m).
+    Within(f64),
+    /// To the neighbours that [`Scene::nearest`] lists for the receiver.
+    Listed,
+}
+
+/// Radio settings that models share.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Radio {
+    /// Transmit power (dBm).
+    pub tx_power_dbm: f64,
+    /// Antenna gain of the sender (dBi).
+    pub tx_antenna_gain_dbi: f64,
+    /// Antenna gain of the receiver (dBi).
+    pub rx_antenna_gain_dbi: f64,
+    /// Frequency (Hz) where no channel is known.
+    pub carrier_hz: f64,
+}
+
+impl Radio {
+    /// Power radiated towards the receiver as its antenna takes it up: transmit power and both gains (dBm).
+    #[must_use]
+    pub fn total_dbm(&self) -> f64 {
+        self.tx_power_dbm + self.tx_antenna_gain_dbi + self.rx_antenna_gain_dbi
+    }
+}
+
+/// What a model may need to be built.
+#[derive(Debug)]
+pub struct BuildContext<'a> {
+    /// Path of `[netsim.phy]`, for problems.
+    pub path: &'a str,
+    /// Shared radio settings.
+    pub radio: Radio,
+    /// Capacity of the experiment.
+    pub agent_count: usize,
+    /// Length of a slot (ns).
+    pub slot_ns: u64,
+    /// Channels in use, if frames have any.
+    pub channels: &'a [u8],
+    /// Contents of the files that the configuration names.
+    pub files: &'a BTreeMap<String, Bytes>,
+    /// What is found wrong.
+    pub problems: Vec<Problem>,
+    /// What should be checked before the results are trusted.
+    pub warnings: Vec<String>,
+}
+
+/// A model that can be configured.
+#[derive(Debug)]
+pub struct Entry {
+    /// Its name and keys.
+    pub variant: Variant,
+    /// Makes it of the checked table of `[netsim.phy]`, or adds problems.
+    pub build: fn(&toml::Table, &mut BuildContext<'_>) -> Option<Box<dyn Propagation>>,
+}
+
+/// All models.
+pub const LIST: &[Entry] = &[
+    experimental_randomness::ENTRY,
+    friis::ENTRY,
+    full::ENTRY,
+    gaussian::ENTRY,
+    line_of_sight::ENTRY,
+    log_distance::ENTRY,
+    nearest_k::ENTRY,
+    probabilistic_disk::ENTRY,
+    trace::ENTRY,
+    unit_disk::ENTRY,
+];
+
+/// The key that selects a model.
+pub const TAG: Tag = Tag {
+    key: "propagation",
+    doc: "The base model of who hears whom.",
+    default: Some("friis"),
+    variants: || LIST.iter().map(|entry| entry.variant).collect(),
+};
+
+/// Makes the model that a checked table of `[netsim.phy]` selects.
+pub fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn Propagation>> {
+    let name = table.get(TAG.key)?.as_str()?;
+    let entry = LIST.iter().find(|entry| entry.variant.name == name)?;
+    (entry.build)(table, context)
+}
+
+/// Key of connectivity models: what every received frame reads.
+const RSSI_FIELD: Field = Field {
+    key: "rssi_dbm",
+    doc: "What every frame reads (dBm). Absent: Friis. It does not decide reception.",
+    kind: Kind::Number(Range::closed(-200.0, 100.0)),
+    default: Default::Absent,
+};
+
+/// The power that connectivity models assign: Friis, unless configured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AssignedRssi {
+    radio: Radio,
+    constant_dbm: Option<f64>,
+}
+
+impl AssignedRssi {
+    /// A constant, or Friis for `None`.
+    #[must_use]
+    pub fn new(radio: Radio, constant_dbm: Option<f64>) -> Self {
+        Self { radio, constant_dbm }
+    }
+
+    fn dbm(&self, link: &Link<'_>) -> f64 {
+        self.constant_dbm.unwrap_or_else(|| {
+            friis::friis_dbm(self.radio.total_dbm(), link.distance_m, link.frequency_hz)
+        })
+    }
+}

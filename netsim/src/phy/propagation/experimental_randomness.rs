@@ -1,0 +1,118 @@
+//! Uniform between a bound and another 40 dB below: the Pister hack.
+
+use super::friis::{friis_dbm, friis_reach};
+use super::{Entry, Prediction, Propagation, Radio, Reach, Reception};
+use crate::phy::keys;
+use crate::phy::link::{Link, SPEED_OF_LIGHT_MPS};
+use crate::phy::scatter::{Law, Renewal, Scatter};
+use proto::config::{Choice, Default, Field, Kind, Variant};
+use proto::rng::Purpose;
+use serde::Deserialize;
+
+/// `propagation = "experimental-randomness"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "experimental-randomness",
+        doc: "Uniform between Friis - 40 dB and Friis, the same in both directions (Pister-hack; Municio et al. 2019).",
+        fields: &[Field {
+            key: "redraw",
+            doc: "When a link's level is drawn anew.",
+            kind: Kind::Choice(&[
+                Choice { name: "frozen", doc: "Never." },
+                Choice { name: "period", doc: "In every control period." },
+                Choice { name: "frame", doc: "For every frame." },
+                Choice {
+                    name: "coherence",
+                    doc: "As the ends move: correlation 1/e after half a wavelength of both together.",
+                },
+            ]),
+            default: Default::Text("period"),
+        }],
+    },
+    build: |table, context| {
+        let keys: Keys = keys(table)?;
+        Some(Box::new(ExperimentalRandomness { radio: context.radio, redraw: keys.redraw }))
+    },
+};
+
+/// Span of the levels (dB).
+const SPAN_DB: f64 = 40.0;
+
+#[derive(Deserialize)]
+struct Keys {
+    redraw: Redraw,
+}
+
+/// When a link's level is drawn anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Redraw {
+    /// Never.
+    Frozen,
+    /// In every control period.
+    Period,
+    /// For every frame.
+    Frame,
+    /// As the ends move.
+    Coherence,
+}
+
+/// The experimental randomness of the BotNet paper, mended.
+///
+/// # Model
+///
+/// ```text
+/// P_rx = Friis(d) − 40 dB · U,  U uniform in [0, 1]
+/// ```
+///
+/// One level per unordered pair ("Pister-hack"; Municio et al., "Simulating 6TiSCH networks", 2019). With
+/// `redraw = "coherence"` levels are a Gaussian copula with uniform marginal and correlation e^(−Δ/(λ/2)), λ at the
+/// carrier, Δ the way of both ends together.
+///
+/// # Validity
+///
+/// Levels do not depend on the channel, and (but for `coherence`) change as fast for robots at rest as for moving ones.
+/// The published code of the BotNet paper clamps distances to at most 1 cm, so that every link there is perfect; here the
+/// clamp is the lower bound it was meant to be, `min_distance_m`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExperimentalRandomness {
+    /// Radio settings.
+    pub radio: Radio,
+    /// When levels change.
+    pub redraw: Redraw,
+}
+
+impl Propagation for ExperimentalRandomness {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn predict(&self, link: &Link<'_>) -> Prediction {
+        let friis_dbm = friis_dbm(self.radio.total_dbm(), link.distance_m, link.frequency_hz);
+        Prediction { rssi_dbm: friis_dbm - 0.5 * SPAN_DB, reception: Reception::ByCurve }
+    }
+
+    fn scatter(&self) -> Option<Scatter> {
+        let half_wavelength_m = 0.5 * SPEED_OF_LIGHT_MPS / self.radio.carrier_hz;
+        Some(Scatter {
+            law: Law::Uniform { span_db: SPAN_DB },
+            renewal: match self.redraw {
+                Redraw::Frozen => Renewal::Frozen,
+                Redraw::Period => Renewal::Period,
+                Redraw::Frame => Renewal::Frame,
+                Redraw::Coherence => Renewal::Coherence { length_m: half_wavelength_m },
+            },
+            purpose: Purpose::RandomnessLevel,
+            ordinal: 0,
+            directed: false,
+        })
+    }
+
+    fn reach(&self, floor_dbm: f64, frequency_hz: f64) -> Reach {
+        friis_reach(self.radio.total_dbm(), floor_dbm + 0.5 * SPAN_DB, frequency_hz)
+    }
+
+    fn is_isotropic(&self) -> bool {
+        true
+    }
+}

@@ -1,0 +1,140 @@
+//! Who sees whom.
+
+use super::friis::within;
+use super::{AssignedRssi, Entry, Prediction, Propagation, RSSI_FIELD, Reach, Reception};
+use crate::phy::keys;
+use crate::phy::link::{Link, Scene};
+use crate::phy::nearest::Grid;
+use crate::phy::sight::{Path, is_blocked_by_body};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use serde::Deserialize;
+
+/// `propagation = "line-of-sight"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "line-of-sight",
+        doc: "Every frame arrives where no wall or obstacle of [site] cuts the direct path, none elsewhere.",
+        fields: &[
+            Field {
+                key: "radius_m",
+                doc: "Greatest distance (m), itself included. Absent: unlimited.",
+                kind: Kind::Number(Range::POSITIVE),
+                default: Default::Absent,
+            },
+            Field {
+                key: "field_of_view_rad",
+                doc: "Full opening angle, in the plane, of what the sender reaches, about the direction it faces, or moves \
+                      where no heading is known; at rest and without heading it reaches all round. Absent: all round.",
+                kind: Kind::Number(Range::above(0.0, std::f64::consts::TAU)),
+                default: Default::Absent,
+            },
+            Field {
+                key: "robots_block",
+                doc: "Bodies of other robots cut the path, too.",
+                kind: Kind::Bool,
+                default: Default::Bool(false),
+            },
+            Field {
+                key: "body_radius_m",
+                doc: "Radius of a robot's body, a ball around its antenna (m). Matters with robots_block only.",
+                kind: Kind::Number(Range::POSITIVE),
+                default: Default::Number(0.1),
+            },
+            RSSI_FIELD,
+        ],
+    },
+    build: |table, context| {
+        let keys: Keys = keys(table)?;
+        Some(Box::new(LineOfSight {
+            radius_m: keys.radius_m,
+            field_of_view_rad: keys.field_of_view_rad,
+            body_radius_m: keys.robots_block.then_some(keys.body_radius_m),
+            rssi: AssignedRssi::new(context.radio, keys.rssi_dbm),
+        }))
+    },
+};
+
+#[derive(Deserialize)]
+struct Keys {
+    radius_m: Option<f64>,
+    field_of_view_rad: Option<f64>,
+    robots_block: bool,
+    body_radius_m: f64,
+    rssi_dbm: Option<f64>,
+}
+
+/// Line of sight, for light and as an abstraction of radio at high frequencies.
+///
+/// # Model
+///
+/// PDR 1 where the straight path between the antennas touches no wall, no obstacle and, if asked for, no third robot's
+/// body, the distance is at most the radius, and the receiver lies within the sender's field of view; 0 elsewhere.
+///
+/// # Validity
+///
+/// No diffraction, no reflection, nothing passes through a wall: pessimistic for radio at 2.4 GHz.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineOfSight {
+    /// Greatest distance (m).
+    pub radius_m: Option<f64>,
+    /// Opening angle of the sender (rad).
+    pub field_of_view_rad: Option<f64>,
+    /// Radius of the bodies that block (m).
+    pub body_radius_m: Option<f64>,
+    /// What frames read.
+    pub rssi: AssignedRssi,
+}
+
+impl LineOfSight {
+    fn sees(&self, link: &Link<'_>) -> bool {
+        let path = Path::of(link);
+        self.radius_m.is_none_or(|radius_m| link.distance_m <= radius_m)
+            && self.field_of_view_rad.is_none_or(|angle_rad| is_in_view(link, angle_rad))
+            && link.scene.site.is_none_or(|site| {
+                !site.wall.iter().any(|wall| path.is_cut_by_wall(wall))
+                    && !site.obstacle.iter().any(|obstacle| path.is_cut_by_obstacle(obstacle))
+            })
+            && self.body_radius_m.is_none_or(|radius_m| !is_blocked_by_body(link, radius_m))
+    }
+}
+
+/// Whether the receiver lies within the sender's field of view. Straight above or below it does.
+fn is_in_view(link: &Link<'_>, angle_rad: f64) -> bool {
+    let motion = link
+        .sender
+        .velocity_mps
+        .filter(|velocity| velocity[0] != 0.0 || velocity[1] != 0.0)
+        .map(|velocity| libm::atan2(velocity[1], velocity[0]));
+    let Some(heading_rad) = link.sender.heading_rad.or(motion) else { return true };
+    let [x, y] = [0, 1].map(|axis| link.receiver.position_m[axis] - link.sender.position_m[axis]);
+    if x == 0.0 && y == 0.0 {
+        return true;
+    }
+    let off_rad = libm::remainder(libm::atan2(y, x) - heading_rad, std::f64::consts::TAU);
+    off_rad.abs() <= 0.5 * angle_rad
+}
+
+impl Propagation for LineOfSight {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn predict(&self, link: &Link<'_>) -> Prediction {
+        Prediction {
+            rssi_dbm: self.rssi.dbm(link),
+            reception: Reception::Stated(if self.sees(link) { 1.0 } else { 0.0 }),
+        }
+    }
+
+    fn reach(&self, _: f64, _: f64) -> Reach {
+        self.radius_m.map_or(Reach::Unlimited, within)
+    }
+
+    fn prepare(&self, scene: &mut Scene<'_>) {
+        if self.body_radius_m.is_some() && 16 < scene.agents.len() {
+            let mut grid = Grid::default();
+            grid.build_for(scene.agents, 4);
+            scene.grid = Some(grid);
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Path loss with an exponent.
+
+use super::friis::{friis_dbm, within};
+use super::{Entry, Prediction, Propagation, Radio, Reach, Reception};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use serde::Deserialize;
+
+/// `propagation = "log-distance"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "log-distance",
+        doc: "Friis up to a reference distance, from there on a path loss with another exponent.",
+        fields: &[
+            Field {
+                key: "exponent",
+                doc: "Path loss exponent n: 2 is free space, 3 to 4 indoors with obstacles.",
+                kind: Kind::Number(Range::closed(1.0, 8.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "reference_distance_m",
+                doc: "Distance up to which it is free space (m).",
+                kind: Kind::Number(Range::above(0.0, 1e4)),
+                default: Default::Number(1.0),
+            },
+        ],
+    },
+    build: |table, context| {
+        let keys: Keys = keys(table)?;
+        Some(Box::new(LogDistance {
+            radio: context.radio,
+            exponent: keys.exponent,
+            reference_distance_m: keys.reference_distance_m,
+        }))
+    },
+};
+
+#[derive(Deserialize)]
+struct Keys {
+    exponent: f64,
+    reference_distance_m: f64,
+}
+
+/// Log-distance path loss (Rappaport, *Wireless Communications*, 2nd ed., § 4.9.1).
+///
+/// # Model
+///
+/// ```text
+/// P_rx = Friis(d)                        d ≤ d0
+/// P_rx = Friis(d0) − 10 n log10(d / d0)  d > d0
+/// ```
+///
+/// # Validity
+///
+/// A mean over places: add `shadowing` for what varies between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LogDistance {
+    /// Radio settings.
+    pub radio: Radio,
+    /// Exponent n.
+    pub exponent: f64,
+    /// Reference distance d0 (m).
+    pub reference_distance_m: f64,
+}
+
+impl Propagation for LogDistance {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn predict(&self, link: &Link<'_>) -> Prediction {
+        let d0 = self.reference_distance_m;
+        let near_m = link.distance_m.min(d0);
+        let mut rssi_dbm = friis_dbm(self.radio.total_dbm(), near_m, link.frequency_hz);
+        if d0 < link.distance_m {
+            rssi_dbm -= 10.0 * self.exponent * libm::log10(link.distance_m / d0);
+        }
+        Prediction { rssi_dbm, reception: Reception::ByCurve }
+    }
+
+    fn reach(&self, floor_dbm: f64, frequency_hz: f64) -> Reach {
+        let d0 = self.reference_distance_m;
+        let at_reference = friis_dbm(self.radio.total_dbm(), d0, frequency_hz);
+        let left_db = at_reference - floor_dbm;
+        // Below the floor at the reference distance already: it lies within.
+        within(d0 * libm::pow(10.0, left_db.max(0.0) / (10.0 * self.exponent)))
+    }
+
+    fn is_isotropic(&self) -> bool {
+        true
+    }
+}

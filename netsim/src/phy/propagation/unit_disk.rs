@@ -1,0 +1,71 @@
+//! Everyone within a radius.
+
+use super::friis::within;
+use super::{AssignedRssi, Entry, Prediction, Propagation, RSSI_FIELD, Reach, Reception};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use serde::Deserialize;
+
+/// `propagation = "unit-disk"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "unit-disk",
+        doc: "Every frame arrives within a radius, none beyond.",
+        fields: &[
+            Field {
+                key: "radius_m",
+                doc: "The radius (m); frames arrive at the radius itself. BotNet has 3 without and 10 with its network.",
+                kind: Kind::Number(Range::POSITIVE),
+                default: Default::Required,
+            },
+            RSSI_FIELD,
+        ],
+    },
+    build: |table, context| {
+        let keys: Keys = keys(table)?;
+        let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
+        Some(Box::new(UnitDisk { radius_m: keys.radius_m, rssi }))
+    },
+};
+
+#[derive(Deserialize)]
+struct Keys {
+    radius_m: f64,
+    rssi_dbm: Option<f64>,
+}
+
+/// The unit disk of the literature, closed: reception is certain where d ≤ radius, impossible elsewhere.
+///
+/// # Validity
+///
+/// An abstraction. Distances below `min_distance_m` count as that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnitDisk {
+    /// The radius (m).
+    pub radius_m: f64,
+    /// What frames read.
+    pub rssi: AssignedRssi,
+}
+
+impl Propagation for UnitDisk {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn predict(&self, link: &Link<'_>) -> Prediction {
+        let inside = link.distance_m <= self.radius_m;
+        Prediction {
+            rssi_dbm: self.rssi.dbm(link),
+            reception: Reception::Stated(if inside { 1.0 } else { 0.0 }),
+        }
+    }
+
+    fn reach(&self, _: f64, _: f64) -> Reach {
+        within(self.radius_m)
+    }
+
+    fn is_isotropic(&self) -> bool {
+        true
+    }
+}

@@ -1,0 +1,311 @@
+//! What varies about the mean: random contributions to the strength of a frame, and when each is drawn anew.
+//!
+//! Every contribution is a pure function of the seed, the link, the moment and the way its ends have travelled. Nothing
+//! is stored per link, so a link's values depend neither on other links, nor on how many there are, nor on the steps in
+//! which a simulation advances.
+
+use proto::rng::{Draws, Purpose, normal, ordered_link, uniform, unordered_link};
+
+/// Distribution of a contribution (dB) about the mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// Normal with this standard deviation (dB), clipped at ±[`CLIP_SD`] of them.
+    Normal {
+        /// Standard deviation (dB).
+        sd_db: f64,
+    },
+    /// Uniform from −span/2 to +span/2.
+    Uniform {
+        /// Span (dB).
+        span_db: f64,
+    },
+}
+
+/// A normal contribution never exceeds this many standard deviations (one draw in 1.7 million would): so that links have
+/// a greatest reach.
+pub const CLIP_SD: f64 = 5.0;
+
+/// When a contribution is drawn anew.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Renewal {
+    /// Never: one value per link.
+    Frozen,
+    /// In every control period.
+    Period,
+    /// For every frame.
+    Frame,
+    /// As the ends move: correlation e^(−Δ/length) over the sum Δ of both ends' ways.
+    Coherence {
+        /// The way (m) over which the correlation falls to 1/e.
+        length_m: f64,
+    },
+}
+
+/// A random contribution to the strength of frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scatter {
+    /// How it is distributed.
+    pub law: Law,
+    /// When it is drawn anew.
+    pub renewal: Renewal,
+    /// What the draws are for: keeps them apart from all others.
+    pub purpose: Purpose,
+    /// Tells several contributions of one purpose apart.
+    pub ordinal: u32,
+    /// Each direction of a link has values of its own. Otherwise both ends share them.
+    pub directed: bool,
+}
+
+/// The moment for which a value is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// Begin of the control period (ns).
+    pub period_ns: u64,
+    /// Begin of the frame (ns).
+    pub sent_ns: u64,
+    /// The way that both ends together have travelled so far (m).
+    pub way_m: f64,
+}
+
+/// The random words that a pair of motes shares in a control period: whether the frame in either direction is received,
+/// and levels that are redrawn each period or frame. One block of the generator serves them all, drawn when first asked.
+#[derive(Clone, Copy, Debug)]
+pub struct PairBlock {
+    seed: u64,
+    pair: u64,
+    period_ns: u64,
+    words: Option<[u64; 4]>,
+}
+
+impl PairBlock {
+    /// The block of motes `a` and `b` in the period that begins at `period_ns`.
+    #[inline]
+    #[must_use]
+    pub fn new(seed: u64, a: u32, b: u32, period_ns: u64) -> Self {
+        Self { seed, pair: unordered_link(a, b), period_ns, words: None }
+    }
+
+    /// Uniform in [0, 1): a frame is received if this is less than its probability.
+    #[inline]
+    pub fn reception(&mut self, sender: u32, receiver: u32) -> f64 {
+        uniform(self.words()[usize::from(receiver < sender)])
+    }
+
+    /// Uniform in [0, 1): the level of this period, or of the frame of this direction.
+    #[inline]
+    fn level(&mut self, sender: u32, receiver: u32, per_frame: bool) -> f64 {
+        uniform(self.words()[2 + usize::from(per_frame && receiver < sender)])
+    }
+
+    #[inline]
+    fn words(&mut self) -> [u64; 4] {
+        let Self { seed, pair, period_ns, .. } = *self;
+        *self
+            .words
+            .get_or_insert_with(|| Draws::new(seed, Purpose::Reception).words(pair, period_ns, 0))
+    }
+}
+
+impl Scatter {
+    /// The most that it adds (dB).
+    #[must_use]
+    pub fn max_gain_db(&self) -> f64 {
+        match self.law {
+            Law::Normal { sd_db } => CLIP_SD * sd_db,
+            Law::Uniform { span_db } => 0.5 * span_db,
+        }
+    }
+
+    /// Whether both directions of a link share the value.
+    #[must_use]
+    pub fn is_symmetric(&self) -> bool {
+        !self.directed && self.renewal != Renewal::Frame
+    }
+
+    /// Its value (dB) on a link at a moment.
+    #[inline]
+    #[must_use]
+    pub fn value_db(&self, block: &mut PairBlock, sender: u32, receiver: u32, at: Moment) -> f64 {
+        match self.law {
+            Law::Uniform { span_db } => span_db * (self.level(block, sender, receiver, at) - 0.5),
+            Law::Normal { sd_db } => {
+                sd_db * self.deviate(block.seed, sender, receiver, at).clamp(-CLIP_SD, CLIP_SD)
+            }
+        }
+    }
+
+    /// A uniform number in [0, 1].
+    #[inline]
+    fn level(&self, block: &mut PairBlock, sender: u32, receiver: u32, at: Moment) -> f64 {
+        let shares_block =
+            self.purpose == Purpose::RandomnessLevel && self.ordinal == 0 && !self.directed;
+        match self.renewal {
+            Renewal::Period if shares_block => block.level(sender, receiver, false),
+            Renewal::Frame if shares_block => block.level(sender, receiver, true),
+            // Gaussian copula: the normal's distribution function makes a uniform number of it.
+            Renewal::Frozen | Renewal::Period | Renewal::Frame | Renewal::Coherence { .. } => {
+                let z = self.deviate(block.seed, sender, receiver, at);
+                0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
+            }
+        }
+    }
+
+    /// A standard normal number.
+    fn deviate(&self, seed: u64, sender: u32, receiver: u32, at: Moment) -> f64 {
+        let entity = if self.is_symmetric() {
+            unordered_link(sender, receiver)
+        } else {
+            ordered_link(sender, receiver)
+        };
+        let draws = Draws::new(seed, self.purpose);
+        let k = u64::from(self.ordinal) << 32;
+        match self.renewal {
+            Renewal::Frozen => draws.normal(entity, 0, k),
+            Renewal::Period => draws.normal(entity, at.period_ns, k),
+            Renewal::Frame => draws.normal(entity, at.sent_ns, k),
+            Renewal::Coherence { length_m } => gauss_markov(draws, entity, k, at.way_m / length_m),
+        }
+    }
+}
+
+/// A stationary Gauss–Markov process at `way`, in units of its correlation length; 0 or greater.
+///
+/// # Model
+///
+/// Zero mean, unit variance, correlation e^(−Δ): the model of Gudmundson (1991) for shadowing along a way. Usually it is
+/// computed step by step, z′ = ρ z + √(1 − ρ²) w. Here it is computed at any point without a past, so that links need no
+/// state: independent normal numbers stand at multiples of 16 lengths (where the correlation, 10⁻⁷, counts as none), and
+/// the process between two known points is refined by halves, for a Gauss–Markov process is, between two points, normal
+/// about ρ/(1 + ρ²) (a + b) with variance (1 − ρ²)/(1 + ρ²), ρ = e^(−half). After 12 halvings, 1/256 length apart, it is
+/// linear.
+///
+/// # Validity
+///
+/// Correlation along the way travelled, not across it: who returns to a place does not find its old value there.
+fn gauss_markov(draws: Draws, entity: u64, k: u64, way: f64) -> f64 {
+    let cells = way / SPAN_LENGTHS;
+    let cell = cells.floor();
+    let mut rest = cells - cell;
+    let cell = cell as u64;
+    let mut left = draws.normal(entity, cell, k);
+    let mut right = draws.normal(entity, cell.wrapping_add(1), k);
+    let mut node = 1;
+    let mut half = SPAN_LENGTHS;
+    for _ in 0..HALVINGS {
+        half *= 0.5;
+        let rho = libm::exp(-half);
+        let rho_squared = rho * rho;
+        let [a, b, ..] = draws.words(entity, cell, k | node);
+        let middle = rho / (1.0 + rho_squared) * (left + right)
+            + libm::sqrt((1.0 - rho_squared) / (1.0 + rho_squared)) * normal(a, b);
+        rest *= 2.0;
+        node *= 2;
+        if rest < 1.0 {
+            right = middle;
+        } else {
+            left = middle;
+            rest -= 1.0;
+            node += 1;
+        }
+    }
+    left + (right - left) * rest
+}
+
+/// Distance between independent points, in correlation lengths.
+const SPAN_LENGTHS: f64 = 16.0;
+/// Halvings between them.
+const HALVINGS: u32 = 12;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn correlation(pairs: &[(f64, f64)]) -> f64 {
+        let n = pairs.len() as f64;
+        let mean = |f: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>() / n;
+        let (ma, mb) = (mean(&|p| p.0), mean(&|p| p.1));
+        let (va, vb) = (mean(&|p| (p.0 - ma).powi(2)), mean(&|p| (p.1 - mb).powi(2)));
+        mean(&|p| (p.0 - ma) * (p.1 - mb)) / (va * vb).sqrt()
+    }
+
+    #[test]
+    fn a_gauss_markov_process_has_unit_variance_and_exponential_correlation() {
+        let draws = Draws::new(11, Purpose::Shadowing);
+        // 20,000 links each: the correlation's standard error is (1 - rho^2)/141, the variance's 0.01. All 16 bounds are
+        // 4.5 standard errors: a correct program fails for one seed in 9000. The seed is fixed.
+        for start in [0.0, 0.37, 15.9, 1000.01] {
+            for delta in [0.1, 0.5, 1.0, 3.0] {
+                let pairs: Vec<(f64, f64)> = (0..20_000)
+                    .map(|entity| {
+                        let at = |way| gauss_markov(draws, entity, 0, way);
+                        (at(start), at(start + delta))
+                    })
+                    .collect();
+                let expected = (-delta).exp();
+                let tolerance = 4.5 * (1.0 - expected * expected) / 141.0 + 0.002; // 1/256 length
+                let got = correlation(&pairs);
+                assert!((got - expected).abs() < tolerance, "{start} + {delta}: {got}");
+                let variance = pairs.iter().map(|p| p.1 * p.1).sum::<f64>() / 2e4;
+                assert!((variance - 1.0).abs() < 0.047, "{start} + {delta}: {variance}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_gauss_markov_process_does_not_jump() {
+        let draws = Draws::new(3, Purpose::Shadowing);
+        let mut before = gauss_markov(draws, 1, 0, 0.0);
+        for step in 1..=40_000 {
+            let now = gauss_markov(draws, 1, 0, f64::from(step) / 1000.0);
+            // Within 0.001 lengths the standard deviation is 0.045; 40,000 normal steps beyond 6 of them: 1 in 10^4 seeds.
+            assert!((now - before).abs() < 0.27, "at {step}: {before}, {now}");
+            before = now;
+        }
+    }
+
+    #[test]
+    fn a_coherent_uniform_level_is_uniform() {
+        let scatter = Scatter {
+            law: Law::Uniform { span_db: 40.0 },
+            renewal: Renewal::Coherence { length_m: 0.06 },
+            purpose: Purpose::RandomnessLevel,
+            ordinal: 0,
+            directed: false,
+        };
+        let at = Moment { period_ns: 0, sent_ns: 0, way_m: 1.0 };
+        let n = 20_000;
+        let mut values: Vec<f64> = (0..n)
+            .map(|i| scatter.value_db(&mut PairBlock::new(5, 0, i + 1, 0), 0, i + 1, at))
+            .collect();
+        values.sort_by(f64::total_cmp);
+        // Kolmogorov-Smirnov: 1.95/sqrt(n) is exceeded by one seed in 1000.
+        let distance = values
+            .iter()
+            .enumerate()
+            .map(|(i, value)| ((value + 20.0) / 40.0 - i as f64 / f64::from(n)).abs())
+            .fold(0.0, f64::max);
+        assert!(distance < 1.95 / f64::from(n).sqrt(), "{distance}");
+    }
+
+    #[test]
+    fn both_ends_share_what_is_symmetric_and_nothing_else() {
+        let at = Moment { period_ns: 7, sent_ns: 9, way_m: 3.0 };
+        for renewal in
+            [Renewal::Frozen, Renewal::Period, Renewal::Frame, Renewal::Coherence { length_m: 1.0 }]
+        {
+            for law in [Law::Normal { sd_db: 2.0 }, Law::Uniform { span_db: 4.0 }] {
+                let purpose = match law {
+                    Law::Normal { .. } => Purpose::Shadowing,
+                    Law::Uniform { .. } => Purpose::RandomnessLevel,
+                };
+                let scatter = Scatter { law, renewal, purpose, ordinal: 0, directed: false };
+                let mut block = PairBlock::new(1, 4, 2, 7);
+                let there = scatter.value_db(&mut block, 4, 2, at);
+                let back = scatter.value_db(&mut block, 2, 4, at);
+                assert_eq!(there == back, scatter.is_symmetric(), "{scatter:?}");
+                let other = scatter.value_db(&mut PairBlock::new(1, 4, 3, 7), 4, 3, at);
+                assert_ne!(there, other, "{scatter:?}");
+            }
+        }
+    }
+}
