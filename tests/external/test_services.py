@@ -174,7 +174,7 @@ def test_impossible_deliveries_are_refused(client):
 @pytest.mark.parametrize("side", ["netsim"], indirect=True)
 def test_two_motes_a_metre_apart_hear_each_others_payload(client):
     # `full` hears everything: the one model whose answer needs no table.
-    client.configure(config_toml='[phy]\nkind = "full"\n')
+    client.configure(config_toml='[phy]\npropagation = "full"\n')
     deliveries = client.step(1).deliveries
     assert list(deliveries.transmissions.sender) == [0, 1]
     assert deliveries.transmissions.payloads.data == b"ababc"

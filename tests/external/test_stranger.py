@@ -1,10 +1,9 @@
 """robotsim/examples/python/minimal.py, a robot simulator that shares no code with ours, drives a run."""
 
-import importlib
+import math
 import struct
 import sys
 
-import grpc
 import pytest
 from conftest import ROOT, only_directory, program, succeed
 from hosts import Server
@@ -18,7 +17,7 @@ LINES = 70  # "about sixty"; the contract is too hard if this does not do
 def stranger(tmp_path_factory):
     """The example, running: its address."""
     log = tmp_path_factory.mktemp("stranger") / "log"
-    with Server([sys.executable, "-u", EXAMPLE, "0"], log, cwd="/") as server:
+    with Server([sys.executable, EXAMPLE, "0"], log, cwd="/") as server:
         yield server.address
 
 
@@ -39,6 +38,31 @@ def test_the_example_is_about_sixty_lines_and_needs_grpc_alone():
     assert len(code) <= LINES, f"{len(code)} lines that are not blank"
     required = (EXAMPLE.parent / "requirements.txt").read_text().split()
     assert {name.split("=")[0].split(">")[0] for name in required} == {"grpcio", "grpcio-tools"}
+
+
+def test_the_robots_move_as_the_example_says(topics):
+    """Towards the middle of those they heard, at 1 m/s, no nearer than 1 m. Payloads are positions, three f64."""
+    begin = topics["/robotsim/configure/response"][0].message.states
+    n = topics["/robotsim/configure/request"][0].message.agent_count
+    at, time_ns, given, moved = list(zip(begin.x_m, begin.y_m, strict=True)), 0, None, 0
+    for robots, network in zip(topics["/robotsim/step"], topics["/netsim/step"], strict=True):
+        period_s = (robots.message.time_ns - time_ns) / 1e9
+        reached = list(zip(robots.message.states.x_m, robots.message.states.y_m, strict=True))
+        for robot, (was, now) in enumerate(zip(at, reached, strict=True)):
+            expected = was
+            if given is not None and (heard := heard_by(given, robot, n)):
+                data = given.transmissions.payloads.data
+                places = [struct.unpack_from("<3d", data, 24 * index) for index in heard]
+                middle = [sum(place[axis] for place in places) / len(places) for axis in (0, 1)]
+                away_m = math.dist(was, middle)
+                way_m = min(period_s, max(0.0, away_m - 1.0))
+                if way_m > 0.0:
+                    expected = [w + (m - w) * way_m / away_m for w, m in zip(was, middle, strict=True)]
+                    moved += 1
+            # Rounding in f64 at tens of metres, in another order of operations: below 1e-13 m.
+            assert math.dist(now, expected) < 1e-12, f"step {robots.message.step}, robot {robot}"
+        at, time_ns, given = reached, robots.message.time_ns, network.message.deliveries
+    assert moved > n, "nearly nobody moved, so this showed nothing"
 
 
 def test_every_digest_follows_from_the_messages(topics):

@@ -9,7 +9,8 @@ import pytest
 from conftest import ROOT
 from recording import by_topic, heard_by
 
-TABLES = ("steps", "links", "packets", "motes")
+# What docs/outputs.md calls a type, and what Arrow calls it.
+ARROW_TYPES = {"u64": "uint64", "u32": "uint32", "bool": "bool", "f64": "double", "f32": "float"}
 
 
 @pytest.fixture(scope="module")
@@ -22,24 +23,33 @@ def topics(flocking):
     return by_topic(flocking / "run.mcap")
 
 
+@pytest.fixture(scope="module")
+def agent_count(topics):
+    return topics["/netsim/configure/request"][0].message.agent_count
+
+
 def dictionary():
-    """Columns by table, from the data dictionary: the first cell of each row below the heading that names the file."""
+    """By table: name, type and null rule of each column, from the data dictionary."""
     columns, table = {}, None
     for line in (ROOT / "docs/outputs.md").read_text().splitlines():
         if line.startswith("#"):
-            found = re.search(r"`?(\w+)\.parquet`?", line)
+            found = re.fullmatch(r"#+ `(\w+)\.parquet`", line)
             table = found and found[1]
-        elif table and (cell := re.match(r"\|\s*((?:`\w+`[, ]*)+)\s*\|", line)):
-            columns.setdefault(table, []).extend(re.findall(r"`(\w+)`", cell[1]))
+        elif table and line.startswith("| `"):
+            name, kind, _, null_when = (cell.strip() for cell in line.strip("|").split("|"))
+            columns.setdefault(table, []).append((name.strip("`"), ARROW_TYPES[kind], null_when))
     return columns
 
 
-def test_the_tables_have_the_columns_of_the_data_dictionary_in_its_order(tables):
+def test_the_tables_have_the_columns_of_the_data_dictionary(tables):
     documented = dictionary()
-    assert set(documented) == set(TABLES)
-    assert set(tables) <= set(TABLES) and "steps" in tables
+    assert set(documented) == set(tables) == {"steps", "links", "packets", "motes"}
     for name, table in tables.items():
-        assert table.column_names == documented[name], name
+        found = [(field.name, str(field.type)) for field in table.schema]
+        assert found == [(column, kind) for column, kind, _ in documented[name]], name
+        for column, _, null_when in documented[name]:
+            if null_when == "never":
+                assert table[column].null_count == 0, f"{name}.{column}"
 
 
 def test_no_number_is_nan_or_infinite(tables):
@@ -50,66 +60,91 @@ def test_no_number_is_nan_or_infinite(tables):
                 assert finite is not False, f"{name}.{column}"
 
 
-def test_steps_holds_every_agent_at_every_step_where_the_recording_puts_it(tables, topics):
+@pytest.fixture(scope="module")
+def moments(topics):
+    """(step, time in ns, states) of the beginning and of every step."""
+    begin = topics["/robotsim/configure/response"][0].message.states
+    steps = [(m.step, m.time_ns, m.states) for m in (entry.message for entry in topics["/robotsim/step"])]
+    return [(0, 0, begin), *steps]
+
+
+def test_steps_holds_every_agent_at_every_step_where_the_recording_puts_it(tables, agent_count, moments):
     table = tables["steps"]
-    messages = [entry.message for entry in topics["/robotsim/step"]]
-    n = topics["/netsim/configure/request"][0].message.agent_count
-    assert table.num_rows == n * len(messages)
-    assert table["agent"].to_pylist() == list(range(n)) * len(messages)
-    assert table["step"].to_pylist() == [m.step for m in messages for _ in range(n)]
-    assert table["time_ns"].to_pylist() == [m.time_ns for m in messages for _ in range(n)]
+    assert table["agent"].to_pylist() == list(range(agent_count)) * len(moments)
+    assert table["step"].to_pylist() == [step for step, _, _ in moments for _ in range(agent_count)]
+    assert table["time_ns"].to_pylist() == [time_ns for _, time_ns, _ in moments for _ in range(agent_count)]
     for column in ("x_m", "y_m", "z_m"):
-        recorded = [value for m in messages for value in getattr(m.states, column)]
+        recorded = [value for _, _, states in moments for value in getattr(states, column)]
         assert table[column].to_pylist() == recorded, column
+    alive = [bool(s.alive[i // 8] >> (i % 8) & 1) for _, _, s in moments for i in range(agent_count)]
+    assert table["alive"].to_pylist() == alive
 
 
-def test_what_each_agent_heard_is_what_was_delivered(tables, topics):
-    n = topics["/netsim/configure/request"][0].message.agent_count
-    heard = [
-        len(heard_by(entry.message.deliveries, agent, n))
-        for entry in topics["/netsim/step"]
-        for agent in range(n)
-    ]
+def test_what_each_agent_heard_is_what_was_delivered(tables, topics, agent_count):
+    heard = [0] * agent_count
+    for entry in topics["/netsim/step"]:
+        deliveries = entry.message.deliveries
+        for agent in range(agent_count):
+            indices = heard_by(deliveries, agent, agent_count)
+            heard.append(len({deliveries.transmissions.sender[index] for index in indices}))
     assert tables["steps"]["n_heard"].to_pylist() == heard
 
 
-def test_packets_holds_every_transmission_with_its_receivers(tables, topics):
-    n = topics["/netsim/configure/request"][0].message.agent_count
+def test_motes_holds_every_mote_at_every_step(tables, agent_count, moments):
+    rows = [(step, time_ns, mote) for step, time_ns, _ in moments for mote in range(agent_count)]
+    table = tables["motes"]
+    columns = (table[name].to_pylist() for name in ("step", "time_ns", "mote"))
+    assert list(zip(*columns, strict=True)) == rows
+
+
+def test_packets_holds_every_transmission_with_its_receivers(tables, topics, agent_count):
     expected = []
     for entry in topics["/netsim/step"]:
         deliveries = entry.message.deliveries
-        receivers = [0] * len(deliveries.transmissions.sender)
-        for agent in range(n):
-            for index in heard_by(deliveries, agent, n):
+        sent = deliveries.transmissions
+        receivers = [0] * len(sent.sender)
+        for agent in range(agent_count):
+            for index in heard_by(deliveries, agent, agent_count):
                 receivers[index] += 1
-        expected += zip(deliveries.transmissions.sender, receivers, strict=True)
-    table = tables["packets"]
-    assert list(zip(table["sender"].to_pylist(), table["n_receivers"].to_pylist(), strict=True)) == expected
+        steps = [entry.message.step] * len(sent.sender)
+        expected += zip(
+            steps, sent.sender, sent.sent_ns, sent.end_ns, sent.payloads.length_bytes, receivers, strict=True
+        )
+    names = ("step", "sender", "sent_ns", "end_ns", "payload_bytes", "n_receivers")
+    columns = (tables["packets"][name].to_pylist() for name in names)
+    assert list(zip(*columns, strict=True)) == expected
 
 
-def test_links_marked_received_are_the_deliveries_at_the_distance_of_the_states(tables, topics):
-    n = topics["/netsim/configure/request"][0].message.agent_count
+def test_links_are_the_deliveries_at_the_distance_of_the_states(tables, topics, agent_count):
     states = {entry.message.step: entry.message.states for entry in topics["/robotsim/step"]}
     expected = []
     for entry in topics["/netsim/step"]:
         deliveries = entry.message.deliveries
-        for receiver in range(n):
-            for index in heard_by(deliveries, receiver, n):
+        for receiver in range(agent_count):
+            for index in heard_by(deliveries, receiver, agent_count):
                 expected.append((entry.message.step, deliveries.transmissions.sender[index], receiver))
-    rows = tables["links"].to_pylist()
-    received = [row for row in rows if row["received"]]
-    found = [(row["step"], row["sender"], row["receiver"]) for row in received]
-    assert sorted(found) == sorted(expected)
-    for row in received:
+    rows = [row for row in tables["links"].to_pylist() if row["received"]]
+    assert sorted((row["step"], row["sender"], row["receiver"]) for row in rows) == sorted(expected)
+    for row in rows:
         at = states[row["step"]]
-        a, b = ((at.x_m[i], at.y_m[i], at.z_m[i]) for i in (row["sender"], row["receiver"]))
+        ends = ([getattr(at, axis)[row[end]] for axis in ("x_m", "y_m", "z_m")] for end in ("sender", "receiver"))
         # Two ways to add three squares in f64 differ by a few units in the last place.
-        assert math.isclose(row["distance_m"], math.dist(a, b), rel_tol=1e-12, abs_tol=1e-12)
+        assert math.isclose(row["distance_m"], math.dist(*ends), rel_tol=1e-12, abs_tol=1e-12)
+        assert row["sent_ns"] < row["received_ns"] <= row["time_ns"]
 
 
-def test_tables_do_not_say_who_wrote_them_when(flocking):
+def test_signal_strength_falls_with_distance_and_is_there_for_every_delivery(tables):
+    links = tables["links"].filter(tables["links"]["received"])
+    assert links["rssi_dbm"].null_count == 0
+    near = pc.mean(links.filter(pc.less(links["distance_m"], 5))["rssi_dbm"]).as_py()
+    far = pc.mean(links.filter(pc.greater(links["distance_m"], 20))["rssi_dbm"]).as_py()
+    # Free space alone takes 12 dB from 5 to 20 m; what reception adds by choosing the strong ones is less than half.
+    assert near > far + 6
+
+
+def test_tables_do_not_say_who_wrote_them_or_when(flocking):
     # Part of the promise of byte identity: no version, host or time in the files' metadata.
     for path in flocking.glob("*.parquet"):
         metadata = pq.read_metadata(path)
-        assert re.fullmatch(r"[a-z]+", metadata.created_by), metadata.created_by
+        assert re.fullmatch(r"[A-Za-z]+", metadata.created_by), metadata.created_by
         assert not metadata.metadata, metadata.metadata
