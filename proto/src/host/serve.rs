@@ -168,13 +168,19 @@ fn serve(
             .map_err(|source| ServeError::Listen { address: args.listen, source })?;
         let (health, health_service) = tonic_health::server::health_reporter();
         health.set_service_status(service, tonic_health::ServingStatus::Serving).await;
-        let reflection = tonic_reflection::server::Builder::configure()
-            .register_encoded_file_descriptor_set(FILE_DESCRIPTOR_SET)
-            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-            .build_v1()
-            .map_err(|error| ServeError::Transport(error.to_string()))?;
+        let reflection = || {
+            tonic_reflection::server::Builder::configure()
+                .register_encoded_file_descriptor_set(FILE_DESCRIPTOR_SET)
+                .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        };
+        let unusable =
+            |error: tonic_reflection::server::Error| ServeError::Transport(error.to_string());
         let mut routes = Routes::builder();
-        routes.add_service(health_service).add_service(reflection);
+        routes
+            .add_service(health_service)
+            .add_service(reflection().build_v1().map_err(unusable)?)
+            // Some clients, grpcio-reflection among them, know only the older name of the same service.
+            .add_service(reflection().build_v1alpha().map_err(unusable)?);
         add(&mut routes);
         let mut server = Server::builder()
             .initial_stream_window_size(STREAM_WINDOW_BYTES)
