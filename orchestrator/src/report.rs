@@ -8,7 +8,7 @@ use crate::record::{Measures, RunHeader, TRUTH_BASELINE};
 use figures::Figure;
 use serde_json::Value;
 use std::fmt::Write as _;
-use text::{count, escape, number, percent};
+use text::{chosen, count, escape, number, percent};
 
 /// What goes into a report.
 #[derive(Clone, Copy, Debug)]
@@ -71,8 +71,8 @@ fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
         escape(&header.name),
         count(u64::from(header.agent_count)),
         count(summary["steps"].as_u64().unwrap_or(0)),
-        number(header.step_ns as f64 / 1e9),
-        number(summary["simulated_s"].as_f64().unwrap_or(0.0)),
+        chosen(header.step_ns as f64 / 1e9),
+        chosen(summary["simulated_s"].as_f64().unwrap_or(0.0)),
         escape(summary["coupling"].as_str().unwrap_or("")),
         header.seed,
     );
@@ -142,7 +142,7 @@ fn show(page: &mut String, figure: &Figure) {
             "<li><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\">{shape}</svg>{words}</li>"
         );
     }
-    let _ = write!(page, "</ul>\n{}\n</figure>\n", figure.svg);
+    let _ = write!(page, "</ul>\n<div class=\"plot\">{}</div>\n</figure>\n", figure.svg);
 }
 
 fn experiment(page: &mut String, contents: &Contents<'_>) {
@@ -159,7 +159,7 @@ fn experiment(page: &mut String, contents: &Contents<'_>) {
     fact("name", &header.name);
     fact("seed", &header.seed.to_string());
     fact("agents", &header.agent_count.to_string());
-    fact("control period", &format!("{} ns", count(header.step_ns)));
+    fact("control period", &format!("{} s", chosen(header.step_ns as f64 / 1e9)));
     fact("coupling", summary["coupling"].as_str().unwrap_or(""));
     for (label, value) in &header.labels {
         if label == "knowledge" && value == "truth" {
@@ -196,8 +196,8 @@ fn numbers(page: &mut String, measures: &Measures) {
         let _ = writeln!(
             page,
             "<tr><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{} to {}</td></tr>",
-            number(bin.from_m),
-            number(bin.to_m),
+            chosen(bin.from_m),
+            chosen(bin.to_m),
             count(bin.attempts),
             count(bin.deliveries),
             percent(bin.ratio()),

@@ -124,11 +124,6 @@ fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<Strin
         } else if 0 < measures.n_steps && measures.deliveries == 0 {
             warnings.push("nothing that was transmitted was delivered".to_owned());
         }
-        if measures.is_distance_sampled {
-            warnings.push(
-                "delivery against distance was counted over a sample of the receivers".to_owned(),
-            );
-        }
     }
     if let Links::Sample { fraction } = header.output.links {
         warnings.push(format!(

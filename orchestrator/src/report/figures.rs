@@ -1,7 +1,7 @@
 //! The pictures of a report. Each says in one sentence what it shows.
 
 use super::svg::{Axis, Chart};
-use super::text::{count, number, percent};
+use super::text::{chosen, count, number, percent};
 use crate::record::{DistanceBin, Measures, Sample, Trajectories};
 
 /// A picture with its words.
@@ -134,7 +134,7 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
     let of_leader = match (leader_mps, floor_mps) {
         (Some(leader), Some(floor)) => format!(
             "; its leader moves at {} m/s, and if nobody followed it would be {} m/s",
-            number(leader),
+            chosen(leader),
             number(floor)
         ),
         _ => String::new(),
@@ -156,7 +156,8 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
     let top = (if shows_all { others.max(greatest) } else { greatest }).max(1.0) * 1.12;
     let end_s = measures.series.last().map_or(1.0, |sample| sample.time_s);
     let x = Axis::new("simulated time (s)", 0.0, end_s);
-    let mut chart = Chart::new(x, Axis::new("neighbours heard", 0.0, top), HALF, HALF_HEIGHT);
+    let mut chart =
+        Chart::new(x, Axis::new("neighbours heard", 0.0, top).whole(), HALF, HALF_HEIGHT);
     if shows_all {
         chart.level(others, "all others");
     }
@@ -183,7 +184,7 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
 fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
     let end_m = bins.last().map_or(1.0, |bin| bin.to_m);
     let x = Axis::new("distance between sender and receiver (m)", 0.0, end_m);
-    let y = Axis { is_percent: true, ..Axis::new("delivered", 0.0, 1.03) };
+    let y = Axis::new("delivered", 0.0, 1.03).percent();
     let mut chart = Chart::new(x, y, WIDE, 290.0);
     let middle = |bin: &DistanceBin| (bin.from_m + bin.to_m) / 2.0;
     chart.line("thin", bins.iter().map(|bin| Some([middle(bin), bin.ratio()])));
@@ -191,8 +192,8 @@ fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
         let [low, high] = bin.interval();
         let title = format!(
             "{} to {} m: {} of {} delivered, {} ({} to {})",
-            number(bin.from_m),
-            number(bin.to_m),
+            chosen(bin.from_m),
+            chosen(bin.to_m),
             count(bin.deliveries),
             count(bin.attempts),
             percent(bin.ratio()),

@@ -14,19 +14,38 @@ pub(crate) struct Axis {
     /// Upper end, greater than `min`.
     pub(crate) max: f64,
     /// Ticks are in per cent.
-    pub(crate) is_percent: bool,
+    is_percent: bool,
+    /// Least distance of ticks.
+    least_step: f64,
 }
 
 impl Axis {
-    /// An axis that holds all values, ending at round numbers where `rounded`.
+    /// An axis from `min` to `max`, or to one more where that is no further.
     pub(crate) fn new(label: &str, min: f64, max: f64) -> Self {
         let max = if min < max { max } else { min + 1.0 };
-        Self { label: label.to_owned(), min, max, is_percent: false }
+        Self { label: label.to_owned(), min, max, is_percent: false, least_step: 0.0 }
+    }
+
+    /// The same with ticks in per cent.
+    pub(crate) fn percent(mut self) -> Self {
+        self.is_percent = true;
+        self
+    }
+
+    /// The same with ticks at whole numbers only.
+    pub(crate) fn whole(mut self) -> Self {
+        self.least_step = 1.0;
+        self
+    }
+
+    /// Distance between ticks if there are to be about `n`.
+    fn step(&self, n: f64) -> f64 {
+        round_step(((self.max - self.min) / n).max(self.least_step))
     }
 
     /// Round numbers along the axis, about `n` of them.
     fn ticks(&self, n: f64) -> Vec<f64> {
-        let step = round_step((self.max - self.min) / n);
+        let step = self.step(n);
         let first = libm::ceil(self.min / step - 1e-9);
         let last = libm::floor(self.max / step + 1e-9);
         (0..=(last - first).max(0.0) as usize).map(|i| (first + i as f64) * step).collect()
@@ -44,7 +63,7 @@ impl Axis {
 }
 
 /// The least of 1, 2, 5 times a power of ten that is not below `step`.
-pub(crate) fn round_step(step: f64) -> f64 {
+fn round_step(step: f64) -> f64 {
     let power = libm::pow(10.0, libm::floor(libm::log10(step)));
     [1.0, 2.0, 5.0, 10.0]
         .into_iter()
@@ -224,7 +243,7 @@ impl Chart {
         let ticks = self.x.ticks(n_x);
         for &tick in &ticks {
             let [x, _] = self.place([tick, self.y.min]);
-            let label = self.x.tick_label(tick, round_step((self.x.max - self.x.min) / n_x));
+            let label = self.x.tick_label(tick, self.x.step(n_x));
             let _ = write!(
                 body,
                 "<path class=\"grid\" d=\"M{x:.1},{top:.1}V{bottom:.1}\"/><text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
@@ -234,7 +253,7 @@ impl Chart {
         let ticks = self.y.ticks(n_y);
         for &tick in &ticks {
             let [_, y] = self.place([self.x.min, tick]);
-            let label = self.y.tick_label(tick, round_step((self.y.max - self.y.min) / n_y));
+            let label = self.y.tick_label(tick, self.y.step(n_y));
             let _ = write!(
                 body,
                 "<path class=\"grid\" d=\"M{left:.1},{y:.1}H{right:.1}\"/><text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",

@@ -7,7 +7,7 @@ pub(crate) fn number(value: f64) -> String {
         "–".to_owned()
     } else if size < 5e-7 {
         "0".to_owned()
-    } else if 1e15 <= size || size < 1e-3 {
+    } else if !(1e-3..1e15).contains(&size) {
         format!("{value:.2e}")
     } else if 99.95 <= size {
         thousands(&format!("{value:.0}"))
@@ -22,6 +22,17 @@ pub(crate) fn number(value: f64) -> String {
             1
         };
         format!("{value:.decimals$}")
+    }
+}
+
+/// A number that someone has chosen, as they would write it.
+pub(crate) fn chosen(value: f64) -> String {
+    // Ten digits: what decimal fractions lose on the way through binary ones is not shown.
+    let rounded = format!("{value:.9e}").parse().unwrap_or(value);
+    if rounded == 0.0 || (1e-4..1e9).contains(&rounded.abs()) {
+        format!("{rounded}").replace('-', "−")
+    } else {
+        format!("{rounded:e}")
     }
 }
 
@@ -80,6 +91,12 @@ mod tests {
     fn numbers_have_three_significant_digits() {
         let shown = [0.0, 0.01234, 0.5, 6.6049, 12.34, 999.6, 1_234_567.8, -2500.0].map(number);
         assert_eq!(shown, ["0", "0.0123", "0.500", "6.60", "12.3", "1,000", "1,234,568", "−2,500"]);
+    }
+
+    #[test]
+    fn chosen_numbers_are_shown_as_they_were_chosen() {
+        let shown = [7.0, 0.1, 0.1 + 0.2, 2.5, -1e-9].map(chosen);
+        assert_eq!(shown, ["7", "0.1", "0.3", "2.5", "-1e-9"]);
     }
 
     #[test]
