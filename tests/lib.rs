@@ -1,1 +1,127 @@
-//! Harness.
+//! Harness of the end-to-end tests: the real executables, run in folders of their own.
+
+use anyhow::{Context as _, bail};
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use tempfile::TempDir;
+
+pub mod fake;
+pub mod recording;
+
+/// The folder of the repository.
+#[must_use]
+pub fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ is in the repository").to_owned()
+}
+
+/// An executable of the workspace, built with the tests.
+///
+/// # Panics
+///
+/// If it was not built: `cargo test --workspace` builds it.
+#[must_use]
+pub fn executable(name: &str) -> PathBuf {
+    let test = std::env::current_exe().expect("a test has an executable");
+    let target = test.ancestors().nth(2).expect("tests are in target/PROFILE/deps");
+    let path = target.join(name);
+    assert!(path.exists(), "{} is missing: build it with cargo test --workspace", path.display());
+    path
+}
+
+/// A folder for one test, removed at its end.
+///
+/// # Panics
+///
+/// If there is no room for it.
+#[must_use]
+pub fn folder() -> TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Runs the orchestrator to its end.
+///
+/// # Panics
+///
+/// If it cannot be started.
+#[must_use]
+pub fn orchestrator(args: &[&str], folder: &Path) -> Output {
+    std::fs::create_dir_all(folder).expect("a folder");
+    Command::new(executable("orchestrator"))
+        .args(args)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .output()
+        .expect("the orchestrator starts")
+}
+
+/// Runs an experiment that must succeed; returns the folder of its results.
+///
+/// # Panics
+///
+/// If it fails, with what it said.
+#[must_use]
+pub fn run(config: &Path, out: &Path, args: &[&str]) -> PathBuf {
+    let config = config.to_str().expect("paths of tests are UTF-8");
+    let out_text = out.to_str().expect("paths of tests are UTF-8");
+    let output = orchestrator(&[&["run", config, "--out", out_text], args].concat(), out);
+    assert!(output.status.success(), "{}", said(&output));
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    let dir = stdout.lines().find_map(|line| line.strip_prefix("results in ")).expect("it says where the results are");
+    PathBuf::from(dir)
+}
+
+/// What a program said, both ways.
+#[must_use]
+pub fn said(output: &Output) -> String {
+    format!(
+        "{}\n{}{}",
+        output.status,
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    )
+}
+
+/// A simulator running as a separate process. Killed when dropped.
+pub struct Server {
+    child: Child,
+    /// Where it listens.
+    pub url: String,
+}
+
+impl Server {
+    /// Starts `netsim` or `robotsim` and waits until it listens.
+    ///
+    /// # Errors
+    ///
+    /// It does not start.
+    pub fn start(name: &str, args: &[&str]) -> anyhow::Result<Self> {
+        let mut child = Command::new(executable(name))
+            .args(args)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("starting {name}"))?;
+        let mut line = String::new();
+        let stdout = child.stdout.take().context("its output")?;
+        BufReader::new(stdout).read_line(&mut line)?;
+        let Some((_, url)) = line.trim().rsplit_once(" listening on ") else {
+            let _ = child.kill();
+            bail!("{name} said {line:?}, {}", child.wait()?);
+        };
+        Ok(Self { url: url.to_owned(), child })
+    }
+
+    /// Number of the process.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

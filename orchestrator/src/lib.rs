@@ -1,1 +1,25 @@
-//! x
+//! Drives co-simulated experiments and records what happened.
+//!
+//! In reading order:
+//!
+//! | module | what |
+//! |---|---|
+//! | [`cli`] | the command line |
+//! | [`config`] | an experiment file: to something that can be run, or to every problem it has |
+//! | [`run`] | one experiment from file to results |
+//! | [`coupling`] | keeping the two simulators in step |
+//! | [`peer`] | one simulator as the orchestrator sees it: process, connection, deadlines |
+//! | [`record`] | what a run leaves |
+//! | [`report`] | the page that shows it |
+//! | [`bench`] | speed through the real processes |
+//! | [`console`] | what a person reads while it works |
+
+pub mod bench;
+pub mod cli;
+pub mod config;
+pub mod console;
+pub mod coupling;
+pub mod peer;
+pub mod record;
+pub mod report;
+pub mod run;

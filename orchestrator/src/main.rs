@@ -1,2 +1,8 @@
 //! The command line.
-fn main() {}
+
+use orchestrator::cli;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::main()
+}

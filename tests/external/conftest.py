@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAMS = ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "release"
+PROGRAMS = ROOT / (os.environ.get("CARGO_TARGET_DIR") or "target") / "release"
 
 # A run of a ready experiment takes seconds; a hang must not take the whole of CI with it.
 RUN_DEADLINE_S = 120

@@ -8,7 +8,7 @@ use crate::FILE_DESCRIPTOR_SET;
 use crate::side::{NetSimulator, RobotSimulator};
 use crate::v1::net_sim_service_server::NetSimServiceServer;
 use crate::v1::robot_sim_service_server::RobotSimServiceServer;
-use std::io::{Read as _, Write as _};
+use std::io::{IsTerminal as _, Read as _, Write as _};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -134,6 +134,7 @@ pub fn init_logging(filter: &str, json: bool) -> Result<(), ServeError> {
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(parsed)
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .without_time();
     // A second start within one process (tests) keeps the first.
     let _ = if json { subscriber.json().try_init() } else { subscriber.try_init() };

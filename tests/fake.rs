@@ -1,0 +1,245 @@
+//! A robot or network simulator that breaks the contract in one chosen way.
+//!
+//! It serves the real simulator behind a wrapper that spoils replies, so that everything but the fault is right.
+
+use proto::host::{NetHost, RobotHost};
+use proto::v1;
+use proto::v1::net_sim_service_server::{NetSimService, NetSimServiceServer};
+use proto::v1::robot_sim_service_server::{RobotSimService, RobotSimServiceServer};
+use std::net::SocketAddr;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tonic::transport::server::TcpIncoming;
+use tonic::{Request, Response, Status, Streaming};
+
+/// What is wrong with the simulator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// From step 3 on it answers for the step before.
+    WrongStep,
+    /// From step 3 on its digest is of something else.
+    WrongDigest,
+    /// In step 3 it claims to stand a nanosecond off.
+    WrongTime,
+    /// In step 3 a column is too short.
+    ShortColumn,
+    /// In step 3 a position or signal strength is not a number.
+    NotANumber,
+    /// In step 3 it never answers, and neither does `Describe` from then on.
+    Silent,
+    /// In step 3 it never answers, but it lives.
+    Slow,
+    /// It speaks another version of the contract.
+    OtherVersion,
+}
+
+/// A simulator with a fault, on a thread of its own. It ends with the test's process.
+pub struct Faulty {
+    /// Where it listens.
+    pub url: String,
+}
+
+impl Faulty {
+    /// Serves faulty robots.
+    ///
+    /// # Panics
+    ///
+    /// If no port is free.
+    #[must_use]
+    pub fn robots(fault: Fault) -> Self {
+        let host = FaultyRobots { inner: RobotHost::new(robotsim::sim::Swarm::default()), fault, silent: Silence::default() };
+        Self::serve(move |server| server.add_service(RobotSimServiceServer::new(host)))
+    }
+
+    /// Serves a faulty network.
+    ///
+    /// # Panics
+    ///
+    /// If no port is free.
+    #[must_use]
+    pub fn network(fault: Fault) -> Self {
+        let host = FaultyNetwork { inner: NetHost::new(netsim::sim::Network::default()), fault, silent: Silence::default() };
+        Self::serve(move |server| server.add_service(NetSimServiceServer::new(host)))
+    }
+
+    fn serve(
+        add: impl FnOnce(&mut tonic::transport::Server) -> tonic::transport::server::Router + Send + 'static,
+    ) -> Self {
+        let (tell, told) = std::sync::mpsc::channel::<SocketAddr>();
+        std::thread::spawn(move || {
+            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+            runtime.block_on(async {
+                let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
+                tell.send(listener.local_addr().expect("an address")).expect("the test waits");
+                add(&mut tonic::transport::Server::builder())
+                    .serve_with_incoming(TcpIncoming::from(listener))
+                    .await
+                    .expect("serving");
+            });
+        });
+        let address = told.recv().expect("the server says where it listens");
+        Self { url: format!("http://{address}") }
+    }
+}
+
+/// Whether the simulator has fallen silent.
+#[derive(Clone, Default)]
+struct Silence(std::sync::Arc<std::sync::atomic::AtomicBool>);
+
+impl Silence {
+    fn fall(&self) {
+        self.0.store(true, std::sync::atomic::Ordering::SeqCst);
+    }
+
+    async fn keep(&self) {
+        if self.0.load(std::sync::atomic::Ordering::SeqCst) {
+            tokio::time::sleep(FOREVER).await;
+        }
+    }
+}
+
+/// Longer than any test.
+const FOREVER: Duration = Duration::from_secs(3600);
+
+/// The step in which things go wrong.
+const STEP: u64 = 3;
+
+struct FaultyRobots {
+    inner: RobotHost<robotsim::sim::Swarm>,
+    fault: Fault,
+    silent: Silence,
+}
+
+struct FaultyNetwork {
+    inner: NetHost<netsim::sim::Network>,
+    fault: Fault,
+    silent: Silence,
+}
+
+/// Both wrappers differ in the generated names and in which column is spoilt.
+macro_rules! faulty {
+    (
+        $host:ident, $service:ident, $describe:ident, $described:ident, $configure:ident, $configured:ident,
+        $step:ident, $stepped:ident, $barrier:ident, $barriered:ident, $session:ident, $sessioned:ident,
+        $snapshot:ident, $snapped:ident, $restore:ident, $restored:ident, $command:ident, $commanded:ident,
+        short: |$short:ident| $shorten:expr, nan: |$nan:ident| $poison:expr
+    ) => {
+        #[tonic::async_trait]
+        impl $service for $host {
+            async fn describe(
+                &self,
+                request: Request<v1::$describe>,
+            ) -> Result<Response<v1::$described>, Status> {
+                self.silent.keep().await;
+                let mut reply = self.inner.describe(request).await?;
+                // Single calls only: the barrier is then a call of its own.
+                reply.get_mut().session = false;
+                if self.fault == Fault::OtherVersion {
+                    reply.get_mut().contract_version = 7;
+                }
+                Ok(reply)
+            }
+
+            async fn configure(
+                &self,
+                request: Request<v1::$configure>,
+            ) -> Result<Response<v1::$configured>, Status> {
+                self.inner.configure(request).await
+            }
+
+            async fn step(&self, request: Request<v1::$step>) -> Result<Response<v1::$stepped>, Status> {
+                let step = request.get_ref().step;
+                let mut response = self.inner.step(request).await?;
+                if step < STEP {
+                    return Ok(response);
+                }
+                let reply = response.get_mut();
+                match self.fault {
+                    Fault::WrongStep => reply.step -= 1,
+                    Fault::WrongTime => reply.time_ns += 1,
+                    Fault::ShortColumn => {
+                        let $short = reply;
+                        $shorten;
+                    }
+                    Fault::NotANumber => {
+                        let $nan = reply;
+                        $poison;
+                    }
+                    Fault::Silent => {
+                        self.silent.fall();
+                        self.silent.keep().await;
+                    }
+                    Fault::Slow => tokio::time::sleep(FOREVER).await,
+                    Fault::WrongDigest | Fault::OtherVersion => {}
+                }
+                Ok(response)
+            }
+
+            async fn barrier(
+                &self,
+                request: Request<v1::$barrier>,
+            ) -> Result<Response<v1::$barriered>, Status> {
+                let mut reply = self.inner.barrier(request).await?;
+                if self.fault == Fault::WrongDigest && STEP <= reply.get_ref().step {
+                    reply.get_mut().digest = vec![0xab; 32].into();
+                }
+                Ok(reply)
+            }
+
+            type SessionStream = futures::stream::BoxStream<'static, Result<v1::$sessioned, Status>>;
+
+            async fn session(
+                &self,
+                _: Request<Streaming<v1::$session>>,
+            ) -> Result<Response<Self::SessionStream>, Status> {
+                Err(Status::unimplemented("not announced"))
+            }
+
+            async fn snapshot(
+                &self,
+                request: Request<v1::$snapshot>,
+            ) -> Result<Response<v1::$snapped>, Status> {
+                self.inner.snapshot(request).await
+            }
+
+            async fn restore(
+                &self,
+                request: Request<v1::$restore>,
+            ) -> Result<Response<v1::$restored>, Status> {
+                self.inner.restore(request).await
+            }
+
+            async fn command(
+                &self,
+                request: Request<v1::$command>,
+            ) -> Result<Response<v1::$commanded>, Status> {
+                self.inner.command(request).await
+            }
+        }
+    };
+}
+
+faulty!(
+    FaultyRobots, RobotSimService, RobotSimServiceDescribeRequest, RobotSimServiceDescribeResponse,
+    RobotSimServiceConfigureRequest, RobotSimServiceConfigureResponse, RobotSimServiceStepRequest,
+    RobotSimServiceStepResponse, RobotSimServiceBarrierRequest, RobotSimServiceBarrierResponse,
+    RobotSimServiceSessionRequest, RobotSimServiceSessionResponse, RobotSimServiceSnapshotRequest,
+    RobotSimServiceSnapshotResponse, RobotSimServiceRestoreRequest, RobotSimServiceRestoreResponse,
+    RobotSimServiceCommandRequest, RobotSimServiceCommandResponse,
+    short: |reply| reply.states.as_mut().expect("states").x_m.truncate(1),
+    nan: |reply| reply.states.as_mut().expect("states").y_m[0] = f64::NAN
+);
+
+faulty!(
+    FaultyNetwork, NetSimService, NetSimServiceDescribeRequest, NetSimServiceDescribeResponse,
+    NetSimServiceConfigureRequest, NetSimServiceConfigureResponse, NetSimServiceStepRequest,
+    NetSimServiceStepResponse, NetSimServiceBarrierRequest, NetSimServiceBarrierResponse,
+    NetSimServiceSessionRequest, NetSimServiceSessionResponse, NetSimServiceSnapshotRequest,
+    NetSimServiceSnapshotResponse, NetSimServiceRestoreRequest, NetSimServiceRestoreResponse,
+    NetSimServiceCommandRequest, NetSimServiceCommandResponse,
+    short: |reply| reply
+        .deliveries.as_mut().expect("deliveries")
+        .transmissions.as_mut().expect("transmissions")
+        .sent_ns.truncate(1),
+    nan: |reply| reply.deliveries.as_mut().expect("deliveries").rssi_dbm[0] = f32::NAN
+);

@@ -1,0 +1,52 @@
+//! Every configuration in configs/ says what it is for, is valid, and runs.
+
+use std::path::PathBuf;
+
+fn configs() -> Vec<PathBuf> {
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(tests::repository().join("configs"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
+        .collect();
+    paths.sort();
+    assert!(!paths.is_empty());
+    paths
+}
+
+#[test]
+fn each_opens_with_a_line_that_says_what_it_is_for() {
+    for path in configs() {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let first = text.lines().next().unwrap_or_default();
+        assert!(first.starts_with("# ") && 20 < first.len(), "{}: {first:?}", path.display());
+    }
+}
+
+#[test]
+fn each_is_good_and_leaves_a_record_that_verifies() {
+    let folder = tests::folder();
+    for path in configs() {
+        let config = path.to_str().unwrap();
+        let checked = tests::orchestrator(&["check", config], folder.path());
+        assert!(checked.status.success(), "{}", tests::said(&checked));
+        if config.ends_with("external-robots.toml") {
+            // Its robots are a program in another language: tests/external runs it.
+            continue;
+        }
+        let dir = tests::run(&path, folder.path(), &["--set", "experiment.duration_s=2.0"]);
+        for file in ["config.toml", "run.mcap", "steps.parquet", "summary.json", "report.html", "provenance.json"] {
+            assert!(dir.join(file).exists(), "{} left no {file}", path.display());
+        }
+        let verified = tests::orchestrator(&["verify", dir.to_str().unwrap()], folder.path());
+        assert!(verified.status.success(), "{}", tests::said(&verified));
+    }
+}
+
+#[test]
+fn an_effective_configuration_runs_again_with_the_same_recording() {
+    let folder = tests::folder();
+    let flocking = tests::repository().join("configs/flocking.toml");
+    let first = tests::run(&flocking, &folder.path().join("a"), &["--set", "experiment.duration_s=1.0"]);
+    let second = tests::run(&first.join("config.toml"), &folder.path().join("b"), &[]);
+    tests::recording::assert_same(&first, &second);
+}

@@ -1,0 +1,74 @@
+//! The same configuration and seed give the same recording, byte for byte, however it is run.
+
+use std::path::{Path, PathBuf};
+use tests::recording::{assert_same, of};
+use tests::{Server, run};
+
+/// Configurations that differ in model, effects, coupling and size. Each runs in a second or two.
+const CONFIGS: [(&str, &[&str]); 6] = [
+    ("flocking", &["experiment.duration_s=3.0"]),
+    ("formation", &["experiment.duration_s=2.0"]),
+    ("walls", &["experiment.duration_s=2.0"]),
+    ("shadowing", &["experiment.duration_s=2.0"]),
+    ("packet-control", &["experiment.duration_s=1.0"]),
+    // Enough agents for every parallel loop and for the bitmap form.
+    ("flocking", &["experiment.duration_s=6.0", "experiment.agents=300"]),
+];
+
+fn config(name: &str) -> PathBuf {
+    tests::repository().join(format!("configs/{name}.toml"))
+}
+
+fn args<'a>(settings: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
+    settings.iter().flat_map(|setting| ["--set", setting]).chain(more.iter().copied()).collect()
+}
+
+fn variants(check: impl Fn(&str, &[&str], &Path, &Path)) {
+    let folder = tests::folder();
+    for (index, (name, settings)) in CONFIGS.iter().enumerate() {
+        let home = folder.path().join(index.to_string());
+        let reference = run(&config(name), &home.join("reference"), &args(settings, &["--threads", "1"]));
+        check(name, settings, &home, &reference);
+    }
+}
+
+#[test]
+fn threads_do_not_matter() {
+    variants(|name, settings, home, reference| {
+        let other = run(&config(name), &home.join("threads"), &args(settings, &["--threads", "2"]));
+        assert_same(reference, &other);
+    });
+}
+
+#[test]
+fn streaming_or_single_calls_do_not_matter() {
+    variants(|name, settings, home, reference| {
+        for transport in ["experiment.transport=unary", "experiment.transport=stream"] {
+            let other = run(&config(name), &home.join(transport), &args(settings, &["--set", transport]));
+            assert_same(reference, &other);
+        }
+    });
+}
+
+#[test]
+fn children_or_separate_programs_do_not_matter() {
+    // One pair of programs serves all experiments: configuring again begins afresh.
+    let netsim = Server::start("netsim", &[]).unwrap();
+    let robotsim = Server::start("robotsim", &["--threads", "2"]).unwrap();
+    variants(|name, settings, home, reference| {
+        let urls = ["--netsim", netsim.url.as_str(), "--robotsim", robotsim.url.as_str()];
+        let other = run(&config(name), &home.join("separate"), &args(settings, &urls));
+        assert_same(reference, &other);
+    });
+}
+
+#[test]
+fn another_seed_gives_another_recording() {
+    variants(|name, settings, home, reference| {
+        let other = run(&config(name), &home.join("seed"), &args(settings, &["--seed", "99"]));
+        let (a, b) = (of(reference), of(&other));
+        for part in ["run.mcap", "steps.parquet"] {
+            assert_ne!(a[part], b[part], "{name}: {part} does not depend on the seed");
+        }
+    });
+}

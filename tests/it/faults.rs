@@ -1,0 +1,210 @@
+//! A side that ends, crashes, hangs or lies ends the run within seconds, with one message that names it.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::fake::{Fault, Faulty};
+
+/// What a faulty run said and how long it took to end after the fault.
+struct Ended {
+    status: Option<i32>,
+    stderr: String,
+    took: Duration,
+}
+
+/// An experiment that lasts until something goes wrong.
+fn endless(folder: &Path) -> std::path::PathBuf {
+    let path = folder.join("endless.toml");
+    std::fs::write(
+        &path,
+        "[experiment]\nname = \"endless\"\nseed = 1\nduration_s = 1e8\nagents = 4\n\
+         [robotsim.controller]\nkind = \"random-jump\"\n[netsim.phy]\npropagation = \"full\"\n\
+         [output]\nreport = false\nsteps = false\npackets = false\nmotes = false\n",
+    )
+    .unwrap();
+    path
+}
+
+fn start(folder: &Path, args: &[&str]) -> Child {
+    Command::new(tests::executable("orchestrator"))
+        .arg("run")
+        .arg(endless(folder))
+        .args(args)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Waits for the end, at most `deadline`.
+fn end(child: Child, since: Instant, deadline: Duration) -> Ended {
+    let id = child.id();
+    let (tell, told) = std::sync::mpsc::channel();
+    std::thread::spawn(move || tell.send(child.wait_with_output()));
+    let Ok(output) = told.recv_timeout(deadline.saturating_sub(since.elapsed())) else {
+        signal("-KILL", id);
+        panic!("the run did not end within {deadline:?}");
+    };
+    let output = output.unwrap();
+    Ended {
+        status: output.status.code(),
+        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+        took: since.elapsed(),
+    }
+}
+
+fn signal(signal: &str, process: u32) {
+    assert!(Command::new("kill").args([signal, &process.to_string()]).status().unwrap().success());
+}
+
+/// The child process of `parent` that serves `side`. Waits until it is there and the run has taken its first steps.
+fn child_of(parent: u32, side: &str) -> u32 {
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_secs(10) {
+        let both = ["netsim", "robotsim"].map(|side| find_child(parent, side));
+        if let [Some(netsim), Some(robotsim)] = both {
+            // Both run: give the coupling a moment to begin.
+            std::thread::park_timeout(Duration::from_millis(400));
+            return if side == "netsim" { netsim } else { robotsim };
+        }
+        std::thread::park_timeout(Duration::from_millis(10));
+    }
+    panic!("{side} was not started");
+}
+
+fn find_child(parent: u32, side: &str) -> Option<u32> {
+    std::fs::read_dir("/proc").unwrap().find_map(|entry| {
+        let path = entry.ok()?.path();
+        let id: u32 = path.file_name()?.to_str()?.parse().ok()?;
+        let stat = std::fs::read_to_string(path.join("stat")).ok()?;
+        // After the name in parentheses: state, parent.
+        let its_parent: u32 = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse().ok()?;
+        let arguments = std::fs::read(path.join("cmdline")).ok()?;
+        let is_side = arguments.split(|&byte| byte == 0).any(|argument| argument == side.as_bytes());
+        (its_parent == parent && is_side).then_some(id)
+    })
+}
+
+fn exists(process: u32) -> bool {
+    Path::new(&format!("/proc/{process}")).exists()
+}
+
+/// The run failed with one message, kept what it had, and left no process behind.
+fn assert_kept(folder: &Path, ended: &Ended, message: &[&str]) {
+    assert_eq!(ended.status, Some(1), "{}", ended.stderr);
+    let errors: Vec<&str> = ended.stderr.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{}", ended.stderr);
+    for part in message {
+        assert!(errors[0].contains(part), "{part:?} is not in {:?}", errors[0]);
+    }
+    let dir = folder.join("runs/endless");
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(dir.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["status"], "failed", "{summary}");
+    let output = tests::orchestrator(&["verify", dir.to_str().unwrap()], folder);
+    assert!(output.status.success(), "{}", tests::said(&output));
+}
+
+fn signalled(side: &str, with: &str, deadline: Duration, message: &[&str]) {
+    let folder = tests::folder();
+    let run = start(folder.path(), &[]);
+    let id = run.id();
+    let child = child_of(id, side);
+    let other = child_of(id, if side == "netsim" { "robotsim" } else { "netsim" });
+    let begun = Instant::now();
+    signal(with, child);
+    let ended = end(run, begun, deadline);
+    assert_kept(folder.path(), &ended, message);
+    assert!(!exists(child) && !exists(other), "a child was left behind");
+    assert!(ended.took < deadline, "{:?}", ended.took);
+}
+
+#[test]
+fn robots_that_are_killed_are_named() {
+    signalled("robotsim", "-KILL", Duration::from_secs(5), &["robotsim: its process ended", "SIGKILL"]);
+}
+
+#[test]
+fn a_network_that_is_killed_is_named() {
+    signalled("netsim", "-KILL", Duration::from_secs(5), &["netsim: its process ended", "SIGKILL"]);
+}
+
+#[test]
+fn robots_that_crash_are_named() {
+    signalled("robotsim", "-SEGV", Duration::from_secs(8), &["robotsim: its process ended", "SIGSEGV"]);
+}
+
+#[test]
+fn a_network_that_exits_is_named() {
+    signalled("netsim", "-TERM", Duration::from_secs(5), &["netsim: its process ended", "exit status 0"]);
+}
+
+#[test]
+fn robots_that_are_stopped_are_named() {
+    signalled("robotsim", "-STOP", Duration::from_secs(12), &["robotsim: hangs"]);
+}
+
+#[test]
+fn a_network_that_is_stopped_is_named() {
+    signalled("netsim", "-STOP", Duration::from_secs(12), &["netsim: hangs"]);
+}
+
+#[test]
+fn a_side_that_runs_elsewhere_and_dies_is_named() {
+    let folder = tests::folder();
+    let netsim = tests::Server::start("netsim", &[]).unwrap();
+    let run = start(folder.path(), &["--netsim", &netsim.url]);
+    let id = run.id();
+    while find_child(id, "robotsim").is_none() {
+        std::thread::park_timeout(Duration::from_millis(10));
+    }
+    std::thread::park_timeout(Duration::from_millis(400));
+    let begun = Instant::now();
+    drop(netsim);
+    let ended = end(run, begun, Duration::from_secs(5));
+    assert_kept(folder.path(), &ended, &["netsim: the connection to http://127.0.0.1:", "was lost"]);
+}
+
+/// Runs against a side that breaks the contract in step 3.
+fn lying(side: &str, url: &str, message: &[&str]) {
+    let folder = tests::folder();
+    let begun = Instant::now();
+    let run = start(folder.path(), &[&format!("--{side}"), url, "--set", "experiment.step_deadline_s=4"]);
+    let ended = end(run, begun, Duration::from_secs(15));
+    assert_kept(folder.path(), &ended, message);
+    let summary = std::fs::read_to_string(folder.path().join("runs/endless/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(summary["steps"], 2, "what was right until then is kept");
+}
+
+#[test]
+fn robots_that_lie_are_named() {
+    for (fault, message) in [
+        (Fault::WrongStep, &["robotsim: answered for step 2 when asked for step 3"][..]),
+        (Fault::WrongTime, &["robotsim: stands at 120000001 ns after step 3, which ends at 120000000 ns"]),
+        (Fault::WrongDigest, &["robotsim: its digest of step 3 is abab"]),
+        (Fault::ShortColumn, &["robotsim: gave a malformed answer to step 3: states.x_m: must have 4 entries"]),
+        (Fault::NotANumber, &["robotsim: gave a malformed answer to step 3: states.y_m[0]: must be finite, got NaN"]),
+        (Fault::Silent, &["robotsim: hangs: no answer to step 3"]),
+        (Fault::Slow, &["robotsim: no answer to step 3", "it is alive"]),
+    ] {
+        lying("robotsim", &Faulty::robots(fault).url, message);
+    }
+}
+
+#[test]
+fn a_network_that_lies_is_named() {
+    for (fault, message) in [
+        (Fault::WrongStep, &["netsim: answered for step 2 when asked for step 3"][..]),
+        (Fault::WrongTime, &["netsim: stands at 120000001 ns after step 3, which ends at 120000000 ns"]),
+        (Fault::WrongDigest, &["netsim: its digest of step 3 is abab"]),
+        (Fault::ShortColumn, &["netsim: gave a malformed answer to step 3: deliveries.transmissions.sent_ns"]),
+        (Fault::NotANumber, &["netsim: gave a malformed answer to step 3: deliveries.rssi_dbm: must be finite"]),
+        (Fault::Silent, &["netsim: hangs: no answer to step 3"]),
+        (Fault::Slow, &["netsim: no answer to step 3", "it is alive"]),
+    ] {
+        lying("netsim", &Faulty::network(fault).url, message);
+    }
+}

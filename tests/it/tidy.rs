@@ -1,0 +1,95 @@
+//! What the compiler cannot enforce about the shape of the code.
+
+use std::path::{Path, PathBuf};
+
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+fn crates() -> [PathBuf; 5] {
+    ["proto", "netsim", "robotsim", "orchestrator", "tests"].map(|name| tests::repository().join(name))
+}
+
+#[test]
+fn no_file_exceeds_600_lines() {
+    for file in crates().iter().flat_map(|folder| rust_files(folder)) {
+        let n_lines = std::fs::read_to_string(&file).unwrap().lines().count();
+        assert!(n_lines <= 600, "{} has {n_lines} lines: does it still say one thing?", file.display());
+    }
+}
+
+#[test]
+fn cores_touch_no_socket_file_thread_or_clock() {
+    const FORBIDDEN: [&str; 9] = [
+        "std::fs", "std::net", "std::env", "std::thread", "std::process::", "Instant::now", "SystemTime", "tokio",
+        "tonic",
+    ];
+    for name in ["netsim", "robotsim"] {
+        for file in rust_files(&tests::repository().join(name).join("src")) {
+            if file.ends_with("main.rs") {
+                continue;
+            }
+            let text = std::fs::read_to_string(&file).unwrap();
+            // Tests at the end of a file may measure and read.
+            let core = text.split("#[cfg(test)]").next().unwrap();
+            for word in FORBIDDEN {
+                assert!(!core.contains(word), "{} uses {word}", file.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn cores_take_elementary_functions_from_libm() {
+    const PLATFORM: [&str; 14] = [
+        ".exp()", ".ln()", ".log10()", ".log2()", ".powf(", ".sin()", ".cos()", ".tan()", ".atan2(", ".hypot(",
+        ".sin_cos()", ".mul_add(", ".tanh()", ".exp2()",
+    ];
+    for name in ["netsim", "robotsim", "proto"] {
+        for file in rust_files(&tests::repository().join(name).join("src")) {
+            let text = std::fs::read_to_string(&file).unwrap();
+            let core = text.split("#[cfg(test)]").next().unwrap();
+            for word in PLATFORM {
+                assert!(!core.contains(word), "{} uses {word}, which differs between processors", file.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn the_two_simulators_do_not_know_each_other() {
+    let manifest = |name: &str| {
+        std::fs::read_to_string(tests::repository().join(name).join("Cargo.toml")).unwrap()
+    };
+    assert!(!manifest("netsim").contains("robotsim.workspace"));
+    assert!(!manifest("robotsim").contains("netsim.workspace"));
+    assert!(!manifest("proto").contains("sim.workspace"));
+}
+
+#[test]
+fn every_path_that_architecture_md_names_exists() {
+    let text = std::fs::read_to_string(tests::repository().join("ARCHITECTURE.md")).unwrap();
+    let paths: Vec<&str> = text
+        .split('`')
+        .skip(1)
+        .step_by(2)
+        .filter(|word| word.contains('/') && !word.contains([' ', '*', '<', ':', '{']))
+        .collect();
+    assert!(10 <= paths.len(), "{paths:?}");
+    for path in paths {
+        assert!(tests::repository().join(path).exists(), "ARCHITECTURE.md names {path}");
+    }
+}

@@ -1,0 +1,96 @@
+//! Simulators behind TLS: encrypted, checked on both ends, and with the same recording as without.
+
+use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, ExtendedKeyUsagePurpose, IsCa, KeyPair};
+use std::path::{Path, PathBuf};
+use tests::Server;
+
+/// An authority and what it signed, as files.
+struct Certificates {
+    folder: tempfile::TempDir,
+}
+
+impl Certificates {
+    fn make() -> Self {
+        let folder = tests::folder();
+        let made = Self { folder };
+        let mut params = CertificateParams::new(Vec::new()).unwrap();
+        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+        let authority = CertifiedIssuer::self_signed(params, KeyPair::generate().unwrap()).unwrap();
+        std::fs::write(made.path("ca.pem"), authority.pem()).unwrap();
+        for (name, purpose) in
+            [("server", ExtendedKeyUsagePurpose::ServerAuth), ("client", ExtendedKeyUsagePurpose::ClientAuth)]
+        {
+            let key = KeyPair::generate().unwrap();
+            let mut params = CertificateParams::new(vec!["127.0.0.1".to_owned()]).unwrap();
+            params.extended_key_usages = vec![purpose];
+            let certificate = params.signed_by(&key, &authority).unwrap();
+            std::fs::write(made.path(&format!("{name}.pem")), certificate.pem()).unwrap();
+            std::fs::write(made.path(&format!("{name}-key.pem")), key.serialize_pem()).unwrap();
+        }
+        made
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn text(&self, name: &str) -> String {
+        self.path(name).to_str().unwrap().to_owned()
+    }
+
+    fn serve(&self, simulator: &str) -> Server {
+        let (cert, key, ca) = (self.text("server.pem"), self.text("server-key.pem"), self.text("ca.pem"));
+        let args = ["--tls-cert", &cert, "--tls-key", &key, "--tls-client-ca", &ca];
+        Server::start(simulator, &args).unwrap()
+    }
+}
+
+fn config() -> PathBuf {
+    tests::repository().join("configs/flocking.toml")
+}
+
+fn run(folder: &Path, args: &[&str]) -> std::process::Output {
+    let config = config();
+    let args = [&["run", config.to_str().unwrap(), "--set", "experiment.duration_s=1.0"], args].concat();
+    tests::orchestrator(&args, folder)
+}
+
+#[test]
+fn mutual_tls_gives_the_same_recording_and_strangers_are_refused() {
+    let certificates = Certificates::make();
+    let strangers = Certificates::make();
+    let (netsim, robotsim) = (certificates.serve("netsim"), certificates.serve("robotsim"));
+    assert!(netsim.url.starts_with("https://"), "{}", netsim.url);
+    let folder = tests::folder();
+    let plain = tests::run(&config(), &folder.path().join("plain"), &["--set", "experiment.duration_s=1.0"]);
+
+    let urls = ["--netsim", netsim.url.as_str(), "--robotsim", robotsim.url.as_str()];
+    let with = |certificates: &Certificates| {
+        [
+            ["--tls-ca".to_owned(), certificates.text("ca.pem")],
+            ["--tls-cert".to_owned(), certificates.text("client.pem")],
+            ["--tls-key".to_owned(), certificates.text("client-key.pem")],
+        ]
+        .concat()
+    };
+    let as_text = |args: &[String]| args.iter().map(String::as_str).collect::<Vec<_>>().join("\n");
+    let go = |tls: &[String], home: &str| {
+        let tls = as_text(tls);
+        let tls: Vec<&str> = tls.lines().collect();
+        run(&folder.path().join(home), &[&urls, &tls[..]].concat())
+    };
+
+    let output = go(&with(&certificates), "tls");
+    assert!(output.status.success(), "{}", tests::said(&output));
+    tests::recording::assert_same(&plain, &folder.path().join("tls/runs/flocking"));
+
+    // No certificate of our own, somebody else's, and an authority that did not sign theirs.
+    let own = with(&certificates);
+    let foreign = with(&strangers);
+    let mixed = [&own[..2], &foreign[2..]].concat();
+    for (tls, what) in [(&own[..2], "anonymous"), (&mixed[..], "foreign"), (&foreign[..], "untrusted")] {
+        let output = go(tls, what);
+        assert_eq!(output.status.code(), Some(2), "{what}: {}", tests::said(&output));
+        assert!(tests::said(&output).contains("cannot be reached at https://"), "{what}: {}", tests::said(&output));
+    }
+}
