@@ -6,6 +6,7 @@ mod text;
 
 use crate::record::{Measures, RunHeader, TRUTH_BASELINE};
 use figures::Figure;
+use proto::types::Coupling;
 use serde_json::Value;
 use std::fmt::Write as _;
 use text::{chosen, count, escape, number, percent};
@@ -36,7 +37,7 @@ pub fn page(contents: &Contents<'_>) -> String {
     heading(&mut page, contents, is_truth);
     notices(&mut page, contents.summary);
     if let Some(measures) = contents.measures {
-        tiles(&mut page, measures);
+        tiles(&mut page, measures, contents.header.agent_count);
         page.push_str("<div class=\"figures\">\n");
         for figure in figures::of_run(measures, contents.header.agent_count) {
             show(&mut page, &figure);
@@ -67,10 +68,11 @@ fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
         .unwrap_or_default();
     let _ = write!(
         page,
-        "<header>\n<h1>{}{badges}</h1>\n<p class=\"lead\">{controller}{} agents, {} steps of {} s, {} s simulated, {} coupling, seed {}.</p>\n</header>\n",
+        "<header>\n<h1>{}{badges}</h1>\n<p class=\"lead\">{controller}{} agents, {} steps of {}{} s, {} s simulated, {} coupling, seed {}.</p>\n</header>\n",
         escape(&header.name),
         count(u64::from(header.agent_count)),
         count(summary["steps"].as_u64().unwrap_or(0)),
+        if header.coupling == Coupling::Event { "at most " } else { "" },
         chosen(header.step_ns as f64 / 1e9),
         chosen(summary["simulated_s"].as_f64().unwrap_or(0.0)),
         escape(summary["coupling"].as_str().unwrap_or("")),
@@ -96,20 +98,23 @@ fn notices(page: &mut String, summary: &Value) {
     page.push_str("</ul></section>\n");
 }
 
-fn tiles(page: &mut String, measures: &Measures) {
+fn tiles(page: &mut String, measures: &Measures, n_agents: u32) {
     let unit = |value: Option<f64>, unit: &str| {
         value.map(|value| format!("{} <small>{unit}</small>", number(value)))
     };
     let completed =
         measures.completed_at_step.map(|step| format!("{} <small>steps</small>", count(step)));
+    let others = format!("of {}", count(u64::from(n_agents.saturating_sub(1))));
+    let is_line = measures.task.controller.as_deref() == Some("line-formation");
+    let residual_m2 = measures.line_residual_m2().filter(|_| is_line);
     let tiles = [
-        ("Flock speed", unit(measures.flock_speed_mps(), "m/s")),
+        ("Flock speed", unit(measures.flock_speed_mps().filter(|_| !is_line), "m/s")),
+        ("Residual of the line", unit(residual_m2, "m²")),
         ("Spread at the end", unit(measures.final_spread_m(), "m")),
         ("Task done after", completed),
-        ("Neighbours heard", unit(measures.mean_neighbours(), "per period")),
+        ("Neighbours heard", unit(measures.mean_neighbours(), &others)),
         ("Delivery ratio", measures.delivery_ratio().map(percent)),
         ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
-        ("Deliveries", (measures.deliveries != 0).then(|| count(measures.deliveries))),
     ];
     page.push_str("<dl class=\"tiles\">\n");
     for (name, value) in tiles {

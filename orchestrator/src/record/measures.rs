@@ -34,8 +34,14 @@ pub struct Measures {
     pub is_distance_sampled: bool,
     distances: Distances,
     delay_ns: u128,
-    speed_sum_mps: f64,
-    n_speeds: u64,
+    /// Sums over steps, weighted by their duration (m/s times ns).
+    flock_speed_sum: f64,
+    speed_sum: f64,
+    /// Duration of all steps, and of all steps times alive agents (ns).
+    duration_ns: u64,
+    agent_duration_ns: u128,
+    /// Alive agents over all steps; how many others they heard; how many of them heard nobody.
+    n_alive: u64,
     neighbour_sum: u64,
     isolated: u64,
     last_states: AgentStates,
@@ -69,8 +75,11 @@ impl Measures {
             is_distance_sampled: false,
             distances: Distances::new(),
             delay_ns: 0,
-            speed_sum_mps: 0.0,
-            n_speeds: 0,
+            flock_speed_sum: 0.0,
+            speed_sum: 0.0,
+            duration_ns: 0,
+            agent_duration_ns: 0,
+            n_alive: 0,
             neighbour_sum: 0,
             isolated: 0,
             last_states: states.clone(),
@@ -102,13 +111,13 @@ impl Measures {
     /// Time mean of the flock's speed (m/s): of the magnitude of the mean velocity of alive agents.
     #[must_use]
     pub fn flock_speed_mps(&self) -> Option<f64> {
-        mean(self.series.iter().map(|sample| sample.flock_speed_mps).sum(), self.n_steps)
+        mean(self.flock_speed_sum, self.duration_ns as f64)
     }
 
-    /// Mean over alive agents and steps of each one's own speed (m/s).
+    /// Mean over alive agents and time of each one's own speed (m/s).
     #[must_use]
     pub fn mean_speed_mps(&self) -> Option<f64> {
-        mean(self.speed_sum_mps, self.n_speeds)
+        mean(self.speed_sum, self.agent_duration_ns as f64)
     }
 
     /// Root mean square distance of alive agents from their centroid at the end (m).
@@ -116,7 +125,7 @@ impl Measures {
     pub fn final_spread_m(&self) -> Option<f64> {
         let states = &self.last_states;
         let alive: Vec<usize> = states.alive.iter_ones().collect();
-        let n = alive.len() as u64;
+        let n = alive.len() as f64;
         let mut sum = 0.0;
         for column in [&states.x_m, &states.y_m, &states.z_m] {
             let centre = mean(alive.iter().map(|&agent| column[agent]).sum(), n)?;
@@ -134,7 +143,7 @@ impl Measures {
     pub fn line_residual_m2(&self) -> Option<f64> {
         let states = &self.last_states;
         let alive: Vec<usize> = states.alive.iter_ones().collect();
-        let n = alive.len() as u64;
+        let n = alive.len() as f64;
         let x0 = mean(alive.iter().map(|&agent| states.x_m[agent]).sum(), n)?;
         let y0 = mean(alive.iter().map(|&agent| states.y_m[agent]).sum(), n)?;
         let (mut xx, mut xy) = (0.0, 0.0);
@@ -157,25 +166,25 @@ impl Measures {
     /// Mean over alive agents and steps of how many others each heard.
     #[must_use]
     pub fn mean_neighbours(&self) -> Option<f64> {
-        mean(self.neighbour_sum as f64, self.n_speeds)
+        mean(self.neighbour_sum as f64, self.n_alive as f64)
     }
 
     /// Share of alive agents and steps in which the agent heard nobody.
     #[must_use]
     pub fn isolated_ratio(&self) -> Option<f64> {
-        mean(self.isolated as f64, self.n_speeds)
+        mean(self.isolated as f64, self.n_alive as f64)
     }
 
     /// Share of [`Measures::attempts`] that were delivered.
     #[must_use]
     pub fn delivery_ratio(&self) -> Option<f64> {
-        mean(self.deliveries as f64, self.attempts)
+        mean(self.deliveries as f64, self.attempts as f64)
     }
 
     /// Mean time from the first bit sent to the delivery (s).
     #[must_use]
     pub fn mean_delay_s(&self) -> Option<f64> {
-        mean(self.delay_ns as f64 / 1e9, self.deliveries)
+        mean(self.delay_ns as f64 / 1e9, self.deliveries as f64)
     }
 
     /// Delivery against distance, in at most 30 bins of equal width.
@@ -235,15 +244,16 @@ impl Measures {
         }
     }
 
-    /// Adds everyone's speed. Returns the flock's (m/s).
+    /// Adds everyone's speed, as long as the step lasted. Returns the flock's (m/s).
     fn add_speeds(&mut self, period: &Period<'_>) -> f64 {
         let (states, before) = (period.states, period.states_before);
-        let duration_s = seconds(period.time_ns - period.from_ns);
+        let duration_ns = period.time_ns - period.from_ns;
+        let duration_s = seconds(duration_ns);
         let known = [&states.vx_mps, &states.vy_mps, &states.vz_mps];
         let reached = [&states.x_m, &states.y_m, &states.z_m];
         let left = [&before.x_m, &before.y_m, &before.z_m];
         let mut sum = [0.0; 3];
-        let mut n = 0u64;
+        let mut speeds_mps = 0.0;
         for agent in states.alive.iter_ones() {
             let mut square = 0.0;
             for axis in 0..3 {
@@ -258,12 +268,16 @@ impl Measures {
                 sum[axis] += velocity;
                 square += velocity * velocity;
             }
-            self.speed_sum_mps += libm::sqrt(square);
-            n += 1;
+            speeds_mps += libm::sqrt(square);
         }
-        self.n_speeds += n;
+        let n = states.alive.count();
         let norm = libm::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
-        mean(norm, n).unwrap_or(0.0)
+        let flock_speed_mps = mean(norm, n as f64).unwrap_or(0.0);
+        self.duration_ns += duration_ns;
+        self.agent_duration_ns += u128::from(duration_ns) * n as u128;
+        self.flock_speed_sum += flock_speed_mps * duration_ns as f64;
+        self.speed_sum += speeds_mps * duration_ns as f64;
+        flock_speed_mps
     }
 
     /// Adds how many neighbours everyone heard. Returns the quantiles.
@@ -271,6 +285,7 @@ impl Measures {
         let mut heard: Vec<u32> =
             period.states.alive.iter_ones().map(|agent| period.counts.neighbours[agent]).collect();
         heard.sort_unstable();
+        self.n_alive += heard.len() as u64;
         self.neighbour_sum += heard.iter().map(|&n| u64::from(n)).sum::<u64>();
         self.isolated += heard.iter().filter(|&&n| n == 0).count() as u64;
         [0.1, 0.5, 0.9].map(|share| quantile(&heard, share))
@@ -287,8 +302,8 @@ fn quantile(ascending: &[u32], share: f64) -> f64 {
     low + (high - low) * (place - below as f64)
 }
 
-fn mean(sum: f64, n: u64) -> Option<f64> {
-    (n != 0).then(|| sum / n as f64)
+fn mean(sum: f64, n: f64) -> Option<f64> {
+    (0.0 < n).then(|| sum / n)
 }
 
 /// Most pairs whose distance is looked at in a step.

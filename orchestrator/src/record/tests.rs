@@ -541,6 +541,29 @@ fn the_summary_measures_task_and_network() {
 }
 
 #[test]
+fn speeds_are_means_over_time_not_over_steps() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder = record(out.path(), header("run"), 1);
+    // A second step three times as long, over which nobody moves: 2 m/s become 0.5 m/s.
+    let (mut robots, mut net) = replies(2);
+    robots.states = Some(states(1));
+    (robots.time_ns, net.time_ns) = (4 * STEP_NS, 4 * STEP_NS);
+    let still = StepRecord {
+        step: 2,
+        time_ns: 4 * STEP_NS,
+        robots: &robots,
+        net: &net,
+        digest: digest(2, Coupling::Sequential),
+    };
+    recorder.step(still).unwrap();
+    let task = recorder.finish(&complete(), Value::Null).unwrap().summary["task"].clone();
+    for key in ["flock_speed_mps", "mean_speed_mps"] {
+        // Up to rounding.
+        assert!((task[key].as_f64().unwrap() - 0.5).abs() < 1e-9, "{key}: {}", task[key]);
+    }
+}
+
+#[test]
 fn the_truth_baseline_is_called_so_in_summary_and_report() {
     let out = tempfile::tempdir().unwrap();
     let mut header = header("run");

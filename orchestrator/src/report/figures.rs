@@ -187,7 +187,10 @@ fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
     let y = Axis::new("delivered", 0.0, 1.03).percent();
     let mut chart = Chart::new(x, y, WIDE, 290.0);
     let middle = |bin: &DistanceBin| (bin.from_m + bin.to_m) / 2.0;
-    chart.line("thin", bins.iter().map(|bin| Some([middle(bin), bin.ratio()])));
+    // A gap where nobody was at that distance.
+    for neighbours in bins.windows(2).filter(|pair| (pair[1].from_m - pair[0].to_m).abs() < 1e-6) {
+        chart.line("thin", neighbours.iter().map(|bin| Some([middle(bin), bin.ratio()])));
+    }
     for bin in bins {
         let [low, high] = bin.interval();
         let title = format!(

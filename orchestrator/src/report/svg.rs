@@ -79,12 +79,14 @@ pub(crate) struct Chart {
     width: f64,
     height: f64,
     body: String,
+    /// What lies above everything else.
+    over: String,
 }
 
 impl Chart {
     /// An empty chart of this size, in pixels at its natural size.
     pub(crate) fn new(x: Axis, y: Axis, width: f64, height: f64) -> Self {
-        let mut chart = Self { x, y, width, height, body: String::new() };
+        let mut chart = Self { x, y, width, height, body: String::new(), over: String::new() };
         chart.axes();
         chart
     }
@@ -157,9 +159,10 @@ impl Chart {
         let [right, _] = self.place([self.x.max, y]);
         // Above the line; below where there is no room above.
         let text_y = if py < TOP + 16.0 { py + 13.0 } else { py - 5.0 };
+        let _ = write!(self.body, "<path class=\"level\" d=\"M{left:.1},{py:.1}H{right:.1}\"/>");
         let _ = write!(
-            self.body,
-            "<path class=\"level\" d=\"M{left:.1},{py:.1}H{right:.1}\"/><text class=\"note\" x=\"{right:.1}\" y=\"{text_y:.1}\" text-anchor=\"end\">{}</text>",
+            self.over,
+            "<text class=\"note\" x=\"{right:.1}\" y=\"{text_y:.1}\" text-anchor=\"end\">{}</text>",
             escape(label)
         );
     }
@@ -180,12 +183,13 @@ impl Chart {
     /// The picture, with a name and a text that says the same.
     pub(crate) fn finish(self, id: &str, title: &str, alternative: &str) -> String {
         format!(
-            "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-labelledby=\"{id}-title {id}-text\"><title id=\"{id}-title\">{}</title><desc id=\"{id}-text\">{}</desc>{}</svg>",
+            "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-labelledby=\"{id}-title {id}-text\"><title id=\"{id}-title\">{}</title><desc id=\"{id}-text\">{}</desc>{}{}</svg>",
             self.width,
             self.height,
             escape(title),
             escape(alternative),
-            self.body
+            self.body,
+            self.over
         )
     }
 
