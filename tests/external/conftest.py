@@ -1,5 +1,6 @@
 """What the tests share: the built programs, one recorded run, Python modules made from the contract."""
 
+import functools
 import os
 import subprocess
 import sys
@@ -44,11 +45,22 @@ def only_directory(parent):
 
 
 @pytest.fixture(scope="session")
-def flocking(tmp_path_factory):
-    """The directory that `run configs/flocking.toml` left."""
-    out = tmp_path_factory.mktemp("flocking")
-    succeed([program("orchestrator"), "run", "configs/flocking.toml", "--out", out], cwd=ROOT)
-    return only_directory(out)
+def result_of(tmp_path_factory):
+    """The directory that `run configs/NAME.toml` left. Each is run once."""
+
+    @functools.cache
+    def run(name):
+        out = tmp_path_factory.mktemp(name)
+        succeed([program("orchestrator"), "run", f"configs/{name}.toml", "--out", out], cwd=ROOT)
+        return only_directory(out)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def flocking(result_of):
+    """The directory that the run of README.md left."""
+    return result_of("flocking")
 
 
 @pytest.fixture(scope="session")

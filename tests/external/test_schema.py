@@ -71,8 +71,7 @@ def test_the_schema_explains_every_key(schema):
     def walk(node, path):
         if isinstance(node, dict):
             for key, child in node.get("properties", {}).items():
-                resolved = resolve(schema, child)
-                if not (child.get("description") or resolved.get("description") or "const" in child):
+                if not explained(schema, child):
                     silent.append(f"{path}.{key}")
             for key, child in node.items():
                 walk(child, f"{path}.{key}")
@@ -82,6 +81,17 @@ def test_the_schema_explains_every_key(schema):
 
     walk(schema, "")
     assert silent == []
+
+
+def explained(schema, node):
+    """Whether a key says what it is: itself, where it refers to, or each of the forms that it may have."""
+    forms = node.get("anyOf") or node.get("oneOf")
+    return bool(
+        node.get("description")
+        or resolve(schema, node).get("description")
+        or "const" in node
+        or (forms and all(explained(schema, form) for form in forms))
+    )
 
 
 def resolve(schema, node):
