@@ -5,6 +5,7 @@ use super::distances::{DistanceBin, Distances};
 use super::period::{Period, distance_m};
 use super::task::Task;
 use super::trajectories::Trajectories;
+use proto::site::Site;
 use proto::types::{AgentStates, seconds};
 
 /// Measures of a run.
@@ -12,6 +13,8 @@ use proto::types::{AgentStates, seconds};
 pub struct Measures {
     /// What the robots were asked to do.
     pub task: Task,
+    /// Walls and obstacles, where they stand at the beginning.
+    pub site: Site,
     /// Time series, one entry per step.
     pub series: Vec<Sample>,
     /// Where agents went.
@@ -60,10 +63,11 @@ pub struct Sample {
 
 impl Measures {
     /// Begins with the states of step 0.
-    pub(crate) fn new(task: Task, states: &AgentStates) -> Self {
+    pub(crate) fn new(task: Task, site: Site, states: &AgentStates) -> Self {
         Self {
             trajectories: Trajectories::new(states, task.leader),
             task,
+            site,
             series: Vec::new(),
             n_steps: 0,
             time_ns: 0,
@@ -328,11 +332,14 @@ mod tests {
         let mut states = AgentStates::at_origin(4);
         states.x_m = vec![0.0, 2.0, 0.0, 2.0];
         states.y_m = vec![0.0, 0.0, 2.0, 2.0];
-        let measures = Measures::new(Task::default(), &states);
+        let measures = Measures::new(Task::default(), Site::default(), &states);
         // Exact but for the rounding of a square root.
         assert!((measures.final_spread_m().unwrap() - 2f64.sqrt()).abs() < 1e-12);
         assert!((measures.line_residual_m2().unwrap() - 4.0).abs() < 1e-12);
         states.x_m = vec![1.0; 4];
-        assert_eq!(Measures::new(Task::default(), &states).line_residual_m2(), None);
+        assert_eq!(
+            Measures::new(Task::default(), Site::default(), &states).line_residual_m2(),
+            None
+        );
     }
 }

@@ -78,7 +78,10 @@ fn configured(header: &RunHeader) -> Configured {
             states: Some(states(0)),
             ..Default::default()
         },
-        net_request: v1::NetSimServiceConfigureRequest::default(),
+        net_request: v1::NetSimServiceConfigureRequest {
+            site_toml: "[[wall]]\nfrom_m = [1.0, 1.0]\nto_m = [4.0, 1.0]\n".to_owned(),
+            ..Default::default()
+        },
         net_response: v1::NetSimServiceConfigureResponse {
             warnings: vec!["made up".to_owned()],
             ..Default::default()
@@ -572,6 +575,22 @@ fn the_truth_baseline_is_called_so_in_summary_and_report() {
     assert_eq!(run.summary["baseline"], "truth baseline");
     let page = fs::read_to_string(run.report.unwrap()).unwrap();
     assert!(page.matches("truth baseline").count() >= 2);
+}
+
+#[test]
+fn the_report_shows_four_pictures_each_with_words_and_the_walls() {
+    let out = tempfile::tempdir().unwrap();
+    let run = finished(out.path(), header("run"));
+    let page = fs::read_to_string(run.report.unwrap()).unwrap();
+    assert_eq!(page.matches("<figure").count(), 4);
+    assert_eq!(page.matches("role=\"img\"").count(), 4);
+    for words in
+        ["<desc id=\"trajectories-text\">Where the 7 agents went", "2.00 m/s on average", "60 %"]
+    {
+        assert!(page.contains(words), "{words}");
+    }
+    assert!(page.contains("<path class=\"wall\" d=\"M"));
+    assert!(!page.contains("NaN") && !page.contains("inf"));
 }
 
 #[test]

@@ -8,8 +8,10 @@ use super::tables::Tables;
 use super::task::Task;
 use super::whole::Fingerprint;
 use super::{Configured, RecordError, RunHeader};
+use proto::config;
 use proto::convert;
 use proto::digest::Digest;
+use proto::site;
 use proto::types::{AgentStates, Coupling};
 use proto::v1;
 use std::collections::BTreeMap;
@@ -132,8 +134,12 @@ impl RunWriter {
         } else {
             &robot_response.effective_config_toml
         };
+        // Checked before anything started: of a site that is no site, nothing is drawn.
+        let site = config::parse(&net_request.site_toml)
+            .map(|site| site::read(&site, "site", &mut Vec::new()).0)
+            .unwrap_or_default();
         self.run = Some(Run {
-            measures: Measures::new(Task::of(effective), &states),
+            measures: Measures::new(Task::of(effective), site, &states),
             net_warnings: net_response.warnings,
             states,
             time_ns: 0,

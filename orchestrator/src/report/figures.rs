@@ -46,6 +46,11 @@ fn trajectories(measures: &Measures) -> Figure {
     let (x, y, height) = equal_scales(span(0), span(1));
     let mut chart = Chart::new(x, y, WIDE, height);
 
+    let walls: Vec<_> = measures.site.wall.iter().map(|wall| [wall.from_m, wall.to_m]).collect();
+    let discs: Vec<_> =
+        measures.site.obstacle.iter().map(|disc| (disc.centre_m, disc.radius_m)).collect();
+    chart.site(&walls, &discs);
+
     let is_leader = |agent: usize| leader == Some(agent);
     for (place, &agent) in agents.iter().enumerate().filter(|&(_, &agent)| !is_leader(agent)) {
         let _ = agent;
@@ -84,6 +89,9 @@ fn trajectories(measures: &Measures) -> Figure {
     let mut key = vec![("start", "start"), ("end", "end"), ("path", "path")];
     if leader.is_some() {
         key.push(("path-leader", "leader"));
+    }
+    if !walls.is_empty() || !discs.is_empty() {
+        key.push(("wall", "walls and obstacles"));
     }
     let svg = chart.finish("trajectories", "Trajectories", &sentence);
     // Many agents need finer marks.

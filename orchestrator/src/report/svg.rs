@@ -153,6 +153,34 @@ impl Chart {
         );
     }
 
+    /// Walls and discs, cut off at the edge of the plane. For axes of the same scale.
+    pub(crate) fn site(&mut self, walls: &[[[f64; 2]; 2]], discs: &[([f64; 2], f64)]) {
+        if walls.is_empty() && discs.is_empty() {
+            return;
+        }
+        let [left, top] = self.place([self.x.min, self.y.max]);
+        let [right, bottom] = self.place([self.x.max, self.y.min]);
+        let (width, height) = (right - left, bottom - top);
+        let _ = write!(
+            self.body,
+            "<clipPath id=\"plane\"><rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\"/></clipPath><g clip-path=\"url(#plane)\">",
+        );
+        for &[from, to] in walls {
+            let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
+            let _ =
+                write!(self.body, "<path class=\"wall\" d=\"M{x0:.1},{y0:.1}L{x1:.1},{y1:.1}\"/>");
+        }
+        let pixels = (right - left) / (self.x.max - self.x.min);
+        for &(centre, radius) in discs {
+            let ([x, y], radius) = (self.place(centre), radius * pixels);
+            let _ = write!(
+                self.body,
+                "<circle class=\"wall disc\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\"/>"
+            );
+        }
+        self.body.push_str("</g>");
+    }
+
     /// A level drawn across, with a few words above its right end.
     pub(crate) fn level(&mut self, y: f64, label: &str) {
         let [left, py] = self.place([self.x.min, y]);
