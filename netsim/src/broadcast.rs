@@ -267,7 +267,7 @@ impl Broadcast {
             let agent = id as usize;
             let [x, y, z] = states.position_m(agent);
             let velocity = |column: &[f64]| column.get(agent).copied();
-            radios.ends.push(End {
+            let end = End {
                 id,
                 position_m: [x, y, z + lift_m],
                 heading_rad: states.heading_rad.get(agent).copied(),
@@ -275,8 +275,8 @@ impl Broadcast {
                     .zip(velocity(&states.vy_mps))
                     .zip(velocity(&states.vz_mps))
                     .map(|((x, y), z)| [x, y, z]),
-            });
-            radios.way_m.push(self.state.way_m[agent]);
+            };
+            radios.push(end, self.state.way_m[agent]);
         }
         radios
     }

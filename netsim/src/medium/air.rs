@@ -1,7 +1,7 @@
 //! The radios and frames of a moment, and the judgement of one link.
 
-use super::filter::{Fate, Filters};
-use crate::phy::link::{End, Scene};
+use super::filter::Filters;
+use crate::phy::link::{End, Scene, distance_squared_m2};
 use crate::phy::model::{LinkBudget, Model};
 use crate::phy::scatter::{Moment, PairBlock};
 
@@ -24,6 +24,30 @@ pub struct Radios {
     pub way_m: Vec<f64>,
     /// The frames of the first of them.
     pub frames: Vec<Frame>,
+    /// Numbers of the motes, as in `ends`.
+    pub id: Vec<u32>,
+    /// Positions by axis (m), as in `ends`.
+    pub position_m: [Vec<f64>; 3],
+}
+
+impl Radios {
+    /// Adds a radio that has travelled `way_m`.
+    pub fn push(&mut self, end: End, way_m: f64) {
+        self.ends.push(end);
+        self.way_m.push(way_m);
+        self.id.push(end.id);
+        for (column, coordinate) in self.position_m.iter_mut().zip(end.position_m) {
+            column.push(coordinate);
+        }
+    }
+
+    /// Square of the distance between two radios (m²).
+    #[inline]
+    #[must_use]
+    pub fn distance_squared_m2(&self, a: usize, b: usize) -> f64 {
+        let [x, y, z] = &self.position_m;
+        distance_squared_m2([x[a] - x[b], y[a] - y[b], z[a] - z[b]])
+    }
 }
 
 /// All that decides who hears what at a moment.
@@ -44,10 +68,25 @@ pub struct Air<'a> {
 }
 
 /// What a pair of radios shares: random words, and the scatter that is the same in both directions.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PairState {
     block: PairBlock,
-    symmetric_db: Option<f64>,
+    shared_db: Option<f64>,
+}
+
+impl PairState {
+    /// Its random words: see [`PairBlock`].
+    #[inline]
+    #[must_use]
+    pub fn words(mut self) -> [u64; 4] {
+        self.block.words()
+    }
+
+    /// Uniform in [0, 1): a frame is received if this is less than its probability.
+    #[inline]
+    pub fn draw(&mut self, sender_id: u32, receiver_id: u32) -> f64 {
+        self.block.reception(sender_id, receiver_id)
+    }
 }
 
 impl Air<'_> {
@@ -61,46 +100,29 @@ impl Air<'_> {
     #[inline]
     #[must_use]
     pub fn pair(&self, a: usize, b: usize) -> PairState {
-        let ends = &self.radios.ends;
-        let block = PairBlock::new(self.seed, ends[a].id, ends[b].id, self.period_ns);
-        PairState { block, symmetric_db: None }
+        let id = &self.radios.id;
+        let block = PairBlock::new(self.seed, id[a], id[b], self.period_ns);
+        PairState { block, shared_db: None }
     }
 
     /// Whether a radio hears a frame: a keyed draw against the model's probability.
     #[inline]
     #[must_use]
     pub fn hears(&self, receiver: usize, frame: usize, pair: &mut PairState) -> bool {
-        let ends = &self.radios.ends;
-        let distance_squared_m2 = ends[frame].distance_squared_m2(&ends[receiver]);
-        self.hears_over(receiver, frame, distance_squared_m2, pair)
-    }
-
-    /// As [`Air::hears`], where the square of the distance (m²) is known.
-    #[inline]
-    #[must_use]
-    pub fn hears_over(
-        &self,
-        receiver: usize,
-        frame: usize,
-        distance_squared_m2: f64,
-        pair: &mut PairState,
-    ) -> bool {
         let Some(filter) = self.filters.on(self.radios.frames[frame].channel) else {
             return self.hears_plainly(receiver, frame, pair);
         };
-        let mut fate = filter.fate(distance_squared_m2);
-        if let Fate::MeanWithin(low, high) = fate {
-            fate = filter.fate_at(low, high, self.scatter_db(receiver, frame, pair));
+        let (low, high) = filter.bounds(self.radios.distance_squared_m2(receiver, frame));
+        if filter.is_impossible(high) {
+            return false;
         }
-        match fate {
-            Fate::Never => false,
-            Fate::Always => true,
-            Fate::Within(low, high) => {
-                let draw = self.draw(receiver, frame, pair);
-                draw < low || draw < high && self.hears_plainly(receiver, frame, pair)
-            }
-            Fate::MeanWithin(..) => self.hears_plainly(receiver, frame, pair),
+        if filter.is_certain(low) {
+            return true;
         }
+        let scatter_db = self.scatter_db(receiver, frame, pair);
+        let (low, high) = filter.probability((low, high), scatter_db);
+        let draw = self.draw(receiver, frame, pair);
+        draw < low || draw < high && self.hears_plainly(receiver, frame, pair)
     }
 
     /// As [`Air::hears`], without any shortcut: what the others must agree with.
@@ -121,39 +143,49 @@ impl Air<'_> {
         self.model.evaluate_at(&link, scatter_db)
     }
 
+    /// The scatter (dB) that both directions share.
     #[inline]
-    fn draw(&self, receiver: usize, frame: usize, pair: &mut PairState) -> f64 {
-        let ends = &self.radios.ends;
-        pair.block.reception(ends[frame].id, ends[receiver].id)
+    #[must_use]
+    pub fn shared_db(&self, a: usize, b: usize, pair: &mut PairState) -> f64 {
+        if let Some(shared_db) = pair.shared_db {
+            return shared_db;
+        }
+        // A shared value depends on no frame.
+        let at = self.moment(a, b, self.period_ns);
+        let (a, b) = (self.radios.id[a], self.radios.id[b]);
+        let mut shared_db = 0.0;
+        for scatter in self.model.symmetric_scatters() {
+            shared_db += scatter.value_db(&mut pair.block, a, b, at);
+        }
+        pair.shared_db = Some(shared_db);
+        shared_db
     }
 
-    /// Sum of all scatter (dB): first what both directions share, then what belongs to this one.
+    #[inline]
+    fn draw(&self, receiver: usize, frame: usize, pair: &mut PairState) -> f64 {
+        pair.draw(self.radios.id[frame], self.radios.id[receiver])
+    }
+
+    /// Sum of all scatter (dB): what both directions share, and what belongs to this one.
     #[inline]
     fn scatter_db(&self, receiver: usize, frame: usize, pair: &mut PairState) -> f64 {
-        let scatters = self.model.scatters();
-        if scatters.is_empty() {
-            return 0.0;
+        let shared_db = self.shared_db(receiver, frame, pair);
+        let directed = self.model.directed_scatters();
+        if directed.is_empty() {
+            return shared_db;
         }
-        let Radios { ends, way_m, frames } = self.radios;
-        let (sender_id, receiver_id) = (ends[frame].id, ends[receiver].id);
-        let at = Moment {
-            period_ns: self.period_ns,
-            sent_ns: frames[frame].sent_ns,
-            way_m: way_m[frame] + way_m[receiver],
-        };
-        let mut sum = |symmetric: bool| {
-            let mut sum_db = 0.0;
-            for scatter in scatters.iter().filter(|scatter| scatter.is_symmetric() == symmetric) {
-                sum_db += scatter.value_db(&mut pair.block, sender_id, receiver_id, at);
-            }
-            sum_db
-        };
-        let shared_db = match pair.symmetric_db {
-            Some(shared_db) => shared_db,
-            None => sum(true),
-        };
-        let own_db = sum(false);
-        pair.symmetric_db = Some(shared_db);
+        let at = self.moment(receiver, frame, self.radios.frames[frame].sent_ns);
+        let (sender, receiver) = (self.radios.id[frame], self.radios.id[receiver]);
+        let mut own_db = 0.0;
+        for scatter in directed {
+            own_db += scatter.value_db(&mut pair.block, sender, receiver, at);
+        }
         shared_db + own_db
+    }
+
+    #[inline]
+    fn moment(&self, a: usize, b: usize, sent_ns: u64) -> Moment {
+        let way_m = &self.radios.way_m;
+        Moment { period_ns: self.period_ns, sent_ns, way_m: way_m[a] + way_m[b] }
     }
 }

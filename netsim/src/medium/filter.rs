@@ -40,27 +40,16 @@ fn place(channel: Option<u8>) -> usize {
     channel.map_or(0, |channel| usize::from(channel) - 10)
 }
 
-/// A model's fate of links over the square of their distance.
+/// Bounds on the fate of links over the square of their distance.
 #[derive(Clone, Debug)]
 pub struct Filter {
     first_key: u64,
-    /// Mean power (dBm), or probability, at the near edge of each cell, and at the far edge of the last.
+    /// Mean power (dBm), or stated probability, at the near edge of each cell and at the far edge of the last; then twice
+    /// nothing at all, for what lies beyond.
     edges: Vec<f64>,
     curve: Option<CurveGrid>,
+    /// The most that scatter adds or takes (dB).
     max_scatter_db: f64,
-}
-
-/// What a filter knows of a link.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fate {
-    /// It fails.
-    Never,
-    /// It succeeds.
-    Always,
-    /// The probability lies between these.
-    Within(f64, f64),
-    /// The mean power lies between these (dBm): scatter decides.
-    MeanWithin(f64, f64),
 }
 
 /// Bits of the mantissa that a key keeps: cells are 1/256 of their size wide.
@@ -70,6 +59,7 @@ const MARGIN: f64 = 1e-9;
 /// More cells than this are not worth their memory: such a model is evaluated plainly.
 const MOST_CELLS: u64 = 1 << 16;
 
+#[inline]
 fn key(distance_squared_m2: f64) -> u64 {
     distance_squared_m2.to_bits() >> (52 - MANTISSA_BITS)
 }
@@ -87,20 +77,22 @@ impl Filter {
         }
         let scene = Scene::default();
         let mut by_curve = false;
-        let edges = (first_key..=last_key + 1)
-            .map(|key| {
-                let distance_m = f64::from_bits(key << (52 - MANTISSA_BITS)).sqrt();
-                let [sender, receiver] = [0.0, distance_m].map(|x| End::at(0, [x, 0.0, 0.0]));
-                let mut link = model.link(&scene, sender, receiver, channel, 0);
-                link.distance_m = distance_m.max(model.min_distance_m);
-                match model.propagation.predict(&link).reception {
-                    Reception::ByCurve => {
-                        by_curve = true;
-                        model.evaluate(&link).rssi_dbm
-                    }
-                    Reception::Stated(_) => model.evaluate(&link).reception_probability,
+        let value_at = |key: u64| {
+            let distance_m = f64::from_bits(key << (52 - MANTISSA_BITS)).sqrt();
+            let [sender, receiver] = [0.0, distance_m].map(|x| End::at(0, [x, 0.0, 0.0]));
+            let link = model.link(&scene, sender, receiver, channel, 0);
+            let budget = model.evaluate(&link);
+            match model.propagation.predict(&link).reception {
+                Reception::ByCurve => {
+                    by_curve = true;
+                    budget.rssi_dbm
                 }
-            })
+                Reception::Stated(_) => budget.reception_probability,
+            }
+        };
+        let edges = (first_key..=last_key + 1)
+            .map(value_at)
+            .chain([f64::NEG_INFINITY, f64::NEG_INFINITY])
             .collect();
         Some(Self {
             first_key,
@@ -110,43 +102,47 @@ impl Filter {
         })
     }
 
-    /// What is known of a link from the square of its distance (m²).
+    /// Bounds, low and high, on the mean power (dBm) or stated probability of a link, from the square of its distance (m²).
     #[inline]
     #[must_use]
-    pub fn fate(&self, distance_squared_m2: f64) -> Fate {
+    pub fn bounds(&self, distance_squared_m2: f64) -> (f64, f64) {
         let cell = key(distance_squared_m2).saturating_sub(self.first_key) as usize;
-        let Some(&low) = self.edges.get(cell + 1) else { return Fate::Never };
-        let high = self.edges[cell];
+        let cell = cell.min(self.edges.len() - 2);
+        (self.edges[cell + 1], self.edges[cell])
+    }
+
+    /// Whether a link with this upper bound fails whatever is drawn.
+    #[inline]
+    #[must_use]
+    pub fn is_impossible(&self, high: f64) -> bool {
         match &self.curve {
-            None if high <= 0.0 => Fate::Never,
-            None if 1.0 <= low => Fate::Always,
-            None => Fate::Within(low - MARGIN, high + MARGIN),
-            Some(curve) => {
-                if high + self.max_scatter_db + MARGIN < curve.floor_dbm {
-                    Fate::Never
-                } else if curve.certain_dbm <= low - self.max_scatter_db - MARGIN {
-                    Fate::Always
-                } else {
-                    Fate::MeanWithin(low, high)
-                }
-            }
+            None => high <= 0.0,
+            Some(curve) => high + self.max_scatter_db + MARGIN < curve.floor_dbm,
         }
     }
 
-    /// What is known where the mean lies within `low` and `high` and scatter adds `scatter_db`.
+    /// Whether a link with this lower bound succeeds whatever is drawn.
     #[inline]
     #[must_use]
-    pub fn fate_at(&self, low: f64, high: f64, scatter_db: f64) -> Fate {
-        let Some(curve) = &self.curve else { return Fate::Within(0.0, 1.0) };
-        let low = curve.at_most(low + scatter_db - MARGIN);
-        let high = curve.at_least(high + scatter_db + MARGIN);
-        if high <= 0.0 {
-            Fate::Never
-        } else if 1.0 <= low {
-            Fate::Always
-        } else {
-            Fate::Within(low - MARGIN, high + MARGIN)
+    pub fn is_certain(&self, low: f64) -> bool {
+        match &self.curve {
+            None => 1.0 <= low,
+            Some(curve) => curve.certain_dbm <= low - self.max_scatter_db - MARGIN,
         }
+    }
+
+    /// Bounds on the probability where the mean lies between `low` and `high` and scatter adds `scatter_db`.
+    #[inline]
+    #[must_use]
+    pub fn probability(&self, (low, high): (f64, f64), scatter_db: f64) -> (f64, f64) {
+        let (low, high) = match &self.curve {
+            None => (low, high),
+            Some(curve) => (
+                curve.at_most(low + scatter_db - MARGIN),
+                curve.at_least(high + scatter_db + MARGIN),
+            ),
+        };
+        (low - MARGIN, high + MARGIN)
     }
 }
 
@@ -156,7 +152,10 @@ struct CurveGrid {
     floor_dbm: f64,
     /// From here on reception is certain; infinite if it never is.
     certain_dbm: f64,
+    /// First 0, for powers below the floor; then the curve from the floor on.
     values: Vec<f64>,
+    /// Index of the last value but one.
+    last_step: f64,
 }
 
 const STEPS_PER_DB: f64 = 32.0;
@@ -166,31 +165,34 @@ impl CurveGrid {
         let curve = &model.curve;
         let (floor_dbm, ceiling_dbm) = (curve.floor_dbm(), curve.ceiling_dbm());
         let n = ((ceiling_dbm - floor_dbm) * STEPS_PER_DB).ceil() as usize + 2;
-        let values = (0..n)
-            .map(|i| curve.reception_probability(floor_dbm + i as f64 / STEPS_PER_DB))
+        let on_grid = |i: usize| floor_dbm + i as f64 / STEPS_PER_DB;
+        let values: Vec<f64> = std::iter::once(0.0)
+            .chain((0..n).map(|i| curve.reception_probability(on_grid(i))))
             .collect();
+        let last_step = (values.len() - 2) as f64;
         let certain = 1.0 <= curve.reception_probability(ceiling_dbm);
         let certain_dbm = if certain { ceiling_dbm } else { f64::INFINITY };
-        Self { floor_dbm, certain_dbm, values }
+        Self { floor_dbm, certain_dbm, values, last_step }
     }
 
     /// No more than the probability at a power.
     #[inline]
     fn at_most(&self, rssi_dbm: f64) -> f64 {
-        if rssi_dbm < self.floor_dbm {
-            return 0.0;
-        }
-        let step = ((rssi_dbm - self.floor_dbm) * STEPS_PER_DB) as usize;
-        self.values[step.min(self.values.len() - 1)]
+        self.values[self.step(rssi_dbm)]
     }
 
     /// No less than the probability at a power.
     #[inline]
     fn at_least(&self, rssi_dbm: f64) -> f64 {
-        if rssi_dbm < self.floor_dbm {
-            return 0.0;
-        }
-        let step = ((rssi_dbm - self.floor_dbm) * STEPS_PER_DB) as usize + 1;
-        self.values[step.min(self.values.len() - 1)]
+        let step = self.step(rssi_dbm);
+        self.values[step + usize::from(step != 0)]
+    }
+
+    /// 0 below the floor, 1 in the first step of the grid, and so on. Bounded as a number, not as an index: that makes no
+    /// branch, which random powers would mislead. The cast takes what is negative for 0.
+    #[inline]
+    fn step(&self, rssi_dbm: f64) -> usize {
+        let step = (rssi_dbm - self.floor_dbm) * STEPS_PER_DB + 1.0;
+        step.min(self.last_step) as u32 as usize
     }
 }

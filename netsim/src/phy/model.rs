@@ -32,6 +32,7 @@ pub struct Model {
     /// Distances below this (m) count as this.
     pub min_distance_m: f64,
     scatters: Vec<Scatter>,
+    n_symmetric: usize,
 }
 
 impl Model {
@@ -52,13 +53,15 @@ impl Model {
             ordinal: 0,
             directed: true,
         });
-        let scatters = propagation
+        let mut scatters: Vec<Scatter> = propagation
             .scatter()
             .into_iter()
             .chain(effects.iter().filter_map(|effect| effect.scatter()))
             .chain(noise)
             .collect();
-        Self { propagation, effects, curve, radio, min_distance_m, scatters }
+        scatters.sort_by_key(|scatter| !scatter.is_symmetric());
+        let n_symmetric = scatters.iter().filter(|scatter| scatter.is_symmetric()).count();
+        Self { propagation, effects, curve, radio, min_distance_m, scatters, n_symmetric }
     }
 
     /// Describes a link. `channel`: 11 to 26, if it is known.
@@ -119,10 +122,22 @@ impl Model {
         LinkBudget { rssi_dbm, register_rssi_dbm, reception_probability: survival * reception }
     }
 
-    /// What varies at random about the mean level.
+    /// What varies at random about the mean level: first what both directions of a link share, then the rest.
     #[must_use]
     pub fn scatters(&self) -> &[Scatter] {
         &self.scatters
+    }
+
+    /// The part of [`Model::scatters`] that both directions of a link share.
+    #[must_use]
+    pub fn symmetric_scatters(&self) -> &[Scatter] {
+        &self.scatters[..self.n_symmetric]
+    }
+
+    /// The part of [`Model::scatters`] that each direction of a link has for itself.
+    #[must_use]
+    pub fn directed_scatters(&self) -> &[Scatter] {
+        &self.scatters[self.n_symmetric..]
     }
 
     /// The most that scatter adds (dB).

@@ -69,12 +69,13 @@ pub struct Moment {
 
 /// The random words that a pair of motes shares in a control period: whether the frame in either direction is received,
 /// and levels that are redrawn each period or frame. One block of the generator serves them all, drawn when first asked.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PairBlock {
     seed: u64,
     pair: u64,
     period_ns: u64,
-    words: Option<[u64; 4]>,
+    is_drawn: bool,
+    words: [u64; 4],
 }
 
 impl PairBlock {
@@ -82,28 +83,44 @@ impl PairBlock {
     #[inline]
     #[must_use]
     pub fn new(seed: u64, a: u32, b: u32, period_ns: u64) -> Self {
-        Self { seed, pair: unordered_link(a, b), period_ns, words: None }
+        Self { seed, pair: unordered_link(a, b), period_ns, is_drawn: false, words: [0; 4] }
     }
 
     /// Uniform in [0, 1): a frame is received if this is less than its probability.
     #[inline]
     pub fn reception(&mut self, sender: u32, receiver: u32) -> f64 {
-        uniform(self.words()[usize::from(receiver < sender)])
+        let [low_to_high, high_to_low, ..] = self.words();
+        uniform(if sender < receiver { low_to_high } else { high_to_low })
     }
 
     /// Uniform in [0, 1): the level of this period, or of the frame of this direction.
     #[inline]
     fn level(&mut self, sender: u32, receiver: u32, per_frame: bool) -> f64 {
-        uniform(self.words()[2 + usize::from(per_frame && receiver < sender)])
+        let [_, _, first, second] = self.words();
+        uniform(if per_frame && receiver < sender { second } else { first })
     }
 
+    /// Reception from the lower number, from the higher; level of the period and of the frame from the lower number, level
+    /// of the frame from the higher.
     #[inline]
-    fn words(&mut self) -> [u64; 4] {
-        let Self { seed, pair, period_ns, .. } = *self;
-        *self
-            .words
-            .get_or_insert_with(|| Draws::new(seed, Purpose::Reception).words(pair, period_ns, 0))
+    pub fn words(&mut self) -> [u64; 4] {
+        if !self.is_drawn {
+            let draws = Draws::new(self.seed, Purpose::Reception);
+            self.words = draws.words(self.pair, self.period_ns, 0);
+            self.is_drawn = true;
+        }
+        self.words
     }
+}
+
+/// Which word of a [`PairBlock`] is the level of the period.
+pub const LEVEL_WORD: usize = 2;
+
+/// A uniform contribution (dB) of this span at a level in [0, 1].
+#[inline]
+#[must_use]
+pub fn level_db(span_db: f64, level: f64) -> f64 {
+    span_db * (level - 0.5)
 }
 
 impl Scatter {
@@ -127,21 +144,33 @@ impl Scatter {
     #[must_use]
     pub fn value_db(&self, block: &mut PairBlock, sender: u32, receiver: u32, at: Moment) -> f64 {
         match self.law {
-            Law::Uniform { span_db } => span_db * (self.level(block, sender, receiver, at) - 0.5),
+            Law::Uniform { span_db } => level_db(span_db, self.level(block, sender, receiver, at)),
             Law::Normal { sd_db } => {
                 sd_db * self.deviate(block.seed, sender, receiver, at).clamp(-CLIP_SD, CLIP_SD)
             }
         }
     }
 
+    /// Its span (dB), if it is the level of the period in the [`PairBlock`].
+    #[must_use]
+    pub fn period_span_db(&self) -> Option<f64> {
+        match (self.law, self.renewal) {
+            (Law::Uniform { span_db }, Renewal::Period) if self.shares_block() => Some(span_db),
+            _ => None,
+        }
+    }
+
+    /// Whether its draws per period and frame are words of the [`PairBlock`].
+    fn shares_block(&self) -> bool {
+        self.purpose == Purpose::RandomnessLevel && self.ordinal == 0 && !self.directed
+    }
+
     /// A uniform number in [0, 1].
     #[inline]
     fn level(&self, block: &mut PairBlock, sender: u32, receiver: u32, at: Moment) -> f64 {
-        let shares_block =
-            self.purpose == Purpose::RandomnessLevel && self.ordinal == 0 && !self.directed;
         match self.renewal {
-            Renewal::Period if shares_block => block.level(sender, receiver, false),
-            Renewal::Frame if shares_block => block.level(sender, receiver, true),
+            Renewal::Period if self.shares_block() => block.level(sender, receiver, false),
+            Renewal::Frame if self.shares_block() => block.level(sender, receiver, true),
             // Gaussian copula: the normal's distribution function makes a uniform number of it.
             Renewal::Frozen | Renewal::Period | Renewal::Frame | Renewal::Coherence { .. } => {
                 let z = self.deviate(block.seed, sender, receiver, at);
