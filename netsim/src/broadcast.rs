@@ -176,7 +176,6 @@ impl Broadcast {
     }
 
     /// What is added to heights (m): that of the antennas, where all positions are planar.
-    #[expect(clippy::float_cmp, reason = "planar means exactly 0")]
     fn lift_m(&self, states: &AgentStates) -> f64 {
         let planar = states.alive.iter_ones().all(|agent| states.z_m[agent] == 0.0);
         if planar { self.config.antenna_height_m } else { 0.0 }

@@ -37,8 +37,11 @@ pub struct Entry {
     /// Its name and keys.
     pub variant: Variant,
     /// Makes it of its checked table, or adds problems with keys under the given path.
-    pub build: fn(&toml::Table, &str, &mut Vec<Problem>) -> Option<Box<dyn Curve>>,
+    pub build: Build,
 }
+
+/// Makes a curve of its checked table, or adds problems with keys under the given path.
+pub type Build = fn(&toml::Table, &str, &mut Vec<Problem>) -> Option<Box<dyn Curve>>;
 
 /// All curves.
 pub const LIST: &[Entry] = &[table::ENTRY, o_qpsk::ENTRY];

@@ -1,0 +1,144 @@
+//! What is refused, and in which words.
+
+use super::harness::{setup, started, text};
+use netsim::sim::Network;
+use proto::config::{Node, parse};
+use proto::side::{NetSimulator as _, Setup};
+
+fn refusal(setup: &Setup) -> String {
+    let mut network = Network::default();
+    match network.configure(setup) {
+        Err(problems) => text(&problems),
+        Ok(_) => "accepted".to_owned(),
+    }
+}
+
+fn refusal_of(config: &str) -> String {
+    refusal(&setup(10, config))
+}
+
+#[test]
+fn every_problem_is_named_at_once() {
+    let config = "mod = \"propagation-only\"\nslot_duration_s = 0.03\nabsent = [3, 10, 3]\nhopping_sequence = [11, 27]\n\
+        [phy]\npropagation = \"unit-disk\"\nraduis_m = 3\ntx_power_dbm = \"high\"\nmin_distance_m = -0.1\ncarrier_hz = nan\n\
+        exponent = 2.0\n[phy.reception]\nkind = \"o-qpks\"\n[[phy.effect]]\nkind = \"shadowing\"\n[[phy.effect]]\n\
+        sd_db = 2\n[[phy.effect]]\nkind = \"system-gain\"\ngain_db = 1000\n";
+    insta::assert_snapshot!(refusal_of(config), @r#"
+    netsim.hopping_sequence[1]: must be a whole number from 11 to 26, got 27 (nearest valid: 26)
+    netsim.phy.radius_m: is missing: must be a number, greater than 0
+    netsim.phy.tx_power_dbm: must be a number, from -100 to 60, got "high"
+    netsim.phy.carrier_hz: must be a finite number, from 1000000 to 1000000000000, got NaN
+    netsim.phy.min_distance_m: must be from 0.001 to 1000, got -0.1 (nearest valid: 0.001)
+    netsim.phy.reception.kind: must be one of "table", "o-qpsk", got "o-qpks" (nearest valid: "o-qpsk")
+    netsim.phy.effect[0].sd_db: is missing: must be a number, from 0 to 20
+    netsim.phy.effect[1].kind: is missing: one of "shadowing", "system-gain"
+    netsim.phy.effect[2].gain_db: must be from -100 to 100, got 1000 (nearest valid: 100)
+    netsim.phy.raduis_m: is not a known key (nearest valid: radius_m)
+    netsim.phy.exponent: does not go with propagation = "unit-disk", only with "log-distance"
+    netsim.mod: is not a known key (nearest valid: mode)
+    netsim.slot_duration_s: must divide the control period, 0.1 s, into whole slots, got 0.03 (nearest valid: 0.025)
+    netsim.absent[1]: must be a mote, 0 to 9, got 10 (nearest valid: 9)
+    netsim.absent[2]: must not be listed twice, got 3
+    "#);
+}
+
+#[test]
+fn a_table_of_reception_must_rise() {
+    let config = "[phy.reception]\npoints = [[-90, 0.5], [-95, 0.7], [-80, 0.6], [-70, 1.5]]\n";
+    insta::assert_snapshot!(refusal_of(config), @r#"
+    netsim.phy.reception.points[3]: must have a probability from 0 to 1, got 1.5 (nearest valid: 1)
+    netsim.phy.reception.points[1]: must have a greater RSSI than the point before, -90, got -95
+    netsim.phy.reception.points[2]: must not be less probable than the point before, 0.7, got 0.6 (nearest valid: 0.7)
+    "#);
+    insta::assert_snapshot!(refusal_of("[phy.reception]\npoints = [[-90, 0.5]]\n"), @r#"netsim.phy.reception.points: must have 2 to 10000 entries, got [[-90, 0.5]]"#);
+}
+
+#[test]
+fn negative_and_impossible_sizes_are_refused() {
+    let config = "[phy]\npropagation = \"unit-disk\"\nradius_m = -3\n";
+    insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.radius_m: must be greater than 0, got -3 (nearest valid: 3)"#);
+    let config = "[phy]\npropagation = \"nearest-k\"\nk = -1\n";
+    insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.k: must be a whole number from 0 to 1000000, got -1 (nearest valid: 0)"#);
+    let config = "[phy]\npropagation = \"freis\"\n";
+    insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.propagation: must be one of "experimental-randomness", "friis", "full", "gaussian", "line-of-sight", "log-distance", "nearest-k", "probabilistic-disk", "trace", "unit-disk", got "freis" (nearest valid: "friis")"#);
+}
+
+#[test]
+fn a_trace_must_come_along_be_whole_and_fit_the_experiment() {
+    let config = "[phy]\npropagation = \"trace\"\nfile = \"a.k7\"\n";
+    insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.file: names a file that was not sent along: its content must come with the configuration, got "a.k7""#);
+    let mut setup = setup(10, config);
+    setup.files.insert("a.k7".to_owned(), "{}".into());
+    insta::assert_snapshot!(refusal(&setup), @r#"netsim.phy.file: is not a K7 trace: a.k7: line 1: must be a JSON object with start_date, stop_date, channels, node_count: missing field `start_date` at line 1 column 2"#);
+    let text = "{\"start_date\": \"2018-01-11T16:32:22.0\", \"stop_date\": \"2018-01-11T16:42:22.0\", \
+        \"channels\": [11, 12], \"node_count\": 2}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n";
+    setup.files.insert("a.k7".to_owned(), text.into());
+    insta::assert_snapshot!(refusal(&setup), @r#"
+    netsim.phy.file: has 2 nodes: the experiment must have as many agents, got 10 (nearest valid: 2)
+    netsim.phy.file: was not measured on every channel of netsim.hopping_sequence: 16, 17, 23, 18, 26, 15, 25, 22, 19, 13, 24, 14, 20, 21 missing, there are [11, 12]
+    "#);
+}
+
+#[test]
+fn what_has_no_influence_is_warned_of() {
+    let config = "[phy]\npropagation = \"full\"\n[phy.reception]\nkind = \"o-qpsk\"\n";
+    let (_, start) = started(&setup(2, config));
+    insta::assert_snapshot!(start.warnings.join("\n"), @r#"netsim.phy.reception has no influence: propagation = "full" states itself what is received"#);
+}
+
+#[test]
+fn the_effective_configuration_is_complete_and_means_the_same() {
+    let (_, start) = started(&setup(10, ""));
+    insta::assert_snapshot!(start.effective.to_string(), @r#"
+    mode = "propagation-only"
+    slot_duration_s = 0.01
+
+    [phy]
+    propagation = "friis"
+    tx_power_dbm = 0.0
+    tx_antenna_gain_dbi = 0.0
+    rx_antenna_gain_dbi = 0.0
+    carrier_hz = 2440000000.0
+    min_distance_m = 0.1
+
+    [phy.reception]
+    kind = "table"
+    "#);
+    for config in [
+        "",
+        "[phy]\npropagation = \"log-distance\"\nexponent = 3",
+        "absent = [1]\n[[phy.effect]]\nkind = \"shadowing\"\nsd_db = 2",
+    ] {
+        let (first, start) = started(&setup(10, config));
+        let (again, _) = started(&setup(10, &start.effective.to_string()));
+        assert_eq!(first.snapshot(), again.snapshot(), "{config}");
+    }
+}
+
+#[test]
+fn files_are_listed_before_they_are_read() {
+    let node: Node = parse("[phy]\npropagation = \"trace\"\nfile = \"a.k7\"\n").unwrap();
+    let files = netsim::config::files(&node, "netsim");
+    assert_eq!(files.len(), 1);
+    assert_eq!((files[0].key.as_str(), files[0].path.as_str()), ("netsim.phy.file", "a.k7"));
+    assert_eq!(netsim::config::files(&Node::empty_table(), "netsim"), []);
+}
+
+#[test]
+fn a_failed_configuration_leaves_the_simulator_as_it_was() {
+    let (mut network, _) = started(&setup(10, ""));
+    let before = network.snapshot();
+    assert!(network.configure(&setup(10, "slot_duration_s = 0.03")).is_err());
+    assert_eq!(network.snapshot(), before);
+}
+
+#[test]
+fn the_schema_lists_every_model_and_effect() {
+    let schema = Network::config_schema_json();
+    for entry in netsim::phy::propagation::LIST {
+        assert!(schema.contains(&format!("{:?}", entry.variant.name)), "{}", entry.variant.name);
+    }
+    for entry in netsim::phy::effect::LIST {
+        assert!(schema.contains(&format!("{:?}", entry.variant.name)), "{}", entry.variant.name);
+    }
+}
