@@ -221,9 +221,8 @@ fn nanoseconds(text: &str) -> Option<i128> {
         (number(date.next()?, 4..=4)?, number(date.next()?, 2..=2)?, number(date.next()?, 2..=2)?);
     let mut time = time.split(':');
     let (hour, minute) = (number(time.next()?, 2..=2)?, number(time.next()?, 2..=2)?);
-    let (second, fraction) = match time.next()? {
-        text => text.split_once('.').unwrap_or((text, "0")),
-    };
+    let seconds = time.next()?;
+    let (second, fraction) = seconds.split_once('.').unwrap_or((seconds, "0"));
     let second = number(second, 2..=2)?;
     let micros = number(fraction, 1..=6)? * 10i128.pow(6 - fraction.len() as u32);
     let leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
@@ -245,8 +244,8 @@ fn nanoseconds(text: &str) -> Option<i128> {
     // Days since the first of March of year 0, the leap day being the last of its year.
     let (y, m) = if month <= 2 { (year - 1, month + 9) } else { (year, month - 3) };
     let days = 365 * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day - 1 - 719_468;
-    let seconds = ((days * 24 + hour) * 60 + minute) * 60 + second;
-    Some((seconds * 1_000_000 + micros) * 1000)
+    let total_s = ((days * 24 + hour) * 60 + minute) * 60 + second;
+    Some((total_s * 1_000_000 + micros) * 1000)
 }
 
 #[cfg(test)]

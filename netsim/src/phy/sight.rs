@@ -122,6 +122,9 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::phy::link::Scene;
+    use crate::phy::nearest::Grid;
+    use proptest::prelude::*;
 
     fn path(from_m: [f64; 3], to_m: [f64; 3]) -> Path {
         Path { from_m, to_m }
@@ -170,6 +173,34 @@ mod tests {
         assert!(path([0.0, 0.0, 0.0], [10.0, 0.0, 1.0]).is_cut_by_obstacle(&obstacle));
         obstacle.height_m = Some(0.35);
         assert!(!path([0.0, 0.0, 0.0], [10.0, 0.0, 1.0]).is_cut_by_obstacle(&obstacle));
+    }
+
+    proptest! {
+        #[test]
+        fn a_grid_finds_the_same_blockers(
+            places in prop::collection::vec(prop::array::uniform3(-9.0..9.0f64), 2..60),
+            body_radius_m in 0.05..1.0f64,
+        ) {
+            let agents: Vec<End> =
+                (0..).zip(&places).map(|(id, &position_m)| End::at(id, position_m)).collect();
+            let mut grid = Grid::default();
+            grid.build_for(&agents, 4);
+            let without = Scene { agents: &agents, ..Scene::default() };
+            let with = Scene { agents: &agents, grid: Some(grid), ..Scene::default() };
+            let link = |scene| Link {
+                sender: agents[0],
+                receiver: agents[1],
+                distance_m: 1.0,
+                channel: None,
+                frequency_hz: 2.44e9,
+                time_ns: 0,
+                scene,
+            };
+            prop_assert_eq!(
+                is_blocked_by_body(&link(&without), body_radius_m),
+                is_blocked_by_body(&link(&with), body_radius_m)
+            );
+        }
     }
 
     #[test]

@@ -15,7 +15,8 @@ fn scattered(n: usize, side_m: f64, seed: u64) -> AgentStates {
     at(&places)
 }
 
-const MODELS: [&str; 9] = [
+const MODELS: [&str; 10] = [
+    "propagation = \"nearest-k\"\nk = 5",
     "propagation = \"full\"",
     "propagation = \"friis\"\ntx_power_dbm = -40",
     "propagation = \"unit-disk\"\nradius_m = 6",

@@ -39,7 +39,7 @@ struct Keys {
 ///
 /// # Validity
 ///
-/// An abstraction. Distances below `min_distance_m` count as that.
+/// An abstraction. Distances below `min_distance_m` count as that: a smaller radius reaches nobody.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitDisk {
     /// The radius (m).
