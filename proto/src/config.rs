@@ -2,7 +2,7 @@
 //!
 //! A section is described once, as a [`TableSpec`]: its keys, their meaning, unit, range and default. From that one
 //! description come the checks ([`check`], which collects every problem instead of stopping at the first), the
-//! effective configuration with defaults filled in, and the JSON Schema ([`schema`]). A checked table deserialises into
+//! effective configuration with defaults filled in, and the JSON Schema ([`json_schema`]). A checked table deserialises into
 //! the section's typed struct without further questions.
 
 mod check;

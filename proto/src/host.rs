@@ -1,8 +1,8 @@
 //! The shell around a simulator: gRPC service, lifecycle, TLS, readiness and shutdown.
 //!
 //! [`RobotHost`] and [`NetHost`] turn a [`crate::side`] object into the service of the contract: they check every request
-//! before the simulator sees it, count steps, answer a repeated step from memory and compute the digest. [`serve`] puts
-//! such a service on a listening socket together with health and reflection.
+//! before the simulator sees it, count steps, answer a repeated step from memory and compute the digest.
+//! [`serve_robots`] and [`serve_network`] put such a service on a listening socket together with health and reflection.
 
 mod lifecycle;
 mod network;
