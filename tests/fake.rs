@@ -47,7 +47,11 @@ impl Faulty {
     /// If no port is free.
     #[must_use]
     pub fn robots(fault: Fault) -> Self {
-        let host = FaultyRobots { inner: RobotHost::new(robotsim::sim::Swarm::default()), fault, silent: Silence::default() };
+        let host = FaultyRobots {
+            inner: RobotHost::new(robotsim::sim::Swarm::default()),
+            fault,
+            silent: Silence::default(),
+        };
         Self::serve(move |server| server.add_service(RobotSimServiceServer::new(host)))
     }
 
@@ -58,16 +62,25 @@ impl Faulty {
     /// If no port is free.
     #[must_use]
     pub fn network(fault: Fault) -> Self {
-        let host = FaultyNetwork { inner: NetHost::new(netsim::sim::Network::default()), fault, silent: Silence::default() };
+        let host = FaultyNetwork {
+            inner: NetHost::new(netsim::sim::Network::default()),
+            fault,
+            silent: Silence::default(),
+        };
         Self::serve(move |server| server.add_service(NetSimServiceServer::new(host)))
     }
 
     fn serve(
-        add: impl FnOnce(&mut tonic::transport::Server) -> tonic::transport::server::Router + Send + 'static,
+        add: impl FnOnce(&mut tonic::transport::Server) -> tonic::transport::server::Router
+        + Send
+        + 'static,
     ) -> Self {
         let (tell, told) = std::sync::mpsc::channel::<SocketAddr>();
         std::thread::spawn(move || {
-            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()
+                .expect("a runtime");
             runtime.block_on(async {
                 let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
                 tell.send(listener.local_addr().expect("an address")).expect("the test waits");
@@ -147,7 +160,10 @@ macro_rules! faulty {
                 self.inner.configure(request).await
             }
 
-            async fn step(&self, request: Request<v1::$step>) -> Result<Response<v1::$stepped>, Status> {
+            async fn step(
+                &self,
+                request: Request<v1::$step>,
+            ) -> Result<Response<v1::$stepped>, Status> {
                 let step = request.get_ref().step;
                 let mut response = self.inner.step(request).await?;
                 if step < STEP {
@@ -186,7 +202,8 @@ macro_rules! faulty {
                 Ok(reply)
             }
 
-            type SessionStream = futures::stream::BoxStream<'static, Result<v1::$sessioned, Status>>;
+            type SessionStream =
+                futures::stream::BoxStream<'static, Result<v1::$sessioned, Status>>;
 
             async fn session(
                 &self,

@@ -67,7 +67,10 @@ pub fn run(config: &Path, out: &Path, args: &[&str]) -> PathBuf {
     let output = orchestrator(&[&["run", config, "--out", out_text], args].concat(), out);
     assert!(output.status.success(), "{}", said(&output));
     let stdout = String::from_utf8_lossy(&output.stdout);
-    let dir = stdout.lines().find_map(|line| line.strip_prefix("results in ")).expect("it says where the results are");
+    let dir = stdout
+        .lines()
+        .find_map(|line| line.strip_prefix("results in "))
+        .expect("it says where the results are");
     PathBuf::from(dir)
 }
 

@@ -30,7 +30,9 @@ fn messages(path: &Path) -> Vec<u8> {
     for message in mcap::MessageStream::new(&bytes).expect("an MCAP file") {
         let message = message.expect("a whole message");
         content.extend_from_slice(message.channel.topic.as_bytes());
-        content.extend_from_slice(message.channel.schema.as_ref().map_or("", |schema| &schema.name).as_bytes());
+        content.extend_from_slice(
+            message.channel.schema.as_ref().map_or("", |schema| &schema.name).as_bytes(),
+        );
         content.extend_from_slice(&message.sequence.to_le_bytes());
         content.extend_from_slice(&message.log_time.to_le_bytes());
         content.extend_from_slice(&message.publish_time.to_le_bytes());
@@ -47,7 +49,11 @@ fn messages(path: &Path) -> Vec<u8> {
 pub fn assert_same(a: &Path, b: &Path) {
     let (in_a, in_b) = (of(a), of(b));
     assert_eq!(in_a.keys().collect::<Vec<_>>(), in_b.keys().collect::<Vec<_>>(), "other files");
-    assert!(in_a.contains_key("run.mcap") && in_a.contains_key("summary.json"), "{:?}", in_a.keys());
+    assert!(
+        in_a.contains_key("run.mcap") && in_a.contains_key("summary.json"),
+        "{:?}",
+        in_a.keys()
+    );
     for (name, content) in &in_a {
         let other = &in_b[name];
         let first = content.iter().zip(other).position(|(x, y)| x != y);

@@ -108,8 +108,11 @@ pub struct Table {
 /// A side cannot be started or fails, or the recording of a row cannot be written.
 pub async fn bench(options: &BenchOptions) -> Result<Table, RunError> {
     let mut cells = Vec::new();
-    let modes: &[Mode] =
-        if options.all { &[Mode::Sequential, Mode::Parallel, Mode::Recording] } else { &[Mode::Sequential] };
+    let modes: &[Mode] = if options.all {
+        &[Mode::Sequential, Mode::Parallel, Mode::Recording]
+    } else {
+        &[Mode::Sequential]
+    };
     for figures in &ROWS {
         if !options.agents.is_empty() && !options.agents.contains(&figures.agents) {
             continue;
@@ -136,7 +139,12 @@ fn plan(agents: u32, model: Model, mode: Mode) -> Result<Plan, RunError> {
     Ok(config::read(Path::new("bench"), text, &Overrides::default())?)
 }
 
-async fn measure(agents: u32, model: Model, mode: Mode, options: &BenchOptions) -> Result<Cell, RunError> {
+async fn measure(
+    agents: u32,
+    model: Model,
+    mode: Mode,
+    options: &BenchOptions,
+) -> Result<Cell, RunError> {
     let plan = plan(agents, model, mode)?;
     let started = start(&plan, &options.start, false).await?;
     let mut coupled = started.coupled;
@@ -159,7 +167,14 @@ async fn measure(agents: u32, model: Model, mode: Mode, options: &BenchOptions) 
     }
     times_ms.sort_by(f64::total_cmp);
     let quantile = |q: f64| times_ms[((times_ms.len() - 1) as f64 * q) as usize];
-    Ok(Cell { agents, model, mode, n_steps: times_ms.len(), median_ms: quantile(0.5), p90_ms: quantile(0.9) })
+    Ok(Cell {
+        agents,
+        model,
+        mode,
+        n_steps: times_ms.len(),
+        median_ms: quantile(0.5),
+        p90_ms: quantile(0.9),
+    })
 }
 
 /// Wall time of each step (ms) after a few that warm up.
@@ -189,7 +204,9 @@ async fn steps(
             .advance(until_ns, recorder.is_some())
             .await
             .map_err(|error| RunError::Side { error, kept: None })?;
-        if let (Some(recorder), Some(robots), Some(net)) = (recorder.as_mut(), &outcome.robots, &outcome.network) {
+        if let (Some(recorder), Some(robots), Some(net)) =
+            (recorder.as_mut(), &outcome.robots, &outcome.network)
+        {
             recorder
                 .step(StepRecord {
                     step: outcome.step,
@@ -240,9 +257,18 @@ impl Table {
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "Wall time per control step (ms), both processes and gRPC included. Every robot jumps at random;")?;
-        writeln!(f, "square of 10 m, for the disk a disc of 0.22 robots per m². BotNet: one process, no RPC, measured")?;
-        writeln!(f, "elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full.")?;
+        writeln!(
+            f,
+            "Wall time per control step (ms), both processes and gRPC included. Every robot jumps at random;"
+        )?;
+        writeln!(
+            f,
+            "square of 10 m, for the disk a disc of 0.22 robots per m². BotNet: one process, no RPC, measured"
+        )?;
+        writeln!(
+            f,
+            "elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full."
+        )?;
         writeln!(f)?;
         writeln!(
             f,
@@ -251,7 +277,9 @@ impl fmt::Display for Table {
         )?;
         for cell in &self.cells {
             let figures = Figures::of(cell.agents);
-            let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| value.to_string());
+            let number = |value: Option<f64>| {
+                value.map_or_else(|| "-".to_owned(), |value| value.to_string())
+            };
             let botnet_ms = figures.and_then(|figures| figures.botnet_ms(cell.model));
             writeln!(
                 f,
@@ -264,7 +292,8 @@ impl fmt::Display for Table {
                 number(figures.and_then(|figures| figures.to_reach_ms(cell.model))),
                 number(botnet_ms),
                 number(figures.and_then(|figures| figures.paper_ms(cell.model))),
-                botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.1}", peer / cell.median_ms)),
+                botnet_ms
+                    .map_or_else(|| "-".to_owned(), |peer| format!("{:.1}", peer / cell.median_ms)),
             )?;
         }
         Ok(())

@@ -188,10 +188,16 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let result = match cli.command {
         Command::Netsim(options) => {
-            return served(serve_network(netsim::sim::Network::default(), &options.args(cli.log, cli.log_json)));
+            return served(serve_network(
+                netsim::sim::Network::default(),
+                &options.args(cli.log, cli.log_json),
+            ));
         }
         Command::Robotsim(options) => {
-            return served(serve_robots(robotsim::sim::Swarm::default(), &options.args(cli.log, cli.log_json)));
+            return served(serve_robots(
+                robotsim::sim::Swarm::default(),
+                &options.args(cli.log, cli.log_json),
+            ));
         }
         command => init_logging(&cli.log, cli.log_json)
             .map_err(Failure::request)
@@ -230,8 +236,12 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         }
         Command::Verify(args) => verify_command(&args),
         Command::Bench(args) => {
-            let options =
-                BenchOptions { agents: args.agents, steps: args.steps, all: args.all, start: start(args.threads)? };
+            let options = BenchOptions {
+                agents: args.agents,
+                steps: args.steps,
+                all: args.all,
+                start: start(args.threads)?,
+            };
             let table = on_runtime(bench::bench(&options))?.map_err(Failure::work)?;
             say(&table);
             write_json(args.json.as_deref(), &table.to_json())
@@ -242,8 +252,10 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
 
 /// One thread suffices: the work is in the simulators, and handing over between threads would cost more than it gains.
 fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
-    let runtime =
-        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::work)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::work)?;
     Ok(runtime.block_on(work))
 }
 
@@ -298,7 +310,8 @@ fn highlights(summary: &Value) -> Vec<String> {
         lines.push(format!("{baseline}: robots knew the true state of all others"));
     }
     if let Some(speed_mps) = task["flock_speed_mps"].as_f64() {
-        let leader = task["leader_speed_mps"].as_f64().map(|leader| format!(" (the leader's: {leader:.2})"));
+        let leader =
+            task["leader_speed_mps"].as_f64().map(|leader| format!(" (the leader's: {leader:.2})"));
         lines.push(format!("flock speed {speed_mps:.2} m/s{}", leader.unwrap_or_default()));
     }
     if let Some(step) = task["completed_at_step"].as_u64() {
@@ -310,7 +323,10 @@ fn highlights(summary: &Value) -> Vec<String> {
     if let (Some(ratio), Some(heard)) =
         (network["delivery_ratio"].as_f64(), network["mean_neighbours_heard"].as_f64())
     {
-        lines.push(format!("{:.1} % of frames delivered, {heard:.1} neighbours heard on average", ratio * 100.0));
+        lines.push(format!(
+            "{:.1} % of frames delivered, {heard:.1} neighbours heard on average",
+            ratio * 100.0
+        ));
     }
     lines
 }
@@ -330,7 +346,9 @@ fn check_command(args: &FileArgs) -> Result<(), Failure> {
     ));
     for (section, side) in [("robotsim", &plan.robotsim), ("netsim", &plan.netsim)] {
         if let Some(url) = &side.url {
-            say(format!("[{section}] is not checked here: the simulator at {url} does when the experiment runs"));
+            say(format!(
+                "[{section}] is not checked here: the simulator at {url} does when the experiment runs"
+            ));
         }
     }
     let found = serde_json::json!({
@@ -359,20 +377,28 @@ fn verify_command(args: &VerifyArgs) -> Result<(), Failure> {
     });
     write_json(args.json.as_deref(), &found)?;
     let (files, steps, digests) = (report.files.len(), report.steps, report.digests);
-    let counted = format!("{files} files whole, {steps} steps, {digests} digests computed again and equal");
+    let counted =
+        format!("{files} files whole, {steps} steps, {digests} digests computed again and equal");
     if report.problems.is_empty() {
         say(format!("{}: good. {counted}", args.run.display()));
         Ok(())
     } else {
-        Err(Failure::work(format!("{}: {} problems; {counted}", args.run.display(), report.problems.len())))
+        Err(Failure::work(format!(
+            "{}: {} problems; {counted}",
+            args.run.display(),
+            report.problems.len()
+        )))
     }
 }
 
 /// Writes a file in one piece: under another name first.
 fn write_json(path: Option<&Path>, value: &Value) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
-    let failed = |error: &dyn std::fmt::Display| Failure::work(format!("--json {}: {error}", path.display()));
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let failed = |error: &dyn std::fmt::Display| {
+        Failure::work(format!("--json {}: {error}", path.display()))
+    };
+    let folder =
+        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let file = tempfile::NamedTempFile::new_in(folder).map_err(|error| failed(&error))?;
     std::fs::write(file.path(), format!("{value:#}\n")).map_err(|error| failed(&error))?;
     file.persist(path).map(|_| ()).map_err(|error| failed(&error))

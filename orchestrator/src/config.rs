@@ -8,7 +8,9 @@ pub use refusal::Refusal;
 
 use crate::record::{self, OutputConfig};
 use bytes::Bytes;
-use proto::config::{self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, Value};
+use proto::config::{
+    self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, Value,
+};
 use proto::side::Setup;
 use proto::site::{self, Site};
 use proto::types::{Coupling, Experiment, NS_PER_S};
@@ -51,7 +53,10 @@ pub const EXPERIMENT: TableSpec = TableSpec {
                     name: "sequential",
                     doc: "Robots act on what was heard and move, then the network runs over their new positions.",
                 },
-                Choice { name: "parallel", doc: "Both run at the same time; what robots hear is one period older." },
+                Choice {
+                    name: "parallel",
+                    doc: "Both run at the same time; what robots hear is one period older.",
+                },
             ]),
             default: Default::Text("sequential"),
         },
@@ -62,7 +67,10 @@ pub const EXPERIMENT: TableSpec = TableSpec {
             kind: Kind::Either(&[
                 Kind::Choice(&[
                     Choice { name: "slotframe", doc: "As many slots as there are agents." },
-                    Choice { name: "packet", doc: "Whenever a packet was delivered, at the latest every slotframe." },
+                    Choice {
+                        name: "packet",
+                        doc: "Whenever a packet was delivered, at the latest every slotframe.",
+                    },
                 ]),
                 Kind::Table(&control::SPEC),
             ]),
@@ -78,8 +86,14 @@ pub const EXPERIMENT: TableSpec = TableSpec {
             key: "transport",
             doc: "How steps cross. Results do not depend on it.",
             kind: Kind::Choice(&[
-                Choice { name: "auto", doc: "One stream where a simulator announces it, else single calls." },
-                Choice { name: "stream", doc: "One stream; refused if a simulator does not announce it." },
+                Choice {
+                    name: "auto",
+                    doc: "One stream where a simulator announces it, else single calls.",
+                },
+                Choice {
+                    name: "stream",
+                    doc: "One stream; refused if a simulator does not announce it.",
+                },
                 Choice { name: "unary", doc: "Single calls." },
             ]),
             default: Default::Text("auto"),
@@ -104,8 +118,18 @@ pub const EXPERIMENT: TableSpec = TableSpec {
 const TLS: TableSpec = TableSpec {
     doc: "Certificates, as paths of PEM files.",
     fields: &[
-        Field { key: "ca", doc: "Authority that signed the simulators' certificates.", kind: Kind::Text, default: Default::Required },
-        Field { key: "cert", doc: "Our own certificate, where they ask for one.", kind: Kind::Text, default: Default::Absent },
+        Field {
+            key: "ca",
+            doc: "Authority that signed the simulators' certificates.",
+            kind: Kind::Text,
+            default: Default::Required,
+        },
+        Field {
+            key: "cert",
+            doc: "Our own certificate, where they ask for one.",
+            kind: Kind::Text,
+            default: Default::Absent,
+        },
         Field { key: "key", doc: "Its private key.", kind: Kind::Text, default: Default::Absent },
     ],
     tag: None,
@@ -231,8 +255,8 @@ pub fn load(path: &Path, overrides: &Overrides) -> Result<Plan, Refusal> {
 ///
 /// Every problem it has, with its place.
 pub fn read(path: &Path, text: String, overrides: &Overrides) -> Result<Plan, Refusal> {
-    let mut tree =
-        config::parse(&text).map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
+    let mut tree = config::parse(&text)
+        .map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
     let mut problems = Vec::new();
     for assignment in &overrides.set {
         if let Err(problem) = set(&mut tree, assignment) {
@@ -247,7 +271,9 @@ pub fn read(path: &Path, text: String, overrides: &Overrides) -> Result<Plan, Re
                 }
             }
             Err(_) => problems.push(
-                Problem::new("--seed", format!("must be at most {}", i64::MAX)).value(seed).nearest(i64::MAX),
+                Problem::new("--seed", format!("must be at most {}", i64::MAX))
+                    .value(seed)
+                    .nearest(i64::MAX),
             ),
         }
     }
@@ -307,13 +333,15 @@ fn foreign(what: &str) -> serde_json::Value {
 
 fn missing_file(path: &Path) -> String {
     let sibling = path.file_name().and_then(|wanted| {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder =
+            path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut names: Vec<String> = std::fs::read_dir(folder)
             .ok()?
             .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
             .collect();
         names.sort();
-        let nearest = config::most_similar(wanted.to_str()?, names.iter().map(String::as_str))?.to_owned();
+        let nearest =
+            config::most_similar(wanted.to_str()?, names.iter().map(String::as_str))?.to_owned();
         Some(path.with_file_name(nearest))
     });
     match sibling {
@@ -354,7 +382,8 @@ fn plan(
                 let mut problem = Problem::new(key, "is not a known section");
                 problem.nearest = config::most_similar(key, SECTIONS).map(str::to_owned);
                 if problem.nearest.is_none() {
-                    problem.message = format!("is not a known section: there are {}", SECTIONS.join(", "));
+                    problem.message =
+                        format!("is not a known section: there are {}", SECTIONS.join(", "));
                 }
                 problems.push(problem);
             }
@@ -362,7 +391,8 @@ fn plan(
     }
     let empty = Node::empty_table();
     let section = |key: &str| tree.get(key).unwrap_or(&empty);
-    let experiment_table = config::check(section("experiment"), "experiment", &EXPERIMENT, problems).table;
+    let experiment_table =
+        config::check(section("experiment"), "experiment", &EXPERIMENT, problems).table;
     let (site, site_table) = site::read(section("site"), "site", problems);
     let (output, output_table) = record::output::read(section("output"), "output", problems);
 
@@ -380,7 +410,8 @@ fn plan(
     let integer = |key: &str| experiment_table.get(key).and_then(toml::Value::as_integer);
     let number = |key: &str| experiment_table.get(key).and_then(toml::Value::as_float);
     let agents = integer("agents").and_then(|agents| usize::try_from(agents).ok());
-    let parallel = experiment_table.get("coupling").and_then(toml::Value::as_str) == Some("parallel");
+    let parallel =
+        experiment_table.get("coupling").and_then(toml::Value::as_str) == Some("parallel");
     let slot_ns = slot_ns(section("netsim"));
     let control =
         control::read(&experiment_table, agents.unwrap_or(1), slot_ns, parallel, problems);
@@ -396,11 +427,13 @@ fn plan(
             (_, false) => Coupling::Sequential,
         },
     };
-    let mut sides = Sides { base, site: &site, experiment: &experiment, known: agents.is_some(), problems };
+    let mut sides =
+        Sides { base, site: &site, experiment: &experiment, known: agents.is_some(), problems };
     let robotsim = sides.read(
         section("robotsim"),
         "robotsim",
         overrides.robotsim_url.as_ref(),
+        &robotsim::config::SPEC,
         robotsim::config::files,
         |setup| robotsim::config::read(setup).map(|_| Vec::new()),
     );
@@ -408,6 +441,7 @@ fn plan(
         section("netsim"),
         "netsim",
         overrides.netsim_url.as_ref(),
+        &netsim::config::SPEC,
         netsim::config::files,
         |setup| netsim::config::read(setup).map(|(_, _, warnings)| warnings),
     );
@@ -461,11 +495,13 @@ fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>) ->
         (Some(cert), Some(key)) => Some((cert, key)),
         (None, None) => None,
         (Some(_), None) => {
-            problems.push(Problem::new("experiment.tls.key", "is missing: cert and key go together"));
+            problems
+                .push(Problem::new("experiment.tls.key", "is missing: cert and key go together"));
             None
         }
         (None, Some(_)) => {
-            problems.push(Problem::new("experiment.tls.cert", "is missing: cert and key go together"));
+            problems
+                .push(Problem::new("experiment.tls.cert", "is missing: cert and key go together"));
             None
         }
     };
@@ -504,6 +540,7 @@ impl Sides<'_> {
         node: &Node,
         path: &str,
         url_override: Option<&String>,
+        spec: &TableSpec,
         files: fn(&Node, &str) -> Vec<FileReference>,
         check: impl Fn(&Setup) -> Result<Vec<String>, Vec<Problem>>,
     ) -> (SideConfig, Vec<String>) {
@@ -521,7 +558,9 @@ impl Sides<'_> {
             (Some(url), _) => self.url(&format!("--{path}"), url),
             (None, Some((_, Value::Text(url)))) => self.url(&format!("{path}.url"), &url),
             (None, Some((shown, _))) => {
-                self.problems.push(Problem::new(format!("{path}.url"), "must be a text in quotes").value(shown));
+                self.problems.push(
+                    Problem::new(format!("{path}.url"), "must be a text in quotes").value(shown),
+                );
                 None
             }
             (None, None) => None,
@@ -552,7 +591,9 @@ impl Sides<'_> {
             }
         }
         let mut warnings = Vec::new();
-        if url.is_none() && self.known {
+        if url.is_none() && !self.known {
+            config::check(&own, path, spec, self.problems);
+        } else if url.is_none() {
             let setup = Setup {
                 experiment: self.experiment.clone(),
                 site: self.site.clone(),
@@ -565,7 +606,8 @@ impl Sides<'_> {
                 Ok(found) => warnings = found,
                 Err(found) => {
                     // A file that is missing was reported above; what its stand-in lacks is no news.
-                    let reported: Vec<String> = self.problems.iter().map(|p| p.path.clone()).collect();
+                    let reported: Vec<String> =
+                        self.problems.iter().map(|p| p.path.clone()).collect();
                     self.problems.extend(found.into_iter().filter(|p| !reported.contains(&p.path)));
                 }
             }
@@ -576,11 +618,13 @@ impl Sides<'_> {
 
     fn url(&mut self, path: &str, url: &str) -> Option<String> {
         let host = url.strip_prefix("http://").or_else(|| url.strip_prefix("https://"));
-        if host.is_some_and(|host| !host.is_empty()) && tonic::transport::Endpoint::from_shared(url.to_owned()).is_ok() {
+        if host.is_some_and(|host| !host.is_empty())
+            && tonic::transport::Endpoint::from_shared(url.to_owned()).is_ok()
+        {
             return Some(url.to_owned());
         }
-        let mut problem =
-            Problem::new(path, "must be http://HOST:PORT or https://HOST:PORT").value(format!("{url:?}"));
+        let mut problem = Problem::new(path, "must be http://HOST:PORT or https://HOST:PORT")
+            .value(format!("{url:?}"));
         if host.is_none() && !url.contains("://") && !url.is_empty() {
             problem = problem.nearest(format!("\"http://{url}\""));
         }

@@ -41,7 +41,8 @@ impl Progress {
                 "{bar:30} step {pos}/{len}  {msg} simulated  {per_sec}  {eta} left",
             )
             .unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::with_draw_target(Some(n_steps), ProgressDrawTarget::stderr_with_hz(10)).with_style(style)
+            ProgressBar::with_draw_target(Some(n_steps), ProgressDrawTarget::stderr_with_hz(10))
+                .with_style(style)
         });
         let now = Instant::now();
         Self { bar, n_steps, begun: now, shown: now }

@@ -7,7 +7,9 @@ use crate::peer::{Network, Peer, Robots, SideError, Standing};
 use bytes::Bytes;
 use proto::convert::{self, InvalidField};
 use proto::digest::{self, Digest};
-use proto::types::{AgentCommand, AgentStates, Coupling, Deliveries, Experiment, MovedObstacle, Payloads};
+use proto::types::{
+    AgentCommand, AgentStates, Coupling, Deliveries, Experiment, MovedObstacle, Payloads,
+};
 use proto::v1;
 
 /// Both simulators, configured, and what was exchanged last.
@@ -110,8 +112,10 @@ impl Coupled {
             Coupling::Parallel => {
                 let to_robots = self.robots_request(step, until_ns, given.as_ref());
                 let to_network = self.network_request(step, until_ns, false);
-                let (robots_reply, network_reply) =
-                    tokio::join!(self.robots.step(step, to_robots), self.network.step(step, to_network));
+                let (robots_reply, network_reply) = tokio::join!(
+                    self.robots.step(step, to_robots),
+                    self.network.step(step, to_network)
+                );
                 let mut robots_reply = robots_reply?;
                 used = Some(self.states.clone());
                 self.take_robots_reply(step, until_ns, &mut robots_reply, n)?;
@@ -184,7 +188,13 @@ impl Coupled {
             let (step, time_ns) = (self.step, self.time_ns);
             let digest: Digest = self.agreed[..].try_into().unwrap_or_default();
             result = async {
-                check("robotsim", &self.robots.barrier(step, time_ns).await?, step, time_ns, &digest)?;
+                check(
+                    "robotsim",
+                    &self.robots.barrier(step, time_ns).await?,
+                    step,
+                    time_ns,
+                    &digest,
+                )?;
                 check("netsim", &self.network.barrier(step, time_ns).await?, step, time_ns, &digest)
             }
             .await;
@@ -310,7 +320,13 @@ fn standing(streams: bool, step: u64, time_ns: u64, digest: &mut Bytes) -> Optio
     streams.then_some(Standing { step, time_ns, digest })
 }
 
-fn stands_at(side: &'static str, step: u64, time_ns: u64, got_step: u64, got_ns: u64) -> Result<(), SideError> {
+fn stands_at(
+    side: &'static str,
+    step: u64,
+    time_ns: u64,
+    got_step: u64,
+    got_ns: u64,
+) -> Result<(), SideError> {
     if got_step != step {
         return Err(SideError::WrongStep { side, expected: step, got: got_step });
     }
@@ -333,7 +349,11 @@ fn check(
             side,
             step,
             expected: digest::hex(digest),
-            got: if standing.digest.is_empty() { "missing".to_owned() } else { digest::hex(&standing.digest) },
+            got: if standing.digest.is_empty() {
+                "missing".to_owned()
+            } else {
+                digest::hex(&standing.digest)
+            },
         });
     }
     Ok(())

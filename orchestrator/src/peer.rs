@@ -76,14 +76,20 @@ impl<S: Service> Peer<S> {
             let client = S::client(channel);
             let described = tokio::time::timeout(SETUP, S::describe(client.clone()))
                 .await
-                .map_err(|_| SideError::Hangs { side: S::SIDE, doing: "Describe".to_owned(), waited: SETUP })?
-                .map_err(|status| not_a_simulator(S::SIDE, &url, &status))?;
+                .map_err(|_| SideError::Hangs {
+                    side: S::SIDE,
+                    doing: "Describe".to_owned(),
+                    waited: SETUP,
+                })?
+                .map_err(|status| not_a_simulator(S::SIDE, &url, reach.tls.as_ref(), &status))?;
             Ok((client, described))
         }
         .await;
         let (client, described) = match (connected, &mut child) {
             (Ok(connected), _) => connected,
-            (Err(error), Some(child)) => return Err(child.explain(S::SIDE, "starting", error).await),
+            (Err(error), Some(child)) => {
+                return Err(child.explain(S::SIDE, "starting", error).await);
+            }
             (Err(error), None) => return Err(error),
         };
         if described.contract_version != proto::CONTRACT_VERSION {
@@ -160,7 +166,11 @@ impl<S: Service> Peer<S> {
     /// # Errors
     ///
     /// It fails, hangs, refuses, or breaks the protocol.
-    pub async fn step(&mut self, step: u64, request: S::StepRequest) -> Result<S::StepResponse, SideError> {
+    pub async fn step(
+        &mut self,
+        step: u64,
+        request: S::StepRequest,
+    ) -> Result<S::StepResponse, SideError> {
         let doing = format!("step {step}");
         if !self.streams {
             let call = S::step(self.client.clone(), request);
@@ -220,7 +230,11 @@ impl<S: Service> Peer<S> {
                 session = Some(Session { calls, replies });
             }
             let session = session.as_mut().ok_or_else(closed)?;
-            session.replies.message().await?.ok_or_else(|| Status::unavailable("it closed the stream"))
+            session
+                .replies
+                .message()
+                .await?
+                .ok_or_else(|| Status::unavailable("it closed the stream"))
         };
         let reply = self.wait(doing, exchange).await?;
         self.session = session;
@@ -267,7 +281,11 @@ impl<S: Service> Peer<S> {
         }
     }
 
-    async fn explain<T>(&mut self, doing: String, result: Result<T, Status>) -> Result<T, SideError> {
+    async fn explain<T>(
+        &mut self,
+        doing: String,
+        result: Result<T, Status>,
+    ) -> Result<T, SideError> {
         let status = match result {
             Ok(value) => return Ok(value),
             Err(status) => status,
@@ -275,14 +293,28 @@ impl<S: Service> Peer<S> {
         let error = match status.code() {
             // Transport failures, which tonic reports under these codes.
             Code::Unavailable | Code::Unknown | Code::Cancelled | Code::Internal
-                if std::error::Error::source(&status).is_some() || status.code() == Code::Unavailable =>
+                if std::error::Error::source(&status).is_some()
+                    || status.code() == Code::Unavailable =>
             {
-                SideError::Lost { side: S::SIDE, url: self.url.clone(), doing: doing.clone(), reason: cause(&status) }
+                SideError::Lost {
+                    side: S::SIDE,
+                    url: self.url.clone(),
+                    doing: doing.clone(),
+                    reason: cause(&status),
+                }
             }
-            Code::Internal if status.message().contains("protobuf") || status.message().contains("decode") => {
-                SideError::Garbage { side: S::SIDE, doing: doing.clone(), reason: status.message().to_owned() }
+            Code::Internal
+                if status.message().contains("protobuf") || status.message().contains("decode") =>
+            {
+                SideError::Garbage {
+                    side: S::SIDE,
+                    doing: doing.clone(),
+                    reason: status.message().to_owned(),
+                }
             }
-            _ => SideError::Refused { side: S::SIDE, doing: doing.clone(), status: Box::new(status) },
+            _ => {
+                SideError::Refused { side: S::SIDE, doing: doing.clone(), status: Box::new(status) }
+            }
         };
         Err(match &mut self.child {
             Some(child) => child.explain(S::SIDE, &doing, error).await,
@@ -302,10 +334,26 @@ pub struct Standing {
     pub digest: bytes::Bytes,
 }
 
-fn not_a_simulator(side: &'static str, url: &str, status: &Status) -> SideError {
+fn not_a_simulator(side: &'static str, url: &str, tls: Option<&Tls>, status: &Status) -> SideError {
+    if url.starts_with("https://") && status.code() != Code::Unimplemented {
+        // A server that wants a certificate of ours says so after its own part of the handshake, or not at all.
+        let hint = match tls.and_then(|tls| tls.identity.as_ref()) {
+            Some(_) => "it may not accept our certificate",
+            None => {
+                "it may ask for a certificate: --tls-cert and --tls-key, or [experiment.tls] cert and key"
+            }
+        };
+        return SideError::Unreachable {
+            side,
+            url: url.to_owned(),
+            reason: format!("{}; {hint}", cause(status)),
+        };
+    }
     let found = match status.code() {
         Code::Unimplemented => "a gRPC server without that service".to_owned(),
-        Code::Unavailable => return SideError::Unreachable { side, url: url.to_owned(), reason: cause(status) },
+        Code::Unavailable => {
+            return SideError::Unreachable { side, url: url.to_owned(), reason: cause(status) };
+        }
         _ => format!("something that does not speak gRPC ({})", cause(status)),
     };
     SideError::NotASimulator { side, url: url.to_owned(), found }
@@ -336,7 +384,10 @@ async fn channel(side: &'static str, url: &str, tls: Option<&Tls>) -> Result<Cha
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES);
     if url.starts_with("https://") {
         let tls = tls.ok_or_else(|| {
-            unreachable("https needs the authority's certificate: --tls-ca or [experiment.tls] ca".to_owned())
+            unreachable(
+                "https needs the authority's certificate: --tls-ca or [experiment.tls] ca"
+                    .to_owned(),
+            )
         })?;
         let read = |path: &std::path::Path| {
             std::fs::read(path).map_err(|error| SideError::Certificate {
@@ -344,7 +395,8 @@ async fn channel(side: &'static str, url: &str, tls: Option<&Tls>) -> Result<Cha
                 reason: error.to_string(),
             })
         };
-        let mut config = ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(&tls.ca)?));
+        let mut config =
+            ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(&tls.ca)?));
         if let Some((cert, key)) = &tls.identity {
             config = config.identity(Identity::from_pem(read(cert)?, read(key)?));
         }

@@ -10,10 +10,10 @@ use crate::config::{self, Overrides, Plan, Refusal};
 use crate::console::Progress;
 use crate::coupling::Coupled;
 use crate::peer::SideError;
-use crate::record::{Ending, Finished, RecordError, Recorder, Status, StepRecord};
+use crate::record::{self, Ending, Finished, RecordError, Recorder, Status, StepRecord};
 use interrupt::Interrupt;
 use proto::types::NS_PER_S;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// What to run and where to put it.
@@ -54,7 +54,9 @@ pub enum RunError {
 }
 
 fn kept_text(kept: &Option<Box<Finished>>) -> String {
-    kept.as_ref().map_or_else(String::new, |kept| format!("\nwhat was recorded until then is in {}", kept.dir.display()))
+    kept.as_ref().map_or_else(String::new, |kept| {
+        format!("\nwhat was recorded until then is in {}", kept.dir.display())
+    })
 }
 
 impl RunError {
@@ -102,8 +104,19 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
     let plan = config::load(&options.config, &options.overrides)?;
     let mut interrupt = Interrupt::listen();
     // A place for the results first: what cannot be written is not worth computing.
-    probe(&options.out, &plan.name).map_err(|error| RunError::Record { error, before_start: true })?;
-    let started = start(&plan, &options.start, true).await?;
+    let out_existed = options.out.exists();
+    record::probe(&options.out, &plan.name)
+        .map_err(|error| RunError::Record { error, before_start: true })?;
+    let started = match start(&plan, &options.start, true).await {
+        Ok(started) => started,
+        Err(error) => {
+            if !out_existed {
+                // Removes nothing but an empty folder.
+                let _ = std::fs::remove_dir(&options.out);
+            }
+            return Err(error);
+        }
+    };
     let provenance = provenance::Provenance::gather(&plan, &started, options);
     let mut coupled = started.coupled;
     let begun = Instant::now();
@@ -142,9 +155,14 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
         .finish(&ending, provenance.finish(n_steps, time_ns, wall_s))
         .map_err(|error| RunError::Record { error, before_start: false })?;
     match failure {
-        None => {
-            Ok(RunReport { finished, n_steps, time_ns, wall_s, interrupted, warnings: started.warnings })
-        }
+        None => Ok(RunReport {
+            finished,
+            n_steps,
+            time_ns,
+            wall_s,
+            interrupted,
+            warnings: started.warnings,
+        }),
         Some(Failure::Side(error)) => Err(RunError::Side { error, kept: Some(Box::new(finished)) }),
         Some(Failure::Record(error)) => Err(RunError::Record { error, before_start: false }),
     }
@@ -152,18 +170,6 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
 
 fn failed(error: &dyn std::error::Error) -> Ending {
     Ending { status: Status::Failed, reason: Some(error.to_string()) }
-}
-
-/// Whether results can be put into `out`: found out before anything is started.
-fn probe(out: &Path, name: &str) -> Result<(), RecordError> {
-    let create = |source| RecordError::Create { path: out.to_owned(), source };
-    std::fs::create_dir_all(out).map_err(create)?;
-    tempfile::Builder::new().prefix(".probe-").tempdir_in(out).map_err(create)?.close().map_err(create)?;
-    let dir = out.join(name);
-    if dir.exists() && !dir.join("provenance.json").exists() {
-        return Err(RecordError::Foreign { path: dir });
-    }
-    Ok(())
 }
 
 enum Stopped {

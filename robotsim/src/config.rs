@@ -97,6 +97,10 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table), Vec<Problem>> {
     let scenario = scenario::build(part(&mut table, "scenario"), &context, &mut problems);
     match (behaviour, scenario) {
         (Some(behaviour), Some(scenario)) if problems.is_empty() => {
+            // Keys that were filled in late stand last: a second walk puts all into the order of their description, so
+            // that an effective configuration is its own effective configuration, to the letter.
+            let node = Node { value: (&toml::Value::Table(table)).into(), span: None };
+            let table = config::check(&node, &setup.path, &SPEC, &mut problems).table;
             Ok((Config { behaviour, scenario }, table))
         }
         (..) => Err(problems),

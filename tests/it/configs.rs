@@ -34,7 +34,14 @@ fn each_is_good_and_leaves_a_record_that_verifies() {
             continue;
         }
         let dir = tests::run(&path, folder.path(), &["--set", "experiment.duration_s=2.0"]);
-        for file in ["config.toml", "run.mcap", "steps.parquet", "summary.json", "report.html", "provenance.json"] {
+        for file in [
+            "config.toml",
+            "run.mcap",
+            "steps.parquet",
+            "summary.json",
+            "report.html",
+            "provenance.json",
+        ] {
             assert!(dir.join(file).exists(), "{} left no {file}", path.display());
         }
         let verified = tests::orchestrator(&["verify", dir.to_str().unwrap()], folder.path());
@@ -46,7 +53,22 @@ fn each_is_good_and_leaves_a_record_that_verifies() {
 fn an_effective_configuration_runs_again_with_the_same_recording() {
     let folder = tests::folder();
     let flocking = tests::repository().join("configs/flocking.toml");
-    let first = tests::run(&flocking, &folder.path().join("a"), &["--set", "experiment.duration_s=1.0"]);
+    let first =
+        tests::run(&flocking, &folder.path().join("a"), &["--set", "experiment.duration_s=1.0"]);
     let second = tests::run(&first.join("config.toml"), &folder.path().join("b"), &[]);
-    tests::recording::assert_same(&first, &second);
+    let third = tests::run(&second.join("config.toml"), &folder.path().join("c"), &[]);
+    let config = |dir: &std::path::Path| std::fs::read_to_string(dir.join("config.toml")).unwrap();
+    assert_eq!(
+        config(&first),
+        config(&second),
+        "an effective configuration is its own effective configuration"
+    );
+    // The second run was asked in more words than the first: with defaults spelled out. All else is the same.
+    let (a, b) = (tests::recording::of(&first), tests::recording::of(&second));
+    for part in
+        ["steps.parquet", "links.parquet", "packets.parquet", "motes.parquet", "summary.json"]
+    {
+        assert!(a[part] == b[part], "{part} differs");
+    }
+    tests::recording::assert_same(&second, &third);
 }

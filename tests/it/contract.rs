@@ -35,7 +35,7 @@ fn robots_setup(seed: u64) -> v1::RobotSimServiceConfigureRequest {
         seed,
         agent_count: AGENTS,
         step_ns: STEP_NS,
-        config_toml: "[controller]\nkind = \"flocking\"\n[scenario]\nkind = \"line\"\n".to_owned(),
+        config_toml: "[controller]\nkind = \"flocking\"\nflock_radius_m = 10.0\n[scenario]\nkind = \"line\"\n".to_owned(),
         ..Default::default()
     }
 }
@@ -94,8 +94,16 @@ async fn the_latest_step_may_be_repeated_and_no_other() {
     let second = network.step(network_step(2)).await.unwrap().into_inner();
     assert_ne!(first.deliveries, second.deliveries, "fading is drawn anew in each period");
     assert_eq!(network.step(network_step(2)).await.unwrap().into_inner(), second);
-    assert_refused(network.step(network_step(1)).await, Code::FailedPrecondition, "step: the next step is 3, got 1");
-    assert_refused(network.step(network_step(4)).await, Code::FailedPrecondition, "step: the next step is 3, got 4");
+    assert_refused(
+        network.step(network_step(1)).await,
+        Code::FailedPrecondition,
+        "step: the next step is 3, got 1",
+    );
+    assert_refused(
+        network.step(network_step(4)).await,
+        Code::FailedPrecondition,
+        "step: the next step is 3, got 4",
+    );
     let mut other = network_step(2);
     other.until_ns += 1;
     assert_refused(network.step(other).await, Code::FailedPrecondition, "until_ns");
@@ -104,7 +112,11 @@ async fn the_latest_step_may_be_repeated_and_no_other() {
     robots.configure(robots_setup(1)).await.unwrap();
     let first = robots.step(robots_step(1)).await.unwrap().into_inner();
     assert_eq!(robots.step(robots_step(1)).await.unwrap().into_inner(), first);
-    assert_refused(robots.step(robots_step(3)).await, Code::FailedPrecondition, "step: the next step is 2, got 3");
+    assert_refused(
+        robots.step(robots_step(3)).await,
+        Code::FailedPrecondition,
+        "step: the next step is 2, got 3",
+    );
 }
 
 #[tokio::test]
@@ -117,11 +129,23 @@ async fn a_refused_step_changes_nothing() {
     }
     type Spoil = fn(&mut v1::NetSimServiceStepRequest);
     let spoilt: [(Spoil, Code, &str); 9] = [
-        (|r| r.until_ns = STEP_NS, Code::FailedPrecondition, "until_ns: must be later than 60000000 ns"),
+        (
+            |r| r.until_ns = STEP_NS,
+            Code::FailedPrecondition,
+            "until_ns: must be later than 60000000 ns",
+        ),
         (|r| r.states = None, Code::InvalidArgument, "states: is missing"),
-        (|r| states(r).x_m[2] = f64::INFINITY, Code::InvalidArgument, "states.x_m[2]: must be finite, got inf"),
+        (
+            |r| states(r).x_m[2] = f64::INFINITY,
+            Code::InvalidArgument,
+            "states.x_m[2]: must be finite, got inf",
+        ),
         (|r| states(r).y_m.truncate(5), Code::InvalidArgument, "states.y_m: must have 6 entries"),
-        (|r| states(r).alive = vec![0xff].into(), Code::InvalidArgument, "states.alive: must be 1 bytes for 6 agents"),
+        (
+            |r| states(r).alive = vec![0xff].into(),
+            Code::InvalidArgument,
+            "states.alive: must be 1 bytes for 6 agents",
+        ),
         (
             |r| r.payloads.as_mut().unwrap().length_bytes[0] = 9,
             Code::InvalidArgument,
@@ -169,7 +193,8 @@ fn jam() -> v1::MoteCommand {
 async fn configure_lists_every_problem_with_its_path() {
     let (_netsim, mut network) = network().await;
     let mut request = network_setup(1);
-    request.config_toml = "[phy]\npropagation = \"unit-disk\"\nradius_m = -3\nradios_m = 1\n".to_owned();
+    request.config_toml =
+        "[phy]\npropagation = \"unit-disk\"\nradius_m = -3\nradios_m = 1\n".to_owned();
     request.site_toml = "[[wall]]\nfrom_m = [0, 0]\nto_m = [0, 0]\n".to_owned();
     let status = network.configure(request).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
@@ -179,17 +204,30 @@ async fn configure_lists_every_problem_with_its_path() {
     };
     assert_eq!(fields(&status), ["site.wall[0].to_m"]);
     let mut request = network_setup(1);
-    request.config_toml = "[phy]\npropagation = \"unit-disk\"\nradius_m = -3\nradios_m = 1\n".to_owned();
+    request.config_toml =
+        "[phy]\npropagation = \"unit-disk\"\nradius_m = -3\nradios_m = 1\n".to_owned();
     let status = network.configure(request).await.unwrap_err();
     assert_eq!(fields(&status), ["phy.radius_m", "phy.radios_m"]);
-    assert!(status.message().contains("phy.radius_m: must be greater than 0, got -3"), "{}", status.message());
+    assert!(
+        status.message().contains("phy.radius_m: must be greater than 0, got -3"),
+        "{}",
+        status.message()
+    );
 
     let mut request = network_setup(1);
     request.agent_count = 0;
-    assert_refused(network.configure(request).await, Code::InvalidArgument, "agent_count: must be at least 1, got 0");
+    assert_refused(
+        network.configure(request).await,
+        Code::InvalidArgument,
+        "agent_count: must be at least 1, got 0",
+    );
     let mut request = network_setup(1);
     request.agent_count = u32::MAX;
-    assert_refused(network.configure(request).await, Code::ResourceExhausted, "agent_count: must be at most");
+    assert_refused(
+        network.configure(request).await,
+        Code::ResourceExhausted,
+        "agent_count: must be at most",
+    );
 }
 
 #[tokio::test]
@@ -223,7 +261,8 @@ async fn a_restored_state_continues_as_if_never_stopped() {
     for step in 1..4 {
         robots.step(robots_step(step)).await.unwrap();
     }
-    let state = robots.snapshot(v1::RobotSimServiceSnapshotRequest {}).await.unwrap().into_inner().state;
+    let state =
+        robots.snapshot(v1::RobotSimServiceSnapshotRequest {}).await.unwrap().into_inner().state;
     let restored = elsewhere
         .restore(v1::RobotSimServiceRestoreRequest { state: state.clone() })
         .await
@@ -244,7 +283,8 @@ async fn a_restored_state_continues_as_if_never_stopped() {
     for step in 1..4 {
         network.step(network_step(step)).await.unwrap();
     }
-    let state = network.snapshot(v1::NetSimServiceSnapshotRequest {}).await.unwrap().into_inner().state;
+    let state =
+        network.snapshot(v1::NetSimServiceSnapshotRequest {}).await.unwrap().into_inner().state;
     network_elsewhere.restore(v1::NetSimServiceRestoreRequest { state }).await.unwrap();
     for step in 4..8 {
         let went_on = network.step(network_step(step)).await.unwrap().into_inner();
@@ -268,7 +308,8 @@ async fn orders_from_outside_take_effect_with_the_next_step_and_are_listed() {
     let reply = robots.command(v1::RobotSimServiceCommandRequest { commands }).await.unwrap();
     assert_eq!(reply.into_inner().applies_at_step, 2);
     let reply = robots.step(robots_step(2)).await.unwrap().into_inner();
-    let sources: Vec<&str> = reply.applied_commands.iter().map(|command| command.source.as_str()).collect();
+    let sources: Vec<&str> =
+        reply.applied_commands.iter().map(|command| command.source.as_str()).collect();
     assert_eq!(sources, ["alpha", "zulu"]);
     assert!((reply.states.unwrap().vx_mps[2] - 2.0).abs() < 1e-12);
     let reply = robots.step(robots_step(3)).await.unwrap().into_inner();
@@ -293,7 +334,10 @@ async fn a_mote_that_is_killed_neither_sends_nor_hears() {
 }
 
 fn heard(reply: &v1::NetSimServiceStepResponse) -> usize {
-    proto::convert::deliveries(reply.deliveries.clone(), AGENTS as usize).unwrap().unwrap().n_deliveries()
+    proto::convert::deliveries(reply.deliveries.clone(), AGENTS as usize)
+        .unwrap()
+        .unwrap()
+        .n_deliveries()
 }
 
 #[tokio::test]
@@ -304,22 +348,30 @@ async fn health_and_reflection_are_served_on_both_sides() {
     use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
     use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
     use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
-    for (name, service) in [("netsim", "cosim.v1.NetSimService"), ("robotsim", "cosim.v1.RobotSimService")] {
+    for (name, service) in
+        [("netsim", "cosim.v1.NetSimService"), ("robotsim", "cosim.v1.RobotSimService")]
+    {
         let server = Server::start(name, &[]).unwrap();
+        let channel = Channel::from_shared(server.url.clone()).unwrap().connect().await.unwrap();
         let request = HealthCheckRequest { service: service.to_owned() };
-        let mut health = HealthClient::connect(server.url.clone()).await.unwrap();
+        let mut health = HealthClient::new(channel.clone());
         let status = health.check(request).await.unwrap().into_inner().status;
         assert_eq!(status, tonic_health::pb::health_check_response::ServingStatus::Serving as i32);
 
-        let mut reflection = ServerReflectionClient::connect(server.url.clone()).await.unwrap();
+        let mut reflection = ServerReflectionClient::new(channel);
         let ask = ServerReflectionRequest {
             host: String::new(),
             message_request: Some(MessageRequest::ListServices(String::new())),
         };
-        let mut answers =
-            reflection.server_reflection_info(tokio_stream::iter([ask])).await.unwrap().into_inner();
+        let mut answers = reflection
+            .server_reflection_info(tokio_stream::iter([ask]))
+            .await
+            .unwrap()
+            .into_inner();
         let answer = answers.message().await.unwrap().unwrap().message_response;
-        let Some(MessageResponse::ListServicesResponse(list)) = answer else { panic!("{answer:?}") };
+        let Some(MessageResponse::ListServicesResponse(list)) = answer else {
+            panic!("{answer:?}")
+        };
         let names: Vec<String> = list.service.into_iter().map(|service| service.name).collect();
         assert!(names.iter().any(|name| name == service), "{names:?}");
     }

@@ -27,7 +27,8 @@ fn variants(check: impl Fn(&str, &[&str], &Path, &Path)) {
     let folder = tests::folder();
     for (index, (name, settings)) in CONFIGS.iter().enumerate() {
         let home = folder.path().join(index.to_string());
-        let reference = run(&config(name), &home.join("reference"), &args(settings, &["--threads", "1"]));
+        let reference =
+            run(&config(name), &home.join("reference"), &args(settings, &["--threads", "1"]));
         check(name, settings, &home, &reference);
     }
 }
@@ -44,7 +45,8 @@ fn threads_do_not_matter() {
 fn streaming_or_single_calls_do_not_matter() {
     variants(|name, settings, home, reference| {
         for transport in ["experiment.transport=unary", "experiment.transport=stream"] {
-            let other = run(&config(name), &home.join(transport), &args(settings, &["--set", transport]));
+            let other =
+                run(&config(name), &home.join(transport), &args(settings, &["--set", transport]));
             assert_same(reference, &other);
         }
     });

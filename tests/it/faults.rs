@@ -18,7 +18,7 @@ fn endless(folder: &Path) -> std::path::PathBuf {
     std::fs::write(
         &path,
         "[experiment]\nname = \"endless\"\nseed = 1\nduration_s = 1e8\nagents = 4\n\
-         [robotsim.controller]\nkind = \"random-jump\"\n[netsim.phy]\npropagation = \"full\"\n\
+         [robotsim.scenario]\nkind = \"line\"\n[robotsim.controller]\nkind = \"random-jump\"\n[netsim.phy]\npropagation = \"full\"\n\
          [output]\nreport = false\nsteps = false\npackets = false\nmotes = false\n",
     )
     .unwrap();
@@ -82,7 +82,8 @@ fn find_child(parent: u32, side: &str) -> Option<u32> {
         // After the name in parentheses: state, parent.
         let its_parent: u32 = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse().ok()?;
         let arguments = std::fs::read(path.join("cmdline")).ok()?;
-        let is_side = arguments.split(|&byte| byte == 0).any(|argument| argument == side.as_bytes());
+        let is_side =
+            arguments.split(|&byte| byte == 0).any(|argument| argument == side.as_bytes());
         (its_parent == parent && is_side).then_some(id)
     })
 }
@@ -94,7 +95,8 @@ fn exists(process: u32) -> bool {
 /// The run failed with one message, kept what it had, and left no process behind.
 fn assert_kept(folder: &Path, ended: &Ended, message: &[&str]) {
     assert_eq!(ended.status, Some(1), "{}", ended.stderr);
-    let errors: Vec<&str> = ended.stderr.lines().filter(|line| line.starts_with("error: ")).collect();
+    let errors: Vec<&str> =
+        ended.stderr.lines().filter(|line| line.starts_with("error: ")).collect();
     assert_eq!(errors.len(), 1, "{}", ended.stderr);
     for part in message {
         assert!(errors[0].contains(part), "{part:?} is not in {:?}", errors[0]);
@@ -123,7 +125,12 @@ fn signalled(side: &str, with: &str, deadline: Duration, message: &[&str]) {
 
 #[test]
 fn robots_that_are_killed_are_named() {
-    signalled("robotsim", "-KILL", Duration::from_secs(5), &["robotsim: its process ended", "SIGKILL"]);
+    signalled(
+        "robotsim",
+        "-KILL",
+        Duration::from_secs(5),
+        &["robotsim: its process ended", "SIGKILL"],
+    );
 }
 
 #[test]
@@ -133,12 +140,22 @@ fn a_network_that_is_killed_is_named() {
 
 #[test]
 fn robots_that_crash_are_named() {
-    signalled("robotsim", "-SEGV", Duration::from_secs(8), &["robotsim: its process ended", "SIGSEGV"]);
+    signalled(
+        "robotsim",
+        "-ABRT",
+        Duration::from_secs(8),
+        &["robotsim: its process ended", "SIGABRT"],
+    );
 }
 
 #[test]
 fn a_network_that_exits_is_named() {
-    signalled("netsim", "-TERM", Duration::from_secs(5), &["netsim: its process ended", "exit status 0"]);
+    signalled(
+        "netsim",
+        "-TERM",
+        Duration::from_secs(5),
+        &["netsim: its process ended", "exit status 0"],
+    );
 }
 
 #[test]
@@ -157,21 +174,28 @@ fn a_side_that_runs_elsewhere_and_dies_is_named() {
     let netsim = tests::Server::start("netsim", &[]).unwrap();
     let run = start(folder.path(), &["--netsim", &netsim.url]);
     let id = run.id();
+    let begun = Instant::now();
     while find_child(id, "robotsim").is_none() {
+        assert!(begun.elapsed() < Duration::from_secs(10), "robotsim was not started");
         std::thread::park_timeout(Duration::from_millis(10));
     }
     std::thread::park_timeout(Duration::from_millis(400));
     let begun = Instant::now();
     drop(netsim);
     let ended = end(run, begun, Duration::from_secs(5));
-    assert_kept(folder.path(), &ended, &["netsim: the connection to http://127.0.0.1:", "was lost"]);
+    assert_kept(
+        folder.path(),
+        &ended,
+        &["netsim: the connection to http://127.0.0.1:", "was lost"],
+    );
 }
 
 /// Runs against a side that breaks the contract in step 3.
 fn lying(side: &str, url: &str, message: &[&str]) {
     let folder = tests::folder();
     let begun = Instant::now();
-    let run = start(folder.path(), &[&format!("--{side}"), url, "--set", "experiment.step_deadline_s=4"]);
+    let run =
+        start(folder.path(), &[&format!("--{side}"), url, "--set", "experiment.step_deadline_s=4"]);
     let ended = end(run, begun, Duration::from_secs(15));
     assert_kept(folder.path(), &ended, message);
     let summary = std::fs::read_to_string(folder.path().join("runs/endless/summary.json")).unwrap();
@@ -183,10 +207,21 @@ fn lying(side: &str, url: &str, message: &[&str]) {
 fn robots_that_lie_are_named() {
     for (fault, message) in [
         (Fault::WrongStep, &["robotsim: answered for step 2 when asked for step 3"][..]),
-        (Fault::WrongTime, &["robotsim: stands at 120000001 ns after step 3, which ends at 120000000 ns"]),
+        (
+            Fault::WrongTime,
+            &["robotsim: stands at 120000001 ns after step 3, which ends at 120000000 ns"],
+        ),
         (Fault::WrongDigest, &["robotsim: its digest of step 3 is abab"]),
-        (Fault::ShortColumn, &["robotsim: gave a malformed answer to step 3: states.x_m: must have 4 entries"]),
-        (Fault::NotANumber, &["robotsim: gave a malformed answer to step 3: states.y_m[0]: must be finite, got NaN"]),
+        (
+            Fault::ShortColumn,
+            &["robotsim: gave a malformed answer to step 3: states.x_m: must have 4 entries"],
+        ),
+        (
+            Fault::NotANumber,
+            &[
+                "robotsim: gave a malformed answer to step 3: states.y_m[0]: must be finite, got NaN",
+            ],
+        ),
         (Fault::Silent, &["robotsim: hangs: no answer to step 3"]),
         (Fault::Slow, &["robotsim: no answer to step 3", "it is alive"]),
     ] {
@@ -198,10 +233,19 @@ fn robots_that_lie_are_named() {
 fn a_network_that_lies_is_named() {
     for (fault, message) in [
         (Fault::WrongStep, &["netsim: answered for step 2 when asked for step 3"][..]),
-        (Fault::WrongTime, &["netsim: stands at 120000001 ns after step 3, which ends at 120000000 ns"]),
+        (
+            Fault::WrongTime,
+            &["netsim: stands at 120000001 ns after step 3, which ends at 120000000 ns"],
+        ),
         (Fault::WrongDigest, &["netsim: its digest of step 3 is abab"]),
-        (Fault::ShortColumn, &["netsim: gave a malformed answer to step 3: deliveries.transmissions.sent_ns"]),
-        (Fault::NotANumber, &["netsim: gave a malformed answer to step 3: deliveries.rssi_dbm: must be finite"]),
+        (
+            Fault::ShortColumn,
+            &["netsim: gave a malformed answer to step 3: deliveries.transmissions.sent_ns"],
+        ),
+        (
+            Fault::NotANumber,
+            &["netsim: gave a malformed answer to step 3: deliveries.rssi_dbm: must be finite"],
+        ),
         (Fault::Silent, &["netsim: hangs: no answer to step 3"]),
         (Fault::Slow, &["netsim: no answer to step 3", "it is alive"]),
     ] {

@@ -18,7 +18,14 @@ fn check(output: &Output, folder: &Path) -> String {
     String::from_utf8_lossy(&output.stderr).replace(folder.to_str().unwrap(), "FOLDER")
 }
 
-const GOOD: &str = "[experiment]\nname = \"x\"\nseed = 1\nduration_s = 1.0\nagents = 3\n";
+const EXPERIMENT: &str = "[experiment]\nname = \"x\"\nseed = 1\nduration_s = 1.0\nagents = 3\n";
+const SCENARIO: &str = "[robotsim.scenario]\nkind = \"line\"\n";
+const CONTROLLER: &str = "[robotsim.controller]\nkind = \"hold\"\n";
+
+/// An experiment with nothing wrong in it.
+fn good() -> String {
+    format!("{EXPERIMENT}{SCENARIO}{CONTROLLER}")
+}
 
 #[test]
 fn misspelt_keys_wrong_types_and_impossible_values_all_at_once() {
@@ -51,10 +58,10 @@ mcap = true
 #[test]
 fn problems_within_both_simulators_sections() {
     let text = format!(
-        "{GOOD}
+        "{EXPERIMENT}
 [robotsim]
 knowledge = \"hear\"
-[robotsim.controller]
+{SCENARIO}[robotsim.controller]
 kind = \"flocking\"
 flock_radius_m = nan
 leader = 7
@@ -77,9 +84,11 @@ kind = \"systemgain\"
 
 #[test]
 fn a_period_that_is_not_whole_slots() {
-    let text = format!("{GOOD}control_period = {{ rate_hz = 30.0 }}\n");
+    let text = format!("{EXPERIMENT}control_period = {{ rate_hz = 30.0 }}\n{SCENARIO}{CONTROLLER}");
     insta::assert_snapshot!(refused("x.toml", &text, &[]));
-    let text = format!("{GOOD}control_period = \"packet\"\ncoupling = \"parallel\"\n");
+    let text = format!(
+        "{EXPERIMENT}control_period = \"packet\"\ncoupling = \"parallel\"\n{SCENARIO}{CONTROLLER}"
+    );
     insta::assert_snapshot!(refused("x.toml", &text, &[]));
 }
 
@@ -91,18 +100,22 @@ fn text_that_is_not_toml() {
 #[test]
 fn files_that_are_missing() {
     let folder = tests::folder();
-    std::fs::write(folder.path().join("flocking.toml"), GOOD).unwrap();
+    std::fs::write(folder.path().join("flocking.toml"), good()).unwrap();
     let output = tests::orchestrator(&["run", "floking.toml"], folder.path());
     insta::assert_snapshot!(check(&output, folder.path()));
-    let text = format!("{GOOD}[netsim.phy]\npropagation = \"trace\"\nfile = \"nowhere.k7\"\n[robotsim.scenario]\nkind = \"csv\"\nfile = \"where.csv\"\n");
+    let text = format!(
+        "{EXPERIMENT}{CONTROLLER}[netsim.phy]\npropagation = \"trace\"\nfile = \"nowhere.k7\"\n[robotsim.scenario]\nkind = \"csv\"\nfile = \"where.csv\"\n"
+    );
     insta::assert_snapshot!(refused("x.toml", &text, &[]));
 }
 
 #[test]
 fn duplicate_agents_in_a_table_of_positions() {
     let folder = tests::folder();
-    std::fs::write(folder.path().join("p.csv"), "agent,x_m,y_m\n0,0,0\n1,1,0\n1,2,0\n2,nan,0\n").unwrap();
-    let text = format!("{GOOD}[robotsim.scenario]\nkind = \"csv\"\nfile = \"p.csv\"\n");
+    std::fs::write(folder.path().join("p.csv"), "agent,x_m,y_m\n0,0,0\n1,1,0\n1,2,0\n2,nan,0\n")
+        .unwrap();
+    let text =
+        format!("{EXPERIMENT}{CONTROLLER}[robotsim.scenario]\nkind = \"csv\"\nfile = \"p.csv\"\n");
     std::fs::write(folder.path().join("x.toml"), text).unwrap();
     let output = tests::orchestrator(&["run", "x.toml"], folder.path());
     insta::assert_snapshot!(check(&output, folder.path()));
@@ -110,16 +123,16 @@ fn duplicate_agents_in_a_table_of_positions() {
 
 #[test]
 fn settings_on_the_command_line() {
-    insta::assert_snapshot!(refused("x.toml", GOOD, &["--set", "netsim.phy.propagaton=friis"]));
-    insta::assert_snapshot!(refused("x.toml", GOOD, &["--set", "experiment.agents"]));
-    insta::assert_snapshot!(refused("x.toml", GOOD, &["--set", "experiment.agents.x=1"]));
+    insta::assert_snapshot!(refused("x.toml", &good(), &["--set", "netsim.phy.propagaton=friis"]));
+    insta::assert_snapshot!(refused("x.toml", &good(), &["--set", "experiment.agents"]));
+    insta::assert_snapshot!(refused("x.toml", &good(), &["--set", "experiment.agents.x=1"]));
 }
 
 #[test]
 fn a_folder_of_results_that_cannot_be_written() {
     // A file stands where the folder should be: that stops even root.
     let folder = tests::folder();
-    std::fs::write(folder.path().join("x.toml"), GOOD).unwrap();
+    std::fs::write(folder.path().join("x.toml"), good()).unwrap();
     std::fs::write(folder.path().join("occupied"), "").unwrap();
     let output = tests::orchestrator(&["run", "x.toml", "--out", "occupied"], folder.path());
     insta::assert_snapshot!(check(&output, folder.path()));
@@ -128,19 +141,22 @@ fn a_folder_of_results_that_cannot_be_written() {
     std::fs::write(folder.path().join("elsewhere/x/thesis.txt"), "precious").unwrap();
     let output = tests::orchestrator(&["run", "x.toml", "--out", "elsewhere"], folder.path());
     insta::assert_snapshot!(check(&output, folder.path()));
-    assert_eq!(std::fs::read_to_string(folder.path().join("elsewhere/x/thesis.txt")).unwrap(), "precious");
+    assert_eq!(
+        std::fs::read_to_string(folder.path().join("elsewhere/x/thesis.txt")).unwrap(),
+        "precious"
+    );
 }
 
 #[test]
 fn urls_that_lead_nowhere_or_elsewhere() {
-    insta::assert_snapshot!(refused("x.toml", GOOD, &["--netsim", "127.0.0.1:50051"]));
+    insta::assert_snapshot!(refused("x.toml", &good(), &["--netsim", "127.0.0.1:50051"]));
     // Port 1 is reserved and nothing listens there.
-    insta::assert_snapshot!(refused("x.toml", GOOD, &["--netsim", "http://127.0.0.1:1"]));
-    insta::assert_snapshot!(refused("x.toml", GOOD, &["--netsim", "https://127.0.0.1:1"]));
+    insta::assert_snapshot!(refused("x.toml", &good(), &["--netsim", "http://127.0.0.1:1"]));
+    insta::assert_snapshot!(refused("x.toml", &good(), &["--netsim", "https://127.0.0.1:1"]));
 
     // The wrong one of the two.
     let robotsim = tests::Server::start("robotsim", &[]).unwrap();
-    let said = refused("x.toml", GOOD, &["--netsim", &robotsim.url]);
+    let said = refused("x.toml", &good(), &["--netsim", &robotsim.url]);
     insta::assert_snapshot!(said.replace(&robotsim.url, "URL"));
 
     // A web server, more or less.
@@ -152,23 +168,27 @@ fn urls_that_lead_nowhere_or_elsewhere() {
             let mut stream = stream.unwrap();
             let mut request = [0; 24];
             let _ = stream.read(&mut request);
-            let _ = stream.write_all(b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
+            let _ = stream.write_all(
+                b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n",
+            );
         }
     });
-    let said = refused("x.toml", GOOD, &["--netsim", &url]);
+    let said = refused("x.toml", &good(), &["--netsim", &url]);
     insta::assert_snapshot!(said.replace(&url, "URL"));
 }
 
 #[test]
 fn a_simulator_that_speaks_another_version() {
     let faulty = tests::fake::Faulty::network(tests::fake::Fault::OtherVersion);
-    insta::assert_snapshot!(refused("x.toml", GOOD, &["--netsim", &faulty.url]));
+    insta::assert_snapshot!(refused("x.toml", &good(), &["--netsim", &faulty.url]));
 }
 
 #[test]
 fn a_refusal_by_a_simulator_elsewhere_stands_on_the_lines_of_the_file() {
     let robotsim = tests::Server::start("robotsim", &[]).unwrap();
-    let text = format!("{GOOD}[robotsim.controller]\nkind = \"flocking\"\nflock_radius_m = -4\n");
+    let text = format!(
+        "{EXPERIMENT}{SCENARIO}[robotsim.controller]\nkind = \"flocking\"\nflock_radius_m = -4\n"
+    );
     insta::assert_snapshot!(refused("x.toml", &text, &["--robotsim", &robotsim.url]));
 }
 
@@ -178,7 +198,8 @@ fn an_address_that_is_taken_or_open_to_all() {
     let address = taken.local_addr().unwrap().to_string();
     for name in ["netsim", "robotsim"] {
         let said = |args: &[&str]| {
-            let output = std::process::Command::new(tests::executable(name)).args(args).output().unwrap();
+            let output =
+                std::process::Command::new(tests::executable(name)).args(args).output().unwrap();
             assert_eq!(output.status.code(), Some(2), "{}", tests::said(&output));
             String::from_utf8_lossy(&output.stderr).replace(&address, "ADDRESS")
         };
@@ -186,7 +207,14 @@ fn an_address_that_is_taken_or_open_to_all() {
         insta::assert_snapshot!(format!("{name}_open"), said(&["--listen", "0.0.0.0:0"]));
         insta::assert_snapshot!(
             format!("{name}_no_certificate"),
-            said(&["--listen", "0.0.0.0:0", "--tls-cert", "nowhere.pem", "--tls-key", "nowhere.pem"])
+            said(&[
+                "--listen",
+                "0.0.0.0:0",
+                "--tls-cert",
+                "nowhere.pem",
+                "--tls-key",
+                "nowhere.pem"
+            ])
         );
     }
 }

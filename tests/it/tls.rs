@@ -1,6 +1,8 @@
 //! Simulators behind TLS: encrypted, checked on both ends, and with the same recording as without.
 
-use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, ExtendedKeyUsagePurpose, IsCa, KeyPair};
+use rcgen::{
+    BasicConstraints, CertificateParams, CertifiedIssuer, ExtendedKeyUsagePurpose, IsCa, KeyPair,
+};
 use std::path::{Path, PathBuf};
 use tests::Server;
 
@@ -17,9 +19,10 @@ impl Certificates {
         params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
         let authority = CertifiedIssuer::self_signed(params, KeyPair::generate().unwrap()).unwrap();
         std::fs::write(made.path("ca.pem"), authority.pem()).unwrap();
-        for (name, purpose) in
-            [("server", ExtendedKeyUsagePurpose::ServerAuth), ("client", ExtendedKeyUsagePurpose::ClientAuth)]
-        {
+        for (name, purpose) in [
+            ("server", ExtendedKeyUsagePurpose::ServerAuth),
+            ("client", ExtendedKeyUsagePurpose::ClientAuth),
+        ] {
             let key = KeyPair::generate().unwrap();
             let mut params = CertificateParams::new(vec!["127.0.0.1".to_owned()]).unwrap();
             params.extended_key_usages = vec![purpose];
@@ -39,7 +42,8 @@ impl Certificates {
     }
 
     fn serve(&self, simulator: &str) -> Server {
-        let (cert, key, ca) = (self.text("server.pem"), self.text("server-key.pem"), self.text("ca.pem"));
+        let (cert, key, ca) =
+            (self.text("server.pem"), self.text("server-key.pem"), self.text("ca.pem"));
         let args = ["--tls-cert", &cert, "--tls-key", &key, "--tls-client-ca", &ca];
         Server::start(simulator, &args).unwrap()
     }
@@ -51,7 +55,8 @@ fn config() -> PathBuf {
 
 fn run(folder: &Path, args: &[&str]) -> std::process::Output {
     let config = config();
-    let args = [&["run", config.to_str().unwrap(), "--set", "experiment.duration_s=1.0"], args].concat();
+    let args =
+        [&["run", config.to_str().unwrap(), "--set", "experiment.duration_s=1.0"], args].concat();
     tests::orchestrator(&args, folder)
 }
 
@@ -62,7 +67,11 @@ fn mutual_tls_gives_the_same_recording_and_strangers_are_refused() {
     let (netsim, robotsim) = (certificates.serve("netsim"), certificates.serve("robotsim"));
     assert!(netsim.url.starts_with("https://"), "{}", netsim.url);
     let folder = tests::folder();
-    let plain = tests::run(&config(), &folder.path().join("plain"), &["--set", "experiment.duration_s=1.0"]);
+    let plain = tests::run(
+        &config(),
+        &folder.path().join("plain"),
+        &["--set", "experiment.duration_s=1.0"],
+    );
 
     let urls = ["--netsim", netsim.url.as_str(), "--robotsim", robotsim.url.as_str()];
     let with = |certificates: &Certificates| {
@@ -88,9 +97,15 @@ fn mutual_tls_gives_the_same_recording_and_strangers_are_refused() {
     let own = with(&certificates);
     let foreign = with(&strangers);
     let mixed = [&own[..2], &foreign[2..]].concat();
-    for (tls, what) in [(&own[..2], "anonymous"), (&mixed[..], "foreign"), (&foreign[..], "untrusted")] {
+    for (tls, what) in
+        [(&own[..2], "anonymous"), (&mixed[..], "foreign"), (&foreign[..], "untrusted")]
+    {
         let output = go(tls, what);
         assert_eq!(output.status.code(), Some(2), "{what}: {}", tests::said(&output));
-        assert!(tests::said(&output).contains("cannot be reached at https://"), "{what}: {}", tests::said(&output));
+        assert!(
+            tests::said(&output).contains("cannot be reached at https://"),
+            "{what}: {}",
+            tests::said(&output)
+        );
     }
 }

@@ -83,7 +83,12 @@ pub(super) fn read(
 }
 
 /// Whole slots, or refused with the two nearest rates.
-fn of_rate(rate_hz: f64, slot_ns: u64, agents: usize, problems: &mut Vec<Problem>) -> ControlPeriod {
+fn of_rate(
+    rate_hz: f64,
+    slot_ns: u64,
+    agents: usize,
+    problems: &mut Vec<Problem>,
+) -> ControlPeriod {
     let slots_per_s = NS_PER_S as f64 / slot_ns as f64;
     let exact = slots_per_s / rate_hz;
     let whole = libm::round(exact);
@@ -93,7 +98,8 @@ fn of_rate(rate_hz: f64, slot_ns: u64, agents: usize, problems: &mut Vec<Problem
     }
     let slower = slots_per_s / (libm::floor(exact) + 1.0);
     let faster = if 1.0 <= exact { slots_per_s / libm::floor(exact) } else { slots_per_s };
-    let nearest = if exact < 1.0 { format!("{faster} Hz") } else { format!("{slower} Hz or {faster} Hz") };
+    let nearest =
+        if exact < 1.0 { format!("{faster} Hz") } else { format!("{slower} Hz or {faster} Hz") };
     problems.push(
         Problem::new(
             "experiment.control_period.rate_hz",

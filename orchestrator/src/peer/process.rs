@@ -33,7 +33,10 @@ pub(super) struct ChildProcess {
 
 impl ChildProcess {
     /// Starts a side and waits until it listens. Returns where.
-    pub(super) async fn start(side: &'static str, launch: &Launch) -> Result<(String, Self), SideError> {
+    pub(super) async fn start(
+        side: &'static str,
+        launch: &Launch,
+    ) -> Result<(String, Self), SideError> {
         let failed = |reason: String| SideError::Start { side, reason };
         let mut command = Command::new(&launch.executable);
         command.args([side, "--listen", "127.0.0.1:0", "--exit-with-parent", "--log", &launch.log]);
@@ -51,7 +54,8 @@ impl ChildProcess {
             .kill_on_drop(true)
             .spawn()
             .map_err(|error| failed(format!("{}: {error}", launch.executable.display())))?;
-        let stdout = child.stdout.take().ok_or_else(|| failed("it has no standard output".to_owned()))?;
+        let stdout =
+            child.stdout.take().ok_or_else(|| failed("it has no standard output".to_owned()))?;
         let mut lines = BufReader::new(stdout).lines();
         let line = tokio::time::timeout(START, lines.next_line())
             .await
@@ -74,7 +78,12 @@ impl ChildProcess {
     }
 
     /// If the process has ended, that explains whatever error was seen.
-    pub(super) async fn explain(&mut self, side: &'static str, doing: &str, error: SideError) -> SideError {
+    pub(super) async fn explain(
+        &mut self,
+        side: &'static str,
+        doing: &str,
+        error: SideError,
+    ) -> SideError {
         // The connection breaks a moment before the process can be reaped.
         match tokio::time::timeout(Duration::from_millis(500), self.child.wait()).await {
             Ok(Ok(status)) => SideError::Exited { side, doing: doing.to_owned(), how: how(status) },

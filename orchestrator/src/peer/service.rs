@@ -69,7 +69,11 @@ pub trait Service: Send + Sync + 'static {
         request: Self::StepRequest,
     ) -> impl Future<Output = Reply<Self::StepResponse>> + Send;
     /// `Barrier`.
-    fn barrier(client: Self::Client, step: u64, time_ns: u64) -> impl Future<Output = Reply<Standing>> + Send;
+    fn barrier(
+        client: Self::Client,
+        step: u64,
+        time_ns: u64,
+    ) -> impl Future<Output = Reply<Standing>> + Send;
     /// `Session`.
     fn session(
         client: Self::Client,
@@ -126,7 +130,10 @@ macro_rules! service {
                 Ok(client.configure(request).await?.into_inner())
             }
 
-            async fn step(mut client: Self::Client, request: Self::StepRequest) -> Reply<Self::StepResponse> {
+            async fn step(
+                mut client: Self::Client,
+                request: Self::StepRequest,
+            ) -> Reply<Self::StepResponse> {
                 Ok(client.step(request).await?.into_inner())
             }
 
@@ -163,9 +170,11 @@ macro_rules! service {
             fn barrier_of(response: Self::SessionResponse) -> Option<Standing> {
                 use $reply as Reply;
                 match response.response {
-                    Some(Reply::Barrier(reply)) => {
-                        Some(Standing { step: reply.step, time_ns: reply.time_ns, digest: reply.digest })
-                    }
+                    Some(Reply::Barrier(reply)) => Some(Standing {
+                        step: reply.step,
+                        time_ns: reply.time_ns,
+                        digest: reply.digest,
+                    }),
                     Some(Reply::Step(_)) | None => None,
                 }
             }

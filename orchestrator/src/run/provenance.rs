@@ -13,7 +13,10 @@ pub(super) struct Provenance {
 
 impl Provenance {
     pub(super) fn gather(plan: &Plan, started: &Started, options: &RunOptions) -> Self {
-        #[expect(clippy::disallowed_methods, reason = "when an experiment was run is not part of it")]
+        #[expect(
+            clippy::disallowed_methods,
+            reason = "when an experiment was run is not part of it"
+        )]
         let now = SystemTime::now();
         let unix_s = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         let side = |side: &SideIdentity| {
@@ -54,7 +57,8 @@ impl Provenance {
     pub(super) fn finish(mut self, n_steps: u64, time_ns: u64, wall_s: f64) -> Value {
         self.value["wall_s"] = json!(wall_s);
         self.value["steps_per_s"] = json!(if wall_s > 0.0 { n_steps as f64 / wall_s } else { 0.0 });
-        self.value["simulated_over_wall"] = json!(if wall_s > 0.0 { super::ns_to_s(time_ns) / wall_s } else { 0.0 });
+        self.value["simulated_over_wall"] =
+            json!(if wall_s > 0.0 { super::ns_to_s(time_ns) / wall_s } else { 0.0 });
         self.value
     }
 }

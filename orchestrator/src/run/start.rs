@@ -87,8 +87,10 @@ pub async fn start(plan: &Plan, options: &StartOptions, record: bool) -> Result<
         },
     };
     let (robots_reach, network_reach) = (reach(&plan.robotsim.url), reach(&plan.netsim.url));
-    let (robots, network) =
-        tokio::join!(Peer::<Robots>::connect(&robots_reach), Peer::<Network>::connect(&network_reach));
+    let (robots, network) = tokio::join!(
+        Peer::<Robots>::connect(&robots_reach),
+        Peer::<Network>::connect(&network_reach)
+    );
     let (mut robots, mut network) = match (robots, network) {
         (Ok(robots), Ok(network)) => (robots, network),
         (Err(error), Ok(network)) => {
@@ -105,7 +107,12 @@ pub async fn start(plan: &Plan, options: &StartOptions, record: bool) -> Result<
         Ok((exchange, warnings)) => {
             let identities = (identity(&robots), identity(&network));
             let header = header(plan, &exchange);
-            match Coupled::new(robots, network, plan.experiment.clone(), exchange.robot_response.clone()) {
+            match Coupled::new(
+                robots,
+                network,
+                plan.experiment.clone(),
+                exchange.robot_response.clone(),
+            ) {
                 Ok(coupled) => Ok(Started {
                     coupled,
                     exchange,
@@ -140,7 +147,9 @@ pub(crate) async fn configure(
             if !parallel {
                 return Err(self::side(cannot(
                     side,
-                    format!("{name} does not announce parallel coupling, which the experiment asks for"),
+                    format!(
+                        "{name} does not announce parallel coupling, which the experiment asks for"
+                    ),
                 )));
             }
         }
@@ -152,11 +161,13 @@ pub(crate) async fn configure(
         );
         return Err(self::side(cannot(Network::SIDE, what)));
     }
-    for (side, max_agents) in
-        [(Robots::SIDE, robots.described().max_agents), (Network::SIDE, network.described().max_agents)]
-    {
+    for (side, max_agents) in [
+        (Robots::SIDE, robots.described().max_agents),
+        (Network::SIDE, network.described().max_agents),
+    ] {
         if max_agents != 0 && max_agents < plan.experiment.agent_count as u32 {
-            let what = format!("takes at most {max_agents} agents, got {}", plan.experiment.agent_count);
+            let what =
+                format!("takes at most {max_agents} agents, got {}", plan.experiment.agent_count);
             return Err(self::side(cannot(side, what)));
         }
     }
@@ -271,8 +282,10 @@ fn refused(plan: &Plan, section: &str, error: SideError) -> RunError {
     if status.code() != Code::InvalidArgument {
         return side(error);
     }
-    let violations =
-        status.get_details_bad_request().map(|bad_request| bad_request.field_violations).unwrap_or_default();
+    let violations = status
+        .get_details_bad_request()
+        .map(|bad_request| bad_request.field_violations)
+        .unwrap_or_default();
     let problems: Vec<Problem> = if violations.is_empty() {
         vec![Problem::new(section, format!("is refused: {}", status.message()))]
     } else {

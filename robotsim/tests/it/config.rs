@@ -164,10 +164,10 @@ law = "paper"
 flock_radius_m = 10.0
 collision_radius_m = 0.8
 leader = 0
+leader_velocity_mps = [7.0, 0.0]
+leader_weight = 2.5
 leader_weight_on = "gradient"
 velocity_term = false
-leader_weight = 2.5
-leader_velocity_mps = [7.0, 0.0]
 "#);
     setup.config = proto::config::parse(&effective.to_string()).unwrap();
     assert_eq!(config::read(&setup).unwrap().1, effective);

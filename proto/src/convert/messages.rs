@@ -1,0 +1,154 @@
+//! From values to messages. A value is valid, so this cannot fail.
+
+use crate::types::{
+    AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Deliveries, DeliveryColumn, Heard,
+    Medium, MoteCommand, MoteOrder, MoteStates, MovedObstacle, Payloads,
+};
+use crate::v1;
+use bytes::Bytes;
+
+impl From<AgentStates> for v1::AgentStates {
+    fn from(states: AgentStates) -> Self {
+        Self {
+            alive: Bytes::copy_from_slice(states.alive.as_bytes()),
+            x_m: states.x_m,
+            y_m: states.y_m,
+            z_m: states.z_m,
+            vx_mps: states.vx_mps,
+            vy_mps: states.vy_mps,
+            vz_mps: states.vz_mps,
+            heading_rad: states.heading_rad,
+            covariates: states
+                .covariates
+                .into_iter()
+                .map(|covariate| v1::Covariate { name: covariate.name, values: covariate.values })
+                .collect(),
+        }
+    }
+}
+
+impl From<Payloads> for v1::Payloads {
+    fn from(payloads: Payloads) -> Self {
+        Self { length_bytes: payloads.length_bytes().to_vec(), data: payloads.data().clone() }
+    }
+}
+
+impl From<Deliveries> for v1::Deliveries {
+    fn from(deliveries: Deliveries) -> Self {
+        let sent = deliveries.transmissions;
+        let (heard_end, heard, heard_bitmap) = match deliveries.heard {
+            Heard::Lists { ends, indices } => (ends, indices, Bytes::new()),
+            Heard::Rows { bytes, .. } => (Vec::new(), Vec::new(), bytes),
+        };
+        Self {
+            transmissions: Some(v1::Transmissions {
+                sender: sent.sender,
+                sent_ns: sent.sent_ns,
+                end_ns: sent.end_ns,
+                payloads: Some(sent.payloads.into()),
+            }),
+            heard_end,
+            heard,
+            heard_bitmap,
+            received_ns: deliveries.received_ns,
+            rssi_dbm: deliveries.rssi_dbm,
+            hops: deliveries.hops,
+            medium: deliveries
+                .medium
+                .into_iter()
+                .map(|medium| match medium {
+                    Medium::Radio => v1::Medium::Radio.into(),
+                    Medium::Truth => v1::Medium::Truth.into(),
+                })
+                .collect(),
+        }
+    }
+}
+
+impl From<MoteStates> for v1::MoteStates {
+    fn from(motes: MoteStates) -> Self {
+        let bytes = |bitmap: &Bitmap| Bytes::copy_from_slice(bitmap.as_bytes());
+        Self {
+            alive: bytes(&motes.alive),
+            synced: motes.synced.as_ref().map(bytes).unwrap_or_default(),
+            joined: motes.joined.as_ref().map(bytes).unwrap_or_default(),
+            rank: motes.rank,
+            parent: motes.parent,
+            queue_length: motes.queue_length,
+        }
+    }
+}
+
+impl From<AgentCommand> for v1::AgentCommand {
+    fn from(command: AgentCommand) -> Self {
+        use v1::agent_command::{Order, Release, Velocity, Waypoint};
+        let order = match command.order {
+            AgentOrder::Velocity([vx_mps, vy_mps, vz_mps]) => {
+                Order::Velocity(Velocity { vx_mps, vy_mps, vz_mps })
+            }
+            AgentOrder::Waypoint([x_m, y_m, z_m]) => Order::Waypoint(Waypoint { x_m, y_m, z_m }),
+            AgentOrder::Release => Order::Release(Release {}),
+        };
+        Self { agent: command.agent, source: command.source, order: Some(order) }
+    }
+}
+
+impl From<MoteCommand> for v1::MoteCommand {
+    fn from(command: MoteCommand) -> Self {
+        use v1::mote_command::{Add, Jam, Kill, Order, Revive, Send};
+        let order = match command.order {
+            MoteOrder::Kill(mote) => Order::Kill(Kill { mote }),
+            MoteOrder::Revive(mote) => Order::Revive(Revive { mote }),
+            MoteOrder::Add(mote) => Order::Add(Add { mote }),
+            MoteOrder::Jam { channel, from_ns, until_ns, centre_m: [x_m, y_m], radius_m } => {
+                Order::Jam(Jam { channel, from_ns, until_ns, x_m, y_m, radius_m })
+            }
+            MoteOrder::Send { mote, destination, payload } => {
+                Order::Send(Send { mote, destination, payload })
+            }
+        };
+        Self { source: command.source, order: Some(order) }
+    }
+}
+
+impl MoteOrder {
+    /// Which announced kind of order this is.
+    #[must_use]
+    pub fn kind(&self) -> v1::MoteCommandKind {
+        match self {
+            Self::Kill(_) => v1::MoteCommandKind::Kill,
+            Self::Revive(_) => v1::MoteCommandKind::Revive,
+            Self::Add(_) => v1::MoteCommandKind::Add,
+            Self::Jam { .. } => v1::MoteCommandKind::Jam,
+            Self::Send { .. } => v1::MoteCommandKind::Send,
+        }
+    }
+}
+
+impl From<MovedObstacle> for v1::MovedObstacle {
+    fn from(moved: MovedObstacle) -> Self {
+        let [x_m, y_m] = moved.centre_m;
+        Self { name: moved.name, x_m, y_m }
+    }
+}
+
+impl From<Coupling> for v1::Coupling {
+    fn from(coupling: Coupling) -> Self {
+        match coupling {
+            Coupling::Sequential => Self::Sequential,
+            Coupling::Parallel => Self::Parallel,
+            Coupling::Event => Self::Event,
+        }
+    }
+}
+
+impl From<DeliveryColumn> for v1::DeliveryColumn {
+    fn from(column: DeliveryColumn) -> Self {
+        match column {
+            DeliveryColumn::ReceivedNs => Self::ReceivedNs,
+            DeliveryColumn::RssiDbm => Self::RssiDbm,
+            DeliveryColumn::Hops => Self::Hops,
+            DeliveryColumn::Medium => Self::Medium,
+        }
+    }
+}
