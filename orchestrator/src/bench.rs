@@ -247,7 +247,7 @@ impl Table {
                     "p90_ms": cell.p90_ms,
                     "botnet_ms": figures.and_then(|figures| figures.botnet_ms(cell.model)),
                     "paper_ms": figures.and_then(|figures| figures.paper_ms(cell.model)),
-                    "to_reach_ms": figures.and_then(|figures| figures.to_reach_ms(cell.model)),
+                    "to_reach_ms": figures.and_then(|figures| figures.goal_ms(cell.model)),
                 })
             })
             .collect();
@@ -289,7 +289,7 @@ impl fmt::Display for Table {
                 cell.mode.name(),
                 cell.median_ms,
                 cell.p90_ms,
-                number(figures.and_then(|figures| figures.to_reach_ms(cell.model))),
+                number(figures.and_then(|figures| figures.goal_ms(cell.model))),
                 number(botnet_ms),
                 number(figures.and_then(|figures| figures.paper_ms(cell.model))),
                 botnet_ms

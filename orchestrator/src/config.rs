@@ -2,19 +2,17 @@
 
 mod control;
 mod refusal;
+mod sides;
 
 pub use control::ControlPeriod;
 pub use refusal::Refusal;
+pub use sides::{SideConfig, URL};
 
 use crate::record::{self, OutputConfig};
-use bytes::Bytes;
-use proto::config::{
-    self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, Value,
-};
-use proto::side::Setup;
-use proto::site::{self, Site};
+use proto::config::{self, Choice, Default, Field, Kind, Node, Problem, Range, TableSpec, Value};
+use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S};
-use std::collections::BTreeMap;
+use sides::{Sides, missing_file};
 use std::path::{Path, PathBuf};
 
 /// Description of `[experiment]`.
@@ -135,14 +133,6 @@ const TLS: TableSpec = TableSpec {
     tag: None,
 };
 
-/// The key of `[netsim]` and `[robotsim]` that is the orchestrator's.
-pub const URL: Field = Field {
-    key: "url",
-    doc: "Where a simulator already runs: http://HOST:PORT, or https:// with [experiment.tls]. Absent: one is started here.",
-    kind: Kind::Text,
-    default: Default::Absent,
-};
-
 /// Certificates to talk to simulators with.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tls {
@@ -161,21 +151,6 @@ pub enum Transport {
     Stream,
     /// Single calls.
     Unary,
-}
-
-/// One side's section.
-#[derive(Clone, Debug)]
-pub struct SideConfig {
-    /// Where it runs already; `None`: it is started here.
-    pub url: Option<String>,
-    /// Its section without the orchestrator's keys, as written, as TOML text.
-    pub toml: String,
-    /// The files that the section names, by the path written there.
-    pub files: BTreeMap<String, Bytes>,
-    /// Where those files are: path of the key, absolute path of the file.
-    pub places: Vec<(String, String)>,
-    /// The URL that the file itself gives.
-    pub written_url: Option<String>,
 }
 
 /// What the command line puts over the file.
@@ -329,25 +304,6 @@ fn foreign(what: &str) -> serde_json::Value {
         "properties": { "url": { "type": "string", "description": URL.doc } },
         "required": ["url"],
     })
-}
-
-fn missing_file(path: &Path) -> String {
-    let sibling = path.file_name().and_then(|wanted| {
-        let folder =
-            path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut names: Vec<String> = std::fs::read_dir(folder)
-            .ok()?
-            .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-            .collect();
-        names.sort();
-        let nearest =
-            config::most_similar(wanted.to_str()?, names.iter().map(String::as_str))?.to_owned();
-        Some(path.with_file_name(nearest))
-    });
-    match sibling {
-        Some(sibling) => format!("does not exist (nearest: {})", sibling.display()),
-        None => "does not exist".to_owned(),
-    }
 }
 
 /// `--set key=value`: the value is TOML, or a bare word taken as a text.
@@ -522,113 +478,4 @@ fn as_file_name(name: &str) -> String {
         .map(|c| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' })
         .collect();
     if replaced.is_empty() { "experiment".to_owned() } else { replaced }
-}
-
-struct Sides<'a> {
-    base: &'a Path,
-    site: &'a Site,
-    experiment: &'a Experiment,
-    /// The number of agents is known: without it, nothing that counts agents can be judged.
-    known: bool,
-    problems: &'a mut Vec<Problem>,
-}
-
-impl Sides<'_> {
-    /// Reads one side's section, and checks it if the side is ours to start.
-    fn read(
-        &mut self,
-        node: &Node,
-        path: &str,
-        url_override: Option<&String>,
-        spec: &TableSpec,
-        files: fn(&Node, &str) -> Vec<FileReference>,
-        check: impl Fn(&Setup) -> Result<Vec<String>, Vec<Problem>>,
-    ) -> (SideConfig, Vec<String>) {
-        let mut own = node.clone();
-        let written_url = own.take(URL.key);
-        if !matches!(own.value, Value::Table(_)) {
-            self.problems.push(Problem::new(path, "must be a table").value(node.show()));
-            own = Node::empty_table();
-        }
-        let in_file = match written_url.as_ref().map(|node| &node.value) {
-            Some(Value::Text(url)) => Some(url.clone()),
-            _ => None,
-        };
-        let url = match (url_override, written_url.map(|node| (node.show(), node.value))) {
-            (Some(url), _) => self.url(&format!("--{path}"), url),
-            (None, Some((_, Value::Text(url)))) => self.url(&format!("{path}.url"), &url),
-            (None, Some((shown, _))) => {
-                self.problems.push(
-                    Problem::new(format!("{path}.url"), "must be a text in quotes").value(shown),
-                );
-                None
-            }
-            (None, None) => None,
-        };
-        let mut contents = BTreeMap::new();
-        let mut places = Vec::new();
-        for reference in files(&own, path) {
-            let file = self.base.join(&reference.path);
-            match std::fs::read(&file) {
-                Ok(content) => {
-                    let place = std::path::absolute(&file).unwrap_or(file);
-                    places.push((reference.key, place.display().to_string()));
-                    contents.insert(reference.path, Bytes::from(content));
-                }
-                Err(error) => {
-                    let reason = if error.kind() == std::io::ErrorKind::NotFound {
-                        missing_file(&file)
-                    } else {
-                        format!("cannot be read: {error}")
-                    };
-                    self.problems.push(
-                        Problem::new(reference.key, format!("names a file that {reason}"))
-                            .value(format!("{:?}", reference.path)),
-                    );
-                    // Stands for the file, so that the rest of the section is still checked.
-                    contents.insert(reference.path, Bytes::new());
-                }
-            }
-        }
-        let mut warnings = Vec::new();
-        if url.is_none() && !self.known {
-            config::check(&own, path, spec, self.problems);
-        } else if url.is_none() {
-            let setup = Setup {
-                experiment: self.experiment.clone(),
-                site: self.site.clone(),
-                config: own.clone(),
-                path: path.to_owned(),
-                files: contents.clone(),
-                columns: Vec::new(),
-            };
-            match check(&setup) {
-                Ok(found) => warnings = found,
-                Err(found) => {
-                    // A file that is missing was reported above; what its stand-in lacks is no news.
-                    let reported: Vec<String> =
-                        self.problems.iter().map(|p| p.path.clone()).collect();
-                    self.problems.extend(found.into_iter().filter(|p| !reported.contains(&p.path)));
-                }
-            }
-        }
-        let toml = own.to_toml().as_table().map(toml::Table::to_string).unwrap_or_default();
-        (SideConfig { url, toml, files: contents, places, written_url: in_file }, warnings)
-    }
-
-    fn url(&mut self, path: &str, url: &str) -> Option<String> {
-        let host = url.strip_prefix("http://").or_else(|| url.strip_prefix("https://"));
-        if host.is_some_and(|host| !host.is_empty())
-            && tonic::transport::Endpoint::from_shared(url.to_owned()).is_ok()
-        {
-            return Some(url.to_owned());
-        }
-        let mut problem = Problem::new(path, "must be http://HOST:PORT or https://HOST:PORT")
-            .value(format!("{url:?}"));
-        if host.is_none() && !url.contains("://") && !url.is_empty() {
-            problem = problem.nearest(format!("\"http://{url}\""));
-        }
-        self.problems.push(problem);
-        None
-    }
 }

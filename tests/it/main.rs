@@ -1,5 +1,7 @@
 //! End-to-end tests of the real processes, one binary.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on should stop there")]
+
 mod configs;
 mod contract;
 mod determinism;

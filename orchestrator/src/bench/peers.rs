@@ -33,7 +33,7 @@ impl Figures {
         self.paper.filter(|_| model == Model::Full)
     }
 
-    pub(super) fn to_reach_ms(&self, model: Model) -> Option<f64> {
+    pub(super) fn goal_ms(&self, model: Model) -> Option<f64> {
         self.to_reach[model as usize]
     }
 }
