@@ -8,14 +8,15 @@ use netsim::sim::Network;
 use proto::rng::{Draws, Purpose};
 use proto::side::{NetInput, NetSimulator, Setup};
 use proto::site::Site;
-use proto::types::{AgentStates, Coupling, Experiment, Payloads};
+use proto::types::{AgentStates, Coupling, DeliveryColumn, Experiment, Payloads};
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
 const STEP_NS: u64 = 100_000_000;
 
-fn network(n: usize, phy: &str) -> Network {
-    let config = proto::config::parse(&format!("[phy]\n{phy}")).expect("valid TOML");
+fn network(n: usize, case: &Case) -> Network {
+    let Case { hopping, phy, columns, .. } = case;
+    let config = proto::config::parse(&format!("{hopping}[phy]\n{phy}")).expect("valid TOML");
     let mut network = Network::default();
     network
         .configure(&Setup {
@@ -29,7 +30,7 @@ fn network(n: usize, phy: &str) -> Network {
             config,
             path: "netsim".to_owned(),
             files: BTreeMap::new(),
-            columns: Vec::new(),
+            columns: columns.to_vec(),
         })
         .expect("a valid configuration");
     network
@@ -53,38 +54,86 @@ fn states(n: usize, square_m: Option<f64>) -> AgentStates {
     states
 }
 
+/// A radio in a place.
+struct Case {
+    name: &'static str,
+    hopping: &'static str,
+    phy: &'static str,
+    /// Side of the square (m); a disc for `None`.
+    square_m: Option<f64>,
+    columns: &'static [DeliveryColumn],
+    sizes: &'static [usize],
+}
+
+const DISC: Case =
+    Case { name: "", hopping: "", phy: "", square_m: None, columns: &[], sizes: &[100, 2500] };
+const SQUARE: Case = Case { square_m: Some(10.0), ..DISC };
+const RANDOMNESS: Case =
+    Case { phy: "propagation = \"experimental-randomness\"", sizes: &[2500], ..SQUARE };
+
+const CASES: &[Case] = &[
+    Case { name: "full", phy: "propagation = \"full\"", sizes: &[10, 100, 2500], ..SQUARE },
+    Case { name: "experimental-randomness", sizes: &[10, 50, 100, 1000, 2500], ..RANDOMNESS },
+    Case {
+        name: "experimental-randomness by frame",
+        phy: "propagation = \"experimental-randomness\"\nredraw = \"frame\"",
+        ..RANDOMNESS
+    },
+    Case {
+        name: "experimental-randomness by coherence",
+        phy: "propagation = \"experimental-randomness\"\nredraw = \"coherence\"",
+        ..RANDOMNESS
+    },
+    Case {
+        name: "experimental-randomness with readings",
+        columns: &[DeliveryColumn::RssiDbm],
+        ..RANDOMNESS
+    },
+    Case {
+        name: "experimental-randomness with hopping",
+        hopping: "hopping_sequence = [11, 15, 20, 25, 26]\n",
+        ..RANDOMNESS
+    },
+    Case {
+        name: "unit-disk 3 m",
+        phy: "propagation = \"unit-disk\"\nradius_m = 3.0",
+        sizes: &[10, 100, 2500, 10_000],
+        ..DISC
+    },
+    Case { name: "friis", phy: "propagation = \"friis\"", ..DISC },
+    Case {
+        name: "friis with readings",
+        phy: "propagation = \"friis\"",
+        columns: &[DeliveryColumn::RssiDbm],
+        sizes: &[2500],
+        ..DISC
+    },
+    Case {
+        name: "probabilistic-disk",
+        phy: "propagation = \"probabilistic-disk\"",
+        sizes: &[100, 2500, 10_000],
+        ..DISC
+    },
+    Case {
+        name: "probabilistic-disk with shadowing",
+        phy: "propagation = \"probabilistic-disk\"\n[[phy.effect]]\nkind = \"shadowing\"\nsd_db = 2.0",
+        ..DISC
+    },
+    Case {
+        name: "nearest-k",
+        phy: "propagation = \"nearest-k\"\nk = 6",
+        sizes: &[100, 2500, 10_000],
+        ..DISC
+    },
+];
+
 fn physics(criterion: &mut Criterion) {
-    let square = Some(10.0);
-    let cases: [(&str, &str, Option<f64>, &[usize]); 7] = [
-        ("full", "propagation = \"full\"", square, &[10, 100, 2500]),
-        (
-            "experimental-randomness",
-            "propagation = \"experimental-randomness\"",
-            square,
-            &[10, 100, 2500],
-        ),
-        (
-            "unit-disk 3 m",
-            "propagation = \"unit-disk\"\nradius_m = 3.0",
-            None,
-            &[10, 100, 2500, 10_000],
-        ),
-        ("friis", "propagation = \"friis\"", None, &[100, 2500]),
-        ("probabilistic-disk", "propagation = \"probabilistic-disk\"", None, &[100, 2500, 10_000]),
-        (
-            "probabilistic-disk with shadowing",
-            "propagation = \"probabilistic-disk\"\n[[phy.effect]]\nkind = \"shadowing\"\nsd_db = 2.0",
-            None,
-            &[100, 2500],
-        ),
-        ("nearest-k", "propagation = \"nearest-k\"\nk = 6", None, &[100, 2500, 10_000]),
-    ];
-    for (name, phy, square_m, sizes) in cases {
-        let mut group = criterion.benchmark_group(name);
+    for case in CASES {
+        let mut group = criterion.benchmark_group(case.name);
         group.sample_size(20);
-        for &n in sizes {
-            let mut network = network(n, phy);
-            let states = states(n, square_m);
+        for &n in case.sizes {
+            let mut network = network(n, case);
+            let states = states(n, case.square_m);
             let payloads =
                 Payloads::new(vec![48; n], vec![0; 48 * n].into()).expect("48 bytes each");
             let mut step = 0;

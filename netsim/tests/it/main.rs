@@ -4,5 +4,6 @@ mod broadcast;
 mod delivery;
 mod harness;
 mod independence;
+mod pinned;
 mod refusals;
 mod snapshot;
