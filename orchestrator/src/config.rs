@@ -353,7 +353,8 @@ fn plan(
     let (output, output_table) = record::output::read(section("output"), "output", problems);
 
     let name = experiment_table.get("name").and_then(toml::Value::as_str).unwrap_or("").to_owned();
-    if !name.is_empty() && !is_file_name(&name) {
+    let name_known = !problems.iter().any(|problem| problem.path == "experiment.name");
+    if name_known && !is_file_name(&name) {
         problems.push(
             Problem::new(
                 "experiment.name",
@@ -363,6 +364,7 @@ fn plan(
             .nearest(format!("{:?}", as_file_name(&name))),
         );
     }
+    let agents_known = !problems.iter().any(|problem| problem.path == "experiment.agents");
     let integer = |key: &str| experiment_table.get(key).and_then(toml::Value::as_integer);
     let number = |key: &str| experiment_table.get(key).and_then(toml::Value::as_float);
     let agents = integer("agents").and_then(|agents| usize::try_from(agents).ok());
@@ -384,7 +386,7 @@ fn plan(
         },
     };
     let mut sides =
-        Sides { base, site: &site, experiment: &experiment, known: agents.is_some(), problems };
+        Sides { base, site: &site, experiment: &experiment, known: agents_known, problems };
     let robotsim = sides.read(
         section("robotsim"),
         "robotsim",

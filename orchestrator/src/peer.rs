@@ -354,7 +354,10 @@ fn not_a_simulator(side: &'static str, url: &str, tls: Option<&Tls>, status: &St
         Code::Unavailable => {
             return SideError::Unreachable { side, url: url.to_owned(), reason: cause(status) };
         }
-        _ => format!("something that does not speak gRPC ({})", cause(status)),
+        _ => {
+            tracing::debug!(%status, "what it said");
+            "something that does not speak gRPC".to_owned()
+        }
     };
     SideError::NotASimulator { side, url: url.to_owned(), found }
 }
