@@ -30,8 +30,11 @@ fn deliveries(n: usize) -> Deliveries {
             sender: (0..n as u32).collect(),
             sent_ns: vec![0; n],
             end_ns: vec![10_000_000; n],
-            payloads: Payloads::new(vec![PAYLOAD_BYTES as u32; n], vec![7; n * PAYLOAD_BYTES].into())
-                .unwrap_or_default(),
+            payloads: Payloads::new(
+                vec![PAYLOAD_BYTES as u32; n],
+                vec![7; n * PAYLOAD_BYTES].into(),
+            )
+            .unwrap_or_default(),
         },
         heard: Heard::Rows { bytes: row.repeat(n).into(), row_bytes },
         ..Deliveries::default()
@@ -51,7 +54,11 @@ fn exchange(c: &mut Criterion) {
         let bytes = message().encode_to_vec();
         group.throughput(Throughput::Bytes(bytes.len() as u64));
         group.bench_function(BenchmarkId::new("encode", n), |b| {
-            b.iter_batched(message, |message| black_box(message.encode_to_vec()), BatchSize::LargeInput);
+            b.iter_batched(
+                message,
+                |message| black_box(message.encode_to_vec()),
+                BatchSize::LargeInput,
+            );
         });
         group.bench_function(BenchmarkId::new("decode and check", n), |b| {
             b.iter(|| {

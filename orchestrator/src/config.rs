@@ -393,7 +393,7 @@ fn plan(
         overrides.robotsim_url.as_ref(),
         &robotsim::config::SPEC,
         robotsim::config::files,
-        |setup| robotsim::config::read(setup).map(|_| Vec::new()),
+        |setup| robotsim::config::read(setup).map(|(_, effective)| (effective, Vec::new())),
     );
     let netsim = sides.read(
         section("netsim"),
@@ -401,7 +401,7 @@ fn plan(
         overrides.netsim_url.as_ref(),
         &netsim::config::SPEC,
         netsim::config::files,
-        |setup| netsim::config::read(setup).map(|(_, _, warnings)| warnings),
+        |setup| netsim::config::read(setup).map(|(_, effective, warnings)| (effective, warnings)),
     );
     if !problems.is_empty() {
         return None;

@@ -23,6 +23,9 @@ pub struct SideConfig {
     pub url: Option<String>,
     /// Its section without the orchestrator's keys, as written, as TOML text.
     pub toml: String,
+    /// The same with defaults filled in, if it is a valid section of the simulator that comes with this program: what
+    /// that simulator is sent, so that a record's own configuration gives the same record.
+    pub effective_toml: Option<String>,
     /// The files that the section names, by the path written there.
     pub files: BTreeMap<String, Bytes>,
     /// Where those files are: path of the key, absolute path of the file.
@@ -50,7 +53,7 @@ impl Sides<'_> {
         url_override: Option<&String>,
         spec: &TableSpec,
         files: fn(&Node, &str) -> Vec<FileReference>,
-        check: impl Fn(&Setup) -> Result<Vec<String>, Vec<Problem>>,
+        check: impl Fn(&Setup) -> Result<(toml::Table, Vec<String>), Vec<Problem>>,
     ) -> (SideConfig, Vec<String>) {
         let mut own = node.clone();
         let written_url = own.take(URL.key);
@@ -99,9 +102,8 @@ impl Sides<'_> {
             }
         }
         let mut warnings = Vec::new();
-        if url.is_none() && !self.known {
-            config::check(&own, path, spec, self.problems);
-        } else if url.is_none() {
+        let mut effective_toml = None;
+        if self.known {
             let setup = Setup {
                 experiment: self.experiment.clone(),
                 site: self.site.clone(),
@@ -111,7 +113,14 @@ impl Sides<'_> {
                 columns: Vec::new(),
             };
             match check(&setup) {
-                Ok(found) => warnings = found,
+                Ok((effective, found)) => {
+                    effective_toml = Some(effective.to_string());
+                    if url.is_none() {
+                        warnings = found;
+                    }
+                }
+                // A simulator elsewhere judges for itself.
+                Err(_) if url.is_some() => {}
                 Err(found) => {
                     // A file that is missing was reported above; what its stand-in lacks is no news.
                     let reported: Vec<String> =
@@ -119,9 +128,14 @@ impl Sides<'_> {
                     self.problems.extend(found.into_iter().filter(|p| !reported.contains(&p.path)));
                 }
             }
+        } else if url.is_none() {
+            config::check(&own, path, spec, self.problems);
         }
         let toml = own.to_toml().as_table().map(toml::Table::to_string).unwrap_or_default();
-        (SideConfig { url, toml, files: contents, places, written_url: in_file }, warnings)
+        (
+            SideConfig { url, toml, effective_toml, files: contents, places, written_url: in_file },
+            warnings,
+        )
     }
 
     fn url(&mut self, path: &str, url: &str) -> Option<String> {

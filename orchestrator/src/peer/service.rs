@@ -39,6 +39,8 @@ type Reply<T> = Result<T, Status>;
 pub trait Service: Send + Sync + 'static {
     /// Name of the side in messages.
     const SIDE: &'static str;
+    /// Name that the simulator which comes with this program gives itself.
+    const BUILT_IN: &'static str;
     /// The generated client.
     type Client: Clone + Send + Sync;
     /// Request of `Configure`.
@@ -98,12 +100,13 @@ pub enum Network {}
 /// Both implementations differ in the names of the generated types alone.
 macro_rules! service {
     (
-        $side:ty, $name:literal, $client:ident, $call:path, $reply:path,
+        $side:ty, $name:literal, $built_in:expr, $client:ident, $call:path, $reply:path,
         $describe:ident, $configure:ident, $configured:ident, $step:ident, $stepped:ident,
         $barrier:ident, $session:ident, $sessioned:ident, |$d:ident| $described:expr
     ) => {
         impl Service for $side {
             const SIDE: &'static str = $name;
+            const BUILT_IN: &'static str = $built_in;
             type Client = $client<Channel>;
             type ConfigureRequest = v1::$configure;
             type ConfigureResponse = v1::$configured;
@@ -185,6 +188,7 @@ macro_rules! service {
 service!(
     Robots,
     "robotsim",
+    <robotsim::sim::Swarm as proto::side::RobotSimulator>::NAME,
     RobotSimServiceClient,
     v1::robot_sim_service_session_request::Request,
     v1::robot_sim_service_session_response::Response,
@@ -212,6 +216,7 @@ service!(
 service!(
     Network,
     "netsim",
+    <netsim::sim::Network as proto::side::NetSimulator>::NAME,
     NetSimServiceClient,
     v1::net_sim_service_session_request::Request,
     v1::net_sim_service_session_response::Response,

@@ -186,7 +186,7 @@ pub(crate) async fn configure(
         step_ns,
         coupling,
         site_toml: plan.site_toml.clone(),
-        config_toml: plan.robotsim.toml.clone(),
+        config_toml: sent(robots, &plan.robotsim),
         files: files(&plan.robotsim),
     };
     let wanted: &[DeliveryColumn] = if record { plan.output.columns() } else { &[] };
@@ -196,7 +196,7 @@ pub(crate) async fn configure(
         step_ns,
         coupling,
         site_toml: plan.site_toml.clone(),
-        config_toml: plan.netsim.toml.clone(),
+        config_toml: sent(network, &plan.netsim),
         columns: wanted
             .iter()
             .map(|&column| v1::DeliveryColumn::from(column).into())
@@ -225,6 +225,14 @@ pub(crate) async fn configure(
         net_response: network_response,
     };
     Ok((exchange, warnings))
+}
+
+/// The section as the side is sent it: with defaults filled in if the side is our own.
+fn sent<S: Service>(peer: &Peer<S>, side: &SideConfig) -> String {
+    match &side.effective_toml {
+        Some(effective) if peer.described().name == S::BUILT_IN => effective.clone(),
+        _ => side.toml.clone(),
+    }
 }
 
 fn header(plan: &Plan, exchange: &Configured) -> RunHeader {
