@@ -7,7 +7,9 @@ use std::process::{Child, Command, Output, Stdio};
 use tempfile::TempDir;
 
 pub mod fake;
+pub mod in_process;
 pub mod recording;
+pub mod statistics;
 
 /// The folder of the repository.
 #[must_use]

@@ -31,16 +31,16 @@ pub struct Progress {
 
 /// How often a line is printed where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
+/// How often the bar is drawn.
+const FRAME_EVERY: Duration = Duration::from_millis(100);
 
 impl Progress {
     /// For a run of at most `n_steps`.
     #[must_use]
     pub fn new(n_steps: u64) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
-            let style = ProgressStyle::with_template(
-                "{bar:30} step {pos}/{len}  {msg} simulated  {per_sec}  {eta} left",
-            )
-            .unwrap_or_else(|_| ProgressStyle::default_bar());
+            let style = ProgressStyle::with_template("{bar:30} {msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::with_draw_target(Some(n_steps), ProgressDrawTarget::stderr_with_hz(10))
                 .with_style(style)
         });
@@ -54,23 +54,26 @@ impl Progress {
         if self.bar.is_none() && !step.is_multiple_of(16) {
             return;
         }
-        if let Some(bar) = &self.bar {
-            if self.shown.elapsed() < Duration::from_millis(50) && step != self.n_steps {
-                return;
+        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
+        if self.shown.elapsed() < every {
+            return;
+        }
+        self.shown = Instant::now();
+        let rate = step as f64 / self.begun.elapsed().as_secs_f64();
+        let left_s = self.n_steps.saturating_sub(step) as f64 / rate;
+        let line = format!(
+            "step {step}/{}  {:.1} s simulated  {rate:.0} steps/s  {left_s:.0} s left",
+            self.n_steps,
+            seconds(time_ns)
+        );
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position(step);
+                bar.set_message(line);
             }
-            self.shown = Instant::now();
-            bar.set_message(format!("{:.1} s", seconds(time_ns)));
-            bar.set_position(step);
-        } else if LINE_EVERY <= self.shown.elapsed() {
-            self.shown = Instant::now();
-            let rate = step as f64 / self.begun.elapsed().as_secs_f64();
-            let left_s = self.n_steps.saturating_sub(step) as f64 / rate;
-            let _ = writeln!(
-                std::io::stderr(),
-                "step {step}/{}  {:.1} s simulated  {rate:.0} steps/s  {left_s:.0} s left",
-                self.n_steps,
-                seconds(time_ns)
-            );
+            None => {
+                let _ = writeln!(std::io::stderr(), "{line}");
+            }
         }
     }
 

@@ -106,28 +106,54 @@ fn measured_residual(&(.., log_residual, n_runs): &Row) -> Measured {
     Measured { value: log_residual, rounding: 0.05, share: 0.5, n_runs }
 }
 
+/// Where no difference lies outside the interval. Of 40 intervals of 95 %, 2 should miss; the last two are of the same 8
+/// runs, half of which seem to have formed more than one line, as one in eight of ours does.
+const OUTSIDE: [(f64, usize, &str, &str); 3] = [
+    (0.22, 100, "full", "log10"),
+    (0.22, 100, "Friis − 40 dB", "rounds"),
+    (0.22, 100, "Friis − 40 dB", "log10"),
+];
+
 #[test]
 fn botnets_law_takes_the_rounds_and_leaves_the_residuals_of_botnets_program() {
     let mut table = String::from(
         "| density | N | radio | what | ours | BotNet | runs | 95 % of the difference | p | within 20 % |\n",
     );
+    let mut outside = Vec::new();
     for row in &MEASURED {
         let &(density, n, name, radio, ..) = row;
         let runs = Runs::of("botnet", radio, density, n);
-        let comparisons = [
-            ("rounds", Comparison::of(&runs.rounds, measured_rounds(row)), measured_rounds(row)),
-            ("log10", Comparison::of(&runs.log_residual, measured_residual(row)), measured_residual(row)),
-        ];
-        for (what, compared, measured) in comparisons {
+        for (what, values, measured) in [
+            ("rounds", &runs.rounds, measured_rounds(row)),
+            ("log10", &runs.log_residual, measured_residual(row)),
+        ] {
+            let compared = Comparison::of(values, measured);
             let Comparison { own, interval: [low, high], probability } = compared;
             let within = what == "rounds" && compared.excludes(0.2 * measured.value);
             writeln!(
                 table,
                 "| {density} | {n} | {name} | {what} | {own:.1} | {} | {} | {low:.1} to {high:.1} | {probability:.3} | {} |",
-                measured.value, measured.n_runs, if within {"yes"} else {"–"}
+                measured.value,
+                measured.n_runs,
+                if within { "yes" } else { "–" },
             )
             .unwrap();
+            if !compared.agrees() {
+                outside.push((density, n, name, what));
+            }
+            // One in a hundred for each of 40: a correct program fails here for one choice of seeds in three.
+            assert!(0.01 < probability, "{table}");
+            let is_sharp = name == "full" || name == "randomness" || density == 5.0;
+            assert_eq!(
+                within,
+                what == "rounds"
+                    && (is_sharp
+                        || (name, n) == ("Friis − 40 dB", 10)
+                        || (name, n) == ("Friis − 40 dB", 50)),
+                "{table}"
+            );
         }
     }
     println!("{table}");
+    assert_eq!(outside, OUTSIDE, "{table}");
 }

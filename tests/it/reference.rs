@@ -13,7 +13,10 @@ fn the_reference_of_keys_is_what_the_descriptions_say() {
         std::fs::write(&path, &page).unwrap();
     }
     let written = std::fs::read_to_string(&path).unwrap();
-    assert!(written == page, "docs/configuration.md is out of date: write it anew as tests/it/reference.rs says");
+    assert!(
+        written == page,
+        "docs/configuration.md is out of date: write it anew as tests/it/reference.rs says"
+    );
 }
 
 fn page(schema: &Value) -> String {
@@ -43,8 +46,13 @@ fn table(page: &mut String, path: &str, schema: &Value, is_list: bool) {
     if let Some(variants) = schema["oneOf"].as_array() {
         // The keys of every variant, then those of one at a time.
         let (tag, choice) = schema["properties"].as_object().unwrap().iter().next().unwrap();
-        let common = |key: &String| variants.iter().all(|variant| variant["properties"].get(key).is_some());
-        let _ = write!(page, "\n`{tag}` decides which further keys there are. {}\n", text(&choice["description"]));
+        let common =
+            |key: &String| variants.iter().all(|variant| variant["properties"].get(key).is_some());
+        let _ = write!(
+            page,
+            "\n`{tag}` decides which further keys there are. {}\n",
+            text(&choice["description"])
+        );
         let _ = writeln!(page, "\n| `{tag}` | meaning | keys of its own |\n|---|---|---|");
         for variant in variants {
             let keys: Vec<String> = keys(variant)
@@ -63,7 +71,8 @@ fn table(page: &mut String, path: &str, schema: &Value, is_list: bool) {
                 if keys.is_empty() { "–".to_owned() } else { keys.join("<br>") }
             );
         }
-        let shared: Vec<_> = keys(&variants[0]).filter(|(key, _)| common(key) && *key != tag).collect();
+        let shared: Vec<_> =
+            keys(&variants[0]).filter(|(key, _)| common(key) && *key != tag).collect();
         rows(page, path, &shared, &variants[0], &mut inner);
     } else {
         let all: Vec<_> = keys(schema).collect();
@@ -85,10 +94,8 @@ fn rows(
     parent: &Value,
     inner: &mut Vec<(String, Value, bool)>,
 ) {
-    let plain: Vec<_> = keys
-        .iter()
-        .filter(|(key, property)| !collect(inner, path, key, property))
-        .collect();
+    let plain: Vec<_> =
+        keys.iter().filter(|(key, property)| !collect(inner, path, key, property)).collect();
     if plain.is_empty() {
         return;
     }
@@ -104,7 +111,12 @@ fn rows(
 }
 
 /// Puts a table within a table aside. Returns whether it is one.
-fn collect(inner: &mut Vec<(String, Value, bool)>, path: &str, key: &str, property: &Value) -> bool {
+fn collect(
+    inner: &mut Vec<(String, Value, bool)>,
+    path: &str,
+    key: &str,
+    property: &Value,
+) -> bool {
     let is_table = |schema: &Value| schema.get("properties").is_some();
     if is_table(property) {
         inner.push((format!("{path}.{key}"), property.clone(), false));
@@ -117,7 +129,11 @@ fn collect(inner: &mut Vec<(String, Value, bool)>, path: &str, key: &str, proper
 }
 
 fn keys(schema: &Value) -> impl Iterator<Item = (&String, &Value)> {
-    schema["properties"].as_object().into_iter().flatten().filter(|(_, property)| property.get("const").is_none())
+    schema["properties"]
+        .as_object()
+        .into_iter()
+        .flatten()
+        .filter(|(_, property)| property.get("const").is_none())
 }
 
 fn describe(key: &str, property: &Value, parent: &Value) -> String {
@@ -126,8 +142,9 @@ fn describe(key: &str, property: &Value, parent: &Value) -> String {
 
 /// Type, range and default of a key.
 fn value(key: &str, property: &Value, parent: &Value) -> String {
-    let is_required =
-        parent["required"].as_array().is_some_and(|required| required.iter().any(|name| name == key));
+    let is_required = parent["required"]
+        .as_array()
+        .is_some_and(|required| required.iter().any(|name| name == key));
     let default = match property.get("default") {
         Some(default) => format!(", default `{default}`"),
         None if is_required => ", required".to_owned(),
@@ -166,7 +183,11 @@ fn kind(schema: &Value) -> String {
         Some("array") => {
             let n = &schema["minItems"];
             let of = kind(&schema["items"]);
-            if schema.get("maxItems") == Some(n) { format!("list of {n}: {of}") } else { format!("list: {of}") }
+            if schema.get("maxItems") == Some(n) {
+                format!("list of {n}: {of}")
+            } else {
+                format!("list: {of}")
+            }
         }
         Some("object") => {
             let names: Vec<String> = keys(schema).map(|(key, _)| format!("`{key}`")).collect();
