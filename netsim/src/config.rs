@@ -239,10 +239,15 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
     Ok((config, table, warnings))
 }
 
-/// Keys that are written but decide nothing.
+/// Keys that are written, other than they would be anyway, but decide nothing.
 fn without_influence(setup: &Setup, model: &Model, is_trace: bool) -> Vec<String> {
     let name = model.propagation.name();
-    let written = |key: &str| setup.config.get("phy").is_some_and(|phy| phy.get(key).is_some());
+    let defaults = check(&Node::empty_table(), "", &SPEC, &mut Vec::new()).table;
+    let written = |key: &str| {
+        let written = setup.config.get("phy").and_then(|phy| phy.get(key)).map(Node::to_toml);
+        // An effective configuration spells out the defaults: that is no wish of anybody.
+        written.is_some_and(|written| defaults["phy"].get(key) != Some(&written))
+    };
     let states_reception = !matches!(
         name,
         "friis" | "probabilistic-disk" | "log-distance" | "experimental-randomness"

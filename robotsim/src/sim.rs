@@ -56,7 +56,7 @@ impl RobotSimulator for Swarm {
         let (seed, n_agents) = (setup.experiment.seed, setup.experiment.agent_count);
         let states = scenario::states(&*config.scenario, n_agents, seed);
         if config.behaviour.knowledge == Source::Truth {
-            tracing::warn!(
+            tracing::info!(
                 "knowledge = \"truth\": every robot is told the state of every other; an ideal baseline, no radio"
             );
         }
