@@ -252,3 +252,52 @@ fn a_network_that_lies_is_named() {
         lying("netsim", &Faulty::network(fault).url, message);
     }
 }
+
+/// Passes bytes on between a client and a server until `n_bytes` came from the server; from then on the client is sent
+/// noise. Returns where it listens.
+fn corrupting_proxy(server: &str, n_bytes: usize) -> String {
+    use std::io::{Read as _, Write as _};
+    use std::net::{TcpListener, TcpStream};
+    let server = server.strip_prefix("http://").unwrap().to_owned();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for client in listener.incoming() {
+            let mut client = client.unwrap();
+            let mut upstream = TcpStream::connect(&server).unwrap();
+            let (mut to_server, mut from_client) =
+                (upstream.try_clone().unwrap(), client.try_clone().unwrap());
+            std::thread::spawn(move || std::io::copy(&mut from_client, &mut to_server));
+            std::thread::spawn(move || {
+                let (mut passed, mut buffer) = (0, [0; 4096]);
+                while let Ok(n @ 1..) = upstream.read(&mut buffer) {
+                    if n_bytes < passed {
+                        // Neither a frame of HTTP/2 nor anything else.
+                        buffer[..n]
+                            .iter_mut()
+                            .enumerate()
+                            .for_each(|(i, byte)| *byte ^= 0xa5 ^ i as u8);
+                    }
+                    passed += n;
+                    if client.write_all(&buffer[..n]).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+    });
+    url
+}
+
+#[test]
+fn a_side_whose_bytes_turn_to_noise_is_named() {
+    for side in ["robotsim", "netsim"] {
+        let folder = tests::folder();
+        let server = tests::Server::start(side, &[]).unwrap();
+        let url = corrupting_proxy(&server.url, 300_000);
+        let begun = Instant::now();
+        let run = start(folder.path(), &[&format!("--{side}"), &url]);
+        let ended = end(run, begun, Duration::from_secs(15));
+        assert_kept(folder.path(), &ended, &[&format!("{side}: "), "during step"]);
+    }
+}
