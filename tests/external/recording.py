@@ -74,3 +74,19 @@ def heard_by(deliveries, receiver, agent_count):
         return []
     start = deliveries.heard_end[receiver - 1] if receiver else 0
     return list(deliveries.heard[start : deliveries.heard_end[receiver]])
+
+
+def same_recording(here, there):
+    """Compares all that the promise of byte identity covers: messages, tables and the summary."""
+    ours, theirs = entries(here / "run.mcap"), entries(there / "run.mcap")
+    assert len(ours) == len(theirs) > 0
+    for number, (one, other) in enumerate(zip(ours, theirs, strict=True)):
+        assert (one.topic, one.type, one.log_time, one.publish_time) == (
+            other.topic, other.type, other.log_time, other.publish_time,
+        ), f"message {number}"
+        assert one.data == other.data, f"message {number} on {one.topic} at {one.log_time} ns"
+    files = sorted(path.name for path in [*here.glob("*.parquet"), here / "summary.json"])
+    assert files == sorted(path.name for path in [*there.glob("*.parquet"), there / "summary.json"])
+    assert "steps.parquet" in files
+    for name in files:
+        assert (here / name).read_bytes() == (there / name).read_bytes(), f"{name} differs"
