@@ -46,12 +46,13 @@ def only_directory(parent):
 
 @pytest.fixture(scope="session")
 def result_of(tmp_path_factory):
-    """The directory that `run configs/NAME.toml` left. Each is run once."""
+    """The directory that `run configs/NAME.toml --set ...` left. Each is run once."""
 
     @functools.cache
-    def run(name):
+    def run(name, *settings):
         out = tmp_path_factory.mktemp(name)
-        succeed([program("orchestrator"), "run", f"configs/{name}.toml", "--out", out], cwd=ROOT)
+        command = [program("orchestrator"), "run", f"configs/{name}.toml", "--out", out]
+        succeed([*command, *(word for setting in settings for word in ("--set", setting))], cwd=ROOT)
         return only_directory(out)
 
     return run
