@@ -315,14 +315,17 @@ fn stand_in(kind: &Kind) -> Option<toml::Value> {
     match kind {
         Kind::Bool => Some(toml::Value::Boolean(false)),
         Kind::Integer { min, .. } => Some(toml::Value::Integer(*min)),
-        Kind::Number(range) => {
-            [1.0, range.min, range.max, 0.0].into_iter().find(|&n| range.contains(n)).map(toml::Value::Float)
-        }
+        Kind::Number(range) => [1.0, range.min, range.max, 0.0]
+            .into_iter()
+            .find(|&n| range.contains(n))
+            .map(toml::Value::Float),
         Kind::Text => Some(toml::Value::String("?".to_owned())),
-        Kind::Choice(choices) => choices.first().map(|choice| toml::Value::String(choice.name.to_owned())),
-        Kind::List { of, min, .. } => {
-            std::iter::repeat_n(stand_in(of), *min).collect::<Option<Vec<_>>>().map(toml::Value::Array)
+        Kind::Choice(choices) => {
+            choices.first().map(|choice| toml::Value::String(choice.name.to_owned()))
         }
+        Kind::List { of, min, .. } => std::iter::repeat_n(stand_in(of), *min)
+            .collect::<Option<Vec<_>>>()
+            .map(toml::Value::Array),
         Kind::Either(kinds) => kinds.first().and_then(stand_in),
         Kind::File | Kind::Table(_) | Kind::Tables(_) | Kind::Anything => None,
     }
