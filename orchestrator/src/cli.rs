@@ -2,6 +2,7 @@
 
 use crate::bench::{self, BenchOptions};
 use crate::config::{self, Overrides, Tls};
+use crate::conformance::{self, ConformanceOptions};
 use crate::console::{complain, say, warn};
 use crate::record;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
@@ -38,6 +39,8 @@ enum Command {
     Schema,
     /// Check that a recorded run is whole and agrees with itself
     Verify(VerifyArgs),
+    /// Ask a running simulator whether it keeps the contract
+    Conformance(ConformanceArgs),
     /// Measure speed through the real processes
     Bench(BenchArgs),
     /// Serve the network simulator
@@ -118,6 +121,40 @@ struct VerifyArgs {
     /// Write what was found as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+#[derive(Args)]
+struct ConformanceArgs {
+    /// Which of the two it is
+    side: ConformanceSide,
+    /// Where it runs
+    url: String,
+    /// Its configuration: a file with its own keys at top level (TOML) [default: an empty one]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Number of agents
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    agents: u32,
+    /// Authority that signed its certificate, if the URL is https (PEM)
+    #[arg(long, value_name = "FILE")]
+    tls_ca: Option<PathBuf>,
+    /// Our certificate, where it asks for one (PEM)
+    #[arg(long, value_name = "FILE", requires_all = ["tls_key", "tls_ca"])]
+    tls_cert: Option<PathBuf>,
+    /// Its private key (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum ConformanceSide {
+    /// A robot simulator
+    Robotsim,
+    /// A network simulator
+    Netsim,
 }
 
 #[derive(Args)]
@@ -235,6 +272,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
             Ok(())
         }
         Command::Verify(args) => verify_command(&args),
+        Command::Conformance(args) => conformance_command(&args),
         Command::Bench(args) => {
             let options = BenchOptions {
                 agents: args.agents,
@@ -388,6 +426,35 @@ fn verify_command(args: &VerifyArgs) -> Result<(), Failure> {
             args.run.display(),
             report.problems.len()
         )))
+    }
+}
+
+fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
+    let config_toml = match &args.config {
+        Some(path) => std::fs::read_to_string(path)
+            .map_err(|error| Failure::request(format!("--config {}: {error}", path.display())))?,
+        None => String::new(),
+    };
+    let options = ConformanceOptions {
+        url: args.url.clone(),
+        tls: args
+            .tls_ca
+            .clone()
+            .map(|ca| Tls { ca, identity: args.tls_cert.clone().zip(args.tls_key.clone()) }),
+        config_toml,
+        agents: args.agents,
+    };
+    let found = match args.side {
+        ConformanceSide::Robotsim => on_runtime(conformance::robots(&options))?,
+        ConformanceSide::Netsim => on_runtime(conformance::network(&options))?,
+    }
+    .map_err(Failure::request)?;
+    say(&found);
+    write_json(args.json.as_deref(), &found.to_json())?;
+    if found.is_good() {
+        Ok(())
+    } else {
+        Err(Failure::work(format!("{} breaks the contract", found.name)))
     }
 }
 

@@ -11,12 +11,14 @@
 //! | [`peer`] | one simulator as the orchestrator sees it: process, connection, deadlines |
 //! | [`record`] | what a run leaves |
 //! | [`report`] | the page that shows it |
+//! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`bench`] | speed through the real processes |
 //! | [`console`] | what a person reads while it works |
 
 pub mod bench;
 pub mod cli;
 pub mod config;
+pub mod conformance;
 pub mod console;
 pub mod coupling;
 pub mod peer;

@@ -57,6 +57,27 @@ pub struct Reach {
     pub launch: Launch,
 }
 
+/// Connects to a side and asks what it is.
+///
+/// # Errors
+///
+/// It cannot be reached, or is no simulator of this kind.
+pub async fn connect<S: Service>(
+    url: &str,
+    tls: Option<&Tls>,
+) -> Result<(S::Client, Described), SideError> {
+    let client = S::client(channel(S::SIDE, url, tls).await?);
+    let described = tokio::time::timeout(SETUP, S::describe(client.clone()))
+        .await
+        .map_err(|_| SideError::Hangs {
+            side: S::SIDE,
+            doing: "Describe".to_owned(),
+            waited: SETUP,
+        })?
+        .map_err(|status| not_a_simulator(S::SIDE, url, tls, &status))?;
+    Ok((client, described))
+}
+
 impl<S: Service> Peer<S> {
     /// Starts the side if need be, connects, and asks what it is.
     ///
@@ -71,20 +92,7 @@ impl<S: Service> Peer<S> {
                 (url, Some(child))
             }
         };
-        let connected = async {
-            let channel = channel(S::SIDE, &url, reach.tls.as_ref()).await?;
-            let client = S::client(channel);
-            let described = tokio::time::timeout(SETUP, S::describe(client.clone()))
-                .await
-                .map_err(|_| SideError::Hangs {
-                    side: S::SIDE,
-                    doing: "Describe".to_owned(),
-                    waited: SETUP,
-                })?
-                .map_err(|status| not_a_simulator(S::SIDE, &url, reach.tls.as_ref(), &status))?;
-            Ok((client, described))
-        }
-        .await;
+        let connected = connect::<S>(&url, reach.tls.as_ref()).await;
         let (client, described) = match (connected, &mut child) {
             (Ok(connected), _) => connected,
             (Err(error), Some(child)) => {

@@ -3,9 +3,11 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on should stop there")]
 
 mod configs;
+mod conformance;
 mod contract;
 mod determinism;
 mod faults;
+mod flocking;
 mod formation;
 mod interrupts;
 mod reference;

@@ -1,0 +1,318 @@
+//! Does a simulator keep the contract? Asked of a running one, by using it as the orchestrator would and as it would not.
+
+mod probe;
+
+use crate::config::Tls;
+use crate::peer::{SideError, Standing, connect};
+use probe::Probe;
+use proto::digest;
+use serde_json::{Value, json};
+use std::fmt;
+use std::future::Future;
+use std::time::Duration;
+use tonic::{Code, Status};
+
+/// What is asked of whom.
+#[derive(Clone, Debug)]
+pub struct ConformanceOptions {
+    /// Where it runs.
+    pub url: String,
+    /// Certificates for `https`.
+    pub tls: Option<Tls>,
+    /// Its configuration, as TOML text.
+    pub config_toml: String,
+    /// Number of agents.
+    pub agents: u32,
+}
+
+/// One promise and what became of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// The promise.
+    pub promise: &'static str,
+    /// Whether it was kept.
+    pub verdict: Verdict,
+}
+
+/// Whether a promise was kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It was.
+    Kept,
+    /// It was not: an experiment with this simulator will fail or cannot be trusted.
+    Broken(String),
+    /// It was not, but the orchestrator never gives cause: a mistake of its users would go unnoticed.
+    Lax(String),
+    /// The simulator does not make it.
+    NotAnnounced,
+}
+
+/// All findings.
+#[derive(Clone, Debug)]
+pub struct Conformance {
+    /// Who was asked.
+    pub name: String,
+    /// What was found.
+    pub findings: Vec<Finding>,
+}
+
+impl Conformance {
+    /// Whether every promise that experiments rely on was kept.
+    #[must_use]
+    pub fn is_good(&self) -> bool {
+        !self.findings.iter().any(|finding| matches!(finding.verdict, Verdict::Broken(_)))
+    }
+
+    /// For programs.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let findings: Vec<Value> = self
+            .findings
+            .iter()
+            .map(|finding| {
+                let (verdict, reason) = match &finding.verdict {
+                    Verdict::Kept => ("kept", None),
+                    Verdict::Broken(reason) => ("broken", Some(reason)),
+                    Verdict::Lax(reason) => ("lax", Some(reason)),
+                    Verdict::NotAnnounced => ("not-announced", None),
+                };
+                json!({ "promise": finding.promise, "verdict": verdict, "reason": reason })
+            })
+            .collect();
+        json!({ "schema": "conformance/1", "name": self.name, "good": self.is_good(), "findings": findings })
+    }
+}
+
+impl fmt::Display for Conformance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for finding in &self.findings {
+            match &finding.verdict {
+                Verdict::Kept => writeln!(f, "  kept    {}", finding.promise)?,
+                Verdict::Broken(reason) => writeln!(f, "  BROKEN  {}: {reason}", finding.promise)?,
+                Verdict::Lax(reason) => writeln!(f, "  lax     {}: {reason}", finding.promise)?,
+                Verdict::NotAnnounced => {
+                    writeln!(f, "  –       {}: not announced", finding.promise)?
+                }
+            }
+        }
+        let broken =
+            self.findings.iter().filter(|f| matches!(f.verdict, Verdict::Broken(_))).count();
+        let kept = self.findings.iter().filter(|f| f.verdict == Verdict::Kept).count();
+        write!(f, "{}: {kept} promises kept, {broken} broken", self.name)
+    }
+}
+
+/// Asks the robot simulator at a URL.
+///
+/// # Errors
+///
+/// It cannot be reached, or is none.
+pub async fn robots(options: &ConformanceOptions) -> Result<Conformance, SideError> {
+    ask::<crate::peer::Robots>(options).await
+}
+
+/// Asks the network simulator at a URL.
+///
+/// # Errors
+///
+/// It cannot be reached, or is none.
+pub async fn network(options: &ConformanceOptions) -> Result<Conformance, SideError> {
+    ask::<crate::peer::Network>(options).await
+}
+
+/// How long any answer may take.
+const DEADLINE: Duration = Duration::from_secs(10);
+/// The period of the experiment (ns).
+const STEP_NS: u64 = 100_000_000;
+/// Steps that are compared.
+const N_STEPS: u64 = 5;
+
+async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, SideError> {
+    let (client, described) = connect::<S>(&options.url, options.tls.as_ref()).await?;
+    let session = Questions::<S> { client, n: options.agents, toml: &options.config_toml };
+    let mut findings = Vec::new();
+    let mut found = |promise, result: Result<(), String>| {
+        let is_kept = result.is_ok();
+        let verdict = result.map_or_else(Verdict::Broken, |()| Verdict::Kept);
+        findings.push(Finding { promise, verdict });
+        is_kept
+    };
+    let version = described.contract_version;
+    found(
+        "Describe states a name and version 1 of the contract",
+        if described.name.is_empty() || version != proto::CONTRACT_VERSION {
+            Err(format!("name {:?}, version {version}", described.name))
+        } else {
+            Ok(())
+        },
+    );
+    let name = if described.name.is_empty() { S::SIDE.to_owned() } else { described.name.clone() };
+    let configured = session.configure(1).await;
+    if !found("Configure begins an experiment", configured.map(|_| ())) {
+        return Ok(Conformance { name, findings });
+    }
+    let first = session.run(1).await;
+    let digests_good = first.as_ref().map(|_| ()).map_err(Clone::clone);
+    if !found(
+        "Step replies for the step and time asked, in whole, finite columns; Barrier has the digest",
+        digests_good,
+    ) {
+        return Ok(Conformance { name, findings });
+    }
+    let first = first.unwrap_or_default();
+    found("the latest step repeated gives the same reply", session.repeats(&first).await);
+    found(
+        "another step, or time going back, is FAILED_PRECONDITION and changes nothing",
+        session.order().await,
+    );
+    found("the same seed gives the same replies after Configure", session.same(1, &first).await);
+    if described.session {
+        found("a session gives what single calls give", session.streams(&first).await);
+    } else {
+        findings.push(Finding {
+            promise: "a session gives what single calls give",
+            verdict: Verdict::NotAnnounced,
+        });
+    }
+    for (promise, request) in
+        S::malformed(N_STEPS + 1, (N_STEPS + 1) * STEP_NS, options.agents as usize)
+    {
+        let verdict = match session.refuses(request).await {
+            Ok(()) => Verdict::Kept,
+            Err(reason) => Verdict::Lax(reason),
+        };
+        findings.push(Finding { promise, verdict });
+    }
+    Ok(Conformance { name, findings })
+}
+
+/// One simulator under question.
+struct Questions<'a, S: Probe> {
+    client: S::Client,
+    n: u32,
+    toml: &'a str,
+}
+
+impl<S: Probe> Questions<'_, S> {
+    async fn configure(&self, seed: u64) -> Result<S::ConfigureResponse, String> {
+        let request = S::configure_request(seed, self.n, STEP_NS, self.toml);
+        within(S::configure(self.client.clone(), request)).await.map_err(said)
+    }
+
+    /// Takes some steps, checking each. Returns the replies.
+    async fn run(&self, first: u64) -> Result<Vec<Vec<u8>>, String> {
+        let mut replies = Vec::new();
+        let mut exchange = S::Exchange::default();
+        for step in first..first + N_STEPS {
+            let request = S::step_request(step, step * STEP_NS, self.n as usize);
+            let reply = within(S::step(self.client.clone(), request)).await.map_err(said)?;
+            S::check(&reply, step, step * STEP_NS, self.n as usize)?;
+            let digest =
+                S::expected_digest(&reply, step, step * STEP_NS, self.n as usize, &mut exchange)?;
+            let standing = self.barrier(step).await?;
+            if (standing.step, standing.time_ns) != (step, step * STEP_NS) {
+                return Err(format!(
+                    "after step {step} Barrier says step {}, {} ns",
+                    standing.step, standing.time_ns
+                ));
+            }
+            if standing.digest[..] != digest[..] {
+                return Err(format!(
+                    "the digest of step {step} is {}, expected {}",
+                    digest::hex(&standing.digest),
+                    digest::hex(&digest)
+                ));
+            }
+            replies.push(S::bytes(reply));
+        }
+        Ok(replies)
+    }
+
+    async fn barrier(&self, step: u64) -> Result<Standing, String> {
+        within(S::barrier(self.client.clone(), step, step * STEP_NS)).await.map_err(said)
+    }
+
+    async fn repeats(&self, replies: &[Vec<u8>]) -> Result<(), String> {
+        let request = S::step_request(N_STEPS, N_STEPS * STEP_NS, self.n as usize);
+        let reply = within(S::step(self.client.clone(), request)).await.map_err(said)?;
+        if replies.last() == Some(&S::bytes(reply)) {
+            Ok(())
+        } else {
+            Err("the second reply differs".to_owned())
+        }
+    }
+
+    async fn order(&self) -> Result<(), String> {
+        let before = self.barrier(N_STEPS).await?;
+        let wrong = [
+            (N_STEPS - 1, (N_STEPS - 1) * STEP_NS, "an older step"),
+            (N_STEPS + 2, (N_STEPS + 2) * STEP_NS, "a step that skips one"),
+            (N_STEPS + 1, N_STEPS * STEP_NS, "time that stands still"),
+        ];
+        for (step, until_ns, what) in wrong {
+            let request = S::step_request(step, until_ns, self.n as usize);
+            match within(S::step(self.client.clone(), request)).await {
+                Err(status) if status.code() == Code::FailedPrecondition => {}
+                Err(status) => return Err(format!("{what} is refused with {:?}", status.code())),
+                Ok(_) => return Err(format!("{what} is accepted")),
+            }
+        }
+        if self.barrier(N_STEPS).await? == before {
+            Ok(())
+        } else {
+            Err("it stands elsewhere afterwards".to_owned())
+        }
+    }
+
+    async fn same(&self, seed: u64, replies: &[Vec<u8>]) -> Result<(), String> {
+        self.configure(seed).await?;
+        let again = self.run(1).await?;
+        match replies.iter().zip(&again).position(|(a, b)| a != b) {
+            None => Ok(()),
+            Some(index) => Err(format!("the reply to step {} differs", index + 1)),
+        }
+    }
+
+    async fn streams(&self, replies: &[Vec<u8>]) -> Result<(), String> {
+        self.configure(1).await?;
+        let calls = (1..=N_STEPS)
+            .map(|step| S::session_step(S::step_request(step, step * STEP_NS, self.n as usize)))
+            .collect();
+        let streamed = within(S::stream(self.client.clone(), calls)).await.map_err(said)?;
+        let streamed: Vec<Vec<u8>> =
+            streamed.into_iter().filter_map(S::step_of).map(S::bytes).collect();
+        if streamed == replies { Ok(()) } else { Err("the replies differ".to_owned()) }
+    }
+
+    /// A malformed request: must be refused with `INVALID_ARGUMENT` and change nothing.
+    async fn refuses(&self, request: S::StepRequest) -> Result<(), String> {
+        match within(S::step(self.client.clone(), request)).await {
+            Err(status) if status.code() == Code::InvalidArgument => {}
+            Err(status) => {
+                return Err(format!("refused with {:?} instead of InvalidArgument", status.code()));
+            }
+            Ok(_) => {
+                // So that the next question finds it where it was.
+                self.configure(1).await?;
+                self.run(1).await?;
+                return Err("accepted".to_owned());
+            }
+        }
+        let standing = self.barrier(N_STEPS).await?;
+        if standing.step == N_STEPS {
+            Ok(())
+        } else {
+            Err("it stands elsewhere afterwards".to_owned())
+        }
+    }
+}
+
+async fn within<T>(call: impl Future<Output = Result<T, Status>>) -> Result<T, Status> {
+    tokio::time::timeout(DEADLINE, call).await.unwrap_or_else(|_| {
+        Err(Status::deadline_exceeded(format!("no answer for {} s", DEADLINE.as_secs())))
+    })
+}
+
+fn said(status: Status) -> String {
+    format!("{:?}: {}", status.code(), status.message())
+}

@@ -1,0 +1,230 @@
+//! What differs between asking robots and asking a network.
+
+use crate::peer::{Network, Robots, Service};
+use prost::Message as _;
+use proto::digest::{self, Digest};
+use proto::types::{AgentStates, Deliveries, Heard, Payloads, Transmissions};
+use proto::{convert, v1};
+use tokio_stream::StreamExt as _;
+use tonic::Status;
+
+/// A side that can be asked.
+pub(super) trait Probe: Service {
+    /// What must be remembered between steps to compute the digest.
+    type Exchange: Default + Send;
+
+    fn configure_request(seed: u64, n: u32, step_ns: u64, toml: &str) -> Self::ConfigureRequest;
+    fn step_request(step: u64, until_ns: u64, n: usize) -> Self::StepRequest;
+    /// Checks a reply by itself.
+    fn check(reply: &Self::StepResponse, step: u64, until_ns: u64, n: usize) -> Result<(), String>;
+    /// The digest of a step that was answered with `reply`.
+    fn expected_digest(
+        reply: &Self::StepResponse,
+        step: u64,
+        until_ns: u64,
+        n: usize,
+        exchange: &mut Self::Exchange,
+    ) -> Result<Digest, String>;
+    /// A reply for comparison: its digest, which single calls may leave out, does not count.
+    fn bytes(reply: Self::StepResponse) -> Vec<u8>;
+    /// Requests that break the contract, with the promise that each tests.
+    fn malformed(step: u64, until_ns: u64, n: usize) -> Vec<(&'static str, Self::StepRequest)>;
+
+    /// All replies of a session with these calls.
+    fn stream(
+        client: Self::Client,
+        calls: Vec<Self::SessionRequest>,
+    ) -> impl Future<Output = Result<Vec<Self::SessionResponse>, Status>> + Send {
+        async move {
+            let (sender, receiver) = tokio::sync::mpsc::channel(calls.len().max(1));
+            for call in calls {
+                // There is room for all.
+                let _ = sender.send(call).await;
+            }
+            drop(sender);
+            let replies =
+                Self::session(client, tokio_stream::wrappers::ReceiverStream::new(receiver))
+                    .await?;
+            replies.collect::<Result<Vec<_>, _>>().await
+        }
+    }
+}
+
+/// Robots in a row, each saying three numbers.
+fn states(n: usize) -> AgentStates {
+    let mut states = AgentStates::at_origin(n);
+    for agent in 0..n {
+        states.x_m[agent] = agent as f64;
+    }
+    states
+}
+
+fn payloads(n: usize) -> Payloads {
+    Payloads::new(vec![24; n], vec![0; 24 * n].into()).unwrap_or_default()
+}
+
+/// Everyone heard agent 0, none else.
+fn deliveries(n: usize) -> Deliveries {
+    let ends = (0..n as u32).collect();
+    Deliveries {
+        transmissions: Transmissions {
+            sender: (0..n as u32).collect(),
+            sent_ns: vec![0; n],
+            end_ns: vec![1_000_000; n],
+            payloads: payloads(n),
+        },
+        heard: Heard::Lists { ends, indices: vec![0; n.saturating_sub(1)] },
+        ..Deliveries::default()
+    }
+}
+
+/// What the robots are given in a step: nothing in the first.
+fn given(step: u64, n: usize) -> Option<Deliveries> {
+    (step != 1).then(|| deliveries(n))
+}
+
+fn stands(step: u64, until_ns: u64, got: (u64, u64)) -> Result<(), String> {
+    if got == (step, until_ns) {
+        Ok(())
+    } else {
+        Err(format!(
+            "asked for step {step} to {until_ns} ns, it replies step {}, {} ns",
+            got.0, got.1
+        ))
+    }
+}
+
+impl Probe for Robots {
+    type Exchange = ();
+
+    fn configure_request(seed: u64, n: u32, step_ns: u64, toml: &str) -> Self::ConfigureRequest {
+        v1::RobotSimServiceConfigureRequest {
+            seed,
+            agent_count: n,
+            step_ns,
+            coupling: v1::Coupling::Sequential.into(),
+            config_toml: toml.to_owned(),
+            ..Default::default()
+        }
+    }
+
+    fn step_request(step: u64, until_ns: u64, n: usize) -> Self::StepRequest {
+        v1::RobotSimServiceStepRequest {
+            step,
+            until_ns,
+            deliveries: given(step, n).map(Into::into),
+            ..Default::default()
+        }
+    }
+
+    fn check(reply: &Self::StepResponse, step: u64, until_ns: u64, n: usize) -> Result<(), String> {
+        stands(step, until_ns, (reply.step, reply.time_ns))?;
+        convert::states(reply.states.clone(), n).map_err(|invalid| invalid.to_string())?;
+        convert::payloads(reply.payloads.clone(), n).map_err(|invalid| invalid.to_string())?;
+        Ok(())
+    }
+
+    fn expected_digest(
+        reply: &Self::StepResponse,
+        step: u64,
+        until_ns: u64,
+        n: usize,
+        (): &mut (),
+    ) -> Result<Digest, String> {
+        let states =
+            convert::states(reply.states.clone(), n).map_err(|invalid| invalid.to_string())?;
+        Ok(digest::of_step(step, until_ns, &states, given(step, n).as_ref()))
+    }
+
+    fn bytes(mut reply: Self::StepResponse) -> Vec<u8> {
+        reply.digest.clear();
+        reply.encode_to_vec()
+    }
+
+    fn malformed(step: u64, until_ns: u64, n: usize) -> Vec<(&'static str, Self::StepRequest)> {
+        let spoilt = |spoil: fn(&mut v1::Deliveries)| {
+            let mut message: v1::Deliveries = deliveries(n).into();
+            spoil(&mut message);
+            v1::RobotSimServiceStepRequest {
+                deliveries: Some(message),
+                ..Self::step_request(step, until_ns, n)
+            }
+        };
+        vec![
+            (
+                "a transmission that does not exist is INVALID_ARGUMENT",
+                spoilt(|d| d.heard = vec![u32::MAX; d.heard.len()]),
+            ),
+            ("lists that end elsewhere are INVALID_ARGUMENT", spoilt(|d| d.heard_end = vec![1])),
+        ]
+    }
+}
+
+impl Probe for Network {
+    /// What was delivered in the step before.
+    type Exchange = Option<Deliveries>;
+
+    fn configure_request(seed: u64, n: u32, step_ns: u64, toml: &str) -> Self::ConfigureRequest {
+        v1::NetSimServiceConfigureRequest {
+            seed,
+            agent_count: n,
+            step_ns,
+            coupling: v1::Coupling::Sequential.into(),
+            config_toml: toml.to_owned(),
+            ..Default::default()
+        }
+    }
+
+    fn step_request(step: u64, until_ns: u64, n: usize) -> Self::StepRequest {
+        v1::NetSimServiceStepRequest {
+            step,
+            until_ns,
+            states: Some(states(n).into()),
+            payloads: Some(payloads(n).into()),
+            ..Default::default()
+        }
+    }
+
+    fn check(reply: &Self::StepResponse, step: u64, until_ns: u64, n: usize) -> Result<(), String> {
+        stands(step, until_ns, (reply.step, reply.time_ns))?;
+        convert::deliveries(reply.deliveries.clone(), n).map_err(|invalid| invalid.to_string())?;
+        Ok(())
+    }
+
+    fn expected_digest(
+        reply: &Self::StepResponse,
+        step: u64,
+        until_ns: u64,
+        n: usize,
+        before: &mut Option<Deliveries>,
+    ) -> Result<Digest, String> {
+        let delivered = convert::deliveries(reply.deliveries.clone(), n)
+            .map_err(|invalid| invalid.to_string())?;
+        let digest = digest::of_step(step, until_ns, &states(n), before.as_ref());
+        *before = Some(delivered.unwrap_or_default());
+        Ok(digest)
+    }
+
+    fn bytes(mut reply: Self::StepResponse) -> Vec<u8> {
+        reply.digest.clear();
+        reply.encode_to_vec()
+    }
+
+    fn malformed(step: u64, until_ns: u64, n: usize) -> Vec<(&'static str, Self::StepRequest)> {
+        let spoilt = |spoil: fn(&mut v1::AgentStates)| {
+            let mut message: v1::AgentStates = states(n).into();
+            spoil(&mut message);
+            v1::NetSimServiceStepRequest {
+                states: Some(message),
+                ..Self::step_request(step, until_ns, n)
+            }
+        };
+        vec![
+            (
+                "a position that is not a number is INVALID_ARGUMENT",
+                spoilt(|s| s.x_m[0] = f64::NAN),
+            ),
+            ("a column that is too short is INVALID_ARGUMENT", spoilt(|s| s.y_m.clear())),
+        ]
+    }
+}

@@ -1,0 +1,49 @@
+//! `orchestrator conformance` finds nothing wrong with our own simulators, and finds what is wrong with others.
+
+use serde_json::Value;
+use tests::Server;
+use tests::fake::{Fault, Faulty};
+
+/// What it said of the simulator at a URL, by promise; and its exit status.
+fn ask(side: &str, url: &str, config: &str) -> (Option<i32>, Vec<(String, String)>) {
+    let folder = tests::folder();
+    std::fs::write(folder.path().join("side.toml"), config).unwrap();
+    let args = ["conformance", side, url, "--config", "side.toml", "--json", "found.json"];
+    let output = tests::orchestrator(&args, folder.path());
+    let found = std::fs::read(folder.path().join("found.json"));
+    let found = found.unwrap_or_else(|_| panic!("{}", tests::said(&output)));
+    let found: Value = serde_json::from_slice(&found).unwrap();
+    let text = |value: &Value| value.as_str().unwrap().to_owned();
+    let findings = found["findings"].as_array().unwrap().iter();
+    (output.status.code(), findings.map(|f| (text(&f["promise"]), text(&f["verdict"]))).collect())
+}
+
+const ROBOTS: &str = "[scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.1\n[controller]\nkind = \"flocking\"\nflock_radius_m = 10.0\n";
+const NETWORK: &str = "[phy]\npropagation = \"experimental-randomness\"\n";
+
+#[test]
+fn our_own_simulators_keep_every_promise() {
+    for (side, config) in [("robotsim", ROBOTS), ("netsim", NETWORK)] {
+        let server = Server::start(side, &[]).unwrap();
+        let (status, findings) = ask(side, &server.url, config);
+        assert_eq!(status, Some(0), "{findings:?}");
+        assert!(8 <= findings.len(), "{findings:?}");
+        for (promise, verdict) in findings {
+            assert_eq!(verdict, "kept", "{side}: {promise}");
+        }
+    }
+}
+
+#[test]
+fn what_is_wrong_with_others_is_found() {
+    for fault in [Fault::WrongStep, Fault::WrongDigest, Fault::WrongTime, Fault::ShortColumn, Fault::NotANumber] {
+        let (status, findings) = ask("robotsim", &Faulty::robots(fault).url, ROBOTS);
+        assert_eq!(status, Some(1), "{fault:?}: {findings:?}");
+        let broken: Vec<_> = findings.iter().filter(|(_, verdict)| verdict == "broken").collect();
+        assert_eq!(broken.len(), 1, "{fault:?}: {findings:?}");
+        assert!(broken[0].0.starts_with("Step replies for the step and time asked"), "{broken:?}");
+    }
+    let (status, findings) = ask("netsim", &Faulty::network(Fault::OtherVersion).url, NETWORK);
+    assert_eq!(status, Some(1), "{findings:?}");
+    assert_eq!(findings[0].1, "broken");
+}
