@@ -75,13 +75,6 @@ pub struct PairState {
 }
 
 impl PairState {
-    /// Its random words: see [`PairBlock`].
-    #[inline]
-    #[must_use]
-    pub fn words(mut self) -> [u64; 4] {
-        self.block.words()
-    }
-
     /// Uniform in [0, 1): a frame is received if this is less than its probability.
     #[inline]
     pub fn draw(&mut self, sender_id: u32, receiver_id: u32) -> f64 {
@@ -105,29 +98,18 @@ impl Air<'_> {
         PairState { block, shared_db: None }
     }
 
-    /// Whether a radio hears a frame: a keyed draw against the model's probability.
+    /// As [`Air::pair`], where its words have been drawn already.
     #[inline]
     #[must_use]
-    pub fn hears(&self, receiver: usize, frame: usize, pair: &mut PairState) -> bool {
-        let Some(filter) = self.filters.on(self.radios.frames[frame].channel) else {
-            return self.hears_plainly(receiver, frame, pair);
-        };
-        let (low, high) = filter.bounds(self.radios.distance_squared_m2(receiver, frame));
-        if filter.is_impossible(high) {
-            return false;
-        }
-        if filter.is_certain(low) {
-            return true;
-        }
-        let scatter_db = self.scatter_db(receiver, frame, pair);
-        let (low, high) = filter.probability((low, high), scatter_db);
-        let draw = self.draw(receiver, frame, pair);
-        draw < low || draw < high && self.hears_plainly(receiver, frame, pair)
+    pub fn drawn_pair(&self, a: usize, b: usize, words: [u64; 4]) -> PairState {
+        let id = &self.radios.id;
+        let block = PairBlock::drawn(self.seed, id[a], id[b], self.period_ns, words);
+        PairState { block, shared_db: None }
     }
 
-    /// As [`Air::hears`], without any shortcut: what the others must agree with.
+    /// Whether a radio hears a frame: a keyed draw against the model's probability.
     #[must_use]
-    pub fn hears_plainly(&self, receiver: usize, frame: usize, pair: &mut PairState) -> bool {
+    pub fn hears(&self, receiver: usize, frame: usize, pair: &mut PairState) -> bool {
         let probability = self.budget(receiver, frame, pair).reception_probability;
         // Draws lie in [0, 1): 0 never succeeds, 1 always does, and neither needs one.
         0.0 < probability && (1.0 <= probability || self.draw(receiver, frame, pair) < probability)
@@ -166,9 +148,10 @@ impl Air<'_> {
         pair.draw(self.radios.id[frame], self.radios.id[receiver])
     }
 
-    /// Sum of all scatter (dB): what both directions share, and what belongs to this one.
+    /// Sum of all scatter (dB) of a frame: what both directions share, and what belongs to this one.
     #[inline]
-    fn scatter_db(&self, receiver: usize, frame: usize, pair: &mut PairState) -> f64 {
+    #[must_use]
+    pub fn scatter_db(&self, receiver: usize, frame: usize, pair: &mut PairState) -> f64 {
         let shared_db = self.shared_db(receiver, frame, pair);
         let directed = self.model.directed_scatters();
         if directed.is_empty() {

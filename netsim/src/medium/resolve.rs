@@ -1,13 +1,14 @@
 //! All links of a moment.
 
-use super::air::Air;
+use super::air::{Air, Radios};
+use super::judge::{Judge, MOST, ones, up_to};
+use crate::phy::link::distance_squared_m2;
 use crate::phy::nearest::Grid;
 use crate::phy::propagation::Reach;
-use crate::phy::scatter::{LEVEL_WORD, level_db};
 use bytes::Bytes;
-use proto::rng::uniform;
 use proto::types::Heard;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Who heard which frame, in agents' order.
 ///
@@ -23,24 +24,18 @@ pub fn resolve(air: &Air<'_>, agent_count: usize, reach: Reach, grid: &mut Grid)
     if air.model.is_certain() {
         return shorter(all_ones(air, &place_of), agent_count, air.n_frames());
     }
-    let neighbourhoods = match reach {
-        Reach::Unlimited => Neighbourhoods::All,
-        Reach::Listed => Neighbourhoods::Listed,
-        Reach::Within(_) if air.radios.ends.len() <= FEW => Neighbourhoods::All,
+    let heard = match reach {
+        Reach::Unlimited => dense(air, &place_of),
+        Reach::Listed => listed(air, &place_of),
+        Reach::Within(_) if air.radios.ends.len() <= FEW => dense(air, &place_of),
         Reach::Within(reach_m) => {
             let points = air.radios.ends.iter().map(|end| [end.position_m[0], end.position_m[1]]);
             grid.build(reach_m, points);
             if is_crowded(air, grid, reach_m) {
-                Neighbourhoods::All
+                dense(air, &place_of)
             } else {
-                Neighbourhoods::Within(grid, reach_m)
+                within(air, &place_of, grid, reach_m)
             }
-        }
-    };
-    let heard = match neighbourhoods {
-        Neighbourhoods::All => dense(air, &place_of),
-        Neighbourhoods::Listed | Neighbourhoods::Within(..) => {
-            sparse(air, &place_of, &neighbourhoods)
         }
     };
     shorter(heard, agent_count, air.n_frames())
@@ -64,16 +59,6 @@ pub fn register_rssi_dbm(air: &Air<'_>, agent_count: usize, heard: &Heard) -> Ve
         read
     });
     chunks.concat()
-}
-
-/// Which frames a radio may hear at all.
-enum Neighbourhoods<'a> {
-    /// All.
-    All,
-    /// Those of the radios within a distance.
-    Within(&'a Grid, f64),
-    /// Those of the radios that the scene lists.
-    Listed,
 }
 
 /// Radios for which neighbourhoods do not pay.
@@ -124,7 +109,7 @@ fn all_ones(air: &Air<'_>, place_of: &[Option<u32>]) -> Heard {
 }
 
 /// Side of a tile.
-const TILE: usize = 64;
+const TILE: usize = MOST;
 
 /// What a tile of 64 by 64 pairs says: frames of the second block heard by the first, and the other way round.
 type Tile = ([u64; TILE], [u64; TILE]);
@@ -141,10 +126,12 @@ fn dense(air: &Air<'_>, place_of: &[Option<u32>]) -> Heard {
         first.push(corners.len() - column);
         corners.extend((column..n_blocks).map(|row| (row, column)));
     }
+    let judge = Judge::new(air);
+    let tile = |&(row, column): &(usize, usize)| tile(&judge, air.radios, row, column);
     let tiles: Vec<Tile> = if n_frames * air.radios.ends.len() < SERIAL_PAIRS {
-        corners.iter().map(|&(row, column)| tile(air, row, column)).collect()
+        corners.iter().map(tile).collect()
     } else {
-        corners.par_iter().map(|&(row, column)| tile(air, row, column)).collect()
+        corners.par_iter().map(tile).collect()
     };
     let row_bytes = n_frames.div_ceil(8);
     let mut bytes = vec![0; place_of.len() * row_bytes];
@@ -166,182 +153,192 @@ fn dense(air: &Air<'_>, place_of: &[Option<u32>]) -> Heard {
 /// Fewer ordered pairs than this are not worth waking other threads.
 const SERIAL_PAIRS: usize = 16_384;
 
-fn tile(air: &Air<'_>, row: usize, column: usize) -> Tile {
-    let n = air.radios.ends.len();
+fn tile(judge: &Judge<'_>, radios: &Radios, row: usize, column: usize) -> Tile {
+    let n = radios.ends.len();
     let columns = column * TILE..((column + 1) * TILE).min(n);
     let mut tile = ([0; TILE], [0; TILE]);
     for (i, p) in (row * TILE..((row + 1) * TILE).min(n)).enumerate() {
         // On the diagonal only pairs p > q: each pair once.
         let before = columns.start..columns.end.min(p);
-        let (hears, is_heard) = against(air, p, before);
-        tile.0[i] |= hears;
-        for j in ones(is_heard) {
-            tile.1[j] |= 1 << i;
-            if row == column {
-                tile.0[j] |= 1 << i;
-            }
+        (tile.0[i], tile.1[i]) = against(judge, radios, p, before);
+    }
+    transpose(&mut tile.1);
+    if row == column {
+        for (hears, also_hears) in tile.0.iter_mut().zip(&tile.1) {
+            *hears |= also_hears;
         }
     }
     tile
 }
 
 /// Radio p against at most 64 others before it: bits of those whose frame it hears, and of those that hear its frame.
-fn against(air: &Air<'_>, p: usize, others: std::ops::Range<usize>) -> (u64, u64) {
-    let n_frames = air.n_frames();
-    let first = others.start;
-    let up_to = |n: usize| if n < 64 { (1 << n) - 1 } else { u64::MAX };
+fn against(judge: &Judge<'_>, radios: &Radios, p: usize, others: Range<usize>) -> (u64, u64) {
+    let n_frames = radios.frames.len();
+    let (first, n) = (others.start, others.len());
     // Frames come first: bits of the others that have one, and of all others if p has one.
     let sending = up_to(others.end.min(n_frames).saturating_sub(first));
-    let listening = if p < n_frames { up_to(others.len()) } else { 0 };
-    let candidates = sending | listening;
-    let (mut hears, mut is_heard) = (0, 0);
+    let listening = if p < n_frames { up_to(n) } else { 0 };
 
-    // One filter serves both directions where frames have no channel.
-    let without_channel = air.radios.frames.first().is_none_or(|frame| frame.channel.is_none());
-    let filter = air
-        .filters
-        .on(None)
-        .filter(|_| without_channel && air.model.directed_scatters().is_empty());
-    let Some(filter) = filter else {
-        for j in ones(candidates) {
-            let q = first + j;
-            let mut pair = air.pair(p, q);
-            if sending >> j & 1 == 1 && air.hears(p, q, &mut pair) {
-                hears |= 1 << j;
-            }
-            if listening >> j & 1 == 1 && air.hears(q, p, &mut pair) {
-                is_heard |= 1 << j;
-            }
+    let [x_m, y_m, z_m] = &radios.position_m;
+    let at_p = [x_m[p], y_m[p], z_m[p]];
+    let (x_m, y_m, z_m) = (&x_m[others.clone()], &y_m[others.clone()], &z_m[others.clone()]);
+    let mut d2_m2 = [0.0; TILE];
+    for (((d2_m2, &x_m), &y_m), &z_m) in d2_m2.iter_mut().zip(x_m).zip(y_m).zip(z_m) {
+        *d2_m2 = distance_squared_m2([at_p[0] - x_m, at_p[1] - y_m, at_p[2] - z_m]);
+    }
+    let mut certain = 0;
+    if judge.certain_below_m2 != 0.0 {
+        certain = bits(&d2_m2, |d2_m2| d2_m2 < judge.certain_below_m2) & up_to(n);
+    }
+    let possible = bits(&d2_m2, |d2_m2| d2_m2 < judge.impossible_from_m2) & up_to(n);
+    let open = possible & !certain & (sending | listening);
+    let (mut hears, mut is_heard) = (certain, certain);
+    if open == up_to(TILE) {
+        let others: [u32; TILE] = std::array::from_fn(|j| (first + j) as u32);
+        (hears, is_heard) = judge.both(p, &others, &d2_m2);
+    } else if open != 0 {
+        let mut left = [0; TILE];
+        let mut left_d2_m2 = [0.0; TILE];
+        let mut n_left = 0;
+        for j in ones(open) {
+            left[n_left] = (first + j) as u32;
+            left_d2_m2[n_left] = d2_m2[j];
+            n_left += 1;
         }
-        return (hears, is_heard);
-    };
-
-    let mut bounds = [(0.0, 0.0); TILE];
-    let (mut certain, mut impossible) = (0, 0);
-    for (j, q) in others.enumerate() {
-        bounds[j] = filter.bounds(air.radios.distance_squared_m2(p, q));
-        certain |= u64::from(filter.is_certain(bounds[j].0)) << j;
-        impossible |= u64::from(filter.is_impossible(bounds[j].1)) << j;
-    }
-    hears |= certain;
-    is_heard |= certain;
-    // In passes, and without branches that a random outcome would mislead: three times as fast. The rare links that the
-    // bounds leave undecided come afterwards.
-    let (mut unsure_hears, mut unsure_is_heard) = (0, 0);
-    let mut left = [0; TILE];
-    let mut n_left = 0;
-    for j in ones(candidates & !certain & !impossible) {
-        left[n_left] = j;
-        n_left += 1;
-    }
-    let left = &left[..n_left];
-    let mut blocks = [[0; 4]; TILE];
-    for (words, &j) in blocks.iter_mut().zip(left) {
-        *words = air.pair(p, first + j).words();
-    }
-    // Usually scatter is the level of this period, or there is none.
-    let level_span_db = match air.model.symmetric_scatters() {
-        [] => Some(0.0),
-        [only] => only.period_span_db(),
-        _ => None,
-    };
-    let p_id = air.radios.id[p];
-    for (&words, &j) in blocks.iter().zip(left) {
-        let q = first + j;
-        let shared_db = match level_span_db {
-            Some(span_db) => level_db(span_db, uniform(words[LEVEL_WORD])),
-            None => air.shared_db(p, q, &mut air.pair(p, q)),
-        };
-        let (low, high) = filter.probability(bounds[j], shared_db);
-        let (low_to_high, high_to_low) = (uniform(words[0]), uniform(words[1]));
-        let p_is_higher = air.radios.id[q] < p_id;
-        let to_p = if p_is_higher { low_to_high } else { high_to_low };
-        let to_q = if p_is_higher { high_to_low } else { low_to_high };
-        hears |= u64::from(to_p < low) << j;
-        unsure_hears |= u64::from(to_p < high) << j;
-        is_heard |= u64::from(to_q < low) << j;
-        unsure_is_heard |= u64::from(to_q < high) << j;
-    }
-    for j in ones(unsure_hears & !hears & sending) {
-        let q = first + j;
-        hears |= u64::from(air.hears_plainly(p, q, &mut air.pair(p, q))) << j;
-    }
-    for j in ones(unsure_is_heard & !is_heard & listening) {
-        let q = first + j;
-        is_heard |= u64::from(air.hears_plainly(q, p, &mut air.pair(p, q))) << j;
+        let (to_p, to_others) = judge.both(p, &left[..n_left], &left_d2_m2[..n_left]);
+        let place = |k: usize| left[k] as usize - first;
+        ones(to_p).for_each(|k| hears |= 1 << place(k));
+        ones(to_others).for_each(|k| is_heard |= 1 << place(k));
     }
     (hears & sending, is_heard & listening)
 }
 
-/// Indices of the bits that are set.
-fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        (bits != 0).then(|| {
-            let bit = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            bit
-        })
-    })
+/// Bits of the distances for which something holds.
+#[inline(always)]
+fn bits(d2_m2: &[f64; TILE], holds: impl Fn(f64) -> bool) -> u64 {
+    let mut flags = [0; TILE];
+    for (flag, &d2_m2) in flags.iter_mut().zip(d2_m2) {
+        *flag = u8::from(holds(d2_m2));
+    }
+    let mut bits = 0;
+    for (i, eight) in flags.as_chunks::<8>().0.iter().enumerate() {
+        // Brings the lowest bit of byte j to bit 56 + j.
+        let byte = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        bits |= byte << (8 * i);
+    }
+    bits
 }
 
-/// Neighbours only.
-fn sparse(air: &Air<'_>, place_of: &[Option<u32>], near: &Neighbourhoods<'_>) -> Heard {
-    let n_frames = air.n_frames();
-    let ends = &air.radios.ends;
-    let chunks: Vec<(Vec<u32>, Vec<u32>)> = chunked(place_of.len(), |agents| {
-        let mut counts = Vec::with_capacity(agents.len());
-        let mut indices = Vec::new();
-        for agent in agents {
-            let begin = indices.len();
-            if let Some(place) = place_of[agent] {
-                let receiver = place as usize;
-                let mut consider = |frame: u32| {
-                    let frame = frame as usize;
-                    if frame < n_frames && frame != receiver {
-                        let mut pair = air.pair(receiver, frame);
-                        if air.hears(receiver, frame, &mut pair) {
-                            indices.push(frame as u32);
-                        }
-                    }
-                };
-                match near {
-                    Neighbourhoods::All => (0..n_frames as u32).for_each(&mut consider),
-                    Neighbourhoods::Within(grid, reach_m) => {
-                        let [x, y, _] = ends[receiver].position_m;
-                        grid.around([x, y], *reach_m).for_each(&mut consider);
-                    }
-                    Neighbourhoods::Listed => {
-                        let nearest = air.scene.nearest.as_ref();
-                        nearest
-                            .map_or(&[][..], |nearest| nearest.neighbours_of(receiver))
-                            .iter()
-                            .for_each(|&place| consider(place));
+/// Exchanges bit i of word j with bit j of word i: swaps the quarters off the diagonal, then within each quarter.
+fn transpose(words: &mut [u64; TILE]) {
+    let mut width = TILE / 2;
+    let mut mask = u64::from(u32::MAX);
+    while width != 0 {
+        for block in (0..TILE).step_by(2 * width) {
+            for i in block..block + width {
+                let swapped = (words[i] >> width ^ words[i + width]) & mask;
+                words[i] ^= swapped << width;
+                words[i + width] ^= swapped;
+            }
+        }
+        width /= 2;
+        mask ^= mask << width;
+    }
+}
+
+/// Frames that each radio of a chunk hears from those before it, and (receiver, frame) of those that hear it.
+type Near = (Vec<Vec<u32>>, Vec<(u32, u32)>);
+
+/// Those within reach only; every unordered pair once.
+fn within(air: &Air<'_>, place_of: &[Option<u32>], grid: &Grid, reach_m: f64) -> Heard {
+    let judge = Judge::new(air);
+    let radios = air.radios;
+    let chunks: Vec<Near> = chunked(radios.ends.len(), |places| {
+        let mut heard = Vec::with_capacity(places.len());
+        let mut back = Vec::new();
+        let (mut others, mut d2_m2) = (Vec::new(), Vec::new());
+        for p in places {
+            let [x, y, _] = radios.ends[p].position_m;
+            others.clear();
+            d2_m2.clear();
+            for q in grid.around([x, y], reach_m) {
+                if (q as usize) < p {
+                    let d2 = radios.distance_squared_m2(p, q as usize);
+                    if d2 < judge.impossible_from_m2 {
+                        others.push(q);
+                        d2_m2.push(d2);
                     }
                 }
-                indices[begin..].sort_unstable();
             }
-            counts.push((indices.len() - begin) as u32);
+            let mut hears = Vec::new();
+            for (others, d2_m2) in others.chunks(MOST).zip(d2_m2.chunks(MOST)) {
+                let (to_p, to_others) = judge.both(p, others, d2_m2);
+                hears.extend(ones(to_p).map(|k| others[k]));
+                back.extend(ones(to_others).map(|k| (others[k], p as u32)));
+            }
+            hears.sort_unstable();
+            heard.push(hears);
         }
-        (counts, indices)
+        (heard, back)
     });
-    let mut ends_of = Vec::with_capacity(place_of.len());
-    let mut indices = Vec::with_capacity(chunks.iter().map(|chunk| chunk.1.len()).sum());
-    let mut end = 0;
-    for (counts, part) in chunks {
-        ends_of.extend(counts.into_iter().map(|count| {
-            end += count;
-            end
-        }));
-        indices.extend(part);
+    // Ascending: first the frames of those before a radio, then those of the ones after it, which come in their order.
+    let mut heard = Vec::with_capacity(radios.ends.len());
+    let mut backs = Vec::with_capacity(chunks.len());
+    for (part, back) in chunks {
+        heard.extend(part);
+        backs.push(back);
     }
-    Heard::Lists { ends: ends_of, indices }
+    for (receiver, frame) in backs.into_iter().flatten() {
+        heard[receiver as usize].push(frame);
+    }
+    lists(place_of, |place| &heard[place])
+}
+
+/// The neighbours only that the scene lists for each receiver.
+fn listed(air: &Air<'_>, place_of: &[Option<u32>]) -> Heard {
+    let n_frames = air.n_frames();
+    let chunks: Vec<Vec<Vec<u32>>> = chunked(air.radios.ends.len(), |places| {
+        places
+            .map(|receiver| {
+                let neighbours = match &air.scene.nearest {
+                    Some(nearest) => nearest.neighbours_of(receiver),
+                    None => &[],
+                };
+                let mut heard: Vec<u32> = neighbours
+                    .iter()
+                    .copied()
+                    .filter(|&frame| {
+                        let frame = frame as usize;
+                        let mut pair = air.pair(receiver, frame);
+                        frame < n_frames
+                            && frame != receiver
+                            && air.hears(receiver, frame, &mut pair)
+                    })
+                    .collect();
+                heard.sort_unstable();
+                heard
+            })
+            .collect()
+    });
+    let heard: Vec<Vec<u32>> = chunks.into_iter().flatten().collect();
+    lists(place_of, |place| &heard[place])
+}
+
+/// Lists by agent of lists by place.
+fn lists<'a>(place_of: &[Option<u32>], heard: impl Fn(usize) -> &'a Vec<u32>) -> Heard {
+    let mut ends = Vec::with_capacity(place_of.len());
+    let mut indices = Vec::new();
+    for place in place_of {
+        if let Some(place) = *place {
+            indices.extend_from_slice(heard(place as usize));
+        }
+        ends.push(indices.len() as u32);
+    }
+    Heard::Lists { ends, indices }
 }
 
 /// Applies `work` to consecutive ranges of agents, in parallel where that pays; results in the agents' order.
-fn chunked<T: Send>(
-    agent_count: usize,
-    work: impl Fn(std::ops::Range<usize>) -> T + Send + Sync,
-) -> Vec<T> {
+fn chunked<T: Send>(agent_count: usize, work: impl Fn(Range<usize>) -> T + Send + Sync) -> Vec<T> {
     let range = |chunk: usize| chunk * CHUNK..((chunk + 1) * CHUNK).min(agent_count);
     let n_chunks = agent_count.div_ceil(CHUNK);
     if n_chunks <= 2 {

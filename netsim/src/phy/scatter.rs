@@ -86,6 +86,13 @@ impl PairBlock {
         Self { seed, pair: unordered_link(a, b), period_ns, is_drawn: false, words: [0; 4] }
     }
 
+    /// As [`PairBlock::new`], where the words have been drawn already: see [`draw_blocks`].
+    #[inline]
+    #[must_use]
+    pub fn drawn(seed: u64, a: u32, b: u32, period_ns: u64, words: [u64; 4]) -> Self {
+        Self { words, is_drawn: true, ..Self::new(seed, a, b, period_ns) }
+    }
+
     /// Uniform in [0, 1): a frame is received if this is less than its probability.
     #[inline]
     pub fn reception(&mut self, sender: u32, receiver: u32) -> f64 {
@@ -113,15 +120,14 @@ impl PairBlock {
     }
 }
 
-/// Which word of a [`PairBlock`] is the level of the period.
-pub const LEVEL_WORD: usize = 2;
-
-/// A uniform contribution (dB) of this span at a level in [0, 1].
-#[inline]
-#[must_use]
-pub fn level_db(span_db: f64, level: f64) -> f64 {
-    span_db * (level - 0.5)
+/// The words of many blocks at once. `pairs`: as [`unordered_link`] names them.
+pub fn draw_blocks(seed: u64, pairs: &[u64], period_ns: u64, words: &mut [[u64; 4]]) {
+    Draws::new(seed, Purpose::Reception).words_of(pairs, period_ns, 0, words);
 }
+
+/// Which word of a [`PairBlock`] is the level of the period, or of the frame from the lower number; the next one is that
+/// of the frame from the higher number.
+pub const LEVEL_WORD: usize = 2;
 
 impl Scatter {
     /// The most that it adds (dB).
@@ -144,18 +150,20 @@ impl Scatter {
     #[must_use]
     pub fn value_db(&self, block: &mut PairBlock, sender: u32, receiver: u32, at: Moment) -> f64 {
         match self.law {
-            Law::Uniform { span_db } => level_db(span_db, self.level(block, sender, receiver, at)),
+            Law::Uniform { span_db } => span_db * (self.level(block, sender, receiver, at) - 0.5),
             Law::Normal { sd_db } => {
                 sd_db * self.deviate(block.seed, sender, receiver, at).clamp(-CLIP_SD, CLIP_SD)
             }
         }
     }
 
-    /// Its span (dB), if it is the level of the period in the [`PairBlock`].
+    /// Its span (dB), if it is the level of the period or of the frame in the [`PairBlock`].
     #[must_use]
-    pub fn period_span_db(&self) -> Option<f64> {
+    pub fn block_span_db(&self) -> Option<f64> {
         match (self.law, self.renewal) {
-            (Law::Uniform { span_db }, Renewal::Period) if self.shares_block() => Some(span_db),
+            (Law::Uniform { span_db }, Renewal::Period | Renewal::Frame) if self.shares_block() => {
+                Some(span_db)
+            }
             _ => None,
         }
     }

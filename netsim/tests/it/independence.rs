@@ -211,8 +211,8 @@ fn plainly(setup: &proto::side::Setup, states: &AgentStates, period_ns: u64) -> 
     let mut pairs = Vec::new();
     for receiver in 0..n {
         for frame in 0..n {
-            let heard = receiver != frame
-                && air.hears_plainly(receiver, frame, &mut air.pair(receiver, frame));
+            let heard =
+                receiver != frame && air.hears(receiver, frame, &mut air.pair(receiver, frame));
             if heard {
                 pairs.push((receiver as u32, frame as u32));
             }
