@@ -318,6 +318,17 @@ async fn orders_from_outside_take_effect_with_the_next_step_and_are_listed() {
 }
 
 #[tokio::test]
+async fn orders_do_not_pile_up_without_end() {
+    let (_netsim, mut network) = network().await;
+    network.configure(network_setup(1)).await.unwrap();
+    let many = v1::NetSimServiceCommandRequest { commands: vec![kill(1); 60_000] };
+    network.command(many.clone()).await.unwrap();
+    assert_refused(network.command(many).await, Code::ResourceExhausted, "commands: at most 100000 may wait");
+    let reply = network.step(network_step(1)).await.unwrap().into_inner();
+    assert_eq!(reply.applied_commands.len(), 60_000);
+}
+
+#[tokio::test]
 async fn a_mote_that_is_killed_neither_sends_nor_hears() {
     let (_netsim, mut network) = network().await;
     let mut setup = network_setup(1);

@@ -251,3 +251,19 @@ pub(super) const QUICK_AGENTS: usize = 256;
 pub(super) fn not_configured() -> Status {
     Status::failed_precondition("not configured: call Configure first")
 }
+
+/// Orders that may wait for the next step.
+const MAX_PENDING: usize = 100_000;
+
+/// Adds orders to those that wait, all or none.
+pub(super) fn queue<T>(pending: &mut Vec<T>, commands: Vec<T>) -> Result<(), Status> {
+    if MAX_PENDING < pending.len() + commands.len() {
+        return Err(Status::resource_exhausted(format!(
+            "commands: at most {MAX_PENDING} may wait for the next step, {} do and {} are added",
+            pending.len(),
+            commands.len()
+        )));
+    }
+    pending.extend(commands);
+    Ok(())
+}

@@ -1,7 +1,7 @@
 //! The network's service.
 
 use super::lifecycle::{
-    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, refusal,
+    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, queue, refusal,
 };
 use crate::side::{NetInput, NetOutput, NetSimulator, NotASnapshot};
 use crate::types::{AgentStates, Deliveries, MoteCommand};
@@ -194,7 +194,7 @@ impl<S: NetSimulator> Lifecycle<S> {
     ) -> Result<v1::NetSimServiceCommandResponse, Status> {
         let active = self.active()?;
         let commands = obeyed::<S>(request.commands, active.ledger.agent_count())?;
-        active.pending.extend(commands);
+        queue(&mut active.pending, commands)?;
         active.pending.sort_by(|a, b| a.source.cmp(&b.source));
         Ok(v1::NetSimServiceCommandResponse { applies_at_step: active.ledger.step + 1 })
     }

@@ -1,7 +1,7 @@
 //! The robots' service.
 
 use super::lifecycle::{
-    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, refusal,
+    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, queue, refusal,
 };
 use crate::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator};
 use crate::types::{AgentCommand, Coupling};
@@ -188,7 +188,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
     ) -> Result<v1::RobotSimServiceCommandResponse, Status> {
         let active = self.active()?;
         let commands = convert::agent_commands(request.commands, active.ledger.agent_count())?;
-        active.pending.extend(commands);
+        queue(&mut active.pending, commands)?;
         convert::sort_agent_commands(&mut active.pending);
         Ok(v1::RobotSimServiceCommandResponse { applies_at_step: active.ledger.step + 1 })
     }

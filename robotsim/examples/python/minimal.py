@@ -15,16 +15,12 @@ with tempfile.TemporaryDirectory() as stubs:
 def pack(letter, numbers):
     return struct.pack(f"<{len(numbers)}{letter}", *numbers)
 
-def heard_by(robot, deliveries):
-    """The positions that a robot heard. The network sends lists of indices or bitmaps, whichever is shorter."""
-    sent, ends = deliveries.transmissions, deliveries.heard_end
-    if deliveries.heard_bitmap:
-        width = (len(sent.sender) + 7) // 8
-        row = int.from_bytes(deliveries.heard_bitmap[robot * width : (robot + 1) * width], "little")
-        indices = [i for i in range(len(sent.sender)) if row >> i & 1]
-    else:
-        indices = deliveries.heard[ends[robot - 1] if robot else 0 : ends[robot]] if ends else []
-    return [struct.unpack_from("<3d", sent.payloads.data, 24 * i) for i in indices]
+def heard_by(robot, got):
+    """The positions that a robot heard. The network sends bitmaps or lists of indices, whichever is shorter."""
+    n, ends = len(got.transmissions.sender), [0, *(got.heard_end or [0] * (robot + 1))]
+    row = int.from_bytes(got.heard_bitmap[robot * ((n + 7) // 8) : (robot + 1) * ((n + 7) // 8)], "little")
+    indices = [i for i in range(n) if row >> i & 1] or got.heard[ends[robot] : ends[robot + 1]]
+    return [struct.unpack_from("<3d", got.transmissions.payloads.data, 24 * i) for i in indices]
 
 class Robots(service.RobotSimServiceServicer):
     step, time_ns, reply = None, 0, None  # not configured yet
@@ -47,8 +43,7 @@ class Robots(service.RobotSimServiceServicer):
         if self.reply and request.step == self.step:
             return self.reply  # asked again
         if self.step is None or request.step != self.step + 1 or request.until_ns <= self.time_ns:
-            here, asked = f"step {self.step}, {self.time_ns} ns", f"step {request.step}, until_ns {request.until_ns}"
-            context.abort(grpc.StatusCode.FAILED_PRECONDITION, f"{asked}: cannot follow {here}")
+            context.abort(grpc.StatusCode.FAILED_PRECONDITION, f"step {request.step} cannot follow step {self.step}")
         reach_m = 1.0 * (request.until_ns - self.time_ns) / 1e9  # at 1 m/s
         for robot in range(len(self.x_m)):
             if heard := heard_by(robot, request.deliveries):
