@@ -209,37 +209,48 @@ impl<T: Discard + Send + 'static> Shared<T> {
         Self { inner: Arc::new(Mutex::new(inner)) }
     }
 
-    /// Runs `call` on the simulator. The lock is held for the call alone, never across an await. A panic ends the
-    /// experiment, not the process.
+    /// Runs `call` on the simulator: here if that is quick, else on a thread for blocking work. The lock is held for the
+    /// call alone, never across an await. A panic ends the experiment, not the process.
     pub(super) async fn call<R: Send + 'static>(
         &self,
         call: impl FnOnce(&mut T) -> Result<R, Status> + Send + 'static,
     ) -> Result<R, Status> {
-        let guarded = |inner: &Mutex<T>| {
-            // A panic never leaves the lock: catch_unwind is inside.
-            let mut simulator = inner.lock().unwrap_or_else(PoisonError::into_inner);
-            match catch_unwind(AssertUnwindSafe(|| call(&mut simulator))) {
-                Ok(result) => result,
-                Err(panic) => {
-                    simulator.discard();
-                    let text = panic
-                        .downcast_ref::<String>()
-                        .map(String::as_str)
-                        .or_else(|| panic.downcast_ref::<&str>().copied())
-                        .unwrap_or("no message");
-                    Err(Status::internal(format!("a bug ended the experiment: {text}")))
-                }
-            }
-        };
         // A lock that is taken belongs to a call on a blocking thread: wait there, not here.
-        let quick = self.inner.try_lock().is_ok_and(|simulator| simulator.is_quick());
-        if quick {
-            guarded(&self.inner)
+        if self.inner.try_lock().is_ok_and(|simulator| simulator.is_quick()) {
+            guarded(&self.inner, call)
         } else {
-            let inner = Arc::clone(&self.inner);
-            tokio::task::spawn_blocking(move || guarded(&inner))
-                .await
-                .map_err(|error| Status::internal(format!("the step was not finished: {error}")))?
+            self.call_blocking(call).await
+        }
+    }
+
+    /// As [`Self::call`], never on this thread, so that other calls are answered meanwhile.
+    pub(super) async fn call_blocking<R: Send + 'static>(
+        &self,
+        call: impl FnOnce(&mut T) -> Result<R, Status> + Send + 'static,
+    ) -> Result<R, Status> {
+        let inner = Arc::clone(&self.inner);
+        tokio::task::spawn_blocking(move || guarded(&inner, call))
+            .await
+            .map_err(|error| Status::internal(format!("the call was not finished: {error}")))?
+    }
+}
+
+fn guarded<T: Discard, R>(
+    inner: &Mutex<T>,
+    call: impl FnOnce(&mut T) -> Result<R, Status>,
+) -> Result<R, Status> {
+    // A panic never leaves the lock: catch_unwind is inside.
+    let mut simulator = inner.lock().unwrap_or_else(PoisonError::into_inner);
+    match catch_unwind(AssertUnwindSafe(|| call(&mut simulator))) {
+        Ok(result) => result,
+        Err(panic) => {
+            simulator.discard();
+            let text = panic
+                .downcast_ref::<String>()
+                .map(String::as_str)
+                .or_else(|| panic.downcast_ref::<&str>().copied())
+                .unwrap_or("no message");
+            Err(Status::internal(format!("a bug ended the experiment: {text}")))
         }
     }
 }

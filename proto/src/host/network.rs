@@ -1,7 +1,8 @@
 //! The network's service.
 
 use super::lifecycle::{
-    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, queue, refusal,
+    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, queue,
+    refusal,
 };
 use crate::side::{NetInput, NetOutput, NetSimulator, NotASnapshot};
 use crate::types::{AgentStates, Deliveries, MoteCommand};
@@ -275,7 +276,10 @@ impl<S: NetSimulator> NetSimService for NetHost<S> {
         &self,
         request: Request<v1::NetSimServiceConfigureRequest>,
     ) -> Result<Response<v1::NetSimServiceConfigureResponse>, Status> {
-        self.shared.call(|host| host.configure(request.into_inner())).await.map(Response::new)
+        self.shared
+            .call_blocking(|host| host.configure(request.into_inner()))
+            .await
+            .map(Response::new)
     }
 
     async fn step(
@@ -321,14 +325,17 @@ impl<S: NetSimulator> NetSimService for NetHost<S> {
         &self,
         _: Request<v1::NetSimServiceSnapshotRequest>,
     ) -> Result<Response<v1::NetSimServiceSnapshotResponse>, Status> {
-        self.shared.call(Lifecycle::snapshot).await.map(Response::new)
+        self.shared.call_blocking(Lifecycle::snapshot).await.map(Response::new)
     }
 
     async fn restore(
         &self,
         request: Request<v1::NetSimServiceRestoreRequest>,
     ) -> Result<Response<v1::NetSimServiceRestoreResponse>, Status> {
-        self.shared.call(move |host| host.restore(request.get_ref())).await.map(Response::new)
+        self.shared
+            .call_blocking(move |host| host.restore(request.get_ref()))
+            .await
+            .map(Response::new)
     }
 
     async fn command(

@@ -1,7 +1,8 @@
 //! The robots' service.
 
 use super::lifecycle::{
-    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, queue, refusal,
+    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, queue,
+    refusal,
 };
 use crate::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator};
 use crate::types::{AgentCommand, Coupling};
@@ -244,7 +245,10 @@ impl<S: RobotSimulator> RobotSimService for RobotHost<S> {
         &self,
         request: Request<v1::RobotSimServiceConfigureRequest>,
     ) -> Result<Response<v1::RobotSimServiceConfigureResponse>, Status> {
-        self.shared.call(|host| host.configure(request.into_inner())).await.map(Response::new)
+        self.shared
+            .call_blocking(|host| host.configure(request.into_inner()))
+            .await
+            .map(Response::new)
     }
 
     async fn step(
@@ -290,14 +294,17 @@ impl<S: RobotSimulator> RobotSimService for RobotHost<S> {
         &self,
         _: Request<v1::RobotSimServiceSnapshotRequest>,
     ) -> Result<Response<v1::RobotSimServiceSnapshotResponse>, Status> {
-        self.shared.call(Lifecycle::snapshot).await.map(Response::new)
+        self.shared.call_blocking(Lifecycle::snapshot).await.map(Response::new)
     }
 
     async fn restore(
         &self,
         request: Request<v1::RobotSimServiceRestoreRequest>,
     ) -> Result<Response<v1::RobotSimServiceRestoreResponse>, Status> {
-        self.shared.call(move |host| host.restore(request.get_ref())).await.map(Response::new)
+        self.shared
+            .call_blocking(move |host| host.restore(request.get_ref()))
+            .await
+            .map(Response::new)
     }
 
     async fn command(
