@@ -2,13 +2,35 @@
 //!
 //! In passes over at most 64 links, and without branches that a random outcome would mislead.
 
-use super::air::Air;
+use super::air::{Air, Radios};
 use super::filter::{Filter, Limits, Rule, STEPS_PER_DB, draw_of};
 use crate::phy::scatter::{LEVEL_WORD, draw_blocks};
 use proto::rng::unordered_link;
 
 /// Links that are judged at once.
 pub const MOST: usize = 64;
+
+/// Room for what is known of [`MOST`] links.
+#[derive(Debug)]
+pub struct Scratch {
+    ids: [u32; MOST],
+    pairs: [u64; MOST],
+    words: [[u64; 4]; MOST],
+    added: [f64; MOST],
+    limits: [Limits; MOST],
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            ids: [0; MOST],
+            pairs: [0; MOST],
+            words: [[0; 4]; MOST],
+            added: [0.0; MOST],
+            limits: [[0; 2]; MOST],
+        }
+    }
+}
 
 /// Judges the links of a moment.
 #[derive(Debug)]
@@ -101,32 +123,41 @@ impl<'a> Judge<'a> {
     /// Radio `p` against at most [`MOST`] others, of which those have the squared distances `d2_m2` (m²): bits of those
     /// whose frame it hears, and of those that hear its frame.
     #[must_use]
-    pub fn both(&self, p: usize, others: &[u32], d2_m2: &[f64]) -> (u64, u64) {
+    pub fn both(
+        &self,
+        p: usize,
+        others: &[u32],
+        d2_m2: &[f64],
+        scratch: &mut Scratch,
+    ) -> (u64, u64) {
         let n = others.len().min(d2_m2.len()).min(MOST);
         let (others, d2_m2) = (&others[..n], &d2_m2[..n]);
         let (sending, listening) = self.on_air(p, others);
         if matches!(self.bounds, Bounds::None) {
             return self.plainly(p, others, (sending, listening));
         }
+        let Scratch { ids, pairs, words, added, limits } = scratch;
+        let (ids, words, added) = (&mut ids[..n], &mut words[..n], &mut added[..n]);
+        let limits = &mut limits[..n];
         let id = &self.air.radios.id;
-        let mut ids = [0; MOST];
-        let mut pairs = [0; MOST];
-        for ((other_id, pair), &q) in ids.iter_mut().zip(&mut pairs).zip(others) {
+        for ((other_id, pair), &q) in ids.iter_mut().zip(&mut *pairs).zip(others) {
             *other_id = id[q as usize];
             *pair = unordered_link(id[p], *other_id);
         }
-        let mut words = [[0; 4]; MOST];
-        draw_blocks(self.air.seed, &pairs[..n], self.air.period_ns, &mut words);
-        let (ids, words) = (&ids[..n], &words[..n]);
+        draw_blocks(self.air.seed, &pairs[..n], self.air.period_ns, words);
 
-        let mut limits = [[0; 2]; MOST];
-        self.limits(p, others, d2_m2, ids, words, true, &mut limits);
-        let to_p = decide(&limits[..n], words, |k| usize::from(id[p] < ids[k]));
-        let directed = matches!(self.variation, Variation::Directed(_) | Variation::OtherDirected);
-        if directed || matches!(self.bounds, Bounds::ByChannel) && listening != 0 {
-            self.limits(p, others, d2_m2, ids, words, false, &mut limits);
+        let is_directed =
+            matches!(self.variation, Variation::Directed(_) | Variation::OtherDirected);
+        self.add(p, others, words, true, added);
+        self.limit(p, others, d2_m2, true, added, limits);
+        let to_p = decide(limits, words, |k| usize::from(id[p] < ids[k]));
+        if is_directed && listening != 0 {
+            self.add(p, others, words, false, added);
         }
-        let to_others = decide(&limits[..n], words, |k| usize::from(ids[k] < id[p]));
+        if (is_directed || matches!(self.bounds, Bounds::ByChannel)) && listening != 0 {
+            self.limit(p, others, d2_m2, false, added, limits);
+        }
+        let to_others = decide(limits, words, |k| usize::from(ids[k] < id[p]));
 
         let (mut hears, mut is_heard) = (to_p.0 & sending, to_others.0 & listening);
         for k in ones(to_p.1 & !to_p.0 & sending) {
@@ -170,30 +201,10 @@ impl<'a> Judge<'a> {
         (hears, is_heard)
     }
 
-    /// Limits on the draws of the frames from the others (`to_p`), or of the frame to them.
-    #[expect(clippy::too_many_arguments, reason = "columns of one table")]
+    /// Steps that scatter adds to the frames from the others (`to_p`), or to the frame to them.
     #[inline]
-    fn limits(
-        &self,
-        p: usize,
-        others: &[u32],
-        d2_m2: &[f64],
-        ids: &[u32],
-        words: &[[u64; 4]],
-        to_p: bool,
-        limits: &mut [Limits; MOST],
-    ) {
-        let frames = &self.air.radios.frames;
-        let filter_of = |k: usize| match self.bounds {
-            Bounds::None => None,
-            Bounds::One(filter) => Some(filter),
-            Bounds::ByChannel => {
-                let frame = frames.get(if to_p { others[k] as usize } else { p })?;
-                self.air.filters.on(frame.channel)
-            }
-        };
-        // Steps that scatter adds.
-        let mut added = [0.0; MOST];
+    fn add(&self, p: usize, others: &[u32], words: &[[u64; 4]], to_p: bool, added: &mut [f64]) {
+        let Radios { id, frames, .. } = self.air.radios;
         match self.variation {
             Variation::None => {}
             Variation::Shared(per_unit) => {
@@ -202,45 +213,64 @@ impl<'a> Judge<'a> {
                 }
             }
             Variation::Directed(per_unit) => {
-                let p_id = self.air.radios.id[p];
-                for ((added, words), &id) in added.iter_mut().zip(words).zip(ids) {
-                    let from_higher = (p_id < id) == to_p;
+                for ((added, words), &q) in added.iter_mut().zip(words).zip(others) {
+                    let from_higher = (id[p] < id[q as usize]) == to_p;
                     *added = level(words[LEVEL_WORD + usize::from(from_higher)], per_unit);
                 }
             }
             Variation::OtherShared | Variation::OtherDirected => {
-                for (k, &q) in others.iter().enumerate() {
+                for ((added, &words), &q) in added.iter_mut().zip(words).zip(others) {
                     let q = q as usize;
                     let (receiver, frame) = if to_p { (p, q) } else { (q, p) };
-                    if frame < frames.len() {
-                        let mut pair = self.air.drawn_pair(p, q, words[k]);
-                        let scatter_db = self.air.scatter_db(receiver, frame, &mut pair);
-                        added[k] = scatter_db * STEPS_PER_DB;
-                    }
+                    let mut pair = self.air.drawn_pair(p, q, words);
+                    let scatter_db = if matches!(self.variation, Variation::OtherShared) {
+                        self.air.shared_db(p, q, &mut pair)
+                    } else if frame < frames.len() {
+                        self.air.scatter_db(receiver, frame, &mut pair)
+                    } else {
+                        0.0
+                    };
+                    *added = scatter_db * STEPS_PER_DB;
                 }
             }
         }
-        if let Bounds::One(filter) = self.bounds {
-            match &filter.rule {
+    }
+
+    /// Limits on the draws of the frames from the others (`to_p`), or of the frame to them.
+    #[inline]
+    fn limit(
+        &self,
+        p: usize,
+        others: &[u32],
+        d2_m2: &[f64],
+        to_p: bool,
+        added: &[f64],
+        limits: &mut [Limits],
+    ) {
+        let links = limits.iter_mut().zip(d2_m2).zip(added);
+        match self.bounds {
+            Bounds::None => {}
+            Bounds::One(filter) => match &filter.rule {
                 Rule::Draw(by_cell) => {
-                    for (limits, &d2_m2) in limits.iter_mut().zip(d2_m2) {
+                    for ((limits, &d2_m2), _) in links {
                         *limits = by_cell[filter.cell(d2_m2).min(by_cell.len() - 1)];
                     }
                 }
                 Rule::Level { steps, curve } => {
-                    for ((limits, &d2_m2), &added) in limits.iter_mut().zip(d2_m2).zip(&added) {
+                    for ((limits, &d2_m2), &added) in links {
                         let step = steps[filter.cell(d2_m2).min(steps.len() - 1)];
                         *limits = curve.limits(step + added);
                     }
                 }
+            },
+            Bounds::ByChannel => {
+                let frames = &self.air.radios.frames;
+                for (((limits, &d2_m2), &added), &q) in links.zip(others) {
+                    let frame = frames.get(if to_p { q as usize } else { p });
+                    let filter = frame.and_then(|frame| self.air.filters.on(frame.channel));
+                    *limits = filter.map_or([0, 0], |filter| filter.limits(d2_m2, added));
+                }
             }
-            return;
-        }
-        for (k, (limits, &d2_m2)) in limits.iter_mut().zip(d2_m2).enumerate() {
-            *limits = match filter_of(k) {
-                None => [0, 0],
-                Some(filter) => filter.limits(d2_m2, added[k]),
-            };
         }
     }
 }

@@ -1,7 +1,7 @@
 //! All links of a moment.
 
 use super::air::{Air, Radios};
-use super::judge::{Judge, MOST, ones, up_to};
+use super::judge::{Judge, MOST, Scratch, ones, up_to};
 use crate::phy::link::distance_squared_m2;
 use crate::phy::nearest::Grid;
 use crate::phy::propagation::Reach;
@@ -111,6 +111,9 @@ fn all_ones(air: &Air<'_>, place_of: &[Option<u32>]) -> Heard {
 /// Side of a tile.
 const TILE: usize = MOST;
 
+/// Of so many in a row that distance leaves open it does not pay to leave out the others.
+const MOSTLY: u32 = 48;
+
 /// What a tile of 64 by 64 pairs says: frames of the second block heard by the first, and the other way round.
 type Tile = ([u64; TILE], [u64; TILE]);
 
@@ -157,10 +160,11 @@ fn tile(judge: &Judge<'_>, radios: &Radios, row: usize, column: usize) -> Tile {
     let n = radios.ends.len();
     let columns = column * TILE..((column + 1) * TILE).min(n);
     let mut tile = ([0; TILE], [0; TILE]);
+    let mut scratch = Scratch::default();
     for (i, p) in (row * TILE..((row + 1) * TILE).min(n)).enumerate() {
         // On the diagonal only pairs p > q: each pair once.
         let before = columns.start..columns.end.min(p);
-        (tile.0[i], tile.1[i]) = against(judge, radios, p, before);
+        (tile.0[i], tile.1[i]) = against(judge, radios, p, before, &mut scratch);
     }
     transpose(&mut tile.1);
     if row == column {
@@ -172,7 +176,13 @@ fn tile(judge: &Judge<'_>, radios: &Radios, row: usize, column: usize) -> Tile {
 }
 
 /// Radio p against at most 64 others before it: bits of those whose frame it hears, and of those that hear its frame.
-fn against(judge: &Judge<'_>, radios: &Radios, p: usize, others: Range<usize>) -> (u64, u64) {
+fn against(
+    judge: &Judge<'_>,
+    radios: &Radios,
+    p: usize,
+    others: Range<usize>,
+    scratch: &mut Scratch,
+) -> (u64, u64) {
     let n_frames = radios.frames.len();
     let (first, n) = (others.start, others.len());
     // Frames come first: bits of the others that have one, and of all others if p has one.
@@ -193,9 +203,10 @@ fn against(judge: &Judge<'_>, radios: &Radios, p: usize, others: Range<usize>) -
     let possible = bits(&d2_m2, |d2_m2| d2_m2 < judge.impossible_from_m2) & up_to(n);
     let open = possible & !certain & (sending | listening);
     let (mut hears, mut is_heard) = (certain, certain);
-    if open == up_to(TILE) {
+    if MOSTLY <= open.count_ones() {
+        // Judges those too whose distance would settle them: cheaper than to pick the others.
         let others: [u32; TILE] = std::array::from_fn(|j| (first + j) as u32);
-        (hears, is_heard) = judge.both(p, &others, &d2_m2);
+        (hears, is_heard) = judge.both(p, &others[..n], &d2_m2[..n], scratch);
     } else if open != 0 {
         let mut left = [0; TILE];
         let mut left_d2_m2 = [0.0; TILE];
@@ -205,7 +216,7 @@ fn against(judge: &Judge<'_>, radios: &Radios, p: usize, others: Range<usize>) -
             left_d2_m2[n_left] = d2_m2[j];
             n_left += 1;
         }
-        let (to_p, to_others) = judge.both(p, &left[..n_left], &left_d2_m2[..n_left]);
+        let (to_p, to_others) = judge.both(p, &left[..n_left], &left_d2_m2[..n_left], scratch);
         let place = |k: usize| left[k] as usize - first;
         ones(to_p).for_each(|k| hears |= 1 << place(k));
         ones(to_others).for_each(|k| is_heard |= 1 << place(k));
@@ -257,6 +268,7 @@ fn within(air: &Air<'_>, place_of: &[Option<u32>], grid: &Grid, reach_m: f64) ->
         let mut heard = Vec::with_capacity(places.len());
         let mut back = Vec::new();
         let (mut others, mut d2_m2) = (Vec::new(), Vec::new());
+        let mut scratch = Scratch::default();
         for p in places {
             let [x, y, _] = radios.ends[p].position_m;
             others.clear();
@@ -272,7 +284,7 @@ fn within(air: &Air<'_>, place_of: &[Option<u32>], grid: &Grid, reach_m: f64) ->
             }
             let mut hears = Vec::new();
             for (others, d2_m2) in others.chunks(MOST).zip(d2_m2.chunks(MOST)) {
-                let (to_p, to_others) = judge.both(p, others, d2_m2);
+                let (to_p, to_others) = judge.both(p, others, d2_m2, &mut scratch);
                 hears.extend(ones(to_p).map(|k| others[k]));
                 back.extend(ones(to_others).map(|k| (others[k], p as u32)));
             }
