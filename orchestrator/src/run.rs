@@ -66,15 +66,30 @@ impl RunError {
         match self {
             Self::Refused(_) => 2,
             Self::Record { before_start: true, .. } => 2,
-            Self::Side { error, .. } => match error {
-                SideError::Unreachable { .. }
-                | SideError::NotASimulator { .. }
-                | SideError::Certificate { .. }
-                | SideError::Cannot { .. } => 2,
-                _ => 1,
-            },
+            Self::Side { error, .. } => side_status(error),
             Self::Record { .. } => 1,
         }
+    }
+}
+
+fn side_status(error: &SideError) -> u8 {
+    match error {
+        SideError::Both(robots, network) => side_status(robots).max(side_status(network)),
+        SideError::Unreachable { .. }
+        | SideError::NotASimulator { .. }
+        | SideError::Certificate { .. }
+        | SideError::Cannot { .. } => 2,
+        SideError::Start { .. }
+        | SideError::Exited { .. }
+        | SideError::Lost { .. }
+        | SideError::Hangs { .. }
+        | SideError::TooSlow { .. }
+        | SideError::Refused { .. }
+        | SideError::Taken { .. }
+        | SideError::Garbage { .. }
+        | SideError::WrongStep { .. }
+        | SideError::WrongTime { .. }
+        | SideError::WrongDigest { .. } => 1,
     }
 }
 

@@ -36,7 +36,13 @@ fn our_own_simulators_keep_every_promise() {
 
 #[test]
 fn what_is_wrong_with_others_is_found() {
-    for fault in [Fault::WrongStep, Fault::WrongDigest, Fault::WrongTime, Fault::ShortColumn, Fault::NotANumber] {
+    for fault in [
+        Fault::WrongStep,
+        Fault::WrongDigest,
+        Fault::WrongTime,
+        Fault::ShortColumn,
+        Fault::NotANumber,
+    ] {
         let (status, findings) = ask("robotsim", &Faulty::robots(fault).url, ROBOTS);
         assert_eq!(status, Some(1), "{fault:?}: {findings:?}");
         let broken: Vec<_> = findings.iter().filter(|(_, verdict)| verdict == "broken").collect();

@@ -323,7 +323,11 @@ async fn orders_do_not_pile_up_without_end() {
     network.configure(network_setup(1)).await.unwrap();
     let many = v1::NetSimServiceCommandRequest { commands: vec![kill(1); 60_000] };
     network.command(many.clone()).await.unwrap();
-    assert_refused(network.command(many).await, Code::ResourceExhausted, "commands: at most 100000 may wait");
+    assert_refused(
+        network.command(many).await,
+        Code::ResourceExhausted,
+        "commands: at most 100000 may wait",
+    );
     let reply = network.step(network_step(1)).await.unwrap().into_inner();
     assert_eq!(reply.applied_commands.len(), 60_000);
 }

@@ -29,6 +29,12 @@ impl Refusal {
         let mut placed: Vec<Placed> = problems
             .into_iter()
             .map(|problem| {
+                if tree.is_set_from_elsewhere(&problem.path) {
+                    return Placed {
+                        line: None,
+                        text: format!("{problem} (set on the command line)"),
+                    };
+                }
                 let span = problem.span.clone().or_else(|| tree.span_of(&problem.path));
                 let line = span.map(|span| line_of(text, span.start));
                 Placed { line, text: problem.to_string() }

@@ -7,6 +7,9 @@ use tonic::Status;
 /// A failure of one side. All of them end the experiment.
 #[derive(Debug, thiserror::Error)]
 pub enum SideError {
+    /// Both sides failed.
+    #[error("{0}\n{1}")]
+    Both(Box<Self>, Box<Self>),
     /// Its process could not be started.
     #[error("{side}: cannot be started: {reason}")]
     Start {
@@ -99,6 +102,19 @@ pub enum SideError {
     /// It refused a request.
     #[error("{side}: refused {doing}: {} ({:?})", status.message(), status.code())]
     Refused {
+        /// Which side.
+        side: &'static str,
+        /// What it was asked to do.
+        doing: String,
+        /// What it said.
+        status: Box<Status>,
+    },
+    /// It stands at another step than we brought it to.
+    #[error(
+        "{side}: refused {doing}: {}: it was restarted, or another program has configured it meanwhile",
+        status.message()
+    )]
+    Taken {
         /// Which side.
         side: &'static str,
         /// What it was asked to do.

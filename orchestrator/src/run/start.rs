@@ -101,7 +101,9 @@ pub async fn start(plan: &Plan, options: &StartOptions, record: bool) -> Result<
             robots.stop().await;
             return Err(side(error));
         }
-        (Err(error), Err(_)) => return Err(side(error)),
+        (Err(robots), Err(network)) => {
+            return Err(side(SideError::Both(Box::new(robots), Box::new(network))));
+        }
     };
     match configure(plan, &mut robots, &mut network, record).await {
         Ok((exchange, warnings)) => {
@@ -214,7 +216,8 @@ pub(crate) async fn configure(
         .map_err(|error| refused(plan, Network::SIDE, error))?;
     let mut warnings = plan.warnings.clone();
     for warning in &network_response.warnings {
-        if !warnings.contains(warning) {
+        // Ours, found while checking, begin with the section's name.
+        if !warnings.iter().any(|known| known.ends_with(warning.as_str())) {
             warnings.push(warning.clone());
         }
     }

@@ -93,7 +93,8 @@ impl Node {
     pub fn set(&mut self, path: &str, value: Value) -> Result<(), Problem> {
         let mut node = self;
         let mut walked = String::new();
-        for part in path.split('.') {
+        let mut parts = path.split('.').peekable();
+        while let Some(part) = parts.next() {
             let (key, indices) = split_indices(part)
                 .ok_or_else(|| Problem::new(path, "is not a path: use a.b or a.b[0].c"))?;
             if let Value::List(_) = node.value {
@@ -107,6 +108,8 @@ impl Node {
                 entries.push((key.to_owned(), None, Self::empty_table()));
                 entries.len() - 1
             });
+            // What is set from elsewhere does not stand where the text had it.
+            entries[index].1 = entries[index].1.take().filter(|_| parts.peek().is_some());
             node = &mut entries[index].2;
             for index in indices {
                 let Value::List(list) = &mut node.value else {
@@ -153,6 +156,23 @@ impl Node {
             }
         }
         found
+    }
+
+    /// Whether there is something at a path that does not stand in the text.
+    #[must_use]
+    pub fn is_set_from_elsewhere(&self, path: &str) -> bool {
+        let mut node = self;
+        for part in path.split('.') {
+            let Some((key, indices)) = split_indices(part) else { return false };
+            let Some(child) = node.get(key) else { return false };
+            node = child;
+            for index in indices {
+                let Value::List(list) = &node.value else { return false };
+                let Some(child) = list.get(index) else { return false };
+                node = child;
+            }
+        }
+        node.span.is_none()
     }
 
     /// The value as plain TOML.
