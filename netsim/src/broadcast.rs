@@ -5,7 +5,7 @@
 //! may send and receive at once. An agent whose payload is empty says nothing. A step carries the frames that begin in it.
 
 use crate::config::Config;
-use crate::medium::{Air, Filters, Frame, Radios, resolve};
+use crate::medium::{Air, Filters, Frame, Radios, reading, resolve};
 use crate::phy::link::{Covariates, End, Scene};
 use crate::phy::nearest::Grid;
 use crate::phy::propagation::Reach;
@@ -234,7 +234,7 @@ impl Broadcast {
         };
         let heard = resolve::resolve(&air, agent_count, self.reach, &mut self.grid);
         let rssi_dbm = if self.columns.contains(&DeliveryColumn::RssiDbm) {
-            resolve::register_rssi_dbm(&air, agent_count, &heard)
+            reading::register_rssi_dbm(&air, agent_count, &heard)
         } else {
             Vec::new()
         };

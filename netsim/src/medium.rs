@@ -5,6 +5,7 @@
 //! | [`air`] | the radios and frames of a moment, and the judgement of one link |
 //! | [`filter`] | bounds on a link's fate from its distance alone, so that few links need the whole computation |
 //! | [`judge`] | many links at once, by these bounds |
+//! | [`reading`] | what each delivery reads |
 //! | [`resolve`] | all links: dense in tiles, or sparse by neighbourhoods |
 //!
 //! The judgement of a link is always `u < p`, with p from [`crate::phy::Model::evaluate_at`] and u the keyed draw of that
@@ -14,6 +15,7 @@
 pub mod air;
 pub mod filter;
 pub mod judge;
+pub mod reading;
 pub mod resolve;
 
 pub use air::{Air, Frame, Radios};

@@ -41,33 +41,13 @@ pub fn resolve(air: &Air<'_>, agent_count: usize, reach: Reach, grid: &mut Grid)
     shorter(heard, agent_count, air.n_frames())
 }
 
-/// What each delivery reads (dBm), in the order receiver, frame.
-#[must_use]
-pub fn register_rssi_dbm(air: &Air<'_>, agent_count: usize, heard: &Heard) -> Vec<f32> {
-    let place_of = places(air, agent_count);
-    let deliveries = proto::types::Deliveries { heard: heard.clone(), ..Default::default() };
-    let chunks: Vec<Vec<f32>> = chunked(agent_count, |agents| {
-        let mut read = Vec::new();
-        for agent in agents {
-            let Some(receiver) = place_of[agent] else { continue };
-            for frame in deliveries.heard_by(agent) {
-                let mut pair = air.pair(receiver as usize, frame);
-                let budget = air.budget(receiver as usize, frame, &mut pair);
-                read.push(budget.register_rssi_dbm as f32);
-            }
-        }
-        read
-    });
-    chunks.concat()
-}
-
 /// Radios for which neighbourhoods do not pay.
 const FEW: usize = 64;
 /// Agents to a unit of parallel work.
 const CHUNK: usize = 64;
 
 /// The place of every agent among the radios, if its radio is on.
-fn places(air: &Air<'_>, agent_count: usize) -> Vec<Option<u32>> {
+pub(super) fn places(air: &Air<'_>, agent_count: usize) -> Vec<Option<u32>> {
     let mut place_of = vec![None; agent_count];
     for (place, end) in (0..).zip(&air.radios.ends) {
         place_of[end.id as usize] = Some(place);
@@ -350,7 +330,10 @@ fn lists<'a>(place_of: &[Option<u32>], heard: impl Fn(usize) -> &'a Vec<u32>) ->
 }
 
 /// Applies `work` to consecutive ranges of agents, in parallel where that pays; results in the agents' order.
-fn chunked<T: Send>(agent_count: usize, work: impl Fn(Range<usize>) -> T + Send + Sync) -> Vec<T> {
+pub(super) fn chunked<T: Send>(
+    agent_count: usize,
+    work: impl Fn(Range<usize>) -> T + Send + Sync,
+) -> Vec<T> {
     let range = |chunk: usize| chunk * CHUNK..((chunk + 1) * CHUNK).min(agent_count);
     let n_chunks = agent_count.div_ceil(CHUNK);
     if n_chunks <= 2 {

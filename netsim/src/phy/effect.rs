@@ -48,8 +48,8 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
         register_dbm
     }
 
-    /// Whether its contributions depend on nothing but distance and frequency, do not raise the power as distance grows,
-    /// and neither shift the curve nor lose frames. Then many links can be judged by their distance alone.
+    /// Whether its contributions and readings depend on nothing but distance and frequency, do not raise the power as
+    /// distance grows, and neither shift the curve nor lose frames. Then many links can be judged by their distance alone.
     fn is_isotropic(&self) -> bool {
         false
     }

@@ -2,7 +2,7 @@
 
 use super::effect::Effect;
 use super::link::{End, Link, Scene, channel_hz};
-use super::propagation::{Propagation, Radio, Reach, Reception};
+use super::propagation::{Prediction, Propagation, Radio, Reach, Reception};
 use super::reception::Curve;
 use super::scatter::{Law, Renewal, Scatter};
 use proto::rng::Purpose;
@@ -102,24 +102,43 @@ impl Model {
     #[must_use]
     pub fn evaluate_at(&self, link: &Link<'_>, scatter_db: f64) -> LinkBudget {
         let prediction = self.propagation.predict(link);
-        let mut rssi_dbm = prediction.rssi_dbm;
+        let rssi_dbm = self.rssi_dbm(&prediction, link, scatter_db);
         let mut shift_db = 0.0;
         let mut survival = 1.0;
         for effect in &self.effects {
-            rssi_dbm += effect.contribution_db(link);
             shift_db += effect.curve_shift_db(link);
             survival *= 1.0 - effect.loss(link);
-        }
-        rssi_dbm += scatter_db;
-        let mut register_rssi_dbm = rssi_dbm;
-        for effect in &self.effects {
-            register_rssi_dbm = effect.register_dbm(link, register_rssi_dbm);
         }
         let reception = match prediction.reception {
             Reception::ByCurve => self.curve.reception_probability(rssi_dbm - shift_db),
             Reception::Stated(probability) => probability,
         };
-        LinkBudget { rssi_dbm, register_rssi_dbm, reception_probability: survival * reception }
+        LinkBudget {
+            rssi_dbm,
+            register_rssi_dbm: self.reading_dbm(link, rssi_dbm),
+            reception_probability: survival * reception,
+        }
+    }
+
+    /// What the receiver's register reads (dBm): as [`Model::evaluate_at`] says, without asking what is received.
+    #[must_use]
+    pub fn register_dbm(&self, link: &Link<'_>, scatter_db: f64) -> f64 {
+        let rssi_dbm = self.rssi_dbm(&self.propagation.predict(link), link, scatter_db);
+        self.reading_dbm(link, rssi_dbm)
+    }
+
+    #[inline]
+    fn rssi_dbm(&self, prediction: &Prediction, link: &Link<'_>, scatter_db: f64) -> f64 {
+        let mut rssi_dbm = prediction.rssi_dbm;
+        for effect in &self.effects {
+            rssi_dbm += effect.contribution_db(link);
+        }
+        rssi_dbm + scatter_db
+    }
+
+    #[inline]
+    fn reading_dbm(&self, link: &Link<'_>, rssi_dbm: f64) -> f64 {
+        self.effects.iter().fold(rssi_dbm, |read_dbm, effect| effect.register_dbm(link, read_dbm))
     }
 
     /// What varies at random about the mean level: first what both directions of a link share, then the rest.

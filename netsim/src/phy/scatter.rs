@@ -5,6 +5,7 @@
 //! which a simulation advances.
 
 use proto::rng::{Draws, Purpose, normal, ordered_link, uniform, unordered_link};
+use std::sync::LazyLock;
 
 /// Distribution of a contribution (dB) about the mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -227,14 +228,9 @@ fn gauss_markov(draws: Draws, entity: u64, k: u64, way: f64) -> f64 {
     let mut left = draws.normal(entity, cell, k);
     let mut right = draws.normal(entity, cell.wrapping_add(1), k);
     let mut node = 1;
-    let mut half = SPAN_LENGTHS;
-    for _ in 0..HALVINGS {
-        half *= 0.5;
-        let rho = libm::exp(-half);
-        let rho_squared = rho * rho;
+    for Halving { mean, sd } in &*HALVINGS {
         let [a, b, ..] = draws.words(entity, cell, k | node);
-        let middle = rho / (1.0 + rho_squared) * (left + right)
-            + libm::sqrt((1.0 - rho_squared) / (1.0 + rho_squared)) * normal(a, b);
+        let middle = mean * (left + right) + sd * normal(a, b);
         rest *= 2.0;
         node *= 2;
         if rest < 1.0 {
@@ -248,10 +244,30 @@ fn gauss_markov(draws: Draws, entity: u64, k: u64, way: f64) -> f64 {
     left + (right - left) * rest
 }
 
+/// What is known of the point in the middle of two.
+struct Halving {
+    /// The part of the sum of both values that is its mean.
+    mean: f64,
+    /// Standard deviation about that.
+    sd: f64,
+}
+
+/// The halvings between two independent points.
+static HALVINGS: LazyLock<[Halving; 12]> = LazyLock::new(|| {
+    let mut half = SPAN_LENGTHS;
+    std::array::from_fn(|_| {
+        half *= 0.5;
+        let rho = libm::exp(-half);
+        let rho_squared = rho * rho;
+        Halving {
+            mean: rho / (1.0 + rho_squared),
+            sd: libm::sqrt((1.0 - rho_squared) / (1.0 + rho_squared)),
+        }
+    })
+});
+
 /// Distance between independent points, in correlation lengths.
 const SPAN_LENGTHS: f64 = 16.0;
-/// Halvings between them.
-const HALVINGS: u32 = 12;
 
 #[cfg(test)]
 mod tests {
