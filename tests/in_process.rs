@@ -80,6 +80,12 @@ impl InProcess {
         self.deliveries = Some(reply_of_network.deliveries);
         reply.task_complete
     }
+
+    /// Where the robots are (x, y, z in m, as bits).
+    #[must_use]
+    pub fn places(&self) -> Vec<[u64; 3]> {
+        (0..self.states.len()).map(|i| self.states.position_m(i).map(f64::to_bits)).collect()
+    }
 }
 
 /// What a side is told over the contract.
