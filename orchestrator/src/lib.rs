@@ -12,7 +12,7 @@
 //! | [`record`] | what a run leaves |
 //! | [`report`] | the page that shows it |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
-//! | [`bench`] | speed through the real processes |
+//! | [`mod@bench`] | speed through the real processes |
 //! | [`console`] | what a person reads while it works |
 
 pub mod bench;

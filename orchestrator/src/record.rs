@@ -3,7 +3,7 @@
 //!
 //! [`Recorder`] takes what the sides replied and hands it to a thread that writes, so that the disk does not hold up the
 //! coupling until it is several steps behind. Files grow in `OUT/.<name>.partial-<pid>/`; when all are whole the directory
-//! becomes `OUT/<name>/`. [`read`] opens a record again, [`verify`] checks one.
+//! becomes `OUT/<name>/`. [`read`] opens a record again, [`verify()`] checks one.
 //!
 //! The same configuration and seed leave the same messages, tables and summary, byte for byte. What depends on when, where
 //! and how a run was made is in `provenance.json` alone.

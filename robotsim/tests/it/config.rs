@@ -45,6 +45,9 @@ robotsim.dynamics.effect: is not a known key: there are kind, speed_cap_mps, cap
 robotsim.scenario.spaceing_m: is not a known key (nearest valid: spacing_m)
 robotsim.controller.flock_radius_m: is missing: must be a number, from 0.001 to 1000000
 robotsim.controller.flock_radius: is not a known key (nearest valid: flock_radius_m)
+robotsim.controller.leader: must be one of the agents, 0 to 4, got 5 (nearest valid: 4)
+robotsim.controller.leader_velocity_mps: must not be faster than dynamics.speed_cap_mps = 30 m/s, got 40 m/s
+robotsim.controller.leader_weight_on: needs velocity_term = true, got "velocity" (nearest valid: "gradient")
 robotsim.scenario.jitter_m: must be at most half of spacing_m = 2, got 1.5 (nearest valid: 1)
 "#);
 }
@@ -63,6 +66,7 @@ robotsim.controller.kind: must be one of "flocking", "line-formation", "random-j
         refusal("scenario.kind = 'circle'\ncontroller = { kind = 'flocking', leader = 9 }", None), @r#"
 robotsim.scenario.radius_m: is missing: must be a number, greater than 0 and at most 1000000
 robotsim.controller.flock_radius_m: is missing: must be a number, from 0.001 to 1000000
+robotsim.controller.leader: must be one of the agents, 0 to 4, got 9 (nearest valid: 4)
 "#);
 }
 
