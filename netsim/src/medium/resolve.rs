@@ -44,7 +44,7 @@ pub fn resolve(air: &Air<'_>, agent_count: usize, reach: Reach, grid: &mut Grid)
 /// Radios for which neighbourhoods do not pay.
 const FEW: usize = 64;
 /// Agents to a unit of parallel work.
-const CHUNK: usize = 64;
+pub(super) const CHUNK: usize = 64;
 
 /// The place of every agent among the radios, if its radio is on.
 pub(super) fn places(air: &Air<'_>, agent_count: usize) -> Vec<Option<u32>> {

@@ -4,7 +4,7 @@ use super::harness::{STEP_NS, at, interval, network, pairs_of, period, setup, st
 use proptest::prelude::*;
 use proto::rng::{Draws, Purpose};
 use proto::side::NetSimulator as _;
-use proto::types::{AgentStates, DeliveryColumn};
+use proto::types::{AgentStates, Deliveries, DeliveryColumn};
 
 /// `n` agents, uniform in a square.
 fn scattered(n: usize, side_m: f64, seed: u64) -> AgentStates {
@@ -132,21 +132,22 @@ fn the_number_of_threads_changes_nothing() {
 #[test]
 fn steps_of_any_length_bring_the_same_frames() {
     for model in MODELS {
-        let states = scattered(30, 15.0, 8);
+        // More than two tiles of 64: radios that are silent in a step lie in several.
+        let states = scattered(150, 40.0, 8);
         let config = format!("[phy]\n{model}");
         let whole: Vec<_> = {
-            let mut network = network(30, &config);
+            let mut network = network(150, &config);
             let deliveries = interval(&mut network, &states, 0, 3 * STEP_NS).deliveries;
-            frames_heard(&deliveries, 30)
+            frames_heard(&deliveries, 150)
         };
         for cuts in [vec![STEP_NS, 2 * STEP_NS], vec![7, 30_000_000, 30_000_001, 215_000_000]] {
-            let mut network = network(30, &config);
+            let mut network = network(150, &config);
             let mut from_ns = 0;
             let mut parts = Vec::new();
             for until_ns in cuts.into_iter().chain([3 * STEP_NS]) {
                 let output = interval(&mut network, &states, from_ns, until_ns);
                 assert_eq!(output.time_ns, until_ns);
-                parts.extend(frames_heard(&output.deliveries, 30));
+                parts.extend(frames_heard(&output.deliveries, 150));
                 from_ns = until_ns;
             }
             parts.sort_unstable();
@@ -182,8 +183,12 @@ fn another_seed_gives_other_deliveries() {
     assert_ne!(run(5), run(6));
 }
 
-/// What the plain double loop over the physics says.
-fn plainly(setup: &proto::side::Setup, states: &AgentStates, period_ns: u64) -> Vec<(u32, u32)> {
+/// What the plain double loop over the physics says: receiver, sender and bits of the reading.
+fn plainly(
+    setup: &proto::side::Setup,
+    states: &AgentStates,
+    period_ns: u64,
+) -> Vec<(u32, u32, u32)> {
     use netsim::medium::{Air, Filters, Frame, Radios};
     use netsim::phy::{End, Scene};
     let (config, ..) = netsim::config::read(setup).expect("a valid configuration");
@@ -208,17 +213,33 @@ fn plainly(setup: &proto::side::Setup, states: &AgentStates, period_ns: u64) -> 
         radios: &radios,
         scene: &scene,
     };
-    let mut pairs = Vec::new();
+    let mut heard = Vec::new();
     for receiver in 0..n {
-        for frame in 0..n {
-            let heard =
-                receiver != frame && air.hears(receiver, frame, &mut air.pair(receiver, frame));
-            if heard {
-                pairs.push((receiver as u32, frame as u32));
+        for frame in (0..n).filter(|&frame| frame != receiver) {
+            let mut pair = air.pair(receiver, frame);
+            if air.hears(receiver, frame, &mut pair) {
+                let read_dbm = air.budget(receiver, frame, &mut pair).register_rssi_dbm as f32;
+                heard.push((receiver as u32, frame as u32, read_dbm.to_bits()));
             }
         }
     }
-    pairs
+    heard
+}
+
+/// Receiver, sender and bits of the reading of every delivery, sorted.
+fn readings_of(deliveries: &Deliveries, n: usize) -> Vec<(u32, u32, u32)> {
+    let heard = (0..n).flat_map(|receiver| {
+        deliveries.heard_by(receiver).map(move |frame| (receiver as u32, frame))
+    });
+    let mut readings: Vec<(u32, u32, u32)> = heard
+        .zip(&deliveries.rssi_dbm)
+        .map(|((receiver, frame), read_dbm)| {
+            (receiver, deliveries.transmissions.sender[frame], read_dbm.to_bits())
+        })
+        .collect();
+    assert_eq!(readings.len(), deliveries.rssi_dbm.len());
+    readings.sort_unstable();
+    readings
 }
 
 proptest! {
@@ -248,8 +269,9 @@ proptest! {
         states.x_m[n - 1] = 1e6;
         let mut setup = setup(n, &format!("{hopping}[phy]\n{model}\n{extra}"));
         setup.experiment.seed = seed;
+        setup.columns = vec![DeliveryColumn::RssiDbm];
         let (mut network, _) = started(&setup);
-        let got = pairs_of(&period(&mut network, &states, k).deliveries, n);
+        let got = readings_of(&period(&mut network, &states, k).deliveries, n);
         prop_assert_eq!(got, plainly(&setup, &states, k * STEP_NS));
     }
 }
