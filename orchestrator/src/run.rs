@@ -43,6 +43,12 @@ pub enum RunError {
         /// What was recorded until then.
         kept: Option<Box<Finished>>,
     },
+    /// Someone stopped it before the first step.
+    #[error("stopped by {signal} before the first step: nothing was recorded")]
+    Interrupted {
+        /// The signal.
+        signal: &'static str,
+    },
     /// Results cannot be written.
     #[error("{error}")]
     Record {
@@ -67,7 +73,7 @@ impl RunError {
             Self::Refused(_) => 2,
             Self::Record { before_start: true, .. } => 2,
             Self::Side { error, .. } => side_status(error),
-            Self::Record { .. } => 1,
+            Self::Record { .. } | Self::Interrupted { .. } => 1,
         }
     }
 }
@@ -122,7 +128,13 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
     let out_existed = options.out.exists();
     record::probe(&options.out, &plan.name)
         .map_err(|error| RunError::Record { error, before_start: true })?;
-    let started = match start(&plan, &options.start, true).await {
+    let started = tokio::select! {
+        biased;
+        started = start(&plan, &options.start, true) => started,
+        // What was started ends with the future that holds it.
+        signal = interrupt.first() => Err(RunError::Interrupted { signal }),
+    };
+    let started = match started {
         Ok(started) => started,
         Err(error) => {
             if !out_existed {

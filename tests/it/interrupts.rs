@@ -56,3 +56,35 @@ fn ctrl_c_keeps_what_was_recorded() {
 fn a_request_to_terminate_keeps_what_was_recorded() {
     interrupted("-TERM", "SIGTERM");
 }
+
+#[test]
+fn a_run_that_has_not_begun_can_be_stopped() {
+    // Somebody listens there, but never says a word.
+    let silent = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}", silent.local_addr().unwrap());
+    let folder = tests::folder();
+    let run = Command::new(tests::executable("orchestrator"))
+        .arg("run")
+        .arg(tests::repository().join("configs/flocking.toml"))
+        .args(["--netsim", &url])
+        .current_dir(folder.path())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It has come to the point of connecting.
+    let (connection, _) = silent.accept().unwrap();
+    let begun = Instant::now();
+    assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
+    let output = run.wait_with_output().unwrap();
+    drop(connection);
+    assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
+    assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));
+    assert!(
+        tests::said(&output).contains("stopped by SIGINT before the first step"),
+        "{}",
+        tests::said(&output)
+    );
+    assert!(!folder.path().join("runs").exists(), "something was written");
+}

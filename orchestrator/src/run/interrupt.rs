@@ -27,10 +27,17 @@ impl Interrupt {
         self.seen
     }
 
+    /// Completes when a signal comes.
+    pub(super) async fn first(&mut self) -> &'static str {
+        let name = next(&mut self.interrupt, &mut self.terminate).await;
+        self.seen = Some(name);
+        name
+    }
+
     /// Completes when a signal came and, a while later, its step is still under way, or a second signal came.
     pub(super) async fn lasting(&mut self) -> &'static str {
         if self.seen.is_none() {
-            self.seen = Some(next(&mut self.interrupt, &mut self.terminate).await);
+            self.first().await;
         }
         let second = next(&mut self.interrupt, &mut self.terminate);
         let _ = tokio::time::timeout(PATIENCE, second).await;
