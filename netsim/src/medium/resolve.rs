@@ -237,53 +237,89 @@ fn transpose(words: &mut [u64; TILE]) {
     }
 }
 
-/// Frames that each radio of a chunk hears from those before it, and (receiver, frame) of those that hear it.
-type Near = (Vec<Vec<u32>>, Vec<(u32, u32)>);
+/// What the radios of a chunk hear from those before them, one after the other, and where each one's part ends; and
+/// (receiver, frame) of those that hear them.
+#[derive(Default)]
+struct Near {
+    frames: Vec<u32>,
+    ends: Vec<usize>,
+    back: Vec<(u32, u32)>,
+}
 
 /// Those within reach only; every unordered pair once.
 fn within(air: &Air<'_>, place_of: &[Option<u32>], grid: &Grid, reach_m: f64) -> Heard {
     let judge = Judge::new(air);
     let radios = air.radios;
+    let n_frames = air.n_frames();
     let chunks: Vec<Near> = chunked(radios.ends.len(), |places| {
-        let mut heard = Vec::with_capacity(places.len());
-        let mut back = Vec::new();
+        let mut near = Near::default();
         let (mut others, mut d2_m2) = (Vec::new(), Vec::new());
         let mut scratch = Scratch::default();
         for p in places {
             let [x, y, _] = radios.ends[p].position_m;
             others.clear();
             d2_m2.clear();
-            for q in grid.around([x, y], reach_m) {
-                if (q as usize) < p {
-                    let d2 = radios.distance_squared_m2(p, q as usize);
-                    if d2 < judge.impossible_from_m2 {
-                        others.push(q);
-                        d2_m2.push(d2);
+            let begin = near.frames.len();
+            for q in grid.around([x, y], reach_m).filter(|&q| (q as usize) < p) {
+                let d2 = radios.distance_squared_m2(p, q as usize);
+                if d2 < judge.certain_below_m2 {
+                    if (q as usize) < n_frames {
+                        near.frames.push(q);
                     }
+                    if p < n_frames {
+                        near.back.push((q, p as u32));
+                    }
+                } else if d2 < judge.impossible_from_m2 {
+                    others.push(q);
+                    d2_m2.push(d2);
                 }
             }
-            let mut hears = Vec::new();
             for (others, d2_m2) in others.chunks(MOST).zip(d2_m2.chunks(MOST)) {
                 let (to_p, to_others) = judge.both(p, others, d2_m2, &mut scratch);
-                hears.extend(ones(to_p).map(|k| others[k]));
-                back.extend(ones(to_others).map(|k| (others[k], p as u32)));
+                near.frames.extend(ones(to_p).map(|k| others[k]));
+                near.back.extend(ones(to_others).map(|k| (others[k], p as u32)));
             }
-            hears.sort_unstable();
-            heard.push(hears);
+            near.frames[begin..].sort_unstable();
+            near.ends.push(near.frames.len());
         }
-        (heard, back)
+        near
     });
     // Ascending: first the frames of those before a radio, then those of the ones after it, which come in their order.
-    let mut heard = Vec::with_capacity(radios.ends.len());
-    let mut backs = Vec::with_capacity(chunks.len());
-    for (part, back) in chunks {
-        heard.extend(part);
-        backs.push(back);
+    let mut counts = vec![0; radios.ends.len()];
+    for &(receiver, _) in chunks.iter().flat_map(|near| &near.back) {
+        counts[receiver as usize] += 1;
     }
-    for (receiver, frame) in backs.into_iter().flatten() {
-        heard[receiver as usize].push(frame);
+    let mut starts = vec![0; radios.ends.len()];
+    let mut end = 0;
+    let mut place = 0;
+    for near in &chunks {
+        let mut begin = 0;
+        for &own in &near.ends {
+            starts[place] = end;
+            end += own - begin + counts[place];
+            begin = own;
+            place += 1;
+        }
     }
-    lists(place_of, |place| &heard[place])
+    let mut next = starts.clone();
+    let mut frames = vec![0; end];
+    let mut place = 0;
+    for near in &chunks {
+        let mut begin = 0;
+        for &own in &near.ends {
+            let n_own = own - begin;
+            frames[next[place]..next[place] + n_own].copy_from_slice(&near.frames[begin..own]);
+            next[place] += n_own;
+            begin = own;
+            place += 1;
+        }
+    }
+    for &(receiver, frame) in chunks.iter().flat_map(|near| &near.back) {
+        let slot = &mut next[receiver as usize];
+        frames[*slot] = frame;
+        *slot += 1;
+    }
+    lists(place_of, |place| &frames[starts[place]..next[place]])
 }
 
 /// The neighbours only that the scene lists for each receiver.
@@ -317,7 +353,7 @@ fn listed(air: &Air<'_>, place_of: &[Option<u32>]) -> Heard {
 }
 
 /// Lists by agent of lists by place.
-fn lists<'a>(place_of: &[Option<u32>], heard: impl Fn(usize) -> &'a Vec<u32>) -> Heard {
+fn lists<'a>(place_of: &[Option<u32>], heard: impl Fn(usize) -> &'a [u32]) -> Heard {
     let mut ends = Vec::with_capacity(place_of.len());
     let mut indices = Vec::new();
     for place in place_of {
