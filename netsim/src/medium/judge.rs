@@ -38,6 +38,8 @@ pub struct Judge<'a> {
     air: &'a Air<'a>,
     bounds: Bounds<'a>,
     variation: Variation,
+    /// The most that scatter adds, in steps of the curve.
+    most_steps: f64,
     /// Links nearer than this (square, m²) succeed in both directions.
     pub certain_below_m2: f64,
     /// Links this far (square, m²) and farther fail in both directions.
@@ -91,6 +93,8 @@ impl<'a> Judge<'a> {
             air,
             bounds: Bounds::None,
             variation,
+            // A little more, so that rounding cannot make it less.
+            most_steps: model.max_scatter_db() * STEPS_PER_DB + 1.0,
             certain_below_m2: 0.0,
             impossible_from_m2: f64::INFINITY,
         };
@@ -101,6 +105,10 @@ impl<'a> Judge<'a> {
                 judge.certain_below_m2 = filter.certain_below_m2;
                 judge.impossible_from_m2 = filter.impossible_from_m2;
                 judge.bounds = Bounds::One(filter);
+                if matches!(filter.rule, Rule::Draw(_)) {
+                    // The level decides nothing.
+                    judge.variation = Variation::None;
+                }
             }
             return judge;
         }
@@ -148,11 +156,30 @@ impl<'a> Judge<'a> {
 
         let is_directed =
             matches!(self.variation, Variation::Directed(_) | Variation::OtherDirected);
-        self.add(p, others, words, true, added);
+        let mut open = u64::MAX;
+        if self.is_costly() {
+            // What fails even with the most that scatter may add needs no scatter, nor what succeeds with the least.
+            let mut decided_at = |added_steps: f64| {
+                added.fill(added_steps);
+                self.limit(p, others, d2_m2, true, added, limits);
+                let to_p = decide(limits, words, |k| usize::from(id[p] < ids[k]));
+                let to_others = decide(limits, words, |k| usize::from(ids[k] < id[p]));
+                (to_p, to_others)
+            };
+            let ((to_p, _), (to_others, _)) = decided_at(-self.most_steps);
+            let succeed = (to_p | !sending) & (to_others | !listening);
+            let ((_, to_p), (_, to_others)) = decided_at(self.most_steps);
+            let fail = !(to_p & sending | to_others & listening);
+            open = !(succeed | fail);
+            for k in ones(succeed & !fail & up_to(n)) {
+                added[k] = -self.most_steps;
+            }
+        }
+        self.add(p, others, words, true, open, added);
         self.limit(p, others, d2_m2, true, added, limits);
         let to_p = decide(limits, words, |k| usize::from(id[p] < ids[k]));
         if is_directed && listening != 0 {
-            self.add(p, others, words, false, added);
+            self.add(p, others, words, false, open, added);
         }
         if (is_directed || matches!(self.bounds, Bounds::ByChannel)) && listening != 0 {
             self.limit(p, others, d2_m2, false, added, limits);
@@ -201,9 +228,24 @@ impl<'a> Judge<'a> {
         (hears, is_heard)
     }
 
-    /// Steps that scatter adds to the frames from the others (`to_p`), or to the frame to them.
+    /// Whether what scatter adds takes long to compute, and the same bounds hold in both directions.
+    fn is_costly(&self) -> bool {
+        matches!(self.variation, Variation::OtherShared | Variation::OtherDirected)
+            && matches!(self.bounds, Bounds::One(_))
+    }
+
+    /// Steps that scatter adds to the frames from the others (`to_p`), or to the frame to them, where `open` says that
+    /// this matters; elsewhere `added` stays.
     #[inline]
-    fn add(&self, p: usize, others: &[u32], words: &[[u64; 4]], to_p: bool, added: &mut [f64]) {
+    fn add(
+        &self,
+        p: usize,
+        others: &[u32],
+        words: &[[u64; 4]],
+        to_p: bool,
+        open: u64,
+        added: &mut [f64],
+    ) {
         let Radios { id, frames, .. } = self.air.radios;
         match self.variation {
             Variation::None => {}
@@ -219,8 +261,8 @@ impl<'a> Judge<'a> {
                 }
             }
             Variation::OtherShared | Variation::OtherDirected => {
-                for ((added, &words), &q) in added.iter_mut().zip(words).zip(others) {
-                    let q = q as usize;
+                for k in ones(open & up_to(others.len())) {
+                    let (added, words, q) = (&mut added[k], words[k], others[k] as usize);
                     let (receiver, frame) = if to_p { (p, q) } else { (q, p) };
                     let mut pair = self.air.drawn_pair(p, q, words);
                     let scatter_db = if matches!(self.variation, Variation::OtherShared) {
