@@ -416,7 +416,7 @@ fn plan(
         tree: tree.clone(),
         name,
         control,
-        duration_ns: libm::round(number("duration_s")? * NS_PER_S as f64) as u64,
+        duration_ns: (libm::round(number("duration_s")? * NS_PER_S as f64) as u64).max(1),
         stop_when_complete: experiment_table.get("stop_when_complete")?.as_bool()?,
         transport: match experiment_table.get("transport")?.as_str()? {
             "stream" => Transport::Stream,
@@ -443,7 +443,8 @@ fn slot_ns(netsim: &Node) -> u64 {
         _ => 0.01,
     };
     let ns = libm::round(written * NS_PER_S as f64);
-    if (1.0..=1e18).contains(&ns) { ns as u64 } else { 10_000_000 }
+    // Beyond what the network takes: it says so.
+    if (1e3..=1e12).contains(&ns) { ns as u64 } else { 10_000_000 }
 }
 
 fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>) -> Option<Tls> {

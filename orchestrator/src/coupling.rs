@@ -116,10 +116,16 @@ impl Coupled {
                     self.robots.step(step, to_robots),
                     self.network.step(step, to_network)
                 );
-                let mut robots_reply = robots_reply?;
+                let (mut robots_reply, network_reply) = match (robots_reply, network_reply) {
+                    (Ok(robots), Ok(network)) => (robots, network),
+                    (Err(robots), Err(network)) => {
+                        return Err(SideError::Both(Box::new(robots), Box::new(network)));
+                    }
+                    (Err(error), Ok(_)) | (Ok(_), Err(error)) => return Err(error),
+                };
                 used = Some(self.states.clone());
                 self.take_robots_reply(step, until_ns, &mut robots_reply, n)?;
-                (robots_reply, network_reply?)
+                (robots_reply, network_reply)
             }
             Coupling::Event => {
                 let request = self.network_request(step, until_ns, true);

@@ -310,9 +310,9 @@ pub fn agent_commands(
             None => return Err(InvalidField::new(field("order"), "is missing")),
         };
         if let AgentOrder::Velocity(numbers) | AgentOrder::Waypoint(numbers) = order
-            && let Some(number) = numbers.iter().find(|number| !number.is_finite())
+            && let Some(number) = numbers.iter().find(|number| !is_number(**number))
         {
-            return Err(InvalidField::new(field("order"), format!("must be finite, got {number}")));
+            return Err(InvalidField::new(field("order"), format!("{NUMBER}, got {number}")));
         }
         commands.push(AgentCommand { agent: message.agent, source: message.source, order });
     }
@@ -403,10 +403,10 @@ pub fn moved_obstacles(messages: Vec<v1::MovedObstacle>) -> Result<Vec<MovedObst
     messages
         .into_iter()
         .map(|message| {
-            if message.x_m.is_finite() && message.y_m.is_finite() {
+            if is_number(message.x_m) && is_number(message.y_m) {
                 Ok(MovedObstacle { name: message.name, centre_m: [message.x_m, message.y_m] })
             } else {
-                Err(InvalidField::new("moved_obstacles", "positions must be finite"))
+                Err(InvalidField::new("moved_obstacles", NUMBER))
             }
         })
         .collect()
@@ -446,6 +446,13 @@ pub fn columns(numbers: &[i32]) -> Result<Vec<DeliveryColumn>> {
         .collect()
 }
 
+/// What every number must be: sums and squares of such numbers are finite, too.
+const NUMBER: &str = "must be finite and at most 1e12 in magnitude";
+
+fn is_number(value: f64) -> bool {
+    value.abs() <= 1e12
+}
+
 fn column_of(field: &str, column: Vec<f64>, n: usize, optional: bool) -> Result<Vec<f64>> {
     if column.len() != n && !(optional && column.is_empty()) {
         let or_empty = if optional { "be empty or " } else { "" };
@@ -454,10 +461,10 @@ fn column_of(field: &str, column: Vec<f64>, n: usize, optional: bool) -> Result<
             format!("must {or_empty}have {n} entries, one per agent, got {}", column.len()),
         ));
     }
-    match column.iter().position(|value| !value.is_finite()) {
+    match column.iter().position(|value| !is_number(*value)) {
         Some(agent) => Err(InvalidField::new(
             format!("{field}[{agent}]"),
-            format!("must be finite, got {}", column[agent]),
+            format!("{NUMBER}, got {}", column[agent]),
         )),
         None => Ok(column),
     }

@@ -82,6 +82,10 @@ async fn nothing_goes_before_configure() {
     let (_netsim, mut network) = network().await;
     assert_refused(robots.step(robots_step(1)).await, Code::FailedPrecondition, "not configured");
     assert_refused(network.step(network_step(1)).await, Code::FailedPrecondition, "not configured");
+    let snapshot = robots.snapshot(v1::RobotSimServiceSnapshotRequest {}).await;
+    assert_refused(snapshot, Code::FailedPrecondition, "not configured");
+    let snapshot = network.snapshot(v1::NetSimServiceSnapshotRequest {}).await;
+    assert_refused(snapshot, Code::FailedPrecondition, "not configured");
     let barrier = v1::RobotSimServiceBarrierRequest { step: 1, time_ns: STEP_NS };
     assert_refused(robots.barrier(barrier).await, Code::FailedPrecondition, "not configured");
 }

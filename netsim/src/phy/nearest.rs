@@ -49,17 +49,22 @@ impl Grid {
         self.in_box([x - reach_m, y - reach_m], [x + reach_m, y + reach_m])
     }
 
-    /// Indices of the points in the cells that touch a box.
+    /// Indices of the points in the cells that touch a box, and possibly of others.
     pub fn in_box(&self, low: [f64; 2], high: [f64; 2]) -> impl Iterator<Item = u32> + '_ {
         let (left, right) = (self.column(low[0]), self.column(high[0]));
-        (self.column(low[1])..=self.column(high[1])).flat_map(move |row| {
+        let (bottom, top) = (self.column(low[1]), self.column(high[1]));
+        // More rows than points: look at the points.
+        let is_tall = (self.entries.len() as u64) < top.abs_diff(bottom) as u64;
+        let all = if is_tall { &self.entries[..] } else { &[] };
+        let rows = if is_tall { 1..=0 } else { bottom..=top };
+        all.iter().map(|&(_, index)| index).chain(rows.flat_map(move |row| {
             let from = self.entries.partition_point(|&(cell, _)| cell < key(left, row));
             let last = key(right, row);
             self.entries[from..]
                 .iter()
                 .take_while(move |&&(cell, _)| cell <= last)
                 .map(|&(_, index)| index)
-        })
+        }))
     }
 
     /// How many pairs of points lie in the same or in neighbouring cells, each counted from both ends: what a search

@@ -3,6 +3,9 @@
 use proto::config::{Default, Field, Kind, Problem, Range, TableSpec};
 use proto::types::NS_PER_S;
 
+/// The longest period in slots.
+const MAX_SLOTS: i64 = 1_000_000;
+
 /// `control_period = { ... }`.
 pub(super) const SPEC: TableSpec = TableSpec {
     doc: "A control period of fixed length: one of the two keys.",
@@ -10,7 +13,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         Field {
             key: "slots",
             doc: "Length in slots of the network.",
-            kind: Kind::Integer { min: 1, max: 1_000_000 },
+            kind: Kind::Integer { min: 1, max: MAX_SLOTS },
             default: Default::Absent,
         },
         Field {
@@ -93,6 +96,20 @@ fn of_rate(
     let exact = slots_per_s / rate_hz;
     let whole = libm::round(exact);
     // A rate as people write it (16.67) is not taken for 50/3: only rounding of the division is forgiven.
+    if (MAX_SLOTS as f64) < whole {
+        problems.push(
+            Problem::new(
+                "experiment.control_period.rate_hz",
+                format!(
+                    "must give a period of at most {MAX_SLOTS} slots of {} ms",
+                    slot_ns as f64 / 1e6
+                ),
+            )
+            .value(rate_hz)
+            .nearest(format!("{} Hz", slots_per_s / MAX_SLOTS as f64)),
+        );
+        return ControlPeriod::Slots(agents as u64);
+    }
     if 1.0 <= whole && libm::fabs(exact - whole) <= 1e-9 * whole {
         return ControlPeriod::Slots(whole as u64);
     }

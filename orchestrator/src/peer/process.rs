@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 use tokio::io::{AsyncBufReadExt as _, BufReader};
-use tokio::process::{Child, Command};
+use tokio::process::{Child, ChildStdin, Command};
 
 /// How long a child may take until it listens.
 const START: Duration = Duration::from_secs(10);
@@ -29,6 +29,8 @@ pub struct Launch {
 /// A running child. Killed if dropped.
 pub(super) struct ChildProcess {
     child: Child,
+    /// Closing it ends the child. Held here, since waiting for a [`Child`] closes what that holds.
+    stdin: Option<ChildStdin>,
 }
 
 impl ChildProcess {
@@ -61,7 +63,8 @@ impl ChildProcess {
             .await
             .map_err(|_| failed(format!("it did not listen within {} s", START.as_secs())))?
             .map_err(|error| failed(error.to_string()))?;
-        let mut process = Self { child };
+        let stdin = child.stdin.take();
+        let mut process = Self { child, stdin };
         let Some(line) = line else {
             let ended = failed("it ended without listening".to_owned());
             return Err(process.explain(side, "starting", ended).await);
@@ -93,7 +96,7 @@ impl ChildProcess {
 
     /// Asks it to end by closing its standard input; kills it if it does not.
     pub(super) async fn stop(mut self) {
-        drop(self.child.stdin.take());
+        drop(self.stdin.take());
         if tokio::time::timeout(STOP, self.child.wait()).await.is_err()
             && let Err(error) = self.child.kill().await
         {
@@ -110,5 +113,36 @@ fn how(status: ExitStatus) -> String {
             Err(_) => format!("killed by signal {signal}"),
         },
         (None, None) => "no status".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    #[tokio::test]
+    async fn a_child_that_lives_is_not_ended_by_asking_whether_it_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let executable = folder.path().join("side");
+        // Lives as long as its standard input is open, as a simulator does.
+        let script = "#!/bin/sh\necho side listening on http://127.0.0.1:1\nexec cat >/dev/null\n";
+        std::fs::write(&executable, script).unwrap();
+        std::fs::set_permissions(&executable, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let launch = Launch { executable, threads: None, log: "warn".to_owned(), log_json: false };
+        let (url, mut child) = ChildProcess::start("netsim", &launch).await.unwrap();
+        assert_eq!(url, "http://127.0.0.1:1");
+        let said = SideError::Cannot { side: "netsim", what: "its own words".to_owned() };
+        for _ in 0..2 {
+            let said = SideError::Cannot { side: "netsim", what: "its own words".to_owned() };
+            let explained = child.explain("netsim", "step 1", said).await;
+            assert_eq!(explained.to_string(), "netsim: its own words");
+        }
+        child.child.start_kill().unwrap();
+        let explained = child.explain("netsim", "step 1", said).await;
+        assert_eq!(
+            explained.to_string(),
+            "netsim: its process ended during step 1: killed by SIGKILL"
+        );
     }
 }

@@ -70,6 +70,13 @@ impl Ledger {
                 self.time_ns, self.step
             )));
         }
+        let longest_ns = self.experiment.step_ns.saturating_mul(MAX_PERIODS);
+        if longest_ns < until_ns - self.time_ns {
+            return Err(Status::invalid_argument(format!(
+                "until_ns: must be at most {MAX_PERIODS} periods, {longest_ns} ns, after {} ns, got {until_ns} ns",
+                self.time_ns
+            )));
+        }
         if !confirmed.is_empty() && confirmed != self.digest {
             return Err(Status::failed_precondition(format!(
                 "confirmed_digest: step {} has {} here, got {}",
@@ -262,6 +269,9 @@ pub(super) const QUICK_AGENTS: usize = 256;
 pub(super) fn not_configured() -> Status {
     Status::failed_precondition("not configured: call Configure first")
 }
+
+/// Nominal periods that one step may span.
+const MAX_PERIODS: u64 = 1000;
 
 /// Orders that may wait for the next step.
 const MAX_PENDING: usize = 100_000;

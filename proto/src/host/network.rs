@@ -201,6 +201,7 @@ impl<S: NetSimulator> Lifecycle<S> {
     }
 
     fn snapshot(&mut self) -> Result<v1::NetSimServiceSnapshotResponse, Status> {
+        self.active()?;
         let simulator = self.simulator.snapshot();
         let active = self.active()?;
         let frozen = Frozen {

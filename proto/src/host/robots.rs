@@ -195,6 +195,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
     }
 
     fn snapshot(&mut self) -> Result<v1::RobotSimServiceSnapshotResponse, Status> {
+        self.active()?;
         let simulator = self.simulator.snapshot();
         let active = self.active()?;
         let frozen = Frozen {

@@ -14,7 +14,11 @@ pub const ENTRY: Entry = Entry {
                   one's from there on. Absent: the table of the 6TiSCH simulator, -97 dBm: 0 to -79 dBm: 1, measured on \
                   SmartMesh IP (Dust) motes, both end points synthetic.",
             kind: Kind::List {
-                of: &Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 },
+                of: &Kind::List {
+                    of: &Kind::Number(Range::closed(-1000.0, 1000.0)),
+                    min: 2,
+                    max: 2,
+                },
                 min: 2,
                 max: 10_000,
             },
