@@ -126,6 +126,18 @@ pub async fn bench(options: &BenchOptions) -> Result<Table, RunError> {
     Ok(Table { cells, threads: options.start.threads })
 }
 
+/// Whether the table has a row of so many agents.
+#[must_use]
+pub fn has_row(agents: u32) -> bool {
+    Figures::of(agents).is_some()
+}
+
+/// The rows of the table, in words.
+#[must_use]
+pub fn rows() -> String {
+    ROWS.map(|figures| figures.agents.to_string()).join(", ")
+}
+
 fn plan(agents: u32, model: Model, mode: Mode) -> Result<Plan, RunError> {
     let coupling = if mode == Mode::Parallel { "parallel" } else { "sequential" };
     let text = format!(

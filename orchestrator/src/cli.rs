@@ -280,6 +280,12 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
                 all: args.all,
                 start: start(args.threads)?,
             };
+            if let Some(agents) = options.agents.iter().find(|&&agents| !bench::has_row(agents)) {
+                return Err(Failure::request(format!(
+                    "--agents {agents}: the rows are {}",
+                    bench::rows()
+                )));
+            }
             let table = on_runtime(bench::bench(&options))?.map_err(Failure::work)?;
             say(&table);
             write_json(args.json.as_deref(), &table.to_json())
@@ -298,6 +304,10 @@ fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
 }
 
 fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
+    // A place that cannot be written is found before the work, not after it.
+    if let Some(path) = &args.file.json {
+        json_place(path).map_err(Failure::request)?;
+    }
     let options = RunOptions {
         config: args.file.config.clone(),
         overrides: args.file.overrides(),
@@ -461,12 +471,21 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
 /// Writes a file in one piece: under another name first.
 fn write_json(path: Option<&Path>, value: &Value) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
-    let failed = |error: &dyn std::fmt::Display| {
-        Failure::work(format!("--json {}: {error}", path.display()))
-    };
+    let failed =
+        |error: std::io::Error| Failure::work(format!("--json {}: {error}", path.display()));
+    let file = json_place(path).map_err(Failure::work)?;
+    std::fs::write(file.path(), format!("{value:#}\n")).map_err(failed)?;
+    file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
+}
+
+/// A file beside the one that is to be written, to become it.
+fn json_place(path: &Path) -> Result<tempfile::NamedTempFile, String> {
     let folder =
         path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = tempfile::NamedTempFile::new_in(folder).map_err(|error| failed(&error))?;
-    std::fs::write(file.path(), format!("{value:#}\n")).map_err(|error| failed(&error))?;
-    file.persist(path).map(|_| ()).map_err(|error| failed(&error))
+    if path.is_dir() {
+        return Err(format!("--json {}: is a folder", path.display()));
+    }
+    tempfile::NamedTempFile::new_in(folder).map_err(|error| {
+        format!("--json {}: {}", path.display(), std::io::Error::from(error.kind()))
+    })
 }

@@ -71,10 +71,13 @@ pub async fn connect<S: Service>(
     let client = S::client(channel(S::SIDE, url, tls).await?);
     let described = tokio::time::timeout(SETUP, S::describe(client.clone()))
         .await
-        .map_err(|_| SideError::Hangs {
+        .map_err(|_| SideError::Unreachable {
             side: S::SIDE,
-            doing: "Describe".to_owned(),
-            waited: SETUP,
+            url: url.to_owned(),
+            reason: format!(
+                "something listens there, but does not answer within {} s",
+                SETUP.as_secs()
+            ),
         })?
         .map_err(|status| not_a_simulator(S::SIDE, url, tls, &status))?;
     Ok((client, described))

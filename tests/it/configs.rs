@@ -58,3 +58,19 @@ fn an_effective_configuration_runs_again_with_the_same_recording() {
     let second = tests::run(&first.join("config.toml"), &folder.path().join("b"), &[]);
     tests::recording::assert_same(&first, &second);
 }
+
+#[test]
+fn a_record_whose_configuration_names_a_file_runs_again_with_the_same_recording() {
+    let folder = tests::folder();
+    std::fs::create_dir(folder.path().join("places")).unwrap();
+    std::fs::write(folder.path().join("places/p.csv"), "agent,x_m,y_m\n0,0,0\n1,3,0\n2,0,4\n")
+        .unwrap();
+    let config = folder.path().join("x.toml");
+    let text = "[experiment]\nname = \"x\"\nseed = 1\nduration_s = 0.3\nagents = 3\n\
+                [robotsim.scenario]\nkind = \"csv\"\nfile = \"places/p.csv\"\n\
+                [robotsim.controller]\nkind = \"hold\"\n";
+    std::fs::write(&config, text).unwrap();
+    let first = tests::run(&config, &folder.path().join("a"), &[]);
+    let second = tests::run(&first.join("config.toml"), &folder.path().join("b"), &[]);
+    tests::recording::assert_same(&first, &second);
+}

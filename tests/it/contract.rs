@@ -131,6 +131,13 @@ async fn a_refused_step_changes_nothing() {
         client.configure(network_setup(7)).await.unwrap();
         client.step(network_step(1)).await.unwrap();
     }
+    let mut endless = network_step(2);
+    endless.until_ns = u64::MAX;
+    assert_refused(
+        network.step(endless).await,
+        Code::InvalidArgument,
+        "until_ns: must be at most 1000 periods",
+    );
     type Spoil = fn(&mut v1::NetSimServiceStepRequest);
     let spoilt: [(Spoil, Code, &str); 9] = [
         (
@@ -142,7 +149,7 @@ async fn a_refused_step_changes_nothing() {
         (
             |r| states(r).x_m[2] = f64::INFINITY,
             Code::InvalidArgument,
-            "states.x_m[2]: must be finite, got inf",
+            "states.x_m[2]: must be finite and at most 1e12 in magnitude, got inf",
         ),
         (|r| states(r).y_m.truncate(5), Code::InvalidArgument, "states.y_m: must have 6 entries"),
         (

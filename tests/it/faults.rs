@@ -219,7 +219,7 @@ fn robots_that_lie_are_named() {
         (
             Fault::NotANumber,
             &[
-                "robotsim: gave a malformed answer to step 3: states.y_m[0]: must be finite, got NaN",
+                "robotsim: gave a malformed answer to step 3: states.y_m[0]: must be finite and at most 1e12 in magnitude, got NaN",
             ],
         ),
         (Fault::Silent, &["robotsim: hangs: no answer to step 3"]),

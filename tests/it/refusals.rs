@@ -93,6 +93,34 @@ fn a_period_that_is_not_whole_slots() {
 }
 
 #[test]
+fn periods_beyond_all_measure_are_refused_at_once() {
+    for rate_hz in ["1e-300", "1e-12", "1e-5"] {
+        let text = format!(
+            "{EXPERIMENT}control_period = {{ rate_hz = {rate_hz} }}\n{SCENARIO}{CONTROLLER}"
+        );
+        assert!(
+            refused("x.toml", &text, &[])
+                .contains("must give a period of at most 1000000 slots of 10 ms")
+        );
+    }
+    let said = refused("x.toml", &good(), &["--set", "netsim.slot_duration_s=1e8"]);
+    assert!(
+        said.contains("netsim.slot_duration_s: must be from 0.000001 to 1000, got 100000000.0"),
+        "{said}"
+    );
+}
+
+#[test]
+fn every_wrong_entry_of_a_list_and_a_place_for_json_that_is_none() {
+    insta::assert_snapshot!(refused(
+        "x.toml",
+        &good(),
+        &["--set", "netsim.hopping_sequence=[10, 11, \"a\", 27]"]
+    ));
+    insta::assert_snapshot!(refused("x.toml", &good(), &["--json", "nowhere/x.json"]));
+}
+
+#[test]
 fn text_that_is_not_toml() {
     insta::assert_snapshot!(refused("x.toml", "[experiment\nname = \n", &[]));
 }

@@ -141,9 +141,6 @@ fn levels_are_redrawn_when_they_should_be() {
     // Frozen, and coherent at rest: the level stays; only a level where the curve is between lets the outcome change.
     for redraw in ["frozen", "coherence"] {
         let list = heard(redraw, false);
-        let all_alike = changes(&list) == 0;
-        let pdr = list.iter().filter(|[a, _]| *a).count();
-        assert!(all_alike || (1..200).contains(&pdr), "{redraw}");
         assert!(changes(&list) < 57, "{redraw}: {}", changes(&list));
     }
     // Moving both ends by 5 m, a hundred and sixty half wavelengths: independent again.

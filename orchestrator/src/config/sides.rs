@@ -83,8 +83,17 @@ impl Sides<'_> {
             match std::fs::read(&file) {
                 Ok(content) => {
                     let place = std::path::absolute(&file).unwrap_or(file);
+                    // The side is sent a name, not a place: the same wherever the file lies.
+                    let name = file_name(&place);
+                    let key = reference
+                        .key
+                        .strip_prefix(path)
+                        .map_or("", |key| key.trim_start_matches('.'));
+                    if let Some(node) = own.at_mut(key) {
+                        node.value = Value::Text(name.clone());
+                    }
                     places.push((reference.key, place.display().to_string()));
-                    contents.insert(reference.path, Bytes::from(content));
+                    contents.insert(name, Bytes::from(content));
                 }
                 Err(error) => {
                     let reason = if error.kind() == std::io::ErrorKind::NotFound {
@@ -153,6 +162,12 @@ impl Sides<'_> {
         self.problems.push(problem);
         None
     }
+}
+
+/// The last part of a path.
+fn file_name(path: &Path) -> String {
+    path.file_name()
+        .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// What to say of a file that is not there: the nearest name that is.

@@ -261,10 +261,14 @@ impl Walk<'_> {
                     );
                 }
                 let mut converted = Vec::with_capacity(list.len());
+                let mut last = None;
                 for (index, entry) in list.iter().enumerate() {
-                    converted.push(self.value(entry, &format!("{path}[{index}]"), of)?);
+                    match self.value(entry, &format!("{path}[{index}]"), of) {
+                        Ok(value) => converted.push(value),
+                        Err(problem) => self.problems.extend(last.replace(problem)),
+                    }
                 }
-                Ok(toml::Value::Array(converted))
+                last.map_or(Ok(toml::Value::Array(converted)), Err)
             }
             (Kind::Table(spec), Value::Table(_)) => {
                 Ok(toml::Value::Table(self.table(Some(node), path, spec)))

@@ -158,6 +158,21 @@ impl Node {
         found
     }
 
+    /// What stands at a dotted path.
+    pub fn at_mut(&mut self, path: &str) -> Option<&mut Self> {
+        let mut node = self;
+        for part in path.split('.') {
+            let (key, indices) = split_indices(part)?;
+            let Value::Table(entries) = &mut node.value else { return None };
+            node = entries.iter_mut().find(|(k, ..)| k == key).map(|(_, _, node)| node)?;
+            for index in indices {
+                let Value::List(list) = &mut node.value else { return None };
+                node = list.get_mut(index)?;
+            }
+        }
+        Some(node)
+    }
+
     /// Whether there is something at a path that does not stand in the text.
     #[must_use]
     pub fn is_set_from_elsewhere(&self, path: &str) -> bool {
