@@ -126,3 +126,31 @@ fn every_path_that_architecture_md_names_exists() {
         assert!(tests::repository().join(path).exists(), "ARCHITECTURE.md names {path}");
     }
 }
+
+#[test]
+fn every_link_between_the_pages_leads_somewhere() {
+    let mut pages =
+        vec![tests::repository().join("README.md"), tests::repository().join("CONTRIBUTING.md")];
+    for entry in std::fs::read_dir(tests::repository().join("docs")).unwrap() {
+        pages.push(entry.unwrap().path());
+    }
+    let mut n_links = 0;
+    for page in
+        pages.iter().filter(|page| page.extension().is_some_and(|extension| extension == "md"))
+    {
+        let text = std::fs::read_to_string(page).unwrap();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            let path = link.split('#').next().unwrap();
+            if path.is_empty() || path.contains("://") {
+                continue;
+            }
+            n_links += 1;
+            assert!(
+                page.parent().unwrap().join(path).exists(),
+                "{} links to {link}",
+                page.display()
+            );
+        }
+    }
+    assert!(20 <= n_links, "{n_links}");
+}
