@@ -54,9 +54,9 @@ impl Grid {
         let (left, right) = (self.column(low[0]), self.column(high[0]));
         let (bottom, top) = (self.column(low[1]), self.column(high[1]));
         // More rows than points: look at the points.
-        let is_tall = (self.entries.len() as u64) < top.abs_diff(bottom) as u64;
+        let is_tall = (self.entries.len() as u64) < top.abs_diff(bottom);
         let all = if is_tall { &self.entries[..] } else { &[] };
-        let rows = if is_tall { 1..=0 } else { bottom..=top };
+        let rows = if is_tall { bottom..bottom } else { bottom..top + 1 };
         all.iter().map(|&(_, index)| index).chain(rows.flat_map(move |row| {
             let from = self.entries.partition_point(|&(cell, _)| cell < key(left, row));
             let last = key(right, row);
