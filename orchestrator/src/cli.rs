@@ -8,6 +8,7 @@ use crate::record;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
 use clap::{Args, Parser, Subcommand};
 use proto::host::{ServeArgs, init_logging, serve_network, serve_robots};
+use proto::types::seconds;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -67,6 +68,16 @@ struct FileArgs {
     /// Use the robot simulator at this URL instead of starting one
     #[arg(long, value_name = "URL")]
     robotsim: Option<String>,
+    #[command(flatten)]
+    tls: TlsArgs,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Certificates for https URLs.
+#[derive(Args)]
+struct TlsArgs {
     /// Authority that signed the certificates of simulators at https URLs (PEM)
     #[arg(long, value_name = "FILE")]
     tls_ca: Option<PathBuf>,
@@ -76,9 +87,13 @@ struct FileArgs {
     /// Its private key (PEM)
     #[arg(long, value_name = "FILE", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
-    /// Write what was found as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+}
+
+impl TlsArgs {
+    fn tls(&self) -> Option<Tls> {
+        let ca = self.tls_ca.clone()?;
+        Some(Tls { ca, identity: self.tls_cert.clone().zip(self.tls_key.clone()) })
+    }
 }
 
 impl FileArgs {
@@ -88,10 +103,7 @@ impl FileArgs {
             seed: self.seed,
             netsim_url: self.netsim.clone(),
             robotsim_url: self.robotsim.clone(),
-            tls: self
-                .tls_ca
-                .clone()
-                .map(|ca| Tls { ca, identity: self.tls_cert.clone().zip(self.tls_key.clone()) }),
+            tls: self.tls.tls(),
         }
     }
 }
@@ -135,15 +147,8 @@ struct ConformanceArgs {
     /// Number of agents
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     agents: u32,
-    /// Authority that signed its certificate, if the URL is https (PEM)
-    #[arg(long, value_name = "FILE")]
-    tls_ca: Option<PathBuf>,
-    /// Our certificate, where it asks for one (PEM)
-    #[arg(long, value_name = "FILE", requires_all = ["tls_key", "tls_ca"])]
-    tls_cert: Option<PathBuf>,
-    /// Its private key (PEM)
-    #[arg(long, value_name = "FILE", requires = "tls_cert")]
-    tls_key: Option<PathBuf>,
+    #[command(flatten)]
+    tls: TlsArgs,
     /// Write what was found as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -337,7 +342,7 @@ fn describe(report: &RunReport) {
         "{}: {} steps, {:.1} s simulated in {:.2} s ({rate:.0} steps/s)",
         summary["name"].as_str().unwrap_or("run"),
         report.n_steps,
-        run::ns_to_s(report.time_ns),
+        seconds(report.time_ns),
         report.wall_s,
     ));
     for line in highlights(summary) {
@@ -447,10 +452,7 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
     };
     let options = ConformanceOptions {
         url: args.url.clone(),
-        tls: args
-            .tls_ca
-            .clone()
-            .map(|ca| Tls { ca, identity: args.tls_cert.clone().zip(args.tls_key.clone()) }),
+        tls: args.tls.tls(),
         config_toml,
         agents: args.agents,
     };

@@ -3,7 +3,7 @@
 //! `proto/cosim/v1/common.proto` defines the order of things; this is its other half. Every reply is checked before it
 //! is passed on, so that a side that answers nonsense is named and the other never sees it.
 
-use crate::peer::{Network, Peer, Robots, SideError, Standing};
+use crate::peer::{Network, Peer, Robots, Service as _, SideError, Standing};
 use bytes::Bytes;
 use proto::convert::{self, InvalidField};
 use proto::digest::{self, Digest};
@@ -59,7 +59,7 @@ impl Coupled {
         start: v1::RobotSimServiceConfigureResponse,
     ) -> Result<Self, SideError> {
         let n = experiment.agent_count;
-        let garbage = |invalid: InvalidField| garbage(Side::Robots, "Configure", invalid);
+        let garbage = |invalid: InvalidField| garbage(Robots::SIDE, "Configure", invalid);
         let states = convert::states(start.states, n).map_err(garbage)?;
         let payloads = convert::payloads(start.payloads, n).map_err(garbage)?;
         Ok(Self {
@@ -133,7 +133,7 @@ impl Coupled {
                 let reached_ns = network_reply.time_ns;
                 if reached_ns <= self.time_ns || until_ns < reached_ns {
                     return Err(SideError::WrongTime {
-                        side: "netsim",
+                        side: Network::SIDE,
                         step,
                         expected: until_ns,
                         got: reached_ns,
@@ -162,12 +162,12 @@ impl Coupled {
             Some(standing) => standing,
             None => self.robots.barrier(step, reached_ns).await?,
         };
-        check("robotsim", &robots_stand, step, reached_ns, &digest)?;
+        check(Robots::SIDE, &robots_stand, step, reached_ns, &digest)?;
         let network_stands = match standings.1 {
             Some(standing) => standing,
             None => self.network.barrier(step, reached_ns).await?,
         };
-        check("netsim", &network_stands, step, reached_ns, &digest)?;
+        check(Network::SIDE, &network_stands, step, reached_ns, &digest)?;
 
         self.step = step;
         self.time_ns = reached_ns;
@@ -195,13 +195,19 @@ impl Coupled {
             let digest: Digest = self.agreed[..].try_into().unwrap_or_default();
             result = async {
                 check(
-                    "robotsim",
+                    Robots::SIDE,
                     &self.robots.barrier(step, time_ns).await?,
                     step,
                     time_ns,
                     &digest,
                 )?;
-                check("netsim", &self.network.barrier(step, time_ns).await?, step, time_ns, &digest)
+                check(
+                    Network::SIDE,
+                    &self.network.barrier(step, time_ns).await?,
+                    step,
+                    time_ns,
+                    &digest,
+                )
             }
             .await;
         }
@@ -276,8 +282,8 @@ impl Coupled {
         reply: &mut v1::RobotSimServiceStepResponse,
         n: usize,
     ) -> Result<(), SideError> {
-        stands_at("robotsim", step, until_ns, reply.step, reply.time_ns)?;
-        let garbage = |invalid| garbage(Side::Robots, &format!("step {step}"), invalid);
+        stands_at(Robots::SIDE, step, until_ns, reply.step, reply.time_ns)?;
+        let garbage = |invalid| garbage(Robots::SIDE, &format!("step {step}"), invalid);
         self.states = convert::states(reply.states.take(), n).map_err(garbage)?;
         self.payloads = convert::payloads(reply.payloads.take(), n).map_err(garbage)?;
         self.moved = convert::moved_obstacles(reply.moved_obstacles.clone()).map_err(garbage)?;
@@ -293,8 +299,8 @@ impl Coupled {
         reply: &mut v1::NetSimServiceStepResponse,
         n: usize,
     ) -> Result<(), SideError> {
-        stands_at("netsim", step, reached_ns, reply.step, reply.time_ns)?;
-        let garbage = |invalid| garbage(Side::Network, &format!("step {step}"), invalid);
+        stands_at(Network::SIDE, step, reached_ns, reply.step, reply.time_ns)?;
+        let garbage = |invalid| garbage(Network::SIDE, &format!("step {step}"), invalid);
         let deliveries = convert::deliveries(reply.deliveries.take(), n).map_err(garbage)?;
         self.deliveries = Some(deliveries.unwrap_or_default());
         if let Some(motes) = &reply.motes {
@@ -307,16 +313,7 @@ impl Coupled {
     }
 }
 
-enum Side {
-    Robots,
-    Network,
-}
-
-fn garbage(side: Side, doing: &str, invalid: InvalidField) -> SideError {
-    let side = match side {
-        Side::Robots => "robotsim",
-        Side::Network => "netsim",
-    };
+fn garbage(side: &'static str, doing: &str, invalid: InvalidField) -> SideError {
     SideError::Garbage { side, doing: doing.to_owned(), reason: invalid.to_string() }
 }
 

@@ -12,7 +12,6 @@ use crate::coupling::Coupled;
 use crate::peer::SideError;
 use crate::record::{self, Ending, Finished, RecordError, Recorder, Status, StepRecord};
 use interrupt::Interrupt;
-use proto::types::NS_PER_S;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -253,10 +252,4 @@ async fn drive(
     }
     progress.finish();
     Ok(Stopped::Complete)
-}
-
-/// A duration in seconds as nanoseconds, for messages.
-#[must_use]
-pub fn ns_to_s(time_ns: u64) -> f64 {
-    time_ns as f64 / NS_PER_S as f64
 }

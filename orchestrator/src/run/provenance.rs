@@ -3,6 +3,7 @@
 use super::RunOptions;
 use super::start::{SideIdentity, Started};
 use crate::config::Plan;
+use proto::types::seconds;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -58,7 +59,7 @@ impl Provenance {
         self.value["wall_s"] = json!(wall_s);
         self.value["steps_per_s"] = json!(if wall_s > 0.0 { n_steps as f64 / wall_s } else { 0.0 });
         self.value["simulated_over_wall"] =
-            json!(if wall_s > 0.0 { super::ns_to_s(time_ns) / wall_s } else { 0.0 });
+            json!(if wall_s > 0.0 { seconds(time_ns) / wall_s } else { 0.0 });
         self.value
     }
 }
