@@ -31,6 +31,10 @@ pub enum Fault {
     Slow,
     /// It speaks another version of the contract.
     OtherVersion,
+    /// Robots that do not announce that they can stand still.
+    CannotHold,
+    /// Robots that in step 3 move although they were told to stand still.
+    Restless,
 }
 
 /// A simulator with a fault, on a thread of its own. It ends with the test's process.
@@ -70,7 +74,7 @@ impl Faulty {
         Self::serve(move |server| server.add_service(NetSimServiceServer::new(host)))
     }
 
-    fn serve(
+    pub(crate) fn serve(
         add: impl FnOnce(&mut tonic::transport::Server) -> tonic::transport::server::Router
         + Send
         + 'static,
@@ -135,7 +139,8 @@ macro_rules! faulty {
         $host:ident, $service:ident, $describe:ident, $described:ident, $configure:ident, $configured:ident,
         $step:ident, $stepped:ident, $barrier:ident, $barriered:ident, $session:ident, $sessioned:ident,
         $snapshot:ident, $snapped:ident, $restore:ident, $restored:ident, $command:ident, $commanded:ident,
-        short: |$short:ident| $shorten:expr, nan: |$nan:ident| $poison:expr
+        short: |$short:ident| $shorten:expr, nan: |$nan:ident| $poison:expr,
+        hold: |$describe_hold:ident| $no_hold:expr, restless: |$restless:ident| $move:expr
     ) => {
         #[tonic::async_trait]
         impl $service for $host {
@@ -149,6 +154,10 @@ macro_rules! faulty {
                 reply.get_mut().session = false;
                 if self.fault == Fault::OtherVersion {
                     reply.get_mut().contract_version = 7;
+                }
+                if self.fault == Fault::CannotHold {
+                    let $describe_hold = reply.get_mut();
+                    $no_hold;
                 }
                 Ok(reply)
             }
@@ -186,7 +195,11 @@ macro_rules! faulty {
                         self.silent.keep().await;
                     }
                     Fault::Slow => tokio::time::sleep(FOREVER).await,
-                    Fault::WrongDigest | Fault::OtherVersion => {}
+                    Fault::Restless => {
+                        let $restless = reply;
+                        $move;
+                    }
+                    Fault::WrongDigest | Fault::OtherVersion | Fault::CannotHold => {}
                 }
                 Ok(response)
             }
@@ -244,7 +257,9 @@ faulty!(
     RobotSimServiceSnapshotResponse, RobotSimServiceRestoreRequest, RobotSimServiceRestoreResponse,
     RobotSimServiceCommandRequest, RobotSimServiceCommandResponse,
     short: |reply| reply.states.as_mut().expect("states").x_m.truncate(1),
-    nan: |reply| reply.states.as_mut().expect("states").y_m[0] = f64::NAN
+    nan: |reply| reply.states.as_mut().expect("states").y_m[0] = f64::NAN,
+    hold: |reply| reply.hold = false,
+    restless: |reply| reply.states.as_mut().expect("states").x_m[0] += 1.0
 );
 
 faulty!(
@@ -258,5 +273,8 @@ faulty!(
         .deliveries.as_mut().expect("deliveries")
         .transmissions.as_mut().expect("transmissions")
         .sent_ns.truncate(1),
-    nan: |reply| reply.deliveries.as_mut().expect("deliveries").rssi_dbm[0] = f32::NAN
+    nan: |reply| reply.deliveries.as_mut().expect("deliveries").rssi_dbm[0] = f32::NAN,
+    // Networks have nothing of the kind.
+    hold: |_reply| {},
+    restless: |_reply| {}
 );

@@ -64,6 +64,7 @@ impl InProcess {
             deliveries: self.deliveries.as_ref(),
             motes: None,
             commands: &[],
+            hold: false,
         });
         self.states = reply.states;
         self.payloads = reply.payloads;
@@ -76,6 +77,7 @@ impl InProcess {
             moved_obstacles: &reply.moved_obstacles,
             commands: &[],
             stop_at_first_delivery: false,
+            records: &[],
         });
         self.deliveries = Some(reply_of_network.deliveries);
         reply.task_complete
@@ -101,6 +103,7 @@ fn setup(plan: &Plan, side: &SideConfig) -> Setup {
         path: String::new(),
         files: side.files.clone(),
         columns: Vec::new(),
+        records: Vec::new(),
     }
 }
 

@@ -7,6 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use tempfile::TempDir;
 
 pub mod fake;
+pub mod forming;
 pub mod in_process;
 pub mod recording;
 pub mod statistics;

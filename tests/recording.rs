@@ -14,7 +14,7 @@ pub fn of(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     for entry in std::fs::read_dir(dir).expect("a folder of results") {
         let path = entry.expect("an entry").path();
         let name = path.file_name().and_then(|name| name.to_str()).expect("a name").to_owned();
-        if name.ends_with(".parquet") || name == "summary.json" {
+        if name.ends_with(".parquet") || ["summary.json", "radio.pcap"].contains(&name.as_str()) {
             parts.insert(name, std::fs::read(&path).expect("a readable file"));
         } else if name == "run.mcap" {
             parts.insert(name, messages(&path));

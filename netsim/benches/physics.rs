@@ -31,6 +31,7 @@ fn network(n: usize, case: &Case) -> Network {
             path: "netsim".to_owned(),
             files: BTreeMap::new(),
             columns: columns.to_vec(),
+            records: Vec::new(),
         })
         .expect("a valid configuration");
     network
@@ -149,6 +150,7 @@ fn physics(criterion: &mut Criterion) {
                         moved_obstacles: &[],
                         commands: &[],
                         stop_at_first_delivery: false,
+                        records: &[],
                     }))
                 });
             });

@@ -6,31 +6,16 @@
 
 use crate::config::Config;
 use crate::medium::{Air, Filters, Frame, Radios, reading, resolve};
-use crate::phy::link::{Covariates, End, Scene};
+use crate::phy::link::{Covariates, Scene};
 use crate::phy::nearest::Grid;
 use crate::phy::propagation::Reach;
+use crate::place::{self, Place};
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
 use proto::types::{
-    AgentStates, Bitmap, Deliveries, DeliveryColumn, Experiment, Heard, Medium, MoteCommand,
-    MoteOrder, MoteStates, MovedObstacle, Payloads, Transmissions,
+    AgentStates, Deliveries, DeliveryColumn, Experiment, Heard, Medium, MoteStates, Payloads,
+    Transmissions,
 };
-use serde::{Deserialize, Serialize};
-
-/// What changes as time goes on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    /// The place, obstacles where they are now.
-    pub site: Site,
-    /// Motes that belong to the network.
-    pub present: Bitmap,
-    /// Motes that have not failed.
-    pub working: Bitmap,
-    /// The way each agent has travelled while it was alive (m).
-    pub way_m: Vec<f64>,
-    /// Where each was last seen alive (m).
-    pub last_seen_m: Vec<Option<[f64; 3]>>,
-}
 
 /// The network without protocols.
 #[derive(Debug)]
@@ -40,7 +25,7 @@ pub struct Broadcast {
     config: Config,
     filters: Filters,
     reach: Reach,
-    state: State,
+    place: Place,
     grid: Grid,
 }
 
@@ -67,60 +52,45 @@ impl Broadcast {
         site: Site,
         columns: Vec<DeliveryColumn>,
     ) -> Self {
-        let n = experiment.agent_count;
-        let mut present = Bitmap::filled(n, true);
-        for &mote in &config.absent {
-            present.set(mote as usize, false);
-        }
-        let state = State {
-            site,
-            present,
-            working: Bitmap::filled(n, true),
-            way_m: vec![0.0; n],
-            last_seen_m: vec![None; n],
-        };
-        Self::with_state(experiment, config, columns, state)
+        let place = Place::new(experiment.agent_count, &config.absent, site);
+        Self::with_place(experiment, config, columns, place)
     }
 
     /// A network in a state that another one of the same configuration reached.
     #[must_use]
-    pub fn with_state(
+    pub fn with_place(
         experiment: Experiment,
         config: Config,
         columns: Vec<DeliveryColumn>,
-        state: State,
+        place: Place,
     ) -> Self {
         let filters = Filters::of(&config.model, &config.hopping_sequence);
         let reach = farthest(&config);
-        Self { experiment, columns, config, filters, reach, state, grid: Grid::default() }
+        Self { experiment, columns, config, filters, reach, place, grid: Grid::default() }
     }
 
     /// What changes as time goes on.
     #[must_use]
-    pub fn state(&self) -> &State {
-        &self.state
+    pub fn place(&self) -> &Place {
+        &self.place
     }
 
     /// The motes now.
     #[must_use]
     pub fn motes(&self) -> MoteStates {
-        let mut alive = self.state.working.clone();
-        for mote in 0..alive.len() {
-            alive.set(mote, alive.get(mote) && self.state.present.get(mote));
-        }
-        MoteStates { alive, ..MoteStates::default() }
+        MoteStates { alive: self.place.alive(), ..MoteStates::default() }
     }
 
     /// Runs to `input.until_ns`, or to the end of the first slot in which somebody heard something.
     pub fn step(&mut self, input: &NetInput<'_>) -> NetOutput {
-        self.obey(input.commands);
-        self.move_obstacles(input.moved_obstacles);
-        self.travel(input.states);
+        self.place.obey(input.commands);
+        self.place.move_obstacles(input.moved_obstacles);
+        self.place.travel(input.states);
         let motes = self.motes();
         let on: Vec<u32> = (0..self.experiment.agent_count as u32)
             .filter(|&i| input.states.alive.get(i as usize) && motes.alive.get(i as usize))
             .collect();
-        let lift_m = self.lift_m(input.states);
+        let lift_m = place::lift_m(self.config.antenna_height_m, input.states);
 
         let mut time_ns = input.until_ns;
         let mut frames = Vec::new();
@@ -136,49 +106,7 @@ impl Broadcast {
             }
         }
         let deliveries = self.deliveries(&frames, outcomes, input.payloads);
-        NetOutput { time_ns, deliveries, motes, commands: Vec::new() }
-    }
-
-    fn obey(&mut self, commands: &[MoteCommand]) {
-        for command in commands {
-            match command.order {
-                MoteOrder::Kill(mote) => self.state.working.set(mote as usize, false),
-                MoteOrder::Revive(mote) => self.state.working.set(mote as usize, true),
-                MoteOrder::Add(mote) => self.state.present.set(mote as usize, true),
-                // Not announced, hence never given.
-                MoteOrder::Jam { .. } | MoteOrder::Send { .. } => {}
-            }
-        }
-    }
-
-    fn move_obstacles(&mut self, moved: &[MovedObstacle]) {
-        for moved in moved {
-            let named = |name: &Option<String>| name.as_ref() == Some(&moved.name);
-            match self.state.site.obstacle.iter_mut().find(|obstacle| named(&obstacle.name)) {
-                Some(obstacle) => obstacle.centre_m = moved.centre_m,
-                None => {
-                    tracing::warn!(name = moved.name, "an obstacle moved that is not in the site")
-                }
-            }
-        }
-    }
-
-    /// Adds what every agent has moved since it was last seen alive to its way.
-    fn travel(&mut self, states: &AgentStates) {
-        for agent in states.alive.iter_ones() {
-            let position_m = states.position_m(agent);
-            if let Some(last_m) = self.state.last_seen_m[agent] {
-                let step = End::at(0, last_m).distance_squared_m2(&End::at(0, position_m));
-                self.state.way_m[agent] += step.sqrt();
-            }
-            self.state.last_seen_m[agent] = Some(position_m);
-        }
-    }
-
-    /// What is added to heights (m): that of the antennas, where all positions are planar.
-    fn lift_m(&self, states: &AgentStates) -> f64 {
-        let planar = states.alive.iter_ones().all(|agent| states.z_m[agent] == 0.0);
-        if planar { self.config.antenna_height_m } else { 0.0 }
+        NetOutput { time_ns, deliveries, motes, ..NetOutput::default() }
     }
 
     /// The frames that begin within the step, by period; by slot where the first delivery ends the step.
@@ -218,7 +146,7 @@ impl Broadcast {
         let agent_count = self.experiment.agent_count;
         let radios = self.radios(states, lift_m, on, batch);
         let mut scene = Scene {
-            site: Some(&self.state.site),
+            site: Some(&self.place.site),
             agents: &radios.ends,
             covariates: Covariates::Agents(&states.covariates),
             ..Scene::default()
@@ -263,19 +191,8 @@ impl Broadcast {
             ..Radios::default()
         };
         for id in senders.chain(silent) {
-            let agent = id as usize;
-            let [x, y, z] = states.position_m(agent);
-            let velocity = |column: &[f64]| column.get(agent).copied();
-            let end = End {
-                id,
-                position_m: [x, y, z + lift_m],
-                heading_rad: states.heading_rad.get(agent).copied(),
-                velocity_mps: velocity(&states.vx_mps)
-                    .zip(velocity(&states.vy_mps))
-                    .zip(velocity(&states.vz_mps))
-                    .map(|((x, y), z)| [x, y, z]),
-            };
-            radios.push(end, self.state.way_m[agent]);
+            let end = place::end_of(states, id, lift_m);
+            radios.push(end, self.place.way_m[id as usize]);
         }
         radios
     }

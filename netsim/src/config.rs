@@ -1,5 +1,18 @@
 //! The `[netsim]` section.
 
+mod admission;
+pub mod compat;
+mod energy;
+
+mod lowpan;
+mod mac;
+mod network;
+mod rpl;
+mod swarm;
+
+use crate::mesh::addresses::Addresses;
+use crate::mesh::settings::Settings;
+use crate::phy::interference::{self, Interference};
 use crate::phy::model::Model;
 use crate::phy::propagation::{self, BuildContext, Radio};
 use crate::phy::{effect, reception};
@@ -8,6 +21,8 @@ use proto::config::{
 };
 use proto::side::Setup;
 use proto::types::{NS_PER_S, seconds};
+use proto::v1::MoteCommandKind;
+use std::sync::Arc;
 
 /// Description of `[netsim]`.
 pub const SPEC: TableSpec = TableSpec {
@@ -43,12 +58,20 @@ pub const SPEC: TableSpec = TableSpec {
         doc: "What is simulated.",
         default: Some("propagation-only"),
         variants: || {
-            vec![Variant {
-                name: "propagation-only",
-                doc: "No protocols: in every control period each payload is broadcast once, and every other radio receives \
+            vec![
+                Variant {
+                    name: "propagation-only",
+                    doc: "No protocols: in every control period each payload is broadcast once, and every other radio receives \
                       it with the probability that the physics gives. Frames do not disturb each other.",
-                fields: &[],
-            }]
+                    fields: &[],
+                },
+                Variant {
+                    name: MODE_6TISCH,
+                    doc: "The full network: TSCH, a scheduling function, 6P, 6LoWPAN, RPL and admission, on a medium in which \
+                      frames disturb each other.",
+                    fields: network::FIELDS,
+                },
+            ]
         },
     }),
 };
@@ -107,6 +130,12 @@ pub const PHY: TableSpec = TableSpec {
             default: Default::Table,
         },
         Field {
+            key: "interference",
+            doc: "What frames that are on the air together do to each other. Used by mode = \"6tisch\" only.",
+            kind: Kind::Table(&interference::SPEC),
+            default: Default::Table,
+        },
+        Field {
             key: "effect",
             doc: "Physical effects that are added to the base model.",
             kind: Kind::Tables(&effect::SPEC),
@@ -134,7 +163,11 @@ pub struct Config {
     /// Height of antennas above planar positions (m).
     pub antenna_height_m: f64,
     /// The radio.
-    pub model: Model,
+    pub model: Arc<Model>,
+    /// What frames that are on the air together do to each other.
+    pub interference: Option<Interference>,
+    /// The protocols, if there are any.
+    pub network: Option<Box<(Settings, Addresses)>>,
 }
 
 /// The files that a configuration names.
@@ -142,6 +175,55 @@ pub struct Config {
 pub fn files(config: &Node, path: &str) -> Vec<FileReference> {
     check(config, path, &SPEC, &mut Vec::new()).files
 }
+
+/// Slots of one slotframe of the network that `config` describes: a control period of `"slotframe"`. With protocols it is
+/// the scheduling function's, or that of the payloads' broadcast slotframe; without, a slot for every agent. So is it
+/// where the configuration is not valid, which [`read`] will say.
+#[must_use]
+pub fn slotframe_slots(config: &Node, agent_count: usize) -> u64 {
+    let table = check(config, "", &SPEC, &mut Vec::new()).table;
+    if table.get("mode").and_then(toml::Value::as_str) != Some(MODE_6TISCH) {
+        return agent_count as u64;
+    }
+    let sequence = table.get("hopping_sequence").and_then(toml::Value::as_array);
+    let channels = sequence.map(|channels| {
+        channels.iter().filter_map(toml::Value::as_integer).map(|channel| channel as u8).collect()
+    });
+    let hopping_sequence: Vec<u8> = channels.unwrap_or_else(|| HOPPING_SEQUENCE.to_vec());
+    let given = network::Given {
+        table: &table,
+        path: "",
+        agent_count,
+        slot_ns: 1,
+        hopping_sequence: &hopping_sequence,
+    };
+    network::build(&given, &mut Vec::new(), &mut Vec::new())
+        .map_or(agent_count as u64, |(settings, _)| u64::from(settings.slotframe_slots()))
+}
+
+/// Orders that mean anything to the network that `config` describes. Without protocols nothing can be jammed, and no
+/// packet sent beside the robots' payloads.
+#[must_use]
+pub fn commands(config: &Node) -> &'static [MoteCommandKind] {
+    let table = check(config, "", &SPEC, &mut Vec::new()).table;
+    if table.get("mode").and_then(toml::Value::as_str) == Some(MODE_6TISCH) {
+        &COMMANDS
+    } else {
+        &[MoteCommandKind::Kill, MoteCommandKind::Revive, MoteCommandKind::Add]
+    }
+}
+
+/// Orders that some network obeys.
+pub const COMMANDS: [MoteCommandKind; 5] = [
+    MoteCommandKind::Kill,
+    MoteCommandKind::Revive,
+    MoteCommandKind::Add,
+    MoteCommandKind::Jam,
+    MoteCommandKind::Send,
+];
+
+/// The `mode` of the full network.
+const MODE_6TISCH: &str = "6tisch";
 
 /// Reads `[netsim]`: the configuration, its effective text, and what should be checked before results are trusted.
 ///
@@ -186,9 +268,10 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
     let empty = toml::Table::new();
     let phy = table.get("phy").and_then(toml::Value::as_table).unwrap_or(&empty);
     let is_trace = phy.get(propagation::TAG.key).and_then(|name| name.as_str()) == Some("trace");
-    let hopping_sequence = match integers("hopping_sequence") {
+    let is_network = table.get("mode").and_then(toml::Value::as_str) == Some(MODE_6TISCH);
+    let hopping_sequence: Vec<u8> = match integers("hopping_sequence") {
         Some(channels) => channels.into_iter().map(|channel| channel as u8).collect(),
-        None if is_trace => HOPPING_SEQUENCE.to_vec(),
+        None if is_trace || is_network => HOPPING_SEQUENCE.to_vec(),
         None => Vec::new(),
     };
     let radio = Radio {
@@ -216,7 +299,21 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         .and_then(|table| reception::build(table, &join(&phy_path, "reception"), &mut problems));
     let effects = phy.get("effect").and_then(toml::Value::as_array).map(|list| effect::build(list));
 
-    let (Some(propagation), Some(curve), true) = (propagation, curve, problems.is_empty()) else {
+    let interference =
+        phy.get("interference").and_then(toml::Value::as_table).and_then(interference::build);
+    let network = is_network.then(|| {
+        let given = network::Given {
+            table: &table,
+            path: &setup.path,
+            agent_count,
+            slot_ns: slot_ns.max(1),
+            hopping_sequence: &hopping_sequence,
+        };
+        network::build(&given, &mut problems, &mut warnings)
+    });
+    let (Some(propagation), Some(curve), Some(interference), true) =
+        (propagation, curve, interference, problems.is_empty())
+    else {
         assert!(!problems.is_empty(), "what cannot be built has a problem");
         return Err(problems);
     };
@@ -235,7 +332,9 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         hopping_sequence,
         absent,
         antenna_height_m: number(phy, "antenna_height_m").unwrap_or_default(),
-        model,
+        model: Arc::new(model),
+        interference: Some(interference),
+        network: network.flatten().map(Box::new),
     };
     Ok((config, table, warnings))
 }
@@ -294,4 +393,30 @@ fn nearest_divisor(whole: u64, part: u64) -> u64 {
         low += 1;
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn slots(text: &str) -> u64 {
+        slotframe_slots(&proto::config::parse(text).unwrap(), 12)
+    }
+
+    #[test]
+    fn a_control_period_of_one_slotframe_is_that_in_which_payloads_travel() {
+        assert_eq!(slots(""), 12);
+        assert_eq!(slots("mode = \"propagation-only\""), 12);
+        let network = |more: &str| slots(&format!("mode = \"6tisch\"\n{more}"));
+        assert_eq!(network("[sf]\nkind = \"rrsf\"\nshared_slots = 3"), 15);
+        // Where the scheduling function has no room for payloads they have a slotframe of their own.
+        assert_eq!(network("[sf]\nkind = \"msf\""), 12);
+        assert_eq!(network("[sf]\nkind = \"msf\"\n[swarm]\nslots = 20"), 20);
+        assert_eq!(network("[sf]\nkind = \"msf\"\n[swarm]\ntransport = \"none\""), 101);
+        let shorter =
+            "[sf]\nkind = \"minimal\"\nslotframe_slots = 50\n[swarm]\ntransport = \"shared-cell\"";
+        assert_eq!(network(shorter), 50);
+        // Not valid: said elsewhere.
+        assert_eq!(network("[swarm]\ntransport = \"own-cell\"\n[sf]\nkind = \"msf\""), 12);
+    }
 }

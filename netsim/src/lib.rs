@@ -12,9 +12,22 @@
 //! Nothing here knows what a robot is, reads a clock or a file, or opens a socket: the shell around [`sim::Network`] is
 //! `proto::host`.
 
+pub mod app;
 pub mod broadcast;
 pub mod config;
+pub mod dice;
+pub mod energy;
+pub mod join;
 pub mod k7;
+pub mod lowpan;
+pub mod mac;
 pub mod medium;
+pub mod mesh;
+pub mod mote;
 pub mod phy;
+pub mod place;
+pub mod rpl;
+pub mod sf;
 pub mod sim;
+pub mod sixtop;
+pub mod wire;

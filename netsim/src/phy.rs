@@ -7,6 +7,7 @@
 //! | [`effect`] | effects added to them, one file each |
 //! | [`scatter`] | what varies at random, and when it is drawn anew |
 //! | [`reception`] | from power to the probability of reception, one file per curve |
+//! | [`interference`] | what frames that are on the air together do to each other, one file per rule |
 //! | [`model`] | all of these together: [`Model::evaluate`] |
 //! | [`sight`] | what stands between two antennas |
 //! | [`nearest`] | who is near whom |
@@ -15,6 +16,7 @@
 //! it draws, the other over the distribution that [`Model::scatters`] describes.
 
 pub mod effect;
+pub mod interference;
 pub mod link;
 pub mod model;
 pub mod nearest;
@@ -29,6 +31,6 @@ pub use model::{LinkBudget, Model};
 use serde::de::DeserializeOwned;
 
 /// A checked table as typed keys. `None`: a required key is missing, which the check has reported.
-fn keys<T: DeserializeOwned>(table: &toml::Table) -> Option<T> {
+pub(crate) fn keys<T: DeserializeOwned>(table: &toml::Table) -> Option<T> {
     table.clone().try_into().ok()
 }

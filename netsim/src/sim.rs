@@ -1,12 +1,15 @@
 //! The network simulator as the shell around it sees it.
 
-use crate::broadcast::{Broadcast, State};
-use crate::config::{self, SPEC};
+use crate::broadcast::Broadcast;
+use crate::config::{self, Config, SPEC};
+use crate::mesh::network::Mesh;
+use crate::place::Place;
+use crate::wire::tap;
 use bytes::Bytes;
 use proto::config::{Node, Problem, Value, json_schema};
 use proto::side::{NetInput, NetOutput, NetSimulator, NetStart, NotASnapshot, Setup};
 use proto::site::Site;
-use proto::types::{DeliveryColumn, Experiment};
+use proto::types::{DeliveryColumn, Experiment, NetRecord};
 use proto::v1::MoteCommandKind;
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +30,8 @@ struct Running {
 enum Mode {
     /// No protocols.
     PropagationOnly(Box<Broadcast>),
+    /// The full network.
+    Mesh(Box<Mesh>),
 }
 
 /// What an experiment began with: enough to begin it again.
@@ -37,6 +42,7 @@ struct Origin {
     config_toml: String,
     files: Vec<(String, Bytes)>,
     columns: Vec<DeliveryColumn>,
+    records: Vec<NetRecord>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -44,6 +50,13 @@ struct Snapshot {
     version: String,
     origin: Origin,
     state: State,
+}
+
+/// What changes as time goes on.
+#[derive(Serialize, Deserialize)]
+enum State {
+    PropagationOnly(Place),
+    Mesh(Box<crate::mesh::network::State>),
 }
 
 impl Origin {
@@ -58,6 +71,7 @@ impl Origin {
                 .map(|(path, content)| (path.clone(), content.clone()))
                 .collect(),
             columns: setup.columns.clone(),
+            records: setup.records.clone(),
         }
     }
 
@@ -74,14 +88,84 @@ impl Origin {
             path: String::new(),
             files: self.files.iter().cloned().collect(),
             columns: self.columns.clone(),
+            records: self.records.clone(),
         })
     }
 }
 
+impl Mode {
+    /// At time 0.
+    fn begin(mut config: Config, origin: Origin) -> Self {
+        let Origin { experiment, site, columns, records, .. } = origin;
+        match config.network.take() {
+            None => {
+                Self::PropagationOnly(Box::new(Broadcast::new(experiment, config, site, columns)))
+            }
+            Some(network) => {
+                let (settings, addresses) = *network;
+                let mesh =
+                    Mesh::new(experiment, config, settings, addresses, site, columns, records);
+                Self::Mesh(Box::new(mesh))
+            }
+        }
+    }
+
+    /// In a state that was reached before; `None`: it is that of another mode, or of another number of agents.
+    fn resume(mut config: Config, origin: Origin, state: State) -> Option<Self> {
+        let Origin { experiment, columns, records, .. } = origin;
+        let n = experiment.agent_count;
+        match (config.network.take(), state) {
+            (None, State::PropagationOnly(place)) if place.is_of(n) => Some(Self::PropagationOnly(
+                Box::new(Broadcast::with_place(experiment, config, columns, place)),
+            )),
+            (Some(network), State::Mesh(state))
+                if state.place.is_of(n) && state.motes.len() == n =>
+            {
+                let (settings, addresses) = *network;
+                let mesh = Mesh::with_state(
+                    experiment, config, settings, addresses, columns, records, *state,
+                );
+                Some(Self::Mesh(Box::new(mesh)))
+            }
+            _ => None,
+        }
+    }
+
+    fn state(&self) -> State {
+        match self {
+            Self::PropagationOnly(broadcast) => State::PropagationOnly(broadcast.place().clone()),
+            Self::Mesh(mesh) => State::Mesh(Box::new(mesh.state().clone())),
+        }
+    }
+}
+
 impl Running {
+    fn start(&self, effective: toml::Table, warnings: Vec<String>) -> NetStart {
+        let start = NetStart { effective, motes: self.motes(), warnings, ..NetStart::default() };
+        match &self.mode {
+            Mode::PropagationOnly(_) => start,
+            Mode::Mesh(mesh) => {
+                let records = self.origin.records.clone();
+                let has = |record| records.contains(&record);
+                NetStart {
+                    formation: Some(mesh.formation()),
+                    statistics: has(NetRecord::Statistics).then(|| mesh.statistics(0)),
+                    capture_header: if has(NetRecord::Capture) {
+                        Bytes::copy_from_slice(&tap::file_header())
+                    } else {
+                        Bytes::new()
+                    },
+                    records,
+                    ..start
+                }
+            }
+        }
+    }
+
     fn motes(&self) -> proto::types::MoteStates {
         match &self.mode {
             Mode::PropagationOnly(broadcast) => broadcast.motes(),
+            Mode::Mesh(mesh) => mesh.motes(),
         }
     }
 }
@@ -94,7 +178,17 @@ impl NetSimulator for Network {
     }
 
     fn commands() -> &'static [MoteCommandKind] {
-        &[MoteCommandKind::Kill, MoteCommandKind::Revive, MoteCommandKind::Add]
+        &config::COMMANDS
+    }
+
+    fn records() -> &'static [NetRecord] {
+        &[
+            NetRecord::Packets,
+            NetRecord::Capture,
+            NetRecord::Statistics,
+            NetRecord::Schedule,
+            NetRecord::HeardLinks,
+        ]
     }
 
     fn columns() -> &'static [DeliveryColumn] {
@@ -109,28 +203,27 @@ impl NetSimulator for Network {
     fn configure(&mut self, setup: &Setup) -> Result<NetStart, Vec<Problem>> {
         let (config, effective, warnings) = config::read(setup)?;
         let origin = Origin::of(setup, &effective);
-        let Origin { experiment, site, columns, .. } = origin.clone();
-        let broadcast = Broadcast::new(experiment, config, site, columns);
-        let running = Running { origin, mode: Mode::PropagationOnly(Box::new(broadcast)) };
-        let motes = running.motes();
+        let mode = Mode::begin(config, origin.clone());
+        let running = Running { origin, mode };
+        let start = running.start(effective, warnings);
         self.running = Some(running);
-        Ok(NetStart { effective, motes, warnings })
+        Ok(start)
     }
 
     fn step(&mut self, input: &NetInput<'_>) -> NetOutput {
         let running = self.running.as_mut().expect("configured before it is stepped");
         match &mut running.mode {
             Mode::PropagationOnly(broadcast) => broadcast.step(input),
+            Mode::Mesh(mesh) => mesh.step(input),
         }
     }
 
     fn snapshot(&self) -> Vec<u8> {
         let running = self.running.as_ref().expect("configured before a snapshot is taken");
-        let Mode::PropagationOnly(broadcast) = &running.mode;
         let snapshot = Snapshot {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             origin: running.origin.clone(),
-            state: broadcast.state().clone(),
+            state: running.mode.state(),
         };
         postcard::to_stdvec(&snapshot).expect("plain data in memory")
     }
@@ -143,19 +236,16 @@ impl NetSimulator for Network {
         if version != env!("CARGO_PKG_VERSION") {
             return Err(wrong(format!("made by version {version}")));
         }
-        let n = origin.experiment.agent_count;
-        let lengths =
-            [state.present.len(), state.working.len(), state.way_m.len(), state.last_seen_m.len()];
-        if !rest.is_empty() || lengths.iter().any(|&length| length != n) {
-            return Err(wrong("of another length".to_owned()));
+        if !rest.is_empty() {
+            return Err(wrong("longer than a snapshot".to_owned()));
         }
         let (config, ..) = config::read(&origin.setup()?).map_err(|problems| {
             let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
             wrong(problems.join("; "))
         })?;
-        let Origin { experiment, columns, .. } = origin.clone();
-        let broadcast = Broadcast::with_state(experiment, config, columns, state);
-        self.running = Some(Running { origin, mode: Mode::PropagationOnly(Box::new(broadcast)) });
+        let mode = Mode::resume(config, origin.clone(), state)
+            .ok_or_else(|| wrong("of another number of agents".to_owned()))?;
+        self.running = Some(Running { origin, mode });
         Ok(())
     }
 }

@@ -1,9 +1,17 @@
 //! Speed through the real processes: both simulators started as children, everything over gRPC.
+//!
+//! | module | what |
+//! |---|---|
+//! | here | propagation alone |
+//! | `swarm` | the full protocols under a swarm |
+//! | `standing` | standing sensor networks |
 
 mod peers;
+mod standing;
+mod swarm;
 
 use crate::config::{self, Overrides, Plan};
-use crate::coupling::Coupled;
+use crate::coupling::{Coupled, StepPlan};
 use crate::record::{Ending, Recorder, Status, StepRecord};
 use crate::run::{RunError, StartOptions, start};
 use peers::{Figures, ROWS};
@@ -15,6 +23,8 @@ use std::time::{Duration, Instant};
 /// What to measure.
 #[derive(Clone, Debug)]
 pub struct BenchOptions {
+    /// Which table; `None`: that of propagation, and the small rows of the others.
+    pub table: Option<Which>,
     /// Only rows of so many agents; empty: all.
     pub agents: Vec<u32>,
     /// Steps measured per row; `None`: enough for a second.
@@ -23,6 +33,17 @@ pub struct BenchOptions {
     pub all: bool,
     /// How the sides are started.
     pub start: StartOptions,
+}
+
+/// A table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Which {
+    /// Control steps over propagation alone
+    Propagation,
+    /// Control periods over the full protocols
+    Swarm,
+    /// Hours of standing sensor networks
+    Standing,
 }
 
 /// A network model of the table.
@@ -98,10 +119,12 @@ struct Cell {
 #[derive(Clone, Debug)]
 pub struct Table {
     cells: Vec<Cell>,
+    swarm: Option<swarm::Table>,
+    standing: Option<standing::Table>,
     threads: Option<u16>,
 }
 
-/// Measures the table.
+/// Measures the tables.
 ///
 /// # Errors
 ///
@@ -113,8 +136,14 @@ pub async fn bench(options: &BenchOptions) -> Result<Table, RunError> {
     } else {
         &[Mode::Sequential]
     };
-    for figures in &ROWS {
-        if !options.agents.is_empty() && !options.agents.contains(&figures.agents) {
+    let has = |which| options.table.is_none_or(|table| table == which);
+    let wanted = |agents: u32, small: u32| match (&*options.agents, options.table) {
+        ([], None) => agents <= small,
+        ([], Some(_)) => true,
+        (listed, _) => listed.contains(&agents),
+    };
+    for figures in ROWS.iter().filter(|_| has(Which::Propagation)) {
+        if !wanted(figures.agents, u32::MAX) {
             continue;
         }
         for model in Model::ALL.into_iter().filter(|&model| figures.measures(model)) {
@@ -123,19 +152,50 @@ pub async fn bench(options: &BenchOptions) -> Result<Table, RunError> {
             }
         }
     }
-    Ok(Table { cells, threads: options.start.threads })
+    let rows: Vec<swarm::Row> =
+        swarm::ROWS.into_iter().filter(|row| wanted(row.agents, swarm::SMALL)).collect();
+    let swarm = match has(Which::Swarm) && !rows.is_empty() {
+        true => Some(swarm::bench(&rows, options).await?),
+        false => None,
+    };
+    let rows: Vec<standing::Row> =
+        standing::ROWS.into_iter().filter(|row| wanted(row.motes, standing::SMALL)).collect();
+    let standing = match has(Which::Standing) && !rows.is_empty() {
+        true => Some(standing::bench(&rows, options).await?),
+        false => None,
+    };
+    Ok(Table { cells, swarm, standing, threads: options.start.threads })
 }
 
-/// Whether the table has a row of so many agents.
+/// Numbers of agents of the rows of a table, or of all, ascending.
 #[must_use]
-pub fn has_row(agents: u32) -> bool {
-    Figures::of(agents).is_some()
+pub fn rows(table: Option<Which>) -> Vec<u32> {
+    let has = |which| table.is_none_or(|table| table == which);
+    let propagation = ROWS.iter().map(|row| row.agents).filter(|_| has(Which::Propagation));
+    let swarm = swarm::ROWS.iter().map(|row| row.agents).filter(|_| has(Which::Swarm));
+    let standing = standing::ROWS.iter().map(|row| row.motes).filter(|_| has(Which::Standing));
+    let mut rows: Vec<u32> = propagation.chain(swarm).chain(standing).collect();
+    rows.sort_unstable();
+    rows.dedup();
+    rows
 }
 
-/// The rows of the table, in words.
-#[must_use]
-pub fn rows() -> String {
-    ROWS.map(|figures| figures.agents.to_string()).join(", ")
+fn side(error: crate::peer::SideError) -> RunError {
+    RunError::Side { error, kept: None }
+}
+
+fn record_failed(error: crate::record::RecordError) -> RunError {
+    RunError::Record { error, before_start: false }
+}
+
+/// Of values in ascending order; of none, not a number.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    sorted.get((last as f64 * q) as usize).copied().unwrap_or(f64::NAN)
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| value.to_string())
 }
 
 fn plan(agents: u32, model: Model, mode: Mode) -> Result<Plan, RunError> {
@@ -160,14 +220,13 @@ async fn measure(
     let plan = plan(agents, model, mode)?;
     let started = start(&plan, &options.start, false).await?;
     let mut coupled = started.coupled;
-    let record_error = |error| RunError::Record { error, before_start: false };
     let folder = tempfile::tempdir().map_err(|source| {
-        record_error(crate::record::RecordError::Create { path: std::env::temp_dir(), source })
+        record_failed(crate::record::RecordError::Create { path: std::env::temp_dir(), source })
     })?;
     let mut recorder = None;
     if mode == Mode::Recording {
-        let mut created = Recorder::create(folder.path(), started.header).map_err(record_error)?;
-        created.configured(started.exchange).map_err(record_error)?;
+        let mut created = Recorder::create(folder.path(), started.header).map_err(record_failed)?;
+        created.configured(started.exchange).map_err(record_failed)?;
         recorder = Some(created);
     }
     let times_ms = steps(&plan, &mut coupled, &mut recorder, options.steps).await;
@@ -175,17 +234,16 @@ async fn measure(
     let mut times_ms = times_ms?;
     if let Some(recorder) = recorder {
         let ending = Ending { status: Status::Complete, reason: None };
-        recorder.finish(&ending, Value::Null).map_err(record_error)?;
+        recorder.finish(&ending, Value::Null).map_err(record_failed)?;
     }
     times_ms.sort_by(f64::total_cmp);
-    let quantile = |q: f64| times_ms[((times_ms.len() - 1) as f64 * q) as usize];
     Ok(Cell {
         agents,
         model,
         mode,
         n_steps: times_ms.len(),
-        median_ms: quantile(0.5),
-        p90_ms: quantile(0.9),
+        median_ms: quantile(&times_ms, 0.5),
+        p90_ms: quantile(&times_ms, 0.9),
     })
 }
 
@@ -213,9 +271,9 @@ async fn steps(
         let step_begun = Instant::now();
         let until_ns = coupled.time_ns() + plan.experiment.step_ns;
         let outcome = coupled
-            .advance(until_ns, recorder.is_some())
+            .advance(StepPlan { until_ns, keep: recorder.is_some(), ..StepPlan::default() })
             .await
-            .map_err(|error| RunError::Side { error, kept: None })?;
+            .map_err(side)?;
         if let (Some(recorder), Some(robots), Some(net)) =
             (recorder.as_mut(), &outcome.robots, &outcome.network)
         {
@@ -225,9 +283,10 @@ async fn steps(
                     time_ns: outcome.time_ns,
                     robots,
                     net,
+                    commands: &[],
                     digest: outcome.digest,
                 })
-                .map_err(|error| RunError::Record { error, before_start: false })?;
+                .map_err(record_failed)?;
         }
         times_ms.push(step_begun.elapsed().as_secs_f64() * 1e3);
     }
@@ -263,12 +322,37 @@ impl Table {
                 })
             })
             .collect();
-        json!({ "schema": "bench/1", "threads": self.threads, "rows": rows })
+        json!({
+            "schema": "bench/1",
+            "threads": self.threads,
+            "rows": rows,
+            "swarm": self.swarm.as_ref().map(swarm::Table::to_json),
+            "standing": self.standing.as_ref().map(standing::Table::to_json),
+        })
     }
 }
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut tables = Vec::new();
+        if !self.cells.is_empty() {
+            tables.push(self.propagation());
+        }
+        tables.extend(self.swarm.as_ref().map(ToString::to_string));
+        tables.extend(self.standing.as_ref().map(ToString::to_string));
+        f.write_str(&tables.join("\n"))
+    }
+}
+
+impl Table {
+    fn propagation(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string does not fail.
+        let _ = self.write_propagation(&mut text);
+        text
+    }
+
+    fn write_propagation(&self, f: &mut impl fmt::Write) -> fmt::Result {
         writeln!(
             f,
             "Wall time per control step (ms), both processes and gRPC included. Every robot jumps at random;"
@@ -289,9 +373,6 @@ impl fmt::Display for Table {
         )?;
         for cell in &self.cells {
             let figures = Figures::of(cell.agents);
-            let number = |value: Option<f64>| {
-                value.map_or_else(|| "-".to_owned(), |value| value.to_string())
-            };
             let botnet_ms = figures.and_then(|figures| figures.botnet_ms(cell.model));
             writeln!(
                 f,

@@ -164,6 +164,9 @@ enum ConformanceSide {
 
 #[derive(Args)]
 struct BenchArgs {
+    /// Only this table, with all its rows [default: propagation, and the small rows of the others]
+    #[arg(long, value_name = "TABLE")]
+    table: Option<bench::Which>,
     /// Only rows of so many agents. May be given several times
     #[arg(long, value_name = "N")]
     agents: Vec<u32>,
@@ -280,15 +283,18 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Conformance(args) => conformance_command(&args),
         Command::Bench(args) => {
             let options = BenchOptions {
+                table: args.table,
                 agents: args.agents,
                 steps: args.steps,
                 all: args.all,
                 start: start(args.threads)?,
             };
-            if let Some(agents) = options.agents.iter().find(|&&agents| !bench::has_row(agents)) {
+            let rows = bench::rows(options.table);
+            if let Some(agents) = options.agents.iter().find(|agents| !rows.contains(agents)) {
+                let rows: Vec<String> = rows.iter().map(u32::to_string).collect();
                 return Err(Failure::request(format!(
                     "--agents {agents}: the rows are {}",
-                    bench::rows()
+                    rows.join(", ")
                 )));
             }
             let table = on_runtime(bench::bench(&options))?.map_err(Failure::work)?;
@@ -362,7 +368,22 @@ fn highlights(summary: &Value) -> Vec<String> {
     if let Some(baseline) = summary["baseline"].as_str() {
         lines.push(format!("{baseline}: robots knew the true state of all others"));
     }
-    if let Some(speed_mps) = task["flock_speed_mps"].as_f64() {
+    let kpis = &summary["kpis"];
+    if let Some(formed_s) = kpis["formation"]["formed_s"].as_f64() {
+        lines.push(format!("the network had formed after {formed_s:.1} s"));
+    }
+    if let (Some(ratio), Some(delivered)) =
+        (kpis["delivery"]["ratio"].as_f64(), kpis["delivery"]["delivered"].as_u64())
+    {
+        let latency_s = kpis["delivery"]["latency_s"]["median"].as_f64();
+        let latency = latency_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default();
+        lines.push(format!(
+            "{:.1} % of packets delivered, {delivered} in all{latency}",
+            ratio * 100.0
+        ));
+    }
+    let stood = task["mean_speed_mps"] == 0.0;
+    if let Some(speed_mps) = task["flock_speed_mps"].as_f64().filter(|_| !stood) {
         let leader =
             task["leader_speed_mps"].as_f64().map(|leader| format!(" (the leader's: {leader:.2})"));
         lines.push(format!("flock speed {speed_mps:.2} m/s{}", leader.unwrap_or_default()));

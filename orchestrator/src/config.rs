@@ -3,10 +3,12 @@
 mod control;
 mod refusal;
 mod sides;
+pub mod timeline;
 
 pub use control::ControlPeriod;
 pub use refusal::Refusal;
 pub use sides::{SideConfig, URL};
+pub use timeline::Timeline;
 
 use crate::record::{self, OutputConfig};
 use proto::config::{self, Choice, Default, Field, Kind, Node, Problem, Range, TableSpec, Value};
@@ -33,7 +35,7 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "duration_s",
-            doc: "Simulated time (s). Rounded up to whole control periods.",
+            doc: "Simulated time (s), from when the robots start. Rounded up to whole control periods.",
             kind: Kind::Number(Range::above(0.0, 1e9)),
             default: Default::Required,
         },
@@ -60,11 +62,15 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "control_period",
-            doc: "How often robots act: every slotframe (as many slots as agents), every packet that is delivered, or \
-                  { slots = n } or { rate_hz = r }.",
+            doc: "How often robots act: every slotframe, every packet that is delivered, or { slots = n } or \
+                  { rate_hz = r }.",
             kind: Kind::Either(&[
                 Kind::Choice(&[
-                    Choice { name: "slotframe", doc: "As many slots as there are agents." },
+                    Choice {
+                        name: "slotframe",
+                        doc: "Once in each slotframe of the network: without protocols as many slots as there are agents, with them \
+                              the slotframe of the scheduling function or that of the payloads' broadcast slotframe.",
+                    },
                     Choice {
                         name: "packet",
                         doc: "Whenever a packet was delivered, at the latest every slotframe.",
@@ -73,6 +79,28 @@ pub const EXPERIMENT: TableSpec = TableSpec {
                 Kind::Table(&control::SPEC),
             ]),
             default: Default::Text("slotframe"),
+        },
+        Field {
+            key: "start",
+            doc: "When the robots start. Absent: when the network has formed, if it has anything to form, else at once.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "when-formed",
+                    doc: "They stand still until the network has formed; time before that is no part of duration_s.",
+                },
+                Choice {
+                    name: "at-once",
+                    doc: "At time 0, whether the network has formed or not.",
+                },
+            ]),
+            default: Default::Absent,
+        },
+        Field {
+            key: "formation_limit_s",
+            doc: "Simulated time (s) within which a network that robots wait for must have formed. If it has not, the run \
+                  fails, and says who is missing and why.",
+            kind: Kind::Number(Range::above(0.0, 1e9)),
+            default: Default::Number(3600.0),
         },
         Field {
             key: "stop_when_complete",
@@ -153,6 +181,26 @@ pub enum Transport {
     Unary,
 }
 
+/// When the robots start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// When the network has formed.
+    WhenFormed,
+    /// At time 0.
+    AtOnce,
+}
+
+impl Start {
+    /// The word for it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WhenFormed => "when-formed",
+            Self::AtOnce => "at-once",
+        }
+    }
+}
+
 /// What the command line puts over the file.
 #[derive(Clone, Debug, std::default::Default)]
 pub struct Overrides {
@@ -183,8 +231,14 @@ pub struct Plan {
     pub experiment: Experiment,
     /// How often robots act.
     pub control: ControlPeriod,
-    /// Simulated time (ns).
+    /// Simulated time from when the robots start (ns).
     pub duration_ns: u64,
+    /// When the robots start; `None`: when the network has formed, if it has anything to form.
+    pub start: Option<Start>,
+    /// Simulated time within which a network that robots wait for must have formed (ns).
+    pub formation_limit_ns: u64,
+    /// Faults and traffic.
+    pub timeline: Timeline,
     /// End when the robots are done.
     pub stop_when_complete: bool,
     /// How steps cross.
@@ -201,7 +255,7 @@ pub struct Plan {
     pub netsim: SideConfig,
     /// `[output]`.
     pub output: OutputConfig,
-    /// Effective `[experiment]`, `[site]` and `[output]`, for the record.
+    /// Effective `[experiment]`, `[site]`, `[[timeline]]` and `[output]`, for the record.
     pub effective: toml::Table,
     /// What should be checked before the results are trusted.
     pub warnings: Vec<String>,
@@ -289,6 +343,10 @@ pub fn schema() -> serde_json::Value {
             "netsim": {
                 "anyOf": [section(&netsim::config::SPEC, true), foreign("network")],
             },
+            "timeline": {
+                "type": "array",
+                "items": section(&timeline::SPEC, false),
+            },
             "output": section(&record::output::SPEC, false),
         },
         "required": ["experiment"],
@@ -331,7 +389,7 @@ fn plan(
     overrides: &Overrides,
     problems: &mut Vec<Problem>,
 ) -> Option<Plan> {
-    const SECTIONS: [&str; 5] = ["experiment", "site", "robotsim", "netsim", "output"];
+    const SECTIONS: [&str; 6] = ["experiment", "site", "robotsim", "netsim", "timeline", "output"];
     if let Value::Table(entries) = &tree.value {
         for (key, ..) in entries {
             if !SECTIONS.contains(&key.as_str()) {
@@ -373,12 +431,23 @@ fn plan(
     let slot_ns = slot_ns(section("netsim"));
     let control =
         control::read(&experiment_table, agents.unwrap_or(1), slot_ns, parallel, problems);
+    let duration_known = !problems.iter().any(|problem| problem.path == "experiment.duration_s");
+    let (timeline, timeline_tables) = timeline::read(
+        tree,
+        agents.filter(|_| agents_known),
+        number("duration_s").filter(|_| duration_known),
+        problems,
+    );
+    if overrides.netsim_url.is_none() && section("netsim").get(URL.key).is_none() {
+        timeline.check_orders(netsim::config::commands(section("netsim")), problems);
+    }
     let tls = overrides.tls.clone().or_else(|| tls_of(&experiment_table, base, problems));
 
     let experiment = Experiment {
         seed: integer("seed").unwrap_or(0).unsigned_abs(),
         agent_count: agents.unwrap_or(1),
-        step_ns: control.step_ns(agents.unwrap_or(1), slot_ns),
+        step_ns: control
+            .step_ns(control::slotframe_slots(section("netsim"), agents.unwrap_or(1)), slot_ns),
         coupling: match (&control, parallel) {
             (ControlPeriod::Packet, _) => Coupling::Event,
             (_, true) => Coupling::Parallel,
@@ -409,14 +478,23 @@ fn plan(
     let mut effective = toml::Table::new();
     effective.insert("experiment".to_owned(), experiment_table.clone().into());
     effective.insert("site".to_owned(), site_table.clone().into());
+    effective.extend(timeline_tables.map(|tables| ("timeline".to_owned(), tables)));
     effective.insert("output".to_owned(), output_table.into());
+    let ns = |key: &str| Some((libm::round(number(key)? * NS_PER_S as f64) as u64).max(1));
     Some(Plan {
         path: path.to_owned(),
         text: text.to_owned(),
         tree: tree.clone(),
         name,
         control,
-        duration_ns: (libm::round(number("duration_s")? * NS_PER_S as f64) as u64).max(1),
+        duration_ns: ns("duration_s")?,
+        start: match experiment_table.get("start").and_then(toml::Value::as_str) {
+            Some("when-formed") => Some(Start::WhenFormed),
+            Some("at-once") => Some(Start::AtOnce),
+            _ => None,
+        },
+        formation_limit_ns: ns("formation_limit_s")?,
+        timeline,
         stop_when_complete: experiment_table.get("stop_when_complete")?.as_bool()?,
         transport: match experiment_table.get("transport")?.as_str()? {
             "stream" => Transport::Stream,

@@ -1,8 +1,8 @@
 //! What a person reads while it works: results on standard output, progress and errors on standard error.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use proto::types::seconds;
-use std::fmt::Display;
+use proto::types::{Formation, seconds};
+use std::fmt::{Display, Write as _};
 use std::io::{IsTerminal as _, Write as _};
 use std::time::{Duration, Instant};
 
@@ -50,15 +50,9 @@ impl Progress {
 
     /// Step `step` is done and stands at `time_ns`.
     pub fn at(&mut self, step: u64, time_ns: u64) {
-        // The clock is not looked at more often than a person could tell.
-        if self.bar.is_none() && !step.is_multiple_of(16) {
+        if !self.is_time(step) {
             return;
         }
-        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
-        if self.shown.elapsed() < every {
-            return;
-        }
-        self.shown = Instant::now();
         let rate = step as f64 / self.begun.elapsed().as_secs_f64();
         let left_s = self.n_steps.saturating_sub(step) as f64 / rate;
         let line = format!(
@@ -66,6 +60,47 @@ impl Progress {
             self.n_steps,
             seconds(time_ns)
         );
+        self.show(step, line);
+    }
+
+    /// Step `step` of `formation` is done and stands at `time_ns` of at most `limit_ns`; there are `n` motes.
+    pub fn forming(
+        &mut self,
+        step: u64,
+        time_ns: u64,
+        limit_ns: u64,
+        formation: &Formation,
+        n: usize,
+    ) {
+        if !self.is_time(step) {
+            return;
+        }
+        let mut line = format!(
+            "the network forms: {} of {n} motes take part  {:.1} s simulated of at most {} s",
+            n.saturating_sub(formation.missing.len()),
+            seconds(time_ns),
+            seconds(limit_ns)
+        );
+        for (words, motes) in formation.by_reason() {
+            let _ = write!(line, "; {} {words}", motes.len());
+        }
+        self.show(step, line);
+    }
+
+    fn is_time(&mut self, step: u64) -> bool {
+        // The clock is not looked at more often than a person could tell.
+        if self.bar.is_none() && !step.is_multiple_of(16) {
+            return false;
+        }
+        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
+        if self.shown.elapsed() < every {
+            return false;
+        }
+        self.shown = Instant::now();
+        true
+    }
+
+    fn show(&self, step: u64, line: String) {
         match &self.bar {
             Some(bar) => {
                 bar.set_position(step);

@@ -8,7 +8,8 @@ use bytes::Bytes;
 use proto::convert::{self, InvalidField};
 use proto::digest::{self, Digest};
 use proto::types::{
-    AgentCommand, AgentStates, Coupling, Deliveries, Experiment, MovedObstacle, Payloads,
+    AgentCommand, AgentStates, Coupling, Deliveries, Experiment, Formation, MoteCommand,
+    MovedObstacle, NetRecord, Payloads,
 };
 use proto::v1;
 
@@ -27,6 +28,25 @@ pub struct Coupled {
     motes: Option<v1::MoteStates>,
     moved: Vec<MovedObstacle>,
     commands: Vec<AgentCommand>,
+    formation: Option<Formation>,
+}
+
+/// What a step is to be.
+#[derive(Clone, Debug, Default)]
+pub struct StepPlan {
+    /// How far (ns). Under event coupling: to the first delivery before, at the latest to here.
+    pub until_ns: u64,
+    /// The replies are wanted.
+    pub keep: bool,
+    /// The robots stand still, and the network is given nothing that they say. Only if they announce it. Under event coupling the step then goes to `until_ns`.
+    pub hold: bool,
+    /// Orders to the network.
+    pub commands: Vec<MoteCommand>,
+    /// Records of a state that the network's reply is to hold.
+    pub records: Vec<NetRecord>,
+    /// Those it is to hold if the robots regard their task as done, where that is known before the network is asked:
+    /// under sequential coupling.
+    pub records_if_complete: Vec<NetRecord>,
 }
 
 /// What a step brought, for records. The replies are as received, without their digests.
@@ -47,7 +67,7 @@ pub struct StepOutcome {
 }
 
 impl Coupled {
-    /// Takes over two peers that have been configured with `experiment`; `start` is the robots' reply.
+    /// Takes over two peers that have been configured with `experiment`; `start` and `network_start` are their replies.
     ///
     /// # Errors
     ///
@@ -57,11 +77,15 @@ impl Coupled {
         network: Peer<Network>,
         experiment: Experiment,
         start: v1::RobotSimServiceConfigureResponse,
+        network_start: v1::NetSimServiceConfigureResponse,
     ) -> Result<Self, SideError> {
         let n = experiment.agent_count;
-        let garbage = |invalid: InvalidField| garbage(Robots::SIDE, "Configure", invalid);
-        let states = convert::states(start.states, n).map_err(garbage)?;
-        let payloads = convert::payloads(start.payloads, n).map_err(garbage)?;
+        let of_robots = |invalid: InvalidField| garbage(Robots::SIDE, "Configure", invalid);
+        let of_network = |invalid: InvalidField| garbage(Network::SIDE, "Configure", invalid);
+        let states = convert::states(start.states, n).map_err(of_robots)?;
+        let payloads = convert::payloads(start.payloads, n).map_err(of_robots)?;
+        let formation = convert::formation(network_start.formation, n).map_err(of_network)?;
+        convert::statistics(network_start.statistics, n).map_err(of_network)?;
         Ok(Self {
             robots,
             network,
@@ -75,7 +99,14 @@ impl Coupled {
             motes: None,
             moved: Vec::new(),
             commands: Vec::new(),
+            formation,
         })
+    }
+
+    /// The network's formation after the latest step; `None`: it has nothing to form.
+    #[must_use]
+    pub fn formation(&self) -> Option<&Formation> {
+        self.formation.as_ref()
     }
 
     /// The latest step.
@@ -90,28 +121,31 @@ impl Coupled {
         self.time_ns
     }
 
-    /// Takes the next step: to `until_ns`, or under event coupling to the first delivery before. `keep`: the replies are
-    /// wanted.
+    /// Takes the next step.
     ///
     /// # Errors
     ///
     /// A side fails, refuses, or does not stand where it should. The experiment cannot go on.
-    pub async fn advance(&mut self, until_ns: u64, keep: bool) -> Result<StepOutcome, SideError> {
+    pub async fn advance(&mut self, mut plan: StepPlan) -> Result<StepOutcome, SideError> {
+        let StepPlan { until_ns, keep, hold, .. } = plan;
         let n = self.experiment.agent_count;
         let step = self.step + 1;
         let given = self.deliveries.take();
         let mut used = None;
         let (mut robots_reply, mut network_reply) = match self.experiment.coupling {
             Coupling::Sequential => {
-                let request = self.robots_request(step, until_ns, given.as_ref());
+                let request = self.robots_request(step, until_ns, given.as_ref(), hold);
                 let mut robots_reply = self.robots.step(step, request).await?;
-                self.take_robots_reply(step, until_ns, &mut robots_reply, n)?;
-                let request = self.network_request(step, until_ns, false);
+                self.take_robots_reply(step, until_ns, &mut robots_reply, hold)?;
+                if robots_reply.task_complete {
+                    plan.records = std::mem::take(&mut plan.records_if_complete);
+                }
+                let request = self.network_request(step, &plan, false);
                 (robots_reply, self.network.step(step, request).await?)
             }
             Coupling::Parallel => {
-                let to_robots = self.robots_request(step, until_ns, given.as_ref());
-                let to_network = self.network_request(step, until_ns, false);
+                let to_robots = self.robots_request(step, until_ns, given.as_ref(), hold);
+                let to_network = self.network_request(step, &plan, false);
                 let (robots_reply, network_reply) = tokio::join!(
                     self.robots.step(step, to_robots),
                     self.network.step(step, to_network)
@@ -124,14 +158,15 @@ impl Coupled {
                     (Err(error), Ok(_)) | (Ok(_), Err(error)) => return Err(error),
                 };
                 used = Some(self.states.clone());
-                self.take_robots_reply(step, until_ns, &mut robots_reply, n)?;
+                self.take_robots_reply(step, until_ns, &mut robots_reply, hold)?;
                 (robots_reply, network_reply)
             }
             Coupling::Event => {
-                let request = self.network_request(step, until_ns, true);
+                let request = self.network_request(step, &plan, !hold);
                 let network_reply = self.network.step(step, request).await?;
                 let reached_ns = network_reply.time_ns;
-                if reached_ns <= self.time_ns || until_ns < reached_ns {
+                let stopped_early = reached_ns < until_ns;
+                if reached_ns <= self.time_ns || until_ns < reached_ns || hold && stopped_early {
                     return Err(SideError::WrongTime {
                         side: Network::SIDE,
                         step,
@@ -139,10 +174,10 @@ impl Coupled {
                         got: reached_ns,
                     });
                 }
-                let request = self.robots_request(step, reached_ns, given.as_ref());
+                let request = self.robots_request(step, reached_ns, given.as_ref(), hold);
                 let mut robots_reply = self.robots.step(step, request).await?;
                 used = Some(self.states.clone());
-                self.take_robots_reply(step, reached_ns, &mut robots_reply, n)?;
+                self.take_robots_reply(step, reached_ns, &mut robots_reply, hold)?;
                 (robots_reply, network_reply)
             }
         };
@@ -235,6 +270,7 @@ impl Coupled {
         step: u64,
         until_ns: u64,
         deliveries: Option<&Deliveries>,
+        hold: bool,
     ) -> v1::RobotSimServiceStepRequest {
         let commands = std::mem::take(&mut self.commands);
         if !commands.is_empty() && !self.robots.described().commands {
@@ -254,24 +290,36 @@ impl Coupled {
                 Vec::new()
             },
             confirmed_digest: self.confirmed(self.robots.streams()),
+            hold,
         }
     }
 
     fn network_request(
         &mut self,
         step: u64,
-        until_ns: u64,
+        plan: &StepPlan,
         stop_at_first_delivery: bool,
     ) -> v1::NetSimServiceStepRequest {
+        // A network that forms has nothing of the robots' to carry.
+        let payloads = if plan.hold {
+            Payloads::silence(self.experiment.agent_count)
+        } else {
+            self.payloads.clone()
+        };
         v1::NetSimServiceStepRequest {
             step,
-            until_ns,
+            until_ns: plan.until_ns,
             states: Some(self.states.clone().into()),
-            payloads: Some(self.payloads.clone().into()),
+            payloads: Some(payloads.into()),
             moved_obstacles: std::mem::take(&mut self.moved).into_iter().map(Into::into).collect(),
-            commands: Vec::new(),
+            commands: plan.commands.iter().cloned().map(Into::into).collect(),
             stop_at_first_delivery,
             confirmed_digest: self.confirmed(self.network.streams()),
+            records: plan
+                .records
+                .iter()
+                .map(|&record| v1::NetRecord::from(record).into())
+                .collect(),
         }
     }
 
@@ -280,11 +328,23 @@ impl Coupled {
         step: u64,
         until_ns: u64,
         reply: &mut v1::RobotSimServiceStepResponse,
-        n: usize,
+        hold: bool,
     ) -> Result<(), SideError> {
         stands_at(Robots::SIDE, step, until_ns, reply.step, reply.time_ns)?;
+        let n = self.experiment.agent_count;
         let garbage = |invalid| garbage(Robots::SIDE, &format!("step {step}"), invalid);
-        self.states = convert::states(reply.states.take(), n).map_err(garbage)?;
+        let states = convert::states(reply.states.take(), n).map_err(garbage)?;
+        if reply.held != hold {
+            let reason = format!("must be {hold}, as hold of the request, got {}", reply.held);
+            return Err(garbage(InvalidField::new("held", reason)));
+        }
+        let places =
+            |states: &AgentStates| (states.x_m.clone(), states.y_m.clone(), states.z_m.clone());
+        if hold && places(&states) != places(&self.states) {
+            let reason = "must be those of the step before: the request said hold";
+            return Err(garbage(InvalidField::new("states", reason)));
+        }
+        self.states = states;
         self.payloads = convert::payloads(reply.payloads.take(), n).map_err(garbage)?;
         self.moved = convert::moved_obstacles(reply.moved_obstacles.clone()).map_err(garbage)?;
         self.commands.extend(convert::agent_commands(reply.commands.clone(), n).map_err(garbage)?);
@@ -306,6 +366,16 @@ impl Coupled {
         if let Some(motes) = &reply.motes {
             convert::motes(Some(motes.clone()), n).map_err(garbage)?;
         }
+        let formation = convert::formation(reply.formation.clone(), n).map_err(garbage)?;
+        if formation.is_some() != self.formation.is_some() {
+            let reason = "must be present in every step, or absent as in Configure";
+            return Err(garbage(InvalidField::new("formation", reason)));
+        }
+        self.formation = formation;
+        convert::packets(reply.packets.clone(), n).map_err(garbage)?;
+        convert::statistics(reply.statistics.clone(), n).map_err(garbage)?;
+        convert::schedule(reply.schedule.clone(), n).map_err(garbage)?;
+        convert::heard_links(reply.heard_links.clone(), n).map_err(garbage)?;
         self.motes = reply.motes.clone();
         self.commands.extend(convert::agent_commands(reply.commands.clone(), n).map_err(garbage)?);
         convert::sort_agent_commands(&mut self.commands);

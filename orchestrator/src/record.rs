@@ -12,9 +12,11 @@ mod counts;
 mod directory;
 mod distances;
 mod error;
+mod kpi;
 mod log;
 mod measures;
 pub mod output;
+mod pcap;
 mod period;
 pub mod read;
 mod summary;
@@ -28,6 +30,7 @@ mod writer;
 
 pub use distances::DistanceBin;
 pub use error::RecordError;
+pub use kpi::{BATTERY_MAH, Kpis};
 pub use measures::{Measures, Sample};
 pub use output::{Links, OutputConfig};
 pub use table::{ColumnKind, ColumnShape, TableShape};
@@ -37,11 +40,13 @@ pub use trajectories::Trajectories;
 pub use verify::verify;
 
 pub(crate) use summary::TRUTH_BASELINE;
+pub(crate) use tables::is_column_of_motes;
 
+use crate::config::Start;
 use crate::report;
 use directory::Directory;
 use proto::digest::Digest;
-use proto::types::Coupling;
+use proto::types::{Coupling, MoteCommand, NetRecord};
 use proto::v1;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -70,6 +75,12 @@ pub struct RunHeader {
     pub labels: BTreeMap<String, String>,
     /// What to leave.
     pub output: OutputConfig,
+    /// When the robots start.
+    pub start: Start,
+    /// What the network keeps for the record.
+    pub records: Vec<NetRecord>,
+    /// Name and unit of each statistic of a mote.
+    pub statistics: Vec<(String, String)>,
     /// What should be checked before the results are trusted, a sentence each.
     pub warnings: Vec<String>,
 }
@@ -98,6 +109,8 @@ pub struct StepRecord<'a> {
     pub robots: &'a v1::RobotSimServiceStepResponse,
     /// The network's reply.
     pub net: &'a v1::NetSimServiceStepResponse,
+    /// Orders to the network that took effect in the step, beside those in its reply.
+    pub commands: &'a [MoteCommand],
     /// The digest agreed on.
     pub digest: Digest,
 }
@@ -209,9 +222,10 @@ impl Recorder {
     ///
     /// What went wrong with this or anything recorded before.
     pub fn step(&mut self, record: StepRecord<'_>) -> Result<(), RecordError> {
-        let StepRecord { step, time_ns, robots, net, digest } = record;
+        let StepRecord { step, time_ns, robots, net, commands, digest } = record;
         let (robots, net) = (robots.clone(), net.clone());
-        self.send(Event::Step(Box::new(Step { step, time_ns, robots, net, digest })))
+        let commands = commands.to_vec();
+        self.send(Event::Step(Box::new(Step { step, time_ns, robots, net, commands, digest })))
     }
 
     /// Adds a warning to the summary and the report.

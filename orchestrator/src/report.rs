@@ -1,6 +1,7 @@
 //! `report.html`: a run in pictures and numbers, in one file that opens without a network and needs no script.
 
 mod figures;
+mod network;
 mod svg;
 mod text;
 
@@ -37,7 +38,7 @@ pub fn page(contents: &Contents<'_>) -> String {
     heading(&mut page, contents, is_truth);
     notices(&mut page, contents.summary);
     if let Some(measures) = contents.measures {
-        tiles(&mut page, measures, contents.header.agent_count);
+        tiles(&mut page, contents, measures);
         page.push_str("<div class=\"figures\">\n");
         for figure in figures::of_run(measures, contents.header.agent_count) {
             show(&mut page, &figure);
@@ -66,9 +67,15 @@ fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
         .and_then(|measures| measures.task.controller.as_deref())
         .map(|controller| format!("{}, ", escape(controller)))
         .unwrap_or_default();
+    let formation = match summary["robots_started_s"].as_f64() {
+        Some(started_s) if 0.0 < started_s => {
+            format!(", the first {} of them without the robots", chosen(started_s))
+        }
+        _ => String::new(),
+    };
     let _ = write!(
         page,
-        "<header>\n<h1>{}{badges}</h1>\n<p class=\"lead\">{controller}{} agents, {} steps of {}{} s, {} s simulated, {} coupling, seed {}.</p>\n</header>\n",
+        "<header>\n<h1>{}{badges}</h1>\n<p class=\"lead\">{controller}{} agents, {} steps of {}{} s, {} s simulated{formation}, {} coupling, seed {}.</p>\n</header>\n",
         escape(&header.name),
         count(u64::from(header.agent_count)),
         count(summary["steps"].as_u64().unwrap_or(0)),
@@ -98,23 +105,35 @@ fn notices(page: &mut String, summary: &Value) {
     page.push_str("</ul></section>\n");
 }
 
-fn tiles(page: &mut String, measures: &Measures, n_agents: u32) {
+fn tiles(page: &mut String, contents: &Contents<'_>, measures: &Measures) {
+    let n_agents = contents.header.agent_count;
+    let kpis = &contents.summary["kpis"];
+    // Of the standing network: before, motes scan.
+    let energy = match &kpis["energy_since_formation"] {
+        Value::Null => &kpis["energy"],
+        since => since,
+    };
     let unit = |value: Option<f64>, unit: &str| {
         value.map(|value| format!("{} <small>{unit}</small>", number(value)))
     };
-    let completed =
-        measures.completed_at_step.map(|step| format!("{} <small>steps</small>", count(step)));
     let others = format!("of {}", count(u64::from(n_agents.saturating_sub(1))));
     let is_line = measures.task.controller.as_deref() == Some("line-formation");
+    let is_flock = !is_line && measures.anybody_moved();
+    let neighbours = measures.mean_neighbours().filter(|_| measures.anybody_spoke());
     let residual_m2 = measures.line_residual_m2().filter(|_| is_line);
     let tiles = [
-        ("Flock speed", unit(measures.flock_speed_mps().filter(|_| !is_line), "m/s")),
+        ("Flock speed", unit(measures.flock_speed_mps().filter(|_| is_flock), "m/s")),
         ("Residual of the line", unit(residual_m2, "m²")),
         ("Spread at the end", unit(measures.final_spread_m(), "m")),
-        ("Task done after", completed),
-        ("Neighbours heard", unit(measures.mean_neighbours(), &others)),
+        ("Task done after", unit(measures.completed_after_s(), "s")),
+        ("Neighbours heard", unit(neighbours, &others)),
         ("Delivery ratio", measures.delivery_ratio().map(percent)),
         ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
+        ("Network formed after", unit(kpis["formation"]["formed_s"].as_f64(), "s")),
+        ("Packets delivered", kpis["delivery"]["ratio"].as_f64().map(percent)),
+        ("Median latency", unit(kpis["delivery"]["latency_s"]["median"].as_f64(), "s")),
+        ("Radio on", energy["duty_cycle"]["mean"].as_f64().map(percent)),
+        ("Network lifetime", unit(energy["network_lifetime_years"].as_f64(), "years")),
     ];
     page.push_str("<dl class=\"tiles\">\n");
     for (name, value) in tiles {
@@ -136,6 +155,9 @@ fn show(page: &mut String, figure: &Figure) {
     for (mark, words) in &figure.key {
         let shape = match *mark {
             "band" => "<path class=\"band\" d=\"M0,1H26V11H0Z\"/>",
+            "cell" | "cell several" | "cell idle" => {
+                &format!("<path class=\"{mark}\" d=\"M8,1H18V11H8Z\"/>")
+            }
             "start" | "end" => &format!("<path class=\"{mark}\" d=\"M13,6h0\"/>"),
             "interval" => {
                 "<g class=\"interval\"><path d=\"M13,1V11M10,1h6M10,11h6\"/><circle cx=\"13\" cy=\"6\" r=\"3\"/></g>"

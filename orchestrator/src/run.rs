@@ -1,16 +1,16 @@
 //! One experiment, from file to results.
 
+mod drive;
 mod interrupt;
 mod provenance;
 mod start;
 
 pub use start::{StartOptions, start};
 
-use crate::config::{self, Overrides, Plan, Refusal};
-use crate::console::Progress;
-use crate::coupling::Coupled;
+use crate::config::{self, Overrides, Refusal};
 use crate::peer::SideError;
-use crate::record::{self, Ending, Finished, RecordError, Recorder, Status, StepRecord};
+use crate::record::{self, Ending, Finished, RecordError, Recorder, Status};
+use drive::{Driver, Failure, Stopped};
 use interrupt::Interrupt;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -42,6 +42,14 @@ pub enum RunError {
         /// What was recorded until then.
         kept: Option<Box<Finished>>,
     },
+    /// The network has not formed in time.
+    #[error("{account}\nwhat was recorded until then is in {}", kept.dir.display())]
+    NotFormed {
+        /// Who is missing, and why.
+        account: String,
+        /// What was recorded.
+        kept: Box<Finished>,
+    },
     /// Someone stopped it before the first step.
     #[error("stopped by {signal} before the first step: nothing was recorded")]
     Interrupted {
@@ -72,7 +80,7 @@ impl RunError {
             Self::Refused(_) => 2,
             Self::Record { before_start: true, .. } => 2,
             Self::Side { error, .. } => side_status(error),
-            Self::Record { .. } | Self::Interrupted { .. } => 1,
+            Self::Record { .. } | Self::Interrupted { .. } | Self::NotFormed { .. } => 1,
         }
     }
 }
@@ -111,6 +119,8 @@ pub struct RunReport {
     pub wall_s: f64,
     /// It was interrupted.
     pub interrupted: bool,
+    /// When the network had formed (ns), if it has anything to form and did.
+    pub formed_ns: Option<u64>,
     /// What should be checked before the results are trusted.
     pub warnings: Vec<String>,
 }
@@ -157,8 +167,11 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
             return Err(RunError::Record { error, before_start: true });
         }
     };
-    let result = drive(&plan, &mut coupled, &mut recorder, &mut interrupt).await;
+    let records = started.records;
+    let driver = Driver::new(&plan, started.waits, records, &mut coupled, &mut recorder);
+    let result = driver.drive(&mut interrupt).await;
     let (n_steps, time_ns) = (coupled.step_number(), coupled.time_ns());
+    let formed_ns = coupled.formation().and_then(|formation| formation.formed_ns);
     let wall_s = begun.elapsed().as_secs_f64();
 
     let (ending, failure) = match result {
@@ -187,69 +200,17 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
             time_ns,
             wall_s,
             interrupted,
+            formed_ns,
             warnings: started.warnings,
         }),
         Some(Failure::Side(error)) => Err(RunError::Side { error, kept: Some(Box::new(finished)) }),
+        Some(Failure::NotFormed(account)) => {
+            Err(RunError::NotFormed { account, kept: Box::new(finished) })
+        }
         Some(Failure::Record(error)) => Err(RunError::Record { error, before_start: false }),
     }
 }
 
 fn failed(error: &dyn std::error::Error) -> Ending {
     Ending { status: Status::Failed, reason: Some(error.to_string()) }
-}
-
-enum Stopped {
-    Complete,
-    Interrupted(&'static str),
-}
-
-#[derive(Debug, thiserror::Error)]
-enum Failure {
-    #[error(transparent)]
-    Side(#[from] SideError),
-    #[error(transparent)]
-    Record(#[from] RecordError),
-}
-
-/// Steps until the time is up, the robots are done, or someone says stop.
-async fn drive(
-    plan: &Plan,
-    coupled: &mut Coupled,
-    recorder: &mut Recorder,
-    interrupt: &mut Interrupt,
-) -> Result<Stopped, Failure> {
-    let step_ns = plan.experiment.step_ns;
-    let mut progress = Progress::new(plan.duration_ns.div_ceil(step_ns));
-    while coupled.time_ns() < plan.duration_ns {
-        if let Some(signal) = interrupt.seen() {
-            progress.finish();
-            return Ok(Stopped::Interrupted(signal));
-        }
-        let until_ns = coupled.time_ns() + step_ns;
-        // A side that never answers must not keep the user from stopping.
-        let outcome = tokio::select! {
-            biased;
-            outcome = coupled.advance(until_ns, true) => outcome?,
-            signal = interrupt.lasting() => {
-                progress.finish();
-                return Ok(Stopped::Interrupted(signal));
-            }
-        };
-        let task_complete = outcome.task_complete;
-        if let (Some(robots), Some(net)) = (outcome.robots, outcome.network) {
-            recorder.step(StepRecord {
-                step: outcome.step,
-                time_ns: outcome.time_ns,
-                robots: &robots,
-                net: &net,
-                digest: outcome.digest,
-            })?;
-        }
-        progress.at(outcome.step, outcome.time_ns);
-        if task_complete && plan.stop_when_complete {
-            break;
-        }
-    }
-    progress.finish();
-    Ok(Stopped::Complete)
 }

@@ -4,6 +4,9 @@
 //! is wrong with it. Nothing malformed passes this border.
 
 mod messages;
+mod records;
+
+pub use records::{formation, heard_links, packets, records, schedule, statistics};
 
 use crate::types::{
     AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Covariate, Deliveries, DeliveryColumn,

@@ -5,8 +5,10 @@
 //! numbers: as easy as 1, 2, 3", SC'11): the counter holds the entity, the time, the index and the purpose, the key holds
 //! the seed. One call gives four independent 64-bit words.
 
+use serde::{Deserialize, Serialize};
+
 /// What a draw is for. The one list: a purpose is never reused or renumbered, so old seeds keep their meaning.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[repr(u64)]
 pub enum Purpose {
     /// Whether a frame is received. Entity: unordered link; time: begin of the period. Words 0 and 1 serve the frames from
@@ -26,6 +28,26 @@ pub enum Purpose {
     RecordSample = 7,
     /// Noise on the strength of one frame (`noise_sd_db`). Entity: ordered link.
     FrameNoise = 8,
+    /// Back-off and jitter of the MAC, in sequence. Entity: mote.
+    Mac = 9,
+    /// Choices of a scheduling function, in sequence. Entity: mote.
+    Scheduling = 10,
+    /// Jitter of routing: Trickle, DIS, DAO; in sequence. Entity: mote.
+    Routing = 11,
+    /// Jitter of the join protocol, in sequence. Entity: mote.
+    Join = 12,
+    /// Times and sizes of an application's packets, in sequence. Entity: mote.
+    Application = 13,
+    /// Clock error. Entity: mote; time: how often it was synchronised.
+    Clock = 14,
+    /// The channel on which a mote scans. Entity: mote; time: number of the dwell.
+    Scan = 15,
+    /// Whether a frame is received in a slot. Entity: ordered link; time: ASN.
+    SlotReception = 16,
+    /// Whether an acknowledgment is received in a slot. Entity: ordered link; time: ASN.
+    SlotAcknowledgment = 17,
+    /// Compression tags and other identifiers that begin at random, in sequence. Entity: mote.
+    Lowpan = 18,
 }
 
 /// The draws of one purpose under one seed.

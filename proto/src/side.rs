@@ -6,8 +6,8 @@
 use crate::config::{Node, Problem};
 use crate::site::Site;
 use crate::types::{
-    AgentCommand, AgentStates, Deliveries, DeliveryColumn, Experiment, MoteCommand, MoteStates,
-    MovedObstacle, Payloads,
+    AgentCommand, AgentStates, Deliveries, DeliveryColumn, Experiment, Formation, HeardLinks,
+    MoteCommand, MoteStates, MoteStatistics, MovedObstacle, NetRecord, Packets, Payloads, Schedule,
 };
 use crate::v1::MoteCommandKind;
 use bytes::Bytes;
@@ -28,6 +28,8 @@ pub struct Setup {
     pub files: BTreeMap<String, Bytes>,
     /// Delivery columns that are wanted. Empty for robots.
     pub columns: Vec<DeliveryColumn>,
+    /// Records that are wanted. Empty for robots.
+    pub records: Vec<NetRecord>,
 }
 
 /// What `Restore` found wrong.
@@ -59,8 +61,10 @@ pub struct RobotInput<'a> {
     pub deliveries: Option<&'a Deliveries>,
     /// The motes after the period before, if the network reports them.
     pub motes: Option<&'a MoteStates>,
-    /// Orders that take effect now, sorted.
+    /// Orders that take effect now, sorted; with `hold`, with the first step without it.
     pub commands: &'a [AgentCommand],
+    /// Stand still: time passes, nobody moves, no controller acts.
+    pub hold: bool,
 }
 
 /// What the robots reply.
@@ -108,7 +112,7 @@ pub trait RobotSimulator: Send + 'static {
 }
 
 /// Where the network begins.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct NetStart {
     /// The configuration in force.
     pub effective: toml::Table,
@@ -116,6 +120,14 @@ pub struct NetStart {
     pub motes: MoteStates,
     /// What should be checked before the results are trusted.
     pub warnings: Vec<String>,
+    /// Formation at time 0; `None`: there is nothing to form.
+    pub formation: Option<Formation>,
+    /// Records that will be kept: those wanted which a network of this configuration has.
+    pub records: Vec<NetRecord>,
+    /// The statistics at time 0, if they will be kept. All that follow have the same columns.
+    pub statistics: Option<MoteStatistics>,
+    /// What a capture file begins with, if the radio's traffic will be kept.
+    pub capture_header: Bytes,
 }
 
 /// What the network is given for a step.
@@ -137,6 +149,8 @@ pub struct NetInput<'a> {
     pub commands: &'a [MoteCommand],
     /// Stop where the first delivery is complete.
     pub stop_at_first_delivery: bool,
+    /// Records of a state that are wanted at the end of the step. Only of those that are kept.
+    pub records: &'a [NetRecord],
 }
 
 /// What the network replies.
@@ -150,6 +164,18 @@ pub struct NetOutput {
     pub motes: MoteStates,
     /// Orders to agents.
     pub commands: Vec<AgentCommand>,
+    /// Formation at that time; `None` where [`NetStart::formation`] was.
+    pub formation: Option<Formation>,
+    /// Packets whose way ended, if they are kept.
+    pub packets: Option<Packets>,
+    /// The radio's traffic as records of a capture file, if it is kept.
+    pub capture: Bytes,
+    /// The motes' statistics, if wanted now.
+    pub statistics: Option<MoteStatistics>,
+    /// The motes' schedules, if wanted now.
+    pub schedule: Option<Schedule>,
+    /// Who has heard whom, if wanted now.
+    pub heard_links: Option<HeardLinks>,
 }
 
 /// A network simulator.
@@ -165,6 +191,11 @@ pub trait NetSimulator: Send + 'static {
 
     /// Delivery columns it can fill in.
     fn columns() -> &'static [DeliveryColumn];
+
+    /// Records it can keep in some configuration.
+    fn records() -> &'static [NetRecord] {
+        &[]
+    }
 
     /// Begins an experiment, discarding any before it.
     ///

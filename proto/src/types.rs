@@ -1,5 +1,12 @@
 //! What crosses between the simulators, as valid values.
 
+mod records;
+
+pub use records::{
+    Formation, HeardLinks, MoteStatistics, NetRecord, PacketKind, Packets, Schedule, Statistic,
+    is_statistic_name,
+};
+
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
@@ -186,6 +193,12 @@ pub struct Payloads {
 }
 
 impl Payloads {
+    /// `n` agents that say nothing.
+    #[must_use]
+    pub fn silence(n: usize) -> Self {
+        Self { length_bytes: vec![0; n], data: Bytes::new() }
+    }
+
     /// `None` unless `data` is as long as the sum of the lengths.
     #[must_use]
     pub fn new(length_bytes: Vec<u32>, data: Bytes) -> Option<Self> {

@@ -29,6 +29,7 @@ fn swarm(config: &str, n: usize, n_heard: usize) -> (Swarm, Deliveries) {
         path: String::new(),
         files: std::collections::BTreeMap::new(),
         columns: Vec::new(),
+        records: Vec::new(),
     };
     let mut swarm = Swarm::default();
     let start = swarm.configure(&setup).expect("the configuration is valid");
@@ -61,6 +62,7 @@ fn step(swarm: &mut Swarm, step: u64, deliveries: &Deliveries) {
         deliveries: Some(deliveries),
         motes: None,
         commands: &[],
+        hold: false,
     }));
 }
 

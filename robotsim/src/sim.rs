@@ -81,6 +81,9 @@ impl RobotSimulator for Swarm {
                 order => Some(order),
             };
         }
+        if input.hold {
+            return state.stand_still();
+        }
         let knowledge = match behaviour.knowledge {
             Source::Heard => Knowledge::heard(input.deliveries, state.states.len()),
             Source::Truth => Knowledge::truth(&state.states, input.from_ns),
@@ -152,6 +155,15 @@ impl Running {
 }
 
 impl State {
+    /// Time passes and nobody moves: what was heard is forgotten, as controllers keep no memory anyway.
+    fn stand_still(&mut self) -> RobotOutput {
+        for column in [&mut self.states.vx_mps, &mut self.states.vy_mps, &mut self.states.vz_mps] {
+            column.fill(0.0);
+        }
+        let payloads = payload::encode(&self.states);
+        RobotOutput { states: self.states.clone(), payloads, ..RobotOutput::default() }
+    }
+
     /// Warns once, at the first payload that cannot be read, and counts on.
     fn note_foreign(&mut self, n: u64, step: u64) {
         if self.n_foreign == 0 && n != 0 {

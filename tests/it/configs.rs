@@ -1,6 +1,6 @@
 //! Every configuration in configs/ says what it is for, is valid, and runs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 fn configs() -> Vec<PathBuf> {
     let mut paths: Vec<PathBuf> = std::fs::read_dir(tests::repository().join("configs"))
@@ -11,6 +11,28 @@ fn configs() -> Vec<PathBuf> {
     paths.sort();
     assert!(!paths.is_empty());
     paths
+}
+
+/// Whether it is of the full network, which has to form first.
+fn is_network(path: &Path) -> bool {
+    std::fs::read_to_string(path).unwrap().contains("mode = \"6tisch\"")
+}
+
+/// What makes a run of it short: less time, and where the network has to form, less of RFC 8180's wait for beacons. A
+/// timeline takes the time it takes.
+fn shortened(path: &Path) -> Vec<&'static str> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut args = Vec::new();
+    if is_network(path) {
+        args.extend(["--set", "netsim.mac.beacon_wait_s=5.0"]);
+    }
+    match (text.contains("[[timeline]]"), is_network(path)) {
+        (true, _) => {}
+        // Sensors send once a minute.
+        (false, true) => args.extend(["--set", "experiment.duration_s=70.0"]),
+        (false, false) => args.extend(["--set", "experiment.duration_s=2.0"]),
+    }
+    args
 }
 
 #[test]
@@ -33,7 +55,7 @@ fn each_is_good_and_leaves_a_record_that_verifies() {
             // Its robots are a program in another language: tests/external runs it.
             continue;
         }
-        let dir = tests::run(&path, folder.path(), &["--set", "experiment.duration_s=2.0"]);
+        let dir = tests::run(&path, folder.path(), &shortened(&path));
         for file in [
             "config.toml",
             "run.mcap",
@@ -46,6 +68,28 @@ fn each_is_good_and_leaves_a_record_that_verifies() {
         }
         let verified = tests::orchestrator(&["verify", dir.to_str().unwrap()], folder.path());
         assert!(verified.status.success(), "{}", tests::said(&verified));
+    }
+}
+
+#[test]
+fn networks_leave_the_same_recording_on_any_number_of_threads_and_any_transport() {
+    let folder = tests::folder();
+    for path in configs().into_iter().filter(|path| is_network(path)) {
+        let name = path.file_stem().unwrap().to_str().unwrap();
+        let dir = |variant: &str| folder.path().join(name).join(variant);
+        let run = |variant: &str, more: &[&str]| {
+            let always = ["--set", "output.pcap=true"];
+            tests::run(&path, &dir(variant), &[&shortened(&path)[..], &always, more].concat())
+        };
+        let one = run("one", &["--threads", "1", "--set", "experiment.transport=unary"]);
+        let two = run("two", &["--threads", "2", "--set", "experiment.transport=stream"]);
+        tests::recording::assert_same(&one, &two);
+        let summary = std::fs::read(one.join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
+        assert_eq!(summary["kpis"]["formation"]["formed"], true, "{name}");
+        let heard = summary["network"]["deliveries"].as_u64();
+        let delivered = summary["kpis"]["packets"]["app"]["delivered"].as_u64();
+        assert!(heard.max(delivered) > Some(0), "{name}: nothing arrived in the network");
     }
 }
 

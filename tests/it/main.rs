@@ -14,3 +14,4 @@ mod reference;
 mod refusals;
 mod tidy;
 mod tls;
+mod waiting;

@@ -28,12 +28,13 @@ fn page(schema: &Value) -> String {
          Unknown keys, wrong types and impossible values are refused, all of them at once.\n\
          `--set netsim.phy.propagation=friis` overrides any key on the command line, `--seed N` the seed.\n",
     );
-    for section in ["experiment", "site", "robotsim", "netsim", "output"] {
+    for section in ["experiment", "site", "robotsim", "netsim", "timeline", "output"] {
         let mut schema = &schema["properties"][section];
         if let Some(alternatives) = schema["anyOf"].as_array() {
             schema = &alternatives[0];
         }
-        table(&mut page, section, schema, false);
+        let is_list = schema["type"] == "array";
+        table(&mut page, section, if is_list { &schema["items"] } else { schema }, is_list);
     }
     page
 }

@@ -16,6 +16,10 @@ pub struct LinkBudget {
     pub register_rssi_dbm: f64,
     /// Probability that the frame is received.
     pub reception_probability: f64,
+    /// By how much (dB) effects demand that frames be stronger.
+    pub shift_db: f64,
+    /// The base model states the probability, whatever the power.
+    pub is_stated: bool,
 }
 
 /// The radio as configured.
@@ -117,6 +121,8 @@ impl Model {
             rssi_dbm,
             register_rssi_dbm: self.reading_dbm(link, rssi_dbm),
             reception_probability: survival * reception,
+            shift_db,
+            is_stated: matches!(prediction.reception, Reception::Stated(_)),
         }
     }
 
@@ -168,8 +174,14 @@ impl Model {
     /// How far links may reach.
     #[must_use]
     pub fn reach(&self, channel: Option<u8>) -> Reach {
+        self.reach_of(self.curve.floor_dbm(), channel)
+    }
+
+    /// How far frames may reach with at least this power (dBm), shifts of the curve taken off.
+    #[must_use]
+    pub fn reach_of(&self, power_dbm: f64, channel: Option<u8>) -> Reach {
         let gain_db: f64 = self.effects.iter().map(|effect| effect.max_gain_db()).sum();
-        let floor_dbm = self.curve.floor_dbm() - gain_db - self.max_scatter_db();
+        let floor_dbm = power_dbm - gain_db - self.max_scatter_db();
         match self.propagation.reach(floor_dbm, self.frequency_hz(channel)) {
             // Whatever lies below the least distance counts as lying there.
             Reach::Within(distance_m) => Reach::Within(distance_m.max(self.min_distance_m)),

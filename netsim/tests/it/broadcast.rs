@@ -56,6 +56,7 @@ fn who_says_nothing_is_dead_or_has_failed_does_not_send() {
             moved_obstacles: &[],
             commands,
             stop_at_first_delivery: false,
+            records: &[],
         });
         let alive: Vec<usize> = output.motes.alive.iter_ones().collect();
         (output.deliveries.transmissions.sender.clone(), pairs_of(&output.deliveries, 5), alive)
@@ -165,6 +166,7 @@ fn an_obstacle_that_moves_blocks_where_it_now_is() {
             moved_obstacles: moved,
             commands: &[],
             stop_at_first_delivery: false,
+            records: &[],
         };
         network.step(&input).deliveries.n_deliveries()
     };

@@ -26,6 +26,7 @@ pub(crate) fn setup(n: usize, config: &str) -> Setup {
         path: "netsim".to_owned(),
         files: BTreeMap::new(),
         columns: Vec::new(),
+        records: Vec::new(),
     }
 }
 
@@ -99,6 +100,7 @@ pub(crate) fn step_with(
         moved_obstacles: &[],
         commands,
         stop_at_first_delivery,
+        records: &[],
     })
 }
 

@@ -1,9 +1,15 @@
 //! The network simulator from outside: probabilities, independence, time, refusals, saving and restoring.
 
 mod broadcast;
+mod conformance;
 mod delivery;
+mod frames;
 mod harness;
 mod independence;
+mod invariants;
+mod mesh_snapshot;
+mod model;
 mod pinned;
+mod pinned_mesh;
 mod refusals;
 mod snapshot;

@@ -103,6 +103,11 @@ fn the_effective_configuration_is_complete_and_means_the_same() {
 
     [phy.reception]
     kind = "table"
+
+    [phy.interference]
+    kind = "o-qpsk"
+    noise_floor_dbm = -105.0
+    co_channel_rejection_db = 3.0
     "#);
     for config in [
         "",

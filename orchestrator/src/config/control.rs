@@ -1,6 +1,6 @@
 //! How often robots act.
 
-use proto::config::{Default, Field, Kind, Problem, Range, TableSpec};
+use proto::config::{Default, Field, Kind, Node, Problem, Range, TableSpec};
 use proto::types::NS_PER_S;
 
 /// The longest period in slots.
@@ -31,22 +31,28 @@ pub(super) const SPEC: TableSpec = TableSpec {
 pub enum ControlPeriod {
     /// Every so many slots.
     Slots(u64),
-    /// Once in as many slots as there are agents.
+    /// Once in each slotframe of the network.
     Slotframe,
-    /// When a packet was delivered, at the latest after as many slots as there are agents.
+    /// When a packet was delivered, at the latest after a slotframe.
     Packet,
 }
 
 impl ControlPeriod {
-    /// The nominal period (ns).
+    /// The nominal period (ns) with a slotframe of so many slots.
     #[must_use]
-    pub fn step_ns(self, agents: usize, slot_ns: u64) -> u64 {
+    pub fn step_ns(self, slotframe_slots: u64, slot_ns: u64) -> u64 {
         let slots = match self {
             Self::Slots(slots) => slots,
-            Self::Slotframe | Self::Packet => agents as u64,
+            Self::Slotframe | Self::Packet => slotframe_slots,
         };
         slots.saturating_mul(slot_ns).max(1)
     }
+}
+
+/// Slots in the slotframe of a network of that configuration, over which robots act once. Of one that is none of ours
+/// nothing is known: a slot for every agent.
+pub(super) fn slotframe_slots(netsim: &Node, agents: usize) -> u64 {
+    netsim::config::slotframe_slots(netsim, agents)
 }
 
 /// Reads the checked `control_period`.

@@ -120,6 +120,7 @@ impl Sides<'_> {
                 path: path.to_owned(),
                 files: contents.clone(),
                 columns: Vec::new(),
+                records: Vec::new(),
             };
             match check(&setup) {
                 Ok((effective, found)) => {

@@ -27,8 +27,14 @@ pub struct Described {
     pub stop_at_first_delivery: bool,
     /// Orders to agents are obeyed. Robots only.
     pub commands: bool,
+    /// They can stand still while time passes. Robots only.
+    pub hold: bool,
+    /// Kinds of order to motes that are obeyed. Network only.
+    pub mote_commands: Vec<i32>,
     /// Delivery columns that can be asked for. Network only.
     pub columns: Vec<i32>,
+    /// Records that can be asked for. Network only.
+    pub records: Vec<i32>,
     /// The largest capacity; 0: no limit.
     pub max_agents: u32,
 }
@@ -208,7 +214,10 @@ service!(
         parallel: d.parallel,
         stop_at_first_delivery: false,
         commands: d.commands,
+        hold: d.hold,
+        mote_commands: Vec::new(),
         columns: Vec::new(),
+        records: Vec::new(),
         max_agents: d.limits.unwrap_or_default().max_agents,
     }
 );
@@ -236,7 +245,10 @@ service!(
         parallel: d.parallel,
         stop_at_first_delivery: d.stop_at_first_delivery,
         commands: false,
+        hold: false,
+        mote_commands: d.commands,
         columns: d.columns,
+        records: d.records,
         max_agents: d.limits.unwrap_or_default().max_agents,
     }
 );

@@ -95,7 +95,12 @@ impl DistanceBin {
         let centre = p + z * z / (2.0 * n);
         let half = z * libm::sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n));
         let scale = 1.0 + z * z / n;
-        [((centre - half) / scale).max(0.0), ((centre + half) / scale).min(1.0)]
+        let [low, high] = [(centre - half) / scale, (centre + half) / scale];
+        // Where none or all were delivered, an end is 0 or 1, which rounding would miss.
+        [
+            if self.deliveries == 0 { 0.0 } else { low.max(0.0) },
+            if self.deliveries == self.attempts { 1.0 } else { high.min(1.0) },
+        ]
     }
 }
 
@@ -150,5 +155,7 @@ mod tests {
             let [l, h] = bin.interval();
             assert!((l - low).abs() < 5e-5 && (h - high).abs() < 5e-5, "{deliveries}: {l} {h}");
         }
+        let all = DistanceBin { deliveries: 426, attempts: 426, ..DistanceBin::default() };
+        assert_eq!(all.interval()[1], 1.0);
     }
 }

@@ -19,6 +19,7 @@ pub(crate) enum Topic {
     RobotConfigureResponse,
     NetConfigureRequest,
     NetConfigureResponse,
+    NetCommand,
     RobotStep,
     NetStep,
     Barrier,
@@ -26,11 +27,12 @@ pub(crate) enum Topic {
 
 impl Topic {
     /// All of them, in the order of their channels.
-    pub(crate) const ALL: [Self; 7] = [
+    pub(crate) const ALL: [Self; 8] = [
         Self::RobotConfigureRequest,
         Self::RobotConfigureResponse,
         Self::NetConfigureRequest,
         Self::NetConfigureResponse,
+        Self::NetCommand,
         Self::RobotStep,
         Self::NetStep,
         Self::Barrier,
@@ -51,6 +53,7 @@ impl Topic {
             Self::NetConfigureResponse => {
                 ("/netsim/configure/response", "NetSimServiceConfigureResponse")
             }
+            Self::NetCommand => ("/netsim/command", "NetSimServiceCommandRequest"),
             Self::RobotStep => ("/robotsim/step", "RobotSimServiceStepResponse"),
             Self::NetStep => ("/netsim/step", "NetSimServiceStepResponse"),
             Self::Barrier => ("/barrier", "RobotSimServiceBarrierResponse"),

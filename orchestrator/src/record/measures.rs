@@ -2,6 +2,7 @@
 
 use super::counts::heard;
 use super::distances::{DistanceBin, Distances};
+use super::kpi::Kpis;
 use super::period::{Period, distance_m};
 use super::task::Task;
 use super::trajectories::Trajectories;
@@ -23,6 +24,10 @@ pub struct Measures {
     pub n_steps: u64,
     /// Simulated time reached (ns).
     pub time_ns: u64,
+    /// When the robots started (ns): before that they stood still, and nothing is measured but [`Self::kpis`].
+    pub start_ns: u64,
+    /// The network's own figures.
+    pub kpis: Kpis,
     /// The first step after which the robots regarded their task as done.
     pub completed_at_step: Option<u64>,
     /// Transmissions.
@@ -63,7 +68,7 @@ pub struct Sample {
 
 impl Measures {
     /// Begins with the states of step 0.
-    pub(crate) fn new(task: Task, site: Site, states: &AgentStates) -> Self {
+    pub(crate) fn new(task: Task, site: Site, states: &AgentStates, kpis: Kpis) -> Self {
         Self {
             trajectories: Trajectories::new(states, task.leader),
             task,
@@ -71,6 +76,8 @@ impl Measures {
             series: Vec::new(),
             n_steps: 0,
             time_ns: 0,
+            start_ns: 0,
+            kpis,
             completed_at_step: None,
             transmissions: 0,
             sent_bytes: 0,
@@ -94,6 +101,11 @@ impl Measures {
     pub(crate) fn add(&mut self, period: &Period<'_>) {
         self.n_steps = period.step;
         self.time_ns = period.time_ns;
+        self.kpis.add(period);
+        if period.held {
+            self.start_ns = period.time_ns;
+            return;
+        }
         if period.task_complete && self.completed_at_step.is_none() {
             self.completed_at_step = Some(period.step);
         }
@@ -118,10 +130,31 @@ impl Measures {
         mean(self.flock_speed_sum, self.duration_ns as f64)
     }
 
+    /// Time from when the robots started until they first regarded their task as done (s).
+    #[must_use]
+    pub fn completed_after_s(&self) -> Option<f64> {
+        // There is no sample of steps in which the robots stood still for the network.
+        let n_held = self.n_steps - self.series.len() as u64;
+        let place = usize::try_from(self.completed_at_step?.checked_sub(n_held + 1)?).ok()?;
+        Some(self.series.get(place)?.time_s - seconds(self.start_ns))
+    }
+
     /// Mean over alive agents and time of each one's own speed (m/s).
     #[must_use]
     pub fn mean_speed_mps(&self) -> Option<f64> {
         mean(self.speed_sum, self.agent_duration_ns as f64)
+    }
+
+    /// Whether an agent moved. In a network of sensors nobody does.
+    #[must_use]
+    pub fn anybody_moved(&self) -> bool {
+        self.speed_sum != 0.0
+    }
+
+    /// Whether an agent's payload was sent.
+    #[must_use]
+    pub fn anybody_spoke(&self) -> bool {
+        self.transmissions != 0
     }
 
     /// Root mean square distance of alive agents from their centroid at the end (m).
@@ -332,13 +365,14 @@ mod tests {
         let mut states = AgentStates::at_origin(4);
         states.x_m = vec![0.0, 2.0, 0.0, 2.0];
         states.y_m = vec![0.0, 0.0, 2.0, 2.0];
-        let measures = Measures::new(Task::default(), Site::default(), &states);
+        let measures = Measures::new(Task::default(), Site::default(), &states, Kpis::default());
         // Exact but for the rounding of a square root.
         assert!((measures.final_spread_m().unwrap() - 2f64.sqrt()).abs() < 1e-12);
         assert!((measures.line_residual_m2().unwrap() - 4.0).abs() < 1e-12);
         states.x_m = vec![1.0; 4];
         assert_eq!(
-            Measures::new(Task::default(), Site::default(), &states).line_residual_m2(),
+            Measures::new(Task::default(), Site::default(), &states, Kpis::default())
+                .line_residual_m2(),
             None
         );
     }

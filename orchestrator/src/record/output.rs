@@ -3,7 +3,7 @@
 use proto::config::{
     Default as Absence, Field, Kind, Node, Problem, Range, TableSpec, Tag, Variant, check,
 };
-use proto::types::DeliveryColumn;
+use proto::types::{DeliveryColumn, NS_PER_S, NetRecord};
 
 /// What a run leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,10 +12,20 @@ pub struct OutputConfig {
     pub mcap: bool,
     /// Write `steps.parquet`.
     pub steps: bool,
-    /// Write `packets.parquet`.
+    /// Write `transmissions.parquet`.
+    pub transmissions: bool,
+    /// Write `packets.parquet`, if the network has packets to tell of.
     pub packets: bool,
     /// Write `motes.parquet`.
     pub motes: bool,
+    /// Simulated time between rows of a mote (ns), beside [`Self::every_steps`]; `None`: as often as that says.
+    pub motes_every_ns: Option<u64>,
+    /// Write `schedule.parquet`, if the network has schedules.
+    pub schedule: bool,
+    /// Write `neighbours.parquet`, if the network keeps who has heard whom.
+    pub neighbours: bool,
+    /// Write `radio.pcap`, if the network keeps its radio traffic.
+    pub pcap: bool,
     /// Which links `links.parquet` holds.
     pub links: Links,
     /// Tables hold every so many steps, at least 1. `run.mcap` always holds every step.
@@ -51,6 +61,33 @@ impl OutputConfig {
             }
         }
     }
+
+    /// The records that tables, summary and report can use, to be asked of a network that announces them. Packets and
+    /// statistics are the network's figures in the summary: they are wanted whatever tables there are.
+    #[must_use]
+    pub fn records(&self) -> Vec<NetRecord> {
+        let wanted = [
+            (true, NetRecord::Packets),
+            (true, NetRecord::Statistics),
+            (self.pcap, NetRecord::Capture),
+            (self.schedule || self.report, NetRecord::Schedule),
+            (self.neighbours || self.report, NetRecord::HeardLinks),
+        ];
+        wanted.into_iter().filter_map(|(is_wanted, record)| is_wanted.then_some(record)).collect()
+    }
+
+    /// Whether the tables hold a step.
+    #[must_use]
+    pub fn holds(&self, step: u64) -> bool {
+        step.is_multiple_of(self.every_steps)
+    }
+
+    /// Whether `motes.parquet` holds a step that goes from `from_ns` to `until_ns`.
+    #[must_use]
+    pub fn holds_motes(&self, step: u64, from_ns: u64, until_ns: u64) -> bool {
+        let is_time = |every_ns| from_ns / every_ns != until_ns / every_ns;
+        self.motes && self.holds(step) && self.motes_every_ns.is_none_or(is_time)
+    }
 }
 
 impl Default for OutputConfig {
@@ -75,8 +112,16 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (OutputConf
     let config = OutputConfig {
         mcap: flag("mcap"),
         steps: flag("steps"),
+        transmissions: flag("transmissions"),
         packets: flag("packets"),
         motes: flag("motes"),
+        motes_every_ns: table.get("motes_every_s").and_then(toml::Value::as_float).map(|every_s| {
+            // At least a nanosecond: the range of the key begins there.
+            (libm::round(every_s * NS_PER_S as f64) as u64).max(1)
+        }),
+        schedule: flag("schedule"),
+        neighbours: flag("neighbours"),
+        pcap: table.get("pcap").and_then(toml::Value::as_bool).unwrap_or(false),
         links,
         every_steps: u64::try_from(every_steps).unwrap_or(1).max(1),
         report: flag("report"),
@@ -90,8 +135,36 @@ pub const SPEC: TableSpec = TableSpec {
     fields: &[
         flag("mcap", "Write run.mcap, the messages exchanged. Replaying and verifying need it."),
         flag("steps", "Write steps.parquet: where each agent was and how many it heard."),
-        flag("packets", "Write packets.parquet: each transmission and how many heard it."),
-        flag("motes", "Write motes.parquet: the state of each mote."),
+        flag(
+            "transmissions",
+            "Write transmissions.parquet: what robots sent, and how many heard it.",
+        ),
+        flag(
+            "packets",
+            "Write packets.parquet: each packet of the network that was delivered or dropped.",
+        ),
+        flag("motes", "Write motes.parquet: the state and the statistics of each mote."),
+        Field {
+            key: "motes_every_s",
+            doc: "Motes are asked for their statistics, and motes.parquet holds them, every so often (s of simulated time), \
+                  beside every_steps, and at the end. Absent: as often as every_steps says.",
+            kind: Kind::Number(Range::closed(1e-9, 1e9)),
+            default: Absence::Absent,
+        },
+        flag(
+            "schedule",
+            "Write schedule.parquet: every mote's cells when the network has formed, and at the end.",
+        ),
+        flag(
+            "neighbours",
+            "Write neighbours.parquet: which mote has heard how much of which, at the same times.",
+        ),
+        Field {
+            key: "pcap",
+            doc: "Write radio.pcap: the radio's traffic, as IEEE 802.15.4 TAP that Wireshark reads.",
+            kind: Kind::Bool,
+            default: Absence::Bool(false),
+        },
         Field {
             key: "every_steps",
             doc: "The tables hold every so many steps. run.mcap always holds all.",
@@ -151,6 +224,7 @@ mod tests {
     fn an_absent_section_records_everything_and_the_links_that_were_heard() {
         let config = OutputConfig::default();
         assert!(config.mcap && config.steps && config.packets && config.motes && config.report);
+        assert!(config.transmissions && config.schedule && config.neighbours && !config.pcap);
         assert_eq!((config.links, config.every_steps), (Links::Heard, 1));
     }
 
@@ -161,6 +235,25 @@ mod tests {
         let sampled = of("links = \"sample\"\nlinks_sample = 0.5").0;
         assert_eq!(sampled.links, Links::Sample { fraction: 0.5 });
         assert!(of("links = \"none\"").0.columns().is_empty());
+    }
+
+    #[test]
+    fn motes_are_held_when_a_multiple_of_their_time_is_reached() {
+        let config = of("motes_every_s = 1.0").0;
+        let held = |from_ms: u64, until_ms: u64| {
+            config.holds_motes(1, from_ms * 1_000_000, until_ms * 1_000_000)
+        };
+        assert_eq!([held(0, 999), held(900, 1000), held(1000, 1999)], [false, true, false]);
+        // A period longer than that holds them every time.
+        assert!(held(1500, 6500));
+        assert!(of("").0.holds_motes(1, 0, 1) && !of("motes = false").0.holds_motes(1, 0, 1));
+    }
+
+    #[test]
+    fn what_nobody_will_look_at_is_not_asked_for() {
+        let records = of("report = false\nschedule = false\nneighbours = false").0.records();
+        assert_eq!(records, [NetRecord::Packets, NetRecord::Statistics]);
+        assert!(of("pcap = true").0.records().contains(&NetRecord::Capture));
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! A step as the tables and measures see it.
 
 use super::counts::Counts;
-use proto::types::{AgentStates, Deliveries, MoteStates};
+use proto::types::{
+    AgentStates, Deliveries, Formation, HeardLinks, MoteStates, MoteStatistics, Packets, Schedule,
+};
 
 /// A step and the period that it covers.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +28,18 @@ pub(crate) struct Period<'a> {
     pub(crate) motes: &'a MoteStates,
     /// The robots regard their task as done.
     pub(crate) task_complete: bool,
+    /// The robots were told to stand still: the experiment itself has not begun.
+    pub(crate) held: bool,
+    /// Whether the network has formed; `None`: it has nothing to form.
+    pub(crate) formation: Option<&'a Formation>,
+    /// Packets whose way ended, if they are kept.
+    pub(crate) packets: Option<&'a Packets>,
+    /// The motes' statistics, if they were asked for.
+    pub(crate) statistics: Option<&'a MoteStatistics>,
+    /// The motes' schedules, if they were asked for.
+    pub(crate) schedule: Option<&'a Schedule>,
+    /// Who has heard whom, if it was asked for.
+    pub(crate) heard_links: Option<&'a HeardLinks>,
 }
 
 /// Distance between two agents (m).

@@ -21,6 +21,8 @@ pub struct Reader {
 /// A step as it was recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedStep {
+    /// Orders to the network that took effect in it, from the timeline of the experiment.
+    pub commands: Vec<v1::MoteCommand>,
     /// The robots' reply.
     pub robots: v1::RobotSimServiceStepResponse,
     /// The network's reply.
@@ -70,6 +72,9 @@ pub enum ReadError {
     },
 }
 
+/// A message: its topic, if runs write such, and its bytes.
+type Found = (Option<Topic>, Vec<u8>);
+
 impl Reader {
     /// Opens the recording of a run, given its directory or the file itself, and reads how both sides were configured.
     ///
@@ -110,10 +115,19 @@ impl Reader {
     ///
     /// The file is damaged or cut off here.
     pub fn next_step(&mut self) -> Result<Option<RecordedStep>, ReadError> {
-        let Some(robots) = self.next_or_end(Topic::RobotStep)? else { return Ok(None) };
+        let Some((topic, data)) = self.next_message()? else { return Ok(None) };
+        let (commands, robots) = if topic == Some(Topic::NetCommand) {
+            let request: v1::NetSimServiceCommandRequest = self.decode(Topic::NetCommand, &data)?;
+            (request.commands, self.next(Topic::RobotStep)?)
+        } else if topic == Some(Topic::RobotStep) {
+            (Vec::new(), self.decode(Topic::RobotStep, &data)?)
+        } else {
+            let got = topic.map_or("another topic", |topic| topic.names().0);
+            return Err(self.unexpected(Topic::RobotStep, got));
+        };
         let net = self.next(Topic::NetStep)?;
         let barrier = self.next(Topic::Barrier)?;
-        Ok(Some(RecordedStep { robots, net, barrier }))
+        Ok(Some(RecordedStep { commands, robots, net, barrier }))
     }
 
     fn next<M: Message + Default>(&mut self, topic: Topic) -> Result<M, ReadError> {
@@ -121,15 +135,28 @@ impl Reader {
     }
 
     fn next_or_end<M: Message + Default>(&mut self, topic: Topic) -> Result<Option<M>, ReadError> {
+        match self.next_message()? {
+            None => Ok(None),
+            Some((Some(found), data)) if found == topic => self.decode(topic, &data).map(Some),
+            Some((found, _)) => {
+                let got = found.map_or("another topic", |found| found.names().0);
+                Err(self.unexpected(topic, got))
+            }
+        }
+    }
+
+    /// The next message.
+    fn next_message(&mut self) -> Result<Option<Found>, ReadError> {
         let Some(message) = self.messages.next() else { return Ok(None) };
         let message = message.map_err(|source| ReadError::Damaged {
             path: self.path.clone(),
             source: Box::new(source),
         })?;
-        if Topic::named(&message.channel.topic) != Some(topic) {
-            return Err(self.unexpected(topic, &message.channel.topic));
-        }
-        M::decode(&message.data[..]).map(Some).map_err(|source| ReadError::Decode {
+        Ok(Some((Topic::named(&message.channel.topic), message.data.to_vec())))
+    }
+
+    fn decode<M: Message + Default>(&self, topic: Topic, data: &[u8]) -> Result<M, ReadError> {
+        M::decode(data).map_err(|source| ReadError::Decode {
             path: self.path.clone(),
             topic: topic.names().0,
             source,

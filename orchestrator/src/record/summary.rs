@@ -17,7 +17,11 @@ pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> 
         .files
         .iter()
         .map(|(file, n, _)| {
-            let counted = if file.ends_with(".mcap") { "messages" } else { "rows" };
+            let counted = match file.rsplit('.').next() {
+                Some("mcap") => "messages",
+                Some("pcap") => "frames",
+                _ => "rows",
+            };
             ((*file).to_owned(), json!({ counted: n }))
         })
         .collect();
@@ -33,10 +37,13 @@ pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> 
         "status": ending.status.name(),
         "reason": ending.reason,
         "steps": n_steps,
+        "start": header.start.name(),
+        "robots_started_s": measures.map(|measures| seconds(measures.start_ns)),
         "simulated_s": measures.map_or(0.0, |measures| seconds(measures.time_ns)),
         "final_digest": written.digest.map(|digest| hex(&digest)),
         "task": measures.map(task),
         "network": measures.map(network),
+        "kpis": measures.map(|measures| measures.kpis.summary()),
         "files": files,
         "warnings": warnings(header, ending, written),
     })
@@ -119,10 +126,13 @@ fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<Strin
         Status::Failed => warnings.push(format!("the run failed after {n_steps} steps")),
     }
     if let Some(measures) = measures {
-        if 0 < measures.n_steps && measures.transmissions == 0 {
-            warnings.push("nothing was transmitted".to_owned());
-        } else if 0 < measures.n_steps && measures.deliveries == 0 {
-            warnings.push("nothing that was transmitted was delivered".to_owned());
+        warnings.extend(measures.kpis.warnings());
+        // A network that carries packets of its own may have been asked for nothing else.
+        let carries_packets = measures.kpis.account.has_applications();
+        if 0 < measures.n_steps && measures.transmissions == 0 && !carries_packets {
+            warnings.push("nothing that robots sent was transmitted".to_owned());
+        } else if measures.transmissions != 0 && measures.deliveries == 0 {
+            warnings.push("nothing that robots sent was delivered".to_owned());
         }
     }
     if let Links::Sample { fraction } = header.output.links {

@@ -3,7 +3,9 @@
 use super::RecordError;
 use super::whole::{Fingerprint, WholeFile};
 use parquet::basic::{Compression, Encoding, ZstdLevel};
-use parquet::data_type::{BoolType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::data_type::{
+    BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type,
+};
 use parquet::errors::ParquetError;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
@@ -49,6 +51,8 @@ pub enum ColumnKind {
     U32,
     /// `INT64`, unsigned.
     U64,
+    /// `BYTE_ARRAY`, UTF-8.
+    Text,
 }
 
 impl ColumnKind {
@@ -61,22 +65,24 @@ impl ColumnKind {
             Self::F64 => "f64",
             Self::U32 => "u32",
             Self::U64 => "u64",
+            Self::Text => "text",
         }
     }
 }
 
 /// A value on its way into a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Cell {
+pub(crate) enum Cell<'a> {
     Null,
     Bool(bool),
     F32(f32),
     F64(f64),
     U32(u32),
     U64(u64),
+    Text(&'a str),
 }
 
-impl Cell {
+impl Cell<'_> {
     /// The value, or null.
     pub(crate) fn or_null<T>(value: Option<T>, cell: impl Fn(T) -> Self) -> Self {
         value.map_or(Self::Null, cell)
@@ -86,7 +92,6 @@ impl Cell {
 /// A table being written.
 pub(crate) struct Table {
     path: PathBuf,
-    shape: &'static TableShape,
     writer: SerializedFileWriter<WholeFile>,
     columns: Vec<Column>,
     n_rows: usize,
@@ -96,22 +101,42 @@ pub(crate) struct Table {
 impl Table {
     /// Begins the file in `dir`.
     pub(crate) fn create(dir: &Path, shape: &'static TableShape) -> Result<Self, RecordError> {
+        Self::create_with(dir, shape, &[])
+    }
+
+    /// Begins the file in `dir`, with further columns of numbers that may be null.
+    pub(crate) fn create_with(
+        dir: &Path,
+        shape: &'static TableShape,
+        further: &[String],
+    ) -> Result<Self, RecordError> {
         let path = dir.join(shape.file);
         let file = WholeFile::create(path.clone())?;
         let failed = |source| RecordError::Table { path: path.clone(), source };
-        let schema = parse_message_type(&schema_text(shape)).map_err(failed)?;
+        let schema = parse_message_type(&schema_text(shape, further)).map_err(failed)?;
         let writer = SerializedFileWriter::new(file, Arc::new(schema), properties(shape)?)
             .map_err(failed)?;
-        let columns = shape.columns.iter().map(Column::new).collect();
-        Ok(Self { path, shape, writer, columns, n_rows: 0, n_written: 0 })
+        let further = further.iter().map(|_| Column::new(ColumnKind::F64, true));
+        let columns = shape
+            .columns
+            .iter()
+            .map(|column| Column::new(column.kind, !column.null_when.is_empty()))
+            .chain(further)
+            .collect();
+        Ok(Self { path, writer, columns, n_rows: 0, n_written: 0 })
     }
 
     /// Adds a row: one cell per column.
-    pub(crate) fn push<const N: usize>(&mut self, row: [Cell; N]) -> Result<(), RecordError> {
-        assert_eq!(N, self.columns.len(), "{}: cells in a row", self.shape.file);
-        for (column, cell) in self.columns.iter_mut().zip(row) {
-            column.push(cell);
+    pub(crate) fn push<'a>(
+        &mut self,
+        row: impl IntoIterator<Item = Cell<'a>>,
+    ) -> Result<(), RecordError> {
+        let mut n_cells = 0;
+        for cell in row {
+            self.columns[n_cells].push(cell);
+            n_cells += 1;
         }
+        assert_eq!(n_cells, self.columns.len(), "{}: cells in a row", self.path.display());
         self.n_rows += 1;
         if self.n_rows == MAX_GROUP_ROWS { self.write_group() } else { Ok(()) }
     }
@@ -157,21 +182,23 @@ enum Values {
     F64(Vec<f64>),
     U32(Vec<i32>),
     U64(Vec<i64>),
+    Text(Vec<ByteArray>),
 }
 
 impl Column {
-    fn new(shape: &ColumnShape) -> Self {
-        let values = match shape.kind {
+    fn new(kind: ColumnKind, nullable: bool) -> Self {
+        let values = match kind {
             ColumnKind::Bool => Values::Bool(Vec::new()),
             ColumnKind::F32 => Values::F32(Vec::new()),
             ColumnKind::F64 => Values::F64(Vec::new()),
             ColumnKind::U32 => Values::U32(Vec::new()),
             ColumnKind::U64 => Values::U64(Vec::new()),
+            ColumnKind::Text => Values::Text(Vec::new()),
         };
-        Self { values, levels: (!shape.null_when.is_empty()).then(Vec::new) }
+        Self { values, levels: nullable.then(Vec::new) }
     }
 
-    fn push(&mut self, cell: Cell) {
+    fn push(&mut self, cell: Cell<'_>) {
         if let Some(levels) = &mut self.levels {
             levels.push(i16::from(cell != Cell::Null));
         }
@@ -182,6 +209,7 @@ impl Column {
             // Parquet stores unsigned numbers in signed ones of the same bits.
             (Values::U32(values), Cell::U32(value)) => values.push(value.cast_signed()),
             (Values::U64(values), Cell::U64(value)) => values.push(value.cast_signed()),
+            (Values::Text(values), Cell::Text(value)) => values.push(value.into()),
             (_, Cell::Null) if self.levels.is_some() => {}
             (_, cell) => panic!("{cell:?} does not belong in this column"),
         }
@@ -214,12 +242,13 @@ impl Column {
             Values::F64(values) => write::<DoubleType>(group, values, levels),
             Values::U32(values) => write::<Int32Type>(group, values, levels),
             Values::U64(values) => write::<Int64Type>(group, values, levels),
+            Values::Text(values) => write::<ByteArrayType>(group, values, levels),
         }
     }
 }
 
-fn schema_text(shape: &TableShape) -> String {
-    let columns: String = shape
+fn schema_text(shape: &TableShape, further: &[String]) -> String {
+    let mut columns: String = shape
         .columns
         .iter()
         .map(|column| {
@@ -230,10 +259,12 @@ fn schema_text(shape: &TableShape) -> String {
                 ColumnKind::F64 => ("double", ""),
                 ColumnKind::U32 => ("int32", " (INTEGER(32,false))"),
                 ColumnKind::U64 => ("int64", " (INTEGER(64,false))"),
+                ColumnKind::Text => ("binary", " (STRING)"),
             };
             format!("{presence} {kind} {}{annotation};\n", column.name)
         })
         .collect();
+    columns.extend(further.iter().map(|name| format!("optional double {name};\n")));
     format!("message {} {{\n{columns}}}", shape.file.trim_end_matches(".parquet"))
 }
 
@@ -249,7 +280,9 @@ fn properties(shape: &TableShape) -> Result<WriterPropertiesPtr, RecordError> {
     for column in shape.columns {
         let encoding = match column.kind {
             ColumnKind::U32 | ColumnKind::U64 => Encoding::DELTA_BINARY_PACKED,
-            ColumnKind::Bool | ColumnKind::F32 | ColumnKind::F64 => Encoding::PLAIN,
+            ColumnKind::Bool | ColumnKind::F32 | ColumnKind::F64 | ColumnKind::Text => {
+                Encoding::PLAIN
+            }
         };
         properties = properties.set_column_encoding(ColumnPath::from(column.name), encoding);
     }

@@ -1,42 +1,57 @@
 //! The tables of a run: their columns, and how a step becomes rows.
 
-use super::RecordError;
+mod network;
+mod shapes;
+
+pub use shapes::TABLES;
+
 use super::counts::heard;
 use super::output::{Links, OutputConfig};
 use super::period::{Period, distance_m};
-use super::table::{Cell, ColumnKind, ColumnShape, Table, TableShape};
+use super::table::{Cell, Table};
 use super::whole::Fingerprint;
+use super::{RecordError, RunHeader};
 use proto::rng::{Draws, Purpose, ordered_link};
-use proto::types::{AgentStates, Bitmap, MoteStates};
+use proto::types::{AgentStates, MoteStates, NetRecord, Statistic};
+use shapes::{LINKS, MOTES, NEIGHBOURS, PACKETS, SCHEDULE, STEPS, TRANSMISSIONS};
 use std::path::Path;
 
 /// The tables that a run writes.
 pub(crate) struct Tables {
-    links_choice: Links,
-    every_steps: u64,
+    output: OutputConfig,
+    /// Names of the motes' statistics.
+    statistics: Vec<String>,
     sample: Draws,
     steps: Option<Table>,
     links: Option<Table>,
+    transmissions: Option<Table>,
     packets: Option<Table>,
     motes: Option<Table>,
+    schedule: Option<Table>,
+    neighbours: Option<Table>,
 }
 
 impl Tables {
-    /// Begins the tables that are asked for.
-    pub(crate) fn create(
-        dir: &Path,
-        output: &OutputConfig,
-        seed: u64,
-    ) -> Result<Self, RecordError> {
+    /// Begins the tables that are asked for, of what there is.
+    pub(crate) fn create(dir: &Path, header: &RunHeader) -> Result<Self, RecordError> {
+        let RunHeader { output, records, seed, .. } = header;
         let table = |wanted: bool, shape| wanted.then(|| Table::create(dir, shape)).transpose();
+        let kept = |wanted: bool, record| wanted && records.contains(&record);
+        let statistics: Vec<String> =
+            header.statistics.iter().map(|(name, _)| name.clone()).collect();
+        let motes =
+            output.motes.then(|| Table::create_with(dir, &MOTES, &statistics)).transpose()?;
         Ok(Self {
-            links_choice: output.links,
-            every_steps: output.every_steps,
-            sample: Draws::new(seed, Purpose::RecordSample),
+            output: *output,
+            statistics,
+            sample: Draws::new(*seed, Purpose::RecordSample),
             steps: table(output.steps, &STEPS)?,
             links: table(output.links != Links::None, &LINKS)?,
-            packets: table(output.packets, &PACKETS)?,
-            motes: table(output.motes, &MOTES)?,
+            transmissions: table(output.transmissions, &TRANSMISSIONS)?,
+            packets: table(kept(output.packets, NetRecord::Packets), &PACKETS)?,
+            motes,
+            schedule: table(kept(output.schedule, NetRecord::Schedule), &SCHEDULE)?,
+            neighbours: table(kept(output.neighbours, NetRecord::HeardLinks), &NEIGHBOURS)?,
         })
     }
 
@@ -45,19 +60,21 @@ impl Tables {
         &mut self,
         states: &AgentStates,
         motes: &MoteStates,
+        statistics: &[Statistic],
     ) -> Result<(), RecordError> {
         self.agents(0, 0, states, &vec![0; states.len()])?;
-        self.mote_states(0, 0, motes)
+        self.motes(0, 0, motes, statistics)
     }
 
     /// Adds a step, if it is one of those asked for.
     pub(crate) fn add(&mut self, period: &Period<'_>) -> Result<(), RecordError> {
-        if !period.step.is_multiple_of(self.every_steps) {
+        self.network(period)?;
+        if !self.output.holds(period.step) {
             return Ok(());
         }
         self.agents(period.step, period.time_ns, period.states, &period.counts.neighbours)?;
         self.transmissions(period)?;
-        match self.links_choice {
+        match self.output.links {
             Links::None => {}
             Links::Heard => self.links_heard(period)?,
             Links::All => self.links_chosen(period, |_, _| true)?,
@@ -70,7 +87,7 @@ impl Tables {
                 })?;
             }
         }
-        self.mote_states(period.step, period.time_ns, period.motes)
+        Ok(())
     }
 
     /// Ends the tables. Returns each one's file, rows and fingerprint.
@@ -78,8 +95,11 @@ impl Tables {
         let tables = [
             (&STEPS, self.steps),
             (&LINKS, self.links),
+            (&TRANSMISSIONS, self.transmissions),
             (&PACKETS, self.packets),
             (&MOTES, self.motes),
+            (&SCHEDULE, self.schedule),
+            (&NEIGHBOURS, self.neighbours),
         ];
         let mut finished = Vec::new();
         for (shape, table) in tables {
@@ -122,7 +142,7 @@ impl Tables {
     }
 
     fn transmissions(&mut self, period: &Period<'_>) -> Result<(), RecordError> {
-        let Some(table) = &mut self.packets else { return Ok(()) };
+        let Some(table) = &mut self.transmissions else { return Ok(()) };
         let sent = &period.deliveries.transmissions;
         for (index, &sender) in sent.sender.iter().enumerate() {
             table.push([
@@ -173,40 +193,20 @@ impl Tables {
         }
         Ok(())
     }
+}
 
-    fn mote_states(
-        &mut self,
-        step: u64,
-        time_ns: u64,
-        motes: &MoteStates,
-    ) -> Result<(), RecordError> {
-        let Some(table) = &mut self.motes else { return Ok(()) };
-        let flag = |bitmap: &Option<Bitmap>, mote| {
-            Cell::or_null(bitmap.as_ref().map(|bitmap| bitmap.get(mote)), Cell::Bool)
-        };
-        let number = |column: &[u32], mote: usize| column.get(mote).copied();
-        for mote in 0..motes.alive.len() {
-            table.push([
-                Cell::U64(step),
-                Cell::U64(time_ns),
-                Cell::U32(mote as u32),
-                Cell::Bool(motes.alive.get(mote)),
-                flag(&motes.synced, mote),
-                flag(&motes.joined, mote),
-                Cell::or_null(number(&motes.rank, mote), Cell::U32),
-                Cell::or_null(
-                    number(&motes.parent, mote).filter(|&parent| parent != u32::MAX),
-                    Cell::U32,
-                ),
-                Cell::or_null(number(&motes.queue_length, mote), Cell::U32),
-            ])?;
-        }
-        Ok(())
-    }
+/// Whether `motes.parquet` has a column of that name whatever statistics there are.
+pub(crate) fn is_column_of_motes(name: &str) -> bool {
+    MOTES.columns.iter().any(|column| column.name == name)
 }
 
 /// The row of a link. `delivery` is the place of the delivery in the optional columns, if there was one.
-fn link(period: &Period<'_>, receiver: usize, index: usize, delivery: Option<usize>) -> [Cell; 10] {
+fn link(
+    period: &Period<'_>,
+    receiver: usize,
+    index: usize,
+    delivery: Option<usize>,
+) -> [Cell<'static>; 10] {
     let deliveries = period.deliveries;
     let sent = &deliveries.transmissions;
     let sender = sent.sender[index];
@@ -227,116 +227,4 @@ fn link(period: &Period<'_>, receiver: usize, index: usize, delivery: Option<usi
         Cell::or_null(rssi_dbm, Cell::F32),
         Cell::or_null(hops, Cell::U32),
     ]
-}
-
-/// The shapes of all tables.
-pub const TABLES: [&TableShape; 4] = [&STEPS, &LINKS, &PACKETS, &MOTES];
-
-const STEP: ColumnShape =
-    never_null("step", ColumnKind::U64, "The step, from 1; 0 is where the run begins.");
-const TIME: ColumnShape =
-    never_null("time_ns", ColumnKind::U64, "Simulated time at the end of the step (ns).");
-const NOT_KNOWN: &str = "the robot simulator does not report it";
-const NO_SUCH_STATE: &str = "the network has no such state";
-const NOT_RECEIVED: &str = "not received";
-
-const STEPS: TableShape = TableShape {
-    file: "steps.parquet",
-    row: "An agent at the end of a step, alive or not, and at the beginning (step 0).",
-    columns: &[
-        STEP,
-        TIME,
-        never_null("agent", ColumnKind::U32, "The agent, from 0."),
-        never_null("alive", ColumnKind::Bool, "It exists. Where false, the row says nothing else."),
-        never_null("x_m", ColumnKind::F64, "Position, east (m)."),
-        never_null("y_m", ColumnKind::F64, "Position, north (m)."),
-        never_null("z_m", ColumnKind::F64, "Position, up (m)."),
-        nullable("vx_mps", ColumnKind::F64, NOT_KNOWN, "Velocity over the step, east (m/s)."),
-        nullable("vy_mps", ColumnKind::F64, NOT_KNOWN, "Velocity over the step, north (m/s)."),
-        nullable("vz_mps", ColumnKind::F64, NOT_KNOWN, "Velocity over the step, up (m/s)."),
-        nullable(
-            "heading_rad",
-            ColumnKind::F64,
-            "bodies have no direction",
-            "Direction the body faces (rad, from +x towards +y).",
-        ),
-        never_null(
-            "n_heard",
-            ColumnKind::U32,
-            "How many other agents it heard in the step's period, each counted once.",
-        ),
-    ],
-};
-
-const LINKS: TableShape = TableShape {
-    file: "links.parquet",
-    row: "A transmission and an alive agent that might hear it: those chosen by `output.links`.",
-    columns: &[
-        STEP,
-        TIME,
-        never_null("sender", ColumnKind::U32, "The agent that sent."),
-        never_null("receiver", ColumnKind::U32, "The agent that might hear it."),
-        never_null("sent_ns", ColumnKind::U64, "When the first bit was sent (ns)."),
-        never_null(
-            "distance_m",
-            ColumnKind::F64,
-            "Between the two where the network took them to be during the period (m).",
-        ),
-        never_null("received", ColumnKind::Bool, "It was delivered."),
-        nullable("received_ns", ColumnKind::U64, NOT_RECEIVED, "When it was delivered (ns)."),
-        nullable(
-            "rssi_dbm",
-            ColumnKind::F32,
-            "not received, or the network does not report it",
-            "Received signal strength (dBm).",
-        ),
-        nullable("hops", ColumnKind::U32, NOT_RECEIVED, "Hops it took."),
-    ],
-};
-
-const PACKETS: TableShape = TableShape {
-    file: "packets.parquet",
-    row: "A transmission.",
-    columns: &[
-        never_null("step", ColumnKind::U64, "The step in whose period it was sent, from 1."),
-        never_null("sender", ColumnKind::U32, "The agent that sent it."),
-        never_null("sent_ns", ColumnKind::U64, "When its first bit was sent (ns)."),
-        never_null("end_ns", ColumnKind::U64, "When its last bit had arrived (ns)."),
-        never_null("payload_bytes", ColumnKind::U32, "Length of its payload (bytes)."),
-        never_null("n_receivers", ColumnKind::U32, "How many other agents received it."),
-    ],
-};
-
-const MOTES: TableShape = TableShape {
-    file: "motes.parquet",
-    row: "A mote at the end of a step, and at the beginning (step 0). Mote i is the radio of agent i.",
-    columns: &[
-        STEP,
-        TIME,
-        never_null("mote", ColumnKind::U32, "The mote, from 0."),
-        never_null("alive", ColumnKind::Bool, "Its radio works."),
-        nullable("synced", ColumnKind::Bool, NO_SUCH_STATE, "Synchronised to the network."),
-        nullable("joined", ColumnKind::Bool, NO_SUCH_STATE, "Joined the network."),
-        nullable("rank", ColumnKind::U32, NO_SUCH_STATE, "Routing rank (RFC 6550)."),
-        nullable(
-            "parent",
-            ColumnKind::U32,
-            "the mote has none, or the network has no such state",
-            "Preferred parent, a mote.",
-        ),
-        nullable("queue_length", ColumnKind::U32, NO_SUCH_STATE, "Packets waiting."),
-    ],
-};
-
-const fn never_null(name: &'static str, kind: ColumnKind, doc: &'static str) -> ColumnShape {
-    ColumnShape { name, kind, null_when: "", doc }
-}
-
-const fn nullable(
-    name: &'static str,
-    kind: ColumnKind,
-    null_when: &'static str,
-    doc: &'static str,
-) -> ColumnShape {
-    ColumnShape { name, kind, null_when, doc }
 }

@@ -25,6 +25,9 @@ fn header(name: &str) -> RunHeader {
         config_toml: "[experiment]\nname = \"made-up\"\n".to_owned(),
         labels: BTreeMap::new(),
         output: OutputConfig::default(),
+        start: Start::AtOnce,
+        records: Vec::new(),
+        statistics: Vec::new(),
         warnings: Vec::new(),
     }
 }
@@ -122,7 +125,9 @@ fn record(out: &Path, header: RunHeader, steps: u64) -> Recorder {
         let (robots, net) = replies(step);
         let digest = digest(step, coupling);
         let time_ns = step * STEP_NS;
-        recorder.step(StepRecord { step, time_ns, robots: &robots, net: &net, digest }).unwrap();
+        let record =
+            StepRecord { step, time_ns, robots: &robots, net: &net, commands: &[], digest };
+        recorder.step(record).unwrap();
     }
     recorder
 }
@@ -158,12 +163,12 @@ fn two_recordings_of_the_same_run_are_the_same_bytes() {
             "config.toml",
             "links.parquet",
             "motes.parquet",
-            "packets.parquet",
             "provenance.json",
             "report.html",
             "run.mcap",
             "steps.parquet",
-            "summary.json"
+            "summary.json",
+            "transmissions.parquet"
         ]
     );
 }
@@ -249,6 +254,7 @@ fn a_wrong_digest_is_found_with_its_step() {
         time_ns: 4 * STEP_NS,
         robots: &robots,
         net: &net,
+        commands: &[],
         digest: digest(3, Coupling::Sequential),
     };
     recorder.step(wrong).unwrap();
@@ -291,7 +297,7 @@ fn the_log_describes_itself_to_any_reader() {
     let out = tempfile::tempdir().unwrap();
     let content = fs::read(finished(out.path(), header("run")).dir.join("run.mcap")).unwrap();
     let summary = mcap::Summary::read(&content).unwrap().unwrap();
-    assert_eq!(summary.channels.len(), 7);
+    assert_eq!(summary.channels.len(), Topic::ALL.len());
     for topic in Topic::ALL {
         let channel = summary.channels.values().find(|c| c.topic == topic.names().0).unwrap();
         let schema = channel.schema.as_ref().unwrap();
@@ -318,11 +324,11 @@ fn what_is_not_asked_for_is_not_written() {
     header.output = OutputConfig {
         mcap: false,
         steps: false,
-        packets: false,
+        transmissions: false,
         motes: false,
         links: Links::None,
-        every_steps: 1,
         report: false,
+        ..OutputConfig::default()
     };
     let run = finished(out.path(), header);
     assert_eq!(names(&run.dir), ["config.toml", "provenance.json", "summary.json"]);
@@ -394,6 +400,7 @@ fn steps_out_of_order_are_refused() {
         time_ns: 4 * STEP_NS,
         robots: &robots,
         net: &net,
+        commands: &[],
         digest: digest(4, Coupling::Sequential),
     };
     // The thread finds out; the caller learns of it when it next hands something over, here after a few at most.
@@ -461,6 +468,7 @@ fn speeds_are_means_over_time_not_over_steps() {
         time_ns: 4 * STEP_NS,
         robots: &robots,
         net: &net,
+        commands: &[],
         digest: digest(2, Coupling::Sequential),
     };
     recorder.step(still).unwrap();

@@ -1,6 +1,7 @@
 //! Checks a record: every file whole, every step there, every digest right.
 
 use super::directory::is_record;
+use super::pcap::{self, Counter};
 use super::read::{ReadError, Reader};
 use super::whole::{Fingerprint, fingerprint};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
@@ -9,6 +10,7 @@ use proto::digest::{hex, of_step};
 use proto::types::{Coupling, Deliveries};
 use serde_json::Value;
 use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// What was found.
@@ -50,6 +52,7 @@ pub fn verify(dir: &Path) -> Result<VerifyReport, VerifyError> {
     whole_files(dir, &provenance, &mut report);
     configuration(dir, &mut report);
     tables(dir, &summary, &mut report);
+    capture(dir, &summary, &mut report);
     if summary["files"].get("run.mcap").is_some() {
         steps(dir, &summary, &mut report);
     }
@@ -120,6 +123,32 @@ fn tables(dir: &Path, summary: &Value, report: &mut VerifyReport) {
             Err(error) => report.problems.push(format!("{name}: {error}")),
         }
     }
+}
+
+/// The capture ends where a frame does and holds as many as were written.
+fn capture(dir: &Path, summary: &Value, report: &mut VerifyReport) {
+    let Some(expected) = summary["files"][pcap::FILE]["frames"].as_u64() else { return };
+    let count = || -> std::io::Result<Counter> {
+        let mut file = File::open(dir.join(pcap::FILE))?;
+        let mut counter = Counter::default();
+        let mut block = vec![0; 1 << 16];
+        loop {
+            let n = file.read(&mut block)?;
+            if n == 0 {
+                return Ok(counter);
+            }
+            counter.read(&block[..n]);
+        }
+    };
+    let problem = match count() {
+        Ok(counter) if !counter.is_whole() => "ends within a frame".to_owned(),
+        Ok(counter) if counter.frames() != expected => {
+            format!("has {} frames, {expected} were written", counter.frames())
+        }
+        Ok(_) => return,
+        Err(error) => error.to_string(),
+    };
+    report.problems.push(format!("{}: {problem}", pcap::FILE));
 }
 
 /// Every step is there, one after the other, and its digest is that of what was exchanged.

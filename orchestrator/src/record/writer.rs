@@ -1,8 +1,10 @@
 //! Turns replies into files, step by step, in the order they come.
 
 use super::counts::Counts;
+use super::kpi::Kpis;
 use super::log::{MessageLog, Topic};
 use super::measures::Measures;
+use super::pcap::{self, Capture};
 use super::period::Period;
 use super::tables::Tables;
 use super::task::Task;
@@ -12,7 +14,7 @@ use proto::config;
 use proto::convert;
 use proto::digest::Digest;
 use proto::site;
-use proto::types::{AgentStates, Coupling};
+use proto::types::{AgentStates, Coupling, MoteCommand, NetRecord};
 use proto::v1;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,6 +33,7 @@ pub(crate) struct Step {
     pub(crate) time_ns: u64,
     pub(crate) robots: v1::RobotSimServiceStepResponse,
     pub(crate) net: v1::NetSimServiceStepResponse,
+    pub(crate) commands: Vec<MoteCommand>,
     pub(crate) digest: Digest,
 }
 
@@ -39,6 +42,7 @@ pub(crate) struct RunWriter {
     n_agents: usize,
     coupling: Coupling,
     log: Option<MessageLog>,
+    capture: Option<Capture>,
     tables: Tables,
     run: Option<Run>,
 }
@@ -50,6 +54,8 @@ struct Run {
     states: AgentStates,
     time_ns: u64,
     n_steps: u64,
+    /// Steps with orders, each with a message of its own.
+    n_ordered: u64,
     digest: Option<Digest>,
 }
 
@@ -77,7 +83,10 @@ impl RunWriter {
             n_agents: header.agent_count as usize,
             coupling: header.coupling,
             log,
-            tables: Tables::create(dir, &header.output, header.seed)?,
+            capture: (header.output.pcap && header.records.contains(&NetRecord::Capture))
+                .then(|| Capture::create(dir))
+                .transpose()?,
+            tables: Tables::create(dir, header)?,
             run: None,
         })
     }
@@ -93,11 +102,15 @@ impl RunWriter {
     /// Makes all files whole.
     pub(crate) fn finish(mut self) -> Result<Written, RecordError> {
         let mut files = Vec::new();
-        let n_steps = self.run.as_ref().map(|run| run.n_steps);
+        let n_steps = self.run.as_ref().map(|run| (run.n_steps, run.n_ordered));
         if let Some(log) = self.log.take() {
-            // Four messages about the configuration and three for each step.
-            let n_messages = n_steps.map_or(0, |n| 4 + 3 * n);
+            // Four messages about the configuration, three for each step, one more where there were orders.
+            let n_messages = n_steps.map_or(0, |(n, n_ordered)| 4 + 3 * n + n_ordered);
             files.push((LOG_FILE, n_messages, log.finish()?));
+        }
+        if let Some(capture) = self.capture.take() {
+            let (n_frames, fingerprint) = capture.finish()?;
+            files.push((pcap::FILE, n_frames, fingerprint));
         }
         files.extend(self.tables.finish()?);
         Ok(match self.run {
@@ -128,7 +141,14 @@ impl RunWriter {
         let n = self.n_agents;
         let states = convert::states(robot_response.states, n).map_err(of_robots(0))?;
         let motes = convert::motes(net_response.motes, n).map_err(of_network(0))?;
-        self.tables.begin(&states, &motes)?;
+        let statistics = convert::statistics(net_response.statistics, n).map_err(of_network(0))?;
+        let formation = convert::formation(net_response.formation, n).map_err(of_network(0))?;
+        let columns = statistics.as_ref().map(|statistics| &statistics.columns[..]);
+        self.tables.begin(&states, &motes, columns.unwrap_or_default())?;
+        if let Some(capture) = &mut self.capture {
+            capture.write(&net_response.capture_header)?;
+        }
+        let kpis = Kpis::new(formation, statistics);
         let effective = if robot_response.effective_config_toml.is_empty() {
             &robot_request.config_toml
         } else {
@@ -139,18 +159,19 @@ impl RunWriter {
             .map(|site| site::read(&site, "site", &mut Vec::new()).0)
             .unwrap_or_default();
         self.run = Some(Run {
-            measures: Measures::new(Task::of(effective), site, &states),
+            measures: Measures::new(Task::of(effective), site, &states, kpis),
             net_warnings: net_response.warnings,
             states,
             time_ns: 0,
             n_steps: 0,
+            n_ordered: 0,
             digest: None,
         });
         Ok(())
     }
 
     fn step(&mut self, step: Step) -> Result<(), RecordError> {
-        let Step { step, time_ns, mut robots, mut net, digest } = step;
+        let Step { step, time_ns, mut robots, mut net, commands, digest } = step;
         let expected = self.run.as_ref().map_or(0, |run| run.n_steps + 1);
         let Some(run) = self.run.as_mut().filter(|_| step == expected) else {
             return Err(RecordError::Order { got: step, expected });
@@ -158,7 +179,18 @@ impl RunWriter {
         // Only a stream carries them; the record is the same without.
         robots.digest.clear();
         net.digest.clear();
+        // In a file of its own.
+        let captured = std::mem::take(&mut net.capture);
+        if let Some(capture) = &mut self.capture {
+            capture.write(&captured)?;
+        }
         if let Some(log) = &mut self.log {
+            if !commands.is_empty() {
+                let commands = commands.into_iter().map(Into::into).collect();
+                let request = v1::NetSimServiceCommandRequest { commands };
+                log.write(Topic::NetCommand, step, time_ns, &request)?;
+                run.n_ordered += 1;
+            }
             log.write(Topic::RobotStep, step, time_ns, &robots)?;
             log.write(Topic::NetStep, step, time_ns, &net)?;
             let barrier = v1::RobotSimServiceBarrierResponse {
@@ -173,6 +205,11 @@ impl RunWriter {
         let deliveries =
             convert::deliveries(net.deliveries, n).map_err(of_network(step))?.unwrap_or_default();
         let motes = convert::motes(net.motes, n).map_err(of_network(step))?;
+        let formation = convert::formation(net.formation, n).map_err(of_network(step))?;
+        let packets = convert::packets(net.packets, n).map_err(of_network(step))?;
+        let statistics = convert::statistics(net.statistics, n).map_err(of_network(step))?;
+        let schedule = convert::schedule(net.schedule, n).map_err(of_network(step))?;
+        let heard_links = convert::heard_links(net.heard_links, n).map_err(of_network(step))?;
         let counts = Counts::of(&deliveries, n);
         let period = Period {
             step,
@@ -188,6 +225,12 @@ impl RunWriter {
             counts: &counts,
             motes: &motes,
             task_complete: robots.task_complete,
+            held: robots.held,
+            formation: formation.as_ref(),
+            packets: packets.as_ref(),
+            statistics: statistics.as_ref(),
+            schedule: schedule.as_ref(),
+            heard_links: heard_links.as_ref(),
         };
         self.tables.add(&period)?;
         run.measures.add(&period);

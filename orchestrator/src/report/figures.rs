@@ -1,8 +1,10 @@
 //! The pictures of a report. Each says in one sentence what it shows.
 
+use super::network;
 use super::svg::{Axis, Chart};
 use super::text::{chosen, count, number, percent};
 use crate::record::{DistanceBin, Measures, Sample, Trajectories};
+use proto::types::seconds;
 
 /// A picture with its words.
 #[derive(Clone, Debug)]
@@ -23,13 +25,18 @@ pub(crate) struct Figure {
 pub(crate) fn of_run(measures: &Measures, n_agents: u32) -> Vec<Figure> {
     let mut figures = vec![trajectories(measures)];
     if !measures.series.is_empty() {
-        figures.push(flock_speed(measures, n_agents));
-        figures.push(neighbours(measures, n_agents));
+        if measures.anybody_moved() {
+            figures.push(flock_speed(measures, n_agents));
+        }
+        if measures.anybody_spoke() {
+            figures.push(neighbours(measures, n_agents));
+        }
     }
     let by_distance = measures.by_distance();
     if !by_distance.is_empty() {
         figures.push(delivery(measures, &by_distance));
     }
+    figures.extend(network::of_run(measures));
     figures
 }
 
@@ -100,7 +107,7 @@ fn trajectories(measures: &Measures) -> Figure {
 }
 
 /// Axes of the same scale around what there is to show, and the height of their chart.
-fn equal_scales([x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> (Axis, Axis, f64) {
+pub(super) fn equal_scales([x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> (Axis, Axis, f64) {
     let (x0, x1, y0, y1) = if x0 <= x1 { (x0, x1, y0, y1) } else { (0.0, 0.0, 0.0, 0.0) };
     let plane = Chart::plane_width(WIDE);
     let margin = 0.04 * (x1 - x0).max(y1 - y0).max(0.5);
@@ -116,6 +123,13 @@ fn equal_scales([x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> (Axis, Axis, f64) {
     (x, y, Chart::with_plane_height(plane_height))
 }
 
+/// From when the robots started to the end.
+fn time_axis(measures: &Measures) -> Axis {
+    let start_s = seconds(measures.start_ns);
+    let end_s = measures.series.last().map_or(start_s, |sample| sample.time_s);
+    Axis::new("simulated time (s)", start_s, end_s)
+}
+
 fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
     let means = thinned(&measures.series, |sample| sample.flock_speed_mps);
     let mean_mps = measures.flock_speed_mps().unwrap_or(0.0);
@@ -123,8 +137,7 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
     let floor_mps = leader_mps.map(|speed| speed / f64::from(n_agents));
     let greatest = means.iter().map(|bucket| bucket.max).fold(0.0, f64::max);
     let top = greatest.max(leader_mps.unwrap_or(0.0)).max(1e-3) * 1.08;
-    let end_s = measures.series.last().map_or(1.0, |sample| sample.time_s);
-    let x = Axis::new("simulated time (s)", 0.0, end_s);
+    let x = time_axis(measures);
     let mut chart = Chart::new(x, Axis::new("flock speed (m/s)", 0.0, top), HALF, HALF_HEIGHT);
     if let Some(leader_mps) = leader_mps {
         chart.level(leader_mps, "leader");
@@ -162,8 +175,7 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
     let others = f64::from(n_agents.saturating_sub(1));
     let shows_all = others <= 1.5 * greatest;
     let top = (if shows_all { others.max(greatest) } else { greatest }).max(1.0) * 1.12;
-    let end_s = measures.series.last().map_or(1.0, |sample| sample.time_s);
-    let x = Axis::new("simulated time (s)", 0.0, end_s);
+    let x = time_axis(measures);
     let mut chart =
         Chart::new(x, Axis::new("neighbours heard", 0.0, top).whole(), HALF, HALF_HEIGHT);
     if shows_all {
@@ -261,8 +273,8 @@ const MAX_POINTS: usize = 500;
 /// More agents than this are drawn with finer marks.
 const MANY: usize = 60;
 /// Width of a picture across the page, in pixels.
-const WIDE: f64 = 1110.0;
+pub(super) const WIDE: f64 = 1110.0;
 /// Width of a picture across half of it.
-const HALF: f64 = 540.0;
+pub(super) const HALF: f64 = 540.0;
 /// Height of such a picture.
-const HALF_HEIGHT: f64 = 300.0;
+pub(super) const HALF_HEIGHT: f64 = 300.0;

@@ -119,6 +119,34 @@ impl Chart {
         }
     }
 
+    /// Straight lines between two points each, all alike.
+    pub(crate) fn segments(&mut self, class: &str, lines: impl IntoIterator<Item = [[f64; 2]; 2]>) {
+        let mut path = String::new();
+        for [from, to] in lines {
+            let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
+            let _ = write!(path, "M{x0:.1},{y0:.1}L{x1:.1},{y1:.1}");
+        }
+        if !path.is_empty() {
+            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
+        }
+    }
+
+    /// Rectangles between two corners each, all alike.
+    pub(crate) fn rectangles(
+        &mut self,
+        class: &str,
+        corners: impl IntoIterator<Item = [[f64; 2]; 2]>,
+    ) {
+        let mut path = String::new();
+        for [from, to] in corners {
+            let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
+            let _ = write!(path, "M{x0:.1},{y0:.1}H{x1:.1}V{y1:.1}H{x0:.1}Z");
+        }
+        if !path.is_empty() {
+            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
+        }
+    }
+
     /// Dots, all alike.
     pub(crate) fn dots(&mut self, class: &str, points: impl IntoIterator<Item = [f64; 2]>) {
         let mut path = String::new();

@@ -1,6 +1,7 @@
 //! Pages of made-up runs.
 
 use super::*;
+use crate::config::Start;
 use crate::record::OutputConfig;
 use proto::types::Coupling;
 use serde_json::json;
@@ -16,6 +17,9 @@ fn header(name: &str) -> RunHeader {
         config_toml: "note = \"<script>\"".to_owned(),
         labels: BTreeMap::new(),
         output: OutputConfig::default(),
+        start: Start::AtOnce,
+        records: Vec::new(),
+        statistics: Vec::new(),
         warnings: Vec::new(),
     }
 }

@@ -41,6 +41,11 @@ pub(crate) fn count(n: u64) -> String {
     thousands(&n.to_string())
 }
 
+/// So many things: one, or several.
+pub(crate) fn counted(n: u64, thing: &str) -> String {
+    format!("{} {thing}{}", count(n), if n == 1 { "" } else { "s" })
+}
+
 /// A share as per cent, never rounded to 0 or 100 from within.
 pub(crate) fn percent(share: f64) -> String {
     let percent = 100.0 * share;
@@ -97,6 +102,12 @@ mod tests {
     fn chosen_numbers_are_shown_as_they_were_chosen() {
         let shown = [7.0, 0.1, 0.1 + 0.2, 2.5, -1e-9].map(chosen);
         assert_eq!(shown, ["7", "0.1", "0.3", "2.5", "-1e-9"]);
+    }
+
+    #[test]
+    fn one_thing_is_not_several() {
+        let shown = [0, 1, 1234].map(|n| counted(n, "cell"));
+        assert_eq!(shown, ["0 cells", "1 cell", "1,234 cells"]);
     }
 
     #[test]

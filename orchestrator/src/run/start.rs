@@ -1,13 +1,13 @@
 //! Starting, connecting and configuring both sides.
 
 use super::RunError;
-use crate::config::{Plan, Refusal, SideConfig};
+use crate::config::{Plan, Refusal, SideConfig, Start, timeline};
 use crate::coupling::Coupled;
 use crate::peer::{Launch, Network, Peer, Reach, Robots, Service, SideError};
-use crate::record::{Configured, RunHeader};
+use crate::record::{Configured, RunHeader, is_column_of_motes};
 use proto::config::{Node, Problem, Value};
-use proto::types::{Coupling, DeliveryColumn};
-use proto::v1;
+use proto::types::{Coupling, DeliveryColumn, NetRecord};
+use proto::{convert, v1};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -35,6 +35,10 @@ pub struct Started {
     pub exchange: Configured,
     /// What the record begins with.
     pub header: RunHeader,
+    /// The robots stand still until the network has formed.
+    pub waits: bool,
+    /// What the network keeps for the record.
+    pub records: Vec<NetRecord>,
     /// Name, version, URL and transport of the robots.
     pub robots: SideIdentity,
     /// Name, version, URL and transport of the network.
@@ -106,19 +110,23 @@ pub async fn start(plan: &Plan, options: &StartOptions, record: bool) -> Result<
         }
     };
     match configure(plan, &mut robots, &mut network, record).await {
-        Ok((exchange, warnings)) => {
+        Ok(Agreed { exchange, warnings, start }) => {
             let identities = (identity(&robots), identity(&network));
-            let header = header(plan, &exchange);
+            let header = header(plan, &exchange, start);
+            let records = header.records.clone();
             match Coupled::new(
                 robots,
                 network,
                 plan.experiment.clone(),
                 exchange.robot_response.clone(),
+                exchange.net_response.clone(),
             ) {
                 Ok(coupled) => Ok(Started {
                     coupled,
                     exchange,
                     header,
+                    waits: start == Start::WhenFormed,
+                    records,
                     robots: identities.0,
                     network: identities.1,
                     warnings,
@@ -133,13 +141,20 @@ pub async fn start(plan: &Plan, options: &StartOptions, record: bool) -> Result<
     }
 }
 
-/// Configures both sides with the plan.
-pub(crate) async fn configure(
+/// What came of configuring both sides.
+struct Agreed {
+    exchange: Configured,
+    warnings: Vec<String>,
+    start: Start,
+}
+
+/// Makes sure that both sides announce what the plan asks of them.
+fn announced(
     plan: &Plan,
-    robots: &mut Peer<Robots>,
-    network: &mut Peer<Network>,
+    robots: &Peer<Robots>,
+    network: &Peer<Network>,
     record: bool,
-) -> Result<(Configured, Vec<String>), RunError> {
+) -> Result<(), RunError> {
     let coupling = plan.experiment.coupling;
     if coupling != Coupling::Sequential {
         for (name, side, parallel) in [
@@ -173,6 +188,76 @@ pub(crate) async fn configure(
             return Err(self::side(cannot(side, what)));
         }
     }
+    let capture: i32 = v1::NetRecord::from(NetRecord::Capture).into();
+    if record && plan.output.pcap && !network.described().records.contains(&capture) {
+        let what = format!(
+            "{} does not announce a capture of its radio traffic, which output.pcap = true asks for",
+            network.described().name
+        );
+        return Err(self::side(cannot(Network::SIDE, what)));
+    }
+    let mut problems: Vec<Problem> = plan
+        .timeline
+        .entries()
+        .iter()
+        .filter(|entry| {
+            let kind: i32 = entry.order.kind().into();
+            !network.described().mote_commands.contains(&kind)
+        })
+        .map(|entry| {
+            let name = &network.described().name;
+            Problem::new(
+                format!("timeline[{}].order", entry.index),
+                format!("is nothing that {name} obeys: {}", timeline::describe(entry)),
+            )
+        })
+        .collect();
+    // An entry with many motes or channels is many orders, and one problem.
+    problems.dedup_by(|a, b| a.path == b.path);
+    if !problems.is_empty() {
+        return Err(RunError::Refused(Refusal::new(&plan.path, &plan.text, &plan.tree, problems)));
+    }
+    Ok(())
+}
+
+/// When the robots start, now that it is known whether the network has anything to form.
+fn starts(
+    plan: &Plan,
+    robots: &Peer<Robots>,
+    network: &Peer<Network>,
+    forms: bool,
+) -> Result<Start, RunError> {
+    let start = match plan.start {
+        Some(Start::WhenFormed) if !forms => {
+            let what = format!(
+                "{} has nothing to form, which experiment.start = \"when-formed\" waits for; start = \"at-once\" does not",
+                network.described().name
+            );
+            return Err(side(cannot(Network::SIDE, what)));
+        }
+        None if forms => Start::WhenFormed,
+        start => start.unwrap_or(Start::AtOnce),
+    };
+    if start == Start::WhenFormed && !robots.described().hold {
+        let what = format!(
+            "{} does not announce hold, so its robots cannot stand still until the network has formed; with \
+             experiment.start = \"at-once\" they start while it forms",
+            robots.described().name
+        );
+        return Err(side(cannot(Robots::SIDE, what)));
+    }
+    Ok(start)
+}
+
+/// Configures both sides with the plan.
+async fn configure(
+    plan: &Plan,
+    robots: &mut Peer<Robots>,
+    network: &mut Peer<Network>,
+    record: bool,
+) -> Result<Agreed, RunError> {
+    announced(plan, robots, network, record)?;
+    let coupling = plan.experiment.coupling;
     let (seed, agent_count, step_ns) =
         (plan.experiment.seed, plan.experiment.agent_count as u32, plan.experiment.step_ns);
     let coupling = v1::Coupling::from(coupling).into();
@@ -192,6 +277,7 @@ pub(crate) async fn configure(
         files: files(&plan.robotsim),
     };
     let wanted: &[DeliveryColumn] = if record { plan.output.columns() } else { &[] };
+    let wanted_records = if record { plan.output.records() } else { Vec::new() };
     let network_request = v1::NetSimServiceConfigureRequest {
         seed,
         agent_count,
@@ -205,6 +291,11 @@ pub(crate) async fn configure(
             .filter(|column| network.described().columns.contains(column))
             .collect(),
         files: files(&plan.netsim),
+        records: wanted_records
+            .into_iter()
+            .map(|record| v1::NetRecord::from(record).into())
+            .filter(|record| network.described().records.contains(record))
+            .collect(),
     };
     let robots_response = robots
         .configure(robots_request.clone())
@@ -221,13 +312,39 @@ pub(crate) async fn configure(
             warnings.push(warning.clone());
         }
     }
+    let start = starts(plan, robots, network, network_response.formation.is_some())?;
+    let kept = network_response.records.iter();
+    if let Some(record) = kept.copied().find(|record| !network_request.records.contains(record)) {
+        let reason = format!("records: {record} was not asked for");
+        let doing = "Configure".to_owned();
+        return Err(side(SideError::Garbage { side: Network::SIDE, doing, reason }));
+    }
+    let columns = network_response.statistics.iter().flat_map(|statistics| &statistics.columns);
+    if let Some(column) = columns.into_iter().find(|column| is_column_of_motes(&column.name)) {
+        let reason = format!("statistics: {} is the name of a mote's state", column.name);
+        let doing = "Configure".to_owned();
+        return Err(side(SideError::Garbage { side: Network::SIDE, doing, reason }));
+    }
     let exchange = Configured {
         robot_request: robots_request,
         robot_response: robots_response,
         net_request: network_request,
         net_response: network_response,
     };
-    Ok((exchange, warnings))
+    let kept = records(&exchange);
+    if record && plan.output.pcap && !kept.contains(&NetRecord::Capture) {
+        warnings.push(
+            "output.pcap: the network, as it is configured, has no radio traffic to capture"
+                .to_owned(),
+        );
+    }
+    Ok(Agreed { exchange, warnings, start })
+}
+
+/// What the network keeps for the record.
+fn records(exchange: &Configured) -> Vec<NetRecord> {
+    // Each of them was asked for, hence known.
+    convert::records(&exchange.net_response.records).unwrap_or_default()
 }
 
 /// The section as the side is sent it: with defaults filled in if the side is our own.
@@ -238,7 +355,7 @@ fn sent<S: Service>(peer: &Peer<S>, side: &SideConfig) -> String {
     }
 }
 
-fn header(plan: &Plan, exchange: &Configured) -> RunHeader {
+fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHeader {
     let robotsim = effective(&exchange.robot_response.effective_config_toml, &plan.robotsim);
     let netsim = effective(&exchange.net_response.effective_config_toml, &plan.netsim);
     let mut labels = BTreeMap::new();
@@ -246,10 +363,14 @@ fn header(plan: &Plan, exchange: &Configured) -> RunHeader {
         labels.insert("knowledge".to_owned(), knowledge.to_owned());
     }
     let mut config = plan.effective.clone();
-    let output = config.remove("output");
+    if let Some(experiment) = config.get_mut("experiment").and_then(toml::Value::as_table_mut) {
+        experiment.insert("start".to_owned(), start.name().into());
+    }
+    let rest: Vec<_> =
+        ["timeline", "output"].map(|key| config.remove_entry(key)).into_iter().flatten().collect();
     config.insert("robotsim".to_owned(), robotsim.into());
     config.insert("netsim".to_owned(), netsim.into());
-    config.extend(output.map(|output| ("output".to_owned(), output)));
+    config.extend(rest);
     let mut tree = Node { value: Value::from(&toml::Value::Table(config)), span: None };
     for (key, file) in plan.robotsim.places.iter().chain(&plan.netsim.places) {
         // The key exists: the file was found through it.
@@ -265,6 +386,15 @@ fn header(plan: &Plan, exchange: &Configured) -> RunHeader {
         config_toml: config,
         labels,
         output: plan.output,
+        start,
+        records: records(exchange),
+        statistics: exchange
+            .net_response
+            .statistics
+            .iter()
+            .flat_map(|statistics| &statistics.columns)
+            .map(|column| (column.name.clone(), column.unit.clone()))
+            .collect(),
         // The network's own are recorded with its reply.
         warnings: Vec::new(),
     }

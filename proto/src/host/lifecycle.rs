@@ -132,6 +132,7 @@ pub(super) struct ConfigureFields {
     pub(super) config_toml: String,
     pub(super) files: Vec<v1::File>,
     pub(super) columns: Vec<i32>,
+    pub(super) records: Vec<i32>,
 }
 
 impl ConfigureFields {
@@ -151,6 +152,7 @@ impl ConfigureFields {
         }
         let coupling: Coupling = convert::coupling(self.coupling)?;
         let columns = convert::columns(&self.columns)?;
+        let records = convert::records(&self.records)?;
         let mut problems = Vec::new();
         let site = parse("site_toml", &self.site_toml, &mut problems)
             .map_or_else(Site::default, |node| site::read(&node, "site", &mut problems).0);
@@ -166,7 +168,8 @@ impl ConfigureFields {
             step_ns: self.step_ns,
             coupling,
         };
-        Ok(crate::side::Setup { experiment, site, config, path: String::new(), files, columns })
+        let path = String::new();
+        Ok(crate::side::Setup { experiment, site, config, path, files, columns, records })
     }
 }
 

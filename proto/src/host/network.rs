@@ -5,7 +5,7 @@ use super::lifecycle::{
     refusal,
 };
 use crate::side::{NetInput, NetOutput, NetSimulator, NotASnapshot};
-use crate::types::{AgentStates, Deliveries, MoteCommand};
+use crate::types::{AgentStates, Deliveries, MoteCommand, NetRecord};
 use crate::v1::net_sim_service_server::NetSimService;
 use crate::v1::net_sim_service_session_request::Request as SessionCall;
 use crate::v1::net_sim_service_session_response::Response as SessionReply;
@@ -44,6 +44,8 @@ struct Active {
     pending: Vec<MoteCommand>,
     /// What was delivered in the latest step: the robots are given it in the next.
     delivered: Option<Deliveries>,
+    /// What is kept for the record.
+    records: Vec<NetRecord>,
     last: v1::NetSimServiceStepResponse,
 }
 
@@ -54,6 +56,7 @@ struct Frozen {
     ledger: Ledger,
     pending: Vec<MoteCommand>,
     delivered: Option<Deliveries>,
+    records: Vec<NetRecord>,
     last: Vec<u8>,
     simulator: Vec<u8>,
 }
@@ -92,6 +95,7 @@ impl<S: NetSimulator> Lifecycle<S> {
                 .map(|&column| v1::DeliveryColumn::from(column).into())
                 .collect(),
             config_schema_json: S::config_schema_json(),
+            records: numbers(S::records()),
         }
     }
 
@@ -108,22 +112,31 @@ impl<S: NetSimulator> Lifecycle<S> {
             config_toml: request.config_toml,
             files: request.files,
             columns: request.columns,
+            records: request.records,
         }
         .setup()?;
         if let Some(column) = setup.columns.iter().find(|column| !S::columns().contains(column)) {
             return Err(Status::invalid_argument(format!("columns: {column:?} is not announced")));
+        }
+        if let Some(record) = setup.records.iter().find(|record| !S::records().contains(record)) {
+            return Err(Status::invalid_argument(format!("records: {record:?} is not announced")));
         }
         let start = self.simulator.configure(&setup).map_err(|problems| refusal(&problems))?;
         self.active = Some(Active {
             ledger: Ledger::new(setup.experiment, AgentStates::default()),
             pending: Vec::new(),
             delivered: None,
+            records: start.records.clone(),
             last: v1::NetSimServiceStepResponse::default(),
         });
         Ok(v1::NetSimServiceConfigureResponse {
             effective_config_toml: start.effective.to_string(),
             motes: Some(start.motes.into()),
             warnings: start.warnings,
+            formation: start.formation.map(Into::into),
+            records: numbers(&start.records),
+            statistics: start.statistics.map(Into::into),
+            capture_header: start.capture_header,
         })
     }
 
@@ -145,6 +158,14 @@ impl<S: NetSimulator> Lifecycle<S> {
         let mut commands = obeyed::<S>(request.commands, n)?;
         commands.extend_from_slice(&active.pending);
         commands.sort_by(|a, b| a.source.cmp(&b.source));
+        let records = convert::records(&request.records)?;
+        if let Some(record) =
+            records.iter().find(|record| !record.is_state() || !active.records.contains(record))
+        {
+            return Err(Status::invalid_argument(format!(
+                "records: {record:?} is not a state that is kept"
+            )));
+        }
 
         let input = NetInput {
             step: request.step,
@@ -155,8 +176,20 @@ impl<S: NetSimulator> Lifecycle<S> {
             moved_obstacles: &moved_obstacles,
             commands: &commands,
             stop_at_first_delivery: request.stop_at_first_delivery,
+            records: &records,
         };
-        let NetOutput { time_ns, deliveries, motes, commands } = self.simulator.step(&input);
+        let NetOutput {
+            time_ns,
+            deliveries,
+            motes,
+            commands,
+            formation,
+            packets,
+            capture,
+            statistics,
+            schedule,
+            heard_links,
+        } = self.simulator.step(&input);
 
         let given = active.delivered.replace(deliveries);
         let digest =
@@ -172,6 +205,12 @@ impl<S: NetSimulator> Lifecycle<S> {
                 .map(Into::into)
                 .collect(),
             digest,
+            formation: formation.map(Into::into),
+            packets: packets.map(Into::into),
+            capture,
+            statistics: statistics.map(Into::into),
+            schedule: schedule.map(Into::into),
+            heard_links: heard_links.map(Into::into),
         };
         Ok(active.last.clone())
     }
@@ -209,6 +248,7 @@ impl<S: NetSimulator> Lifecycle<S> {
             ledger: active.ledger.clone(),
             pending: active.pending.clone(),
             delivered: active.delivered.clone(),
+            records: active.records.clone(),
             last: active.last.encode_to_vec(),
             simulator,
         };
@@ -235,6 +275,7 @@ impl<S: NetSimulator> Lifecycle<S> {
             ledger: frozen.ledger,
             pending: frozen.pending,
             delivered: frozen.delivered,
+            records: frozen.records,
             last,
         });
         Ok(v1::NetSimServiceRestoreResponse { step, time_ns })
@@ -258,6 +299,10 @@ fn obeyed<S: NetSimulator>(
         }
     }
     Ok(commands)
+}
+
+fn numbers(records: &[NetRecord]) -> Vec<i32> {
+    records.iter().map(|&record| v1::NetRecord::from(record).into()).collect()
 }
 
 fn version<S: NetSimulator>() -> String {

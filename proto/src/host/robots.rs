@@ -84,6 +84,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
             commands: true,
             parallel: true,
             config_schema_json: S::config_schema_json(),
+            hold: true,
         }
     }
 
@@ -100,6 +101,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
             config_toml: request.config_toml,
             files: request.files,
             columns: Vec::new(),
+            records: Vec::new(),
         }
         .setup()?;
         let start = self.simulator.configure(&setup).map_err(|problems| refusal(&problems))?;
@@ -140,6 +142,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
             deliveries: deliveries.as_ref(),
             motes: motes.as_ref(),
             commands: &commands,
+            hold: request.hold,
         };
         let RobotOutput { states, payloads, moved_obstacles, commands, task_complete } =
             self.simulator.step(&input);
@@ -166,6 +169,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
                 .collect(),
             task_complete,
             digest,
+            held: request.hold,
         };
         Ok(active.last.clone())
     }

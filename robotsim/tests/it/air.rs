@@ -22,6 +22,7 @@ pub(crate) fn setup(toml: &str, n: usize, seed: u64) -> Setup {
         path: "robotsim".to_owned(),
         files: BTreeMap::new(),
         columns: Vec::new(),
+        records: Vec::new(),
     }
 }
 
@@ -49,6 +50,10 @@ impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
     }
 
     pub(crate) fn step_with(&mut self, commands: &[AgentCommand]) -> RobotOutput {
+        self.step_held(commands, false)
+    }
+
+    pub(crate) fn step_held(&mut self, commands: &[AgentCommand], hold: bool) -> RobotOutput {
         self.step += 1;
         let output = self.swarm.step(&RobotInput {
             step: self.step,
@@ -57,6 +62,7 @@ impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
             deliveries: self.deliveries.as_ref(),
             motes: None,
             commands,
+            hold,
         });
         self.states = output.states.clone();
         self.deliveries = Some(self.broadcast(output.payloads.clone()));

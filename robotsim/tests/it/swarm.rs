@@ -245,6 +245,7 @@ fn what_a_foreign_robot_says_is_counted_and_not_read() {
         deliveries: air.deliveries.as_ref(),
         motes: None,
         commands: &[],
+        hold: false,
     });
     assert_eq!(air.swarm.n_foreign_payloads(), 1);
     assert!(output.states.vy_mps[1] != 0.0, "the other follower was heard");
@@ -258,4 +259,29 @@ fn robots_with_headings_face_where_they_move() {
     let mut air = Air::new(&setup, |_, _, _, _| true);
     air.step_with(&[order(0, AgentOrder::Velocity([0.0, -1.0, 0.0]))]);
     assert_eq!(air.states.heading_rad, [-std::f64::consts::FRAC_PI_2, 2.0]);
+}
+
+#[test]
+fn a_swarm_that_is_told_to_hold_stands_still_and_then_does_what_it_would_have_done() {
+    for toml in [FLOCKING, LINE, JUMPS] {
+        let mut held = Air::new(&setup(toml, 9, 3), |_, _, _, _| true);
+        let begin = held.states.clone();
+        for _ in 0..4 {
+            let output = held.step_held(&[], true);
+            assert_eq!(output.states, begin, "{toml}");
+            assert!(!output.task_complete && !output.payloads.data().is_empty(), "{toml}");
+        }
+        // Deliveries and the step's number as at that moment: a swarm that has never held does the same.
+        let mut fresh = Air::new(&setup(toml, 9, 3), |_, _, _, _| true);
+        (fresh.step, fresh.deliveries) = (held.step, held.deliveries.clone());
+        assert_eq!(held.step().states, fresh.step().states, "{toml}");
+    }
+}
+
+#[test]
+fn an_order_that_comes_while_they_hold_is_obeyed_afterwards() {
+    let mut air = Air::new(&setup(HOLD, 1, 1), |_, _, _, _| true);
+    let up = order(0, AgentOrder::Velocity([0.0, 0.0, 2.0]));
+    assert_eq!(air.step_held(&[up], true).states.vz_mps, [0.0]);
+    assert_eq!(air.step().states.vz_mps, [2.0]);
 }

@@ -79,6 +79,10 @@ impl Table {
 
 impl Curve for Table {
     fn reception_probability(&self, rssi_dbm: f64) -> f64 {
+        let (last_dbm, last) = self.points[self.points.len() - 1];
+        if last_dbm <= rssi_dbm {
+            return last;
+        }
         let above = self.points.partition_point(|&(rssi, _)| rssi <= rssi_dbm);
         if above == 0 {
             return 0.0;

@@ -35,7 +35,7 @@ fn steps_hold_every_agent_from_the_beginning() {
 fn packets_and_motes_hold_what_the_network_said() {
     let out = tempfile::tempdir().unwrap();
     let dir = finished(out.path(), header("run")).dir;
-    let packets = rows(&dir, "packets.parquet");
+    let packets = rows(&dir, "transmissions.parquet");
     assert_eq!(packets.len(), 6 * STEPS as usize);
     assert_eq!(column(&packets[7], "sender"), Field::UInt(1));
     assert_eq!(column(&packets[7], "end_ns"), Field::ULong(STEP_NS + 12_000_000));

@@ -1,0 +1,199 @@
+//! `[[netsim.app]]`: who sends how much to whom.
+
+use proto::config::{Choice, Default, Field, Kind, Problem, Range, TableSpec, Tag, Variant, join};
+use proto::types::NS_PER_S;
+use serde::{Deserialize, Serialize};
+
+/// Description of `[[netsim.app]]`.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "An application: packets that motes send of their own accord.",
+    fields: &[
+        Field {
+            key: "senders",
+            doc: "Which motes send.",
+            kind: Kind::Either(&[
+                Kind::Choice(&[Choice { name: "all", doc: "All that have somebody to send to." }]),
+                Kind::List {
+                    of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
+                    min: 1,
+                    max: usize::MAX,
+                },
+            ]),
+            default: Default::Text("all"),
+        },
+        Field {
+            key: "destination",
+            doc: "To whom: one of these, or the number of a mote.",
+            kind: Kind::Either(&[
+                Kind::Choice(&[
+                    Choice { name: "root", doc: "The root of the sender's DODAG." },
+                    Choice { name: "peers", doc: "Another mote at random, each time." },
+                    Choice { name: "all", doc: "Every other mote in turn." },
+                ]),
+                Kind::Integer { min: 0, max: u32::MAX as i64 },
+            ]),
+            default: Default::Text("root"),
+        },
+        Field {
+            key: "payload_bytes",
+            doc: "UDP payload of a packet. With headers it stays below IPv6's least MTU, 1280 bytes.",
+            kind: Kind::Integer { min: 1, max: MAX_PAYLOAD_BYTES },
+            default: Default::Integer(30),
+        },
+    ],
+    tag: Some(&Tag {
+        key: "kind",
+        doc: "When packets are sent.",
+        default: Some("periodic"),
+        variants: || vec![PERIODIC, BURST],
+    }),
+};
+
+const PERIODIC: Variant = Variant {
+    name: "periodic",
+    doc: "Again and again, from the moment the mote may send.",
+    fields: &[
+        Field {
+            key: "period_s",
+            doc: "Mean time between two packets of a mote (s). 60: the 6TiSCH simulator.",
+            kind: Kind::Number(Range::closed(1e-3, 1e6)),
+            default: Default::Number(60.0),
+        },
+        Field {
+            key: "jitter",
+            doc: "Each such time is drawn within this part of it to either side. 0.05: the 6TiSCH simulator.",
+            kind: Kind::Number(Range::closed(0.0, 0.99)),
+            default: Default::Number(0.05),
+        },
+    ],
+};
+
+const BURST: Variant = Variant {
+    name: "burst",
+    doc: "Several packets at once, once.",
+    fields: &[
+        Field {
+            key: "at_s",
+            doc: "So long after the mote may send (s).",
+            kind: Kind::Number(Range::closed(0.0, 1e6)),
+            default: Default::Required,
+        },
+        Field {
+            key: "n_packets",
+            doc: "How many.",
+            kind: Kind::Integer { min: 1, max: 10_000 },
+            default: Default::Integer(1),
+        },
+    ],
+};
+
+/// Longest UDP payload (bytes).
+const MAX_PAYLOAD_BYTES: i64 = 1000;
+
+/// When packets are sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Pattern {
+    /// Again and again.
+    Periodic {
+        /// Mean time between two packets (ns).
+        period_ns: u64,
+        /// Each such time is drawn uniformly, so far (ns) to either side; less than the period.
+        jitter_ns: u64,
+    },
+    /// Several at once, once.
+    Burst {
+        /// So long (ns) after the mote may send.
+        after_ns: u64,
+        /// How many; at least 1.
+        n_packets: u32,
+    },
+}
+
+/// To whom packets are sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Peer {
+    /// The root of the sender's DODAG.
+    Root,
+    /// A mote.
+    Mote(u32),
+    /// Another mote, drawn for each packet.
+    Random,
+    /// Every other mote in turn: from a root, traffic down the network.
+    All,
+}
+
+/// An application as configured.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Spec {
+    /// When.
+    pub pattern: Pattern,
+    /// To whom.
+    pub peer: Peer,
+    /// UDP payload (bytes).
+    pub payload_bytes: u16,
+    /// By whom; `None`: by all that have somebody to send to.
+    pub senders: Option<Vec<u32>>,
+}
+
+impl Spec {
+    /// Reads one table that [`SPEC`] has checked. `n_motes` bounds the numbers of motes. Appends what is wrong to `problems`.
+    pub fn read(
+        table: &toml::Table,
+        path: &str,
+        n_motes: u32,
+        problems: &mut Vec<Problem>,
+    ) -> Option<Self> {
+        let before = problems.len();
+        let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
+        let ns = |key: &str| {
+            let number = table.get(key).and_then(toml::Value::as_float);
+            number.map(|seconds| (seconds * NS_PER_S as f64).round() as u64)
+        };
+        let mut mote = |key: String, number: i64| {
+            let valid = u32::try_from(number).ok().filter(|&mote| mote < n_motes);
+            if valid.is_none() {
+                let last = n_motes.saturating_sub(1);
+                let message = format!("must be a mote, 0 to {last}");
+                problems.push(Problem::new(key, message).value(number).nearest(last));
+            }
+            valid
+        };
+
+        let peer = match table.get("destination")? {
+            toml::Value::Integer(number) => {
+                mote(join(path, "destination"), *number).map(Peer::Mote)
+            }
+            value => match value.as_str()? {
+                "peers" => Some(Peer::Random),
+                "all" => Some(Peer::All),
+                _ => Some(Peer::Root),
+            },
+        };
+        let senders = match table.get("senders")? {
+            toml::Value::Array(list) => {
+                let numbers = list.iter().filter_map(toml::Value::as_integer).enumerate();
+                let motes = numbers.filter_map(|(index, number)| {
+                    mote(join(path, &format!("senders[{index}]")), number)
+                });
+                Some(motes.collect())
+            }
+            _ => None,
+        };
+        let pattern = match table.get("kind")?.as_str()? {
+            "burst" => Pattern::Burst {
+                after_ns: ns("at_s")?,
+                n_packets: u32::try_from(integer("n_packets")?).ok()?,
+            },
+            _ => {
+                let period_ns = ns("period_s")?;
+                let jitter = table.get("jitter").and_then(toml::Value::as_float)?;
+                Pattern::Periodic { period_ns, jitter_ns: (period_ns as f64 * jitter) as u64 }
+            }
+        };
+        let payload_bytes = u16::try_from(integer("payload_bytes")?).ok()?;
+        if problems.len() != before {
+            return None;
+        }
+        Some(Self { pattern, peer: peer?, payload_bytes, senders })
+    }
+}

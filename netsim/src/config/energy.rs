@@ -1,0 +1,41 @@
+//! `[netsim.energy]`.
+
+use crate::energy::{BATTERY_AA_MAH, Model};
+use proto::config::{Choice, Default, Field, Kind, Range, TableSpec};
+
+/// Description of `[netsim.energy]`.
+pub(super) const SPEC: TableSpec = TableSpec {
+    doc: "From what the radio does to charge.",
+    fields: &[
+        Field {
+            key: "model",
+            doc: "What a slot takes.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "per-slot",
+                    doc: "One charge per kind of slot: the 6TiSCH simulator's table.",
+                },
+                Choice {
+                    name: "by-length",
+                    doc: "By the length of frames: TSCH-Sim's regression on the CC2650.",
+                },
+            ]),
+            default: Default::Text("per-slot"),
+        },
+        Field {
+            key: "battery_mah",
+            doc: "Charge of a new battery (mAh). 2821.5: two AA cells, as in the 6TiSCH simulator.",
+            kind: Kind::Number(Range::POSITIVE),
+            default: Default::Number(BATTERY_AA_MAH),
+        },
+    ],
+    tag: None,
+};
+
+/// Makes the model and the battery (mAh) of the checked table.
+pub(super) fn build(table: &toml::Table) -> (Model, f64) {
+    let by_length = table.get("model").and_then(toml::Value::as_str) == Some("by-length");
+    let battery_mah = table.get("battery_mah").and_then(toml::Value::as_float);
+    let model = if by_length { Model::ByLength } else { Model::PerSlot };
+    (model, battery_mah.unwrap_or(BATTERY_AA_MAH))
+}

@@ -1,0 +1,157 @@
+//! `[netsim.mac]`.
+
+use crate::mac::tsch::Config;
+use proto::config::{Default, Field, Kind, Problem, Range, TableSpec, join};
+use proto::types::NS_PER_S;
+
+/// Description of `[netsim.mac]`.
+pub(super) const SPEC: TableSpec = TableSpec {
+    doc: "Time-slotted channel hopping (IEEE Std 802.15.4-2015, RFC 8180).",
+    fields: &[
+        Field {
+            key: "queue_frames",
+            doc: "Frames that may wait at a mote; 0: any number. 10: the 6TiSCH simulator's.",
+            kind: Kind::Integer { min: 0, max: 10_000 },
+            default: Default::Integer(10),
+        },
+        Field {
+            key: "max_retries",
+            doc: "How often a frame is sent again that is not acknowledged (macMaxFrameRetries). 5: the 6TiSCH simulator's; \
+                  IEEE Std 802.15.4-2015 allows 0 to 7 and has 3.",
+            kind: Kind::Integer { min: 0, max: 1000 },
+            default: Default::Integer(5),
+        },
+        Field {
+            key: "min_backoff_exponent",
+            doc: "Shared cells to wait after a first failure: 0 to 2^this - 1 (macMinBe).",
+            kind: Kind::Integer { min: 0, max: 8 },
+            default: Default::Integer(1),
+        },
+        Field {
+            key: "max_backoff_exponent",
+            doc: "Shared cells to wait after many failures: 0 to 2^this - 1 (macMaxBe).",
+            kind: Kind::Integer { min: 3, max: 8 },
+            default: Default::Integer(7),
+        },
+        Field {
+            key: "beacon_period_s",
+            doc: "Mean time between a mote's beacons (s), jittered by a quarter. 16: as in Contiki-NG.",
+            kind: Kind::Number(Range::closed(0.01, 1e5)),
+            default: Default::Number(16.0),
+        },
+        Field {
+            key: "beacon_spacing_s",
+            doc: "Least mean time (s) between the beacons of all motes in reach of each other: where there are many, each \
+                  sends fewer. 3: a third of the cells of a slotframe of 101 slots of 10 ms.",
+            kind: Kind::Number(Range::closed(0.0, 1e5)),
+            default: Default::Number(3.0),
+        },
+        Field {
+            key: "beacon_wait_s",
+            doc: "How long a joining mote waits for further beacons after the first (s): MAX_EB_DELAY of RFC 8180, § 6.3.",
+            kind: Kind::Number(Range::closed(0.0, 1e5)),
+            default: Default::Number(180.0),
+        },
+        Field {
+            key: "neighbours_to_wait",
+            doc: "Beacons of so many neighbours end that wait: NUM_NEIGHBOURS_TO_WAIT of RFC 8180, § 6.3.",
+            kind: Kind::Integer { min: 1, max: 1000 },
+            default: Default::Integer(2),
+        },
+        Field {
+            key: "scan_dwell_s",
+            doc: "How long a joining mote listens on a channel before it turns to another (s). 1: as in TSCH-Sim.",
+            kind: Kind::Number(Range::closed(1e-6, 1e5)),
+            default: Default::Number(1.0),
+        },
+        Field {
+            key: "keep_alive_s",
+            doc: "A mote that has not heard its time source for so long sends it a frame (s); 0: clocks are not kept, \
+                  nobody loses synchronisation. 10: the 6TiSCH simulator's.",
+            kind: Kind::Number(Range::closed(0.0, 1e5)),
+            default: Default::Number(10.0),
+        },
+        Field {
+            key: "desynchronise_s",
+            doc: "A mote that has not heard its time source for so long begins to scan (s). 17.5: clocks of 30 ppm each way \
+                  are then off by the guard time, 1.1 ms.",
+            kind: Kind::Number(Range::above(0.0, 1e6)),
+            default: Default::Number(17.5),
+        },
+        Field {
+            key: "max_drift_ppm",
+            doc: "Greatest error of a clock's rate (ppm); each mote's is uniform up to it.",
+            kind: Kind::Number(Range::closed(0.0, 1e4)),
+            default: Default::Number(30.0),
+        },
+        Field {
+            key: "crystal_hz",
+            doc: "Ticks in which clocks are put right (Hz).",
+            kind: Kind::Integer { min: 1000, max: 1_000_000_000 },
+            default: Default::Integer(32_768),
+        },
+        Field {
+            key: "pending_bit",
+            doc: "A frame announces that another one for the same neighbour follows in the next slot, if that is free.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+    ],
+    tag: None,
+};
+
+/// Makes the MAC's settings of the checked table.
+pub(super) fn build(
+    table: &toml::Table,
+    path: &str,
+    slot_ns: u64,
+    hopping_sequence: &[u8],
+    beacon_probability: Option<f64>,
+    problems: &mut Vec<Problem>,
+) -> Config {
+    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer).unwrap_or_default();
+    let number = |key: &str| table.get(key).and_then(toml::Value::as_float).unwrap_or_default();
+    let ns = |key: &str| (number(key) * NS_PER_S as f64).round() as u64;
+    let (min, max) = (integer("min_backoff_exponent"), integer("max_backoff_exponent"));
+    if max < min {
+        problems.push(
+            Problem::new(
+                join(path, "min_backoff_exponent"),
+                format!("must not exceed max_backoff_exponent, {max}"),
+            )
+            .value(min)
+            .nearest(max),
+        );
+    }
+    if ns("keep_alive_s") != 0 && ns("desynchronise_s") <= ns("keep_alive_s") {
+        problems.push(
+            Problem::new(
+                join(path, "desynchronise_s"),
+                format!("must exceed keep_alive_s, {} s", number("keep_alive_s")),
+            )
+            .value(number("desynchronise_s"))
+            .nearest(number("keep_alive_s") * 1.75),
+        );
+    }
+    Config {
+        slot_ns,
+        hopping_sequence: hopping_sequence.to_vec(),
+        queue_capacity: Some(integer("queue_frames") as u16).filter(|&frames| frames != 0),
+        max_retries: Some(integer("max_retries") as u16),
+        min_exponent: min as u8,
+        max_exponent: max as u8,
+        beacon_period_ns: ns("beacon_period_s"),
+        beacon_spacing_ns: ns("beacon_spacing_s"),
+        beacon_probability,
+        contends_as_peer: false,
+        beacon_wait_ns: ns("beacon_wait_s"),
+        neighbours_to_wait: integer("neighbours_to_wait") as u16,
+        scan_dwell_slots: (ns("scan_dwell_s") / slot_ns.max(1)).clamp(1, u64::from(u32::MAX))
+            as u32,
+        keep_alive_ns: ns("keep_alive_s"),
+        desynchronise_ns: ns("desynchronise_s"),
+        max_drift_ppm: number("max_drift_ppm"),
+        crystal_hz: integer("crystal_hz") as u32,
+        pending_bit: table.get("pending_bit").and_then(toml::Value::as_bool).unwrap_or_default(),
+    }
+}

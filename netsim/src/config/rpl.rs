@@ -1,0 +1,160 @@
+//! `[netsim.rpl]`.
+
+use super::compat::Compat;
+use crate::rpl::{Config, Mode, Objective, Solicitation};
+use proto::config::{Choice, Default, Field, Kind, Range, TableSpec};
+use proto::types::NS_PER_S;
+
+/// Description of `[netsim.rpl]`.
+pub(super) const SPEC: TableSpec = TableSpec {
+    doc: "Routing (RPL, RFC 6550; Trickle, RFC 6206).",
+    fields: &[
+        Field {
+            key: "mode",
+            doc: "Who keeps routes down.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "non-storing",
+                    doc: "Only the root: datagrams go down by source routes (RFC 8180, § 5.2).",
+                },
+                Choice {
+                    name: "storing",
+                    doc: "Every router knows the next hop to everyone below it.",
+                },
+            ]),
+            default: Default::Text("non-storing"),
+        },
+        Field {
+            key: "objective",
+            doc: "How rank follows from links.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "of0",
+                    doc: "Objective function zero over ETX (RFC 6552; RFC 8180, § 5.1.1).",
+                },
+                Choice { name: "mrhof", doc: "Minimum rank with hysteresis over ETX (RFC 6719)." },
+            ]),
+            default: Default::Text("of0"),
+        },
+        Field {
+            key: "dio_interval_min",
+            doc: "Shortest Trickle interval as a power of two (ms). 14: 16.384 s, the 6TiSCH simulator's.",
+            kind: Kind::Integer { min: 0, max: 30 },
+            default: Default::Integer(14),
+        },
+        Field {
+            key: "dio_interval_doublings",
+            doc: "How often that may double. 9: to 2.33 h.",
+            kind: Kind::Integer { min: 0, max: 20 },
+            default: Default::Integer(9),
+        },
+        Field {
+            key: "dio_redundancy",
+            doc: "DIOs heard in an interval that make one's own superfluous; 0: none do.",
+            kind: Kind::Integer { min: 0, max: 255 },
+            default: Default::Integer(3),
+        },
+        Field {
+            key: "max_rank_increase",
+            doc: "How far rank may rise within a version of the DODAG (RFC 6550, § 8.2.2.4); 0: without bound.",
+            kind: Kind::Integer { min: 0, max: 65_535 },
+            default: Default::Integer(7168),
+        },
+        Field {
+            key: "solicitation",
+            doc: "How a mote without a DODAG asks for one.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "unicast",
+                    doc: "First the mote through which it joined, later everyone.",
+                },
+                Choice { name: "multicast", doc: "Everyone." },
+                Choice { name: "off", doc: "Not at all." },
+            ]),
+            default: Default::Text("unicast"),
+        },
+        Field {
+            key: "dis_period_s",
+            doc: "Time between solicitations (s).",
+            kind: Kind::Number(Range::closed(1.0, 1e5)),
+            default: Default::Number(60.0),
+        },
+        Field {
+            key: "route_lifetime_s",
+            doc: "How long routes down live (s), in whole minutes.",
+            kind: Kind::Number(Range::closed(60.0, 15_000.0)),
+            default: Default::Number(1800.0),
+        },
+        Field {
+            key: "dao_period_s",
+            doc: "Time between advertisements of routes down (s); 0: half their lifetime.",
+            kind: Kind::Number(Range::closed(0.0, 15_000.0)),
+            default: Default::Number(0.0),
+        },
+        Field {
+            key: "dao_delay_s",
+            doc: "An advertisement waits so long in the mean for others to go with it (s): RFC 6550's DEFAULT_DAO_DELAY.",
+            kind: Kind::Number(Range::closed(0.0, 1000.0)),
+            default: Default::Number(1.0),
+        },
+        Field {
+            key: "dao_ack",
+            doc: "Whether they ask for acknowledgment.",
+            kind: Kind::Bool,
+            default: Default::Bool(true),
+        },
+        Field {
+            key: "routes_down",
+            doc: "Whether routes down are advertised at all.",
+            kind: Kind::Bool,
+            default: Default::Bool(true),
+        },
+        Field {
+            key: "neighbour_lifetime_s",
+            doc: "A neighbour that has not been heard for so long is forgotten (s).",
+            kind: Kind::Number(Range::closed(1.0, 1e6)),
+            default: Default::Number(1800.0),
+        },
+        Field {
+            key: "global_repair_s",
+            doc: "Time between versions of the DODAG (s); 0: never.",
+            kind: Kind::Number(Range::closed(0.0, 1e6)),
+            default: Default::Number(0.0),
+        },
+    ],
+    tag: None,
+};
+
+/// Makes the settings of the checked table.
+pub(super) fn build(table: &toml::Table, compat: Compat) -> Config {
+    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer).unwrap_or_default();
+    let number = |key: &str| table.get(key).and_then(toml::Value::as_float).unwrap_or_default();
+    let text = |key: &str| table.get(key).and_then(toml::Value::as_str).unwrap_or_default();
+    let flag = |key: &str| table.get(key).and_then(toml::Value::as_bool).unwrap_or_default();
+    let ns = |key: &str| (number(key) * NS_PER_S as f64).round() as u64;
+    Config {
+        mode: if text("mode") == "storing" { Mode::Storing } else { Mode::NonStoring },
+        objective: if text("objective") == "mrhof" { Objective::mrhof() } else { Objective::of0() },
+        dio_interval_min: integer("dio_interval_min") as u8,
+        dio_interval_doublings: integer("dio_interval_doublings") as u8,
+        dio_redundancy: integer("dio_redundancy") as u8,
+        max_rank_increase: integer("max_rank_increase") as u16,
+        solicitation: match text("solicitation") {
+            "multicast" => Solicitation::Multicast,
+            "off" => Solicitation::Off,
+            _ => Solicitation::Unicast,
+        },
+        dis_period_ns: ns("dis_period_s"),
+        default_lifetime: (number("route_lifetime_s") / 60.0).round().clamp(1.0, 254.0) as u8,
+        lifetime_unit_s: 60,
+        dao_period_ns: ns("dao_period_s"),
+        dao_delay_ns: ns("dao_delay_s"),
+        dao_ack: flag("dao_ack"),
+        advertises: flag("routes_down"),
+        neighbour_lifetime_ns: ns("neighbour_lifetime_s"),
+        global_repair_period_ns: ns("global_repair_s"),
+        no_trickle_suppression: compat.no_trickle_suppression,
+        stale_rank: compat.stale_rank,
+        ..Config::default()
+    }
+}

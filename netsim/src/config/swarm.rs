@@ -1,0 +1,95 @@
+//! `[netsim.swarm]`: how the swarm's payloads travel.
+
+use crate::mesh::settings::Transport;
+use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, join};
+
+/// Description of `[netsim.swarm]`.
+pub(super) const SPEC: TableSpec = TableSpec {
+    doc: "How the payloads of the robots travel.",
+    fields: &[
+        Field {
+            key: "transport",
+            doc: "In which cells. Absent: own-cell where the scheduling function gives each mote a cell for itself (rrsf, \
+                  static), otherwise broadcast-slotframe.",
+            kind: Kind::Choice(&[
+                Choice { name: "none", doc: "They do not: a sensor network." },
+                Choice {
+                    name: "own-cell",
+                    doc: "Broadcast once a period, in the cell that the scheduling function gives each mote for itself.",
+                },
+                Choice {
+                    name: "shared-cell",
+                    doc: "Broadcast once a period, in the cells that all share: they collide, as those of BotNet under MSF do.",
+                },
+                Choice {
+                    name: "unicast-neighbours",
+                    doc: "Once a period to each neighbour by itself, acknowledged and sent again if need be.",
+                },
+                Choice {
+                    name: "broadcast-slotframe",
+                    doc: "Broadcast once a period, in a slotframe beside those of the scheduling function, in which each mote \
+                          has a slot for itself and listens in all others.",
+                },
+            ]),
+            default: Default::Absent,
+        },
+        Field {
+            key: "slots",
+            doc: "Length of the broadcast slotframe (slots). Absent: as many as there are motes. Motes whose numbers differ by \
+                  this length share a slot.",
+            kind: Kind::Integer { min: 1, max: 65_534 },
+            default: Default::Absent,
+        },
+        Field {
+            key: "channel_offset",
+            doc: "Channel offset of its cells. Absent: the last one of the hopping sequence, away from the minimal cell (0) and \
+                  Orchestra's beacons and broadcasts (0, 1): a payload on their channel would meet every frame in them.",
+            kind: Kind::Integer { min: 0, max: 511 },
+            default: Default::Absent,
+        },
+    ],
+    tag: None,
+};
+
+/// Makes the transport of the checked table. `sf`: the kind of scheduling function.
+pub(super) fn build(
+    table: &toml::Table,
+    path: &str,
+    sf: &str,
+    agent_count: usize,
+    n_channels: usize,
+    problems: &mut Vec<Problem>,
+) -> Transport {
+    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
+    let has_own_cells = matches!(sf, "rrsf" | "static");
+    let default = if has_own_cells { "own-cell" } else { "broadcast-slotframe" };
+    let written = table.get("transport").and_then(toml::Value::as_str);
+    let mut refuse = |why: &str, nearest: &str| {
+        let path = join(path, "transport");
+        let message = format!("does not go with sf.kind = {sf:?}: {why}");
+        let value = written.unwrap_or(default);
+        problems.push(
+            Problem::new(path, message).value(format!("{value:?}")).nearest(format!("{nearest:?}")),
+        );
+    };
+    match written.unwrap_or(default) {
+        "none" => Transport::None,
+        "own-cell" => {
+            if !has_own_cells {
+                refuse("it gives no mote a cell for itself", "broadcast-slotframe");
+            }
+            Transport::OwnCell
+        }
+        "shared-cell" => {
+            if sf == "rrsf" {
+                refuse("every mote has its own cell", "own-cell");
+            }
+            Transport::SharedCell
+        }
+        "unicast-neighbours" => Transport::UnicastNeighbours,
+        _ => Transport::BroadcastSlotframe {
+            slots: integer("slots").unwrap_or(agent_count.min(65_534) as i64) as u16,
+            channel: integer("channel_offset").unwrap_or(n_channels as i64 - 1) as u16,
+        },
+    }
+}

@@ -1,0 +1,91 @@
+//! The constrained join protocol: RFC 9031.
+//!
+//! | module | what | source |
+//! |---|---|---|
+//! | [`pledge`] | a mote that asks to be admitted | § 4.3, 8.1.1 |
+//! | [`proxy`] | a mote that passes requests and responses on, and remembers nothing | § 7 |
+//! | [`registrar`] | the root, which admits | § 8.1.2 |
+//!
+//! What is not there: OSCORE, so that who asks is believed and nothing is encrypted; later changes of parameters (§ 8.2) and
+//! of keys. Keys have an index but no meaning: frames are not secured.
+
+pub mod pledge;
+pub mod proxy;
+pub mod registrar;
+
+pub use pledge::{Event, Pledge};
+pub use proxy::Proxy;
+pub use registrar::Registrar;
+
+use crate::wire::cojp::CojpRepr;
+use crate::wire::datagram::{UdpRepr, Upper};
+use crate::wire::frame::{MAX_PSDU, NETWORK_PAN};
+use proto::types::NS_PER_S;
+use serde::{Deserialize, Serialize};
+use std::net::Ipv6Addr;
+
+/// UDP ports.
+pub mod ports {
+    /// CoAP (RFC 7252, § 6.1).
+    pub const COAP: u16 = 5683;
+}
+
+/// Settings of the join protocol, the same for all motes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Config {
+    /// Whether motes must be admitted at all. If not, a pledge has joined as soon as it starts.
+    pub secure: bool,
+    /// Identifier of the network.
+    pub network_id: u16,
+    /// The first timeout is drawn from here (ns) … 10 s: TIMEOUT_BASE.
+    pub timeout_min_ns: u64,
+    /// … to here (ns). 15 s: TIMEOUT_BASE · TIMEOUT_RANDOM_FACTOR, 1.5.
+    pub timeout_max_ns: u64,
+    /// How often a request is repeated, each time after twice the timeout. 4: MAX_RETRANSMIT.
+    pub max_retransmit: u8,
+    /// How much join traffic a proxy forwards towards the root: the mean rate (CoAP bytes per second). RFC 9031 lets the
+    /// registrar say (join rate); here it is a frame's worth per second.
+    pub join_rate_bytes_s: u32,
+    /// How much of it a proxy forwards at once (CoAP bytes).
+    pub join_burst_bytes: u32,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            secure: true,
+            network_id: NETWORK_PAN,
+            timeout_min_ns: 10 * NS_PER_S,
+            timeout_max_ns: 15 * NS_PER_S,
+            max_retransmit: 4,
+            join_rate_bytes_s: MAX_PSDU as u32,
+            join_burst_bytes: 4 * MAX_PSDU as u32,
+        }
+    }
+}
+
+/// A message to be sent.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Outgoing {
+    /// From which of the mote's addresses.
+    pub source: Ipv6Addr,
+    /// To whom: a neighbour's link-local address, or a global one.
+    pub destination: Ipv6Addr,
+    /// The message.
+    pub message: CojpRepr,
+}
+
+impl Outgoing {
+    /// The UDP datagram with the message.
+    #[must_use]
+    pub fn upper(&self) -> Upper {
+        Upper::Udp(UdpRepr {
+            source_port: ports::COAP,
+            destination_port: ports::COAP,
+            payload: self.message.to_vec().into(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,169 @@
+//! A mote that asks to be admitted.
+
+use super::{Config, Outgoing};
+use crate::dice::Dice;
+use crate::wire::Eui64;
+use crate::wire::cojp::CojpRepr;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// What has become of a pledge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Event {
+    /// It is admitted.
+    Joined,
+    /// Nobody has answered, or the mote has given up. It shall look for a network again.
+    Failed,
+    /// It was admitted and is no longer in the network.
+    Left,
+}
+
+/// Where a pledge stands.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum State {
+    /// It does not ask.
+    Idle,
+    /// It has asked and waits for the response.
+    Waiting {
+        /// The neighbour through which it asks.
+        proxy: Eui64,
+        /// Of the request, the same for all repetitions: a late response to any of them counts.
+        message_id: u16,
+        /// Requests sent.
+        n_sent: u8,
+        /// How long it waits after the last one (ns).
+        timeout_ns: u64,
+        /// Until when (ns).
+        until_ns: u64,
+    },
+    /// It is admitted.
+    Joined,
+}
+
+/// The side of the join protocol that asks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pledge {
+    config: Config,
+    own: Eui64,
+    state: State,
+    outgoing: Option<Outgoing>,
+    events: VecDeque<Event>,
+}
+
+impl Pledge {
+    /// A mote that does not ask yet.
+    #[must_use]
+    pub fn new(config: Config, own: Eui64) -> Self {
+        Self { config, own, state: State::Idle, outgoing: None, events: VecDeque::new() }
+    }
+
+    /// A mote that needs not ask: a root.
+    #[must_use]
+    pub fn admitted(config: Config, own: Eui64) -> Self {
+        Self { state: State::Joined, ..Self::new(config, own) }
+    }
+
+    /// Whether it is admitted.
+    #[must_use]
+    pub fn is_joined(&self) -> bool {
+        self.state == State::Joined
+    }
+
+    /// The mote is synchronised: ask through `proxy`, the neighbour it is synchronised to. If it is asking already, it begins
+    /// anew; if it is admitted, nothing happens.
+    pub fn start(&mut self, proxy: Eui64, now_ns: u64, dice: &mut Dice) {
+        if self.is_joined() {
+            return;
+        }
+        if !self.config.secure {
+            self.state = State::Joined;
+            self.events.push_back(Event::Joined);
+            return;
+        }
+        let Config { timeout_min_ns, timeout_max_ns, .. } = self.config;
+        let timeout_ns = dice.duration_ns(timeout_min_ns, timeout_max_ns);
+        let message_id = dice.word() as u16;
+        let until_ns = now_ns + timeout_ns;
+        self.state = State::Waiting { proxy, message_id, n_sent: 1, timeout_ns, until_ns };
+        self.request(proxy, message_id);
+    }
+
+    /// The neighbour that the mote is synchronised to has changed: repetitions go through this one.
+    pub fn handle_proxy(&mut self, new: Eui64) {
+        if let State::Waiting { proxy, .. } = &mut self.state {
+            *proxy = new;
+        }
+    }
+
+    /// A response has come. Only one to the request that is open admits.
+    pub fn handle_response(&mut self, response: &CojpRepr) {
+        let State::Waiting { message_id: open, .. } = self.state else { return };
+        let CojpRepr::Response { message_id, pledge, proxy_state: None, .. } = *response else {
+            return;
+        };
+        if message_id == open && pledge == self.own {
+            self.state = State::Joined;
+            self.outgoing = None;
+            self.events.push_back(Event::Joined);
+        }
+    }
+
+    /// The mote is no longer synchronised, or is switched off.
+    pub fn leave(&mut self) {
+        match self.state {
+            State::Idle => {}
+            State::Waiting { .. } => self.events.push_back(Event::Failed),
+            State::Joined => self.events.push_back(Event::Left),
+        }
+        self.state = State::Idle;
+        self.outgoing = None;
+    }
+
+    /// When the response has not come in time (ns).
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<u64> {
+        match self.state {
+            State::Waiting { until_ns, .. } => Some(until_ns),
+            State::Idle | State::Joined => None,
+        }
+    }
+
+    /// The response has not come in time: ask again and wait twice as long, or give up.
+    pub fn handle_timeout(&mut self, now_ns: u64) {
+        let State::Waiting { proxy, message_id, n_sent, timeout_ns, until_ns } = &mut self.state
+        else {
+            return;
+        };
+        if now_ns < *until_ns {
+            return;
+        }
+        if self.config.max_retransmit < *n_sent {
+            self.state = State::Idle;
+            self.events.push_back(Event::Failed);
+            return;
+        }
+        *n_sent += 1;
+        *timeout_ns *= 2;
+        *until_ns = now_ns + *timeout_ns;
+        let (proxy, message_id) = (*proxy, *message_id);
+        self.request(proxy, message_id);
+    }
+
+    /// The message to be sent, if there is one.
+    pub fn poll_transmit(&mut self) -> Option<Outgoing> {
+        self.outgoing.take()
+    }
+
+    /// What has happened, in order.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    fn request(&mut self, proxy: Eui64, message_id: u16) {
+        let network_id = self.config.network_id;
+        let message =
+            CojpRepr::Request { message_id, pledge: self.own, proxy_state: None, network_id };
+        let (source, destination) = (self.own.link_local(), proxy.link_local());
+        self.outgoing = Some(Outgoing { source, destination, message });
+    }
+}

@@ -1,0 +1,85 @@
+//! A mote that passes requests and responses on, and remembers nothing: what it needs for the way back travels with the
+//! request (RFC 9031, § 7; RFC 8974).
+
+use super::{Config, Outgoing};
+use crate::lowpan::DropReason;
+use crate::wire::Eui64;
+use crate::wire::cojp::CojpRepr;
+use proto::types::NS_PER_S;
+use serde::{Deserialize, Serialize};
+use std::net::Ipv6Addr;
+
+/// The side of the join protocol in between.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Proxy {
+    config: Config,
+    own: Eui64,
+    /// When all that was forwarded would have been sent at the mean rate (ns).
+    spent_until_ns: u64,
+}
+
+impl Proxy {
+    /// A proxy that has forwarded nothing.
+    #[must_use]
+    pub fn new(config: Config, own: Eui64) -> Self {
+        Self { config, own, spent_until_ns: 0 }
+    }
+
+    /// A pledge on the link asks: what to send to the registrar at `root`; `None`: this mote is in no DODAG.
+    ///
+    /// # Errors
+    ///
+    /// There is no way to the registrar, more than the join rate allows was forwarded, or it is no request of a pledge.
+    pub fn handle_request(
+        &mut self,
+        source: Ipv6Addr,
+        request: &CojpRepr,
+        root: Option<Ipv6Addr>,
+        now_ns: u64,
+    ) -> Result<Outgoing, DropReason> {
+        let CojpRepr::Request { message_id, pledge, proxy_state: None, network_id } = *request
+        else {
+            return Err(DropReason::Malformed);
+        };
+        if !source.is_unicast_link_local() {
+            return Err(DropReason::Malformed);
+        }
+        if network_id != self.config.network_id {
+            return Err(DropReason::JoinDenied);
+        }
+        let destination = root.ok_or(DropReason::NoRoute)?;
+        let proxy_state = Some(Eui64::of_ip(source));
+        let message = CojpRepr::Request { message_id, pledge, proxy_state, network_id };
+        self.spend(message.buffer_len(), now_ns)?;
+        Ok(Outgoing { source: self.own.global(), destination, message })
+    }
+
+    /// The registrar answers: what to send to the pledge.
+    ///
+    /// # Errors
+    ///
+    /// It is no response for a pledge on the link.
+    pub fn handle_response(&self, response: &CojpRepr) -> Result<Outgoing, DropReason> {
+        let CojpRepr::Response { message_id, pledge, proxy_state: Some(to), key_index } = *response
+        else {
+            return Err(DropReason::Malformed);
+        };
+        let message = CojpRepr::Response { message_id, pledge, proxy_state: None, key_index };
+        Ok(Outgoing { source: self.own.link_local(), destination: to.link_local(), message })
+    }
+
+    /// A token bucket, kept as the time at which it is full again.
+    fn spend(&mut self, bytes: usize, now_ns: u64) -> Result<(), DropReason> {
+        let rate = u64::from(self.config.join_rate_bytes_s);
+        if rate == 0 {
+            return Err(DropReason::JoinRateExceeded);
+        }
+        let time_of = |bytes: u64| bytes * NS_PER_S / rate;
+        let spent_until_ns = self.spent_until_ns.max(now_ns) + time_of(bytes as u64);
+        if now_ns + time_of(u64::from(self.config.join_burst_bytes)) < spent_until_ns {
+            return Err(DropReason::JoinRateExceeded);
+        }
+        self.spent_until_ns = spent_until_ns;
+        Ok(())
+    }
+}

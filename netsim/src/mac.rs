@@ -1,0 +1,20 @@
+//! Time-slotted channel hopping: IEEE Std 802.15.4-2015, clause 6, as RFC 8180 uses it.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`tsch`] | the MAC of one mote |
+//! | [`schedule`] | slotframes and cells |
+//! | [`queue`] | frames that wait |
+//! | [`backoff`] | waiting after a failure in a shared cell |
+//! | [`neighbours`] | whom a mote has heard; duplicates |
+//! | [`clock`] | drift and correction |
+
+pub mod backoff;
+pub mod clock;
+pub mod neighbours;
+pub mod queue;
+pub mod schedule;
+pub mod tsch;
+
+pub use schedule::{Cell, CellKind, CellOptions, CellRef, Schedule, Slotframe};
+pub use tsch::Tsch;

@@ -1,0 +1,145 @@
+//! Whom a mote has heard, and which of their frames it has had before.
+
+use crate::wire::Eui64;
+use serde::{Deserialize, Serialize};
+
+/// Neighbours, ascending by address: in columns, since of most frames only the address and the number are looked at.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Neighbours {
+    addresses: Vec<Eui64>,
+    /// Of each, the sequence number of its newest frame, continued beyond 255.
+    newest: Vec<u64>,
+    /// Of each, the numbers of the latest frames for us, continued likewise, and when each was heard first (ASN).
+    known: Vec<Vec<(u64, u64)>>,
+    #[serde(skip)]
+    next: Next,
+}
+
+/// Where the neighbour stands that is probably heard next: behind the one heard last, since motes that take turns do so in
+/// the order of their addresses. A guess, and so no part of the state: all are equal.
+#[derive(Clone, Copy, Debug, Default)]
+struct Next(usize);
+
+impl PartialEq for Next {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Eq for Next {}
+
+/// Retransmissions of a frame come within so many newer ones for the same mote,
+const N_REMEMBERED: usize = 8;
+/// and within so many slots: the longest back-off, 127 shared cells, in slotframes of 101 slots. A number that comes back
+/// later has been used again: there are 256 only.
+const REPEATED_WITHIN_SLOTS: u64 = 127 * 101;
+
+/// The number that a frame's 8 bits stand for: the nearest to the newest one.
+fn continued(newest: u64, sequence: u8) -> u64 {
+    let ahead = sequence.wrapping_sub(newest as u8).cast_signed();
+    newest.saturating_add_signed(i64::from(ahead))
+}
+
+impl Neighbours {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.addresses.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.addresses.is_empty()
+    }
+
+    /// Their addresses, ascending.
+    pub fn addresses(&self) -> impl Iterator<Item = Eui64> + '_ {
+        self.addresses.iter().copied()
+    }
+
+    /// A frame from a neighbour, with its sequence number if it has one. Returns whether it is new: not one for us that
+    /// was received before and is sent again because the acknowledgment was lost (IEEE Std 802.15.4-2015, 6.7.2).
+    #[inline]
+    pub fn hear(&mut self, address: Eui64, sequence: Option<u8>, for_us: bool, asn: u64) -> bool {
+        let Next(next) = self.next;
+        let is_next = self.addresses.get(next) == Some(&address);
+        let place = if is_next { next } else { self.place_of(address, sequence) };
+        self.next = Next(place + 1);
+        let Some(sequence) = sequence else { return true };
+        let newest = &mut self.newest[place];
+        let number = continued(*newest, sequence);
+        *newest = number.max(*newest);
+        if !for_us {
+            return true;
+        }
+        let known = &mut self.known[place];
+        known.retain(|&(_, since_asn)| asn - since_asn <= REPEATED_WITHIN_SLOTS);
+        if known.iter().any(|&(known, _)| known == number) {
+            return false;
+        }
+        known.insert(0, (number, asn));
+        known.truncate(N_REMEMBERED);
+        true
+    }
+
+    /// Where a neighbour stands, which is added if it has not been heard before.
+    fn place_of(&mut self, address: Eui64, sequence: Option<u8>) -> usize {
+        self.addresses.binary_search(&address).unwrap_or_else(|place| {
+            self.addresses.insert(place, address);
+            self.newest.insert(place, 256 + u64::from(sequence.unwrap_or_default()));
+            self.known.insert(place, Vec::new());
+            place
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_sent_again_is_recognised_and_a_number_used_again_is_not() {
+        let mut neighbours = Neighbours::default();
+        let [a, b] = [1, 2].map(Eui64::of_mote);
+        assert!(neighbours.hear(a, Some(250), true, 1));
+        assert!(!neighbours.hear(a, Some(250), true, 2));
+        assert!(neighbours.hear(b, Some(250), true, 3));
+        // A frame of higher priority in between.
+        assert!(neighbours.hear(a, Some(251), true, 4));
+        assert!(!neighbours.hear(a, Some(250), true, 5));
+        for sequence in 0..8 {
+            assert!(neighbours.hear(a, Some(sequence), true, 6));
+        }
+        assert!(neighbours.hear(a, Some(250), true, 7));
+        assert_eq!(neighbours.len(), 2);
+    }
+
+    #[test]
+    fn a_number_that_comes_again_after_256_frames_is_a_new_frame() {
+        let mut neighbours = Neighbours::default();
+        let a = Eui64::of_mote(1);
+        // One frame in a hundred is for us; some of the others are heard, beacons without a number among them.
+        for frame in 0..20_000_u64 {
+            let for_us = frame % 100 == 0;
+            if for_us || frame % 7 == 0 {
+                let sequence = Some(frame as u8);
+                assert!(neighbours.hear(a, sequence, for_us, frame), "{frame}");
+                assert_eq!(neighbours.hear(a, sequence, for_us, frame), !for_us);
+                neighbours.hear(a, None, false, frame);
+            }
+        }
+        // Nothing was heard for long: nobody repeats a frame after that.
+        assert!(neighbours.hear(a, Some(32), true, 20_001));
+        assert!(neighbours.hear(a, Some(32), true, 40_000));
+    }
+    #[test]
+    fn neighbours_are_kept_in_order_however_they_are_heard() {
+        let mut neighbours = Neighbours::default();
+        for mote in [5, 2, 9, 2, 5, 9, 3, 5, 2, 3, 5, 9, 9, 2] {
+            neighbours.hear(Eui64::of_mote(mote), None, false, 0);
+        }
+        let expected = [2, 3, 5, 9].map(Eui64::of_mote);
+        assert!(neighbours.addresses().eq(expected));
+    }
+}

@@ -1,0 +1,272 @@
+//! Frames that wait to be sent.
+
+use super::schedule::{Cell, CellKind, Schedule};
+use crate::wire::Eui64;
+use crate::wire::frame::FrameRepr;
+use serde::{Deserialize, Serialize};
+
+/// A frame that waits, or is on its way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Queued {
+    /// The frame. Its sequence number is given when it is first sent, the same in every attempt.
+    pub frame: FrameRepr,
+    /// Goes before ordinary frames: 6P and keep-alive.
+    pub priority: bool,
+    /// The slotframe whose cells it may use; `None`: any.
+    pub slotframe: Option<u8>,
+    /// The swarm's payload: a newer one takes its place.
+    pub is_latest_only: bool,
+    /// Identity of the datagram in the simulation; 0: none.
+    pub packet: u64,
+    /// Length on the air (bytes, FCS included).
+    pub psdu_bytes: u16,
+    /// How often it has been sent.
+    pub n_attempts: u16,
+    /// Whether its destination has received it, though the sender may not know.
+    pub has_arrived: bool,
+}
+
+impl Queued {
+    /// For whom; `None`: everyone.
+    #[must_use]
+    pub fn destination(&self) -> Option<Eui64> {
+        self.frame.destination
+    }
+}
+
+/// Why a frame found no place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// The queue is full.
+    Full,
+}
+
+/// What became of those that were there before.
+#[derive(Debug, Default, PartialEq)]
+pub struct Displaced {
+    /// A frame that had to go.
+    pub frame: Option<Queued>,
+}
+
+/// The frames of a mote that wait: in order, those with priority first.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Queue {
+    frames: Vec<Queued>,
+    /// At most so many; `None`: no limit.
+    capacity: Option<u16>,
+}
+
+impl Queue {
+    /// An empty queue for `capacity` frames; `None`: for any number.
+    #[must_use]
+    pub fn new(capacity: Option<u16>) -> Self {
+        Self { frames: Vec::new(), capacity }
+    }
+
+    /// How many wait.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// Whether none waits.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
+    /// Those that wait, in order.
+    pub fn iter(&self) -> impl Iterator<Item = &Queued> {
+        self.frames.iter()
+    }
+
+    /// Whether a frame for `neighbour` waits.
+    #[must_use]
+    pub fn waits_for(&self, neighbour: Eui64) -> bool {
+        self.frames.iter().any(|frame| frame.destination() == Some(neighbour))
+    }
+
+    /// Adds a frame. The swarm's payload takes the place of an older one; a frame with priority goes behind others of its
+    /// kind and, where the queue is full, drives out the last one without. Frames in flight are not in the queue and
+    /// count through `n_in_flight`.
+    ///
+    /// # Errors
+    ///
+    /// The queue is full; the frame comes back with the reason.
+    pub fn push(
+        &mut self,
+        frame: Queued,
+        n_in_flight: usize,
+    ) -> Result<Displaced, (Queued, Refused)> {
+        if frame.is_latest_only
+            && let Some(place) = self.frames.iter().position(|other| other.is_latest_only)
+        {
+            let old = std::mem::replace(&mut self.frames[place], frame);
+            return Ok(Displaced { frame: Some(old) });
+        }
+        let is_full = self
+            .capacity
+            .is_some_and(|capacity| usize::from(capacity) <= self.frames.len() + n_in_flight);
+        let mut displaced = None;
+        if is_full {
+            let victim = self.frames.iter().rposition(|other| !other.priority);
+            match victim {
+                Some(place) if frame.priority => displaced = Some(self.frames.remove(place)),
+                _ => return Err((frame, Refused::Full)),
+            }
+        }
+        let place = if frame.priority {
+            self.frames.iter().take_while(|other| other.priority).count()
+        } else {
+            self.frames.len()
+        };
+        self.frames.insert(place, frame);
+        Ok(Displaced { frame: displaced })
+    }
+
+    /// Puts a frame that was in flight back to the front of its kind.
+    pub fn put_back(&mut self, frame: Queued) {
+        let place = if frame.priority {
+            0
+        } else {
+            self.frames.iter().take_while(|other| other.priority).count()
+        };
+        self.frames.insert(place, frame);
+    }
+
+    /// The first frame that may be sent in a cell, by place.
+    #[must_use]
+    pub fn first_for(&self, handle: u8, cell: &Cell, schedule: &Schedule) -> Option<usize> {
+        self.frames.iter().position(|frame| may_use(frame, handle, cell, schedule))
+    }
+
+    /// A frame by place.
+    #[must_use]
+    pub fn get(&self, place: usize) -> &Queued {
+        &self.frames[place]
+    }
+
+    /// Takes a frame out.
+    pub fn take(&mut self, place: usize) -> Queued {
+        self.frames.remove(place)
+    }
+
+    /// Asks again which slotframe each frame shall use. The swarm's payloads stay where they are.
+    pub fn place_anew(&mut self, slotframe_of: impl Fn(&Queued) -> Option<u8>) {
+        for queued in self.frames.iter_mut().filter(|queued| !queued.is_latest_only) {
+            queued.slotframe = slotframe_of(queued);
+        }
+    }
+
+    /// Takes all frames out that fulfil a condition.
+    pub fn take_where(&mut self, mut which: impl FnMut(&Queued) -> bool) -> Vec<Queued> {
+        self.frames.extract_if(.., |frame| which(frame)).collect()
+    }
+}
+
+/// Handle of the slotframe that is for the swarm's payloads alone: behind all that scheduling functions use.
+pub const SWARM_HANDLE: u8 = 200;
+
+/// Whether a frame may be sent in a cell. A cell with a neighbour serves that neighbour; one without serves broadcast
+/// frames, and unicast frames whose destination has no cell of its own.
+#[must_use]
+pub fn may_use(frame: &Queued, handle: u8, cell: &Cell, schedule: &Schedule) -> bool {
+    if !cell.options.tx || cell.kind == CellKind::AdvertisingOnly {
+        return false;
+    }
+    if frame.slotframe.is_some_and(|slotframe| slotframe != handle)
+        || (handle == SWARM_HANDLE && frame.slotframe.is_none())
+    {
+        return false;
+    }
+    match (cell.neighbour, frame.destination()) {
+        (None, None) => true,
+        (None, Some(destination)) => frame.slotframe.is_some() || !schedule.has_tx_to(destination),
+        (Some(neighbour), destination) => destination == Some(neighbour),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::frame::Content;
+
+    fn frame(packet: u64, priority: bool) -> Queued {
+        Queued {
+            frame: FrameRepr {
+                source: Eui64::of_mote(0),
+                destination: Some(Eui64::of_mote(1)),
+                sequence: 0,
+                ack_request: true,
+                pending: false,
+                content: Content::KeepAlive,
+            },
+            priority,
+            slotframe: None,
+            is_latest_only: false,
+            packet,
+            psdu_bytes: 23,
+            n_attempts: 0,
+            has_arrived: false,
+        }
+    }
+
+    fn order(queue: &Queue) -> Vec<u64> {
+        queue.iter().map(|frame| frame.packet).collect()
+    }
+
+    #[test]
+    fn t2_a_full_queue_refuses_ordinary_frames() {
+        let mut queue = Queue::new(Some(10));
+        for packet in 0..10 {
+            queue.push(frame(packet, false), 0).unwrap();
+        }
+        assert_eq!(queue.push(frame(10, false), 0).unwrap_err().1, Refused::Full);
+        assert_eq!(queue.len(), 10);
+    }
+
+    #[test]
+    fn t3_priority_goes_first_in_order_and_drives_out_the_last_ordinary_frame() {
+        let mut queue = Queue::new(Some(4));
+        for (packet, priority) in [(1, false), (2, true), (3, false), (4, true)] {
+            queue.push(frame(packet, priority), 0).unwrap();
+        }
+        assert_eq!(order(&queue), [2, 4, 1, 3]);
+        let displaced = queue.push(frame(5, true), 0).unwrap();
+        assert_eq!(displaced.frame.unwrap().packet, 3);
+        assert_eq!(order(&queue), [2, 4, 5, 1]);
+        queue.push(frame(6, true), 0).unwrap();
+        assert_eq!(queue.push(frame(7, true), 0).unwrap_err().0.packet, 7);
+        assert_eq!(order(&queue), [2, 4, 5, 6]);
+    }
+
+    #[test]
+    fn t13_a_queue_without_limit_takes_a_hundred() {
+        let mut queue = Queue::new(None);
+        for packet in 0..100 {
+            queue.push(frame(packet, false), 0).unwrap();
+        }
+        assert_eq!(queue.len(), 100);
+    }
+
+    #[test]
+    fn a_frame_in_flight_takes_up_room_and_returns_to_the_front() {
+        let mut queue = Queue::new(Some(2));
+        queue.push(frame(1, false), 0).unwrap();
+        queue.push(frame(2, false), 0).unwrap();
+        let sent = queue.take(0);
+        assert!(queue.push(frame(3, false), 1).is_err());
+        queue.put_back(sent);
+        assert_eq!(order(&queue), [1, 2]);
+    }
+
+    #[test]
+    fn a_newer_payload_takes_the_place_of_the_older_one() {
+        let mut queue = Queue::new(Some(3));
+        queue.push(Queued { is_latest_only: true, ..frame(1, false) }, 0).unwrap();
+        queue.push(frame(2, false), 0).unwrap();
+        let displaced = queue.push(Queued { is_latest_only: true, ..frame(3, false) }, 0).unwrap();
+        assert_eq!(displaced.frame.unwrap().packet, 1);
+        assert_eq!(order(&queue), [3, 2]);
+    }
+}

@@ -1,0 +1,587 @@
+//! The MAC of one mote: scanning, beacons, synchronisation, which frame goes in which cell, acknowledgments and retries.
+
+mod types;
+
+pub use types::{Config, Done, Due, Listening, Outgoing, State, Transmission, Verdict};
+
+use super::backoff::Backoff;
+use super::clock::Clock;
+use super::neighbours::Neighbours;
+use super::queue::{Queue, Queued, may_use};
+use super::schedule::{CellKind, CellRef, Schedule};
+use crate::dice::Dice;
+use crate::wire::Eui64;
+use proto::rng::{Draws, Purpose};
+use serde::{Deserialize, Serialize};
+
+/// The next slot follows a frame with the pending bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Extra {
+    asn: u64,
+    channel: u8,
+    /// To whom we send; `None`: we listen.
+    sends_to: Option<Eui64>,
+}
+
+/// The MAC of one mote.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tsch {
+    own: Eui64,
+    mote: u32,
+    is_root: bool,
+    state: State,
+    clock: Clock,
+    queue: Queue,
+    in_flight: bool,
+    backoff: Backoff,
+    neighbours: Neighbours,
+    next_sequence: u8,
+    beacons: Beacons,
+    extra: Option<Extra>,
+    dice: Dice,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct Beacons {
+    enabled: bool,
+    /// When the next one is due (ns).
+    next_ns: u64,
+    is_due: bool,
+}
+
+impl Tsch {
+    /// The MAC of a mote that is switched off.
+    #[must_use]
+    pub fn new(config: &Config, own: Eui64, mote: u32, is_root: bool, seed: u64) -> Self {
+        let mut dice = Dice::new(seed, Purpose::Mac, mote);
+        let clock = if is_root {
+            Clock::exact()
+        } else {
+            Clock::new(config.max_drift_ppm, config.crystal_hz, &mut dice)
+        };
+        Self {
+            own,
+            mote,
+            is_root,
+            state: State::Off,
+            clock,
+            queue: Queue::new(config.queue_capacity),
+            in_flight: false,
+            backoff: Backoff::new(config.min_exponent, config.max_exponent),
+            neighbours: Neighbours::default(),
+            next_sequence: 0,
+            beacons: Beacons::default(),
+            extra: None,
+            dice,
+        }
+    }
+
+    /// Where it stands.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Whether it keeps time.
+    #[must_use]
+    pub fn is_synced(&self) -> bool {
+        matches!(self.state, State::Synced { .. })
+    }
+
+    /// Whether it looks for a network.
+    #[must_use]
+    pub fn is_scanning(&self) -> bool {
+        matches!(self.state, State::Scanning { .. })
+    }
+
+    /// Whose time it keeps; `None`: its own, or none.
+    #[must_use]
+    pub fn time_source(&self) -> Option<Eui64> {
+        match self.state {
+            State::Synced { source, .. } => source,
+            State::Off | State::Scanning { .. } => None,
+        }
+    }
+
+    /// Whom it has heard.
+    #[must_use]
+    pub fn neighbours(&self) -> &Neighbours {
+        &self.neighbours
+    }
+
+    /// Frames that wait.
+    #[must_use]
+    pub fn queue(&self) -> &Queue {
+        &self.queue
+    }
+
+    /// Packets that wait or are in flight.
+    #[must_use]
+    pub fn queue_len(&self) -> usize {
+        self.queue.len() + usize::from(self.in_flight)
+    }
+
+    /// How far its clock is off (ns).
+    #[must_use]
+    pub fn deviation_ns(&self, now_ns: u64) -> i64 {
+        self.clock.deviation_ns(now_ns)
+    }
+
+    /// The root switches its radio on: it keeps its own time.
+    pub fn start_root(&mut self, now_ns: u64) {
+        self.state = State::Synced { source: None, heard_ns: now_ns, keep_alive_ns: u64::MAX };
+    }
+
+    /// Looks for a network: after it was switched on, or lost synchronisation. The frames that waited are returned.
+    pub fn scan(&mut self) -> Vec<Queued> {
+        let frames = self.reset();
+        self.state = State::Scanning { heard: Vec::new(), decide_ns: None };
+        frames
+    }
+
+    /// Switches off. The frames that waited are returned.
+    pub fn switch_off(&mut self) -> Vec<Queued> {
+        let frames = self.reset();
+        self.state = State::Off;
+        frames
+    }
+
+    fn reset(&mut self) -> Vec<Queued> {
+        self.backoff.clear();
+        self.neighbours = Neighbours::default();
+        self.beacons = Beacons::default();
+        self.extra = None;
+        self.queue.take_where(|_| true)
+    }
+
+    /// Keeps the time of `source`, whose clock is off by `source_ns`.
+    pub fn synchronise(&mut self, config: &Config, source: Eui64, source_ns: i64, now_ns: u64) {
+        self.clock.correct(source_ns, now_ns, &mut self.dice);
+        self.state = State::Synced {
+            source: Some(source),
+            heard_ns: now_ns,
+            keep_alive_ns: keep_alive_at(config, now_ns),
+        };
+    }
+
+    /// From now on another neighbour is the time source.
+    pub fn set_time_source(&mut self, config: &Config, new: Eui64, now_ns: u64) {
+        if let State::Synced { source: Some(source), keep_alive_ns, .. } = &mut self.state
+            && *source != new
+        {
+            *source = new;
+            // Hear it soon: until then the clock runs as the old one set it.
+            *keep_alive_ns = (*keep_alive_ns).min(keep_alive_at(config, now_ns));
+        }
+    }
+
+    /// Sends beacons from now on, or no longer.
+    pub fn enable_beacons(&mut self, config: &Config, enabled: bool, now_ns: u64) {
+        if enabled && !self.beacons.enabled {
+            self.beacons.next_ns =
+                now_ns + self.dice.duration_ns(0, self.beacon_interval_ns(config));
+        }
+        self.beacons.enabled = enabled;
+        self.beacons.is_due &= enabled;
+    }
+
+    /// The mean time between this mote's beacons (ns): longer where many others send them too.
+    fn beacon_interval_ns(&self, config: &Config) -> u64 {
+        let crowd_ns = config.beacon_spacing_ns.saturating_mul(1 + self.neighbours.len() as u64);
+        config.beacon_period_ns.max(crowd_ns)
+    }
+
+    /// A frame is to be sent.
+    ///
+    /// # Errors
+    ///
+    /// The queue is full: the frame comes back. Otherwise a frame that had to make room, if one had.
+    pub fn enqueue(&mut self, frame: Queued) -> Result<Option<Queued>, Queued> {
+        match self.queue.push(frame, usize::from(self.in_flight)) {
+            Ok(displaced) => Ok(displaced.frame),
+            Err((frame, _)) => Err(frame),
+        }
+    }
+
+    /// Asks again which slotframe each frame that waits shall use. The swarm's payloads stay where they are.
+    pub fn place_anew(&mut self, slotframe_of: impl Fn(&Queued) -> Option<u8>) {
+        self.queue.place_anew(slotframe_of);
+    }
+
+    /// Takes frames that wait out of the queue.
+    pub fn take_where(&mut self, which: impl FnMut(&Queued) -> bool) -> Vec<Queued> {
+        self.queue.take_where(which)
+    }
+
+    /// The first slot from `from_asn` on in which it may transmit.
+    #[must_use]
+    pub fn next_tx_asn(&self, config: &Config, schedule: &Schedule, from_asn: u64) -> Option<u64> {
+        if !self.is_synced() {
+            return None;
+        }
+        let by_chance = config.beacon_probability.is_some() && self.beacons.enabled;
+        let beacon = self.beacons.is_due || (by_chance && self.queue.is_empty());
+        if self.queue.is_empty() && !beacon && self.extra.is_none() {
+            return None;
+        }
+        let mut first = u64::MAX;
+        if let Some(Extra { asn, sends_to: Some(_), .. }) = self.extra
+            && from_asn <= asn
+        {
+            first = asn;
+        }
+        for frame in schedule.slotframes() {
+            let (slots, begin) = (u64::from(frame.slots()), u64::from(frame.slot_of(from_asn)));
+            for cell in frame.tx_cells() {
+                let slot = u64::from(cell.slot);
+                let ahead = if begin <= slot { slot - begin } else { slot + slots - begin };
+                let asn = from_asn + ahead;
+                if first <= asn {
+                    continue;
+                }
+                let of_beacon = beacon && cell.kind != CellKind::Normal;
+                let usable = of_beacon
+                    || self
+                        .queue
+                        .iter()
+                        .any(|queued| may_use(queued, frame.handle, cell, schedule));
+                if usable {
+                    first = asn;
+                }
+            }
+        }
+        (first != u64::MAX).then_some(first)
+    }
+
+    /// What it sends in this slot. Cells of lower handles first (IEEE Std 802.15.4-2015, 6.2.6.4).
+    pub fn poll_slot(
+        &mut self,
+        config: &Config,
+        schedule: &Schedule,
+        asn: u64,
+    ) -> Option<Transmission> {
+        if !self.is_synced() {
+            return None;
+        }
+        if let Some(Extra { asn: at, channel, sends_to }) = self.extra
+            && at <= asn
+        {
+            // Who listens is asked later in the slot.
+            if at < asn || sends_to.is_some() {
+                self.extra = None;
+            }
+            if let (true, Some(neighbour)) = (at == asn, sends_to)
+                && schedule.at(asn).next().is_none()
+            {
+                let place =
+                    self.queue.iter().position(|queued| queued.destination() == Some(neighbour))?;
+                return Some(self.transmit(config, schedule, asn, place, None, channel));
+            }
+        }
+        if self.queue.is_empty() && !self.beacons.is_due && config.beacon_probability.is_none() {
+            return None;
+        }
+        for frame in schedule.slotframes() {
+            for cell in frame.at(asn).iter().filter(|cell| cell.options.tx) {
+                let at = CellRef { handle: frame.handle, cell: *cell };
+                let channel = channel_of(config, asn, cell.channel);
+                if cell.kind != CellKind::Normal && self.beacon_goes(config) {
+                    self.beacons.is_due = false;
+                    let outgoing = Outgoing::Beacon;
+                    return Some(Transmission { at: Some(at), channel, outgoing, pending: false });
+                }
+                let Some(place) = self.queue.first_for(frame.handle, cell, schedule) else {
+                    continue;
+                };
+                let queued = self.queue.get(place);
+                let is_free = config.contends_as_peer && queued.n_attempts == 0;
+                if let (true, Some(to)) = (cell.options.shared && !is_free, queued.destination())
+                    && !self.backoff.passes(to)
+                {
+                    continue;
+                }
+                return Some(self.transmit(config, schedule, asn, place, Some(at), channel));
+            }
+        }
+        None
+    }
+
+    fn beacon_goes(&mut self, config: &Config) -> bool {
+        match config.beacon_probability {
+            None => self.beacons.is_due,
+            Some(probability) => {
+                self.beacons.enabled
+                    && self.queue.is_empty()
+                    && self.dice.uniform() < probability / (1.0 + self.neighbours.len() as f64)
+            }
+        }
+    }
+
+    fn transmit(
+        &mut self,
+        config: &Config,
+        schedule: &Schedule,
+        asn: u64,
+        place: usize,
+        at: Option<CellRef>,
+        channel: u8,
+    ) -> Transmission {
+        let mut frame = self.queue.take(place);
+        if frame.n_attempts == 0 {
+            frame.frame.sequence = self.next_sequence;
+            self.next_sequence = self.next_sequence.wrapping_add(1);
+        }
+        frame.n_attempts += 1;
+        self.in_flight = true;
+        let pending = config.pending_bit
+            && frame.destination().is_some_and(|to| self.queue.waits_for(to))
+            && schedule.at(asn + 1).next().is_none();
+        frame.frame.pending = pending;
+        Transmission { at, channel, outgoing: Outgoing::Frame(frame), pending }
+    }
+
+    /// Whether it listens where its schedule says so, and nowhere else.
+    #[must_use]
+    pub fn follows_schedule(&self) -> bool {
+        self.is_synced() && self.extra.is_none()
+    }
+
+    /// How it listens in this slot, if it does and does not transmit.
+    #[inline]
+    #[must_use]
+    pub fn listening(
+        &self,
+        config: &Config,
+        schedule: &Schedule,
+        seed: u64,
+        asn: u64,
+    ) -> Option<Listening> {
+        match &self.state {
+            State::Off => None,
+            State::Scanning { .. } => {
+                let channel = scan_channel(config, seed, self.mote, asn);
+                Some(Listening { at: None, channel, scans: true })
+            }
+            State::Synced { .. } => match schedule.listens(asn) {
+                Some(at) => {
+                    let channel = channel_of(config, asn, at.cell.channel);
+                    Some(Listening { at: Some(at), channel, scans: false })
+                }
+                None => self.extra.and_then(|extra| {
+                    let listens = extra.asn == asn && extra.sends_to.is_none();
+                    listens.then_some(Listening { at: None, channel: extra.channel, scans: false })
+                }),
+            },
+        }
+    }
+
+    /// A frame was received. `sequence`: its number; beacons have none. `source_ns`: how far the sender's clock is off.
+    #[inline]
+    pub fn handle_frame(
+        &mut self,
+        config: &Config,
+        from: Eui64,
+        destination: Option<Eui64>,
+        sequence: Option<u8>,
+        asn: u64,
+        source_ns: i64,
+    ) -> Verdict {
+        let now_ns = asn * config.slot_ns;
+        let for_us = destination == Some(self.own);
+        let is_new = self.neighbours.hear(from, sequence, for_us, asn);
+        let State::Synced { source, heard_ns, .. } = &mut self.state else {
+            return Verdict { acknowledge: false, deliver: false };
+        };
+        // A frame for another mote is discarded before it could correct the clock (IEEE Std 802.15.4-2015, 6.7.2).
+        if *source == Some(from) && (for_us || destination.is_none()) {
+            *heard_ns = now_ns;
+            self.clock.correct(source_ns, now_ns, &mut self.dice);
+        }
+        Verdict { acknowledge: for_us, deliver: destination.is_none() || (for_us && is_new) }
+    }
+
+    /// A received unicast frame for us had the pending bit: listens in the next slot.
+    pub fn follow(&mut self, asn: u64, channel: u8) {
+        self.extra = Some(Extra { asn: asn + 1, channel, sends_to: None });
+    }
+
+    /// The slot, not before `from_asn`, in which it listens because of a pending bit.
+    #[must_use]
+    pub fn follows_at(&self, from_asn: u64) -> Option<u64> {
+        let extra = self.extra.filter(|extra| extra.sends_to.is_none() && from_asn <= extra.asn);
+        extra.map(|extra| extra.asn)
+    }
+
+    /// The slot in which it listened because of a pending bit is over.
+    pub fn end_following(&mut self) {
+        self.extra = self.extra.filter(|extra| extra.sends_to.is_some());
+    }
+
+    /// A beacon was heard while scanning. Returns whom to synchronise to, once enough neighbours have been heard.
+    pub fn handle_beacon(
+        &mut self,
+        config: &Config,
+        from: Eui64,
+        join_metric: u8,
+        now_ns: u64,
+    ) -> Option<Eui64> {
+        let State::Scanning { heard, decide_ns } = &mut self.state else { return None };
+        match heard.iter_mut().find(|(other, _)| *other == from) {
+            Some(entry) => entry.1 = join_metric,
+            None => heard.push((from, join_metric)),
+        }
+        if decide_ns.is_none() {
+            *decide_ns = Some(now_ns + config.beacon_wait_ns);
+        }
+        if usize::from(config.neighbours_to_wait) <= heard.len() { self.choose() } else { None }
+    }
+
+    /// The neighbour with the least join metric; of equal ones the one heard first.
+    fn choose(&mut self) -> Option<Eui64> {
+        let State::Scanning { heard, decide_ns } = &mut self.state else { return None };
+        *decide_ns = None;
+        let best = heard.iter().min_by_key(|(_, metric)| *metric).map(|(from, _)| *from);
+        heard.clear();
+        best
+    }
+
+    /// What became of a transmission. `source_ns`: how far the clock of whoever acknowledged is off.
+    pub fn handle_done(
+        &mut self,
+        config: &Config,
+        transmission: Transmission,
+        acknowledged: bool,
+        source_ns: i64,
+        asn: u64,
+    ) -> Done {
+        let Transmission { at, channel, outgoing, pending } = transmission;
+        let frame = match outgoing {
+            Outgoing::Beacon => return Done::Broadcast(None),
+            Outgoing::Frame(frame) => frame,
+        };
+        self.in_flight = false;
+        let Some(destination) = frame.destination() else { return Done::Broadcast(Some(frame)) };
+        let is_shared = at.is_some_and(|at| at.cell.options.shared);
+        if acknowledged {
+            if is_shared || !self.queue.waits_for(destination) {
+                self.backoff.succeed(destination);
+            }
+            if let State::Synced { source: Some(source), heard_ns, .. } = &mut self.state
+                && *source == destination
+            {
+                let now_ns = asn * config.slot_ns;
+                *heard_ns = now_ns;
+                self.clock.correct(source_ns, now_ns, &mut self.dice);
+            }
+            if pending {
+                self.extra = Some(Extra { asn: asn + 1, channel, sends_to: Some(destination) });
+            }
+            return Done::Acknowledged(frame);
+        }
+        if is_shared {
+            if config.contends_as_peer && frame.n_attempts == 1 {
+                self.backoff.succeed(destination);
+            }
+            self.backoff.fail(destination, &mut self.dice);
+        }
+        if config.max_retries.is_some_and(|most| most < frame.n_attempts) {
+            return Done::GivenUp(frame);
+        }
+        self.queue.put_back(frame);
+        Done::Retry { destination }
+    }
+
+    /// When [`Tsch::handle_timeout`] wants to be called (ns).
+    #[must_use]
+    pub fn poll_timeout(&self, config: &Config) -> Option<u64> {
+        match &self.state {
+            State::Off => None,
+            State::Scanning { decide_ns, .. } => *decide_ns,
+            State::Synced { source, heard_ns, keep_alive_ns } => {
+                let beacon_ns = if self.beacons.enabled
+                    && !self.beacons.is_due
+                    && config.beacon_probability.is_none()
+                {
+                    self.beacons.next_ns
+                } else {
+                    u64::MAX
+                };
+                let time_ns = match source {
+                    Some(_) if config.keep_alive_ns != 0 => {
+                        (*keep_alive_ns).min(heard_ns + config.desynchronise_ns)
+                    }
+                    _ => u64::MAX,
+                };
+                let first = beacon_ns.min(time_ns);
+                (first != u64::MAX).then_some(first)
+            }
+        }
+    }
+
+    /// Time has come to `now_ns`.
+    pub fn handle_timeout(&mut self, config: &Config, now_ns: u64) -> Option<Due> {
+        if self.beacons.enabled
+            && !self.beacons.is_due
+            && config.beacon_probability.is_none()
+            && self.beacons.next_ns <= now_ns
+        {
+            let interval_ns = self.beacon_interval_ns(config);
+            self.beacons.is_due = true;
+            self.beacons.next_ns =
+                now_ns + self.dice.duration_ns(interval_ns * 3 / 4, interval_ns * 5 / 4);
+        }
+        let waits = |queue: &Queue, to: Eui64| queue.waits_for(to);
+        match &mut self.state {
+            State::Scanning { decide_ns: Some(decide_ns), .. } if *decide_ns <= now_ns => {
+                self.choose().map(Due::Synchronise)
+            }
+            State::Synced { source: Some(source), heard_ns, keep_alive_ns }
+                if config.keep_alive_ns != 0 =>
+            {
+                if *heard_ns + config.desynchronise_ns <= now_ns {
+                    return Some(Due::Desynchronised);
+                }
+                if now_ns < *keep_alive_ns {
+                    return None;
+                }
+                let late_ns = if config.contends_as_peer { config.slot_ns } else { 0 };
+                let wanted_ns = *heard_ns + config.keep_alive_ns + late_ns;
+                if now_ns < wanted_ns {
+                    *keep_alive_ns = wanted_ns;
+                    return None;
+                }
+                *keep_alive_ns = now_ns + config.keep_alive_ns;
+                let source = *source;
+                (!waits(&self.queue, source)).then_some(Due::KeepAlive(source))
+            }
+            State::Off | State::Scanning { .. } | State::Synced { .. } => None,
+        }
+    }
+
+    /// Whether the root keeps this mote's time.
+    #[must_use]
+    pub fn is_root(&self) -> bool {
+        self.is_root
+    }
+}
+
+fn keep_alive_at(config: &Config, now_ns: u64) -> u64 {
+    if config.keep_alive_ns == 0 { u64::MAX } else { now_ns + config.keep_alive_ns }
+}
+
+/// The channel of a cell in a slot: IEEE Std 802.15.4-2015, 6.2.6.3.
+#[inline]
+#[must_use]
+pub fn channel_of(config: &Config, asn: u64, channel_offset: u16) -> u8 {
+    let sequence = &config.hopping_sequence;
+    sequence[((asn + u64::from(channel_offset)) % sequence.len() as u64) as usize]
+}
+
+/// The channel on which a scanning mote listens: another one at random after each dwell.
+#[must_use]
+pub fn scan_channel(config: &Config, seed: u64, mote: u32, asn: u64) -> u8 {
+    let dwell = asn / u64::from(config.scan_dwell_slots);
+    let word = Draws::new(seed, Purpose::Scan).words(u64::from(mote), dwell, 0)[0];
+    let sequence = &config.hopping_sequence;
+    sequence[((u128::from(word) * sequence.len() as u128) >> 64) as usize]
+}

@@ -1,0 +1,141 @@
+//! What goes into the MAC of a mote, and what comes out.
+
+use crate::mac::queue::Queued;
+use crate::mac::schedule::CellRef;
+use crate::wire::Eui64;
+use serde::{Deserialize, Serialize};
+
+/// Settings of the MAC, the same for all motes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Config {
+    /// Length of a slot (ns).
+    pub slot_ns: u64,
+    /// Channels by absolute slot number and channel offset.
+    pub hopping_sequence: Vec<u8>,
+    /// Frames that may wait (macMaxQueue); `None`: any number.
+    pub queue_capacity: Option<u16>,
+    /// Attempts after the first (macMaxFrameRetries); `None`: any number.
+    pub max_retries: Option<u16>,
+    /// macMinBe.
+    pub min_exponent: u8,
+    /// macMaxBe.
+    pub max_exponent: u8,
+    /// Mean time between beacons of a mote (ns), where few are in reach.
+    pub beacon_period_ns: u64,
+    /// Least mean time between the beacons of all motes in reach (ns).
+    pub beacon_spacing_ns: u64,
+    /// Beacons as the 6TiSCH simulator sends them: in an idle advertising cell with this probability over 1 + n, n being
+    /// the neighbours ever heard.
+    pub beacon_probability: Option<f64>,
+    /// Contention as in the 6TiSCH simulator: back-off begins anew with every frame, and a keep-alive comes too late for the
+    /// slot in which it falls due, so that one whose period is a multiple of the slotframe misses the cell of the last one.
+    pub contends_as_peer: bool,
+    /// How long to wait for further beacons after the first (RFC 8180, § 6.3: MAX_EB_DELAY) (ns).
+    pub beacon_wait_ns: u64,
+    /// Beacons of so many neighbours end the wait (RFC 8180, § 6.3: NUM_NEIGHBOURS_TO_WAIT).
+    pub neighbours_to_wait: u16,
+    /// How long a scanning mote stays on a channel (slots).
+    pub scan_dwell_slots: u32,
+    /// A mote that has not heard its time source for so long sends a frame to it (ns); 0: never.
+    pub keep_alive_ns: u64,
+    /// A mote that has not heard its time source for so long is no longer synchronised (ns).
+    pub desynchronise_ns: u64,
+    /// Greatest rate error of a clock (ppm).
+    pub max_drift_ppm: f64,
+    /// Frequency of the crystal whose ticks clocks count (Hz).
+    pub crystal_hz: u32,
+    /// A frame announces that another for the same neighbour follows in the next slot.
+    pub pending_bit: bool,
+}
+
+/// Where a mote stands.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum State {
+    /// Its radio is off.
+    Off,
+    /// It listens for beacons, one channel after another.
+    Scanning {
+        /// Beacons heard: from whom, join metric.
+        heard: Vec<(Eui64, u8)>,
+        /// When to choose among them (ns).
+        decide_ns: Option<u64>,
+    },
+    /// It keeps time.
+    Synced {
+        /// Whose time; `None`: its own, it is a root.
+        source: Option<Eui64>,
+        /// When it last heard from the source (ns).
+        heard_ns: u64,
+        /// When to consider a keep-alive (ns).
+        keep_alive_ns: u64,
+    },
+}
+
+/// What a mote sends in a slot.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outgoing {
+    /// A beacon.
+    Beacon,
+    /// A frame from the queue.
+    Frame(Queued),
+}
+
+/// A transmission.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transmission {
+    /// In which cell; `None`: the slot after one with the pending bit.
+    pub at: Option<CellRef>,
+    /// On which channel.
+    pub channel: u8,
+    /// What.
+    pub outgoing: Outgoing,
+    /// Another frame for the same neighbour follows in the next slot.
+    pub pending: bool,
+}
+
+/// How a mote listens in a slot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Listening {
+    /// In which cell; `None`: it scans, or the slot follows one with the pending bit.
+    pub at: Option<CellRef>,
+    /// On which channel.
+    pub channel: u8,
+    /// It does not keep time: it listens all the time.
+    pub scans: bool,
+}
+
+/// What the MAC says to a frame that was received.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// It is acknowledged.
+    pub acknowledge: bool,
+    /// It goes to the upper layers: it is for us, and new.
+    pub deliver: bool,
+}
+
+/// What became of a transmission.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Done {
+    /// A beacon or a broadcast frame: nobody acknowledges.
+    Broadcast(Option<Queued>),
+    /// Acknowledged.
+    Acknowledged(Queued),
+    /// Not acknowledged: it will be sent again.
+    Retry {
+        /// For whom.
+        destination: Eui64,
+    },
+    /// Not acknowledged, and sent often enough.
+    GivenUp(Queued),
+}
+
+/// What time brings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Due {
+    /// The wait for beacons is over: synchronise to this neighbour.
+    Synchronise(Eui64),
+    /// A keep-alive for the time source.
+    KeepAlive(Eui64),
+    /// The time source has not been heard for too long.
+    Desynchronised,
+}

@@ -1,0 +1,197 @@
+//! The swarm's payloads that were on the air in a step, and who heard them.
+
+use crate::medium::resolve;
+use bytes::Bytes;
+use proto::types::{Deliveries, DeliveryColumn, Heard, Medium, Payloads, Transmissions};
+
+/// Transmissions of a step, and receptions of them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Inbox {
+    sent: Vec<Sent>,
+    heard: Vec<HeardOne>,
+    /// Room for sorting.
+    places: Vec<u32>,
+    sorted: Vec<HeardOne>,
+}
+
+/// A payload on the air.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sent {
+    /// Who sent it.
+    pub sender: u32,
+    /// When (ns).
+    pub sent_ns: u64,
+    /// When the slot of its first frame ended (ns).
+    pub end_ns: u64,
+    /// What.
+    pub payload: Bytes,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct HeardOne {
+    receiver: u32,
+    transmission: u32,
+    received_ns: u64,
+    rssi_dbm: f32,
+    hops: u32,
+}
+
+impl Inbox {
+    /// Nothing was sent.
+    pub fn clear(&mut self) {
+        self.sent.clear();
+        self.heard.clear();
+    }
+
+    /// A payload goes on the air. Returns its number, for [`Inbox::hear`].
+    pub fn send(&mut self, sent: Sent) -> u32 {
+        self.sent.push(sent);
+        (self.sent.len() - 1) as u32
+    }
+
+    /// Somebody heard it.
+    #[inline]
+    pub fn hear(
+        &mut self,
+        receiver: u32,
+        transmission: u32,
+        received_ns: u64,
+        rssi_dbm: f32,
+        hops: u32,
+    ) {
+        self.heard.push(HeardOne { receiver, transmission, received_ns, rssi_dbm, hops });
+    }
+
+    /// Whether anybody heard anything.
+    #[must_use]
+    pub fn is_heard(&self) -> bool {
+        !self.heard.is_empty()
+    }
+
+    /// All of it as deliveries, and an empty inbox.
+    pub fn deliveries(&mut self, agent_count: usize, columns: &[DeliveryColumn]) -> Deliveries {
+        if self.sent.is_empty() {
+            return Deliveries::default();
+        }
+        // By (sent_ns, sender); of equal ones, in the order they were sent.
+        let mut order: Vec<u32> = (0..self.sent.len() as u32).collect();
+        let key = |&place: &u32| {
+            let sent = &self.sent[place as usize];
+            (sent.sent_ns, sent.sender)
+        };
+        order.sort_by_key(key);
+        let mut rank = vec![0; order.len()];
+        for (new, &old) in (0..).zip(&order) {
+            rank[old as usize] = new;
+        }
+        for heard in &mut self.heard {
+            heard.transmission = rank[heard.transmission as usize];
+        }
+        self.sort(agent_count);
+        let mut ends = Vec::with_capacity(agent_count);
+        let mut indices = Vec::with_capacity(self.heard.len());
+        for heard in &self.heard {
+            ends.resize(heard.receiver as usize, indices.len() as u32);
+            indices.push(heard.transmission);
+        }
+        ends.resize(agent_count, indices.len() as u32);
+        let wants = |column| columns.contains(&column);
+        let mut lengths = Vec::with_capacity(order.len());
+        let mut data = Vec::new();
+        for &place in &order {
+            let payload = &self.sent[place as usize].payload;
+            lengths.push(payload.len() as u32);
+            data.extend_from_slice(payload);
+        }
+        let ordered = || order.iter().map(|&place| &self.sent[place as usize]);
+        let deliveries = Deliveries {
+            transmissions: Transmissions {
+                sender: ordered().map(|sent| sent.sender).collect(),
+                sent_ns: ordered().map(|sent| sent.sent_ns).collect(),
+                end_ns: ordered().map(|sent| sent.end_ns).collect(),
+                payloads: Payloads::new(lengths, data.into())
+                    .expect("as much data as the lengths add up to"),
+            },
+            received_ns: if wants(DeliveryColumn::ReceivedNs) {
+                self.heard.iter().map(|heard| heard.received_ns).collect()
+            } else {
+                Vec::new()
+            },
+            rssi_dbm: if wants(DeliveryColumn::RssiDbm) {
+                self.heard.iter().map(|heard| heard.rssi_dbm).collect()
+            } else {
+                Vec::new()
+            },
+            hops: if wants(DeliveryColumn::Hops) {
+                self.heard.iter().map(|heard| heard.hops).collect()
+            } else {
+                Vec::new()
+            },
+            medium: if wants(DeliveryColumn::Medium) {
+                vec![Medium::Radio; self.heard.len()]
+            } else {
+                Vec::new()
+            },
+            heard: resolve::shorter(Heard::Lists { ends, indices }, agent_count, order.len()),
+        };
+        self.clear();
+        deliveries
+    }
+
+    /// By receiver, and of each receiver by transmission. Places are counted: nearly all come in the order of transmissions.
+    fn sort(&mut self, agent_count: usize) {
+        if !self.heard.is_sorted_by_key(|heard| heard.transmission) {
+            self.heard.sort_by_key(|heard| heard.transmission);
+        }
+        self.places.clear();
+        self.places.resize(agent_count, 0);
+        for heard in &self.heard {
+            self.places[heard.receiver as usize] += 1;
+        }
+        let mut before = 0;
+        for place in &mut self.places {
+            before += std::mem::replace(place, before);
+        }
+        self.sorted.clear();
+        self.sorted.resize(self.heard.len(), HeardOne::default());
+        for heard in &self.heard {
+            let place = &mut self.places[heard.receiver as usize];
+            self.sorted[*place as usize] = *heard;
+            *place += 1;
+        }
+        std::mem::swap(&mut self.heard, &mut self.sorted);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deliveries_are_in_order_of_time_and_sender_however_they_came() {
+        let mut inbox = Inbox::default();
+        let sent = |sender, sent_ns| Sent {
+            sender,
+            sent_ns,
+            end_ns: sent_ns + 1,
+            payload: vec![sender as u8].into(),
+        };
+        let late = inbox.send(sent(3, 20));
+        let early = inbox.send(sent(5, 10));
+        let first = inbox.send(sent(1, 10));
+        inbox.hear(2, late, 21, -50.0, 1);
+        inbox.hear(0, late, 21, -60.0, 1);
+        inbox.hear(2, first, 11, -70.0, 2);
+        inbox.hear(2, early, 11, -80.0, 1);
+        let columns = [DeliveryColumn::RssiDbm, DeliveryColumn::Hops];
+        let deliveries = inbox.deliveries(4, &columns);
+        assert_eq!(deliveries.transmissions.sender, [1, 5, 3]);
+        assert_eq!(deliveries.transmissions.payloads.data()[..], [1, 5, 3]);
+        let heard: Vec<Vec<usize>> =
+            (0..4).map(|agent| deliveries.heard_by(agent).collect()).collect();
+        assert_eq!(heard, [vec![2], vec![], vec![0, 1, 2], vec![]]);
+        assert_eq!(deliveries.rssi_dbm, [-60.0, -70.0, -80.0, -50.0]);
+        assert_eq!(deliveries.hops, [1, 2, 1, 1]);
+        assert!(!inbox.is_heard());
+    }
+}

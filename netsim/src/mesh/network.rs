@@ -1,0 +1,261 @@
+//! The network as a whole: what a step brings in, slots, and what it reports.
+
+use super::addresses::Addresses;
+use super::calendar::Calendar;
+use super::capture::Capture;
+use super::hush::Hush;
+use super::inbox::Inbox;
+use super::packets::Packets;
+use super::records::{Formed, HeardOf};
+use super::settings::Settings;
+use super::slot::Scratch;
+use crate::config::Config;
+use crate::lowpan::DropReason;
+use crate::medium::jam::Jams;
+use crate::medium::links::Links;
+use crate::medium::slot::SlotMedium;
+use crate::mote::{Mote, World};
+use crate::place::{self, Place};
+use proto::side::{NetInput, NetOutput};
+use proto::site::Site;
+use proto::types::{DeliveryColumn, Experiment, MoteStates, NetRecord};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// What changes as time goes on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Where things are.
+    pub place: Place,
+    /// All motes.
+    pub motes: Vec<Mote>,
+    /// Who acts when.
+    pub calendar: Calendar,
+    /// Packets from end to end.
+    pub packets: Packets<DropReason>,
+    /// Noise on channels.
+    pub jams: Jams,
+    /// Frames heard, by receiver; empty if nobody wants to know.
+    pub heard: Vec<Vec<HeardOf>>,
+    /// Whether everybody takes part.
+    pub formed: Formed,
+    /// The first slot that has not been simulated.
+    pub asn: u64,
+}
+
+/// The 6TiSCH network.
+#[derive(Debug)]
+pub struct Mesh {
+    pub(super) experiment: Experiment,
+    pub(super) columns: Vec<DeliveryColumn>,
+    pub(super) records: Vec<NetRecord>,
+    pub(super) config: Config,
+    pub(super) settings: Settings,
+    pub(super) addresses: Addresses,
+    pub(super) state: State,
+    pub(super) links: Links,
+    pub(super) medium: SlotMedium,
+    pub(super) inbox: Inbox,
+    pub(super) capture: Capture,
+    pub(super) scratch: Scratch,
+    /// By mote: when a timer wants to be looked at (ns), as last rescheduled; 0: not known.
+    pub(super) due_ns: Vec<u64>,
+    pub(super) hush: Hush,
+    /// Somebody has become ready, or is no longer, since it was last looked whether all are.
+    pub(super) readiness_changed: bool,
+}
+
+impl Mesh {
+    /// A network at time 0: roots run, all others look for it.
+    #[must_use]
+    pub fn new(
+        experiment: Experiment,
+        config: Config,
+        settings: Settings,
+        addresses: Addresses,
+        site: Site,
+        columns: Vec<DeliveryColumn>,
+        records: Vec<NetRecord>,
+    ) -> Self {
+        let n = experiment.agent_count;
+        let place = Place::new(n, &config.absent, site);
+        let motes = (0..n as u32)
+            .map(|mote| Mote::new(&settings, &addresses, mote, n as u32, experiment.seed))
+            .collect();
+        let state = State {
+            place,
+            motes,
+            calendar: Calendar::new(n),
+            packets: Packets::default(),
+            jams: Jams::default(),
+            heard: if records.contains(&NetRecord::HeardLinks) {
+                vec![Vec::new(); n]
+            } else {
+                Vec::new()
+            },
+            formed: Formed::default(),
+            asn: 0,
+        };
+        let mut mesh =
+            Self::with_state(experiment, config, settings, addresses, columns, records, state);
+        for mote in 0..n as u32 {
+            if mesh.state.place.is_alive(mote as usize) {
+                mesh.switch_on(mote, 0);
+            }
+        }
+        mesh
+    }
+
+    /// A network in a state that another one of the same configuration reached.
+    #[must_use]
+    pub fn with_state(
+        experiment: Experiment,
+        mut config: Config,
+        settings: Settings,
+        addresses: Addresses,
+        columns: Vec<DeliveryColumn>,
+        records: Vec<NetRecord>,
+        state: State,
+    ) -> Self {
+        let rule = config.interference.take().expect("an interference rule is configured");
+        let medium = SlotMedium::new(experiment.seed, rule.rule, settings.compat.perfect_acks);
+        let n = experiment.agent_count;
+        let links = Links::new(
+            Arc::clone(&config.model),
+            experiment.seed,
+            &config.hopping_sequence,
+            rule.horizon_dbm,
+        );
+        let capture = Capture::new(records.contains(&NetRecord::Capture));
+        Self {
+            experiment,
+            columns,
+            records,
+            config,
+            settings,
+            addresses,
+            state,
+            links,
+            medium,
+            inbox: Inbox::default(),
+            capture,
+            scratch: Scratch::new(n),
+            due_ns: vec![0; n],
+            hush: Hush::new(n),
+            readiness_changed: true,
+        }
+    }
+
+    /// What changes as time goes on.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Settings of the protocols.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Which mote has which address.
+    #[must_use]
+    pub fn addresses(&self) -> &Addresses {
+        &self.addresses
+    }
+
+    /// Runs to `input.until_ns`, or to the end of the first slot in which somebody heard a payload.
+    pub fn step(&mut self, input: &NetInput<'_>) -> NetOutput {
+        let slot_ns = self.config.slot_ns;
+        let from_asn = input.from_ns.div_ceil(slot_ns);
+        let until_asn = input.until_ns.div_ceil(slot_ns);
+        self.state.place.travel(input.states);
+        self.state.place.move_obstacles(input.moved_obstacles);
+        self.obey(input.commands, from_asn);
+        self.follow_bodies(input.states, from_asn);
+        self.place_radios(input);
+
+        let step_ns = self.experiment.step_ns;
+        let mut time_ns = input.until_ns;
+        let mut asn = from_asn;
+        while asn < until_asn {
+            self.hand_over_payloads(input, asn);
+            let period_ns = asn * slot_ns / step_ns * step_ns;
+            let period_end_ns = period_ns + step_ns;
+            // Steps may be shorter than a control period, or longer: what is redrawn with each must not depend on it.
+            self.links.set_period(period_ns);
+            let end_asn = period_end_ns.div_ceil(slot_ns).min(until_asn).max(asn + 1);
+            if let Some(stopped_asn) = self.run(end_asn, input.stop_at_first_delivery) {
+                time_ns = input.until_ns.min((stopped_asn + 1) * slot_ns);
+                break;
+            }
+            asn = end_asn;
+        }
+        self.state.asn = time_ns.div_ceil(slot_ns);
+        self.report(input, time_ns)
+    }
+
+    /// Runs to slot `end_asn`, which is not simulated. Returns the slot in which somebody heard a payload, where the run
+    /// shall stop there.
+    fn run(&mut self, end_asn: u64, stop_at_first_delivery: bool) -> Option<u64> {
+        while let Some(asn) = self.state.calendar.next_asn().filter(|&asn| asn < end_asn) {
+            self.slot(asn);
+            if stop_at_first_delivery && self.inbox.is_heard() {
+                return Some(asn);
+            }
+        }
+        None
+    }
+
+    /// Radios stand where the agents are, for the whole step.
+    fn place_radios(&mut self, input: &NetInput<'_>) {
+        let lift_m = place::lift_m(self.config.antenna_height_m, input.states);
+        let place = &self.state.place;
+        let (mut ends, mut way_m) = (Vec::new(), Vec::new());
+        for agent in 0..self.experiment.agent_count {
+            if input.states.alive.get(agent) && place.is_alive(agent) {
+                ends.push(place::end_of(input.states, agent as u32, lift_m));
+                way_m.push(place.way_m[agent]);
+            }
+        }
+        self.links.set_site(&place.site);
+        self.links.set_covariates(&input.states.covariates);
+        self.links.set_jams(&self.state.jams);
+        self.links.set_positions(input.from_ns, &ends, &way_m);
+    }
+
+    /// A mote, and the world as it sees it in a slot.
+    pub(super) fn at(&mut self, mote: u32, asn: u64) -> (&mut Mote, World<'_>) {
+        let world = World {
+            settings: &self.settings,
+            addresses: &self.addresses,
+            packets: &mut self.state.packets,
+            seed: self.experiment.seed,
+            asn,
+            effective_asn: asn,
+            now_ns: asn * self.config.slot_ns,
+            readiness_changed: &mut self.readiness_changed,
+            swarm: &mut self.scratch.swarm,
+        };
+        (&mut self.state.motes[mote as usize], world)
+    }
+
+    /// Enters the next slot in which a mote acts, `from_asn` or later.
+    pub(super) fn reschedule(&mut self, mote: u32, from_asn: u64) {
+        let slot_ns = self.config.slot_ns;
+        let of = &self.state.motes[mote as usize];
+        let timeout = of.poll_timeout(&self.settings.mac);
+        self.due_ns[mote as usize] = timeout.unwrap_or(u64::MAX);
+        let timer_asn = timeout.map(|due_ns| due_ns.div_ceil(slot_ns).max(from_asn));
+        self.hush.note(mote, &of.mac, &of.schedule);
+        let tx_asn = of.mac.next_tx_asn(&self.settings.mac, &of.schedule, from_asn);
+        let next = [timer_asn, tx_asn, of.mac.follows_at(from_asn)].into_iter().flatten().min();
+        self.state.calendar.set(mote, next);
+    }
+
+    /// The motes now.
+    #[must_use]
+    pub fn motes(&self) -> MoteStates {
+        super::records::mote_states(&self.state, &self.addresses)
+    }
+}

@@ -1,0 +1,90 @@
+//! Faults, jamming and traffic that are ordered from outside; motes whose robots come and go.
+
+use super::network::Mesh;
+use super::packets::PacketKind;
+use crate::medium::jam::Jam;
+use crate::wire::address::ALL_NODES;
+use proto::types::{AgentStates, MoteCommand, MoteOrder};
+
+impl Mesh {
+    /// Orders take effect at the beginning of slot `asn`.
+    pub(super) fn obey(&mut self, commands: &[MoteCommand], asn: u64) {
+        self.state.place.obey(commands);
+        for command in commands {
+            match &command.order {
+                MoteOrder::Kill(mote) => {
+                    self.switch_off(*mote, asn);
+                    // It may have been the last one that was missing.
+                    self.readiness_changed = true;
+                }
+                MoteOrder::Revive(mote) | MoteOrder::Add(mote) => {
+                    if self.state.place.is_alive(*mote as usize) {
+                        self.switch_on(*mote, asn);
+                    }
+                }
+                MoteOrder::Jam { channel, from_ns, until_ns, centre_m, radius_m } => {
+                    self.state.jams.add(Jam {
+                        channel: *channel as u8,
+                        from_ns: *from_ns,
+                        until_ns: *until_ns,
+                        centre_m: *centre_m,
+                        radius_m: *radius_m,
+                    });
+                }
+                MoteOrder::Send { mote, destination, payload } => {
+                    self.send_ordered(*mote, *destination, payload.clone(), asn);
+                }
+            }
+        }
+        self.state.jams.forget_before(asn * self.config.slot_ns);
+    }
+
+    /// A mote whose robot is gone is off, and on again when the robot is back.
+    pub(super) fn follow_bodies(&mut self, states: &AgentStates, asn: u64) {
+        for mote in 0..self.experiment.agent_count as u32 {
+            let place = mote as usize;
+            if states.alive.get(place) && self.state.place.is_alive(place) {
+                self.switch_on(mote, asn);
+            } else {
+                self.switch_off(mote, asn);
+            }
+        }
+    }
+
+    /// Switches a mote on that is off.
+    pub(super) fn switch_on(&mut self, mote: u32, asn: u64) {
+        let (of, mut world) = self.at(mote, asn);
+        if of.tally.on_since_asn.is_none() {
+            of.switch_on(&mut world);
+            self.reschedule(mote, asn);
+        }
+    }
+
+    /// Switches a mote off that is on.
+    pub(super) fn switch_off(&mut self, mote: u32, asn: u64) {
+        let (of, mut world) = self.at(mote, asn);
+        if of.tally.on_since_asn.is_some() {
+            of.switch_off(&mut world);
+            self.hush.forget(mote);
+            self.state.calendar.set(mote, None);
+        }
+    }
+
+    fn send_ordered(&mut self, mote: u32, destination: u32, payload: bytes::Bytes, asn: u64) {
+        let now_ns = asn * self.config.slot_ns;
+        if destination == u32::MAX {
+            let (of, mut world) = self.at(mote, asn);
+            of.say(&mut world, ALL_NODES, payload, 0);
+        } else {
+            let to = self.addresses.of(destination).global();
+            let bytes = payload.len() as u32;
+            let packet =
+                self.state.packets.begin(PacketKind::Ordered, mote, destination, now_ns, bytes);
+            let (of, mut world) = self.at(mote, asn);
+            of.say(&mut world, to, payload, packet);
+        }
+        let (of, mut world) = self.at(mote, asn);
+        of.pump(&mut world);
+        self.reschedule(mote, asn);
+    }
+}

@@ -1,0 +1,181 @@
+//! Packets from end to end: where each is from, and what becomes of it.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What a packet is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum PacketKind {
+    /// An application's.
+    Application,
+    /// The swarm's, to one neighbour.
+    Swarm,
+    /// Ordered from outside.
+    Ordered,
+}
+
+impl PacketKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Application, Self::Swarm, Self::Ordered];
+
+    /// Its name in records.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Application => "app",
+            Self::Swarm => "swarm",
+            Self::Ordered => "ordered",
+        }
+    }
+}
+
+/// A packet on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Packet {
+    /// Its number, from 1, in the order of creation.
+    pub id: u64,
+    /// What it is for.
+    pub kind: PacketKind,
+    /// Who made it.
+    pub source: u32,
+    /// For whom.
+    pub destination: u32,
+    /// When it was made (ns).
+    pub created_ns: u64,
+    /// Its payload (bytes).
+    pub bytes: u32,
+}
+
+/// A packet that has come to an end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ended<R> {
+    /// Which.
+    pub packet: Packet,
+    /// When (ns).
+    pub ended_ns: u64,
+    /// Hops it took: 0 if it was not delivered.
+    pub hops: u32,
+    /// Why it was lost; `None`: it was delivered.
+    pub lost: Option<R>,
+}
+
+/// All packets.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Packets<R> {
+    next_id: u64,
+    on_their_way: BTreeMap<u64, Packet>,
+    /// Those that have ended since they were last taken.
+    ended: Vec<Ended<R>>,
+    n_delivered: u64,
+    n_lost: u64,
+    /// Arrivals of packets that had ended before: second copies, or packets that were taken for lost.
+    n_late: u64,
+    /// By kind.
+    n_created: [u64; 3],
+}
+
+impl<R> Default for Packets<R> {
+    fn default() -> Self {
+        let (on_their_way, ended) = (BTreeMap::new(), Vec::new());
+        Self {
+            next_id: 1,
+            on_their_way,
+            ended,
+            n_delivered: 0,
+            n_lost: 0,
+            n_late: 0,
+            n_created: [0; 3],
+        }
+    }
+}
+
+impl<R: Copy> Packets<R> {
+    /// A packet sets out. Returns its number.
+    pub fn begin(
+        &mut self,
+        kind: PacketKind,
+        source: u32,
+        destination: u32,
+        created_ns: u64,
+        bytes: u32,
+    ) -> u64 {
+        let id = self.next_id;
+        self.next_id += 1;
+        self.n_created[kind as usize] += 1;
+        let packet = Packet { id, kind, source, destination, created_ns, bytes };
+        self.on_their_way.insert(id, packet);
+        id
+    }
+
+    /// A packet has arrived. `None`: it has ended before, or is none that is counted.
+    pub fn deliver(&mut self, id: u64, now_ns: u64, hops: u32) -> Option<Packet> {
+        let Some(packet) = self.on_their_way.remove(&id) else {
+            self.n_late += u64::from(id != 0);
+            return None;
+        };
+        self.n_delivered += 1;
+        self.ended.push(Ended { packet, ended_ns: now_ns, hops, lost: None });
+        Some(packet)
+    }
+
+    /// A packet is lost. One that has ended before stays as it ended.
+    pub fn lose(&mut self, id: u64, now_ns: u64, reason: R) {
+        if let Some(packet) = self.on_their_way.remove(&id) {
+            self.n_lost += 1;
+            self.ended.push(Ended { packet, ended_ns: now_ns, hops: 0, lost: Some(reason) });
+        }
+    }
+
+    /// Those that have ended since this was last asked.
+    pub fn take_ended(&mut self) -> Vec<Ended<R>> {
+        std::mem::take(&mut self.ended)
+    }
+
+    /// How many of a kind have set out.
+    #[must_use]
+    pub fn created(&self, kind: PacketKind) -> u64 {
+        self.n_created[kind as usize]
+    }
+
+    /// Those that have not ended, by number.
+    pub fn on_their_way(&self) -> impl Iterator<Item = &Packet> {
+        self.on_their_way.values()
+    }
+
+    /// How often a packet has arrived that had ended before.
+    #[must_use]
+    pub fn late(&self) -> u64 {
+        self.n_late
+    }
+
+    /// Sent, delivered, lost, on their way: the first is the sum of the others.
+    #[must_use]
+    pub fn counts(&self) -> [u64; 4] {
+        [self.next_id - 1, self.n_delivered, self.n_lost, self.on_their_way.len() as u64]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packet_ends_once_and_all_are_accounted_for() {
+        let mut packets = Packets::default();
+        let [a, b, c] =
+            [1, 2, 3].map(|source| packets.begin(PacketKind::Application, source, 0, 5, 9));
+        assert_eq!(packets.deliver(a, 8, 2).unwrap().source, 1);
+        assert!(packets.deliver(a, 9, 2).is_none());
+        packets.lose(a, 9, 'x');
+        assert_eq!((packets.late(), packets.on_their_way().count()), (1, 2));
+        packets.lose(b, 9, 'y');
+        assert_eq!(packets.counts(), [3, 1, 1, 1]);
+        let ended = packets.take_ended();
+        assert_eq!(
+            ended.iter().map(|ended| (ended.packet.id, ended.lost)).collect::<Vec<_>>(),
+            [(a, None), (b, Some('y'))]
+        );
+        packets.deliver(c, 9, 1);
+        assert_eq!(packets.counts(), [3, 2, 1, 0]);
+    }
+}

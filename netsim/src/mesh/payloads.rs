@@ -1,0 +1,61 @@
+//! The swarm's payloads: from what the robots say to frames in the queues.
+
+use super::network::Mesh;
+use super::packets::PacketKind;
+use super::settings::Transport;
+use crate::wire::address::ALL_NODES;
+use bytes::Bytes;
+use proto::side::NetInput;
+
+impl Mesh {
+    /// At the beginning of a control period every mote that is ready takes over what its robot says. Later within a
+    /// period, where steps are shorter, only what is still waiting is replaced.
+    pub(super) fn hand_over_payloads(&mut self, input: &NetInput<'_>, asn: u64) {
+        if self.settings.transport == Transport::None {
+            return;
+        }
+        let slot_ns = self.config.slot_ns;
+        let now_ns = asn * slot_ns;
+        let is_new_period = now_ns.is_multiple_of(self.experiment.step_ns);
+        let data = input.payloads.data();
+        let mut begin = 0;
+        for (mote, &length) in (0..).zip(input.payloads.length_bytes()) {
+            let range = begin..begin + length as usize;
+            begin = range.end;
+            let of = &self.state.motes[mote as usize];
+            let waits = of.mac.queue().iter().any(|queued| queued.is_latest_only);
+            if length == 0 || !of.ready || !input.states.alive.get(mote as usize) {
+                continue;
+            }
+            if is_new_period || waits {
+                self.hand_over(mote, data.slice(range), asn);
+                self.reschedule(mote, asn);
+            }
+        }
+    }
+
+    fn hand_over(&mut self, mote: u32, payload: Bytes, asn: u64) {
+        match self.settings.transport {
+            Transport::None => {}
+            Transport::OwnCell | Transport::SharedCell | Transport::BroadcastSlotframe { .. } => {
+                let (of, mut world) = self.at(mote, asn);
+                of.say(&mut world, ALL_NODES, payload, 0);
+            }
+            Transport::UnicastNeighbours => {
+                let neighbours: Vec<_> =
+                    self.state.motes[mote as usize].mac.neighbours().addresses().collect();
+                let now_ns = asn * self.config.slot_ns;
+                for neighbour in neighbours {
+                    let Some(other) = self.addresses.mote(neighbour) else { continue };
+                    let bytes = payload.len() as u32;
+                    let packet =
+                        self.state.packets.begin(PacketKind::Swarm, mote, other, now_ns, bytes);
+                    let (of, mut world) = self.at(mote, asn);
+                    of.say(&mut world, neighbour.link_local(), payload.clone(), packet);
+                }
+            }
+        }
+        let (of, mut world) = self.at(mote, asn);
+        of.pump(&mut world);
+    }
+}

@@ -1,0 +1,257 @@
+//! What the network reports: states, formation, statistics, schedules, packets.
+
+use super::addresses::Addresses;
+use super::network::{Mesh, State};
+use super::packets::PacketKind;
+use crate::energy;
+use crate::lowpan::DropReason;
+use crate::mac::CellKind;
+use crate::mote::{Lack, Mote};
+use crate::wire::Eui64;
+use proto::side::{NetInput, NetOutput};
+use proto::types::{
+    self, Bitmap, Formation, HeardLinks, MoteStates, MoteStatistics, NetRecord, Schedule, Statistic,
+};
+use serde::{Deserialize, Serialize};
+
+/// Whether everybody takes part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Formed {
+    /// When everybody did for the first time (ns).
+    pub formed_ns: Option<u64>,
+}
+
+/// Frames heard over a link.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeardOf {
+    sender: u32,
+    frames: u64,
+    sum_dbm: f64,
+}
+
+/// Length of an enhanced acknowledgment (PSDU, bytes): 64-bit destination and a time correction.
+pub const ACK_BYTES: u16 = 19;
+
+/// The motes now.
+pub(super) fn mote_states(state: &State, addresses: &Addresses) -> MoteStates {
+    let motes = &state.motes;
+    let flags = |of: &dyn Fn(&Mote) -> bool| {
+        let mut bits = Bitmap::filled(motes.len(), false);
+        for (place, mote) in motes.iter().enumerate() {
+            bits.set(place, of(mote));
+        }
+        bits
+    };
+    let parent = |mote: &Mote| mote.rpl.parent().and_then(|parent| addresses.mote(parent));
+    MoteStates {
+        alive: state.place.alive(),
+        synced: Some(flags(&|mote| mote.mac.is_synced())),
+        joined: Some(flags(&|mote| mote.joined)),
+        rank: motes.iter().map(|mote| u32::from(mote.rpl.rank())).collect(),
+        parent: motes.iter().map(|mote| parent(mote).unwrap_or(u32::MAX)).collect(),
+        queue_length: motes.iter().map(|mote| mote.mac.queue_len() as u32).collect(),
+    }
+}
+
+impl Mesh {
+    /// The reply to a step that has come to `time_ns`.
+    pub(super) fn report(&mut self, input: &NetInput<'_>, time_ns: u64) -> NetOutput {
+        let n = self.experiment.agent_count;
+        let keeps = |record| self.records.contains(&record);
+        let packets = keeps(NetRecord::Packets).then(|| self.packets());
+        let wanted = |record| input.records.contains(&record);
+        let statistics = wanted(NetRecord::Statistics).then(|| self.statistics(time_ns));
+        let schedule = wanted(NetRecord::Schedule).then(|| self.schedule());
+        let heard_links = wanted(NetRecord::HeardLinks).then(|| self.heard_links());
+        if packets.is_none() {
+            self.state.packets.take_ended();
+        }
+        NetOutput {
+            time_ns,
+            deliveries: self.inbox.deliveries(n, &self.columns),
+            motes: self.motes(),
+            commands: Vec::new(),
+            formation: Some(self.formation()),
+            packets,
+            capture: self.capture.take(),
+            statistics,
+            schedule,
+            heard_links,
+        }
+    }
+
+    /// Looks whether everybody takes part now, if that has not been so before.
+    pub(super) fn look_whether_formed(&mut self, asn: u64) {
+        if !std::mem::take(&mut self.readiness_changed) || self.state.formed.formed_ns.is_some() {
+            return;
+        }
+        let state = &mut self.state;
+        let all = (0..state.motes.len())
+            .filter(|&mote| state.place.is_alive(mote))
+            .all(|mote| state.motes[mote].ready);
+        if all {
+            state.formed.formed_ns = Some((asn + 1) * self.config.slot_ns);
+        }
+    }
+
+    /// Whether the network has formed, and who is missing for what.
+    #[must_use]
+    pub fn formation(&self) -> Formation {
+        let formed_ns = self.state.formed.formed_ns;
+        let mut formation = Formation {
+            formed_ns,
+            reasons: Lack::ALL.map(|lack| lack.words().to_owned()).to_vec(),
+            ..Formation::default()
+        };
+        if formed_ns.is_none() {
+            for mote in &self.state.motes {
+                if let (true, Some(lack)) =
+                    (self.state.place.is_alive(mote.id as usize), mote.lacks())
+                {
+                    formation.missing.push(mote.id);
+                    formation.reason.push(lack as u32);
+                }
+            }
+        }
+        formation
+    }
+
+    fn packets(&mut self) -> types::Packets {
+        let mut ended = self.state.packets.take_ended();
+        ended.sort_by_key(|ended| (ended.ended_ns, ended.packet.id));
+        let kinds = PacketKind::ALL.map(|kind| types::PacketKind {
+            name: kind.name().to_owned(),
+            is_application: kind == PacketKind::Application,
+            created: self.state.packets.created(kind),
+        });
+        types::Packets {
+            id: ended.iter().map(|ended| ended.packet.id).collect(),
+            kind: ended.iter().map(|ended| ended.packet.kind as u32).collect(),
+            source: ended.iter().map(|ended| ended.packet.source).collect(),
+            destination: ended.iter().map(|ended| ended.packet.destination).collect(),
+            created_ns: ended.iter().map(|ended| ended.packet.created_ns).collect(),
+            ended_ns: ended.iter().map(|ended| ended.ended_ns).collect(),
+            hops: ended.iter().map(|ended| ended.hops).collect(),
+            payload_bytes: ended.iter().map(|ended| ended.packet.bytes).collect(),
+            outcome: ended
+                .iter()
+                .map(|ended| ended.lost.map_or(0, |reason| reason.index() as u32 + 1))
+                .collect(),
+            kinds: kinds.to_vec(),
+            reasons: DropReason::ALL.map(|reason| reason.name().to_owned()).to_vec(),
+        }
+    }
+
+    /// Numbers per mote at a time.
+    #[must_use]
+    pub fn statistics(&self, time_ns: u64) -> MoteStatistics {
+        let slot_ns = self.config.slot_ns;
+        let asn = time_ns.div_ceil(slot_ns);
+        let model = self.settings.energy;
+        let usages: Vec<energy::Usage> = self
+            .state
+            .motes
+            .iter()
+            .map(|mote| mote.tally.usage_until(asn, mote.schedule.n_listening(asn)))
+            .collect();
+        let motes = &self.state.motes;
+        let all = |name: &str, unit: &str, values: Vec<f64>| Statistic {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            values,
+            known: None,
+        };
+        let count = |name: &str, unit: &str, of: &dyn Fn(&Mote) -> u64| {
+            all(name, unit, motes.iter().map(|mote| of(mote) as f64).collect())
+        };
+        let first = |name: &str, of: &dyn Fn(&Mote) -> Option<u64>| {
+            let mut known = Bitmap::filled(motes.len(), false);
+            let mut values = Vec::with_capacity(motes.len());
+            for (place, mote) in motes.iter().enumerate() {
+                known.set(place, of(mote).is_some());
+                values.push(of(mote).unwrap_or_default() as f64);
+            }
+            Statistic { name: name.to_owned(), unit: "ns".to_owned(), values, known: Some(known) }
+        };
+        let used = |name: &str, unit: &str, of: &dyn Fn(&energy::Usage) -> f64| {
+            all(name, unit, usages.iter().map(of).collect())
+        };
+        MoteStatistics {
+            columns: vec![
+                count("is_root", "", &|mote| u64::from(mote.is_root)),
+                all("battery_mah", "mAh", vec![self.settings.battery_mah; motes.len()]),
+                used("charge_uc", "uC", &|usage| usage.charge_uc(model, slot_ns)),
+                count("up_ns", "ns", &|mote| mote.tally.slots_on(asn) * slot_ns),
+                used("radio_on_ns", "ns", &|usage| usage.radio_on_ns(slot_ns, ACK_BYTES) as f64),
+                count("tx_frames", "frames", &|mote| mote.tally.n_tx),
+                count("rx_frames", "frames", &|mote| mote.tally.n_rx),
+                count("tx_unicast", "frames", &|mote| mote.tally.n_tx_unicast),
+                count("tx_acked", "frames", &|mote| mote.tally.n_tx_acked),
+                count("retransmissions", "frames", &|mote| mote.tally.n_retransmissions),
+                count("queue_drops", "packets", &|mote| mote.tally.n_queue_drops),
+                count("parent_changes", "", &|mote| mote.tally.n_parent_changes),
+                count("packets_created", "packets", &|mote| mote.tally.n_created),
+                count("desynchronisations", "", &|mote| mote.tally.n_desynchronised),
+                used("idle_listen_slots", "slots", &|usage| usage.idle_listen as f64),
+                used("scan_slots", "slots", &|usage| usage.scan as f64),
+                first("first_synced_ns", &|mote| mote.tally.first_synced_ns),
+                first("first_joined_ns", &|mote| mote.tally.first_joined_ns),
+                first("first_ready_ns", &|mote| mote.tally.first_ready_ns),
+            ],
+        }
+    }
+
+    fn schedule(&self) -> Schedule {
+        let mut schedule = Schedule::default();
+        for mote in &self.state.motes {
+            for frame in mote.schedule.slotframes() {
+                for cell in frame.cells() {
+                    // Time is kept in what beacons announce (RFC 8180, § 4.1): see `Mote::beacon`.
+                    let is_announced = cell.kind != CellKind::Normal;
+                    let options = u32::from(cell.options.tx)
+                        | u32::from(cell.options.rx) << 1
+                        | u32::from(cell.options.shared) << 2
+                        | u32::from(is_announced && cell.options.rx) << 3;
+                    let number = |address: Eui64| self.addresses.mote(address);
+                    schedule.mote.push(mote.id);
+                    schedule.slotframe.push(u32::from(frame.handle));
+                    schedule.slotframe_slots.push(u32::from(frame.slots()));
+                    schedule.slot.push(u32::from(cell.slot));
+                    schedule.channel_offset.push(u32::from(cell.channel));
+                    schedule.options.push(options);
+                    schedule.neighbour.push(cell.neighbour.and_then(number).unwrap_or(u32::MAX));
+                }
+            }
+        }
+        schedule
+    }
+
+    /// A frame was heard.
+    #[inline]
+    pub(super) fn note_heard(&mut self, receiver: u32, sender: u32, rssi_dbm: f64) {
+        if self.state.heard.is_empty() {
+            return;
+        }
+        let of = &mut self.state.heard[receiver as usize];
+        match of.binary_search_by_key(&sender, |heard| heard.sender) {
+            Ok(place) => {
+                of[place].frames += 1;
+                of[place].sum_dbm += rssi_dbm;
+            }
+            Err(place) => of.insert(place, HeardOf { sender, frames: 1, sum_dbm: rssi_dbm }),
+        }
+    }
+
+    fn heard_links(&self) -> HeardLinks {
+        let mut links = HeardLinks::default();
+        for (receiver, of) in (0..).zip(&self.state.heard) {
+            for heard in of {
+                links.receiver.push(receiver);
+                links.sender.push(heard.sender);
+                links.frames.push(heard.frames);
+                links.rssi_dbm.push((heard.sum_dbm / heard.frames as f64) as f32);
+            }
+        }
+        links
+    }
+}

@@ -1,0 +1,112 @@
+//! Settings of the network, the same for all motes.
+
+use crate::app;
+use crate::config::compat::Compat;
+use crate::energy;
+use crate::join;
+use crate::lowpan;
+use crate::mac::tsch;
+use crate::rpl;
+use crate::sf;
+use crate::sixtop;
+use crate::wire::Eui64;
+use crate::wire::datagram::{Datagram, Upper};
+use crate::wire::fragment::LowpanRepr;
+use crate::wire::frame::{Content, FrameRepr, MAX_PSDU, payload_room};
+
+/// Settings of the network.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Motes that are roots, ascending.
+    pub roots: Vec<u32>,
+    /// The MAC.
+    pub mac: tsch::Config,
+    /// The scheduling function.
+    pub sf: sf::Config,
+    /// 6P.
+    pub sixtop: sixtop::Config,
+    /// Routing.
+    pub rpl: rpl::Config,
+    /// Fragments.
+    pub lowpan: lowpan::Config,
+    /// Admission.
+    pub join: join::Config,
+    /// Applications.
+    pub apps: Vec<app::Spec>,
+    /// How the swarm's payloads travel.
+    pub transport: Transport,
+    /// From uses of the radio to charge.
+    pub energy: energy::Model,
+    /// Charge of a new battery (mAh).
+    pub battery_mah: f64,
+    /// What is done as the peers do it.
+    pub compat: Compat,
+}
+
+/// How the swarm's payloads travel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// They do not.
+    None,
+    /// Broadcast in the cell that the scheduling function gives each mote for itself.
+    OwnCell,
+    /// Broadcast in the cells that all share.
+    SharedCell,
+    /// To each neighbour by itself, acknowledged.
+    UnicastNeighbours,
+    /// Broadcast in a slotframe of its own, in which each mote has a slot and listens in all others.
+    BroadcastSlotframe {
+        /// Length of the slotframe.
+        slots: u16,
+        /// Channel offset of its cells.
+        channel: u16,
+    },
+}
+
+/// Bytes that a frame of the 6TiSCH simulator holds, which has no headers.
+const PEER_FRAME_BYTES: usize = 90;
+/// Least length of a frame (bytes): that of an empty one.
+const LEAST_PSDU: usize = 23;
+
+impl Settings {
+    /// Length (bytes) of a frame on the air.
+    #[must_use]
+    pub fn psdu_bytes(&self, frame: &FrameRepr) -> u16 {
+        if !self.compat.no_frame_overhead {
+            return frame.buffer_len() as u16;
+        }
+        let bytes = match &frame.content {
+            Content::Lowpan(LowpanRepr::Whole(datagram)) => match &datagram.upper {
+                Upper::Udp(udp) => udp.payload.len(),
+                Upper::Rpl(message) => message.buffer_len(),
+            },
+            Content::Lowpan(LowpanRepr::First(part) | LowpanRepr::Next(part)) => {
+                usize::from(part.covers)
+            }
+            Content::Beacon(_) | Content::KeepAlive | Content::Sixp(_) => 0,
+        };
+        bytes.clamp(LEAST_PSDU, MAX_PSDU) as u16
+    }
+
+    /// Room (bytes) for a datagram, or a part of it, in a frame.
+    #[must_use]
+    pub fn room(&self, datagram: &Datagram, next_hop: Option<Eui64>) -> usize {
+        let is_short = match &datagram.upper {
+            Upper::Udp(udp) => udp.payload.len() <= PEER_FRAME_BYTES,
+            Upper::Rpl(_) => true,
+        };
+        if self.compat.no_frame_overhead && is_short { usize::MAX } else { payload_room(next_hop) }
+    }
+
+    /// Slots of a control period that is one slotframe.
+    #[must_use]
+    pub fn slotframe_slots(&self) -> u16 {
+        match self.transport {
+            Transport::BroadcastSlotframe { slots, .. } => slots,
+            Transport::None
+            | Transport::OwnCell
+            | Transport::SharedCell
+            | Transport::UnicastNeighbours => self.sf.slotframe_slots(),
+        }
+    }
+}

@@ -1,0 +1,476 @@
+//! One slot: ask what everybody sends, resolve what arrives, tell everybody.
+
+use super::inbox::Sent;
+use super::network::Mesh;
+use super::records::ACK_BYTES;
+use crate::energy::SlotUse;
+use crate::mac::tsch::{Listening, Outgoing, Transmission};
+use crate::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
+use crate::mote::up::{Arrived, SWARM_PORT};
+use crate::wire::datagram::Upper;
+use crate::wire::fragment::LowpanRepr;
+use crate::wire::frame::{AckRepr, Content, FrameRepr};
+use bytes::Bytes;
+
+/// What a mote sends in the slot.
+#[derive(Debug)]
+pub(super) struct Sending {
+    sender: u32,
+    transmission: Transmission,
+    beacon: Option<FrameRepr>,
+    psdu_bytes: u16,
+    /// Number in the inbox, if it is a payload of the swarm for everyone.
+    payload: Option<u32>,
+    /// Who shall acknowledge it, and has.
+    answered_by: Option<u32>,
+    acknowledged: bool,
+}
+
+impl Sending {
+    fn frame(&self) -> &FrameRepr {
+        match (&self.transmission.outgoing, &self.beacon) {
+            (Outgoing::Frame(queued), _) => &queued.frame,
+            (Outgoing::Beacon, Some(beacon)) => beacon,
+            (Outgoing::Beacon, None) => unreachable!("a beacon is made when it is sent"),
+        }
+    }
+}
+
+/// Room for what a slot needs, kept from slot to slot.
+#[derive(Debug)]
+pub(super) struct Scratch {
+    awake: Vec<u32>,
+    sending: Vec<Sending>,
+    on_air: Vec<OnAir>,
+    /// By mote: the slot in which it was last looked at as a listener or sender, plus one.
+    seen: Vec<u64>,
+    listeners: Vec<(u32, Listening)>,
+    heard: Vec<slot::Listening>,
+    receptions: Vec<Reception>,
+    answers: Vec<Acknowledgment>,
+    touched: Vec<u32>,
+    /// Payloads of the swarm that unicast frames brought.
+    pub(super) swarm: Vec<crate::mote::Brought>,
+}
+
+impl Scratch {
+    pub(super) fn new(n: usize) -> Self {
+        Self {
+            awake: Vec::new(),
+            sending: Vec::new(),
+            on_air: Vec::new(),
+            seen: vec![0; n],
+            listeners: Vec::new(),
+            heard: Vec::new(),
+            receptions: Vec::new(),
+            answers: Vec::new(),
+            touched: Vec::new(),
+            swarm: Vec::new(),
+        }
+    }
+}
+
+/// The payload that a frame carries to everyone, if it is the swarm's.
+fn swarm_payload(frame: &FrameRepr) -> Option<&Bytes> {
+    let Content::Lowpan(LowpanRepr::Whole(datagram)) = &frame.content else { return None };
+    match &datagram.upper {
+        Upper::Udp(udp) if frame.destination.is_none() && udp.destination_port == SWARM_PORT => {
+            Some(&udp.payload)
+        }
+        Upper::Udp(_) | Upper::Rpl(_) => None,
+    }
+}
+
+impl Mesh {
+    /// Simulates a slot in which somebody acts.
+    pub(super) fn slot(&mut self, asn: u64) {
+        let mut awake = std::mem::take(&mut self.scratch.awake);
+        self.state.calendar.take(asn, &mut awake);
+        for &mote in &awake {
+            self.let_time_pass(mote, asn);
+        }
+        self.ask(&awake, asn);
+        if !self.scratch.sending.is_empty() {
+            self.find_listeners(asn);
+        }
+        self.note_followers(&awake, asn);
+        if !self.scratch.sending.is_empty() {
+            self.resolve(asn);
+            self.tell(asn);
+        }
+        for &mote in &awake {
+            self.reschedule(mote, asn + 1);
+        }
+        self.scratch.awake = awake;
+        let mut touched = std::mem::take(&mut self.scratch.touched);
+        for mote in touched.drain(..) {
+            self.reschedule(mote, asn + 1);
+        }
+        self.scratch.touched = touched;
+        self.look_whether_formed(asn);
+    }
+
+    fn let_time_pass(&mut self, mote: u32, asn: u64) {
+        self.hush.forget(mote);
+        let is_due = self.due_ns[mote as usize] <= asn * self.config.slot_ns;
+        let (of, mut world) = self.at(mote, asn);
+        if is_due && of.poll_timeout(&world.settings.mac).is_some_and(|at_ns| at_ns <= world.now_ns)
+        {
+            of.handle_timeout(&mut world);
+        }
+        self.synchronise_if_wanted(mote, asn, asn);
+    }
+
+    /// A mote that has chosen whose time to keep takes it over, if that neighbour still keeps time.
+    pub(super) fn synchronise_if_wanted(&mut self, mote: u32, asn: u64, effective_asn: u64) {
+        let Some(source) = self.state.motes[mote as usize].wants_sync.take() else { return };
+        let now_ns = asn * self.config.slot_ns;
+        let Some(other) = self.addresses.mote(source) else { return };
+        let other = &self.state.motes[other as usize].mac;
+        if !other.is_synced() {
+            return;
+        }
+        let source_ns = other.deviation_ns(now_ns);
+        let (of, mut world) = self.at(mote, asn);
+        world.effective_asn = effective_asn;
+        of.synchronise(&mut world, source, source_ns);
+    }
+
+    /// Ask: what does everybody who is awake send?
+    fn ask(&mut self, awake: &[u32], asn: u64) {
+        self.scratch.sending.clear();
+        for &mote in awake {
+            let of = &mut self.state.motes[mote as usize];
+            let Some(transmission) = of.mac.poll_slot(&self.settings.mac, &of.schedule, asn) else {
+                continue;
+            };
+            let mut payload = None;
+            let (beacon, psdu_bytes) = match &transmission.outgoing {
+                Outgoing::Beacon => {
+                    let beacon = of.beacon(asn);
+                    let bytes = self.settings.psdu_bytes(&beacon);
+                    (Some(beacon), bytes)
+                }
+                Outgoing::Frame(queued) => {
+                    if let Some(bytes) = swarm_payload(&queued.frame) {
+                        let sent_ns = asn * self.config.slot_ns;
+                        payload = Some(self.inbox.send(Sent {
+                            sender: mote,
+                            sent_ns,
+                            end_ns: sent_ns + self.config.slot_ns,
+                            payload: bytes.clone(),
+                        }));
+                    }
+                    (None, queued.psdu_bytes)
+                }
+            };
+            self.scratch.sending.push(Sending {
+                sender: mote,
+                transmission,
+                beacon,
+                psdu_bytes,
+                payload,
+                answered_by: None,
+                acknowledged: false,
+            });
+        }
+    }
+
+    /// Who may hear any of it: those in reach who listen on the channel.
+    fn find_listeners(&mut self, asn: u64) {
+        let stamp = asn + 1;
+        let now_ns = asn * self.config.slot_ns;
+        let Self { scratch, state, links, settings, experiment, hush, .. } = self;
+        let Scratch { sending, on_air, seen, listeners, heard, .. } = scratch;
+        on_air.clear();
+        listeners.clear();
+        heard.clear();
+        for sending in sending.iter() {
+            seen[sending.sender as usize] = stamp;
+            let of = &mut state.motes[sending.sender as usize];
+            if of.schedule.listens(asn).is_some() {
+                of.tally.n_listening_used += 1;
+            }
+            on_air.push(OnAir {
+                sender: sending.sender,
+                channel: sending.transmission.channel,
+                starts_ns: of.mac.deviation_ns(now_ns),
+                psdu_bytes: sending.psdu_bytes,
+            });
+        }
+        for sending in sending.iter() {
+            let channel = sending.transmission.channel;
+            let everyone = 0..state.motes.len() as u32;
+            let neighbours = links.neighbours(sending.sender);
+            let n = neighbours.map_or(everyone.len(), <[u32]>::len);
+            for place in 0..n {
+                let mote = neighbours.map_or(place as u32, |neighbours| neighbours[place]);
+                if hush.covers(mote, asn) || seen[mote as usize] == stamp {
+                    continue;
+                }
+                let of = &state.motes[mote as usize];
+                let Some(listening) =
+                    of.mac.listening(&settings.mac, &of.schedule, experiment.seed, asn)
+                else {
+                    seen[mote as usize] = stamp;
+                    continue;
+                };
+                if listening.channel != channel {
+                    // On another channel: another sender may reach it there.
+                    continue;
+                }
+                seen[mote as usize] = stamp;
+                listeners.push((mote, listening));
+            }
+        }
+        if 1 < sending.len() {
+            listeners.sort_unstable_by_key(|(mote, _)| *mote);
+        }
+        for (mote, listening) in listeners.iter() {
+            let deviation_ns = state.motes[*mote as usize].mac.deviation_ns(now_ns);
+            heard.push(if listening.scans {
+                slot::Listening::scanning(*mote, listening.channel)
+            } else {
+                slot::Listening::synchronised(*mote, listening.channel, deviation_ns)
+            });
+        }
+    }
+
+    /// Those who listen because of a pending bit, where nobody in reach sends on their channel. The schedule, from which
+    /// idle listening is counted otherwise, does not know of it.
+    fn note_followers(&mut self, awake: &[u32], asn: u64) {
+        for &mote in awake {
+            let of = &mut self.state.motes[mote as usize];
+            if of.mac.follows_at(asn) != Some(asn) {
+                continue;
+            }
+            of.mac.end_following();
+            if of.schedule.listens(asn).is_none() && self.scratch.seen[mote as usize] != asn + 1 {
+                of.tally.usage.count(SlotUse::IdleListen);
+            }
+        }
+    }
+
+    /// Resolve: what does every listener receive?
+    fn resolve(&mut self, asn: u64) {
+        let slot = Slot { asn, begins_ns: asn * self.config.slot_ns };
+        let Self { scratch, links, medium, .. } = self;
+        let receptions = medium.resolve(links, slot, &scratch.on_air, &scratch.heard);
+        scratch.receptions.clear();
+        scratch.receptions.extend_from_slice(receptions);
+    }
+
+    /// Tell: receivers what has come, senders whether it was acknowledged.
+    fn tell(&mut self, asn: u64) {
+        let mut sending = std::mem::take(&mut self.scratch.sending);
+        let listeners = std::mem::take(&mut self.scratch.listeners);
+        let receptions = std::mem::take(&mut self.scratch.receptions);
+        self.scratch.answers.clear();
+        self.scratch.touched.clear();
+        for sending in &sending {
+            self.capture.frame(
+                asn,
+                self.config.slot_ns,
+                sending.transmission.channel,
+                sending.frame(),
+            );
+        }
+        for ((mote, listening), reception) in listeners.iter().zip(&receptions) {
+            match *reception {
+                Reception::Idle => self.note_idle(*mote, listening),
+                Reception::Lost { transmission } => {
+                    let bytes = sending[transmission as usize].psdu_bytes;
+                    self.note_use(*mote, listening, SlotUse::Overhear { bytes });
+                }
+                Reception::Received { transmission, rssi_dbm } => {
+                    let sent = &mut sending[transmission as usize];
+                    self.receive(*mote, listening, transmission, sent, rssi_dbm, asn);
+                }
+            }
+        }
+        self.acknowledge(&mut sending, asn);
+        for sent in sending.drain(..) {
+            self.finish(sent, asn);
+        }
+        self.pass_on_payloads(asn);
+        self.scratch.sending = sending;
+        self.scratch.listeners = listeners;
+        self.scratch.receptions = receptions;
+    }
+
+    fn note_idle(&mut self, mote: u32, listening: &Listening) {
+        if listening.at.is_none() && !listening.scans {
+            self.state.motes[mote as usize].tally.usage.count(SlotUse::IdleListen);
+        }
+    }
+
+    /// A listener's radio did something else than to find nothing.
+    fn note_use(&mut self, mote: u32, listening: &Listening, used: SlotUse) {
+        let tally = &mut self.state.motes[mote as usize].tally;
+        if listening.at.is_some() {
+            tally.n_listening_used += 1;
+        }
+        if !listening.scans {
+            tally.usage.count(used);
+        }
+    }
+
+    fn receive(
+        &mut self,
+        mote: u32,
+        listening: &Listening,
+        index: u32,
+        sent: &mut Sending,
+        rssi_dbm: f64,
+        asn: u64,
+    ) {
+        let now_ns = asn * self.config.slot_ns;
+        let bytes = sent.psdu_bytes;
+        self.state.motes[mote as usize].tally.n_rx += 1;
+        let source_ns = self.scratch.on_air[index as usize].starts_ns;
+        self.note_heard(mote, sent.sender, rssi_dbm);
+        if let (Some(payload), false) = (sent.payload, listening.scans) {
+            // The swarm's payload for everyone: nothing above the MAC changes but what the robot knows.
+            let frame = sent.frame();
+            let of = &mut self.state.motes[mote as usize];
+            of.mac.handle_frame(
+                &self.settings.mac,
+                frame.source,
+                None,
+                Some(frame.sequence),
+                asn,
+                source_ns,
+            );
+            if let Some(at) = &listening.at {
+                of.schedule.count_rx(at);
+            }
+            let end_ns = now_ns + self.config.slot_ns;
+            self.inbox.hear(mote, payload, end_ns, rssi_dbm as f32, 1);
+            return self.note_use(mote, listening, SlotUse::RxBroadcast { bytes });
+        }
+        let arrived = Arrived {
+            frame: sent.frame(),
+            at: listening.at,
+            channel: listening.channel,
+            source_ns,
+        };
+        if let (Some(destination), false) = (arrived.frame.destination, listening.scans)
+            && destination != self.state.motes[mote as usize].address
+        {
+            // Nobody above the MAC learns of it, and no timer depends on it.
+            let (of, mut world) = self.at(mote, asn);
+            of.handle_frame(&mut world, &arrived);
+            return self.note_use(mote, listening, SlotUse::Overhear { bytes });
+        }
+        let (of, mut world) = self.at(mote, asn);
+        world.effective_asn = asn + 1;
+        let n_brought = world.swarm.len();
+        let verdict = of.handle_frame(&mut world, &arrived);
+        let acknowledges = verdict.acknowledge;
+        of.pump(&mut world);
+        for brought in &mut world.swarm[n_brought..] {
+            brought.rssi_dbm = rssi_dbm as f32;
+        }
+        self.synchronise_if_wanted(mote, asn, asn + 1);
+        let used = if acknowledges {
+            SlotUse::RxUnicast { bytes }
+        } else if sent.frame().destination.is_none() {
+            SlotUse::RxBroadcast { bytes }
+        } else {
+            SlotUse::Overhear { bytes }
+        };
+        self.note_use(mote, listening, used);
+        self.scratch.touched.push(mote);
+        if acknowledges {
+            if let Outgoing::Frame(queued) = &mut sent.transmission.outgoing {
+                queued.has_arrived |= verdict.deliver;
+            }
+            sent.answered_by = Some(mote);
+            self.scratch.answers.push(Acknowledgment {
+                transmission: index,
+                receiver: mote,
+                psdu_bytes: ACK_BYTES,
+            });
+        }
+    }
+
+    /// Which acknowledgments arrive.
+    fn acknowledge(&mut self, sending: &mut [Sending], asn: u64) {
+        if self.scratch.answers.is_empty() {
+            return;
+        }
+        let now_ns = asn * self.config.slot_ns;
+        for answer in &self.scratch.answers {
+            let sent = &sending[answer.transmission as usize];
+            let frame = sent.frame();
+            let from = &self.state.motes[answer.receiver as usize];
+            let correction_ns = self.state.motes[sent.sender as usize].mac.deviation_ns(now_ns)
+                - from.mac.deviation_ns(now_ns);
+            let ack = AckRepr {
+                destination: frame.source,
+                sequence: frame.sequence,
+                time_correction_us: (correction_ns / 1000).clamp(-2048, 2047) as i16,
+            };
+            self.capture.ack(
+                asn,
+                self.config.slot_ns,
+                sent.transmission.channel,
+                sent.psdu_bytes,
+                &ack,
+            );
+        }
+        self.capture.end_slot();
+        let slot = Slot { asn, begins_ns: now_ns };
+        let Self { scratch, links, medium, .. } = self;
+        let verdicts = medium.acknowledge(links, slot, &scratch.on_air, &scratch.answers);
+        for (answer, verdict) in scratch.answers.iter().zip(verdicts) {
+            sending[answer.transmission as usize].acknowledged =
+                matches!(verdict, Reception::Received { .. });
+        }
+    }
+
+    /// What became of a transmission.
+    fn finish(&mut self, sent: Sending, asn: u64) {
+        let Sending { sender, transmission, psdu_bytes: bytes, answered_by, acknowledged, .. } =
+            sent;
+        let now_ns = asn * self.config.slot_ns;
+        let source_ns = match answered_by {
+            Some(mote) if acknowledged => self.state.motes[mote as usize].mac.deviation_ns(now_ns),
+            _ => 0,
+        };
+        let (is_unicast, is_retransmission) = match &transmission.outgoing {
+            Outgoing::Beacon => (false, false),
+            Outgoing::Frame(queued) => (queued.destination().is_some(), 1 < queued.n_attempts),
+        };
+        let at = transmission.at;
+        let (of, mut world) = self.at(sender, asn);
+        world.effective_asn = asn + 1;
+        of.tally.n_tx += 1;
+        of.tally.n_retransmissions += u64::from(is_retransmission);
+        of.tally.usage.count(if is_unicast {
+            of.tally.n_tx_unicast += 1;
+            of.tally.n_tx_acked += u64::from(acknowledged);
+            SlotUse::TxUnicast { bytes, acked: acknowledged }
+        } else {
+            SlotUse::TxBroadcast { bytes }
+        });
+        let done =
+            of.mac.handle_done(&world.settings.mac, transmission, acknowledged, source_ns, asn);
+        of.handle_done(&mut world, at, done, acknowledged);
+        of.pump(&mut world);
+    }
+
+    /// Payloads of the swarm that came in frames for one mote alone.
+    fn pass_on_payloads(&mut self, asn: u64) {
+        let end_ns = (asn + 1) * self.config.slot_ns;
+        for brought in self.scratch.swarm.drain(..) {
+            let number = self.inbox.send(Sent {
+                sender: brought.sender,
+                sent_ns: brought.sent_ns,
+                end_ns,
+                payload: brought.payload,
+            });
+            self.inbox.hear(brought.receiver, number, end_ns, brought.rssi_dbm, brought.hops);
+        }
+    }
+}

@@ -1,0 +1,359 @@
+//! A mote: its layers, and what passes between them.
+//!
+//! | module | what |
+//! |---|---|
+//! | `admission` | the way into the network |
+//! | [`down`] | from a datagram to frames in the queue |
+//! | [`up`] | from a received frame to the layer it is for |
+//! | [`pump`] | what the layers have to say to each other after something happened |
+//! | [`tally`] | what is counted of a mote |
+
+mod admission;
+pub mod down;
+pub mod pump;
+pub mod tally;
+pub mod up;
+
+use crate::app::App;
+use crate::dice::Dice;
+use crate::join::{Pledge, Proxy, Registrar};
+use crate::lowpan::{DropReason, Lowpan};
+use crate::mac::queue::{Queued, SWARM_HANDLE};
+use crate::mac::{Cell, CellOptions, Schedule, Tsch};
+use crate::mesh::addresses::Addresses;
+use crate::mesh::packets::Packets;
+use crate::mesh::settings::{Settings, Transport};
+use crate::rpl::Rpl;
+use crate::sf::{AnySf, SchedulingFunction as _, minimal};
+use crate::sixtop::Sixtop;
+use crate::wire::Eui64;
+use crate::wire::frame::{BeaconRepr, BeaconSlotframe, Content, FrameRepr};
+use bytes::Bytes;
+use proto::rng::Purpose;
+use serde::{Deserialize, Serialize};
+use tally::Tally;
+
+/// What a mote may see of the world when something happens to it.
+#[derive(Debug)]
+pub struct World<'a> {
+    /// Settings of the network.
+    pub settings: &'a Settings,
+    /// Who has which address.
+    pub addresses: &'a Addresses,
+    /// Packets from end to end.
+    pub packets: &'a mut Packets<DropReason>,
+    /// Seed of the experiment.
+    pub seed: u64,
+    /// The current slot.
+    pub asn: u64,
+    /// When it begins (ns).
+    pub now_ns: u64,
+    /// The first slot in which a change of the schedule counts: the current one, or the next if its radio has acted.
+    pub effective_asn: u64,
+    /// Set when a mote has become ready to send data, or is no longer.
+    pub readiness_changed: &'a mut bool,
+    /// Payloads of the swarm that frames for one mote alone brought in this slot.
+    pub swarm: &'a mut Vec<Brought>,
+}
+
+/// A payload of the swarm that came in a frame for one mote alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Brought {
+    /// Who received it.
+    pub receiver: u32,
+    /// Who sent it.
+    pub sender: u32,
+    /// When its sender made it (ns).
+    pub sent_ns: u64,
+    /// Hops it took.
+    pub hops: u32,
+    /// Strength of its last hop (dBm).
+    pub rssi_dbm: f32,
+    /// What it is.
+    pub payload: Bytes,
+}
+
+/// A mote.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Mote {
+    /// Its number.
+    pub id: u32,
+    /// Its address.
+    pub address: Eui64,
+    /// Whether it is a root.
+    pub is_root: bool,
+    /// The MAC.
+    pub mac: Tsch,
+    /// Slotframes and cells.
+    pub schedule: Schedule,
+    /// 6P.
+    pub sixtop: Sixtop,
+    /// The scheduling function.
+    pub sf: AnySf,
+    /// Routing.
+    pub rpl: Rpl,
+    /// Fragments.
+    pub lowpan: Lowpan,
+    /// The way into the network, for a mote that is not in it yet.
+    pub pledge: Pledge,
+    /// The way into the network, for others.
+    pub proxy: Proxy,
+    /// Who decides on the way in, at a root.
+    pub registrar: Option<Registrar>,
+    /// Whether it has been admitted.
+    pub joined: bool,
+    /// Whether it has all it needs to send data: time, admission, a route, cells.
+    pub ready: bool,
+    /// Whether it sends beacons, so that others join through it.
+    pub invites: bool,
+    /// What it sends of its own accord.
+    pub apps: Vec<App>,
+    /// What is counted.
+    pub tally: Tally,
+    /// Random choices.
+    pub dice: MoteDice,
+    /// A neighbour whose time it wants to keep.
+    pub wants_sync: Option<Eui64>,
+    /// Neighbours that the scheduling function has given up, of which routing has not heard yet.
+    unusable: Vec<Eui64>,
+}
+
+/// Random choices, by layer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MoteDice {
+    /// Of the scheduling function.
+    pub scheduling: Dice,
+    /// Of routing.
+    pub routing: Dice,
+    /// Of the join protocol.
+    pub join: Dice,
+    /// Of applications.
+    pub application: Dice,
+    /// Of the 6LoWPAN layer.
+    pub lowpan: Dice,
+}
+
+impl MoteDice {
+    fn new(seed: u64, mote: u32) -> Self {
+        let of = |purpose| Dice::new(seed, purpose, mote);
+        Self {
+            scheduling: of(Purpose::Scheduling),
+            routing: of(Purpose::Routing),
+            join: of(Purpose::Join),
+            application: of(Purpose::Application),
+            lowpan: of(Purpose::Lowpan),
+        }
+    }
+}
+
+impl Mote {
+    /// A mote that is switched off.
+    #[must_use]
+    pub fn new(
+        settings: &Settings,
+        addresses: &Addresses,
+        mote: u32,
+        n_motes: u32,
+        seed: u64,
+    ) -> Self {
+        let address = addresses.of(mote);
+        let is_root = settings.roots.contains(&mote);
+        let slot_ns = settings.mac.slot_ns;
+        let apps = settings
+            .apps
+            .iter()
+            .filter_map(|spec| App::new(spec, mote, is_root, n_motes, slot_ns))
+            .collect();
+        let mut dice = MoteDice::new(seed, mote);
+        Self {
+            id: mote,
+            address,
+            is_root,
+            mac: Tsch::new(&settings.mac, address, mote, is_root, seed),
+            schedule: Schedule::new(),
+            sixtop: Sixtop::new(settings.sixtop),
+            sf: settings.sf.create(mote),
+            rpl: Rpl::new(settings.rpl.clone(), address, is_root),
+            lowpan: Lowpan::new(settings.lowpan, address, is_root, &mut dice.lowpan),
+            pledge: Pledge::new(settings.join, address),
+            proxy: Proxy::new(settings.join, address),
+            registrar: is_root.then(|| Registrar::new(settings.join, address, Vec::new())),
+            joined: false,
+            ready: false,
+            invites: false,
+            apps,
+            tally: Tally::default(),
+            dice,
+            wants_sync: None,
+            unusable: Vec::new(),
+        }
+    }
+
+    /// Is switched on: a root begins its network, any other mote looks for one.
+    pub fn switch_on(&mut self, world: &mut World<'_>) {
+        self.tally.switch_on(world.asn);
+        if self.is_root {
+            self.mac.start_root(world.now_ns);
+            self.begin_synced(world, None);
+        } else {
+            self.mac.scan();
+            self.tally.start_scanning(world.asn);
+        }
+        self.pump(world);
+    }
+
+    /// Is switched off, or fails: whatever it holds is lost.
+    pub fn switch_off(&mut self, world: &mut World<'_>) {
+        let frames = self.mac.switch_off();
+        self.leave(world, frames, DropReason::Killed);
+        self.tally.switch_off(world.asn);
+    }
+
+    /// Takes over the time of a neighbour whose clock is off by `source_ns`.
+    pub fn synchronise(&mut self, world: &mut World<'_>, source: Eui64, source_ns: i64) {
+        self.tally.stop_scanning(world.effective_asn);
+        self.mac.synchronise(&world.settings.mac, source, source_ns, world.now_ns);
+        self.begin_synced(world, Some(source));
+        self.pump(world);
+    }
+
+    /// Synchronised: cells, then admission.
+    fn begin_synced(&mut self, world: &mut World<'_>, source: Option<Eui64>) {
+        let first = &mut self.tally.first_synced_ns;
+        *first = first.or(Some(world.now_ns));
+        self.schedule.set_effective(world.effective_asn);
+        if let Some(slots) = self.sf.minimal_cell() {
+            minimal::install(&mut self.schedule, slots);
+        }
+        if let Transport::BroadcastSlotframe { slots, channel } = world.settings.transport {
+            let own =
+                Cell::new((self.id % u32::from(slots)) as u16, channel, CellOptions::TX, None);
+            self.schedule.add_slotframe(SWARM_HANDLE, slots);
+            self.schedule.set_background(SWARM_HANDLE, Some(channel)).expect("it was just added");
+            self.schedule.add(SWARM_HANDLE, own).expect("its slot lies within");
+        }
+        self.with_sf(world, |sf, cx| sf.start(cx));
+        self.with_sf(world, |sf, cx| sf.handle_time_source(cx, source));
+        match source {
+            Some(proxy) => {
+                self.rpl.set_proxy(Some(proxy));
+                self.pledge.start(proxy, world.now_ns, &mut self.dice.join);
+            }
+            None => self.admit(world),
+        }
+    }
+
+    /// Admitted to the network: looks for routes.
+    pub(super) fn admit(&mut self, world: &mut World<'_>) {
+        self.joined = true;
+        let first = &mut self.tally.first_joined_ns;
+        *first = first.or(Some(world.now_ns));
+        self.rpl.start(world.now_ns, &mut self.dice.routing);
+    }
+
+    /// No longer synchronised: forgets all that the network was. `frames` had waited to be sent.
+    fn leave(&mut self, world: &mut World<'_>, frames: Vec<Queued>, reason: DropReason) {
+        for frame in frames {
+            if !frame.has_arrived {
+                self.lose(world, frame.packet, reason);
+            }
+        }
+        for (packet, reason) in self.lowpan.clear(reason) {
+            self.lose(world, packet, reason);
+        }
+        self.schedule.set_effective(world.effective_asn);
+        let handles: Vec<u8> =
+            self.schedule.slotframes().iter().map(|frame| frame.handle).collect();
+        for handle in handles {
+            self.schedule.remove_slotframe(handle);
+        }
+        self.sixtop.reset();
+        self.sf.stop();
+        self.rpl.stop();
+        self.pledge.leave();
+        while self.pledge.poll_event().is_some() {}
+        self.joined = false;
+        self.invites = false;
+        *world.readiness_changed |= std::mem::take(&mut self.ready);
+        self.wants_sync = None;
+        self.unusable.clear();
+        for app in &mut self.apps {
+            app.set_ready(false, world.now_ns, &mut self.dice.application);
+        }
+    }
+
+    /// The beacon it sends in a slot (RFC 8180, § 4.5).
+    #[must_use]
+    pub fn beacon(&self, asn: u64) -> FrameRepr {
+        let slotframes = self.sf.minimal_cell().map(|slots| BeaconSlotframe {
+            handle: 0,
+            slots,
+            // TX, RX, shared, timekeeping.
+            links: vec![(0, 0, 0b1111)],
+        });
+        let join_metric =
+            if self.is_root { 0 } else { self.rpl.dag_rank().saturating_sub(1).min(255) as u8 };
+        FrameRepr {
+            source: self.address,
+            destination: None,
+            sequence: 0,
+            ack_request: false,
+            pending: false,
+            content: Content::Beacon(BeaconRepr {
+                asn,
+                join_metric,
+                slotframes: slotframes.into_iter().collect(),
+            }),
+        }
+    }
+
+    /// What it still needs to take part; `None`: nothing.
+    #[must_use]
+    pub fn lacks(&self) -> Option<Lack> {
+        if self.mac.is_scanning() {
+            let had_time = self.tally.n_desynchronised != 0;
+            Some(if had_time { Lack::Time } else { Lack::Beacon })
+        } else if !self.joined {
+            Some(Lack::Admission)
+        } else if !self.is_root && self.rpl.parent().is_none() {
+            Some(Lack::Parent)
+        } else if !self.ready {
+            Some(Lack::Cells)
+        } else {
+            None
+        }
+    }
+}
+
+/// What a mote needs next to take part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Lack {
+    /// It hears no beacon, or not enough of them.
+    Beacon,
+    /// It was synchronised, has lost that, and looks for a beacon again.
+    Time,
+    /// It has not been admitted.
+    Admission,
+    /// It has no parent in routing.
+    Parent,
+    /// It has no cells to its parent.
+    Cells,
+}
+
+impl Lack {
+    /// All of them, as they come one after the other.
+    pub const ALL: [Self; 5] =
+        [Self::Beacon, Self::Time, Self::Admission, Self::Parent, Self::Cells];
+
+    /// In words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Beacon => "hears no enhanced beacon to follow",
+            Self::Time => "has lost synchronisation and looks for a beacon again",
+            Self::Admission => "waits to be admitted by the join registrar",
+            Self::Parent => "has no preferred parent in routing",
+            Self::Cells => "has no cells to its parent",
+        }
+    }
+}

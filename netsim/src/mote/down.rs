@@ -1,0 +1,251 @@
+//! From a datagram to frames in the queue.
+
+use super::up::{APPLICATION_PORT, SWARM_PORT};
+use super::{Mote, World};
+use crate::app;
+use crate::lowpan::DropReason;
+use crate::mac::queue::{Queued, SWARM_HANDLE};
+use crate::mesh::packets::PacketKind;
+use crate::mesh::settings::Transport;
+use crate::rpl::Route;
+use crate::sf::{SchedulingFunction as _, Traffic};
+use crate::wire::Eui64;
+use crate::wire::datagram::{Datagram, UdpRepr, Upper};
+use crate::wire::fragment::LowpanRepr;
+use crate::wire::frame::{Content, FrameRepr};
+use bytes::Bytes;
+use std::net::Ipv6Addr;
+use std::sync::Arc;
+
+/// Hops a datagram may take.
+pub const HOP_LIMIT: u8 = 64;
+
+/// A frame that wants to be sent.
+#[derive(Debug)]
+pub(super) struct Wanted {
+    pub(super) destination: Option<Eui64>,
+    pub(super) content: Content,
+    pub(super) priority: bool,
+    pub(super) slotframe: Option<u8>,
+    pub(super) is_latest_only: bool,
+    pub(super) packet: u64,
+}
+
+impl Wanted {
+    /// An ordinary frame that belongs to no packet.
+    pub(super) fn new(destination: Option<Eui64>, content: Content) -> Self {
+        let (priority, is_latest_only) = (false, false);
+        Self { destination, content, priority, slotframe: None, is_latest_only, packet: 0 }
+    }
+}
+
+impl Mote {
+    /// A datagram of this mote's own, from one of its addresses.
+    pub(super) fn originate(
+        &mut self,
+        world: &mut World<'_>,
+        destination: Ipv6Addr,
+        upper: Upper,
+        packet: u64,
+    ) {
+        let on_link = destination.is_multicast() || destination.is_unicast_link_local();
+        let datagram = Datagram {
+            packet,
+            source: if on_link { self.address.link_local() } else { self.address.global() },
+            destination,
+            hop_limit: HOP_LIMIT,
+            rpi: None,
+            route: None,
+            upper,
+        };
+        self.send(world, datagram);
+    }
+
+    /// Sends a datagram on its way: one of our own, or one to be forwarded.
+    pub(super) fn send(&mut self, world: &mut World<'_>, mut datagram: Datagram) {
+        if datagram.destination.is_multicast() {
+            return self.send_to(world, datagram, None);
+        }
+        match self.next_hop(&mut datagram) {
+            Some(next_hop) => self.send_to(world, datagram, Some(next_hop)),
+            None => self.lose(world, datagram.packet, DropReason::NoRoute),
+        }
+    }
+
+    /// The next hop of a datagram; what routing has to say in its headers is written into them.
+    pub(super) fn next_hop(&self, datagram: &mut Datagram) -> Option<Eui64> {
+        if let Some(hop) = datagram.route.as_ref().and_then(|route| route.hops.first()) {
+            return Some(Eui64::of_ip(*hop));
+        }
+        let (next_hop, down) = match self.rpl.route(datagram.destination)? {
+            Route::Neighbour(neighbour) => return Some(neighbour),
+            Route::Up(parent) => (parent, false),
+            Route::Down(child) => (child, true),
+            Route::Source { first_hop, route } => {
+                datagram.route = Some(route);
+                (first_hop, true)
+            }
+        };
+        if datagram.rpi.is_none() {
+            datagram.rpi = self.rpl.rpi(down);
+        }
+        Some(next_hop)
+    }
+
+    /// Sends a datagram to a neighbour, or to everyone: in one frame, or in parts.
+    pub(super) fn send_to(
+        &mut self,
+        world: &mut World<'_>,
+        datagram: Datagram,
+        next_hop: Option<Eui64>,
+    ) {
+        let packet = datagram.packet;
+        let room = world.settings.room(&datagram, next_hop);
+        match self.lowpan.send(Arc::new(datagram), next_hop, room) {
+            Ok(parts) => {
+                for part in parts {
+                    self.send_part(world, part, next_hop, packet);
+                }
+            }
+            Err(reason) => self.lose(world, packet, reason),
+        }
+    }
+
+    /// Sends a datagram that fits a frame, or a part of one.
+    pub(super) fn send_part(
+        &mut self,
+        world: &mut World<'_>,
+        part: LowpanRepr,
+        next_hop: Option<Eui64>,
+        packet: u64,
+    ) {
+        let content = Content::Lowpan(part);
+        self.enqueue(world, Wanted { packet, ..Wanted::new(next_hop, content) });
+    }
+
+    /// A packet of an application.
+    pub(super) fn send_application(&mut self, world: &mut World<'_>, packet: &app::Packet) {
+        let to = match packet.destination {
+            app::Destination::Root => self.rpl.dodag_id().map(Eui64::of_ip),
+            app::Destination::Mote(mote) => Some(world.addresses.of(mote)),
+        };
+        let Some(to) = to else { return };
+        let Some(mote) = world.addresses.mote(to) else { return };
+        self.tally.n_created += 1;
+        let payload = packet.payload();
+        let bytes = payload.len() as u32;
+        let kind = PacketKind::Application;
+        let id = world.packets.begin(kind, self.id, mote, packet.created_ns, bytes);
+        let upper = Upper::Udp(UdpRepr {
+            source_port: APPLICATION_PORT,
+            destination_port: APPLICATION_PORT,
+            payload,
+        });
+        self.originate(world, to.global(), upper, id);
+    }
+
+    /// A payload of the swarm: to everyone in reach in the cells that its transport has, or to one mote.
+    pub fn say(
+        &mut self,
+        world: &mut World<'_>,
+        destination: Ipv6Addr,
+        payload: Bytes,
+        packet: u64,
+    ) {
+        let upper =
+            Upper::Udp(UdpRepr { source_port: SWARM_PORT, destination_port: SWARM_PORT, payload });
+        if !destination.is_multicast() {
+            return self.originate(world, destination, upper, packet);
+        }
+        let datagram = Datagram {
+            packet,
+            source: self.address.link_local(),
+            destination,
+            hop_limit: HOP_LIMIT,
+            rpi: None,
+            route: None,
+            upper,
+        };
+        let slotframe = match world.settings.transport {
+            Transport::BroadcastSlotframe { .. } => Some(SWARM_HANDLE),
+            Transport::None
+            | Transport::OwnCell
+            | Transport::SharedCell
+            | Transport::UnicastNeighbours => self.sf.slotframe_of(Traffic::Broadcast),
+        };
+        let content = Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)));
+        let wanted = Wanted { slotframe, is_latest_only: true, ..Wanted::new(None, content) };
+        self.enqueue(world, wanted);
+    }
+
+    /// Puts a frame into the queue. Returns whether it found a place.
+    pub(super) fn enqueue(&mut self, world: &mut World<'_>, wanted: Wanted) -> bool {
+        let Wanted { destination, content, priority, slotframe, is_latest_only, packet } = wanted;
+        if !self.mac.is_synced() {
+            self.lose(world, packet, DropReason::Desynchronised);
+            return false;
+        }
+        let traffic = destination.map_or(Traffic::Broadcast, Traffic::Unicast);
+        let slotframe = slotframe.or_else(|| self.sf.slotframe_of(traffic));
+        let frame = FrameRepr {
+            source: self.address,
+            destination,
+            sequence: 0,
+            ack_request: destination.is_some(),
+            pending: false,
+            content,
+        };
+        let frame = Queued {
+            psdu_bytes: world.settings.psdu_bytes(&frame),
+            frame,
+            priority,
+            slotframe,
+            is_latest_only,
+            packet,
+            n_attempts: 0,
+            has_arrived: false,
+        };
+        if let Some(neighbour) = destination
+            && !self.mac.queue().waits_for(neighbour)
+        {
+            self.with_sf(world, |sf, cx| sf.handle_queue(cx, neighbour, true));
+        }
+        match self.mac.enqueue(frame) {
+            Ok(None) => true,
+            Ok(Some(displaced)) => {
+                self.discard(world, displaced, DropReason::TxqueueFull);
+                true
+            }
+            Err(refused) => {
+                self.tally.n_queue_drops += 1;
+                self.discard(world, refused, DropReason::TxqueueFull);
+                false
+            }
+        }
+    }
+
+    /// A frame that will not be sent any more.
+    pub(super) fn discard(&mut self, world: &mut World<'_>, frame: Queued, reason: DropReason) {
+        if !frame.has_arrived {
+            self.lose(world, frame.packet, reason);
+        }
+        if let (Content::Sixp(message), Some(to)) = (&frame.frame.content, frame.destination()) {
+            self.sixtop.handle_sent(to, message, false, world.now_ns);
+        }
+        if let Some(neighbour) = frame.destination() {
+            self.left_queue(world, neighbour);
+        }
+    }
+
+    /// A frame for a neighbour has left the queue.
+    pub(super) fn left_queue(&mut self, world: &mut World<'_>, neighbour: Eui64) {
+        if !self.mac.queue().waits_for(neighbour) {
+            self.with_sf(world, |sf, cx| sf.handle_queue(cx, neighbour, false));
+        }
+    }
+
+    /// A packet ends here.
+    pub(super) fn lose(&self, world: &mut World<'_>, packet: u64, reason: DropReason) {
+        world.packets.lose(packet, world.now_ns, reason);
+    }
+}

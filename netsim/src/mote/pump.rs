@@ -1,0 +1,230 @@
+//! What the layers have to say to each other after something happened.
+
+use super::down::{HOP_LIMIT, Wanted};
+use super::{Mote, World};
+use crate::lowpan::DropReason;
+use crate::mac::tsch::Due;
+use crate::rpl;
+use crate::sf::{AnySf, Context, SchedulingFunction as _, Traffic};
+use crate::wire::datagram::{Datagram, Upper};
+use crate::wire::frame::Content;
+
+impl Mote {
+    /// Lets the scheduling function act, and routing hear of neighbours it has given up.
+    pub(super) fn with_sf(
+        &mut self,
+        world: &mut World<'_>,
+        act: impl FnOnce(&mut AnySf, &mut Context<'_>),
+    ) {
+        let mut unusable = std::mem::take(&mut self.unusable);
+        self.schedule.set_effective(world.effective_asn);
+        let mut context = Context {
+            own: self.address,
+            is_root: self.is_root,
+            asn: world.asn,
+            now_ns: world.now_ns,
+            slot_ns: world.settings.mac.slot_ns,
+            n_channels: world.settings.mac.hopping_sequence.len() as u16,
+            parent: self.rpl.parent(),
+            schedule: &mut self.schedule,
+            sixtop: &mut self.sixtop,
+            dice: &mut self.dice.scheduling,
+            unusable: &mut unusable,
+        };
+        act(&mut self.sf, &mut context);
+        self.unusable = unusable;
+    }
+
+    /// Passes everything on until no layer has anything left to say.
+    pub fn pump(&mut self, world: &mut World<'_>) {
+        loop {
+            let mut moved = false;
+            while let Some(peer) = self.sixtop.poll_purge() {
+                moved = true;
+                let purged = self.mac.take_where(|frame| {
+                    frame.destination() == Some(peer)
+                        && matches!(frame.frame.content, Content::Sixp(_))
+                });
+                if !purged.is_empty() {
+                    self.left_queue(world, peer);
+                }
+            }
+            while let Some((peer, message)) = self.sixtop.poll_transmit() {
+                moved = true;
+                let wanted = Wanted::new(Some(peer), Content::Sixp(message));
+                self.enqueue(world, Wanted { priority: true, ..wanted });
+            }
+            while let Some(event) = self.sixtop.poll_event() {
+                moved = true;
+                self.with_sf(world, |sf, cx| sf.handle_event(cx, event));
+            }
+            while let Some(neighbour) = self.unusable.pop() {
+                moved = true;
+                self.rpl.handle_unusable(neighbour, world.now_ns, &mut self.dice.routing);
+            }
+            while let Some(event) = self.rpl.poll_event() {
+                moved = true;
+                self.handle_rpl(world, event);
+            }
+            while let Some(outgoing) = self.rpl.poll_transmit() {
+                moved = true;
+                self.send_rpl(world, outgoing);
+            }
+            moved |= self.pump_join(world);
+            if !moved {
+                break;
+            }
+        }
+        self.judge_readiness(world);
+    }
+
+    fn handle_rpl(&mut self, world: &mut World<'_>, event: rpl::Event) {
+        match event {
+            rpl::Event::ParentChanged { old, new } => {
+                if old.is_some() {
+                    self.tally.n_parent_changes += 1;
+                }
+                if let Some(parent) = new {
+                    self.mac.set_time_source(&world.settings.mac, parent, world.now_ns);
+                    self.pledge.handle_proxy(parent);
+                    self.with_sf(world, |sf, cx| sf.handle_time_source(cx, Some(parent)));
+                }
+                self.with_sf(world, |sf, cx| sf.handle_parent(cx, old));
+            }
+            rpl::Event::ChildAdded(child) => {
+                self.with_sf(world, |sf, cx| sf.handle_child(cx, child, true));
+            }
+            rpl::Event::ChildRemoved(child) => {
+                self.with_sf(world, |sf, cx| sf.handle_child(cx, child, false));
+            }
+            rpl::Event::Joined { .. }
+            | rpl::Event::Detached
+            | rpl::Event::RankChanged
+            | rpl::Event::LocalRepair
+            | rpl::Event::TrickleReset => return,
+        }
+        // The cells that frames waited for may be others now.
+        let Self { mac, sf, .. } = self;
+        mac.place_anew(|queued| {
+            sf.slotframe_of(queued.destination().map_or(Traffic::Broadcast, Traffic::Unicast))
+        });
+    }
+
+    fn send_rpl(&mut self, world: &mut World<'_>, outgoing: rpl::Outgoing) {
+        let rpl::Outgoing { destination, next_hop, message } = outgoing;
+        let upper = Upper::Rpl(message);
+        match next_hop {
+            None => self.originate(world, destination, upper, 0),
+            Some(next_hop) => {
+                let on_link = destination.is_multicast() || destination.is_unicast_link_local();
+                let datagram = Datagram {
+                    packet: 0,
+                    source: if on_link { self.address.link_local() } else { self.address.global() },
+                    destination,
+                    hop_limit: HOP_LIMIT,
+                    rpi: if on_link { None } else { self.rpl.rpi(false) },
+                    route: None,
+                    upper,
+                };
+                self.send_to(world, datagram, Some(next_hop));
+            }
+        }
+    }
+
+    /// Whether everything is there that data need; beacons and applications begin and end with it.
+    fn judge_readiness(&mut self, world: &mut World<'_>) {
+        let mut ready =
+            self.mac.is_synced() && self.joined && (self.is_root || self.rpl.parent().is_some());
+        if ready {
+            let mut has_cells = false;
+            self.with_sf(world, |sf, cx| has_cells = sf.is_ready(cx));
+            ready = has_cells;
+        }
+        // Who joins through this mote is answered through it: it invites nobody before the answer finds its way.
+        let reachable = ready && self.rpl.is_reachable();
+        if reachable != self.invites {
+            self.invites = reachable;
+            self.mac.enable_beacons(&world.settings.mac, reachable, world.now_ns);
+            if reachable {
+                self.with_sf(world, |sf, cx| sf.handle_known_to_parent(cx));
+            }
+        }
+        if ready == self.ready {
+            return;
+        }
+        self.ready = ready;
+        *world.readiness_changed = true;
+        if ready && self.tally.first_ready_ns.is_none() {
+            self.tally.first_ready_ns = Some(world.now_ns);
+        }
+        for app in &mut self.apps {
+            app.set_ready(ready, world.now_ns, &mut self.dice.application);
+        }
+    }
+
+    /// The first moment at which some layer wants to act (ns).
+    #[must_use]
+    pub fn poll_timeout(&self, world_mac: &crate::mac::tsch::Config) -> Option<u64> {
+        let apps = self.apps.iter().filter_map(crate::app::App::poll_timeout);
+        [
+            self.mac.poll_timeout(world_mac),
+            self.sixtop.poll_timeout(),
+            self.sf.poll_timeout(),
+            self.rpl.poll_timeout(),
+            self.lowpan.poll_timeout(),
+            self.pledge.poll_timeout(),
+        ]
+        .into_iter()
+        .flatten()
+        .chain(apps)
+        .min()
+    }
+
+    /// Time has come to `world.now_ns`.
+    pub fn handle_timeout(&mut self, world: &mut World<'_>) {
+        let now_ns = world.now_ns;
+        let is_due = |deadline: Option<u64>| deadline.is_some_and(|deadline| deadline <= now_ns);
+        if is_due(self.mac.poll_timeout(&world.settings.mac)) {
+            match self.mac.handle_timeout(&world.settings.mac, now_ns) {
+                None => {}
+                Some(Due::Synchronise(source)) => self.wants_sync = Some(source),
+                Some(Due::KeepAlive(source)) => self.keep_alive(world, source),
+                Some(Due::Desynchronised) => self.desynchronise(world),
+            }
+        }
+        if is_due(self.sixtop.poll_timeout()) {
+            self.sixtop.handle_timeout(now_ns);
+        }
+        if is_due(self.sf.poll_timeout()) {
+            self.with_sf(world, |sf, cx| sf.handle_timeout(cx));
+        }
+        if is_due(self.rpl.poll_timeout()) {
+            self.rpl.handle_timeout(now_ns, &mut self.dice.routing);
+        }
+        if is_due(self.lowpan.poll_timeout()) {
+            for (packet, reason) in self.lowpan.handle_timeout(now_ns) {
+                self.lose(world, packet, reason);
+            }
+        }
+        if is_due(self.pledge.poll_timeout()) {
+            self.pledge.handle_timeout(now_ns);
+        }
+        for place in 0..self.apps.len() {
+            while is_due(self.apps[place].poll_timeout()) {
+                let packet = self.apps[place].handle_timeout(now_ns, &mut self.dice.application);
+                if let Some(packet) = packet {
+                    self.send_application(world, &packet);
+                }
+            }
+        }
+        self.pump(world);
+    }
+
+    /// Loses synchronisation: begins anew.
+    pub(super) fn desynchronise(&mut self, world: &mut World<'_>) {
+        self.tally.n_desynchronised += 1;
+        let frames = self.mac.scan();
+        self.leave(world, frames, DropReason::Desynchronised);
+        self.tally.start_scanning(world.effective_asn);
+    }
+}

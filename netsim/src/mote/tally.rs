@@ -1,0 +1,90 @@
+//! What is counted of a mote, from the beginning of the experiment.
+
+use crate::energy::Usage;
+use serde::{Deserialize, Serialize};
+
+/// Counters of a mote.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Tally {
+    /// Uses of the radio. Idle listening, scanning and sleep are counted from the schedule: see
+    /// [`Tally::usage_until`].
+    pub usage: Usage,
+    /// Frames sent, acknowledgments apart.
+    pub n_tx: u64,
+    /// Frames of them that asked for an acknowledgment.
+    pub n_tx_unicast: u64,
+    /// Those that got it.
+    pub n_tx_acked: u64,
+    /// Frames sent again.
+    pub n_retransmissions: u64,
+    /// Frames received.
+    pub n_rx: u64,
+    /// Packets dropped because the queue was full.
+    pub n_queue_drops: u64,
+    /// Changes of the preferred parent, the first choice apart.
+    pub n_parent_changes: u64,
+    /// Application packets created.
+    pub n_created: u64,
+    /// Losses of synchronisation.
+    pub n_desynchronised: u64,
+    /// When it was first synchronised (ns).
+    pub first_synced_ns: Option<u64>,
+    /// When it was first admitted (ns).
+    pub first_joined_ns: Option<u64>,
+    /// When it was first ready to send data (ns).
+    pub first_ready_ns: Option<u64>,
+    /// Since when it has been on (ASN), if it is.
+    pub on_since_asn: Option<u64>,
+    /// Slots during which it was on before.
+    pub n_slots_on: u64,
+    /// Since when it has been scanning (ASN), if it is.
+    pub scans_since_asn: Option<u64>,
+    /// Slots that the schedule gave to listening in which it sent or received instead.
+    pub n_listening_used: u64,
+}
+
+impl Tally {
+    /// Is switched on in this slot.
+    pub fn switch_on(&mut self, asn: u64) {
+        self.on_since_asn = Some(asn);
+    }
+
+    /// Is switched off: this slot is not counted any more.
+    pub fn switch_off(&mut self, asn: u64) {
+        self.stop_scanning(asn);
+        if let Some(since_asn) = self.on_since_asn.take() {
+            self.n_slots_on += asn.saturating_sub(since_asn);
+        }
+    }
+
+    /// Scans from this slot on.
+    pub fn start_scanning(&mut self, asn: u64) {
+        self.scans_since_asn = Some(asn);
+    }
+
+    /// Scans no more: this slot is not counted.
+    pub fn stop_scanning(&mut self, asn: u64) {
+        if let Some(since_asn) = self.scans_since_asn.take() {
+            self.usage.scan += asn.saturating_sub(since_asn);
+        }
+    }
+
+    /// All uses of the radio before slot `asn`. `n_listening`: slots that the schedule gave to listening.
+    #[must_use]
+    pub fn usage_until(&self, asn: u64, n_listening: u64) -> Usage {
+        let mut usage = self.usage;
+        if let Some(since_asn) = self.scans_since_asn {
+            usage.scan += asn.saturating_sub(since_asn);
+        }
+        usage.idle_listen += n_listening.saturating_sub(self.n_listening_used);
+        usage.sleep = self.slots_on(asn).saturating_sub(usage.active_slots());
+        usage
+    }
+
+    /// Slots before `asn` during which it was on.
+    #[must_use]
+    pub fn slots_on(&self, asn: u64) -> u64 {
+        let now = self.on_since_asn.map_or(0, |since_asn| asn.saturating_sub(since_asn));
+        self.n_slots_on + now
+    }
+}

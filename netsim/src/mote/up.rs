@@ -1,0 +1,272 @@
+//! From a received frame to the layer it is for.
+
+use super::down::{HOP_LIMIT, Wanted};
+use super::{Brought, Mote, World};
+use crate::join::ports;
+use crate::lowpan::{self, DropReason, Outcome, Step};
+use crate::mac::CellRef;
+use crate::mac::queue::Queued;
+use crate::mac::tsch::{Done, Verdict};
+use crate::rpl;
+use crate::sf::SchedulingFunction as _;
+use crate::wire::Eui64;
+use crate::wire::datagram::{Datagram, UdpRepr, Upper};
+use crate::wire::fragment::LowpanRepr;
+use crate::wire::frame::{Content, FrameRepr};
+use std::sync::Arc;
+
+/// UDP port of applications (the first one that RFC 6282 compresses to four bits).
+pub const APPLICATION_PORT: u16 = 0xf0b0;
+/// UDP port of the swarm's payloads.
+pub const SWARM_PORT: u16 = 0xf0b1;
+
+/// A frame as it reached a mote.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrived<'a> {
+    /// The frame.
+    pub frame: &'a FrameRepr,
+    /// The cell in which it was received; `None`: while scanning, or after a pending bit.
+    pub at: Option<CellRef>,
+    /// On which channel.
+    pub channel: u8,
+    /// How far the sender's clock is off (ns).
+    pub source_ns: i64,
+}
+
+impl Mote {
+    /// A frame was received. Returns whether it is acknowledged, and whether it was new.
+    pub fn handle_frame(&mut self, world: &mut World<'_>, arrived: &Arrived<'_>) -> Verdict {
+        let frame = arrived.frame;
+        let from = frame.source;
+        if self.mac.is_scanning() {
+            if let Content::Beacon(beacon) = &frame.content {
+                let config = &world.settings.mac;
+                self.wants_sync =
+                    self.mac.handle_beacon(config, from, beacon.join_metric, world.now_ns);
+            }
+            return Verdict { acknowledge: false, deliver: false };
+        }
+        let is_beacon = matches!(frame.content, Content::Beacon(_));
+        let verdict = self.mac.handle_frame(
+            &world.settings.mac,
+            from,
+            frame.destination,
+            (!is_beacon).then_some(frame.sequence),
+            world.asn,
+            arrived.source_ns,
+        );
+        if !verdict.acknowledge && frame.destination.is_some() {
+            return verdict;
+        }
+        if let Some(at) = &arrived.at {
+            self.schedule.count_rx(at);
+            self.with_sf(world, |sf, cx| sf.handle_received(cx, at, from));
+        }
+        if verdict.acknowledge && frame.pending {
+            self.mac.follow(world.asn, arrived.channel);
+        }
+        if verdict.deliver {
+            match &frame.content {
+                Content::KeepAlive => {}
+                Content::Beacon(beacon) => {
+                    self.with_sf(world, |sf, cx| sf.handle_beacon(cx, from, beacon.join_metric));
+                }
+                Content::Sixp(message) => self.sixtop.handle_message(from, message, world.now_ns),
+                Content::Lowpan(part) => {
+                    let outcome = self.lowpan.handle(from, part, world.now_ns);
+                    self.handle_outcome(world, from, part, outcome);
+                }
+            }
+        }
+        verdict
+    }
+
+    fn handle_outcome(
+        &mut self,
+        world: &mut World<'_>,
+        from: Eui64,
+        part: &LowpanRepr,
+        outcome: Outcome,
+    ) {
+        match outcome {
+            Outcome::Wait => {}
+            Outcome::Drop { reason: DropReason::Duplicate, .. } => {}
+            Outcome::Drop { packet, reason } => self.lose(world, packet, reason),
+            Outcome::Forward { next_hop, part } => {
+                let packet = part.datagram().packet;
+                self.send_part(world, part, Some(next_hop), packet);
+            }
+            Outcome::Deliver(datagram) => match lowpan::step(&datagram, self.address) {
+                Ok(Step::Here) => {
+                    self.note_way(world, from, &datagram);
+                    self.handle_upper(world, from, &datagram);
+                }
+                Ok(Step::Onward(onward)) => {
+                    if let Some((onward, next_hop)) = self.onward(world, from, onward) {
+                        self.send_to(world, onward, Some(next_hop));
+                    }
+                }
+                Err(reason) => self.lose(world, datagram.packet, reason),
+            },
+            Outcome::Route(onward) => {
+                if let Some((onward, next_hop)) = self.onward(world, from, *onward) {
+                    let onward = Arc::new(onward);
+                    let outcome = self.lowpan.forward(from, part, onward, next_hop, world.now_ns);
+                    self.handle_outcome(world, from, part, outcome);
+                }
+            }
+        }
+    }
+
+    /// A datagram has come to its end: routing learns from its packet information who routes through this mote. A datagram
+    /// that went the wrong way has arrived all the same.
+    fn note_way(&mut self, world: &World<'_>, from: Eui64, datagram: &Datagram) {
+        if let Some(mut rpi) = datagram.rpi {
+            let routed = datagram.route.is_some();
+            let dice = &mut self.dice.routing;
+            self.rpl.handle_data(&mut rpi, from, datagram.destination, routed, world.now_ns, dice);
+        }
+    }
+
+    /// Where a datagram goes on that is not for this mote, and with which headers; `None`: it ends here.
+    fn onward(
+        &mut self,
+        world: &mut World<'_>,
+        from: Eui64,
+        mut datagram: Datagram,
+    ) -> Option<(Datagram, Eui64)> {
+        if let Some(mut rpi) = datagram.rpi {
+            let routed = datagram.route.is_some();
+            let verdict = self.rpl.handle_data(
+                &mut rpi,
+                from,
+                datagram.destination,
+                routed,
+                world.now_ns,
+                &mut self.dice.routing,
+            );
+            datagram.rpi = Some(rpi);
+            match verdict {
+                rpl::Verdict::Forward => {}
+                rpl::Verdict::Return(back) => return Some((datagram, back)),
+                rpl::Verdict::Drop(reason) => {
+                    let reason = match reason {
+                        rpl::DropReason::RankError => DropReason::RankError,
+                        rpl::DropReason::ForwardingError => DropReason::ForwardingError,
+                        rpl::DropReason::NotInDodag => DropReason::NoRoute,
+                    };
+                    self.lose(world, datagram.packet, reason);
+                    return None;
+                }
+            }
+        }
+        let next_hop = self.next_hop(&mut datagram);
+        if next_hop.is_none() {
+            self.lose(world, datagram.packet, DropReason::NoRoute);
+        }
+        next_hop.map(|next_hop| (datagram, next_hop))
+    }
+
+    fn handle_upper(&mut self, world: &mut World<'_>, from: Eui64, datagram: &Datagram) {
+        match &datagram.upper {
+            Upper::Rpl(message) => {
+                let multicast = datagram.destination.is_multicast();
+                self.rpl.handle_message(
+                    from,
+                    datagram.source,
+                    multicast,
+                    message,
+                    world.now_ns,
+                    &mut self.dice.routing,
+                );
+            }
+            Upper::Udp(udp) => self.handle_udp(world, datagram, udp),
+        }
+    }
+
+    fn handle_udp(&mut self, world: &mut World<'_>, datagram: &Datagram, udp: &UdpRepr) {
+        match udp.destination_port {
+            APPLICATION_PORT | SWARM_PORT => {
+                let hops = u32::from(HOP_LIMIT.saturating_sub(datagram.hop_limit)) + 1;
+                let hops = if datagram.source.is_unicast_link_local() { 1 } else { hops };
+                let delivered = world.packets.deliver(datagram.packet, world.now_ns, hops);
+                if let Some(packet) = delivered
+                    && udp.destination_port == SWARM_PORT
+                {
+                    world.swarm.push(Brought {
+                        receiver: self.id,
+                        sender: packet.source,
+                        sent_ns: packet.created_ns,
+                        hops,
+                        rssi_dbm: 0.0,
+                        payload: udp.payload.clone(),
+                    });
+                }
+            }
+            ports::COAP => self.handle_join(world, datagram, udp),
+            _ => {}
+        }
+    }
+
+    /// What became of a transmission of ours.
+    pub fn handle_done(
+        &mut self,
+        world: &mut World<'_>,
+        at: Option<CellRef>,
+        done: Done,
+        acknowledged: bool,
+    ) {
+        let is_unicast = !matches!(done, Done::Broadcast(_));
+        if let Some(at) = &at {
+            self.schedule.count_tx(at, acknowledged);
+            let verdict = is_unicast.then_some(acknowledged);
+            self.with_sf(world, |sf, cx| sf.handle_transmitted(cx, at, verdict));
+        }
+        match done {
+            Done::Broadcast(_) => {}
+            Done::Acknowledged(frame) => self.sent(world, at, frame, true),
+            Done::Retry { destination } => self.count_link(world, at, destination, false),
+            Done::GivenUp(frame) => self.sent(world, at, frame, false),
+        }
+    }
+
+    /// Routing learns of a transmission. The 6TiSCH simulator counts none in cells that are for everyone.
+    fn count_link(
+        &mut self,
+        world: &World<'_>,
+        at: Option<CellRef>,
+        to: Eui64,
+        acknowledged: bool,
+    ) {
+        let is_for_all = at.is_some_and(|at| at.cell.neighbour.is_none());
+        if !(world.settings.compat.stale_rank && is_for_all) {
+            self.rpl.handle_link(to, 1, acknowledged, world.now_ns, &mut self.dice.routing);
+        }
+    }
+
+    fn sent(
+        &mut self,
+        world: &mut World<'_>,
+        at: Option<CellRef>,
+        frame: Queued,
+        acknowledged: bool,
+    ) {
+        let Some(neighbour) = frame.destination() else { return };
+        self.count_link(world, at, neighbour, acknowledged);
+        if let Content::Sixp(message) = &frame.frame.content {
+            self.sixtop.handle_sent(neighbour, message, acknowledged, world.now_ns);
+        }
+        if !frame.has_arrived {
+            let reason =
+                if acknowledged { DropReason::SequenceReused } else { DropReason::MaxRetries };
+            self.lose(world, frame.packet, reason);
+        }
+        self.left_queue(world, neighbour);
+    }
+
+    /// A keep-alive for the time source.
+    pub(super) fn keep_alive(&mut self, world: &mut World<'_>, source: Eui64) {
+        let wanted = Wanted::new(Some(source), Content::KeepAlive);
+        self.enqueue(world, Wanted { priority: true, ..wanted });
+    }
+}

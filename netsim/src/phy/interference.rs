@@ -1,0 +1,192 @@
+//! What frames that are on the air together do to each other.
+//!
+//! One file per rule, one list: [`LIST`]. A rule says by which factor interference lowers the probability that a frame is
+//! received. What noise alone does is not its business: that is the probability which the reception curve, or the
+//! connectivity model, has given already. So the factor compares reception under noise and interference with reception
+//! under noise, is 1 where nobody interferes, and noise is counted once.
+
+pub mod o_qpsk;
+pub mod table;
+
+use proto::config::{Default, Field, Kind, Range, TableSpec, Tag, Variant};
+
+/// How interference decides. Stateless.
+pub trait Rule: Send + Sync + std::fmt::Debug {
+    /// Its name in configurations, records and reports.
+    fn name(&self) -> &'static str;
+
+    /// What a frame that is received with this power (dBm) adds to the interference with another (mW). Contributions add
+    /// up.
+    fn disturbance_mw(&self, rssi_dbm: f64) -> f64;
+
+    /// The factor, 0 to 1, by which interference lowers the probability that a frame is received. Factors of successive
+    /// stretches are multiplied.
+    ///
+    /// * `signal_dbm`: power of the frame (dBm).
+    /// * `interference_mw`: sum of all disturbances (mW), constant over the stretch.
+    /// * `stretch_ns`: how much of the frame it concerns (ns).
+    /// * `frame_ns`: the whole frame (ns).
+    fn survival(
+        &self,
+        signal_dbm: f64,
+        interference_mw: f64,
+        stretch_ns: i64,
+        frame_ns: i64,
+    ) -> f64;
+
+    /// By how much (dB) a frame must be stronger than one that a receiver has just locked on to, for the receiver to turn to
+    /// it within the other's synchronisation header. Infinite: it never does.
+    fn capture_db(&self) -> f64;
+
+    /// Whether interference keeps receivers from noticing a frame at all. Otherwise only noise does.
+    fn hides_preambles(&self) -> bool;
+}
+
+/// Interference as configured.
+#[derive(Debug)]
+pub struct Interference {
+    /// The rule.
+    pub rule: Box<dyn Rule>,
+    /// Frames received with less power (dBm) do not disturb others; `None`: those too weak to be received do not.
+    pub horizon_dbm: Option<f64>,
+}
+
+/// Description of `[netsim.phy.interference]`.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "What frames that are on the air together do to each other.",
+    fields: &[Field {
+        key: "horizon_dbm",
+        doc: "Frames that arrive with less than this (dBm) do not disturb others. Absent: frames too weak to be received do \
+              not. Lower values lengthen the reach of every mote, and the run.",
+        kind: Kind::Number(Range::closed(-200.0, 0.0)),
+        default: Default::Absent,
+    }],
+    tag: Some(&Tag {
+        key: "kind",
+        doc: "The rule.",
+        default: Some("o-qpsk"),
+        variants: || LIST.iter().map(|entry| entry.variant).collect(),
+    }),
+};
+
+/// Key of every rule: the noise against which disturbances are weighed.
+const NOISE_FIELD: Field = Field {
+    key: "noise_floor_dbm",
+    doc: "Noise power in the receiver's channel (dBm). -105: the 6TiSCH simulator's.",
+    kind: Kind::Number(Range::closed(-200.0, 0.0)),
+    default: Default::Number(-105.0),
+};
+
+/// A rule that can be configured.
+#[derive(Debug)]
+pub struct Entry {
+    /// Its name and keys.
+    pub variant: Variant,
+    /// Makes it of its checked table.
+    pub build: fn(&toml::Table) -> Option<Box<dyn Rule>>,
+}
+
+/// All rules.
+pub const LIST: &[Entry] = &[o_qpsk::ENTRY, table::ENTRY];
+
+/// Makes interference of a checked table. `None`: something required is missing, which the check has reported.
+#[must_use]
+pub fn build(table: &toml::Table) -> Option<Interference> {
+    let kind = table.get("kind")?.as_str()?;
+    let entry = LIST.iter().find(|entry| entry.variant.name == kind)?;
+    let horizon_dbm = table.get("horizon_dbm").and_then(toml::Value::as_float);
+    Some(Interference { rule: (entry.build)(table)?, horizon_dbm })
+}
+
+/// Power (mW) of a level (dBm).
+#[inline]
+#[must_use]
+pub fn milliwatts(level_dbm: f64) -> f64 {
+    libm::pow(10.0, level_dbm / 10.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::config::{check, parse};
+
+    fn of(text: &str) -> Interference {
+        let checked = check(&parse(text).unwrap(), "", &SPEC, &mut Vec::new());
+        build(&checked.table).unwrap()
+    }
+
+    #[test]
+    fn o_qpsk_is_the_default() {
+        let interference = of("");
+        assert_eq!(interference.rule.name(), "o-qpsk");
+        assert_eq!(interference.horizon_dbm, None);
+    }
+
+    #[test]
+    fn rules_are_selected_by_kind() {
+        let interference = of("kind = \"table\"\nnoise_floor_dbm = -100.0\nhorizon_dbm = -110.0");
+        assert_eq!(interference.rule.name(), "table");
+        assert_eq!(interference.horizon_dbm, Some(-110.0));
+        // 10 dB above -100 dBm: a disturbance that loses the noise within it.
+        let expected = milliwatts(-90.0) - milliwatts(-100.0);
+        assert!((interference.rule.disturbance_mw(-90.0) / expected - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn without_interference_nothing_is_lost_to_it() {
+        for text in ["", "kind = \"table\""] {
+            let rule = of(text).rule;
+            for signal_dbm in [-120.0, -104.0, -95.0, -80.0, -10.0] {
+                let factor = rule.survival(signal_dbm, 0.0, 4_256_000, 4_256_000);
+                // Where the table has 0 even without interference, there is nothing to lose.
+                assert!(factor == 1.0 || factor == 0.0 && rule.name() == "table", "{signal_dbm}");
+            }
+        }
+    }
+
+    #[test]
+    fn more_interference_and_longer_overlap_never_help() {
+        for text in ["", "kind = \"table\""] {
+            let rule = of(text).rule;
+            for signal_dbm in [-95.0, -80.0, -60.0] {
+                let mut before = 1.0;
+                for step in 0..600 {
+                    let disturbance =
+                        rule.disturbance_mw(signal_dbm - 40.0 + f64::from(step) / 10.0);
+                    let whole = rule.survival(signal_dbm, disturbance, 4_256_000, 4_256_000);
+                    let half = rule.survival(signal_dbm, disturbance, 2_128_000, 4_256_000);
+                    assert!((0.0..=1.0).contains(&whole) && whole <= half + 1e-12);
+                    // Rounding of an alternating sum of terms up to 10^4.
+                    assert!(whole <= before + 1e-9, "{} {signal_dbm} {step}", rule.name());
+                    assert!((half * half - whole).abs() < 1e-9, "stretches multiply");
+                    before = whole;
+                }
+                assert!(before < 1e-12, "20 dB stronger interference leaves nothing");
+            }
+        }
+    }
+
+    /// Rows of the guide's table: one other frame over the whole of a frame that arrives with -60 dBm.
+    #[test]
+    fn the_guide_has_these_figures() {
+        let guide = include_str!("../../../docs/radio.md");
+        let (o_qpsk, table) = (of("").rule, of("kind = \"table\"").rule);
+        let figure = |rule: &dyn Rule, other_dbm: f64, bytes: i64| {
+            let frame_ns = 32_000 * (6 + bytes);
+            let factor = rule.survival(-60.0, rule.disturbance_mw(other_dbm), frame_ns, frame_ns);
+            let text = format!("{factor:.3}");
+            text.strip_suffix(".000").map(str::to_owned).unwrap_or(text)
+        };
+        for other in [60, 61, 62, 63, 64, 65, 67, 68, 70, 72, 75, 80, 85, 86, 90] {
+            let other_dbm = -f64::from(other);
+            let row = format!(
+                "| −{other} | {} | {} | {} | {} |",
+                other - 60,
+                figure(&*table, other_dbm, 127),
+                figure(&*o_qpsk, other_dbm, 127),
+                figure(&*o_qpsk, other_dbm, 20),
+            );
+            assert!(guide.contains(&row), "{row}");
+        }
+    }
+}

@@ -1,0 +1,434 @@
+//! Routing: RPL, RFC 6550, of one mote, as a pure machine.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`config`] | what can be set |
+//! | [`trickle`] | when to advertise: RFC 6206 |
+//! | [`lollipop`] | sequence counters: RFC 6550, § 7.2 |
+//! | [`link`] | ETX |
+//! | [`objective`], [`of0`], [`mrhof`] | how rank follows from links: RFC 6552, 6719, 8180 |
+//! | [`neighbours`] | who was heard |
+//! | `select` | the choice of the parent, local repair |
+//! | `dio`, `dao` | control messages in and out |
+//! | `children` | who routes through this mote |
+//! | [`routes`], [`data`] | the way of datagrams, and loops |
+//!
+//! A mote belongs to one DODAG at a time; every root has its own.
+
+mod children;
+pub mod config;
+mod dao;
+pub mod data;
+mod dio;
+mod dodag;
+pub mod link;
+pub mod lollipop;
+pub mod mrhof;
+pub mod neighbours;
+pub mod objective;
+pub mod of0;
+pub mod routes;
+mod select;
+#[cfg(test)]
+mod tests;
+pub mod trickle;
+
+use crate::dice::Dice;
+use crate::wire::Eui64;
+use crate::wire::rpl::RplMessage;
+use dao::Dao;
+use dodag::{Dodag, Past};
+use neighbours::Neighbours;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, VecDeque};
+use std::net::Ipv6Addr;
+use trickle::Trickle;
+
+pub use config::{Config, Mode, Solicitation};
+pub use data::{DropReason, Route, Verdict};
+pub use neighbours::Neighbour;
+pub use objective::{INFINITE_RANK, Objective};
+pub use routes::Routes;
+
+/// A message to send.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Outgoing {
+    /// To whom: all RPL nodes, a neighbour's link-local address, or a global one.
+    pub destination: Ipv6Addr,
+    /// Through whom; `None`: everyone for multicast, otherwise as [`Rpl::route`] says.
+    pub next_hop: Option<Eui64>,
+    /// The message.
+    pub message: RplMessage,
+}
+
+/// What has happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Event {
+    /// Another preferred parent, or none.
+    ParentChanged {
+        /// The one until now.
+        old: Option<Eui64>,
+        /// The one from now on.
+        new: Option<Eui64>,
+    },
+    /// Belongs to this DODAG from now on.
+    Joined {
+        /// The root's address.
+        dodag: Ipv6Addr,
+    },
+    /// Belongs to no DODAG any more.
+    Detached,
+    /// The own rank is another one.
+    RankChanged,
+    /// A neighbour routes through this mote.
+    ChildAdded(Eui64),
+    /// It does so no longer.
+    ChildRemoved(Eui64),
+    /// The DODAG was left because nobody could be the parent.
+    LocalRepair,
+    /// DIOs come in short intervals again.
+    TrickleReset,
+}
+
+/// RPL of one mote.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rpl {
+    config: Config,
+    own: Eui64,
+    is_root: bool,
+    is_running: bool,
+    /// Through whom this mote joined the network.
+    proxy: Option<Eui64>,
+    neighbours: Neighbours,
+    dodag: Option<Dodag>,
+    /// DODAGs that were left, not yet forgotten.
+    past: Vec<Past>,
+    /// Own DTSN and, as root, version to begin with: kept over stops.
+    dtsn: u8,
+    version: u8,
+    trickle: Trickle,
+    routes: Routes,
+    dao: Dao,
+    /// Neighbours that route through this mote, and until when that is believed (ns).
+    children: BTreeMap<Eui64, u64>,
+    children_check_ns: Option<u64>,
+    dis_at_ns: Option<u64>,
+    has_solicited: bool,
+    hold_until_ns: Option<u64>,
+    global_repair_ns: Option<u64>,
+    /// A link is why parents are being looked at.
+    etx_changed: bool,
+    outgoing: VecDeque<Outgoing>,
+    events: VecDeque<Event>,
+}
+
+impl Rpl {
+    /// At rest.
+    #[must_use]
+    pub fn new(config: Config, own: Eui64, is_root: bool) -> Self {
+        Self {
+            config,
+            own,
+            is_root,
+            is_running: false,
+            proxy: None,
+            neighbours: Neighbours::default(),
+            dodag: None,
+            past: vec![],
+            dtsn: lollipop::INITIAL,
+            version: lollipop::INITIAL,
+            trickle: Trickle::new(1, 0, 0),
+            routes: Routes::default(),
+            dao: Dao::new(),
+            children: BTreeMap::new(),
+            children_check_ns: None,
+            dis_at_ns: None,
+            has_solicited: false,
+            hold_until_ns: None,
+            global_repair_ns: None,
+            etx_changed: false,
+            outgoing: VecDeque::new(),
+            events: VecDeque::new(),
+        }
+    }
+
+    /// Through whom the mote has joined the network: the first solicitation goes there.
+    pub fn set_proxy(&mut self, proxy: Option<Eui64>) {
+        self.proxy = proxy;
+    }
+
+    /// Begins: a root its DODAG, others to look for one.
+    pub fn start(&mut self, now_ns: u64, dice: &mut Dice) {
+        if self.is_running {
+            return;
+        }
+        self.is_running = true;
+        if self.is_root {
+            let dodag = Dodag::of_root(&self.config, self.own, self.version, self.dtsn);
+            self.trickle = dodag.trickle();
+            self.trickle.start_at_min(now_ns, dice);
+            self.events.push_back(Event::Joined { dodag: dodag.id });
+            self.dodag = Some(dodag);
+            self.schedule_global_repair(now_ns);
+        } else if self.config.solicitation != Solicitation::Off {
+            self.solicit(now_ns);
+        }
+    }
+
+    /// Ends, and forgets neighbours, DODAG and routes. Sequence numbers go on where they were.
+    pub fn stop(&mut self) {
+        if !self.is_running {
+            return;
+        }
+        self.is_running = false;
+        if let Some(dodag) = self.dodag.take() {
+            // A root that returns has no routes: a new version brings them.
+            self.version = lollipop::next(dodag.version);
+            if dodag.parent.is_some() {
+                self.events.push_back(Event::ParentChanged { old: dodag.parent, new: None });
+            }
+            self.events.push_back(Event::Detached);
+        }
+        self.forget_below();
+        self.neighbours.clear();
+        self.past.clear();
+        self.trickle.stop();
+        self.dis_at_ns = None;
+        self.has_solicited = false;
+        self.hold_until_ns = None;
+        self.global_repair_ns = None;
+        self.outgoing.clear();
+    }
+
+    /// A control message for this mote has come from neighbour `from`; `source` is its IPv6 source.
+    pub fn handle_message(
+        &mut self,
+        from: Eui64,
+        source: Ipv6Addr,
+        multicast: bool,
+        message: &RplMessage,
+        now_ns: u64,
+        dice: &mut Dice,
+    ) {
+        if !self.is_running {
+            return;
+        }
+        match message {
+            RplMessage::Dis(_) => self.handle_dis(source, from, multicast, now_ns, dice),
+            RplMessage::Dio(dio) => self.handle_dio(from, dio, now_ns, dice),
+            RplMessage::Dao(dao) => self.handle_dao(from, source, dao, now_ns),
+            RplMessage::DaoAck(ack) => self.handle_dao_ack(from, *ack, now_ns, dice),
+        }
+    }
+
+    /// A frame to a neighbour was sent `n_transmissions` times; the last one was acknowledged or not.
+    pub fn handle_link(
+        &mut self,
+        neighbour: Eui64,
+        n_transmissions: u16,
+        acknowledged: bool,
+        now_ns: u64,
+        dice: &mut Dice,
+    ) {
+        let (max_failures, hold_ns) = (self.config.max_failures, self.config.unusable_hold_ns);
+        let objective = self.objective();
+        let Some(known) = self.neighbours.get_mut(neighbour) else { return };
+        let before = objective.rank_via(known.dio.rank, &known.etx, 1);
+        if self.config.stale_rank {
+            known.etx.count_by_hundreds(n_transmissions, acknowledged);
+        } else {
+            known.etx.count(n_transmissions, acknowledged);
+        }
+        if acknowledged {
+            known.heard_ns = now_ns;
+            known.n_unusable = 0;
+        }
+        let fails = max_failures <= known.etx.n_failed() || !objective.accepts(&known.etx);
+        if fails && known.unusable_until_ns.is_none() {
+            known.mark_unusable(hold_ns, now_ns);
+        }
+        if fails || before != objective.rank_via(known.dio.rank, &known.etx, 1) {
+            self.etx_changed = self.parent() == Some(neighbour);
+            self.select(now_ns, dice);
+            self.etx_changed = false;
+        }
+    }
+
+    /// A neighbour cannot be used: the scheduling function has given up on it, or it has rejected this mote.
+    pub fn handle_unusable(&mut self, neighbour: Eui64, now_ns: u64, dice: &mut Dice) {
+        let hold_ns = self.config.unusable_hold_ns;
+        let Some(known) = self.neighbours.get_mut(neighbour) else { return };
+        known.mark_unusable(hold_ns, now_ns);
+        self.select(now_ns, dice);
+    }
+
+    /// A frame of a neighbour was heard at strength `rssi_dbm`: it is still there.
+    pub fn handle_rssi(&mut self, neighbour: Eui64, rssi_dbm: f64, now_ns: u64) {
+        if let Some(known) = self.neighbours.get_mut(neighbour) {
+            known.hear(Some(rssi_dbm), now_ns);
+        }
+    }
+
+    /// As root: a new version of the DODAG, so that everyone finds its place anew (RFC 6550, § 3.2.2).
+    pub fn global_repair(&mut self, now_ns: u64, dice: &mut Dice) {
+        let Some(dodag) = self.dodag.as_mut().filter(|_| self.is_root) else { return };
+        dodag.version = lollipop::next(dodag.version);
+        self.reset_trickle(now_ns, dice);
+        self.schedule_global_repair(now_ns);
+    }
+
+    /// Asks everyone below for advertisements, by DTSN (RFC 6550, § 9.6).
+    pub fn refresh_routes(&mut self, now_ns: u64, dice: &mut Dice) {
+        let Some(dodag) = &mut self.dodag else { return };
+        dodag.dtsn = lollipop::next(dodag.dtsn);
+        self.dtsn = dodag.dtsn;
+        self.reset_trickle(now_ns, dice);
+    }
+
+    fn schedule_global_repair(&mut self, now_ns: u64) {
+        let period_ns = self.config.global_repair_period_ns;
+        self.global_repair_ns = (period_ns != 0).then(|| now_ns.saturating_add(period_ns));
+    }
+
+    /// The next message to send.
+    pub fn poll_transmit(&mut self) -> Option<Outgoing> {
+        self.outgoing.pop_front()
+    }
+
+    /// The next event.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// When to call [`Rpl::handle_timeout`] (ns).
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<u64> {
+        if !self.is_running {
+            return None;
+        }
+        [
+            self.trickle.poll_timeout(),
+            self.dis_at_ns,
+            self.hold_until_ns,
+            self.global_repair_ns,
+            self.dao.poll_timeout(),
+            self.routes.poll_timeout(),
+            self.children_check_ns,
+            self.neighbours.poll_timeout(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// Time has passed.
+    pub fn handle_timeout(&mut self, now_ns: u64, dice: &mut Dice) {
+        if !self.is_running {
+            return;
+        }
+        let is_due = |at_ns: Option<u64>| at_ns.is_some_and(|at_ns| at_ns <= now_ns);
+        while is_due(self.trickle.poll_timeout()) {
+            if self.trickle.handle_timeout(now_ns, dice)
+                && let Some(dio) = self.current_dio()
+            {
+                self.multicast_dio(dio);
+            }
+        }
+        if is_due(self.dis_at_ns) {
+            self.solicit(now_ns);
+        }
+        if is_due(self.global_repair_ns) {
+            self.global_repair(now_ns, dice);
+        }
+        let gone = self.routes.expire(now_ns);
+        self.withdraw(&gone, now_ns);
+        self.expire_children(now_ns);
+        let lifetime_ns = self.config.neighbour_lifetime_ns;
+        let held = is_due(self.hold_until_ns);
+        if held {
+            self.hold_until_ns = None;
+        }
+        if self.neighbours.expire(lifetime_ns, now_ns) || held {
+            self.select(now_ns, dice);
+        }
+        self.dao_timeout(now_ns, dice);
+    }
+
+    /// Own rank; infinite outside a DODAG.
+    #[must_use]
+    pub fn rank(&self) -> u16 {
+        self.dodag.as_ref().map_or(INFINITE_RANK, |dodag| dodag.rank)
+    }
+
+    /// Own rank in whole hops (RFC 6550, § 3.5.1).
+    #[must_use]
+    pub fn dag_rank(&self) -> u16 {
+        self.dodag.as_ref().map_or(INFINITE_RANK, |dodag| dodag.dag_rank(dodag.rank))
+    }
+
+    /// Whether datagrams find their way down to this mote, as far as it knows: a root, a mote whose advertisement was
+    /// acknowledged or needs none, or one that advertises nothing.
+    #[must_use]
+    pub fn is_reachable(&self) -> bool {
+        self.is_root || !self.config.advertises || self.dao.is_advertised
+    }
+
+    /// The preferred parent.
+    #[must_use]
+    pub fn parent(&self) -> Option<Eui64> {
+        self.dodag.as_ref().and_then(|dodag| dodag.parent)
+    }
+
+    /// The DODAG: its root's address.
+    #[must_use]
+    pub fn dodag_id(&self) -> Option<Ipv6Addr> {
+        self.dodag.as_ref().map(|dodag| dodag.id)
+    }
+
+    /// The DODAG's version.
+    #[must_use]
+    pub fn version(&self) -> Option<u8> {
+        self.dodag.as_ref().map(|dodag| dodag.version)
+    }
+
+    /// The DODAG's /64 prefix.
+    #[must_use]
+    pub fn prefix(&self) -> Option<u64> {
+        self.dodag.as_ref().and_then(|dodag| dodag.prefix)
+    }
+
+    /// Own global address.
+    #[must_use]
+    pub fn address(&self) -> Option<Ipv6Addr> {
+        self.prefix().map(|prefix| self.own.under(prefix))
+    }
+
+    /// Who keeps routes down in this DODAG.
+    #[must_use]
+    pub fn mode(&self) -> Option<Mode> {
+        self.dodag.as_ref().and_then(Dodag::mode)
+    }
+
+    /// Whether the mote belongs to a DODAG.
+    #[must_use]
+    pub fn is_in_dodag(&self) -> bool {
+        self.dodag.is_some()
+    }
+
+    /// Neighbours that were heard, by address.
+    #[must_use]
+    pub fn neighbours(&self) -> &[Neighbour] {
+        self.neighbours.as_slice()
+    }
+
+    /// Neighbours that route through this mote, by address.
+    pub fn children(&self) -> impl Iterator<Item = Eui64> + '_ {
+        self.children.keys().copied()
+    }
+
+    /// Routes down.
+    #[must_use]
+    pub fn routes(&self) -> &Routes {
+        &self.routes
+    }
+}

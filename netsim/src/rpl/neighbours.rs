@@ -1,0 +1,149 @@
+//! Neighbours that were heard to take part in the instance.
+
+use super::link::Etx;
+use super::objective::INFINITE_RANK;
+use crate::wire::Eui64;
+use crate::wire::rpl::DioRepr;
+use serde::{Deserialize, Serialize};
+
+/// A neighbour: what its last DIO said, and what the link to it is like.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Neighbour {
+    /// Its address.
+    pub address: Eui64,
+    /// Its last DIO.
+    pub dio: DioRepr,
+    /// Transmissions it takes to reach it.
+    pub etx: Etx,
+    /// Mean strength of what was heard (dBm), if the radio tells.
+    pub rssi_dbm: Option<f64>,
+    /// When anything was last heard of it (ns).
+    pub heard_ns: u64,
+    /// It is not used before then (ns), and then only after it was heard anew.
+    pub unusable_until_ns: Option<u64>,
+    /// How often in a row it became unusable.
+    pub n_unusable: u8,
+}
+
+/// Weight of a new strength in the mean.
+const RSSI_WEIGHT: f64 = 0.125;
+/// An unusable neighbour's hold is doubled at most so often.
+const MAX_HOLD_DOUBLINGS: u8 = 4;
+
+impl Neighbour {
+    /// Heard at strength `rssi_dbm`.
+    pub(super) fn hear(&mut self, rssi_dbm: Option<f64>, now_ns: u64) {
+        self.heard_ns = now_ns;
+        if let Some(rssi_dbm) = rssi_dbm {
+            let mean = self.rssi_dbm.unwrap_or(rssi_dbm);
+            self.rssi_dbm = Some(mean + RSSI_WEIGHT * (rssi_dbm - mean));
+        }
+    }
+
+    /// Not to be used for `hold_ns`, doubled each further time.
+    pub(super) fn mark_unusable(&mut self, hold_ns: u64, now_ns: u64) {
+        let factor = 1 << self.n_unusable.min(MAX_HOLD_DOUBLINGS);
+        self.n_unusable = self.n_unusable.saturating_add(1);
+        self.unusable_until_ns = Some(now_ns.saturating_add(hold_ns.saturating_mul(factor)));
+    }
+
+    /// Gives an unusable neighbour another chance when its time is over: the link is assumed to be as on first sight.
+    /// Returns whether it does.
+    pub(super) fn forgive(&mut self, initial_etx_x128: u16, now_ns: u64) -> bool {
+        let forgives = self.unusable_until_ns.is_some_and(|until_ns| until_ns <= now_ns);
+        if forgives {
+            self.unusable_until_ns = None;
+            self.etx = Etx::assumed(initial_etx_x128);
+        }
+        forgives
+    }
+
+    /// Whether it may be used at all: heard with a finite rank, over a link that works.
+    #[must_use]
+    pub fn is_usable(&self) -> bool {
+        self.unusable_until_ns.is_none() && self.dio.rank != INFINITE_RANK
+    }
+}
+
+/// All neighbours, by address.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Neighbours {
+    list: Vec<Neighbour>,
+    /// No neighbour's lifetime ends before (ns).
+    check_ns: Option<u64>,
+}
+
+impl Neighbours {
+    pub(super) fn as_slice(&self) -> &[Neighbour] {
+        &self.list
+    }
+
+    pub(super) fn as_mut_slice(&mut self) -> &mut [Neighbour] {
+        &mut self.list
+    }
+
+    pub(super) fn get(&self, address: Eui64) -> Option<&Neighbour> {
+        let place = self.list.binary_search_by_key(&address, |other| other.address).ok()?;
+        Some(&self.list[place])
+    }
+
+    pub(super) fn get_mut(&mut self, address: Eui64) -> Option<&mut Neighbour> {
+        let place = self.list.binary_search_by_key(&address, |other| other.address).ok()?;
+        Some(&mut self.list[place])
+    }
+
+    /// Adds one that is not there yet. Of more than `max`, the one of highest rank gives way, the unusable ones first and
+    /// never `parent`; that may be the new one.
+    pub(super) fn add(
+        &mut self,
+        new: Neighbour,
+        max: u16,
+        parent: Option<Eui64>,
+        lifetime_ns: u64,
+    ) {
+        if self.check_ns.is_none() {
+            self.check_ns = Some(new.heard_ns.saturating_add(lifetime_ns));
+        }
+        let place = self.list.partition_point(|other| other.address < new.address);
+        self.list.insert(place, new);
+        if usize::from(max.max(1)) < self.list.len() {
+            let worst = self
+                .list
+                .iter()
+                .enumerate()
+                .filter(|(_, neighbour)| Some(neighbour.address) != parent)
+                .max_by_key(|(_, neighbour)| {
+                    (!neighbour.is_usable(), neighbour.dio.rank, neighbour.address)
+                })
+                .map(|(place, _)| place);
+            if let Some(worst) = worst {
+                self.list.remove(worst);
+            }
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.list.clear();
+        self.check_ns = None;
+    }
+
+    /// When to look for lifetimes that have ended (ns).
+    pub(super) fn poll_timeout(&self) -> Option<u64> {
+        self.check_ns
+    }
+
+    /// Forgets those of whom nothing was heard for `lifetime_ns`. Returns whether there were any.
+    pub(super) fn expire(&mut self, lifetime_ns: u64, now_ns: u64) -> bool {
+        if self.check_ns.is_none_or(|check_ns| now_ns < check_ns) {
+            return false;
+        }
+        let n = self.list.len();
+        self.list.retain(|one| now_ns < one.heard_ns.saturating_add(lifetime_ns));
+        // A quarter of a lifetime between looks: a neighbour is forgotten after 1 to 1.25 lifetimes.
+        let oldest_ns = self.list.iter().map(|one| one.heard_ns).min();
+        self.check_ns = oldest_ns.map(|heard_ns| {
+            heard_ns.saturating_add(lifetime_ns).max(now_ns.saturating_add(lifetime_ns / 4 + 1))
+        });
+        self.list.len() < n
+    }
+}

@@ -1,0 +1,313 @@
+//! Routes down: at the root of a non-storing DODAG who is whose parent, in a storing one the next hop to everyone below.
+
+use super::lollipop;
+use crate::wire::Eui64;
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+use std::net::Ipv6Addr;
+
+/// Lifetimes are rounded up to whole multiples of this (ns), so that many routes expire at one look.
+const GRAIN_NS: u64 = 10_000_000_000;
+/// Longest source route (hops): the hop limit of a datagram.
+const MAX_HOPS: usize = 255;
+/// Lifetime that never ends (RFC 6550, § 6.7.8).
+const INFINITE_LIFETIME: u8 = 0xff;
+
+/// Where a target is reached.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Via {
+    /// Non-storing: below this parent.
+    Parent(Ipv6Addr),
+    /// Storing: through this neighbour.
+    Neighbour(Eui64),
+}
+
+/// What is known of a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Where it is reached.
+    pub via: Via,
+    /// Path sequence of the advertisement: larger is newer (RFC 6550, § 6.7.8).
+    pub path_sequence: u8,
+    /// When it ends (ns).
+    pub expires_ns: u64,
+}
+
+/// What an advertisement changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// A new target, or one that has moved, or a newer word of the same.
+    Updated,
+    /// The same word again.
+    Repeated,
+    /// An older word: nothing was changed.
+    Stale,
+    /// The target is gone.
+    Removed,
+    /// There is no room.
+    Full,
+}
+
+/// Routes down, by target.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Routes {
+    entries: BTreeMap<Ipv6Addr, Entry>,
+    /// No route ends before (ns).
+    check_ns: Option<u64>,
+}
+
+impl Routes {
+    /// What is known of a target.
+    #[must_use]
+    pub fn get(&self, target: Ipv6Addr) -> Option<&Entry> {
+        self.entries.get(&target)
+    }
+
+    /// All of them, by target.
+    pub fn iter(&self) -> impl Iterator<Item = (&Ipv6Addr, &Entry)> {
+        self.entries.iter()
+    }
+
+    /// How many.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// Takes an advertisement (RFC 6550, § 9.2.1 and 9.3). A lifetime of 0 is a No-Path: it ends the route through `via`
+    /// only. Of the same path sequence but by another way: the target, or a router above it, has moved.
+    pub fn update(
+        &mut self,
+        target: Ipv6Addr,
+        via: Via,
+        path_sequence: u8,
+        lifetime: Lifetime,
+        max_routes: u32,
+        now_ns: u64,
+    ) -> Change {
+        let known = self.entries.get(&target).copied();
+        if let Some(known) = known
+            && lollipop::compare(path_sequence, known.path_sequence) == Some(Ordering::Less)
+        {
+            return Change::Stale;
+        }
+        if lifetime.units == 0 {
+            if known.is_none_or(|known| known.via != via) {
+                return Change::Stale;
+            }
+            self.entries.remove(&target);
+            return Change::Removed;
+        }
+        if known.is_none() && max_routes != 0 && max_routes as usize <= self.entries.len() {
+            return Change::Full;
+        }
+        let expires_ns = lifetime.end_ns(now_ns);
+        self.entries.insert(target, Entry { via, path_sequence, expires_ns });
+        self.check_ns = Some(self.check_ns.map_or(expires_ns, |check_ns| check_ns.min(expires_ns)));
+        match known {
+            Some(known) if known.via == via && known.path_sequence == path_sequence => {
+                Change::Repeated
+            }
+            _ => Change::Updated,
+        }
+    }
+
+    /// Forgets one target.
+    pub fn remove(&mut self, target: Ipv6Addr) -> Option<Entry> {
+        self.entries.remove(&target)
+    }
+
+    /// Forgets what is reached through `via`; returns the targets with their path sequences.
+    pub fn remove_via(&mut self, via: Via) -> Vec<(Ipv6Addr, u8)> {
+        let gone: Vec<_> = (self.entries.iter())
+            .filter(|(_, entry)| entry.via == via)
+            .map(|(&target, entry)| (target, entry.path_sequence))
+            .collect();
+        for (target, _) in &gone {
+            self.entries.remove(target);
+        }
+        gone
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.entries.clear();
+        self.check_ns = None;
+    }
+
+    /// When to look for routes that have ended (ns).
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<u64> {
+        self.check_ns
+    }
+
+    /// Ends routes whose time is over; returns them.
+    pub fn expire(&mut self, now_ns: u64) -> Vec<(Ipv6Addr, u8)> {
+        if self.check_ns.is_none_or(|check_ns| now_ns < check_ns) {
+            return vec![];
+        }
+        let mut gone = vec![];
+        let mut next_ns = u64::MAX;
+        self.entries.retain(|&target, entry| {
+            let lives = now_ns < entry.expires_ns;
+            if lives {
+                next_ns = next_ns.min(entry.expires_ns);
+            } else {
+                gone.push((target, entry.path_sequence));
+            }
+            lives
+        });
+        self.check_ns = (!self.entries.is_empty()).then_some(next_ns);
+        gone
+    }
+
+    /// The hops from `root` to a target, the target last; `None` if a parent is unknown on the way or the way leads in a
+    /// circle (RFC 6550, § 9.7).
+    #[must_use]
+    pub fn source_route(&self, root: Ipv6Addr, target: Ipv6Addr) -> Option<Vec<Ipv6Addr>> {
+        let longest = MAX_HOPS.min(self.entries.len());
+        let mut hops = vec![];
+        let mut hop = target;
+        while hop != root {
+            if hops.len() == longest {
+                return None;
+            }
+            hops.push(hop);
+            match self.entries.get(&hop)?.via {
+                Via::Parent(parent) => hop = parent,
+                Via::Neighbour(_) => return None,
+            }
+        }
+        hops.reverse();
+        Some(hops)
+    }
+}
+
+/// A lifetime as it is advertised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lifetime {
+    /// Units; 0: none, 255: without end.
+    pub units: u8,
+    /// The unit (s).
+    pub unit_s: u16,
+}
+
+impl Lifetime {
+    fn end_ns(self, now_ns: u64) -> u64 {
+        if self.units == INFINITE_LIFETIME {
+            return u64::MAX;
+        }
+        let length_ns = u64::from(self.units) * u64::from(self.unit_s) * 1_000_000_000;
+        (now_ns.saturating_add(length_ns)).div_ceil(GRAIN_NS).saturating_mul(GRAIN_NS)
+    }
+
+    /// What is left of a route, in whole units, at least one.
+    #[must_use]
+    pub fn left_until(expires_ns: u64, unit_s: u16, now_ns: u64) -> Self {
+        if expires_ns == u64::MAX {
+            return Self { units: INFINITE_LIFETIME, unit_s };
+        }
+        let unit_ns = u64::from(unit_s.max(1)) * 1_000_000_000;
+        let units = (expires_ns.saturating_sub(now_ns) / unit_ns).clamp(1, 254);
+        Self { units: units as u8, unit_s }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MINUTE: Lifetime = Lifetime { units: 1, unit_s: 60 };
+    const MINUTE_NS: u64 = 60_000_000_000;
+
+    fn mote(n: u16) -> Ipv6Addr {
+        Eui64::of_mote(n.into()).global()
+    }
+
+    fn tree(links: &[(u16, u16)]) -> Routes {
+        let mut routes = Routes::default();
+        for &(child, parent) in links {
+            routes.update(mote(child), Via::Parent(mote(parent)), 240, MINUTE, 0, 0);
+        }
+        routes
+    }
+
+    fn hops(routes: &Routes, target: u16) -> Option<Vec<Ipv6Addr>> {
+        routes.source_route(mote(0), mote(target))
+    }
+
+    #[test]
+    fn r9_source_routes_of_chain_branch_gap_and_loop() {
+        let chain = tree(&[(1, 0), (2, 1), (3, 2)]);
+        assert_eq!(hops(&chain, 3), Some(vec![mote(1), mote(2), mote(3)]));
+        assert_eq!(hops(&chain, 1), Some(vec![mote(1)]));
+        let branch = tree(&[(1, 0), (2, 1), (3, 1), (4, 0)]);
+        assert_eq!(hops(&branch, 3), Some(vec![mote(1), mote(3)]));
+        assert_eq!(hops(&branch, 4), Some(vec![mote(4)]));
+        let gap = tree(&[(1, 0), (3, 2)]);
+        assert_eq!(hops(&gap, 3), None);
+        assert_eq!(hops(&gap, 7), None);
+        let circle = tree(&[(1, 2), (2, 3), (3, 1), (4, 0)]);
+        assert_eq!(hops(&circle, 1), None);
+        assert_eq!(hops(&tree(&[(1, 1)]), 1), None);
+    }
+
+    #[test]
+    fn q20_routes_end_with_their_lifetime() {
+        let mut routes = tree(&[(1, 0)]);
+        assert_eq!(routes.poll_timeout(), Some(MINUTE_NS));
+        assert!(routes.expire(MINUTE_NS - 1).is_empty());
+        routes.update(mote(1), Via::Parent(mote(0)), 241, MINUTE, 0, MINUTE_NS / 2);
+        assert!(routes.expire(MINUTE_NS).is_empty());
+        assert_eq!(routes.poll_timeout(), Some(3 * MINUTE_NS / 2));
+        assert_eq!(routes.expire(3 * MINUTE_NS / 2), [(mote(1), 241)]);
+        assert_eq!(routes.poll_timeout(), None);
+    }
+
+    #[test]
+    fn rfc6550_9_2_1_an_older_path_sequence_changes_nothing() {
+        let mut routes = tree(&[(2, 1)]);
+        let via = Via::Parent(mote(3));
+        assert_eq!(routes.update(mote(2), via, 239, MINUTE, 0, 1), Change::Stale);
+        assert_eq!(routes.get(mote(2)).unwrap().via, Via::Parent(mote(1)));
+        assert_eq!(routes.update(mote(2), via, 241, MINUTE, 0, 1), Change::Updated);
+        assert_eq!(routes.get(mote(2)).unwrap().via, via);
+        assert_eq!(routes.update(mote(2), via, 241, MINUTE, 0, 1), Change::Repeated);
+    }
+
+    #[test]
+    fn rfc6550_9_2_2_a_no_path_ends_the_route_through_its_sender_only() {
+        let (a, b) = (Via::Neighbour(Eui64::of_mote(5)), Via::Neighbour(Eui64::of_mote(6)));
+        let none = Lifetime { units: 0, unit_s: 60 };
+        let mut routes = Routes::default();
+        routes.update(mote(2), a, 240, MINUTE, 0, 0);
+        routes.update(mote(2), b, 241, MINUTE, 0, 0);
+        assert_eq!(routes.update(mote(2), a, 241, none, 0, 0), Change::Stale);
+        assert_eq!(routes.update(mote(2), b, 241, none, 0, 0), Change::Removed);
+        assert!(routes.is_empty());
+    }
+
+    #[test]
+    fn a_full_table_takes_news_of_known_targets_only() {
+        let via = Via::Neighbour(Eui64::of_mote(5));
+        let mut routes = Routes::default();
+        assert_eq!(routes.update(mote(1), via, 240, MINUTE, 1, 0), Change::Updated);
+        assert_eq!(routes.update(mote(2), via, 240, MINUTE, 1, 0), Change::Full);
+        assert_eq!(routes.update(mote(1), via, 241, MINUTE, 1, 0), Change::Updated);
+    }
+
+    #[test]
+    fn rfc6550_6_7_8_lifetime_255_has_no_end() {
+        let mut routes = Routes::default();
+        let forever = Lifetime { units: 255, unit_s: 1 };
+        routes.update(mote(1), Via::Parent(mote(0)), 240, forever, 0, 0);
+        assert!(routes.expire(u64::MAX - 1).is_empty());
+    }
+}

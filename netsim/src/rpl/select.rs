@@ -1,0 +1,290 @@
+//! The choice of the preferred parent: RFC 6550, § 8.2.2; RFC 6552, § 4.2; RFC 6719, § 3.2.
+
+use super::dodag::{Dodag, Past};
+use super::neighbours::Neighbour;
+use super::objective::{INFINITE_RANK, Objective};
+use super::{Event, Rpl, lollipop};
+use crate::dice::Dice;
+use crate::wire::Eui64;
+use std::cmp::{Ordering, Reverse};
+
+/// What a neighbour offers as parent.
+#[derive(Clone, Copy, Debug)]
+struct Offer {
+    address: Eui64,
+    preference: u8,
+    /// A newer version of the own DODAG.
+    is_newer: bool,
+    /// Rank through it.
+    rank: u16,
+    rssi_dbm: f64,
+}
+
+impl Offer {
+    /// The better one is less: preference of the DODAG, version, rank; then the stronger signal (a peer takes the weaker
+    /// one, its Q24), then the lower address.
+    fn compare(&self, other: &Self) -> Ordering {
+        let key = |offer: &Self| (Reverse((offer.preference, offer.is_newer)), offer.rank);
+        key(self)
+            .cmp(&key(other))
+            .then(other.rssi_dbm.total_cmp(&self.rssi_dbm))
+            .then(self.address.cmp(&other.address))
+    }
+}
+
+impl Rpl {
+    /// Looks at all neighbours anew: stays, changes parent, joins or leaves.
+    pub(super) fn select(&mut self, now_ns: u64, dice: &mut Dice) {
+        if self.is_root || !self.is_running {
+            return;
+        }
+        let forget_ns = self.config.forget_ns;
+        self.past.retain(|past| now_ns < past.left_ns.saturating_add(forget_ns));
+        let parent = self.parent();
+        let mut best: Option<Offer> = None;
+        let mut current: Option<Offer> = None;
+        for neighbour in self.neighbours.as_slice() {
+            let Some(offer) = self.offer(neighbour, now_ns) else { continue };
+            if Some(offer.address) == parent {
+                current = Some(offer);
+            }
+            if best.is_none_or(|best| offer.compare(&best).is_lt()) {
+                best = Some(offer);
+            }
+        }
+        match (best, current) {
+            (None, _) if self.dodag.is_some() => self.detach(now_ns, dice),
+            (None, _) => {}
+            (Some(best), Some(current)) if !self.switches(&best, &current) => {
+                self.adopt(&current, now_ns, dice);
+            }
+            (Some(best), _) => self.adopt(&best, now_ns, dice),
+        }
+    }
+
+    /// Hysteresis: a permitted parent is left for a DODAG of higher preference, a newer version, or a rank that is better
+    /// by more than the threshold (RFC 8180, § 6.4; RFC 6719, § 3.2.2).
+    fn switches(&self, best: &Offer, current: &Offer) -> bool {
+        best.preference > current.preference
+            || (best.is_newer && !current.is_newer)
+            || self.objective().switch_threshold() < current.rank.saturating_sub(best.rank)
+    }
+
+    /// What a neighbour offers; `None` if it must not be the parent.
+    fn offer(&self, neighbour: &Neighbour, now_ns: u64) -> Option<Offer> {
+        if !neighbour.is_usable() {
+            return None;
+        }
+        let dio = &neighbour.dio;
+        let configuration = dio.configuration.unwrap_or_else(|| self.config.configuration());
+        let objective = self.objective_of(configuration.objective);
+        let rank =
+            objective.rank_via(dio.rank, &neighbour.etx, configuration.min_hop_rank_increase)?;
+        let is_newer = match &self.dodag {
+            Some(dodag) if dodag.id == dio.dodag_id => {
+                match lollipop::compare(dio.version, dodag.version) {
+                    Some(Ordering::Equal) => self.permits(dodag, neighbour, rank).then_some(false),
+                    Some(Ordering::Greater) => Some(true),
+                    Some(Ordering::Less) | None => None,
+                }?
+            }
+            _ => {
+                let past = self.past.iter().find(|past| past.dodag.id == dio.dodag_id);
+                if past.is_some_and(|past| !self.permits_again(past, neighbour, rank, now_ns)) {
+                    return None;
+                }
+                false
+            }
+        };
+        Some(Offer {
+            address: neighbour.address,
+            preference: dio.preference,
+            is_newer,
+            rank,
+            rssi_dbm: neighbour.rssi_dbm.unwrap_or(f64::NEG_INFINITY),
+        })
+    }
+
+    /// Within a version: a parent is nearer to the root (RFC 6550, § 8.2.1), and rank stays within its bound (§ 8.2.2.4,
+    /// rule 3). The present parent may have moved down: it is followed as far as that bound, or else left.
+    fn permits(&self, dodag: &Dodag, neighbour: &Neighbour, rank: u16) -> bool {
+        if dodag.rank_limit() < rank {
+            return false;
+        }
+        if Some(neighbour.address) == dodag.parent {
+            let hop = dodag.configuration.min_hop_rank_increase;
+            return !self.config.stale_rank || neighbour.dio.rank.saturating_add(hop) <= dodag.rank;
+        }
+        dodag.dag_rank(neighbour.dio.rank) < dodag.dag_rank(dodag.rank)
+    }
+
+    /// A version that was left: its bound on rank still holds (RFC 6550, § 8.2.2.4, rule 4), and for a while no mote is
+    /// joined that may have been below.
+    fn permits_again(&self, past: &Past, neighbour: &Neighbour, rank: u16, now_ns: u64) -> bool {
+        match lollipop::compare(neighbour.dio.version, past.dodag.version) {
+            Some(Ordering::Less) => false,
+            Some(Ordering::Equal) => {
+                let is_held = now_ns < past.left_ns.saturating_add(self.config.repair_hold_ns);
+                let is_above =
+                    past.dodag.dag_rank(neighbour.dio.rank) < past.dodag.dag_rank(past.dodag.rank);
+                rank <= past.dodag.rank_limit() && (is_above || !is_held)
+            }
+            Some(Ordering::Greater) | None => true,
+        }
+    }
+
+    /// Takes an offer: another DODAG, a newer version, another parent, or the same one with what it says now.
+    fn adopt(&mut self, offer: &Offer, now_ns: u64, dice: &mut Dice) {
+        let Some(dio) = self.neighbours.get(offer.address).map(|one| one.dio.clone()) else {
+            return;
+        };
+        let old = self.parent();
+        let moves = self.dodag.as_ref().is_none_or(|dodag| dodag.id != dio.dodag_id);
+        if moves {
+            self.remember(now_ns);
+            self.forget_below();
+        }
+        let before = self.dodag.take().filter(|_| !moves);
+        let dtsn = before.as_ref().map_or(self.dtsn, |before| before.dtsn);
+        let mut dodag = Dodag::of_dio(&dio, &self.config, dtsn);
+        let is_new_version = before.as_ref().is_none_or(|before| before.version != dodag.version);
+        let was_rank = before.as_ref().map_or(INFINITE_RANK, |before| before.rank);
+        // Within a version the lowest rank counts even over a time outside (RFC 6550, § 8.2.2.4, rule 4).
+        let same = |other: &&Dodag| other.id == dodag.id && other.version == dodag.version;
+        let past = self.past.iter().map(|past| &past.dodag).find(same);
+        if let Some(lowest) = before.as_ref().filter(same).or(past).map(|same| same.lowest_rank) {
+            dodag.lowest_rank = lowest;
+        }
+        self.past.retain(|past| past.dodag.id != dodag.id);
+        if let Some(before) = before {
+            dodag.advertised_rank = before.advertised_rank;
+            dodag.parent_dtsn = before.parent_dtsn;
+        }
+        dodag.parent = Some(offer.address);
+        let is_new_parent = old != Some(offer.address) || moves;
+        dodag.rank = if self.config.stale_rank && !is_new_parent && !self.etx_changed {
+            was_rank
+        } else {
+            offer.rank
+        };
+        self.dtsn = dodag.dtsn;
+        // Good news can wait unless it is large. Bad news cannot: in a circle it must come round fast, for rank to reach its
+        // bound.
+        let threshold = self.objective_of(dodag.configuration.objective).switch_threshold();
+        let hop = dodag.configuration.min_hop_rank_increase.max(1);
+        let jumps = dodag.advertised_rank.saturating_add(hop) <= dodag.rank
+            || threshold < dodag.advertised_rank.saturating_sub(dodag.rank);
+        let rank_changed = dodag.rank != was_rank;
+        let is_leaf = dodag.is_leaf;
+        if is_new_version || !self.trickle.is_running() {
+            self.trickle = dodag.trickle();
+        }
+        let id = dodag.id;
+        self.dodag = Some(dodag);
+        if moves {
+            self.dis_at_ns = None;
+            self.hold_until_ns = None;
+            self.events.push_back(Event::Joined { dodag: id });
+        }
+        if is_new_parent {
+            self.events.push_back(Event::ParentChanged { old, new: Some(offer.address) });
+            self.move_routes(old.filter(|_| !moves), offer.address, now_ns, dice);
+        } else {
+            self.follow_dtsn(dio.dtsn, now_ns, dice);
+            if is_new_version {
+                self.schedule_dao(now_ns, dice);
+            }
+        }
+        if let Some(dodag) = &mut self.dodag {
+            dodag.parent_dtsn = dio.dtsn;
+        }
+        if rank_changed {
+            self.events.push_back(Event::RankChanged);
+        }
+        if is_leaf {
+            self.trickle.stop();
+        } else if !self.trickle.is_running() {
+            self.trickle.start_at_min(now_ns, dice);
+            self.events.push_back(Event::TrickleReset);
+        } else if is_new_parent || jumps {
+            self.reset_trickle(now_ns, dice);
+        }
+    }
+
+    /// Local repair (RFC 6550, § 8.2.2.5 and 8.2.2.6): nobody can be the parent. Those below are told, and others asked.
+    pub(super) fn detach(&mut self, now_ns: u64, dice: &mut Dice) {
+        let Some(dodag) = &self.dodag else { return };
+        let (old, rank, id) = (dodag.parent, dodag.rank, dodag.id);
+        let hop = dodag.configuration.min_hop_rank_increase.max(1);
+        if !dodag.is_leaf {
+            let poison = dodag.dio(self.config.instance, INFINITE_RANK);
+            self.multicast_dio(poison);
+        }
+        // Whoever is no nearer to the root may be below: what it said is not believed until it says it again.
+        for neighbour in self.neighbours.as_mut_slice() {
+            if neighbour.dio.dodag_id == id && rank / hop <= neighbour.dio.rank / hop {
+                neighbour.dio.rank = INFINITE_RANK;
+            }
+        }
+        self.remember(now_ns);
+        self.forget_below();
+        self.dodag = None;
+        self.trickle.stop();
+        self.hold_until_ns = Some(now_ns.saturating_add(self.config.repair_hold_ns));
+        self.events.push_back(Event::ParentChanged { old, new: None });
+        self.events.push_back(Event::Detached);
+        self.events.push_back(Event::LocalRepair);
+        self.solicit_soon(now_ns, dice);
+    }
+
+    /// Keeps the bounds of the DODAG that is being left.
+    fn remember(&mut self, now_ns: u64) {
+        if let Some(dodag) = &self.dodag {
+            self.past.retain(|past| past.dodag.id != dodag.id);
+            self.past.push(Past { dodag: dodag.clone(), left_ns: now_ns });
+        }
+    }
+
+    /// Forgets who is below and what was to be advertised.
+    pub(super) fn forget_below(&mut self) {
+        self.routes.clear();
+        self.dao.stop();
+        while let Some((child, _)) = self.children.pop_first() {
+            self.events.push_back(Event::ChildRemoved(child));
+        }
+        self.children_check_ns = None;
+    }
+
+    /// The objective function of the DODAG, or the own one outside.
+    pub(super) fn objective(&self) -> Objective {
+        let code = self.dodag.as_ref().map(|dodag| dodag.configuration.objective);
+        code.map_or(self.config.objective, |code| self.objective_of(code))
+    }
+
+    /// The objective function of a code point: the own one with its settings, or another as its RFC recommends. Where it is
+    /// not known, one is a leaf, and any will do (RFC 6550, § 8.5).
+    fn objective_of(&self, code: u16) -> Objective {
+        if code == self.config.objective.code() {
+            return self.config.objective;
+        }
+        Objective::of_code(code).unwrap_or(self.config.objective)
+    }
+
+    /// Neighbours that could be parents now, the preferred one first, then by rank (RFC 6550, § 8.2.1): of lower rank than
+    /// one's own, `parent_set_size` of them.
+    #[must_use]
+    pub fn parent_set(&self, now_ns: u64) -> Vec<Eui64> {
+        let Some(dodag) = &self.dodag else { return vec![] };
+        let mut offers: Vec<Offer> = (self.neighbours.as_slice().iter())
+            .filter(|one| one.dio.dodag_id == dodag.id && one.dio.version == dodag.version)
+            .filter(|one| dodag.dag_rank(one.dio.rank) < dodag.dag_rank(dodag.rank))
+            .filter_map(|one| self.offer(one, now_ns))
+            .collect();
+        offers.sort_by(|a, b| {
+            let is_other = |offer: &Offer| Some(offer.address) != dodag.parent;
+            is_other(a).cmp(&is_other(b)).then(a.compare(b))
+        });
+        offers.truncate(self.config.parent_set_size.max(1).into());
+        offers.into_iter().map(|offer| offer.address).collect()
+    }
+}

@@ -1,0 +1,111 @@
+//! What several machines do together, and clauses that need a whole one.
+
+mod clauses;
+mod network;
+mod vectors;
+
+use super::*;
+use crate::wire::address::ALL_RPL_NODES;
+use crate::wire::rpl::{DaoAckRepr, DaoRepr, DioRepr, DisRepr};
+use proto::rng::Purpose;
+
+const SECOND_NS: u64 = 1_000_000_000;
+
+/// One machine whose messages and events are looked at.
+struct Bench {
+    rpl: Rpl,
+    dice: Dice,
+    now_ns: u64,
+}
+
+fn mote(n: u32) -> Eui64 {
+    Eui64::of_mote(n)
+}
+
+fn dio_of(root: u32, rank: u16) -> DioRepr {
+    let dodag = Dodag::of_root(&Config::default(), mote(root), 240, 240);
+    dodag.dio(0, rank)
+}
+
+impl Bench {
+    fn new(config: Config, n: u32, is_root: bool) -> Self {
+        let mut dice = Dice::new(1, Purpose::Routing, n);
+        let mut rpl = Rpl::new(config, mote(n), is_root);
+        rpl.start(0, &mut dice);
+        Self { rpl, dice, now_ns: 0 }
+    }
+
+    /// A mote 9 without a DODAG.
+    fn mote(config: Config) -> Self {
+        Self::new(config, 9, false)
+    }
+
+    /// Links that need one transmission from the first on: rank rises by one hop each.
+    fn perfect() -> Config {
+        Config { initial_etx_x128: 128, ..Config::default() }
+    }
+
+    fn hear(&mut self, from: u32, dio: &DioRepr) {
+        self.receive(from, true, &RplMessage::Dio(dio.clone()));
+    }
+
+    fn receive(&mut self, from: u32, multicast: bool, message: &RplMessage) {
+        let (from, now_ns) = (mote(from), self.now_ns);
+        let source = from.link_local();
+        self.rpl.handle_message(from, source, multicast, message, now_ns, &mut self.dice);
+    }
+
+    fn link(&mut self, to: u32, n_transmissions: u16, acknowledged: bool) {
+        let now_ns = self.now_ns;
+        self.rpl.handle_link(mote(to), n_transmissions, acknowledged, now_ns, &mut self.dice);
+    }
+
+    /// Lets time pass; returns what was sent.
+    fn pass(&mut self, duration_ns: u64) -> Vec<Outgoing> {
+        let end_ns = self.now_ns + duration_ns;
+        let mut sent = self.sent();
+        while let Some(at_ns) = self.rpl.poll_timeout().filter(|&at_ns| at_ns <= end_ns) {
+            self.now_ns = self.now_ns.max(at_ns);
+            self.rpl.handle_timeout(self.now_ns, &mut self.dice);
+            sent.extend(self.sent());
+        }
+        self.now_ns = end_ns;
+        sent
+    }
+
+    fn sent(&mut self) -> Vec<Outgoing> {
+        std::iter::from_fn(|| self.rpl.poll_transmit()).collect()
+    }
+
+    fn events(&mut self) -> Vec<Event> {
+        std::iter::from_fn(|| self.rpl.poll_event()).collect()
+    }
+}
+
+/// Ranks of the DIOs among messages.
+fn dio_ranks(sent: &[Outgoing]) -> Vec<u16> {
+    let rank = |one: &Outgoing| match &one.message {
+        RplMessage::Dio(dio) => Some(dio.rank),
+        _ => None,
+    };
+    sent.iter().filter_map(rank).collect()
+}
+
+/// The DAOs among messages.
+fn daos(sent: &[Outgoing]) -> Vec<(Ipv6Addr, DaoRepr)> {
+    let dao = |one: &Outgoing| match &one.message {
+        RplMessage::Dao(dao) => Some((one.destination, dao.clone())),
+        _ => None,
+    };
+    sent.iter().filter_map(dao).collect()
+}
+
+/// Destinations of the DISs among messages.
+fn dis_destinations(sent: &[Outgoing]) -> Vec<Ipv6Addr> {
+    let is_dis = |one: &&Outgoing| matches!(one.message, RplMessage::Dis(_));
+    sent.iter().filter(is_dis).map(|one| one.destination).collect()
+}
+
+fn ack(sequence: u8, status: u8) -> RplMessage {
+    RplMessage::DaoAck(DaoAckRepr { instance: 0, sequence, status })
+}

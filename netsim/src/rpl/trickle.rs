@@ -1,0 +1,254 @@
+//! When to say again what everyone may know already: the Trickle algorithm, RFC 6206.
+
+use crate::dice::Dice;
+use serde::{Deserialize, Serialize};
+
+/// A Trickle timer. Names follow RFC 6206, § 4.1.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Trickle {
+    /// Imin (ns).
+    interval_min_ns: u64,
+    /// Imax (ns).
+    interval_max_ns: u64,
+    /// k; 0: never suppressed (RFC 6206, § 6.5).
+    redundancy: u8,
+    running: Option<Interval>,
+}
+
+/// The current interval.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Interval {
+    /// I (ns).
+    length_ns: u64,
+    /// Its end (ns).
+    end_ns: u64,
+    /// t, until it has passed (ns).
+    transmit_ns: Option<u64>,
+    /// c.
+    n_consistent: u8,
+}
+
+impl Trickle {
+    /// A timer that does not run. The longest interval is the shortest one doubled `n_doublings` times.
+    #[must_use]
+    pub fn new(interval_min_ns: u64, n_doublings: u8, redundancy: u8) -> Self {
+        let interval_min_ns = interval_min_ns.clamp(2, LONGEST_NS);
+        let factor = 1u64.checked_shl(n_doublings.into()).unwrap_or(u64::MAX);
+        let interval_max_ns = interval_min_ns.saturating_mul(factor).min(LONGEST_NS);
+        Self { interval_min_ns, interval_max_ns, redundancy, running: None }
+    }
+
+    /// Begins: the first interval is uniform in [Imin, Imax] (§ 4.2, rule 1).
+    pub fn start(&mut self, now_ns: u64, dice: &mut Dice) {
+        let length_ns = dice.duration_ns(self.interval_min_ns, self.interval_max_ns + 1);
+        self.begin(length_ns, now_ns, dice);
+    }
+
+    /// Begins with the shortest interval, which rule 1 permits and which a start followed at once by an inconsistency
+    /// comes to.
+    pub fn start_at_min(&mut self, now_ns: u64, dice: &mut Dice) {
+        self.begin(self.interval_min_ns, now_ns, dice);
+    }
+
+    /// Ends.
+    pub fn stop(&mut self) {
+        self.running = None;
+    }
+
+    /// Whether it runs.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.running.is_some()
+    }
+
+    /// The length of the current interval (ns).
+    #[must_use]
+    pub fn interval_ns(&self) -> Option<u64> {
+        self.running.map(|interval| interval.length_ns)
+    }
+
+    /// A consistent message was heard (§ 4.2, rule 3).
+    pub fn handle_consistent(&mut self) {
+        if let Some(interval) = &mut self.running {
+            interval.n_consistent = interval.n_consistent.saturating_add(1);
+        }
+    }
+
+    /// An inconsistency was found (§ 4.2, rule 6): the shortest interval begins, unless it is the current one.
+    /// Returns whether one begins.
+    pub fn handle_inconsistent(&mut self, now_ns: u64, dice: &mut Dice) -> bool {
+        let resets = self.running.is_some_and(|interval| self.interval_min_ns < interval.length_ns);
+        if resets {
+            self.begin(self.interval_min_ns, now_ns, dice);
+        }
+        resets
+    }
+
+    /// When to call [`Trickle::handle_timeout`] (ns).
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<u64> {
+        self.running.map(|interval| interval.transmit_ns.unwrap_or(interval.end_ns))
+    }
+
+    /// The time has come. Returns whether to transmit now (§ 4.2, rules 4 and 5).
+    pub fn handle_timeout(&mut self, now_ns: u64, dice: &mut Dice) -> bool {
+        let Some(interval) = &mut self.running else { return false };
+        if let Some(transmit_ns) = interval.transmit_ns
+            && transmit_ns <= now_ns
+        {
+            interval.transmit_ns = None;
+            return self.redundancy == 0 || interval.n_consistent < self.redundancy;
+        }
+        if interval.end_ns <= now_ns && interval.transmit_ns.is_none() {
+            let length_ns = interval.length_ns.saturating_mul(2).min(self.interval_max_ns);
+            let begin_ns = interval.end_ns;
+            self.begin(length_ns, begin_ns, dice);
+        }
+        false
+    }
+
+    /// Rule 2: c = 0, t uniform in [I/2, I).
+    fn begin(&mut self, length_ns: u64, now_ns: u64, dice: &mut Dice) {
+        self.running = Some(Interval {
+            length_ns,
+            end_ns: now_ns + length_ns,
+            transmit_ns: Some(now_ns + dice.duration_ns(length_ns / 2, length_ns)),
+            n_consistent: 0,
+        });
+    }
+}
+
+/// No interval is longer: 34 years.
+const LONGEST_NS: u64 = 1 << 60;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use proto::rng::Purpose;
+
+    const MIN_NS: u64 = 8_000_000;
+
+    fn dice(seed: u64) -> Dice {
+        Dice::new(seed, Purpose::Routing, 1)
+    }
+
+    /// Runs to the end of the current interval; returns the moments of transmission.
+    fn one_interval(trickle: &mut Trickle, dice: &mut Dice) -> Vec<u64> {
+        let end_ns = trickle.running.unwrap().end_ns;
+        let mut sent = vec![];
+        while let Some(at_ns) = trickle.poll_timeout().filter(|&at_ns| at_ns <= end_ns) {
+            if trickle.handle_timeout(at_ns, dice) {
+                sent.push(at_ns);
+            }
+        }
+        sent
+    }
+
+    #[test]
+    fn r12_fires_only_while_fewer_than_k_were_heard() {
+        // RFC 6550, § 8.3.1: Imin 2^3 ms, 20 doublings, k 10.
+        for n_heard in 0..20 {
+            let mut dice = dice(n_heard);
+            let mut trickle = Trickle::new(MIN_NS, 20, 10);
+            trickle.start_at_min(0, &mut dice);
+            for _ in 0..n_heard {
+                trickle.handle_consistent();
+            }
+            assert_eq!(one_interval(&mut trickle, &mut dice).len(), usize::from(n_heard < 10));
+        }
+    }
+
+    #[test]
+    fn r12_the_interval_doubles_and_is_capped() {
+        let mut dice = dice(1);
+        let mut trickle = Trickle::new(MIN_NS, 20, 10);
+        trickle.start_at_min(0, &mut dice);
+        for doubling in 0..30 {
+            assert_eq!(trickle.interval_ns(), Some(MIN_NS << doubling.min(20)));
+            one_interval(&mut trickle, &mut dice);
+        }
+    }
+
+    #[test]
+    fn r12_a_reset_returns_to_imin() {
+        let mut dice = dice(2);
+        let mut trickle = Trickle::new(MIN_NS, 20, 10);
+        trickle.start_at_min(0, &mut dice);
+        one_interval(&mut trickle, &mut dice);
+        assert!(trickle.handle_inconsistent(MIN_NS + 5, &mut dice));
+        assert_eq!(trickle.interval_ns(), Some(MIN_NS));
+        assert_eq!(trickle.running.unwrap().end_ns, 2 * MIN_NS + 5);
+    }
+
+    #[test]
+    fn r12_a_stop_cancels_both_moments() {
+        let mut dice = dice(3);
+        let mut trickle = Trickle::new(MIN_NS, 20, 10);
+        trickle.start_at_min(0, &mut dice);
+        trickle.stop();
+        assert_eq!(trickle.poll_timeout(), None);
+        assert!(!trickle.handle_timeout(u64::MAX, &mut dice));
+        assert!(!trickle.handle_inconsistent(1, &mut dice));
+        assert!(!trickle.is_running());
+    }
+
+    #[test]
+    fn rfc6206_4_2_rule_6_an_inconsistency_at_imin_changes_nothing() {
+        let mut dice = dice(4);
+        let mut trickle = Trickle::new(MIN_NS, 20, 10);
+        trickle.start_at_min(0, &mut dice);
+        let before = trickle.clone();
+        assert!(!trickle.handle_inconsistent(MIN_NS / 4, &mut dice));
+        assert_eq!(trickle, before);
+    }
+
+    #[test]
+    fn rfc6206_4_2_rule_5_the_counter_begins_anew_with_each_interval() {
+        let mut dice = dice(5);
+        let mut trickle = Trickle::new(MIN_NS, 20, 1);
+        trickle.start_at_min(0, &mut dice);
+        trickle.handle_consistent();
+        assert!(one_interval(&mut trickle, &mut dice).is_empty());
+        assert_eq!(one_interval(&mut trickle, &mut dice).len(), 1);
+    }
+
+    #[test]
+    fn rfc6206_6_5_with_k_zero_nothing_is_suppressed() {
+        let mut dice = dice(6);
+        let mut trickle = Trickle::new(MIN_NS, 20, 0);
+        trickle.start_at_min(0, &mut dice);
+        for _ in 0..300 {
+            trickle.handle_consistent();
+        }
+        assert_eq!(one_interval(&mut trickle, &mut dice).len(), 1);
+    }
+
+    proptest! {
+        #[test]
+        fn rfc6206_4_2_rule_1_the_first_interval_lies_between_imin_and_imax(
+            seed: u64, n_doublings in 0u8..40, min_ns in 2u64..1 << 40,
+        ) {
+            let mut trickle = Trickle::new(min_ns, n_doublings, 3);
+            trickle.start(9, &mut dice(seed));
+            let length_ns = trickle.interval_ns().unwrap();
+            prop_assert!(min_ns <= length_ns && length_ns <= trickle.interval_max_ns);
+        }
+
+        #[test]
+        fn rfc6206_4_2_rule_2_it_transmits_once_in_the_second_half_of_each_interval(
+            seed: u64, n_doublings in 0u8..12,
+        ) {
+            let mut dice = dice(seed);
+            let mut trickle = Trickle::new(MIN_NS, n_doublings, 3);
+            trickle.start(0, &mut dice);
+            for _ in 0..20 {
+                let interval = trickle.running.unwrap();
+                let sent = one_interval(&mut trickle, &mut dice);
+                prop_assert_eq!(sent.len(), 1);
+                prop_assert!(interval.end_ns - interval.length_ns.div_ceil(2) <= sent[0]);
+                prop_assert!(sent[0] < interval.end_ns);
+            }
+        }
+    }
+}

@@ -1,0 +1,415 @@
+//! Scheduling functions: who uses which cells. `netsim.sf.kind`.
+//!
+//! One file per function, one list: the call of `scheduling_functions!` below.
+//!
+//! | module | what | source |
+//! |---|---|---|
+//! | [`minimal`] | one cell for everything | RFC 8180 |
+//! | [`msf`] | cells negotiated with the parent | RFC 9033 |
+//! | [`rrsf`] | one slot for every mote | BotNet |
+//! | [`orchestra`] | cells that follow from addresses | Duquennoy et al., SenSys 2015; Contiki-NG |
+//! | [`static_schedule`] | cells as they are configured | |
+//!
+//! How a mote drives one: when it has become synchronised, or is a root that starts, it puts the minimal cell into the schedule if
+//! [`SchedulingFunction::minimal_cell`] says so ([`minimal::install`]), then calls [`SchedulingFunction::start`], then
+//! [`SchedulingFunction::handle_time_source`] with the neighbour whose beacon it has followed, then
+//! [`SchedulingFunction::handle_beacon`] with that beacon. With that it can join: nothing else is learned from beacons.
+
+pub mod minimal;
+pub mod msf;
+pub mod orchestra;
+pub mod rrsf;
+pub mod static_schedule;
+
+use crate::dice::Dice;
+use crate::mac::{CellRef, Schedule};
+use crate::sixtop::{Event, Sixtop};
+use crate::wire::Eui64;
+use proto::config::{Problem, TableSpec, Tag, Variant};
+use serde::{Deserialize, Serialize};
+
+/// What a scheduling function may see and change when something happens.
+#[derive(Debug)]
+pub struct Context<'a> {
+    /// The mote's own address.
+    pub own: Eui64,
+    /// Whether it is a root.
+    pub is_root: bool,
+    /// The current slot.
+    pub asn: u64,
+    /// When that begins (ns).
+    pub now_ns: u64,
+    /// Length of a slot (ns).
+    pub slot_ns: u64,
+    /// How many channels are hopped over.
+    pub n_channels: u16,
+    /// The preferred parent, if there is one.
+    pub parent: Option<Eui64>,
+    /// Slotframes and cells.
+    pub schedule: &'a mut Schedule,
+    /// 6P.
+    pub sixtop: &'a mut Sixtop,
+    /// Random choices.
+    pub dice: &'a mut Dice,
+    /// Neighbours with whom negotiation has failed for good: routing shall look for others. Appended to.
+    pub unusable: &'a mut Vec<Eui64>,
+}
+
+/// What a frame is, for the choice of its cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Traffic {
+    /// An enhanced beacon.
+    Beacon,
+    /// A frame for everyone.
+    Broadcast,
+    /// A frame for one neighbour.
+    Unicast(Eui64),
+}
+
+/// Decides on cells. Called by the mote's layers; draws, time and the schedule come in with the [`Context`].
+pub trait SchedulingFunction {
+    /// The mote has become synchronised, or is a root that starts: install what is there from the beginning.
+    fn start(&mut self, cx: &mut Context<'_>);
+
+    /// The mote is no longer synchronised: forget everything. The schedule has been emptied, 6P reset.
+    fn stop(&mut self);
+
+    /// Length (slots) of the slotframe that is meant where a control period is one slotframe.
+    fn slotframe_slots(&self) -> u16;
+
+    /// Length (slots) of slotframe 0, if there shall be one with the minimal cell in it (RFC 8180, § 4.1). Beacons then announce
+    /// just that (§ 4.5); otherwise they announce no slotframes, for everybody has the same configuration.
+    fn minimal_cell(&self) -> Option<u16>;
+
+    /// Whose clock is followed has changed: at first the neighbour whose beacon was followed, later as the MAC decides. A root
+    /// follows nobody.
+    fn handle_time_source(&mut self, _cx: &mut Context<'_>, _source: Option<Eui64>) {}
+
+    /// A beacon was received. A join metric of 0 says that it came from a root (RFC 8180, § 6.1).
+    fn handle_beacon(&mut self, _cx: &mut Context<'_>, _from: Eui64, _join_metric: u8) {}
+
+    /// The preferred parent has changed; `cx.parent` is the new one.
+    fn handle_parent(&mut self, _cx: &mut Context<'_>, _old: Option<Eui64>) {}
+
+    /// The preferred parent knows that it is: it has acknowledged a DAO in storing mode (RFC 6550, § 9.8).
+    fn handle_known_to_parent(&mut self, _cx: &mut Context<'_>) {}
+
+    /// A neighbour has become a child (it routes through us), or is none any more.
+    fn handle_child(&mut self, _cx: &mut Context<'_>, _child: Eui64, _is_child: bool) {}
+
+    /// The first frame for a neighbour waits in the queue, or the last one has left it.
+    fn handle_queue(&mut self, _cx: &mut Context<'_>, _neighbour: Eui64, _waits: bool) {}
+
+    /// 6P reports.
+    fn handle_event(&mut self, _cx: &mut Context<'_>, _event: Event) {}
+
+    /// A frame was sent in a cell. `acknowledged`: `None` for broadcast frames.
+    fn handle_transmitted(
+        &mut self,
+        _cx: &mut Context<'_>,
+        _at: &CellRef,
+        _acknowledged: Option<bool>,
+    ) {
+    }
+
+    /// A frame from a neighbour was received in a cell.
+    fn handle_received(&mut self, _cx: &mut Context<'_>, _at: &CellRef, _from: Eui64) {}
+
+    /// When [`SchedulingFunction::handle_timeout`] wants to be called (ns).
+    fn poll_timeout(&self) -> Option<u64> {
+        None
+    }
+
+    /// The time has come.
+    fn handle_timeout(&mut self, _cx: &mut Context<'_>) {}
+
+    /// Whether there are cells enough to send data to the parent. Until then applications wait.
+    fn is_ready(&self, _cx: &Context<'_>) -> bool {
+        true
+    }
+
+    /// Whether frames from a neighbour shall be dropped unread (RFC 9033, § 12).
+    fn is_quarantined(&self, _neighbour: Eui64) -> bool {
+        false
+    }
+
+    /// The slotframe whose cells a frame may use; `None`: any. The answer for a frame that waits may change whenever parents,
+    /// children or roots do, and the cells that it had waited for are then gone: ask again for what is queued.
+    fn slotframe_of(&self, _traffic: Traffic) -> Option<u8> {
+        None
+    }
+}
+
+/// What a scheduling function may need to be configured.
+#[derive(Debug)]
+pub struct BuildContext<'a> {
+    /// Path of `[netsim.sf]`, for problems.
+    pub path: &'a str,
+    /// Capacity of the experiment: motes are numbered from 0.
+    pub agent_count: usize,
+    /// How many channels are hopped over.
+    pub n_channels: u16,
+    /// Motes that are roots.
+    pub roots: &'a [u32],
+    /// Whether slot 0 of the round robin is everybody's, as in BotNet: `netsim.compat.shared_slot_0`.
+    pub shared_slot_0: bool,
+    /// Link-layer addresses of motes.
+    pub address: fn(u32) -> Eui64,
+    /// What is found wrong.
+    pub problems: Vec<Problem>,
+    /// What should be checked before the results are trusted.
+    pub warnings: Vec<String>,
+}
+
+/// A scheduling function that can be configured.
+#[derive(Debug)]
+pub struct Entry {
+    /// Its name and keys.
+    pub variant: Variant,
+    /// Makes its configuration of the checked table of `[netsim.sf]`, or adds problems.
+    pub build: fn(&toml::Table, &mut BuildContext<'_>) -> Option<Config>,
+}
+
+/// Lists the scheduling functions: name, module, type of one mote's state, type of the configuration that motes share. The
+/// module has an `ENTRY`, the state `new(&configuration, mote)`.
+macro_rules! scheduling_functions {
+    ($($(#[$doc:meta])* $name:ident: $module:ident, $state:ident, $config:ident;)+) => {
+        /// All scheduling functions.
+        pub const LIST: &[Entry] = &[$($module::ENTRY),+];
+
+        /// What `[netsim.sf]` says, the same for all motes.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum Config {
+            $($(#[$doc])* $name($module::$config),)+
+        }
+
+        /// The scheduling function of one mote.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum AnySf {
+            $($(#[$doc])* $name($module::$state),)+
+        }
+
+        impl Config {
+            /// The scheduling function of a mote, before it starts.
+            #[must_use]
+            pub fn create(&self, mote: u32) -> AnySf {
+                match self {
+                    $(Self::$name(config) => AnySf::$name($module::$state::new(config, mote)),)+
+                }
+            }
+        }
+
+        impl AnySf {
+            fn get(&self) -> &dyn SchedulingFunction {
+                match self {
+                    $(Self::$name(sf) => sf,)+
+                }
+            }
+
+            fn get_mut(&mut self) -> &mut dyn SchedulingFunction {
+                match self {
+                    $(Self::$name(sf) => sf,)+
+                }
+            }
+        }
+    };
+}
+
+scheduling_functions! {
+    /// One cell for everything.
+    Minimal: minimal, Minimal, MinimalConfig;
+    /// Cells negotiated with the parent.
+    Msf: msf, Msf, MsfConfig;
+    /// One slot for every mote.
+    Rrsf: rrsf, Rrsf, RrsfConfig;
+    /// Cells that follow from addresses.
+    Orchestra: orchestra, Orchestra, OrchestraConfig;
+    /// Cells as they are configured.
+    Static: static_schedule, StaticSchedule, StaticConfig;
+}
+
+impl SchedulingFunction for AnySf {
+    fn start(&mut self, cx: &mut Context<'_>) {
+        self.get_mut().start(cx);
+    }
+
+    fn stop(&mut self) {
+        self.get_mut().stop();
+    }
+
+    fn slotframe_slots(&self) -> u16 {
+        self.get().slotframe_slots()
+    }
+
+    fn minimal_cell(&self) -> Option<u16> {
+        self.get().minimal_cell()
+    }
+
+    fn handle_time_source(&mut self, cx: &mut Context<'_>, source: Option<Eui64>) {
+        self.get_mut().handle_time_source(cx, source);
+    }
+
+    fn handle_beacon(&mut self, cx: &mut Context<'_>, from: Eui64, join_metric: u8) {
+        self.get_mut().handle_beacon(cx, from, join_metric);
+    }
+
+    fn handle_parent(&mut self, cx: &mut Context<'_>, old: Option<Eui64>) {
+        self.get_mut().handle_parent(cx, old);
+    }
+
+    fn handle_known_to_parent(&mut self, cx: &mut Context<'_>) {
+        self.get_mut().handle_known_to_parent(cx);
+    }
+
+    fn handle_child(&mut self, cx: &mut Context<'_>, child: Eui64, is_child: bool) {
+        self.get_mut().handle_child(cx, child, is_child);
+    }
+
+    fn handle_queue(&mut self, cx: &mut Context<'_>, neighbour: Eui64, waits: bool) {
+        self.get_mut().handle_queue(cx, neighbour, waits);
+    }
+
+    fn handle_event(&mut self, cx: &mut Context<'_>, event: Event) {
+        self.get_mut().handle_event(cx, event);
+    }
+
+    fn handle_transmitted(
+        &mut self,
+        cx: &mut Context<'_>,
+        at: &CellRef,
+        acknowledged: Option<bool>,
+    ) {
+        self.get_mut().handle_transmitted(cx, at, acknowledged);
+    }
+
+    fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64) {
+        self.get_mut().handle_received(cx, at, from);
+    }
+
+    fn poll_timeout(&self) -> Option<u64> {
+        self.get().poll_timeout()
+    }
+
+    fn handle_timeout(&mut self, cx: &mut Context<'_>) {
+        self.get_mut().handle_timeout(cx);
+    }
+
+    fn is_ready(&self, cx: &Context<'_>) -> bool {
+        self.get().is_ready(cx)
+    }
+
+    fn is_quarantined(&self, neighbour: Eui64) -> bool {
+        self.get().is_quarantined(neighbour)
+    }
+
+    fn slotframe_of(&self, traffic: Traffic) -> Option<u8> {
+        self.get().slotframe_of(traffic)
+    }
+}
+
+impl Config {
+    /// Length (slots) of the slotframe that is meant where a control period is one slotframe.
+    #[must_use]
+    pub fn slotframe_slots(&self) -> u16 {
+        self.create(0).slotframe_slots()
+    }
+}
+
+/// Description of `[netsim.sf]`.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "The scheduling function: who uses which cells.",
+    fields: &[],
+    tag: Some(&TAG),
+};
+
+/// The key that selects a scheduling function.
+pub const TAG: Tag = Tag {
+    key: "kind",
+    doc: "Which scheduling function.",
+    default: Some("minimal"),
+    variants: || LIST.iter().map(|entry| entry.variant).collect(),
+};
+
+/// Makes the configuration that a checked table of `[netsim.sf]` describes.
+pub fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
+    let name = table.get(TAG.key)?.as_str()?;
+    let entry = LIST.iter().find(|entry| entry.variant.name == name)?;
+    (entry.build)(table, context)
+}
+
+/// Key of a slotframe's length, where the scheduling function does not decide on it.
+const fn slots_field(
+    key: &'static str,
+    doc: &'static str,
+    default: proto::config::Default,
+) -> proto::config::Field {
+    let kind = proto::config::Kind::Integer { min: 1, max: MAX_SLOTS as i64 };
+    proto::config::Field { key, doc, kind, default }
+}
+
+/// Longest slotframe (slots): places of cells are counted in 16 bits, of which one value is taken.
+const MAX_SLOTS: u16 = u16::MAX - 1;
+
+#[cfg(test)]
+mod testing;
+
+#[cfg(test)]
+mod tests {
+    use super::testing::{Bench, built};
+    use super::*;
+
+    const OF_EACH_KIND: &[&str] = &[
+        "kind = \"minimal\"",
+        "kind = \"msf\"",
+        "kind = \"rrsf\"\nshared_slots = 2",
+        "kind = \"rrsf\" # compat.shared_slot_0",
+        "kind = \"orchestra\"",
+        "kind = \"orchestra\"\nrules = [\"eb-per-time-source\", \"unicast-storing\", \"special-for-root\", \"default-common\"]",
+        "kind = \"static\"\nslotframe_slots = 3\n[[cell]]\nslot = 1\nfrom = \"any\"\nto = \"all\"\nadvertising = true",
+    ];
+
+    #[test]
+    fn every_kind_can_be_stored_and_goes_on_from_there() {
+        for text in OF_EACH_KIND {
+            let config = built(text, 9);
+            let stored = postcard::to_allocvec(&config).unwrap();
+            assert_eq!(postcard::from_bytes::<Config>(&stored).unwrap(), config);
+            for mote in 0..9 {
+                let mut bench = Bench::start(&config, mote);
+                bench.tell(|sf, cx| sf.handle_beacon(cx, Eui64::of_mote(0), 0));
+                bench.set_parent(Some(Eui64::of_mote((mote + 1) % 9)));
+                bench.tell(|sf, cx| sf.handle_child(cx, Eui64::of_mote((mote + 8) % 9), true));
+                let stored = postcard::to_allocvec(&(&bench.sf, &bench.schedule)).unwrap();
+                let (sf, schedule): (AnySf, Schedule) = postcard::from_bytes(&stored).unwrap();
+                assert_eq!((&sf, &schedule), (&bench.sf, &bench.schedule));
+            }
+        }
+    }
+
+    #[test]
+    fn every_kind_of_frame_finds_a_cell_that_transmits_it() {
+        for text in OF_EACH_KIND {
+            let config = built(text, 9);
+            let mut bench = Bench::start(&config, 4);
+            bench.set_parent(Some(Eui64::of_mote(2)));
+            for neighbour in [2, 3] {
+                let neighbour = Eui64::of_mote(neighbour);
+                bench.tell(|sf, cx| sf.handle_queue(cx, neighbour, true));
+                for traffic in [Traffic::Beacon, Traffic::Broadcast, Traffic::Unicast(neighbour)] {
+                    let handle = bench.sf.slotframe_of(traffic);
+                    let carries = |at: &CellRef| {
+                        let fits = match traffic {
+                            Traffic::Beacon => at.cell.kind != crate::mac::CellKind::Normal,
+                            Traffic::Broadcast => at.cell.neighbour.is_none(),
+                            Traffic::Unicast(to) => at.cell.neighbour.is_none_or(|n| n == to),
+                        };
+                        at.cell.options.tx
+                            && fits
+                            && handle.is_none_or(|handle| handle == at.handle)
+                    };
+                    assert!(bench.schedule.cells().any(|at| carries(&at)), "{text}: {traffic:?}");
+                }
+            }
+        }
+    }
+}

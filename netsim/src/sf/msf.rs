@@ -1,0 +1,389 @@
+//! MSF, the minimal scheduling function of 6TiSCH: RFC 9033.
+//!
+//! | module | what | section |
+//! |---|---|---|
+//! | `config` | constants, `[netsim.sf]` | § 14 |
+//! | `cells` | autonomous and negotiated cells, candidates | § 3, § 8 |
+//! | [`hash`] | where autonomous cells lie | § 3, appendix A |
+//! | `initiate` | requests to the parent, errors | § 4.6, § 5, § 12 |
+//! | `respond` | requests of others | § 8 |
+//! | `usage` | used and elapsed cells | § 5.1 |
+
+mod cells;
+mod config;
+pub mod hash;
+mod initiate;
+mod respond;
+mod usage;
+
+#[cfg(test)]
+mod tests;
+
+use super::{Context, SchedulingFunction, Traffic};
+use crate::mac::{Cell, CellOptions, CellRef};
+use crate::sixtop::Event;
+use crate::wire::Eui64;
+use crate::wire::sixp::{SixpCell, SixpRequest};
+use cells::Cells;
+pub use config::{ENTRY, MsfConfig};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use usage::Usage;
+
+/// Scheduling function identifier (§ 7): what [`crate::sixtop::Config::sfid`] must be.
+pub const SFID: u8 = 0;
+/// Handle of the slotframe with the minimal cell (§ 2).
+pub const MINIMAL: u8 = 0;
+/// Handle of the slotframe with autonomous cells (§ 2).
+pub const AUTONOMOUS: u8 = 1;
+/// Handle of the slotframe with negotiated cells (§ 2).
+pub const NEGOTIATED: u8 = 2;
+
+/// Frames after which a cell's delivery ratio counts for something: its counters have been halved once (§ 5.3, MAX_NUMTX).
+const SIGNIFICANT_FRAMES: u32 = 256;
+
+/// MSF of one mote.
+///
+/// Cells with the parent are asked for; cells with children are granted. Whatever is to be asked is remembered here and sent
+/// one after the other, as 6P allows one transaction with a neighbour at a time.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Msf {
+    config: MsfConfig,
+    parent: Option<Eui64>,
+    tx: Box<Usage>,
+    rx: Box<Usage>,
+    /// Without negotiated cells to receive from the parent, the autonomous one counts (§ 5.1).
+    receives_autonomously: bool,
+    /// When the first of both is to be judged (ns).
+    due_ns: Option<u64>,
+    /// Cells to be added.
+    missing: Cells,
+    /// Cells to be deleted.
+    spare: Cells,
+    /// Cells to be moved.
+    to_relocate: Vec<SixpCell>,
+    /// Frames sent in each negotiated cell to the parent.
+    n_sent: BTreeMap<SixpCell, u32>,
+    /// Former parents, cleared once the new one has given as many cells (§ 5.2).
+    former: Vec<Eui64>,
+    /// Neighbours to be told CLEAR, and how often that has failed.
+    clears: BTreeMap<Eui64, u8>,
+    /// Requests to the parent that failed in a row.
+    n_failures: u8,
+    /// Until when nothing is asked (ns).
+    hold_until_ns: Option<u64>,
+    /// Neighbours left alone, and until when (ns).
+    quarantined: BTreeMap<Eui64, u64>,
+    housekeeping_ns: Option<u64>,
+    /// When neighbours with cells were last heard in one (ns).
+    heard: BTreeMap<Eui64, u64>,
+    /// Neighbours for whom frames wait.
+    waiting: BTreeSet<Eui64>,
+    n_full: u64,
+}
+
+impl Msf {
+    /// The scheduling function of a mote.
+    #[must_use]
+    pub fn new(config: &MsfConfig, _mote: u32) -> Self {
+        Self {
+            config: config.clone(),
+            parent: None,
+            tx: Box::default(),
+            rx: Box::default(),
+            receives_autonomously: false,
+            due_ns: None,
+            missing: Cells::default(),
+            spare: Cells::default(),
+            to_relocate: Vec::new(),
+            n_sent: BTreeMap::new(),
+            former: Vec::new(),
+            clears: BTreeMap::new(),
+            n_failures: 0,
+            hold_until_ns: None,
+            quarantined: BTreeMap::new(),
+            housekeeping_ns: None,
+            heard: BTreeMap::new(),
+            waiting: BTreeSet::new(),
+            n_full: 0,
+        }
+    }
+
+    /// Whether frames from a neighbour are to be dropped (§ 12).
+    #[must_use]
+    pub fn is_quarantined(&self, neighbour: Eui64) -> bool {
+        self.quarantined.contains_key(&neighbour)
+    }
+
+    /// How often a cell could not be asked for because no slot was free.
+    #[must_use]
+    pub fn n_full(&self) -> u64 {
+        self.n_full
+    }
+
+    /// When use is to be judged next, as time.
+    fn find_due(&mut self, cx: &Context<'_>) {
+        let first = [self.tx.due_asn(), self.rx.due_asn()].into_iter().flatten().min();
+        self.due_ns = first.map(|asn| cx.now_ns + asn.saturating_sub(cx.asn) * cx.slot_ns);
+    }
+
+    /// § 5.1, step 2.
+    fn adapt(&mut self, cx: &mut Context<'_>) {
+        let Some(parent) = self.parent else { return };
+        let most = self.config.max_num_cells;
+        let (high, low) = (
+            u64::from(self.config.lim_numcellsused_high),
+            u64::from(self.config.lim_numcellsused_low),
+        );
+        // Wishes of last time that could not be sent yet are not repeated.
+        let is_settled = self.missing == Cells::default() && !cx.sixtop.is_busy(parent);
+        let own = cells::count(cx.schedule, parent);
+        if self.tx.due_asn().is_some_and(|asn| asn <= cx.asn) {
+            let used = self.tx.used();
+            self.tx.restart(cx.asn, most);
+            if is_settled {
+                self.missing.tx = u16::from(high < used);
+                self.spare.tx = u16::from(used < low && 1 < own.tx);
+            }
+        }
+        if self.rx.due_asn().is_some_and(|asn| asn <= cx.asn) {
+            let used = self.rx.used();
+            self.rx.restart(cx.asn, most);
+            if is_settled {
+                self.missing.rx = u16::from(high < used);
+                self.spare.rx = u16::from(used < low && 0 < own.rx);
+            }
+        }
+        self.find_due(cx);
+    }
+
+    /// § 5.3, and cells of neighbours that have gone (§ 5.1).
+    fn keep_house(&mut self, cx: &mut Context<'_>) {
+        let silent_ns = seconds(self.config.cleanup_s);
+        let gone: Vec<Eui64> = self
+            .heard
+            .iter()
+            .filter(|&(peer, heard_ns)| {
+                Some(*peer) != self.parent && silent_ns <= cx.now_ns.saturating_sub(*heard_ns)
+            })
+            .map(|(&peer, _)| peer)
+            .collect();
+        for peer in gone {
+            if cells::negotiated(cx.schedule, peer).next().is_some() {
+                self.clear(cx, peer);
+            }
+            self.heard.remove(&peer);
+        }
+        let Some(parent) = self.parent else { return };
+        let is_significant = |cell: &&Cell| {
+            cell.options == CellOptions::TX
+                && self.n_sent.get(&cells::place(cell)).is_some_and(|&n| SIGNIFICANT_FRAMES <= n)
+                && cell.num_tx != 0
+        };
+        let judged: Vec<&Cell> =
+            cells::negotiated(cx.schedule, parent).filter(is_significant).collect();
+        let ratio = |cell: &Cell| (u64::from(cell.num_tx_ack), u64::from(cell.num_tx));
+        let best =
+            judged.iter().map(|cell| ratio(cell)).max_by(|a, b| (a.0 * b.1).cmp(&(b.0 * a.1)));
+        let Some((best_ack, best_tx)) = best else { return };
+        let limit = u64::from(self.config.relocate_pdr_percent);
+        self.to_relocate = judged
+            .iter()
+            .filter(|cell| {
+                // best − own > limit, times both numbers of frames.
+                let (ack, tx) = ratio(cell);
+                (best_ack * tx).saturating_sub(ack * best_tx) * 100 > limit * best_tx * tx
+            })
+            .map(|cell| cells::place(cell))
+            .collect();
+    }
+}
+
+impl SchedulingFunction for Msf {
+    fn start(&mut self, cx: &mut Context<'_>) {
+        let slots = self.config.slotframe_slots;
+        cx.schedule.add_slotframe(AUTONOMOUS, slots);
+        cx.schedule.add_slotframe(NEGOTIATED, slots);
+        let (slot, channel) = hash::autonomous_cell(cx.own, slots, cx.n_channels);
+        let own = Cell::new(slot, channel, CellOptions::RX, None);
+        cx.schedule.add(AUTONOMOUS, own).expect("autonomous cells lie within the slotframe");
+        self.housekeeping_ns = Some(cx.now_ns + seconds(self.config.housekeeping_s));
+        self.handle_parent(cx, None);
+    }
+
+    fn stop(&mut self) {
+        *self = Self::new(&self.config, 0);
+    }
+
+    fn slotframe_slots(&self) -> u16 {
+        self.config.slotframe_slots
+    }
+
+    fn minimal_cell(&self) -> Option<u16> {
+        // § 2: all three as long as each other.
+        Some(self.config.slotframe_slots)
+    }
+
+    fn is_quarantined(&self, neighbour: Eui64) -> bool {
+        Self::is_quarantined(self, neighbour)
+    }
+
+    fn handle_parent(&mut self, cx: &mut Context<'_>, _old: Option<Eui64>) {
+        let new = cx.parent.filter(|_| !cx.is_root);
+        let had = match self.parent {
+            Some(old) if new == Some(old) => return,
+            Some(old) => {
+                let had = cells::count(cx.schedule, old);
+                let is_involved = had != Cells::default() || cx.sixtop.is_busy(old);
+                if is_involved && !self.clears.contains_key(&old) {
+                    self.former.push(old);
+                }
+                had
+            }
+            None => Cells::default(),
+        };
+        let had = Cells { tx: had.tx + self.missing.tx, rx: had.rx + self.missing.rx };
+        self.parent = new;
+        self.missing = Cells::default();
+        self.spare = Cells::default();
+        self.to_relocate.clear();
+        self.n_sent.clear();
+        self.n_failures = 0;
+        self.hold_until_ns = None;
+        match new {
+            Some(new) => {
+                self.former.retain(|former| *former != new);
+                let own = cells::count(cx.schedule, new);
+                self.missing.tx = had.tx.max(1).saturating_sub(own.tx);
+                self.missing.rx = had.rx.saturating_sub(own.rx);
+                if self.is_quarantined(new) {
+                    cx.unusable.push(new);
+                }
+                // § 5.3: counters of cells begin anew.
+                let kept: Vec<Cell> = cells::negotiated(cx.schedule, new).copied().collect();
+                if !kept.is_empty() {
+                    cx.schedule.remove_where(NEGOTIATED, |cell| cell.neighbour == Some(new));
+                    for cell in kept {
+                        cells::install(cx.schedule, new, cell.options, &[cells::place(&cell)]);
+                    }
+                }
+            }
+            None => {
+                for old in std::mem::take(&mut self.former) {
+                    self.clear(cx, old);
+                }
+            }
+        }
+        let most = self.config.max_num_cells;
+        self.refresh(cx);
+        self.tx.restart(cx.asn, most);
+        self.rx.restart(cx.asn, most);
+        self.find_due(cx);
+        self.drive(cx);
+    }
+
+    fn handle_queue(&mut self, cx: &mut Context<'_>, neighbour: Eui64, waits: bool) {
+        if waits {
+            self.waiting.insert(neighbour);
+        } else {
+            self.waiting.remove(&neighbour);
+        }
+        self.update_autonomous_tx(cx, neighbour);
+    }
+
+    fn handle_event(&mut self, cx: &mut Context<'_>, event: Event) {
+        match event {
+            Event::Request { peer, request } => self.answer(cx, peer, &request),
+            Event::Answered { peer, request, answer, .. } => {
+                self.handle_answer(cx, peer, &request, &answer);
+            }
+            Event::Completed { peer, request, response, .. } => {
+                self.carry_out(cx, peer, &request, &response);
+            }
+            Event::Failed { peer, request, is_initiator: true, why } => {
+                self.handle_failure(cx, peer, &request, why);
+            }
+            Event::Inconsistent { peer } => {
+                // § 13. A CLEAR that is on its way settles it.
+                let is_settled =
+                    matches!(cx.sixtop.open_request(peer), Some(SixpRequest::Clear { .. }));
+                if !is_settled {
+                    self.clear(cx, peer);
+                }
+            }
+            // Three steps are not used (§ 8); what others began and did not end leaves nothing behind.
+            Event::Confirmed { .. } | Event::Failed { is_initiator: false, .. } => {}
+        }
+        self.drive(cx);
+    }
+
+    fn handle_transmitted(
+        &mut self,
+        cx: &mut Context<'_>,
+        at: &CellRef,
+        acknowledged: Option<bool>,
+    ) {
+        let Some(neighbour) = at.cell.neighbour.filter(|_| at.handle == NEGOTIATED) else { return };
+        if acknowledged == Some(true) {
+            self.heard.insert(neighbour, cx.now_ns);
+        }
+        if self.parent == Some(neighbour) && at.cell.options == CellOptions::TX {
+            self.tx.count_used();
+            *self.n_sent.entry(cells::place(&at.cell)).or_default() += 1;
+        }
+    }
+
+    fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64) {
+        let is_negotiated = at.handle == NEGOTIATED && at.cell.neighbour == Some(from);
+        if is_negotiated {
+            self.heard.insert(from, cx.now_ns);
+        }
+        let is_autonomous = at.handle == AUTONOMOUS && self.receives_autonomously;
+        if self.parent == Some(from) && (is_negotiated || is_autonomous) {
+            self.rx.count_used();
+        }
+    }
+
+    fn poll_timeout(&self) -> Option<u64> {
+        let quarantine_ns = self.quarantined.values().min().copied();
+        [self.due_ns, self.hold_until_ns, self.housekeeping_ns, quarantine_ns]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    fn handle_timeout(&mut self, cx: &mut Context<'_>) {
+        let now_ns = cx.now_ns;
+        let is_due = |at_ns: Option<u64>| at_ns.is_some_and(|at_ns| at_ns <= now_ns);
+        self.quarantined.retain(|_, until_ns| now_ns < *until_ns);
+        if is_due(self.hold_until_ns) {
+            self.hold_until_ns = None;
+        }
+        if is_due(self.due_ns) {
+            self.adapt(cx);
+        }
+        if is_due(self.housekeeping_ns) {
+            self.housekeeping_ns = Some(now_ns + seconds(self.config.housekeeping_s));
+            self.keep_house(cx);
+        }
+        self.drive(cx);
+    }
+
+    fn is_ready(&self, cx: &Context<'_>) -> bool {
+        let mut to_parent =
+            self.parent.iter().flat_map(|&parent| cells::negotiated(cx.schedule, parent));
+        cx.is_root || to_parent.any(|cell| cell.options == CellOptions::TX)
+    }
+
+    fn slotframe_of(&self, traffic: Traffic) -> Option<u8> {
+        match traffic {
+            // § 2.
+            Traffic::Beacon | Traffic::Broadcast => Some(MINIMAL),
+            Traffic::Unicast(_) => None,
+        }
+    }
+}
+
+fn seconds(duration_s: u32) -> u64 {
+    u64::from(duration_s) * 1_000_000_000
+}

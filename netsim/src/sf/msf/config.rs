@@ -1,0 +1,160 @@
+//! Constants of MSF: RFC 9033, § 14.
+
+use crate::sf::{Config, Entry};
+use proto::config::{Default, Field, Kind, Problem, Variant, join};
+use serde::{Deserialize, Serialize};
+
+const fn field(key: &'static str, doc: &'static str, min: i64, max: i64, default: i64) -> Field {
+    Field { key, doc, kind: Kind::Integer { min, max }, default: Default::Integer(default) }
+}
+
+/// `kind = "msf"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "msf",
+        doc: "The minimal scheduling function (RFC 9033): cells are negotiated with the parent as traffic needs them.",
+        fields: &[
+            field("slotframe_slots", "Length of the slotframes (slots).", 2, 65_534, 101),
+            field(
+                "max_num_cells",
+                "Cells after which their use is judged (MAX_NUM_CELLS).",
+                1,
+                65_535,
+                100,
+            ),
+            field(
+                "lim_numcellsused_high",
+                "More used ones of max_num_cells: a cell is added.",
+                0,
+                65_535,
+                75,
+            ),
+            field(
+                "lim_numcellsused_low",
+                "Fewer used ones of max_num_cells: a cell is deleted.",
+                0,
+                65_535,
+                25,
+            ),
+            field(
+                "housekeeping_s",
+                "How often cells are compared with each other (s).",
+                1,
+                86_400,
+                60,
+            ),
+            field(
+                "relocate_pdr_percent",
+                "A cell moves if the best one delivers more than this much more (percentage points).",
+                0,
+                100,
+                50,
+            ),
+            field(
+                "quarantine_s",
+                "How long a neighbour that fails is left alone (s).",
+                1,
+                86_400,
+                300,
+            ),
+            field(
+                "wait_min_s",
+                "Shortest wait before a refused request is repeated (s).",
+                0,
+                86_400,
+                30,
+            ),
+            field(
+                "wait_max_s",
+                "Longest wait before a refused request is repeated (s).",
+                0,
+                86_400,
+                60,
+            ),
+            field("candidate_cells", "Cells offered in a request, at least.", 1, 18, 5),
+            field(
+                "max_failures",
+                "Requests in a row that may fail before another parent is looked for.",
+                1,
+                255,
+                4,
+            ),
+            field(
+                "cleanup_s",
+                "Silence after which a neighbour's cells are removed (s).",
+                1,
+                86_400,
+                600,
+            ),
+        ],
+    },
+    build: |table, context| {
+        let config: MsfConfig = crate::phy::keys(table)?;
+        let before = context.problems.len();
+        let mut check = |is_right: bool, key: &str, message: &str| {
+            if !is_right {
+                context.problems.push(Problem::new(join(context.path, key), message));
+            }
+        };
+        check(
+            config.lim_numcellsused_low <= config.lim_numcellsused_high,
+            "lim_numcellsused_low",
+            "must not be above lim_numcellsused_high",
+        );
+        check(
+            config.lim_numcellsused_high <= config.max_num_cells,
+            "lim_numcellsused_high",
+            "must not be above max_num_cells",
+        );
+        check(config.wait_min_s <= config.wait_max_s, "wait_min_s", "must not be above wait_max_s");
+        (context.problems.len() == before).then_some(Config::Msf(config))
+    },
+};
+
+/// Constants of MSF (§ 14). The defaults are those that RFC 9033 recommends.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MsfConfig {
+    /// SLOTFRAME_LENGTH (slots), of all three slotframes.
+    pub slotframe_slots: u16,
+    /// MAX_NUM_CELLS.
+    pub max_num_cells: u16,
+    /// LIM_NUMCELLSUSED_HIGH, of `max_num_cells`.
+    pub lim_numcellsused_high: u16,
+    /// LIM_NUMCELLSUSED_LOW, of `max_num_cells`.
+    pub lim_numcellsused_low: u16,
+    /// HOUSEKEEPINGCOLLISION_PERIOD (s).
+    pub housekeeping_s: u32,
+    /// RELOCATE_PDRTHRES (percentage points).
+    pub relocate_pdr_percent: u8,
+    /// QUARANTINE_DURATION (s).
+    pub quarantine_s: u32,
+    /// WAIT_DURATION_MIN (s).
+    pub wait_min_s: u32,
+    /// WAIT_DURATION_MAX (s).
+    pub wait_max_s: u32,
+    /// Least length of lists of candidates (§ 8).
+    pub candidate_cells: u8,
+    /// Requests in a row that may fail before routing is told.
+    pub max_failures: u8,
+    /// Silence after which cells with a neighbour that is not the parent are removed (s). § 5.1 asks for such a mechanism.
+    pub cleanup_s: u32,
+}
+
+impl std::default::Default for MsfConfig {
+    fn default() -> Self {
+        Self {
+            slotframe_slots: 101,
+            max_num_cells: 100,
+            lim_numcellsused_high: 75,
+            lim_numcellsused_low: 25,
+            housekeeping_s: 60,
+            relocate_pdr_percent: 50,
+            quarantine_s: 300,
+            wait_min_s: 30,
+            wait_max_s: 60,
+            candidate_cells: 5,
+            max_failures: 4,
+            cleanup_s: 600,
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! Orchestra's keys and the arithmetic of its cells.
+
+use crate::sf::{BuildContext, Config, Entry, slots_field};
+use crate::wire::Eui64;
+use proto::config::{Choice, Default, Field, Kind, Problem, Variant, join};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+/// `kind = "orchestra"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "orchestra",
+        doc: "Cells that every mote computes from its own address and those of its neighbours, without negotiation (Duquennoy et \
+              al., SenSys 2015, as in Contiki-NG).",
+        fields: &[
+            Field {
+                key: "rules",
+                doc: "What there are slotframes for. The first rule that matches a frame decides on its slotframe; in one slot the \
+                      cell of the earlier rule is preferred. Absent: eb-per-time-source, unicast-non-storing, default-common.",
+                kind: Kind::List { of: &Kind::Choice(RULES), min: 1, max: RULES.len() },
+                default: Default::Absent,
+            },
+            slots_field(
+                "eb_slots",
+                "Slotframe of eb-per-time-source (slots). 397: Contiki-NG.",
+                Default::Integer(397),
+            ),
+            slots_field(
+                "common_slots",
+                "Slotframe of default-common (slots). 31: Contiki-NG.",
+                Default::Integer(31),
+            ),
+            slots_field(
+                "unicast_slots",
+                "Slotframe of the unicast rules (slots). 17: Contiki-NG.",
+                Default::Integer(17),
+            ),
+            slots_field(
+                "unicast_active_slots",
+                "How many slots at the beginning of the unicast slotframe have cells. Absent: all.",
+                Default::Absent,
+            ),
+            slots_field(
+                "root_slots",
+                "Slotframe of special-for-root (slots). 7: Contiki-NG.",
+                Default::Integer(7),
+            ),
+            channel_field("eb_channel", "Channel offset of eb-per-time-source. 0: Contiki-NG.", 0),
+            channel_field("common_channel", "Channel offset of default-common. 1: Contiki-NG.", 1),
+            channel_field(
+                "unicast_channel_min",
+                "Least channel offset of unicast frames. 2: Contiki-NG.",
+                2,
+            ),
+            channel_field(
+                "unicast_channel_max",
+                "Greatest channel offset of unicast frames; offsets count modulo the number of channels. 255: Contiki-NG.",
+                255,
+            ),
+            Field {
+                key: "sender_based",
+                doc: "With unicast-storing: cells lie in the slot of the sender, not in that of the receiver.",
+                kind: Kind::Bool,
+                default: Default::Bool(false),
+            },
+            Field {
+                key: "hash",
+                doc: "What an address contributes to the place of a cell.",
+                kind: Kind::Choice(&[
+                    Choice {
+                        name: "last-octet",
+                        doc: "Its last octet (Contiki-NG): motes i and i + 256 share all their cells.",
+                    },
+                    Choice {
+                        name: "last-two-octets",
+                        doc: "Its last two octets: 65,536 motes differ.",
+                    },
+                ]),
+                default: Default::Text("last-octet"),
+            },
+        ],
+    },
+    build,
+};
+
+/// A slotframe and what is sent in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rule {
+    /// Everybody sends beacons in a slot of its own and listens in that of its time source.
+    EbPerTimeSource,
+    /// Everybody listens in its own slot; whoever has something for it transmits there.
+    UnicastNonStoring,
+    /// The same between parents and children only; or sender-based.
+    UnicastStoring,
+    /// Between parents and children, each direction of each link has its slot.
+    LinkBased,
+    /// Roots listen in every slot that has nothing else in it; everybody has a slot to transmit to them.
+    SpecialForRoot,
+    /// One cell that all share, for everything else.
+    DefaultCommon,
+}
+
+const RULES: &[Choice] = &[
+    Choice {
+        name: "eb-per-time-source",
+        doc: "Everybody sends beacons in a slot of its own and listens in that of its time source.",
+    },
+    Choice {
+        name: "unicast-non-storing",
+        doc: "Everybody listens in its own slot; whoever has something for it transmits there.",
+    },
+    Choice {
+        name: "unicast-storing",
+        doc: "The same between parents and children only, which storing mode knows; or sender-based.",
+    },
+    Choice {
+        name: "link-based",
+        doc: "Between parents and children, each direction of each link has its slot.",
+    },
+    Choice {
+        name: "special-for-root",
+        doc: "Roots listen in every slot that has nothing else in it; everybody has a slot to transmit to them.",
+    },
+    Choice { name: "default-common", doc: "One cell that all share, for everything else." },
+];
+
+const fn channel_field(key: &'static str, doc: &'static str, default: i64) -> Field {
+    Field { key, doc, kind: Kind::Integer { min: 0, max: 255 }, default: Default::Integer(default) }
+}
+
+/// What an address contributes to the place of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Hash {
+    /// Its last octet.
+    LastOctet,
+    /// Its last two octets.
+    LastTwoOctets,
+}
+
+/// Orchestra as all motes have it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OrchestraConfig {
+    /// What there are slotframes for. The place of a rule is the handle of its slotframe.
+    pub rules: Vec<Rule>,
+    /// Slotframe of [`Rule::EbPerTimeSource`] (slots).
+    pub eb_slots: u16,
+    /// Slotframe of [`Rule::DefaultCommon`] (slots).
+    pub common_slots: u16,
+    /// Slotframe of the unicast rules (slots).
+    pub unicast_slots: u16,
+    /// How many of them have cells.
+    pub unicast_active_slots: u16,
+    /// Slotframe of [`Rule::SpecialForRoot`] (slots).
+    pub root_slots: u16,
+    /// Channel offset of beacons.
+    pub eb_channel: u16,
+    /// Channel offset of the common cell.
+    pub common_channel: u16,
+    /// Least channel offset of unicast frames.
+    pub unicast_channel_min: u16,
+    /// Greatest channel offset of unicast frames.
+    pub unicast_channel_max: u16,
+    /// [`Rule::UnicastStoring`]: in the slot of the sender.
+    pub sender_based: bool,
+    /// No two motes have the same unicast slot: sender-based cells need not be shared.
+    pub is_collision_free: bool,
+    /// What an address contributes.
+    pub hash: Hash,
+}
+
+impl OrchestraConfig {
+    fn hash(&self, address: Eui64) -> u32 {
+        match self.hash {
+            Hash::LastOctet => u32::from(address.0 as u8),
+            Hash::LastTwoOctets => u32::from(address.0 as u16),
+        }
+    }
+
+    /// The slot in which a mote sends its beacons.
+    #[must_use]
+    pub fn eb_slot(&self, of: Eui64) -> u16 {
+        (self.hash(of) % u32::from(self.eb_slots)) as u16
+    }
+
+    /// The slot of a mote in the unicast slotframe.
+    #[must_use]
+    pub fn unicast_slot(&self, of: Eui64) -> u16 {
+        (self.hash(of) % u32::from(self.unicast_active_slots)) as u16
+    }
+
+    /// The slot of the link from one mote to another. 264 is no multiple of the slotframe's usual length, nor one more than one:
+    /// the two directions differ.
+    #[must_use]
+    pub fn link_slot(&self, from: Eui64, to: Eui64) -> u16 {
+        let hash = self.hash(from) + 264 * self.hash(to);
+        (hash % u32::from(self.unicast_active_slots)) as u16
+    }
+
+    /// The slot in which a mote transmits to roots.
+    #[must_use]
+    pub fn root_slot(&self, of: Eui64) -> u16 {
+        (self.hash(of) % u32::from(self.root_slots)) as u16
+    }
+
+    /// The channel offset on which a mote receives unicast frames, whoever's the slot is.
+    #[must_use]
+    pub fn channel(&self, receiver: Eui64) -> u16 {
+        let n = u32::from(self.unicast_channel_max - self.unicast_channel_min) + 1;
+        self.unicast_channel_min + (self.hash(receiver) % n) as u16
+    }
+
+    /// The handle of a rule's slotframe, if the rule is in force.
+    #[must_use]
+    pub fn handle_of(&self, rule: Rule) -> Option<u8> {
+        self.rules.iter().position(|&other| other == rule).map(|place| place as u8)
+    }
+}
+
+#[derive(Deserialize)]
+struct Keys {
+    rules: Option<Vec<Rule>>,
+    eb_slots: u16,
+    common_slots: u16,
+    unicast_slots: u16,
+    unicast_active_slots: Option<u16>,
+    root_slots: u16,
+    eb_channel: u16,
+    common_channel: u16,
+    unicast_channel_min: u16,
+    unicast_channel_max: u16,
+    sender_based: bool,
+    hash: Hash,
+}
+
+fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
+    let keys: Keys = crate::phy::keys(table)?;
+    let before = context.problems.len();
+    let rules = keys.rules.unwrap_or_else(|| {
+        vec![Rule::EbPerTimeSource, Rule::UnicastNonStoring, Rule::DefaultCommon]
+    });
+    for (place, rule) in rules.iter().enumerate() {
+        if rules[..place].contains(rule) {
+            let key = join(context.path, &format!("rules[{place}]"));
+            context.problems.push(Problem::new(key, "must not be listed twice"));
+        }
+    }
+    if rules.last() != Some(&Rule::DefaultCommon) {
+        let message =
+            "must end with \"default-common\": it matches everything that no other rule does";
+        context.problems.push(Problem::new(join(context.path, "rules"), message));
+    }
+    let unicast_active_slots = keys.unicast_active_slots.unwrap_or(keys.unicast_slots);
+    if keys.unicast_slots < unicast_active_slots {
+        let key = join(context.path, "unicast_active_slots");
+        let message = format!("must be at most unicast_slots, {}", keys.unicast_slots);
+        let problem = Problem::new(key, message).value(unicast_active_slots);
+        context.problems.push(problem.nearest(keys.unicast_slots));
+    }
+    if keys.unicast_channel_max < keys.unicast_channel_min {
+        let key = join(context.path, "unicast_channel_max");
+        let least = keys.unicast_channel_min;
+        let message = format!("must be at least unicast_channel_min, {least}");
+        let problem = Problem::new(key, message).value(keys.unicast_channel_max);
+        context.problems.push(problem.nearest(least));
+    }
+    if context.problems.len() != before {
+        return None;
+    }
+    if keys.sender_based && !rules.contains(&Rule::UnicastStoring) {
+        let key = join(context.path, "sender_based");
+        context.warnings.push(format!("{key} has no influence without the rule unicast-storing"));
+    }
+    let mut config = OrchestraConfig {
+        rules,
+        eb_slots: keys.eb_slots,
+        common_slots: keys.common_slots,
+        unicast_slots: keys.unicast_slots,
+        unicast_active_slots,
+        root_slots: keys.root_slots,
+        eb_channel: keys.eb_channel,
+        common_channel: keys.common_channel,
+        unicast_channel_min: keys.unicast_channel_min,
+        unicast_channel_max: keys.unicast_channel_max,
+        sender_based: keys.sender_based,
+        is_collision_free: false,
+        hash: keys.hash,
+    };
+    let addresses = (0..context.agent_count as u32).map(context.address);
+    let mut taken = BTreeSet::new();
+    config.is_collision_free = context.agent_count <= usize::from(unicast_active_slots)
+        && addresses.clone().all(|address| taken.insert(config.unicast_slot(address)));
+    let mut hashes = BTreeSet::new();
+    let n_same = addresses.filter(|&address| !hashes.insert(config.hash(address))).count();
+    if n_same != 0 {
+        let key = join(context.path, "hash");
+        context.warnings.push(format!(
+            "{key}: {n_same} of {} motes have all their cells in common with another one{}",
+            context.agent_count,
+            if config.hash == Hash::LastOctet {
+                "; \"last-two-octets\" tells them apart"
+            } else {
+                ""
+            }
+        ));
+    }
+    Some(Config::Orchestra(config))
+}

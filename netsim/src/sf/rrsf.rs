@@ -1,0 +1,225 @@
+//! One slot for every mote: BotNet's round-robin scheduling function.
+
+use super::{Config, Context, Entry, MAX_SLOTS, SchedulingFunction, TAG, Traffic};
+use crate::mac::{Cell, CellKind, CellOptions};
+use proto::config::{Default, Field, Kind, Problem, Variant, join};
+use serde::{Deserialize, Serialize};
+
+/// `kind = "rrsf"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "rrsf",
+        doc: "A slotframe of one slot for every mote, in which it alone transmits and all others receive (BotNet's round robin).",
+        fields: &[Field {
+            key: "shared_slots",
+            doc: "Further slots at the end of the slotframe, in which all motes contend with unicast frames: room for joining and \
+                      routing where a mote has more to say than fits into its own slot.",
+            kind: Kind::Integer { min: 0, max: 10_000 },
+            default: Default::Integer(0),
+        }],
+    },
+    build: |table, context| {
+        let keys: Keys = crate::phy::keys(table)?;
+        let most = usize::from(MAX_SLOTS - keys.shared_slots);
+        let before = context.problems.len();
+        if most < context.agent_count {
+            let message =
+                format!("\"rrsf\" has slots for at most {most} motes beside its shared ones");
+            let problem = Problem::new(join(context.path, TAG.key), message);
+            context.problems.push(problem.value(context.agent_count));
+        }
+        if context.shared_slot_0 && keys.shared_slots != 0 {
+            let key = join(context.path, "shared_slots");
+            let message = "must be 0 with compat.shared_slot_0, which repeats BotNet's schedule";
+            context.problems.push(Problem::new(key, message).value(keys.shared_slots).nearest(0));
+        }
+        (context.problems.len() == before).then_some(Config::Rrsf(RrsfConfig {
+            n_motes: context.agent_count as u16,
+            shared_slots: keys.shared_slots,
+            shared_slot_0: context.shared_slot_0,
+        }))
+    },
+};
+
+#[derive(Deserialize)]
+struct Keys {
+    shared_slots: u16,
+}
+
+/// Handle of the slotframe with the motes' own slots.
+pub const OWN_HANDLE: u8 = 1;
+/// Handle of the slotframe, as long, with the shared slots.
+pub const SHARED_HANDLE: u8 = 2;
+
+/// Who has how many slots.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RrsfConfig {
+    /// Motes: slots that have an owner.
+    pub n_motes: u16,
+    /// Slots after them that all share.
+    pub shared_slots: u16,
+    /// Slot 0 is the minimal cell.
+    pub shared_slot_0: bool,
+}
+
+/// Round robin: mote i transmits in slot i and receives in all others, on channel offset 0.
+///
+/// Beacons, broadcast frames, and unicast frames to whomever go out in the own slot, without contention. Unicast frames may
+/// use shared slots too; beacons and broadcast frames may not, so that what swarms tell each other is never lost to a collision.
+///
+/// # Cost
+///
+/// A radio that is never off: in a slotframe of N slots it listens in N − 1 (BotNet has that, too).
+///
+/// # BotNet's code
+///
+/// There the minimal cell covers slot 0, so that mote 0, which leads flocks, has no slot of its own and is heard in three
+/// quarters of the slotframes. `compat.shared_slot_0` repeats that.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Rrsf {
+    config: RrsfConfig,
+    mote: u16,
+}
+
+impl Rrsf {
+    /// The scheduling function of a mote.
+    ///
+    /// # Panics
+    ///
+    /// If there is no slot for the mote.
+    #[must_use]
+    pub fn new(config: &RrsfConfig, mote: u32) -> Self {
+        let slot = u16::try_from(mote).ok().filter(|&slot| slot < config.n_motes);
+        Self { config: config.clone(), mote: slot.expect("every mote has a slot") }
+    }
+}
+
+impl SchedulingFunction for Rrsf {
+    fn start(&mut self, cx: &mut Context<'_>) {
+        let kind = if self.config.shared_slot_0 { CellKind::Normal } else { CellKind::Advertising };
+        let own = Cell::new(self.mote, 0, CellOptions::TX, None).of_kind(kind);
+        let slots = self.slotframe_slots();
+        let schedule = &mut *cx.schedule;
+        schedule.add_slotframe(OWN_HANDLE, slots);
+        schedule.set_background(OWN_HANDLE, Some(0)).expect("the slotframe was just added");
+        if !(self.config.shared_slot_0 && self.mote == 0) {
+            schedule.add(OWN_HANDLE, own).expect("every mote has a slot");
+        }
+        if self.config.shared_slots != 0 {
+            let shared: Vec<Cell> = (self.config.n_motes..slots)
+                .map(|slot| Cell::new(slot, 0, CellOptions::TX_RX_SHARED, None))
+                .collect();
+            schedule.add_slotframe(SHARED_HANDLE, slots);
+            schedule.add_all(SHARED_HANDLE, &shared).expect("they lie before the end");
+        }
+    }
+
+    fn stop(&mut self) {}
+
+    fn slotframe_slots(&self) -> u16 {
+        self.config.n_motes + self.config.shared_slots
+    }
+
+    fn minimal_cell(&self) -> Option<u16> {
+        self.config.shared_slot_0.then(|| self.slotframe_slots())
+    }
+
+    fn slotframe_of(&self, traffic: Traffic) -> Option<u8> {
+        match traffic {
+            _ if self.config.shared_slot_0 => None,
+            Traffic::Beacon | Traffic::Broadcast => Some(OWN_HANDLE),
+            Traffic::Unicast(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{Bench, built, read};
+    use super::*;
+    use crate::wire::Eui64;
+
+    #[test]
+    fn p5_every_slot_schedules_one_mote_to_transmit_and_all_others_to_receive() {
+        let config = built("kind = \"rrsf\"", 7);
+        let motes: Vec<Bench> = (0..7).map(|mote| Bench::start(&config, mote)).collect();
+        for slot in 0..7 {
+            for (mote, bench) in (0..).zip(&motes) {
+                let cells: Vec<_> = bench.schedule.at(slot).collect();
+                let [at] = cells[..] else { panic!("one cell in every slot") };
+                let options = if slot == mote { CellOptions::TX } else { CellOptions::RX };
+                assert_eq!(
+                    (at.cell.options, at.cell.channel, at.cell.neighbour),
+                    (options, 0, None)
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn mote_0_is_no_exception_and_beacons_are_sent_in_the_own_slot() {
+        let config = built("kind = \"rrsf\"", 5);
+        let bench = Bench::start(&config, 0);
+        assert_eq!(bench.sf.minimal_cell(), None);
+        let own: Vec<_> = bench.schedule.cells().collect();
+        assert_eq!((own.len(), own[0].cell.slot, own[0].cell.kind), (1, 0, CellKind::Advertising));
+        assert_eq!(bench.sf.slotframe_of(Traffic::Beacon), Some(own[0].handle));
+    }
+
+    #[test]
+    fn a_radio_listens_in_all_slots_but_one() {
+        let config = built("kind = \"rrsf\"", 2500);
+        assert_eq!(config.slotframe_slots(), 2500);
+        let bench = Bench::start(&config, 2499);
+        assert_eq!(bench.schedule.cells().count(), 1);
+        assert_eq!(bench.schedule.n_listening(25_000), 24_990);
+    }
+
+    #[test]
+    fn shared_slots_are_for_unicast_frames_alone() {
+        let config = built("kind = \"rrsf\"\nshared_slots = 2", 5);
+        let bench = Bench::start(&config, 4);
+        assert_eq!(config.slotframe_slots(), 7);
+        let shared =
+            bench.schedule.cells().filter(|at| at.cell.options == CellOptions::TX_RX_SHARED);
+        let shared: Vec<_> = shared.map(|at| (at.handle, at.cell.slot)).collect();
+        assert_eq!(shared, [(SHARED_HANDLE, 5), (SHARED_HANDLE, 6)]);
+        assert_eq!(bench.sf.slotframe_of(Traffic::Broadcast), Some(OWN_HANDLE));
+        assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(Eui64::of_mote(1))), None);
+    }
+
+    #[test]
+    fn botnets_shared_cell_covers_the_slot_of_mote_0() {
+        let config = built("kind = \"rrsf\" # compat.shared_slot_0", 5);
+        for mote in 0..5 {
+            let bench = Bench::start(&config, mote);
+            let first = bench.schedule.at(0).next().unwrap();
+            assert_eq!((first.handle, first.cell.options), (0, CellOptions::TX_RX_SHARED));
+            assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 5);
+            let own = bench.schedule.slotframe(OWN_HANDLE).unwrap().cells();
+            let own: Vec<_> = own.iter().map(|own| (u32::from(own.slot), own.kind)).collect();
+            let expected = if mote == 0 { vec![] } else { vec![(mote, CellKind::Normal)] };
+            assert_eq!(own, expected);
+            assert_eq!(bench.sf.slotframe_of(Traffic::Broadcast), None);
+        }
+    }
+
+    #[test]
+    fn what_has_no_room_is_refused() {
+        let (config, problems, _) = read("kind = \"rrsf\"\nshared_slots = 35", 65_500);
+        assert!(config.is_none());
+        assert_eq!(
+            problems,
+            [
+                "netsim.sf.kind: \"rrsf\" has slots for at most 65499 motes beside its shared ones, got 65500"
+            ]
+        );
+        let text = "kind = \"rrsf\" # compat.shared_slot_0\nshared_slots = 3";
+        assert_eq!(
+            read(text, 5).1,
+            [
+                "netsim.sf.shared_slots: must be 0 with compat.shared_slot_0, which repeats BotNet's schedule, got 3 (nearest valid: 0)"
+            ]
+        );
+    }
+}

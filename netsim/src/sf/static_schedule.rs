@@ -1,0 +1,416 @@
+//! Cells as they are configured, the same from beginning to end.
+
+use super::{BuildContext, Config, Context, Entry, SchedulingFunction, slots_field};
+use crate::mac::{Cell, CellKind, CellOptions};
+use crate::wire::Eui64;
+use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, Variant, join};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+/// `kind = "static"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "static",
+        doc: "Cells as they are listed: a schedule that was computed elsewhere.",
+        fields: &[
+            slots_field("slotframe_slots", "Length of the slotframe (slots).", Default::Required),
+            slots_field(
+                "minimal_cell_slots",
+                "Length (slots) of a slotframe 0 with RFC 8180's minimal cell, which comes before listed cells. Absent: there is none.",
+                Default::Absent,
+            ),
+            Field {
+                key: "cell",
+                doc: "A cell. Every mote has those that concern it.",
+                kind: Kind::Tables(&CELL),
+                default: Default::Absent,
+            },
+        ],
+    },
+    build,
+};
+
+/// Description of one `[[netsim.sf.cell]]`.
+const CELL: TableSpec = TableSpec {
+    doc: "A cell.",
+    fields: &[
+        Field {
+            key: "slot",
+            doc: "Slot offset within the slotframe.",
+            kind: Kind::Integer { min: 0, max: u16::MAX as i64 },
+            default: Default::Required,
+        },
+        Field {
+            key: "channel",
+            doc: "Channel offset, less than the number of channels.",
+            kind: Kind::Integer { min: 0, max: u16::MAX as i64 },
+            default: Default::Integer(0),
+        },
+        Field {
+            key: "from",
+            doc: "The mote that transmits, or \"any\": every mote but the receiver may.",
+            kind: Kind::Either(&[
+                MOTE,
+                Kind::Choice(&[Choice { name: "any", doc: "Every mote." }]),
+            ]),
+            default: Default::Required,
+        },
+        Field {
+            key: "to",
+            doc: "The mote that receives, or \"all\": every mote but the transmitter does, and the cell carries broadcast frames as \
+                  well as unicast frames to anyone.",
+            kind: Kind::Either(&[
+                MOTE,
+                Kind::Choice(&[Choice { name: "all", doc: "Every mote." }]),
+            ]),
+            default: Default::Required,
+        },
+        Field {
+            key: "shared",
+            doc: "Others may transmit in the same slot on the same channel: failures back off. Absent: true from \"any\", else false.",
+            kind: Kind::Bool,
+            default: Default::Absent,
+        },
+        Field {
+            key: "advertising",
+            doc: "Beacons are sent in it; only to \"all\".",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+    ],
+    tag: None,
+};
+
+const MOTE: Kind = Kind::Integer { min: 0, max: u32::MAX as i64 };
+
+/// Handle of the slotframe with the listed cells.
+pub const HANDLE: u8 = 1;
+
+#[derive(Deserialize)]
+struct Keys {
+    slotframe_slots: u16,
+    minimal_cell_slots: Option<u16>,
+    #[serde(default)]
+    cell: Vec<CellKeys>,
+}
+
+#[derive(Deserialize)]
+struct CellKeys {
+    slot: u16,
+    channel: u16,
+    from: EndKey,
+    to: EndKey,
+    shared: Option<bool>,
+    advertising: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum EndKey {
+    Mote(u32),
+    Everyone(serde::de::IgnoredAny),
+}
+
+impl EndKey {
+    fn mote(&self) -> Option<u32> {
+        match self {
+            Self::Mote(mote) => Some(*mote),
+            Self::Everyone(_) => None,
+        }
+    }
+}
+
+/// A mote at one end of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct End {
+    /// Its number.
+    pub mote: u32,
+    /// Its address.
+    pub address: Eui64,
+}
+
+/// A cell as seen from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StaticCell {
+    /// Slot offset.
+    pub slot: u16,
+    /// Channel offset.
+    pub channel: u16,
+    /// Who transmits; `None`: anyone.
+    pub from: Option<End>,
+    /// Who receives; `None`: everyone.
+    pub to: Option<End>,
+    /// Several may transmit.
+    pub shared: bool,
+    /// Beacons are sent in it.
+    pub advertising: bool,
+}
+
+impl StaticCell {
+    /// What it is for a mote; `None`: it does not concern it.
+    #[must_use]
+    pub fn of(&self, mote: u32) -> Option<Cell> {
+        let is = |end: Option<End>| end.is_some_and(|end| end.mote == mote);
+        let (sends, receives) = (is(self.from), is(self.to));
+        let options = CellOptions {
+            tx: sends || (self.from.is_none() && !receives),
+            rx: receives || (self.to.is_none() && !sends),
+            shared: self.shared,
+        };
+        // A cell that only receives has nobody to contend with, and hears only the one that transmits.
+        let (options, other) = match (options.tx, options.rx) {
+            (false, false) => return None,
+            (false, true) => (CellOptions::RX, self.from),
+            (true, _) => (options, self.to),
+        };
+        let kind = if self.advertising { CellKind::Advertising } else { CellKind::Normal };
+        let neighbour = other.map(|end| end.address);
+        Some(Cell::new(self.slot, self.channel, options, neighbour).of_kind(kind))
+    }
+}
+
+/// The schedule of all motes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StaticConfig {
+    /// Length of the slotframe (slots).
+    pub slotframe_slots: u16,
+    /// Length of slotframe 0, if there is one with the minimal cell (slots).
+    pub minimal_cell_slots: Option<u16>,
+    /// The cells.
+    pub cells: Vec<StaticCell>,
+}
+
+fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
+    let keys: Keys = crate::phy::keys(table)?;
+    let mut problems = Vec::new();
+    let mut known = BTreeSet::new();
+    for (index, cell) in keys.cell.iter().enumerate() {
+        let at = join(context.path, &format!("cell[{index}]"));
+        let mut must = |key: &str, message: String, value: String| {
+            let problem = Problem::new(join(&at, key), message);
+            problems.push(if value.is_empty() { problem } else { problem.value(value) });
+        };
+        let (from, to) = (cell.from.mote(), cell.to.mote());
+        if keys.slotframe_slots <= cell.slot {
+            let message = format!("must be less than slotframe_slots, {}", keys.slotframe_slots);
+            must("slot", message, cell.slot.to_string());
+        }
+        if context.n_channels <= cell.channel {
+            let message =
+                format!("must be less than the number of channels, {}", context.n_channels);
+            must("channel", message, cell.channel.to_string());
+        }
+        for (key, mote) in [("from", from), ("to", to)] {
+            if let Some(mote) = mote.filter(|&mote| context.agent_count <= mote as usize) {
+                let message = format!("must be a mote, 0 to {}", context.agent_count - 1);
+                must(key, message, mote.to_string());
+            }
+        }
+        if from.is_some() && from == to {
+            must("to", "must be another mote than from".to_owned(), String::new());
+        }
+        if from.is_none() && cell.shared == Some(false) {
+            must("shared", "must be true from \"any\"".to_owned(), "false".to_owned());
+        }
+        if to.is_some() && cell.advertising {
+            let message = "must be false but to \"all\": beacons are for everyone";
+            must("advertising", message.to_owned(), "true".to_owned());
+        }
+        if !known.insert((cell.slot, cell.channel, from, to)) {
+            must("", "must not be listed twice".to_owned(), String::new());
+        }
+    }
+    if !problems.is_empty() {
+        context.problems.extend(problems);
+        return None;
+    }
+    let end = |key: &EndKey| key.mote().map(|mote| End { mote, address: (context.address)(mote) });
+    let cells = keys.cell.iter().map(|cell| StaticCell {
+        slot: cell.slot,
+        channel: cell.channel,
+        from: end(&cell.from),
+        to: end(&cell.to),
+        shared: cell.shared.unwrap_or(cell.from.mote().is_none()),
+        advertising: cell.advertising,
+    });
+    let config = StaticConfig {
+        slotframe_slots: keys.slotframe_slots,
+        minimal_cell_slots: keys.minimal_cell_slots,
+        cells: cells.collect(),
+    };
+    warn(&config, context);
+    Some(Config::Static(config))
+}
+
+/// Schedules with which a network cannot form.
+fn warn(config: &StaticConfig, context: &mut BuildContext<'_>) {
+    if config.minimal_cell_slots.is_some() {
+        return;
+    }
+    let path = context.path;
+    let has = |mote: u32, which: &dyn Fn(&Cell) -> bool| {
+        config.cells.iter().filter_map(|cell| cell.of(mote)).any(|cell| which(&cell))
+    };
+    let advertises =
+        |mote: u32| has(mote, &|cell| cell.options.tx && cell.kind != CellKind::Normal);
+    if context.roots.len() < context.agent_count
+        && !context.roots.iter().any(|&root| advertises(root))
+    {
+        context.warnings.push(format!(
+            "{path}: no root has a cell for beacons: no other mote will ever be synchronised"
+        ));
+    }
+    let mute: Vec<String> = (0..context.agent_count as u32)
+        .filter(|&mote| !has(mote, &|cell| cell.options.tx))
+        .map(|mote| mote.to_string())
+        .collect();
+    if let [first, ..] = &mute[..] {
+        context.warnings.push(format!(
+            "{path}: {} of {} motes have no cell to transmit in, mote {first} for one: they will never join",
+            mute.len(),
+            context.agent_count
+        ));
+    }
+}
+
+/// The part of a schedule that concerns one mote.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StaticSchedule {
+    slotframe_slots: u16,
+    minimal_cell_slots: Option<u16>,
+    cells: Vec<Cell>,
+}
+
+impl StaticSchedule {
+    /// The scheduling function of a mote.
+    #[must_use]
+    pub fn new(config: &StaticConfig, mote: u32) -> Self {
+        Self {
+            slotframe_slots: config.slotframe_slots,
+            minimal_cell_slots: config.minimal_cell_slots,
+            cells: config.cells.iter().filter_map(|cell| cell.of(mote)).collect(),
+        }
+    }
+}
+
+impl SchedulingFunction for StaticSchedule {
+    fn start(&mut self, cx: &mut Context<'_>) {
+        cx.schedule.add_slotframe(HANDLE, self.slotframe_slots);
+        cx.schedule.add_all(HANDLE, &self.cells).expect("slots were checked");
+    }
+
+    fn stop(&mut self) {}
+
+    fn slotframe_slots(&self) -> u16 {
+        self.slotframe_slots
+    }
+
+    fn minimal_cell(&self) -> Option<u16> {
+        self.minimal_cell_slots
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{Bench, built, read};
+    use super::*;
+
+    const START: &str = "kind = \"static\"\nslotframe_slots = 10\n";
+
+    fn cells(text: &str, mote: u32) -> Vec<Cell> {
+        let config = built(&format!("{START}minimal_cell_slots = 5\n{text}"), 4);
+        let bench = Bench::start(&config, mote);
+        bench.schedule.slotframe(HANDLE).unwrap().cells().to_vec()
+    }
+
+    fn mote(n: u32) -> Option<Eui64> {
+        Some(Eui64::of_mote(n))
+    }
+
+    #[test]
+    fn a_cell_between_two_motes_concerns_no_other() {
+        let text = "[[cell]]\nslot = 3\nchannel = 2\nfrom = 1\nto = 2";
+        let is = |mote: u32, options, neighbour| {
+            let [cell] = cells(text, mote)[..] else { panic!("one cell") };
+            assert!(cell.is_same(&Cell::new(3, 2, options, neighbour)));
+        };
+        is(1, CellOptions::TX, mote(2));
+        is(2, CellOptions::RX, mote(1));
+        assert!(cells(text, 0).is_empty());
+    }
+
+    #[test]
+    fn a_cell_to_all_is_heard_by_all_others_and_may_carry_beacons() {
+        let text = "[[cell]]\nslot = 9\nfrom = 0\nto = \"all\"\nadvertising = true";
+        let is = |mote: u32, options, neighbour| {
+            let [cell] = cells(text, mote)[..] else { panic!("one cell") };
+            let wanted = Cell::new(9, 0, options, neighbour).of_kind(CellKind::Advertising);
+            assert!(cell.is_same(&wanted));
+        };
+        is(0, CellOptions::TX, None);
+        is(1, CellOptions::RX, mote(0));
+        is(3, CellOptions::RX, mote(0));
+    }
+
+    #[test]
+    fn a_cell_from_any_is_shared() {
+        let options = |text: &str, mote: u32| cells(text, mote)[0].options;
+        let text = "[[cell]]\nslot = 0\nfrom = \"any\"\nto = \"all\"";
+        assert_eq!(options(text, 2), CellOptions::TX_RX_SHARED);
+        let text = "[[cell]]\nslot = 0\nfrom = \"any\"\nto = 2";
+        assert_eq!(options(text, 2), CellOptions::RX);
+        assert_eq!(options(text, 1), CellOptions::TX_SHARED);
+        assert_eq!(cells(text, 1)[0].neighbour, mote(2));
+        let text = "[[cell]]\nslot = 0\nfrom = 1\nto = 2\nshared = true";
+        assert_eq!(options(text, 1), CellOptions::TX_SHARED);
+    }
+
+    #[test]
+    fn its_minimal_cell_lies_in_a_slotframe_of_its_own_length() {
+        let config = built(&format!("{START}minimal_cell_slots = 5"), 4);
+        let bench = Bench::start(&config, 1);
+        assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 5);
+        assert_eq!(bench.schedule.slotframe(HANDLE).unwrap().slots(), 10);
+        assert_eq!(config.slotframe_slots(), 10);
+    }
+
+    #[test]
+    fn all_that_is_wrong_is_said_at_once() {
+        let text = format!(
+            "{START}[[cell]]\nslot = 10\nchannel = 16\nfrom = 4\nto = 5\n\
+             [[cell]]\nslot = 1\nfrom = 1\nto = 1\nadvertising = true\n\
+             [[cell]]\nslot = 2\nfrom = \"any\"\nto = \"all\"\nshared = false\n\
+             [[cell]]\nslot = 2\nfrom = \"any\"\nto = \"all\"\n"
+        );
+        let (config, problems, _) = read(&text, 4);
+        assert!(config.is_none());
+        assert_eq!(
+            problems,
+            [
+                "netsim.sf.cell[0].slot: must be less than slotframe_slots, 10, got 10",
+                "netsim.sf.cell[0].channel: must be less than the number of channels, 16, got 16",
+                "netsim.sf.cell[0].from: must be a mote, 0 to 3, got 4",
+                "netsim.sf.cell[0].to: must be a mote, 0 to 3, got 5",
+                "netsim.sf.cell[1].to: must be another mote than from",
+                "netsim.sf.cell[1].advertising: must be false but to \"all\": beacons are for everyone, got true",
+                "netsim.sf.cell[2].shared: must be true from \"any\", got false",
+                "netsim.sf.cell[3]: must not be listed twice",
+            ]
+        );
+        let (_, problems, _) =
+            read(&format!("{START}[[cell]]\nslot = 1\nfrom = \"all\"\nto = 1"), 4);
+        assert_eq!(problems.len(), 1, "{problems:?}");
+    }
+
+    #[test]
+    fn a_schedule_with_which_nobody_joins_is_warned_of() {
+        let text = format!("{START}[[cell]]\nslot = 1\nfrom = 1\nto = \"all\"");
+        assert_eq!(
+            read(&text, 4).2,
+            [
+                "netsim.sf: no root has a cell for beacons: no other mote will ever be synchronised",
+                "netsim.sf: 3 of 4 motes have no cell to transmit in, mote 0 for one: they will never join",
+            ]
+        );
+    }
+}

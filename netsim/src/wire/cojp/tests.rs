@@ -1,0 +1,54 @@
+use super::*;
+use crate::wire::arbitrary;
+use proptest::prelude::*;
+
+proptest! {
+    #[test]
+    fn what_was_written_is_read(message in arbitrary::cojp()) {
+        let bytes = message.to_vec();
+        prop_assert_eq!(bytes.len(), message.buffer_len());
+        prop_assert_eq!(CojpRepr::parse(&bytes), Ok(message));
+    }
+
+    #[test]
+    fn cut_off_messages_are_refused(message in arbitrary::cojp(), keep in 0.0..1.0) {
+        let bytes = message.to_vec();
+        let kept = (bytes.len() as f64 * keep) as usize;
+        prop_assert!(CojpRepr::parse(&bytes[..kept]).is_err());
+    }
+}
+
+#[test]
+fn rfc9031_8_1_1_a_join_request_is_a_post_to_j_at_6tisch_arpa() {
+    let pledge = Eui64::of_mote(5);
+    let request =
+        CojpRepr::Request { message_id: 0x0102, pledge, proxy_state: None, network_id: 0xabcd };
+    let mut expected = vec![0x58, 0x02, 0x01, 0x02, 2, 0, 0, 0, 0, 0, 0, 5, 0x3b];
+    expected.extend_from_slice(b"6tisch.arpa\x81j\xd4\x0fcoap\xff\xa1\x05\x42\xab\xcd");
+    assert_eq!(request.to_vec(), expected);
+}
+
+#[test]
+fn rfc8974_3_a_proxy_keeps_its_state_in_the_token_and_takes_the_scheme_off() {
+    let pledge = Eui64::of_mote(5);
+    let proxied = Some(pledge);
+    let request =
+        |proxy_state| CojpRepr::Request { message_id: 7, pledge, proxy_state, network_id: 1 };
+    let bytes = request(proxied).to_vec();
+    assert_eq!(bytes[4..12], [3, 0, 0, 0, 0, 0, 0, 5]);
+    assert_eq!(bytes[12..27], *b"\x3b6tisch.arpa\x81j\xff");
+    assert_eq!(bytes.len() + 6, request(None).buffer_len());
+    assert_eq!(CojpRepr::parse(&bytes), Ok(request(proxied)));
+}
+
+#[test]
+fn rfc9031_8_4_a_join_response_has_a_key_set_of_one() {
+    let pledge = Eui64::of_mote(5);
+    let response =
+        |key_index| CojpRepr::Response { message_id: 7, pledge, proxy_state: None, key_index };
+    let bytes = response(1).to_vec();
+    assert_eq!(bytes[..12], [0x58, 0x44, 0, 7, 2, 0, 0, 0, 0, 0, 0, 5]);
+    assert_eq!(bytes[12..18], [0xff, 0xa1, 0x02, 0x82, 0x01, 0x50]);
+    assert_eq!(bytes.len(), 18 + 16);
+    assert_eq!(response(200).buffer_len(), bytes.len() + 1);
+}

@@ -1,0 +1,90 @@
+//! IPv6 datagrams as they travel, and their compressed form on the air: RFC 6282 (IPHC, NHC), RFC 8138 (6LoRH).
+//!
+//! Uncompressed, a datagram is an IPv6 header, a hop-by-hop header with the RPL option, a routing header, then ICMPv6 or
+//! UDP. If the root encapsulates (see [`SourceRoute`]), the first three are the outer headers, and another IPv6 header
+//! follows. Both IPv6 headers carry one hop limit: it is copied at both ends of the tunnel. The inner datagram has no RPL
+//! option of its own: RFC 9008, § 8.3.1, would let the one of the way up ride along "to no avail".
+//!
+//! Compressed, context 0 is fd00::/64, and interface identifiers that can be told from the MAC addresses of the hop are
+//! left out.
+
+mod compressed;
+mod parse;
+mod upper;
+
+pub(crate) use compressed::{Compressed, Headers, Hop};
+pub(crate) use upper::Tail;
+
+use super::rpl::RplMessage;
+use bytes::Bytes;
+use serde::{Deserialize, Serialize};
+use std::net::Ipv6Addr;
+
+/// An IPv6 datagram.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Datagram {
+    /// Identity in the simulation, for records; not on the air. 0: none.
+    pub packet: u64,
+    /// Source.
+    pub source: Ipv6Addr,
+    /// Final destination.
+    pub destination: Ipv6Addr,
+    /// Hops left.
+    pub hop_limit: u8,
+    /// RPL packet information, on datagrams within a DODAG (RFC 6550, § 11.2; RFC 6553).
+    pub rpi: Option<RpiRepr>,
+    /// Source route, on datagrams down a non-storing DODAG (RFC 6554).
+    pub route: Option<SourceRoute>,
+    /// What it carries.
+    pub upper: Upper,
+}
+
+/// RPL packet information.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RpiRepr {
+    /// The 'O' flag: goes down.
+    pub down: bool,
+    /// The 'R' flag: a rank error was found on the way.
+    pub rank_error: bool,
+    /// The 'F' flag: no route further down.
+    pub forwarding_error: bool,
+    /// RPL instance.
+    pub instance: u8,
+    /// Rank of the sender.
+    pub sender_rank: u16,
+}
+
+/// Source route: the hops still to visit, next one first, the final destination last.
+///
+/// Every hop takes itself off (RFC 8138, § 6.5), so that the header shrinks on its way.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SourceRoute {
+    /// The root, which put the route into the datagram. Unless the datagram is its own, it did so by encapsulating
+    /// (RFC 9008, § 8.3): headers are not inserted into others' datagrams.
+    pub root: Ipv6Addr,
+    /// Hops still to visit.
+    pub hops: Vec<Ipv6Addr>,
+}
+
+/// What a datagram carries.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Upper {
+    /// ICMPv6 type 155: RPL control.
+    Rpl(RplMessage),
+    /// UDP.
+    Udp(UdpRepr),
+}
+
+/// A UDP datagram.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UdpRepr {
+    /// Source port.
+    pub source_port: u16,
+    /// Destination port.
+    pub destination_port: u16,
+    /// Payload.
+    pub payload: Bytes,
+}
+
+#[cfg(test)]
+mod tests;

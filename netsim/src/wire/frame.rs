@@ -1,0 +1,78 @@
+//! MAC frames: IEEE Std 802.15.4-2015, clause 7.
+
+mod bytes;
+mod parse;
+
+pub use bytes::{MAX_PSDU, NETWORK_PAN, fcs, payload_room};
+pub use parse::Envelope;
+
+use super::address::Eui64;
+use super::fragment::LowpanRepr;
+use super::sixp::SixpRepr;
+use serde::{Deserialize, Serialize};
+
+/// A MAC frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameRepr {
+    /// Who sends it.
+    pub source: Eui64,
+    /// For whom; `None`: everyone.
+    pub destination: Option<Eui64>,
+    /// Sequence number.
+    pub sequence: u8,
+    /// Whether the receiver shall acknowledge it.
+    pub ack_request: bool,
+    /// Whether another frame follows in the next slot (the pending bit).
+    pub pending: bool,
+    /// What it carries.
+    pub content: Content,
+}
+
+/// What a frame carries.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Content {
+    /// An enhanced beacon.
+    Beacon(BeaconRepr),
+    /// Nothing: a data frame that keeps clocks together.
+    KeepAlive,
+    /// A 6P message in an IETF information element.
+    Sixp(SixpRepr),
+    /// A 6LoWPAN datagram, or a part of one.
+    Lowpan(LowpanRepr),
+}
+
+/// What an enhanced beacon says in its information elements (RFC 8180, § 4.5; IEEE Std 802.15.4-2015, 7.4.4).
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BeaconRepr {
+    /// Absolute slot number in which it is sent.
+    pub asn: u64,
+    /// How far the sender is from the root, in hops of rank: DAGRank − 1. The lower, the better to join through.
+    pub join_metric: u8,
+    /// Slotframes that a joining mote shall install.
+    pub slotframes: Vec<BeaconSlotframe>,
+}
+
+/// A slotframe as a beacon announces it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BeaconSlotframe {
+    /// Handle.
+    pub handle: u8,
+    /// Length in slots.
+    pub slots: u16,
+    /// Its links: slot offset, channel offset, options (bit 0 TX, 1 RX, 2 shared, 3 timekeeping).
+    pub links: Vec<(u16, u16, u8)>,
+}
+
+/// An enhanced acknowledgment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AckRepr {
+    /// For whom.
+    pub destination: Eui64,
+    /// Sequence number of the frame it answers.
+    pub sequence: u8,
+    /// How much later than expected the frame came (µs), −2048 to 2047.
+    pub time_correction_us: i16,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,222 @@
+//! Octets of MAC frames: IEEE Std 802.15.4-2015, clause 7, frame version 2, least significant byte first throughout.
+
+use super::{AckRepr, BeaconRepr, Content, FrameRepr};
+use crate::wire::Eui64;
+use crate::wire::datagram::Hop;
+use crate::wire::fragment::Payload;
+use crate::wire::sink::{Put, Sink, length_of, write};
+
+/// Greatest length of a PSDU (bytes), FCS included (11.3: aMaxPhyPacketSize).
+pub const MAX_PSDU: usize = 127;
+/// Identifier of the one network there is.
+pub const NETWORK_PAN: u16 = 0xabcd;
+/// Length of the frame check sequence (bytes).
+pub(super) const FCS_LEN: usize = 2;
+/// The broadcast address, short.
+pub(super) const BROADCAST: u16 = 0xffff;
+
+/// Frame control (7.2.1).
+pub(super) const BEACON: u16 = 0;
+pub(super) const DATA: u16 = 1;
+pub(super) const ACK: u16 = 2;
+pub(super) const SECURED: u16 = 1 << 3;
+pub(super) const PENDING: u16 = 1 << 4;
+pub(super) const ACK_REQUEST: u16 = 1 << 5;
+pub(super) const PAN_COMPRESSION: u16 = 1 << 6;
+pub(super) const NO_SEQUENCE: u16 = 1 << 8;
+pub(super) const ELEMENTS: u16 = 1 << 9;
+pub(super) const DESTINATION: u16 = 10;
+pub(super) const VERSION: u16 = 12;
+pub(super) const SOURCE: u16 = 14;
+/// Addressing modes.
+pub(super) const SHORT: u16 = 2;
+pub(super) const EXTENDED: u16 = 3;
+
+/// Header information elements (7.4.2): time correction; end of the headers, payload elements follow.
+pub(super) const TIME_CORRECTION: u16 = 0x1e;
+pub(super) const TERMINATION_1: u16 = 0x7e;
+pub(super) const TERMINATION_2: u16 = 0x7f;
+/// Payload information elements (7.4.3), by group.
+pub(super) const MLME: u16 = 1;
+pub(super) const IETF: u16 = 5;
+pub(super) const PAYLOAD_TERMINATION: u16 = 0xf;
+/// Nested in the MLME's (7.4.4): short ones, and one long one.
+pub(super) const TSCH_SYNCHRONIZATION: u16 = 0x1a;
+pub(super) const SLOTFRAME_AND_LINK: u16 = 0x1b;
+pub(super) const TIMESLOT: u16 = 0x1c;
+pub(super) const CHANNEL_HOPPING: u16 = 0x9;
+/// 6P in the IETF's (RFC 8480, § 6.1: SUBIEID_6TOP).
+pub(super) const SIXTOP: u8 = 0xc9;
+
+/// Bytes left for a 6LoWPAN payload in a data frame to one mote, or to everyone.
+#[must_use]
+pub fn payload_room(destination: Option<Eui64>) -> usize {
+    let addresses = if destination.is_some() { 8 } else { 2 } + 8;
+    MAX_PSDU - FCS_LEN - (2 + 1 + 2 + addresses)
+}
+
+impl FrameRepr {
+    /// Length (bytes) of the PSDU, FCS included.
+    #[must_use]
+    pub fn buffer_len(&self) -> usize {
+        length_of(self) + FCS_LEN
+    }
+
+    /// Writes the PSDU to the beginning of `bytes`, which must have room for [`Self::buffer_len`].
+    pub fn emit(&self, bytes: &mut [u8]) {
+        let end = write(self, bytes);
+        put_fcs(bytes, end);
+    }
+
+    /// The PSDU.
+    #[must_use]
+    pub fn to_vec(&self) -> Vec<u8> {
+        let mut bytes = vec![0; self.buffer_len()];
+        self.emit(&mut bytes);
+        bytes
+    }
+}
+
+impl AckRepr {
+    /// Length (bytes) of the PSDU, FCS included.
+    #[must_use]
+    pub fn buffer_len(&self) -> usize {
+        length_of(self) + FCS_LEN
+    }
+
+    /// Writes the PSDU to the beginning of `bytes`, which must have room for [`Self::buffer_len`].
+    pub fn emit(&self, bytes: &mut [u8]) {
+        let end = write(self, bytes);
+        put_fcs(bytes, end);
+    }
+
+    /// The PSDU.
+    #[must_use]
+    pub fn to_vec(&self) -> Vec<u8> {
+        let mut bytes = vec![0; self.buffer_len()];
+        self.emit(&mut bytes);
+        bytes
+    }
+}
+
+fn put_fcs(bytes: &mut [u8], end: usize) {
+    let fcs = fcs(&bytes[..end]);
+    bytes[end..end + FCS_LEN].copy_from_slice(&fcs.to_le_bytes());
+}
+
+/// Frame check sequence (7.2.10): the ITU-T's CRC of 16 bits, x¹⁶ + x¹² + x⁵ + 1, bits in the order they are sent in.
+#[must_use]
+pub fn fcs(bytes: &[u8]) -> u16 {
+    let mut crc = 0_u16;
+    for byte in bytes {
+        crc ^= u16::from(*byte);
+        for _ in 0..8 {
+            crc = crc >> 1 ^ if crc & 1 != 0 { 0x8408 } else { 0 };
+        }
+    }
+    crc
+}
+
+/// Everything but the FCS.
+impl Put for FrameRepr {
+    fn put<S: Sink>(&self, sink: &mut S) {
+        let kind = if matches!(self.content, Content::Beacon(_)) { BEACON } else { DATA };
+        let has_elements = matches!(self.content, Content::Beacon(_) | Content::Sixp(_));
+        let flag = |set: bool, flag: u16| if set { flag } else { 0 };
+        // Table 7-2: the destination's PAN identifier is there, the source's is not.
+        let addressing = match self.destination {
+            Some(_) => EXTENDED << DESTINATION,
+            None => SHORT << DESTINATION | PAN_COMPRESSION,
+        };
+        sink.put_u16_le(
+            kind | flag(self.pending, PENDING)
+                | flag(self.ack_request, ACK_REQUEST)
+                | flag(has_elements, ELEMENTS)
+                | addressing
+                | 2 << VERSION
+                | EXTENDED << SOURCE,
+        );
+        sink.put_u8(self.sequence);
+        sink.put_u16_le(NETWORK_PAN);
+        match self.destination {
+            Some(destination) => put_address(destination, sink),
+            None => sink.put_u16_le(BROADCAST),
+        }
+        put_address(self.source, sink);
+        match &self.content {
+            Content::KeepAlive => {}
+            Content::Beacon(beacon) => {
+                put_header_element(TERMINATION_1, 0, sink);
+                put_payload_element(MLME, length_of(beacon), sink);
+                beacon.put(sink);
+            }
+            Content::Sixp(message) => {
+                put_header_element(TERMINATION_1, 0, sink);
+                put_payload_element(IETF, 1 + length_of(message), sink);
+                sink.put_u8(SIXTOP);
+                message.put(sink);
+            }
+            Content::Lowpan(payload) => {
+                Payload(payload, Hop::Between(self.source, self.destination)).put(sink);
+            }
+        }
+    }
+}
+
+/// Everything but the FCS.
+impl Put for AckRepr {
+    fn put<S: Sink>(&self, sink: &mut S) {
+        sink.put_u16_le(ACK | ELEMENTS | EXTENDED << DESTINATION | 2 << VERSION);
+        sink.put_u8(self.sequence);
+        sink.put_u16_le(NETWORK_PAN);
+        put_address(self.destination, sink);
+        // 7.4.2.7: twelve bits, two's complement; bit 15, not set, would refuse the frame.
+        put_header_element(TIME_CORRECTION, 2, sink);
+        sink.put_u16_le(self.time_correction_us.clamp(-2048, 2047) as u16 & 0xfff);
+    }
+}
+
+/// The elements nested in the MLME's (RFC 8180, appendix A.1, gives the same in the same order).
+impl Put for BeaconRepr {
+    fn put<S: Sink>(&self, sink: &mut S) {
+        put_nested_short(TSCH_SYNCHRONIZATION, 6, sink);
+        sink.put(&self.asn.to_le_bytes()[..5]);
+        sink.put_u8(self.join_metric);
+        put_nested_short(TIMESLOT, 1, sink);
+        sink.put_u8(0);
+        let links: usize = self.slotframes.iter().map(|frame| 4 + 5 * frame.links.len()).sum();
+        put_nested_short(SLOTFRAME_AND_LINK, 1 + links, sink);
+        sink.put_u8(self.slotframes.len() as u8);
+        for frame in &self.slotframes {
+            sink.put_u8(frame.handle);
+            sink.put_u16_le(frame.slots);
+            sink.put_u8(frame.links.len() as u8);
+            for &(slot, channel, options) in &frame.links {
+                sink.put_u16_le(slot);
+                sink.put_u16_le(channel);
+                sink.put_u8(options);
+            }
+        }
+        sink.put_u16_le(1 << 15 | CHANNEL_HOPPING << 11 | 1);
+        sink.put_u8(0);
+    }
+}
+
+fn put_address<S: Sink>(address: Eui64, sink: &mut S) {
+    sink.put(&address.0.to_le_bytes());
+}
+
+/// Descriptor of a header information element (7.4.2.1).
+fn put_header_element<S: Sink>(id: u16, length: u16, sink: &mut S) {
+    sink.put_u16_le(id << 7 | length);
+}
+
+/// Descriptor of a payload information element (7.4.3.1).
+fn put_payload_element<S: Sink>(group: u16, length: usize, sink: &mut S) {
+    sink.put_u16_le(1 << 15 | group << 11 | length as u16 & 0x7ff);
+}
+
+/// Descriptor of a short nested information element (7.4.4.1).
+fn put_nested_short<S: Sink>(id: u16, length: usize, sink: &mut S) {
+    sink.put_u16_le(id << 8 | length as u16 & 0xff);
+}

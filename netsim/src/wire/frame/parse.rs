@@ -1,0 +1,205 @@
+//! From octets back to MAC frames.
+
+use super::bytes::{
+    ACK, ACK_REQUEST, BEACON, BROADCAST, DATA, DESTINATION, ELEMENTS, EXTENDED, FCS_LEN, IETF,
+    MLME, NETWORK_PAN, NO_SEQUENCE, PAN_COMPRESSION, PAYLOAD_TERMINATION, PENDING, SECURED, SHORT,
+    SIXTOP, SLOTFRAME_AND_LINK, SOURCE, TERMINATION_1, TERMINATION_2, TIME_CORRECTION,
+    TSCH_SYNCHRONIZATION, VERSION, fcs,
+};
+use super::{AckRepr, BeaconRepr, BeaconSlotframe, Content, FrameRepr};
+use crate::wire::datagram::Datagram;
+use crate::wire::fragment::{FragmentHeader, LowpanRepr};
+use crate::wire::sink::Reader;
+use crate::wire::sixp::SixpRepr;
+use crate::wire::{Eui64, Malformed};
+use std::net::Ipv6Addr;
+use std::sync::Arc;
+
+/// A frame's header, its information elements and its payload, with a right FCS.
+#[derive(Clone, Copy, Debug)]
+pub struct Envelope<'a> {
+    control: u16,
+    /// Sequence number.
+    pub sequence: u8,
+    /// For whom; `None`: everyone.
+    pub destination: Option<Eui64>,
+    /// Who sent it; acknowledgments do not say.
+    pub source: Option<Eui64>,
+    /// Time correction (µs), if it has one.
+    time_correction_us: Option<i16>,
+    /// First payload information element: group and content.
+    element: Option<(u16, &'a [u8])>,
+    /// MAC payload: in data frames 6LoWPAN's, whole datagrams or fragments ([`FragmentHeader::parse`]).
+    pub payload: &'a [u8],
+}
+
+impl<'a> Envelope<'a> {
+    /// Takes a PSDU apart.
+    ///
+    /// # Errors
+    /// A wrong FCS; frames that are secured, of another version or network, or addressed in a way that
+    /// [`FrameRepr::to_vec`] and [`AckRepr::to_vec`] do not use.
+    pub fn parse(psdu: &'a [u8]) -> Result<Self, Malformed> {
+        let end = psdu.len().saturating_sub(FCS_LEN);
+        if psdu.len() < FCS_LEN || fcs(&psdu[..end]).to_le_bytes() != psdu[end..] {
+            return Err(Malformed { what: "wrong frame check sequence", at: end });
+        }
+        let mut reader = Reader::new(&psdu[..end]);
+        let control = reader.u16_le()?;
+        if control >> VERSION & 3 != 2 || control & (SECURED | NO_SEQUENCE) != 0 {
+            return Err(Malformed { what: "not version 2, without security, numbered", at: 0 });
+        }
+        let sequence = reader.u8()?;
+        if reader.u16_le()? != NETWORK_PAN {
+            return Err(Malformed { what: "of another network", at: 3 });
+        }
+        let destination = match (control >> DESTINATION & 3, control & PAN_COMPRESSION) {
+            (EXTENDED, 0) => Some(Eui64(reader.u64_le()?)),
+            (SHORT, PAN_COMPRESSION) if reader.u16_le()? == BROADCAST => None,
+            _ => return Err(reader.malformed("addressed otherwise")),
+        };
+        let source = match control >> SOURCE & 3 {
+            EXTENDED => Some(Eui64(reader.u64_le()?)),
+            0 => None,
+            _ => return Err(reader.malformed("a short source address")),
+        };
+        let (mut time_correction_us, mut element) = (None, None);
+        if control & ELEMENTS != 0 {
+            let payload_follows = parse_header_elements(&mut reader, &mut time_correction_us)?;
+            if payload_follows {
+                element = parse_payload_elements(&mut reader)?;
+            }
+        }
+        let payload = reader.rest();
+        Ok(Self { control, sequence, destination, source, time_correction_us, element, payload })
+    }
+
+    fn kind(&self) -> u16 {
+        self.control & 7
+    }
+}
+
+/// Returns whether payload information elements follow.
+fn parse_header_elements(
+    reader: &mut Reader<'_>,
+    time_correction_us: &mut Option<i16>,
+) -> Result<bool, Malformed> {
+    while !reader.is_empty() {
+        let descriptor = reader.u16_le()?;
+        if descriptor >> 15 != 0 {
+            return Err(reader.malformed("a payload element before the headers' end"));
+        }
+        let mut content = Reader::new(reader.take(usize::from(descriptor & 0x7f))?);
+        match descriptor >> 7 & 0xff {
+            TERMINATION_1 => return Ok(true),
+            TERMINATION_2 => return Ok(false),
+            TIME_CORRECTION => {
+                *time_correction_us = Some((content.u16_le()? << 4).cast_signed() >> 4);
+            }
+            _ => {}
+        }
+    }
+    Ok(false)
+}
+
+fn parse_payload_elements<'a>(
+    reader: &mut Reader<'a>,
+) -> Result<Option<(u16, &'a [u8])>, Malformed> {
+    let mut first = None;
+    while !reader.is_empty() {
+        let descriptor = reader.u16_le()?;
+        let content = reader.take(usize::from(descriptor & 0x7ff))?;
+        let group = descriptor >> 11 & 0xf;
+        if group == PAYLOAD_TERMINATION {
+            break;
+        }
+        first = first.or(Some((group, content)));
+    }
+    Ok(first)
+}
+
+impl FrameRepr {
+    /// The frame that these bytes are, FCS included. `root` is that of the receiver's DODAG ([`Datagram::parse`]).
+    ///
+    /// # Errors
+    /// As [`Envelope::parse`]; content that is malformed; fragments, of which one alone is no datagram
+    /// ([`crate::wire::fragment::reassemble`]).
+    pub fn parse(psdu: &[u8], root: Option<Ipv6Addr>) -> Result<Self, Malformed> {
+        let envelope = Envelope::parse(psdu)?;
+        let Envelope { control, sequence, destination, payload, .. } = envelope;
+        let nameless = Malformed { what: "no source address", at: 0 };
+        let source = envelope.source.ok_or(nameless)?;
+        let content = match (envelope.kind(), envelope.element) {
+            (BEACON, Some((MLME, elements))) => Content::Beacon(parse_beacon(elements)?),
+            (DATA, Some((IETF, [SIXTOP, message @ ..]))) => {
+                Content::Sixp(SixpRepr::parse(message)?)
+            }
+            (DATA, None) if payload.is_empty() => Content::KeepAlive,
+            (DATA, None) if FragmentHeader::parse(payload)?.is_some() => {
+                return Err(Malformed { what: "a fragment alone is no datagram", at: 0 });
+            }
+            (DATA, None) => {
+                let datagram = Datagram::parse(payload, source, destination, root)?;
+                Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)))
+            }
+            _ => return Err(Malformed { what: "neither beacon nor data of a known kind", at: 0 }),
+        };
+        let ack_request = control & ACK_REQUEST != 0;
+        let pending = control & PENDING != 0;
+        Ok(Self { source, destination, sequence, ack_request, pending, content })
+    }
+}
+
+impl AckRepr {
+    /// The acknowledgment that these bytes are, FCS included.
+    ///
+    /// # Errors
+    /// As [`Envelope::parse`]; other frames.
+    pub fn parse(psdu: &[u8]) -> Result<Self, Malformed> {
+        let envelope = Envelope::parse(psdu)?;
+        let otherwise = Malformed { what: "not an enhanced acknowledgment", at: 0 };
+        match (envelope.kind(), envelope.destination, envelope.time_correction_us) {
+            (ACK, Some(destination), Some(time_correction_us)) => {
+                Ok(Self { destination, sequence: envelope.sequence, time_correction_us })
+            }
+            _ => Err(otherwise),
+        }
+    }
+}
+
+fn parse_beacon(elements: &[u8]) -> Result<BeaconRepr, Malformed> {
+    let mut reader = Reader::new(elements);
+    let (mut synchronization, mut slotframes) = (None, Vec::new());
+    while !reader.is_empty() {
+        let descriptor = reader.u16_le()?;
+        if descriptor >> 15 != 0 {
+            reader.take(usize::from(descriptor & 0x7ff))?;
+            continue;
+        }
+        let mut content = Reader::new(reader.take(usize::from(descriptor & 0xff))?);
+        match descriptor >> 8 & 0x7f {
+            TSCH_SYNCHRONIZATION => {
+                let mut asn = [0; 8];
+                asn[..5].copy_from_slice(content.take(5)?);
+                synchronization = Some((u64::from_le_bytes(asn), content.u8()?));
+            }
+            SLOTFRAME_AND_LINK => {
+                for _ in 0..content.u8()? {
+                    slotframes.push(parse_slotframe(&mut content)?);
+                }
+            }
+            _ => {}
+        }
+    }
+    let (asn, join_metric) = synchronization.ok_or(reader.malformed("no TSCH synchronization"))?;
+    Ok(BeaconRepr { asn, join_metric, slotframes })
+}
+
+fn parse_slotframe(reader: &mut Reader<'_>) -> Result<BeaconSlotframe, Malformed> {
+    let (handle, slots, n_links) = (reader.u8()?, reader.u16_le()?, reader.u8()?);
+    let mut links = Vec::with_capacity(usize::from(n_links));
+    for _ in 0..n_links {
+        links.push((reader.u16_le()?, reader.u16_le()?, reader.u8()?));
+    }
+    Ok(BeaconSlotframe { handle, slots, links })
+}

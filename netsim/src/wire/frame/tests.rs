@@ -1,0 +1,114 @@
+use super::*;
+use crate::wire::arbitrary;
+use crate::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr};
+use proptest::prelude::*;
+
+proptest! {
+    #[test]
+    fn what_was_written_is_read((frame, root) in arbitrary::frame()) {
+        let bytes = frame.to_vec();
+        prop_assert_eq!(bytes.len(), frame.buffer_len());
+        prop_assert_eq!(FrameRepr::parse(&bytes, root), Ok(frame));
+    }
+
+    #[test]
+    fn acknowledgments_that_were_written_are_read(ack in arbitrary::ack()) {
+        let bytes = ack.to_vec();
+        prop_assert_eq!(bytes.len(), ack.buffer_len());
+        prop_assert_eq!(AckRepr::parse(&bytes), Ok(ack));
+    }
+
+    #[test]
+    fn a_bit_that_flipped_is_noticed((frame, root) in arbitrary::frame(), at in 0.0..1.0, bit in 0..8) {
+        let mut bytes = frame.to_vec();
+        let at = (bytes.len() as f64 * at) as usize;
+        bytes[at] ^= 1_u8 << bit;
+        prop_assert_eq!(FrameRepr::parse(&bytes, root).unwrap_err().what, "wrong frame check sequence");
+    }
+
+    #[test]
+    fn any_bytes_with_a_right_fcs_are_read_or_refused(bytes in proptest::collection::vec(any::<u8>(), 0..125)) {
+        let mut bytes = bytes;
+        if let [_, high, _, low_pan, high_pan, ..] = bytes.as_mut_slice() {
+            // Often enough of the right version and network.
+            *high = *high & !0x31 | 0x20;
+            (*low_pan, *high_pan) = (0xcd, 0xab);
+        }
+        bytes.extend_from_slice(&fcs(&bytes).to_le_bytes());
+        let _ = FrameRepr::parse(&bytes, None);
+        let _ = AckRepr::parse(&bytes);
+    }
+}
+
+fn frame(destination: Option<Eui64>, content: Content) -> FrameRepr {
+    let source = Eui64::of_mote(1);
+    FrameRepr { source, destination, sequence: 9, ack_request: false, pending: false, content }
+}
+
+#[test]
+fn ieee802154_7_2_10_the_example_of_a_frame_check_sequence() {
+    assert_eq!(fcs(&[0x02, 0x00, 0x6a]).to_le_bytes(), [0xe4, 0x79]);
+}
+
+#[test]
+fn rfc8180_a_1_the_information_elements_of_a_beacon() {
+    let slotframe = BeaconSlotframe { handle: 0, slots: 101, links: vec![(0, 0, 0x0f)] };
+    let beacon = BeaconRepr { asn: 0x05_0403_0201, join_metric: 2, slotframes: vec![slotframe] };
+    let bytes = frame(None, Content::Beacon(beacon)).to_vec();
+    let elements = [
+        0x00, 0x3f, 0x1a, 0x88, 0x06, 0x1a, 1, 2, 3, 4, 5, 2, 0x01, 0x1c, 0x00, 0x0a, 0x1b, 0x01,
+        0x00, 101, 0, 0x01, 0, 0, 0, 0, 0x0f, 0x01, 0xc8, 0x00,
+    ];
+    let header = 2 + 1 + 2 + 2 + 8;
+    assert_eq!(bytes[header..bytes.len() - 2], elements);
+}
+
+#[test]
+fn ieee802154_7_2_frame_control_and_addresses() {
+    let unicast =
+        FrameRepr { ack_request: true, ..frame(Some(Eui64::of_mote(2)), Content::KeepAlive) };
+    let expected = [0x21, 0xec, 9, 0xcd, 0xab, 2, 0, 0, 0, 0, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0, 2];
+    assert_eq!(unicast.to_vec()[..21], expected);
+    assert_eq!(unicast.buffer_len(), 23);
+    let broadcast = frame(None, Content::KeepAlive);
+    let expected = [0x41, 0xe8, 9, 0xcd, 0xab, 0xff, 0xff, 1, 0, 0, 0, 0, 0, 0, 2];
+    assert_eq!(broadcast.to_vec()[..15], expected);
+    assert_eq!(broadcast.buffer_len(), 17);
+}
+
+#[test]
+fn rfc8480_6_1_6p_goes_in_an_ietf_information_element() {
+    let answer = SixpAnswer { code: ReturnCode::Success, content: AnswerContent::Nothing };
+    let message = SixpRepr { version: 0, sfid: 0, seqnum: 1, body: SixpBody::Response(answer) };
+    let bytes = frame(Some(Eui64::of_mote(2)), Content::Sixp(message)).to_vec();
+    // Group 5, five bytes: the subtype and an empty response.
+    assert_eq!(bytes[1], 0xee);
+    assert_eq!(bytes[21..30], [0x00, 0x3f, 0x05, 0xa8, 0xc9, 0x10, 0, 0, 1]);
+}
+
+#[test]
+fn ieee802154_7_4_2_7_a_time_correction_has_twelve_bits() {
+    let destination = Eui64::of_mote(1);
+    let ack = AckRepr { destination, sequence: 9, time_correction_us: -2 };
+    let expected = [0x02, 0x2e, 9, 0xcd, 0xab, 1, 0, 0, 0, 0, 0, 0, 2, 0x02, 0x0f, 0xfe, 0x0f];
+    assert_eq!(ack.to_vec()[..17], expected);
+    assert_eq!(ack.buffer_len(), 19);
+}
+
+#[test]
+fn a_frame_full_to_its_room_has_127_bytes() {
+    for destination in [None, Some(Eui64::of_mote(2))] {
+        let empty = frame(destination, Content::KeepAlive).buffer_len();
+        assert_eq!(empty + payload_room(destination), MAX_PSDU);
+    }
+}
+
+#[test]
+fn a_secured_frame_is_refused() {
+    let mut bytes = frame(None, Content::KeepAlive).to_vec();
+    bytes[0] |= 8;
+    let end = bytes.len() - 2;
+    let fcs = fcs(&bytes[..end]).to_le_bytes();
+    bytes[end..].copy_from_slice(&fcs);
+    assert_eq!(FrameRepr::parse(&bytes, None).unwrap_err().at, 0);
+}

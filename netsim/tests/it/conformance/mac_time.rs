@@ -1,0 +1,142 @@
+//! T11, T12, T19: synchronisation, its loss, and clocks.
+
+use super::bench::{
+    Bench, EAGER, FULL, LINE, NO_KEEP_ALIVES, SLOT_NS, What, line, own_cells, settings,
+};
+use netsim::mac::tsch::{Due, State, Tsch};
+use netsim::wire::Eui64;
+use proto::types::MoteOrder;
+
+/// How many beacons mote `mote` has heard while scanning, and when it will choose among them (ns).
+fn heard(bench: &Bench, mote: usize) -> (usize, Option<u64>) {
+    match bench.mote(mote).mac.state() {
+        State::Scanning { heard, decide_ns } => (heard.len(), *decide_ns),
+        State::Off | State::Synced { .. } => (0, None),
+    }
+}
+
+#[test]
+fn t11_a_single_neighbour_is_followed_after_18000_slots() {
+    let config = format!("{FULL}[mac]\nbeacon_period_s = 1.0\nbeacon_spacing_s = 0.0\n");
+    let mut bench = Bench::new(&line(2), &config);
+    bench.run_until(1, 100_000, |bench| heard(bench, 1).0 == 1);
+    let heard_asn = bench.asn - 1;
+    assert_eq!(bench.frames.last().unwrap().asn, heard_asn);
+    bench.run_to(heard_asn + 18_000);
+    assert!(bench.mote(1).mac.is_scanning(), "after slot +17999");
+    bench.run(1);
+    assert!(bench.mote(1).mac.is_synced(), "in slot +18000");
+    assert_eq!(bench.mote(1).tally.first_synced_ns, Some((heard_asn + 18_000) * SLOT_NS));
+}
+
+#[test]
+fn t11_a_second_neighbour_ends_the_wait_at_once() {
+    let mac = "[mac]\nbeacon_period_s = 1.0\nbeacon_spacing_s = 0.0\n";
+    // Slots of their own: the beacons of the two roots never meet.
+    let cells = own_cells(3, &[(0, 1)]);
+    let mut bench = Bench::new(&line(3), &format!("roots = [0, 1]\n{FULL}{mac}{cells}"));
+    bench.run_until(1, 100_000, |bench| heard(bench, 2).0 == 1);
+    let (_, decide_ns) = heard(&bench, 2);
+    bench.run_until(1, 17_900, |bench| bench.mote(2).mac.is_synced());
+    let synced_ns = bench.mote(2).tally.first_synced_ns.unwrap();
+    assert!(synced_ns < decide_ns.unwrap());
+    assert_eq!(bench.frames.last().unwrap().asn, synced_ns / SLOT_NS, "in the slot of a beacon");
+}
+
+#[test]
+fn t11_the_lower_join_metric_wins_and_lists_are_emptied() {
+    let config = settings("").mac;
+    for metrics in [[100, 1], [1, 100]] {
+        let mut mac = Tsch::new(&config, Eui64::of_mote(9), 9, false, 1);
+        mac.scan();
+        assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(3), metrics[0], 0), None);
+        // The same neighbour again is no second one.
+        assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(3), metrics[0], 5), None);
+        let best = if metrics[0] == 1 { 3 } else { 4 };
+        let choice = mac.handle_beacon(&config, Eui64::of_mote(4), metrics[1], 9);
+        assert_eq!(choice, Some(Eui64::of_mote(best)));
+        assert_eq!(*mac.state(), State::Scanning { heard: Vec::new(), decide_ns: None });
+    }
+}
+
+#[test]
+fn t12_a_source_that_is_not_heard_is_lost_after_1750_slots() {
+    // Keep-alives beyond the end of the run.
+    let mut config = settings("").mac;
+    config.keep_alive_ns = 1_000_000 * SLOT_NS;
+    let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
+    mac.synchronise(&config, Eui64::of_mote(0), 0, 0);
+    assert_eq!(mac.poll_timeout(&config), Some(1750 * SLOT_NS));
+    assert_eq!(mac.handle_timeout(&config, 1750 * SLOT_NS - 1), None);
+    assert_eq!(mac.handle_timeout(&config, 1750 * SLOT_NS), Some(Due::Desynchronised));
+}
+
+#[test]
+fn t12_a_mote_whose_source_dies_scans_1750_slots_after_it_last_heard_it() {
+    let mut bench = Bench::new(&line(2), &format!("{FULL}{EAGER}"));
+    bench.form();
+    bench.run(1000);
+    bench.order(MoteOrder::Kill(0));
+    bench.run(1);
+    let State::Synced { heard_ns, .. } = *bench.mote(1).mac.state() else { panic!("synchronised") };
+    let end_asn = heard_ns / SLOT_NS + 1750;
+    bench.run_to(end_asn);
+    assert!(bench.mote(1).mac.is_synced());
+    bench.run(1);
+    assert!(bench.mote(1).mac.is_scanning());
+    assert!(!bench.mote(1).joined && bench.mote(1).schedule.slotframes().is_empty());
+}
+
+#[test]
+fn t12_keep_alives_or_beacons_keep_a_mote_synchronised() {
+    // Beacons come every 100 s only, or every 5 s; none is lost.
+    for (beacon_period_s, asks) in [(100, true), (5, false)] {
+        let config = format!(
+            "{FULL}[mac]\nneighbours_to_wait = 1\nbeacon_period_s = {beacon_period_s}\n\
+             beacon_spacing_s = 0.0\n[rpl]\nroutes_down = false\n{}",
+            own_cells(2, &[(0, 1)])
+        );
+        let mut bench = Bench::new(&line(2), &config);
+        bench.run_until(101, 3_000_000, |bench| bench.mote(1).ready);
+        bench.frames.clear();
+        bench.run(60_000);
+        assert_eq!(bench.mote(1).tally.n_desynchronised, 0);
+        let n_asked = bench.sent(1, |what| *what == What::KeepAlive).len();
+        // 600 s: one every 10 s if nothing else is heard, which DIOs are at first; none between beacons 5 s apart, give or
+        // take a quarter.
+        assert_eq!(asks, (40..=60).contains(&n_asked), "{n_asked}");
+        assert_eq!(!asks, n_asked == 0, "{n_asked}");
+    }
+}
+
+#[test]
+fn t19_neighbours_stay_within_the_guard_time_and_ask_only_if_they_shall() {
+    // The guard time less a tick at either end.
+    let bound_ns = 1_110_000 - 2 * 1_000_000_000 / 32_768;
+    let mut worst_ns = 0;
+    for seed in 0..5 {
+        let mut bench = Bench::seeded(&line(3), &format!("{LINE}{EAGER}"), seed);
+        bench.form();
+        bench.frames.clear();
+        for _ in 0..400 {
+            bench.run(25);
+            let now_ns = bench.asn * SLOT_NS;
+            let deviation_ns = |mote: usize| bench.mote(mote).mac.deviation_ns(now_ns);
+            for [one, other] in [[0, 1], [1, 2]] {
+                worst_ns = worst_ns.max((deviation_ns(one) - deviation_ns(other)).abs());
+            }
+        }
+        assert!((0..3).all(|mote| bench.mote(mote).tally.n_desynchronised == 0));
+    }
+    assert!((1000..bound_ns).contains(&worst_ns), "{worst_ns} ns");
+    // Beacons every 16 s leave room for keep-alives of 10 s; without them nobody asks.
+    for (keep_alives, asks) in [("", true), (NO_KEEP_ALIVES, false)] {
+        let mac = format!("beacon_period_s = 16.0\n{keep_alives}");
+        let config = format!("{LINE}[mac]\nneighbours_to_wait = 1\n{mac}");
+        let mut bench = Bench::new(&line(3), &config);
+        bench.form();
+        bench.run(101 * 100);
+        let n_asked = [1, 2].map(|mote| bench.sent(mote, |what| *what == What::KeepAlive).len());
+        assert_eq!(asks, n_asked[0] + n_asked[1] != 0, "{n_asked:?}");
+    }
+}

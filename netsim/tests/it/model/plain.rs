@@ -1,0 +1,527 @@
+//! A network that looks at every mote in every slot, and at every pair of a sender and a listener. It has the motes' layers in
+//! common with the network under test; who is awake when, who listens where, what arrives, and what each radio did are its own.
+
+use super::air::{self, Ear, Emission, Heard};
+use super::scenario::Scenario;
+use crate::harness::STEP_NS;
+use netsim::config::Config;
+use netsim::energy::{SlotUse, Usage};
+use netsim::lowpan::DropReason;
+use netsim::mac::tsch::{Outgoing, Transmission, channel_of, scan_channel};
+use netsim::mac::{CellRef, Schedule};
+use netsim::medium::jam::{Jam, Jams};
+use netsim::medium::slot::timing::{
+    ACK_WAIT_NS, RX_ACK_DELAY_NS, RX_OFFSET_NS, RX_WAIT_NS, TX_ACK_DELAY_NS, TX_OFFSET_NS,
+};
+use netsim::mesh::addresses::Addresses;
+use netsim::mesh::packets::{PacketKind, Packets};
+use netsim::mesh::records::ACK_BYTES;
+use netsim::mesh::settings::{Settings, Transport};
+use netsim::mote::up::{Arrived, SWARM_PORT};
+use netsim::mote::{Mote, World};
+use netsim::phy::interference::Rule;
+use netsim::phy::link::End;
+use netsim::place::{self, Place};
+use netsim::wire::address::ALL_NODES;
+use netsim::wire::datagram::Upper;
+use netsim::wire::fragment::LowpanRepr;
+use netsim::wire::frame::{Content, FrameRepr};
+use proto::rng::Purpose;
+use proto::types::{AgentStates, MoteOrder};
+
+/// The plain network.
+pub(crate) struct Plain {
+    pub(crate) motes: Vec<Mote>,
+    /// What each radio did, slot by slot.
+    pub(crate) usages: Vec<Usage>,
+    /// Frames sent, of them for one neighbour, of them acknowledged; received.
+    pub(crate) counts: Vec<[u64; 4]>,
+    pub(crate) packets: Packets<DropReason>,
+    /// Payloads of the swarm heard: receiver, sender, slot.
+    pub(crate) heard: Vec<(u32, u32, u64)>,
+    seed: u64,
+    config: Config,
+    rule: Box<dyn Rule>,
+    floor_dbm: f64,
+    settings: Settings,
+    addresses: Addresses,
+    place: Place,
+    jams: Jams,
+    ends: Vec<End>,
+    way_m: Vec<f64>,
+}
+
+/// What a mote sends in a slot.
+struct Sending {
+    sender: u32,
+    transmission: Transmission,
+    frame: FrameRepr,
+    bytes: u16,
+    answered_by: Option<u32>,
+    acknowledged: bool,
+}
+
+/// How a mote listens in a slot.
+struct Listening {
+    mote: u32,
+    at: Option<CellRef>,
+    channel: u8,
+    scans: bool,
+}
+
+impl Plain {
+    pub(crate) fn new(scenario: &Scenario) -> Self {
+        let setup = scenario.setup();
+        let (mut config, ..) = netsim::config::read(&setup).expect("it was read before");
+        let (settings, addresses) = *config.network.take().expect("the full network");
+        let interference = config.interference.take().expect("there is a rule");
+        let curve_dbm = config.model.curve.floor_dbm();
+        let n = scenario.n;
+        let place = Place::new(n, &config.absent, setup.site);
+        let motes = (0..n as u32)
+            .map(|mote| Mote::new(&settings, &addresses, mote, n as u32, scenario.seed))
+            .collect();
+        let mut plain = Self {
+            motes,
+            usages: vec![Usage::default(); n],
+            counts: vec![[0; 4]; n],
+            packets: Packets::default(),
+            heard: Vec::new(),
+            seed: scenario.seed,
+            floor_dbm: interference.horizon_dbm.map_or(curve_dbm, |dbm| dbm.min(curve_dbm)),
+            rule: interference.rule,
+            config,
+            settings,
+            addresses,
+            place,
+            jams: Jams::default(),
+            ends: Vec::new(),
+            way_m: Vec::new(),
+        };
+        for mote in 0..n {
+            if plain.place.is_alive(mote) {
+                plain.with(mote as u32, 0, 0, |mote, world| mote.switch_on(world));
+            }
+        }
+        plain
+    }
+
+    /// Lets something happen to a mote.
+    fn with<T>(
+        &mut self,
+        mote: u32,
+        asn: u64,
+        effective_asn: u64,
+        act: impl FnOnce(&mut Mote, &mut World<'_>) -> T,
+    ) -> T {
+        let (mut readiness_changed, mut swarm) = (false, Vec::new());
+        let mut world = World {
+            settings: &self.settings,
+            addresses: &self.addresses,
+            packets: &mut self.packets,
+            seed: self.seed,
+            asn,
+            effective_asn,
+            now_ns: asn * self.config.slot_ns,
+            readiness_changed: &mut readiness_changed,
+            swarm: &mut swarm,
+        };
+        let result = act(&mut self.motes[mote as usize], &mut world);
+        for brought in swarm {
+            self.heard.push((brought.receiver, brought.sender, asn));
+        }
+        result
+    }
+
+    /// A control period.
+    pub(crate) fn period(&mut self, scenario: &Scenario, period: u64) {
+        let slot_ns = self.config.slot_ns;
+        let period_ns = period * STEP_NS;
+        let asn = period_ns / slot_ns;
+        let states = scenario.states(period);
+        self.place.travel(&states);
+        self.obey(scenario, period, asn);
+        self.follow_bodies(&states, asn);
+        let lift_m = place::lift_m(self.config.antenna_height_m, &states);
+        self.ends.clear();
+        self.way_m.clear();
+        for mote in 0..self.motes.len() {
+            if states.alive.get(mote) && self.place.is_alive(mote) {
+                self.ends.push(place::end_of(&states, mote as u32, lift_m));
+                self.way_m.push(self.place.way_m[mote]);
+            }
+        }
+        self.hand_over(scenario, &states, period, asn);
+        for asn in asn..(period_ns + STEP_NS) / slot_ns {
+            self.slot(asn, period_ns);
+        }
+    }
+
+    fn obey(&mut self, scenario: &Scenario, period: u64, asn: u64) {
+        let commands = scenario.commands(period);
+        self.place.obey(&commands);
+        for command in commands {
+            match command.order {
+                MoteOrder::Kill(mote) => self.switch_off(mote, asn),
+                MoteOrder::Revive(mote) | MoteOrder::Add(mote) => {
+                    if self.place.is_alive(mote as usize) {
+                        self.switch_on(mote, asn);
+                    }
+                }
+                MoteOrder::Jam { channel, from_ns, until_ns, centre_m, radius_m } => {
+                    let channel = channel as u8;
+                    self.jams.add(Jam { channel, from_ns, until_ns, centre_m, radius_m });
+                }
+                MoteOrder::Send { mote, destination, payload } => {
+                    let to = self.addresses.of(destination).global();
+                    let now_ns = asn * self.config.slot_ns;
+                    let bytes = payload.len() as u32;
+                    let kind = PacketKind::Ordered;
+                    let packet = self.packets.begin(kind, mote, destination, now_ns, bytes);
+                    self.with(mote, asn, asn, |mote, world| {
+                        mote.say(world, to, payload, packet);
+                        mote.pump(world);
+                    });
+                }
+            }
+        }
+    }
+
+    fn switch_on(&mut self, mote: u32, asn: u64) {
+        if self.motes[mote as usize].tally.on_since_asn.is_none() {
+            self.with(mote, asn, asn, |mote, world| mote.switch_on(world));
+        }
+    }
+
+    fn switch_off(&mut self, mote: u32, asn: u64) {
+        if self.motes[mote as usize].tally.on_since_asn.is_some() {
+            self.with(mote, asn, asn, |mote, world| mote.switch_off(world));
+        }
+    }
+
+    fn follow_bodies(&mut self, states: &AgentStates, asn: u64) {
+        for mote in 0..self.motes.len() {
+            if states.alive.get(mote) && self.place.is_alive(mote) {
+                self.switch_on(mote as u32, asn);
+            } else {
+                self.switch_off(mote as u32, asn);
+            }
+        }
+    }
+
+    fn hand_over(&mut self, scenario: &Scenario, states: &AgentStates, period: u64, asn: u64) {
+        let now_ns = asn * self.config.slot_ns;
+        let transport = self.settings.transport;
+        for (mote, payload) in (0..).zip(scenario.payloads(period).iter()) {
+            let of = &self.motes[mote as usize];
+            if payload.is_empty() || !of.ready || !states.alive.get(mote as usize) {
+                continue;
+            }
+            let payload = bytes::Bytes::copy_from_slice(payload);
+            let neighbours: Vec<_> = of.mac.neighbours().addresses().collect();
+            match transport {
+                Transport::None => continue,
+                Transport::UnicastNeighbours => {
+                    for neighbour in neighbours {
+                        let to = self.addresses.mote(neighbour).expect("it was heard");
+                        let bytes = payload.len() as u32;
+                        let packet = self.packets.begin(PacketKind::Swarm, mote, to, now_ns, bytes);
+                        let payload = payload.clone();
+                        self.with(mote, asn, asn, |mote, world| {
+                            mote.say(world, neighbour.link_local(), payload, packet);
+                        });
+                    }
+                }
+                _ => self.with(mote, asn, asn, |mote, world| {
+                    mote.say(world, ALL_NODES, payload, 0);
+                }),
+            }
+            self.with(mote, asn, asn, |mote, world| mote.pump(world));
+        }
+    }
+
+    fn slot(&mut self, asn: u64, period_ns: u64) {
+        for mote in 0..self.motes.len() as u32 {
+            self.with(mote, asn, asn, |mote, world| {
+                let due = mote.poll_timeout(&world.settings.mac);
+                if due.is_some_and(|due_ns| due_ns <= world.now_ns) {
+                    mote.handle_timeout(world);
+                }
+            });
+            self.synchronise(mote, asn, asn);
+        }
+        let mut sending = self.ask(asn);
+        let listening = self.listen(asn, &sending);
+        for of in &mut self.motes {
+            if of.mac.follows_at(asn) == Some(asn) {
+                of.mac.end_following();
+            }
+        }
+        let (emissions, outcomes) = self.resolve(asn, period_ns, &sending, &listening);
+        let mut answers = Vec::new();
+        for (listening, outcome) in listening.iter().zip(outcomes) {
+            let used = match outcome {
+                Heard::Nothing => SlotUse::IdleListen,
+                Heard::Lost(which) => SlotUse::Overhear { bytes: sending[which].bytes },
+                Heard::Received(which) => {
+                    self.receive(asn, listening, &mut sending[which], which, &mut answers)
+                }
+            };
+            let usage = &mut self.usages[listening.mote as usize];
+            usage.count(if listening.scans { SlotUse::Scan } else { used });
+        }
+        self.acknowledge(asn, period_ns, &emissions, &mut sending, &answers);
+        let is_busy: Vec<u32> = sending
+            .iter()
+            .map(|sending| sending.sender)
+            .chain(listening.iter().map(|listening| listening.mote))
+            .collect();
+        for sent in sending {
+            self.finish(asn, sent);
+        }
+        for (mote, of) in self.motes.iter().enumerate() {
+            if of.tally.on_since_asn.is_some() && !is_busy.contains(&(mote as u32)) {
+                self.usages[mote].count(SlotUse::Sleep);
+            }
+        }
+    }
+
+    fn synchronise(&mut self, mote: u32, asn: u64, effective_asn: u64) {
+        let Some(source) = self.motes[mote as usize].wants_sync.take() else { return };
+        let other = self.addresses.mote(source).expect("it was heard");
+        let other = &self.motes[other as usize].mac;
+        if other.is_synced() {
+            let source_ns = other.deviation_ns(asn * self.config.slot_ns);
+            self.with(mote, asn, effective_asn, |mote, world| {
+                mote.synchronise(world, source, source_ns);
+            });
+        }
+    }
+
+    /// Everybody is asked, whether or not it is awake.
+    fn ask(&mut self, asn: u64) -> Vec<Sending> {
+        let mut sending = Vec::new();
+        for (mote, of) in (0..).zip(&mut self.motes) {
+            let transmission = of.mac.poll_slot(&self.settings.mac, &of.schedule, asn);
+            let Some(transmission) = transmission else { continue };
+            let frame = match &transmission.outgoing {
+                Outgoing::Beacon => of.beacon(asn),
+                Outgoing::Frame(queued) => queued.frame.clone(),
+            };
+            sending.push(Sending {
+                sender: mote,
+                bytes: self.settings.psdu_bytes(&frame),
+                frame,
+                transmission,
+                answered_by: None,
+                acknowledged: false,
+            });
+        }
+        sending
+    }
+
+    fn listen(&self, asn: u64, sending: &[Sending]) -> Vec<Listening> {
+        let mac = &self.settings.mac;
+        let mut listening = Vec::new();
+        for (mote, of) in (0..).zip(&self.motes) {
+            if sending.iter().any(|sending| sending.sender == mote) {
+                continue;
+            }
+            let ours = if of.mac.is_scanning() {
+                let channel = scan_channel(mac, self.seed, mote, asn);
+                Some(Listening { mote, at: None, channel, scans: true })
+            } else if of.mac.is_synced() {
+                match first_to_receive(&of.schedule, asn) {
+                    Some(at) => {
+                        let channel = channel_of(mac, asn, at.cell.channel);
+                        Some(Listening { mote, at: Some(at), channel, scans: false })
+                    }
+                    // After a pending bit: what only the MAC knows.
+                    None => of.mac.listening(mac, &of.schedule, self.seed, asn).map(|after| {
+                        Listening { mote, at: None, channel: after.channel, scans: false }
+                    }),
+                }
+            } else {
+                None
+            };
+            listening.extend(ours);
+        }
+        listening
+    }
+
+    fn air(&self, asn: u64, period_ns: u64) -> air::World<'_> {
+        air::World {
+            model: &self.config.model,
+            rule: &*self.rule,
+            floor_dbm: self.floor_dbm,
+            seed: self.seed,
+            site: &self.place.site,
+            ends: &self.ends,
+            way_m: &self.way_m,
+            jams: &self.jams,
+            period_ns,
+            asn,
+            slot_ns: self.config.slot_ns,
+        }
+    }
+
+    fn resolve(
+        &self,
+        asn: u64,
+        period_ns: u64,
+        sending: &[Sending],
+        listening: &[Listening],
+    ) -> (Vec<Emission>, Vec<Heard>) {
+        let now_ns = asn * self.config.slot_ns;
+        let deviation_ns = |mote: u32| self.motes[mote as usize].mac.deviation_ns(now_ns);
+        let emissions: Vec<Emission> = sending
+            .iter()
+            .map(|sending| Emission {
+                sender: sending.sender,
+                channel: sending.transmission.channel,
+                begins_ns: TX_OFFSET_NS + deviation_ns(sending.sender),
+                bytes: sending.bytes,
+                purpose: Purpose::SlotReception,
+            })
+            .collect();
+        let air = self.air(asn, period_ns);
+        let outcomes = listening
+            .iter()
+            .map(|listening| {
+                let opens_ns = RX_OFFSET_NS + deviation_ns(listening.mote);
+                let (opens_ns, closes_ns) = match listening.scans {
+                    true => (i64::MIN, i64::MAX),
+                    false => (opens_ns, opens_ns + RX_WAIT_NS),
+                };
+                let (receiver, channel) = (listening.mote, listening.channel);
+                air.outcome(&emissions, &Ear { receiver, channel, opens_ns, closes_ns })
+            })
+            .collect();
+        (emissions, outcomes)
+    }
+
+    fn receive(
+        &mut self,
+        asn: u64,
+        listening: &Listening,
+        sent: &mut Sending,
+        which: usize,
+        answers: &mut Vec<(usize, u32)>,
+    ) -> SlotUse {
+        let mote = listening.mote;
+        let bytes = sent.bytes;
+        self.counts[mote as usize][3] += 1;
+        let now_ns = asn * self.config.slot_ns;
+        let source_ns = self.motes[sent.sender as usize].mac.deviation_ns(now_ns);
+        if is_swarms(&sent.frame) && !listening.scans {
+            let of = &mut self.motes[mote as usize];
+            let FrameRepr { source, sequence, .. } = sent.frame;
+            of.mac.handle_frame(&self.settings.mac, source, None, Some(sequence), asn, source_ns);
+            if let Some(at) = &listening.at {
+                of.schedule.count_rx(at);
+            }
+            self.heard.push((mote, sent.sender, asn));
+            return SlotUse::RxBroadcast { bytes };
+        }
+        let (at, channel) = (listening.at, listening.channel);
+        let arrived = Arrived { frame: &sent.frame, at, channel, source_ns };
+        let verdict = self.with(mote, asn, asn + 1, |mote, world| {
+            let verdict = mote.handle_frame(world, &arrived);
+            mote.pump(world);
+            verdict
+        });
+        self.synchronise(mote, asn, asn + 1);
+        if !verdict.acknowledge {
+            return match sent.frame.destination {
+                None => SlotUse::RxBroadcast { bytes },
+                Some(_) => SlotUse::Overhear { bytes },
+            };
+        }
+        if let Outgoing::Frame(queued) = &mut sent.transmission.outgoing {
+            queued.has_arrived |= verdict.deliver;
+        }
+        sent.answered_by = Some(mote);
+        answers.push((which, mote));
+        SlotUse::RxUnicast { bytes }
+    }
+
+    fn acknowledge(
+        &self,
+        asn: u64,
+        period_ns: u64,
+        frames: &[Emission],
+        sending: &mut [Sending],
+        answers: &[(usize, u32)],
+    ) {
+        let mut emissions: Vec<Emission> = answers
+            .iter()
+            .map(|&(which, receiver)| Emission {
+                sender: receiver,
+                channel: frames[which].channel,
+                begins_ns: frames[which].ends_ns() + TX_ACK_DELAY_NS,
+                bytes: ACK_BYTES,
+                purpose: Purpose::SlotAcknowledgment,
+            })
+            .collect();
+        emissions.extend_from_slice(frames);
+        let air = self.air(asn, period_ns);
+        for (number, &(which, _)) in answers.iter().enumerate() {
+            let opens_ns = frames[which].ends_ns() + RX_ACK_DELAY_NS;
+            let ear = Ear {
+                receiver: frames[which].sender,
+                channel: frames[which].channel,
+                opens_ns,
+                closes_ns: opens_ns + ACK_WAIT_NS,
+            };
+            sending[which].acknowledged = self.settings.compat.perfect_acks
+                || air.outcome(&emissions, &ear) == Heard::Received(number);
+        }
+    }
+
+    fn finish(&mut self, asn: u64, sent: Sending) {
+        let Sending { sender, transmission, frame, bytes, answered_by, acknowledged } = sent;
+        let now_ns = asn * self.config.slot_ns;
+        let source_ns = answered_by
+            .filter(|_| acknowledged)
+            .map_or(0, |mote| self.motes[mote as usize].mac.deviation_ns(now_ns));
+        let counts = &mut self.counts[sender as usize];
+        counts[0] += 1;
+        let used = match frame.destination {
+            None => SlotUse::TxBroadcast { bytes },
+            Some(_) => {
+                counts[1] += 1;
+                counts[2] += u64::from(acknowledged);
+                SlotUse::TxUnicast { bytes, acked: acknowledged }
+            }
+        };
+        self.usages[sender as usize].count(used);
+        self.with(sender, asn, asn + 1, |mote, world| {
+            let at = transmission.at;
+            let mac = &world.settings.mac;
+            let done = mote.mac.handle_done(mac, transmission, acknowledged, source_ns, asn);
+            mote.handle_done(world, at, done, acknowledged);
+            mote.pump(world);
+        });
+    }
+}
+
+/// The first cell of the lowest handle that receives (IEEE Std 802.15.4-2015, 6.2.6.4), read cell by cell.
+fn first_to_receive(schedule: &Schedule, asn: u64) -> Option<CellRef> {
+    for frame in schedule.slotframes() {
+        let slot = (asn % u64::from(frame.slots())) as u16;
+        let mut here = frame.cells().iter().filter(|cell| cell.slot == slot).peekable();
+        let background = if here.peek().is_none() { frame.background_at(slot) } else { None };
+        let cell = here.find(|cell| cell.options.rx).copied().or(background);
+        if let Some(cell) = cell {
+            return Some(CellRef { handle: frame.handle, cell });
+        }
+    }
+    None
+}
+
+/// Whether a frame is a payload of the swarm for everyone.
+fn is_swarms(frame: &FrameRepr) -> bool {
+    let Content::Lowpan(LowpanRepr::Whole(datagram)) = &frame.content else { return false };
+    let Upper::Udp(udp) = &datagram.upper else { return false };
+    frame.destination.is_none() && udp.destination_port == SWARM_PORT
+}

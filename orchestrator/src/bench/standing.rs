@@ -1,0 +1,328 @@
+//! Standing sensor networks: simulated hours, with per-mote energy and every packet recorded.
+
+use super::{BenchOptions, number, record_failed, side};
+use crate::config::{self, Overrides, Plan};
+use crate::coupling::{Coupled, StepPlan};
+use crate::record::{Ending, Recorder, Status, StepRecord};
+use crate::run::{RunError, start};
+use proto::convert;
+use proto::types::{NS_PER_S, NetRecord, seconds};
+use serde_json::{Value, json};
+use std::fmt::{self, Write as _};
+use std::path::Path;
+use std::time::Instant;
+
+/// A row, and the peers' figures (wall seconds per simulated hour; measured elsewhere).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    pub(super) motes: u32,
+    roots: u32,
+    sf: &'static str,
+    /// Between two packets of a mote (s).
+    app_period_s: u32,
+    /// The 6TiSCH simulator, with MSF.
+    simulator_s: Option<f64>,
+    /// TSCH-Sim, with Orchestra.
+    tsch_sim_s: Option<f64>,
+    to_reach_s: Option<f64>,
+}
+
+const fn row(motes: u32, sf: &'static str, app_period_s: u32, to_reach_s: Option<f64>) -> Row {
+    let roots = if motes < 10_000 { 1 } else { 20 };
+    let (simulator_s, tsch_sim_s) = match motes {
+        10 => (Some(5.0), Some(1.0)),
+        50 => (Some(30.0), Some(4.4)),
+        100 => (Some(80.0), Some(9.7)),
+        1000 => (None, Some(47.0)),
+        _ => (None, None),
+    };
+    Row { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s }
+}
+
+pub(super) const ROWS: [Row; 9] = [
+    row(10, "msf", 60, Some(0.05)),
+    row(10, "orchestra", 60, Some(0.05)),
+    row(50, "msf", 60, Some(0.3)),
+    row(50, "orchestra", 60, Some(0.3)),
+    row(100, "msf", 60, Some(0.7)),
+    row(100, "orchestra", 60, Some(0.7)),
+    row(1000, "msf", 60, Some(5.0)),
+    row(2500, "msf", 600, None),
+    row(10_000, "msf", 600, Some(100.0)),
+];
+
+/// Rows of at most so many motes are measured where no table is asked for.
+pub(super) const SMALL: u32 = 100;
+
+/// Simulated time after which a network that has not formed is measured as it is (ns).
+const LIMIT_NS: u64 = 7200 * NS_PER_S;
+/// Simulated time that is measured (ns).
+const HOUR_NS: u64 = 3600 * NS_PER_S;
+/// Between two readings of every mote's energy (ns).
+const STATISTICS_NS: u64 = 600 * NS_PER_S;
+/// Slots of a step: a minute.
+const STEP_SLOTS: u32 = 6000;
+/// Between neighbours of the grid (m).
+const SPACING_M: f64 = 10.0;
+
+/// One measured row.
+#[derive(Clone, Debug)]
+struct Cell {
+    row: Row,
+    formed_ns: Option<u64>,
+    /// Wall time until the network had formed (s).
+    forming_s: f64,
+    /// Wall time of the hour after that (s).
+    hour_s: f64,
+    n_delivered: u64,
+    n_lost: u64,
+}
+
+/// The measured table.
+#[derive(Clone, Debug)]
+pub(super) struct Table {
+    cells: Vec<Cell>,
+}
+
+impl Row {
+    fn side(&self) -> u32 {
+        (1..).find(|side| self.motes <= side * side).unwrap_or(self.motes)
+    }
+
+    /// A square grid, row by row.
+    fn places(&self) -> String {
+        let mut text = "agent,x_m,y_m\n".to_owned();
+        for mote in 0..self.motes {
+            let [x_m, y_m] =
+                [mote % self.side(), mote / self.side()].map(|k| f64::from(k) * SPACING_M);
+            let _ = writeln!(text, "{mote},{x_m},{y_m}");
+        }
+        text
+    }
+
+    /// The mote in the middle, or those in the middles of four by five parts of the grid.
+    fn root_numbers(&self) -> Vec<u32> {
+        let (columns, rows) = if self.roots == 1 { (1, 1) } else { (4, self.roots / 4) };
+        let lines = self.motes.div_ceil(self.side());
+        let middle = |part: u32, parts: u32, length: u32| (2 * part + 1) * length / (2 * parts);
+        let at = |row, column| {
+            middle(row, rows, lines) * self.side() + middle(column, columns, self.side())
+        };
+        (0..rows)
+            .flat_map(|row| (0..columns).map(move |column| (row, column)))
+            .map(|(row, column)| at(row, column).min(self.motes - 1))
+            .collect()
+    }
+
+    fn config(&self) -> String {
+        format!(
+            "[experiment]\nname = \"bench\"\nseed = 1\nduration_s = 1e6\nagents = {}\ncontrol_period.slots = {STEP_SLOTS}\n\
+             [robotsim.scenario]\nkind = \"csv\"\nfile = \"places.csv\"\n[robotsim.controller]\nkind = \"hold\"\n\
+             [netsim]\nmode = \"6tisch\"\nroots = {:?}\n[netsim.phy]\npropagation = \"unit-disk\"\nradius_m = 25.0\n\
+             [netsim.sf]\nkind = \"{}\"\n[netsim.swarm]\ntransport = \"none\"\n\
+             [netsim.rpl]\nroute_lifetime_s = 1800\n\
+             [[netsim.app]]\nkind = \"periodic\"\nperiod_s = {}\npayload_bytes = 60\n\
+             [output]\nlinks = \"none\"\nmcap = false\ntransmissions = false\nschedule = false\nneighbours = false\n\
+             motes_every_s = {}\nreport = false\n",
+            self.motes,
+            self.root_numbers(),
+            self.sf,
+            self.app_period_s,
+            seconds(STATISTICS_NS),
+        )
+    }
+}
+
+/// Measures rows.
+pub(super) async fn bench(rows: &[Row], options: &BenchOptions) -> Result<Table, RunError> {
+    let mut cells = Vec::new();
+    for row in rows {
+        cells.push(measure(*row, options).await?);
+    }
+    Ok(Table { cells })
+}
+
+async fn measure(row: Row, options: &BenchOptions) -> Result<Cell, RunError> {
+    let create_failed = |source| {
+        record_failed(crate::record::RecordError::Create { path: std::env::temp_dir(), source })
+    };
+    let folder = tempfile::tempdir().map_err(create_failed)?;
+    std::fs::write(folder.path().join("places.csv"), row.places()).map_err(create_failed)?;
+    let path = folder.path().join("bench.toml");
+    let plan = config::read(Path::new(&path), row.config(), &Overrides::default())?;
+    let started = start(&plan, &options.start, true).await?;
+    let mut coupled = started.coupled;
+    let mut recorder =
+        Recorder::create(&folder.path().join("record"), started.header).map_err(record_failed)?;
+    recorder.configured(started.exchange).map_err(record_failed)?;
+    let mut run = Run { plan: &plan, coupled: &mut coupled, recorder: &mut recorder, ends: [0; 2] };
+    let measured = run.measure().await;
+    let [n_delivered, n_lost] = run.ends;
+    coupled.stop().await;
+    let (formed_ns, forming_s, hour_s) = measured?;
+    let ending = Ending { status: Status::Complete, reason: None };
+    recorder.finish(&ending, Value::Null).map_err(record_failed)?;
+    Ok(Cell { row, formed_ns, forming_s, hour_s, n_delivered, n_lost })
+}
+
+struct Run<'a> {
+    plan: &'a Plan,
+    coupled: &'a mut Coupled,
+    recorder: &'a mut Recorder,
+    /// Packets delivered and lost since the last phase began.
+    ends: [u64; 2],
+}
+
+impl Run<'_> {
+    /// When the network had formed, and wall times (s) until then and of the hour after.
+    async fn measure(&mut self) -> Result<(Option<u64>, f64, f64), RunError> {
+        let begun = Instant::now();
+        let formed = |run: &Self| run.coupled.formation().and_then(|formed| formed.formed_ns);
+        while formed(self).is_none() && self.coupled.time_ns() < LIMIT_NS {
+            self.step().await?;
+        }
+        let (formed_ns, forming_s) = (formed(self), begun.elapsed().as_secs_f64());
+        let (begun, end_ns) = (Instant::now(), self.coupled.time_ns() + HOUR_NS);
+        self.ends = [0; 2];
+        while self.coupled.time_ns() < end_ns {
+            self.step().await?;
+        }
+        Ok((formed_ns, forming_s, begun.elapsed().as_secs_f64()))
+    }
+
+    async fn step(&mut self) -> Result<(), RunError> {
+        let until_ns = self.coupled.time_ns() + self.plan.experiment.step_ns;
+        let records = if until_ns.is_multiple_of(STATISTICS_NS) {
+            vec![NetRecord::Statistics]
+        } else {
+            Vec::new()
+        };
+        let step = StepPlan { until_ns, keep: true, hold: true, records, ..StepPlan::default() };
+        let outcome = self.coupled.advance(step).await.map_err(side)?;
+        let (Some(robots), Some(net)) = (&outcome.robots, &outcome.network) else { return Ok(()) };
+        let packets = convert::packets(net.packets.clone(), self.plan.experiment.agent_count);
+        for outcome in packets.ok().flatten().iter().flat_map(|packets| &packets.outcome) {
+            self.ends[usize::from(*outcome != 0)] += 1;
+        }
+        self.recorder
+            .step(StepRecord {
+                step: outcome.step,
+                time_ns: outcome.time_ns,
+                robots,
+                net,
+                commands: &[],
+                digest: outcome.digest,
+            })
+            .map_err(record_failed)
+    }
+}
+
+impl Table {
+    /// For programs.
+    pub(super) fn to_json(&self) -> Value {
+        let rows = self.cells.iter().map(|cell| {
+            json!({
+                "motes": cell.row.motes,
+                "roots": cell.row.roots,
+                "scheduling_function": cell.row.sf,
+                "app_period_s": cell.row.app_period_s,
+                "formed_s": cell.formed_ns.map(seconds),
+                "forming_wall_s": cell.forming_s,
+                "hour_wall_s": cell.hour_s,
+                "delivered": cell.n_delivered,
+                "lost": cell.n_lost,
+                "simulator_6tisch_s": cell.row.simulator_s,
+                "tsch_sim_s": cell.row.tsch_sim_s,
+                "to_reach_s": cell.row.to_reach_s,
+            })
+        });
+        rows.collect()
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "Standing networks: wall time (s) until they have formed, and of the simulated hour after that; both processes and"
+        )?;
+        writeln!(
+            f,
+            "gRPC included, every packet and every ten minutes every mote's energy recorded. Square grid of 10 m, unit disk of"
+        )?;
+        writeln!(
+            f,
+            "25 m (20 neighbours), root in the middle, 20 roots in the middles of as many parts. From every mote a datagram"
+        )?;
+        writeln!(
+            f,
+            "of 60 bytes of payload every so many seconds to its root; routes live for 30 min. Peers: one process, measured"
+        )?;
+        writeln!(
+            f,
+            "elsewhere on a 2-core machine: 6TiSCH simulator with MSF, TSCH-Sim with Orchestra (1000: fixed two hops)."
+        )?;
+        writeln!(f)?;
+        writeln!(
+            f,
+            "{:>6} {:>5}  {:<9} {:>6} {:>9} {:>9} {:>9} {:>8} {:>9} {:>10} {:>8}  times faster",
+            "motes",
+            "roots",
+            "cells by",
+            "app s",
+            "formed s",
+            "forming",
+            "hour",
+            "PDR %",
+            "to reach",
+            "6TiSCH sim",
+            "TSCH-Sim"
+        )?;
+        for cell in &self.cells {
+            let Row { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s } =
+                cell.row;
+            let formed =
+                cell.formed_ns.map_or_else(|| "no".to_owned(), |ns| format!("{:.0}", seconds(ns)));
+            let peer_s = if sf == "msf" { simulator_s.or(tsch_sim_s) } else { tsch_sim_s };
+            writeln!(
+                f,
+                "{motes:>6} {roots:>5}  {sf:<9} {app_period_s:>6} {formed:>9} {:>9.3} {:>9.3} {:>8.2} {:>9} {:>10} {:>8}  {}",
+                cell.forming_s,
+                cell.hour_s,
+                100.0 * cell.n_delivered as f64 / (cell.n_delivered + cell.n_lost).max(1) as f64,
+                number(to_reach_s),
+                number(simulator_s),
+                number(tsch_sim_s),
+                peer_s.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / cell.hour_s)),
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roots_are_motes_and_none_comes_twice() {
+        for row in ROWS {
+            let mut roots = row.root_numbers();
+            assert!(roots.iter().all(|&root| root < row.motes));
+            roots.sort_unstable();
+            roots.dedup();
+            assert_eq!(roots.len(), row.roots as usize, "{row:?}");
+            assert_eq!(row.places().lines().count(), row.motes as usize + 1);
+        }
+    }
+
+    #[test]
+    fn every_row_is_a_configuration_that_is_accepted() {
+        for row in ROWS {
+            let folder = tempfile::tempdir().unwrap();
+            std::fs::write(folder.path().join("places.csv"), row.places()).unwrap();
+            let path = folder.path().join("bench.toml");
+            config::read(&path, row.config(), &Overrides::default()).unwrap();
+        }
+    }
+}

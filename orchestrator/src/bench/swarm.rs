@@ -1,0 +1,185 @@
+//! The full protocols under a swarm: round-robin cells, everyone hears everyone.
+
+use super::{BenchOptions, number, quantile, side, steps};
+use crate::config::{self, Overrides, Plan};
+use crate::coupling::{Coupled, StepPlan};
+use crate::run::{RunError, start};
+use proto::types::{NS_PER_S, seconds};
+use serde_json::{Value, json};
+use std::fmt;
+use std::path::Path;
+
+/// A row, and the peers' figures (ms per control period, in one process, without RPC; measured elsewhere).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    pub(super) agents: u32,
+    /// BotNet with its 6TiSCH simulator; `None`: it does not form.
+    botnet_ms: Option<f64>,
+    /// The BotNet paper (arXiv 2108.13606).
+    paper_ms: Option<f64>,
+    to_reach_ms: f64,
+}
+
+const fn row(agents: u32, peers_ms: Option<[f64; 2]>, to_reach_ms: f64) -> Row {
+    let (botnet_ms, paper_ms) = match peers_ms {
+        Some([botnet_ms, paper_ms]) => (Some(botnet_ms), Some(paper_ms)),
+        None => (None, None),
+    };
+    Row { agents, botnet_ms, paper_ms, to_reach_ms }
+}
+
+pub(super) const ROWS: [Row; 6] = [
+    row(5, Some([3.1, 6.26]), 0.12),
+    row(10, Some([9.5, 21.5]), 0.15),
+    row(25, Some([51.5, 127.0]), 0.25),
+    row(50, Some([234.0, 496.0]), 0.5),
+    row(100, None, 2.0),
+    row(500, None, 40.0),
+];
+
+/// Rows of at most so many agents are measured where no table is asked for.
+pub(super) const SMALL: u32 = 100;
+
+/// Simulated time after which a network that has not formed is given up (ns).
+const LIMIT_NS: u64 = 14_400 * NS_PER_S;
+
+/// One measured row.
+#[derive(Clone, Debug)]
+struct Cell {
+    row: Row,
+    /// When the network had formed (ns of simulated time); `None`: it had not in time.
+    formed_ns: Option<u64>,
+    n_steps: usize,
+    median_ms: f64,
+    p90_ms: f64,
+}
+
+/// The measured table.
+#[derive(Clone, Debug)]
+pub(super) struct Table {
+    cells: Vec<Cell>,
+}
+
+fn plan(agents: u32) -> Result<Plan, RunError> {
+    let text = format!(
+        "[experiment]\nname = \"bench\"\nseed = 1\nduration_s = 1e6\nagents = {agents}\ncontrol_period = \"slotframe\"\n\
+         [robotsim.scenario]\nkind = \"square\"\n\
+         [robotsim.controller]\nkind = \"random-jump\"\narena = \"square\"\nside_m = 10.0\n\
+         [netsim]\nmode = \"6tisch\"\n[netsim.phy]\npropagation = \"full\"\n[netsim.sf]\nkind = \"rrsf\"\n\
+         [output]\nlinks = \"none\"\nreport = false\n"
+    );
+    Ok(config::read(Path::new("bench"), text, &Overrides::default())?)
+}
+
+/// Measures the rows of so many agents.
+pub(super) async fn bench(rows: &[Row], options: &BenchOptions) -> Result<Table, RunError> {
+    let mut cells = Vec::new();
+    for &row in rows {
+        let plan = plan(row.agents)?;
+        let mut coupled = start(&plan, &options.start, false).await?.coupled;
+        let measured = measure(&plan, &mut coupled, options.steps).await;
+        coupled.stop().await;
+        let (formed_ns, mut times_ms) = measured?;
+        times_ms.sort_by(f64::total_cmp);
+        cells.push(Cell {
+            row,
+            formed_ns,
+            n_steps: times_ms.len(),
+            median_ms: quantile(&times_ms, 0.5),
+            p90_ms: quantile(&times_ms, 0.9),
+        });
+    }
+    Ok(Table { cells })
+}
+
+/// When the network had formed, and the wall time of each control period after that (ms).
+async fn measure(
+    plan: &Plan,
+    coupled: &mut Coupled,
+    n_steps: Option<u64>,
+) -> Result<(Option<u64>, Vec<f64>), RunError> {
+    let formed_ns = form(coupled, plan.experiment.step_ns, LIMIT_NS).await?;
+    let times_ms = if formed_ns.is_some() {
+        steps(plan, coupled, &mut None, n_steps).await?
+    } else {
+        Vec::new()
+    };
+    Ok((formed_ns, times_ms))
+}
+
+/// Steps with robots that stand still until the network has formed. Returns when it had.
+async fn form(coupled: &mut Coupled, step_ns: u64, limit_ns: u64) -> Result<Option<u64>, RunError> {
+    while coupled.time_ns() < limit_ns {
+        let until_ns = coupled.time_ns() + step_ns;
+        coupled
+            .advance(StepPlan { until_ns, hold: true, ..StepPlan::default() })
+            .await
+            .map_err(side)?;
+        let formed_ns = coupled.formation().and_then(|formation| formation.formed_ns);
+        if formed_ns.is_some() {
+            return Ok(formed_ns);
+        }
+    }
+    Ok(None)
+}
+
+impl Table {
+    /// For programs.
+    pub(super) fn to_json(&self) -> Value {
+        let rows = self.cells.iter().map(|cell| {
+            json!({
+                "agents": cell.row.agents,
+                "formed_s": cell.formed_ns.map(seconds),
+                "steps": cell.n_steps,
+                "median_ms": cell.median_ms,
+                "p90_ms": cell.p90_ms,
+                "botnet_ms": cell.row.botnet_ms,
+                "paper_ms": cell.row.paper_ms,
+                "to_reach_ms": cell.row.to_reach_ms,
+            })
+        });
+        rows.collect()
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "Wall time per control period (ms), both processes and gRPC included: 6TiSCH with round-robin cells (RRSF),"
+        )?;
+        writeln!(
+            f,
+            "everyone hears everyone, 48 bytes from each robot in each period, after formation. Every robot jumps at random"
+        )?;
+        writeln!(
+            f,
+            "in a square of 10 m. BotNet: one process, no RPC, measured elsewhere on a 2-core machine; paper: as printed."
+        )?;
+        writeln!(f)?;
+        writeln!(
+            f,
+            "{:>6}  {:>9} {:>9} {:>9} {:>9} {:>14} {:>8}  times faster",
+            "agents", "formed s", "median", "90 %", "to reach", "BotNet", "paper"
+        )?;
+        for Cell { row, formed_ns, median_ms, p90_ms, .. } in &self.cells {
+            let Some(formed_ns) = formed_ns else {
+                writeln!(f, "{:>6}  does not form within {} s", row.agents, seconds(LIMIT_NS))?;
+                continue;
+            };
+            let botnet =
+                row.botnet_ms.map_or_else(|| "does not form".to_owned(), |ms| ms.to_string());
+            writeln!(
+                f,
+                "{:>6}  {:>9.1} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {botnet:>14} {:>8}  {}",
+                row.agents,
+                seconds(*formed_ns),
+                row.to_reach_ms,
+                number(row.paper_ms),
+                row.botnet_ms
+                    .map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / median_ms)),
+            )?;
+        }
+        Ok(())
+    }
+}

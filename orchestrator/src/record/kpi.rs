@@ -1,0 +1,212 @@
+//! Key performance indicators of a network with protocols. All of them are defined here, and nowhere else.
+//!
+//! | indicator | definition |
+//! |---|---|
+//! | delivery ratio | delivered / (delivered + dropped), application packets to one destination; those still on their way at the end count for neither |
+//! | latency | from when a packet was created to when it was delivered |
+//! | in flight | created less delivered and dropped: nothing is lost from the account |
+//! | first join, last join | among motes that joined, roots apart |
+//! | churn | changes of the preferred parent per mote and hour of being on |
+//! | duty cycle | time the radio sent or listened over the time the mote was on |
+//! | mean current | charge over the very time during which it was drawn: scanning counts on both sides of the fraction |
+//! | lifetime | charge of a new battery over the mean current; of the network: the shortest of a mote other than a root |
+//!
+//! Units are in the names. Quantiles are interpolated between neighbours.
+
+mod energy;
+mod packets;
+mod samples;
+
+pub(crate) use packets::Account;
+pub(crate) use samples::Samples;
+
+use super::period::Period;
+use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};
+use serde_json::{Map, Value, json};
+
+/// Charge of two AA cells (mAh), as the 6TiSCH simulator has it: where the network says nothing else in `battery_mah`.
+pub const BATTERY_MAH: f64 = 2821.5;
+
+/// The indicators of a run so far, and the latest states that reports show.
+#[derive(Clone, Debug, Default)]
+pub struct Kpis {
+    pub(crate) account: Account,
+    /// Formation as last told; `None`: the network has nothing to form.
+    pub(crate) formation: Option<Formation>,
+    /// Statistics when the network had formed, and the latest ones, each with its time (ns).
+    formed: Option<(u64, MoteStatistics)>,
+    latest: Option<(u64, MoteStatistics)>,
+    /// The motes as last told.
+    pub(crate) motes: MoteStates,
+    /// The schedules as last told.
+    pub(crate) schedule: Option<Schedule>,
+    /// Who has heard whom, as last told.
+    pub(crate) heard_links: Option<HeardLinks>,
+}
+
+impl Kpis {
+    /// Begins with what the network said of itself at time 0.
+    pub(crate) fn new(formation: Option<Formation>, statistics: Option<MoteStatistics>) -> Self {
+        let latest = statistics.map(|statistics| (0, statistics));
+        Self { formation, latest, ..Self::default() }
+    }
+
+    /// Adds a step.
+    pub(crate) fn add(&mut self, period: &Period<'_>) {
+        if let Some(packets) = period.packets {
+            self.account.add(packets);
+        }
+        if let Some(statistics) = period.statistics {
+            self.latest = Some((period.time_ns, statistics.clone()));
+            if self.is_formed() && self.formed.is_none() {
+                self.formed.clone_from(&self.latest);
+            }
+        }
+        // Told now, taken account of from the next step on: statistics of this step may not have been asked for yet.
+        self.formation = period.formation.cloned();
+        self.motes.clone_from(period.motes);
+        if let Some(schedule) = period.schedule {
+            self.schedule = Some(schedule.clone());
+        }
+        if let Some(links) = period.heard_links {
+            self.heard_links = Some(links.clone());
+        }
+    }
+
+    fn is_formed(&self) -> bool {
+        self.formation.as_ref().is_some_and(|formation| formation.formed_ns.is_some())
+    }
+
+    /// The latest statistics of all motes.
+    pub(crate) fn statistics(&self) -> Option<&MoteStatistics> {
+        self.latest.as_ref().map(|(_, statistics)| statistics)
+    }
+
+    /// Whether the mote is the root of a routing graph.
+    pub(crate) fn is_root(&self, mote: usize) -> bool {
+        let column = self.statistics().and_then(|statistics| statistics.column("is_root"));
+        column.and_then(|column| column.get(mote)).is_some_and(|value| value != 0.0)
+    }
+
+    /// Whether there is anything to tell.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.formation.is_none() && self.latest.is_none() && self.account.is_empty()
+    }
+
+    /// For `summary.json`; null of a network without protocols.
+    pub(crate) fn summary(&self) -> Value {
+        if self.is_empty() {
+            return Value::Null;
+        }
+        let n = self.motes.alive.len();
+        let whole = energy::of(self, None, n);
+        let since = self.formed.as_ref().map(|(_, formed)| energy::of(self, Some(formed), n));
+        json!({
+            "formation": self.formation.as_ref().map(formation),
+            "joining": self.joining(n),
+            "delivery": self.account.delivery(|_| true),
+            "delivery_upward": self.account.delivery(|mote| self.is_root(mote)),
+            "packets": self.account.by_kind(),
+            "routing": self.routing(n),
+            "energy": whole.as_ref().map(energy::Energy::summary),
+            "energy_since_formation": since.flatten().as_ref().map(energy::Energy::summary),
+            "motes": self.per_mote(n, whole.as_ref()),
+        })
+    }
+
+    /// What should be checked before the figures are trusted.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        self.account.warnings()
+    }
+
+    /// The values of a statistic, of motes for which it is known.
+    fn known(&self, name: &str, n: usize, with_roots: bool) -> Vec<f64> {
+        let column = self.statistics().and_then(|statistics| statistics.column(name));
+        (0..n)
+            .filter(|&mote| with_roots || !self.is_root(mote))
+            .filter_map(|mote| column.and_then(|column| column.get(mote)))
+            .collect()
+    }
+
+    fn joining(&self, n: usize) -> Value {
+        let of = |name: &str| {
+            let times = Samples::of(self.known(name, n, false));
+            (!times.is_empty()).then(|| {
+                json!({
+                    "motes": times.len(),
+                    "first_s": times.quantile(0.0).map(in_seconds),
+                    "mean_s": times.mean().map(in_seconds),
+                    "median_s": times.quantile(0.5).map(in_seconds),
+                    "p99_s": times.quantile(0.99).map(in_seconds),
+                    "last_s": times.quantile(1.0).map(in_seconds),
+                })
+            })
+        };
+        json!({ "synced": of("first_synced_ns"), "joined": of("first_joined_ns") })
+    }
+
+    fn routing(&self, n: usize) -> Value {
+        let changes = self.known("parent_changes", n, true);
+        let total: f64 = changes.iter().sum();
+        let on_h: f64 =
+            self.known("up_ns", n, false).iter().map(|&ns| in_seconds(ns) / 3600.0).sum();
+        json!({
+            "parent_changes": (!changes.is_empty()).then_some(total),
+            "churn_per_mote_hour": (!changes.is_empty() && 0.0 < on_h).then(|| total / on_h),
+        })
+    }
+
+    /// Columns, one entry per mote; a column that nobody has a value in is left out.
+    fn per_mote(&self, n: usize, energy: Option<&energy::Energy>) -> Value {
+        let mut columns = Map::new();
+        let mut add = |name: &str, value: &dyn Fn(usize) -> Option<f64>| {
+            let values: Vec<Option<f64>> = (0..n).map(value).collect();
+            if values.iter().any(Option::is_some) {
+                columns.insert(name.to_owned(), json!(values));
+            }
+        };
+        let statistic = |name: &str, mote: usize| {
+            self.statistics().and_then(|statistics| statistics.column(name)?.get(mote))
+        };
+        let of_mote = |mote: usize| self.account.of_mote(mote);
+        add("is_root", &|mote| statistic("is_root", mote));
+        add("first_synced_s", &|mote| statistic("first_synced_ns", mote).map(in_seconds));
+        add("first_joined_s", &|mote| statistic("first_joined_ns", mote).map(in_seconds));
+        add("delivered", &|mote| of_mote(mote).map(|packets| packets.delivered as f64));
+        add("dropped", &|mote| of_mote(mote).map(|packets| packets.dropped as f64));
+        add("delivery_ratio", &|mote| of_mote(mote)?.ratio());
+        add("mean_latency_s", &|mote| of_mote(mote)?.mean_latency_s());
+        add("mean_hops", &|mote| of_mote(mote)?.mean_hops());
+        add("parent_changes", &|mote| statistic("parent_changes", mote));
+        add("queue_drops", &|mote| statistic("queue_drops", mote));
+        add("charge_uc", &|mote| statistic("charge_uc", mote));
+        if let Some(energy) = energy {
+            add("mean_current_ua", &|mote| energy.current_ua[mote]);
+            add("duty_cycle", &|mote| energy.duty_cycle[mote]);
+            add("lifetime_years", &|mote| {
+                energy.current_ua[mote]
+                    .filter(|_| !self.is_root(mote))
+                    .and_then(|current_ua| energy.lifetime_years(current_ua))
+            });
+        }
+        Value::Object(columns)
+    }
+}
+
+fn formation(formation: &Formation) -> Value {
+    let by_reason: Map<String, Value> =
+        formation.by_reason().map(|(words, motes)| (words.to_owned(), json!(motes))).collect();
+    json!({
+        "formed": formation.formed_ns.is_some(),
+        "formed_s": formation.formed_ns.map(seconds),
+        "missing": formation.missing.len(),
+        "missing_by_reason": by_reason,
+    })
+}
+
+fn in_seconds(ns: f64) -> f64 {
+    ns / 1e9
+}
+
+#[cfg(test)]
+mod tests;

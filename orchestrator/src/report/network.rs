@@ -1,0 +1,304 @@
+//! Pictures of a network with protocols: who hears whom, the routing graph, the schedule, delivery and latency. Each is
+//! there only if the network said what it shows.
+
+use super::figures::{Figure, HALF, HALF_HEIGHT, WIDE, equal_scales};
+use super::svg::{Axis, Chart};
+use super::text::{chosen, count, counted, number, percent};
+use crate::record::{Kpis, Measures};
+use proto::types::{Schedule, seconds};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+/// All pictures for which there is something to show.
+pub(super) fn of_run(measures: &Measures) -> Vec<Figure> {
+    let kpis = &measures.kpis;
+    let places = &measures.trajectories.ends[1];
+    let mut figures = Vec::new();
+    figures.extend(connectivity(kpis, places));
+    figures.extend(routing_graph(kpis, places));
+    figures.extend(schedules(kpis));
+    figures.extend(delivery_over_time(kpis));
+    figures.extend(latency(kpis));
+    figures
+}
+
+/// Where the motes are at the end; `None` for those that do not exist.
+type Places = [Option<[f64; 2]>];
+
+/// A plan of all motes, on which lines between them are drawn.
+fn plan(places: &Places) -> Chart {
+    let span = |axis: usize| {
+        places.iter().flatten().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
+            [low.min(place[axis]), high.max(place[axis])]
+        })
+    };
+    let (x, y, height) = equal_scales(span(0), span(1));
+    Chart::new(x, y, WIDE, height)
+}
+
+fn between(places: &Places, a: u32, b: u32) -> Option<[[f64; 2]; 2]> {
+    let place = |mote: u32| places.get(mote as usize).copied().flatten();
+    Some([place(a)?, place(b)?])
+}
+
+fn connectivity(kpis: &Kpis, places: &Places) -> Option<Figure> {
+    let links = kpis.heard_links.as_ref().filter(|links| !links.receiver.is_empty())?;
+    let mut pairs: BTreeMap<(u32, u32), bool> = BTreeMap::new();
+    for (&receiver, &sender) in links.receiver.iter().zip(&links.sender) {
+        let pair = (receiver.min(sender), receiver.max(sender));
+        pairs.entry(pair).and_modify(|both| *both = true).or_insert(false);
+    }
+    let every = pairs.len().div_ceil(MAX_LINES);
+    let drawn = |wanted: bool| {
+        pairs
+            .iter()
+            .step_by(every)
+            .filter(move |&(_, &both)| both == wanted)
+            .filter_map(|(&(a, b), _)| between(places, a, b))
+    };
+    let mut chart = plan(places);
+    chart.segments("link", drawn(true));
+    chart.segments("link one-way", drawn(false));
+    chart.dots("end", places.iter().copied().flatten());
+    let n = places.iter().flatten().count();
+    let n_both = pairs.values().filter(|&&both| both).count();
+    let thinned = if 1 < every { format!(" One of {every} is drawn.") } else { String::new() };
+    let sentence = format!(
+        "Which motes have heard each other: {}, {} of them both ways, {} neighbours a mote on average; drawn where they are at the end.{thinned}",
+        counted(pairs.len() as u64, "pair"),
+        count(n_both as u64),
+        number(2.0 * pairs.len() as f64 / n.max(1) as f64)
+    );
+    let mut key = vec![("end", "mote"), ("link", "both have heard each other")];
+    if n_both < pairs.len() {
+        key.push(("link one-way", "one has heard the other"));
+    }
+    let svg = chart.finish("connectivity", "Connectivity", &sentence);
+    Some(Figure { title: "Connectivity", sentence, key, svg, is_wide: true })
+}
+
+fn routing_graph(kpis: &Kpis, places: &Places) -> Option<Figure> {
+    let parents = &kpis.motes.parent;
+    let n_with_parent = parents.iter().filter(|&&parent| parent != u32::MAX).count();
+    if n_with_parent == 0 {
+        return None;
+    }
+    let mut chart = plan(places);
+    chart.segments(
+        "link",
+        (0..).zip(parents).filter_map(|(mote, &parent)| between(places, mote, parent)),
+    );
+    let has_parent = |mote: usize| parents.get(mote).is_some_and(|&parent| parent != u32::MAX);
+    let of = |wanted: bool| {
+        let chosen = places.iter().enumerate().filter(move |&(mote, _)| has_parent(mote) == wanted);
+        chosen.filter_map(|(_, place)| *place)
+    };
+    chart.dots("end", of(true));
+    chart.dots("start", of(false));
+    for (mote, place) in places.iter().enumerate().filter(|&(mote, _)| kpis.is_root(mote)) {
+        if let Some(place) = *place {
+            chart.ring("start-leader", place, 6.0);
+            chart.label("leader", place, &format!("root {mote}"));
+        }
+    }
+    let depths = depths(parents);
+    let depth = depths.iter().flatten().max().copied().unwrap_or(0);
+    let sentence = format!(
+        "Whom each mote has chosen as parent at the end: {} of {} motes have one, and the deepest is {} from its root.",
+        count(n_with_parent as u64),
+        count(parents.len() as u64),
+        counted(depth as u64, "hop"),
+    );
+    let key =
+        vec![("end", "mote with a parent"), ("start", "mote without"), ("link", "to the parent")];
+    let svg = chart.finish("routing", "Routing graph", &sentence);
+    Some(Figure { title: "Routing graph", sentence, key, svg, is_wide: true })
+}
+
+/// How many parents there are on the way up from each mote; `None` on a way that never ends.
+fn depths(parents: &[u32]) -> Vec<Option<usize>> {
+    let climb = |start: usize| {
+        let mut mote = start;
+        for depth in 0..=parents.len() {
+            match parents.get(mote) {
+                Some(&parent) if parent != u32::MAX => mote = parent as usize,
+                _ => return Some(depth),
+            }
+        }
+        None
+    };
+    (0..parents.len()).map(climb).collect()
+}
+
+/// A slotframe: who uses which of its places.
+#[derive(Default)]
+struct Used {
+    n_slots: u32,
+    /// Cells in which a mote may transmit.
+    n_cells: u64,
+    /// By slot and channel offset, how many motes may transmit there; 0: some listen, nobody may.
+    places: BTreeMap<(u32, u32), u64>,
+}
+
+fn schedules(kpis: &Kpis) -> Vec<Figure> {
+    let Some(cells) = kpis.schedule.as_ref() else { return Vec::new() };
+    let mut slotframes: BTreeMap<u32, Used> = BTreeMap::new();
+    for i in 0..cells.len() {
+        let used = slotframes.entry(cells.slotframe[i]).or_default();
+        used.n_slots = used.n_slots.max(cells.slotframe_slots[i]);
+        let n = used.places.entry((cells.slot[i], cells.channel_offset[i])).or_default();
+        if transmits(cells, i) {
+            used.n_cells += 1;
+            *n += 1;
+        }
+    }
+    // Those with most to see; a cell that all have needs no picture where there is anything else.
+    let mut by_places: Vec<u32> = slotframes.keys().copied().collect();
+    by_places.sort_by_key(|handle| std::cmp::Reverse(slotframes[handle].places.len()));
+    let mut drawn: Vec<u32> = by_places
+        .iter()
+        .enumerate()
+        .filter(|&(rank, handle)| {
+            rank == 0 || (rank < MAX_SLOTFRAMES && 1 < slotframes[handle].places.len())
+        })
+        .map(|(_, &handle)| handle)
+        .collect();
+    drawn.sort_unstable();
+    let not_drawn: Vec<String> = slotframes
+        .iter()
+        .filter(|(handle, _)| !drawn.contains(handle))
+        .map(|(handle, used)| {
+            let n = used.places.len() as u64;
+            format!("slotframe {handle} of {} slots ({})", used.n_slots, counted(n, "place"))
+        })
+        .collect();
+    let mut figures: Vec<Figure> =
+        drawn.iter().map(|handle| slotframe(*handle, &slotframes[handle])).collect();
+    if let (Some(last), false) = (figures.last_mut(), not_drawn.is_empty()) {
+        let _ = write!(last.sentence, " Not drawn: {}.", not_drawn.join(", "));
+    }
+    figures
+}
+
+fn slotframe(handle: u32, used: &Used) -> Figure {
+    let n_channels = used.places.keys().map(|&(_, channel)| channel + 1).max().unwrap_or(1);
+    let x = Axis::new("slot offset", 0.0, f64::from(used.n_slots)).whole();
+    let y = Axis::new("channel offset", 0.0, f64::from(n_channels)).whole();
+    let plane_height = (15.0 * f64::from(n_channels)).clamp(60.0, 240.0);
+    let mut chart = Chart::new(x, y, WIDE, Chart::with_plane_height(plane_height));
+    let places = |wanted: std::ops::RangeInclusive<u64>| {
+        let chosen = used.places.iter().filter(move |&(_, n)| wanted.contains(n));
+        chosen.map(|(&(slot, channel), _)| {
+            let (x, y) = (f64::from(slot), f64::from(channel));
+            [[x, y], [x + 1.0, y + 1.0]]
+        })
+    };
+    let (idle, one, several) = (places(0..=0), places(1..=1), places(2..=u64::MAX));
+    let [n_idle, n_one, n_several] =
+        [idle.clone(), one.clone(), several.clone()].map(|places| places.count() as u64);
+    chart.rectangles("cell idle", idle);
+    chart.rectangles("cell", one);
+    chart.rectangles("cell several", several);
+    let n_places = n_one + n_several;
+    let slots = format!("slotframe {handle} of {} slots", count(u64::from(used.n_slots)));
+    let listened = match n_idle {
+        0 => String::new(),
+        n => format!("at {} motes listen, where nobody may transmit now", counted(n, "place")),
+    };
+    let sentence = if n_places == 0 {
+        format!("In {slots}, {listened}.")
+    } else {
+        format!(
+            "Where motes may transmit in {slots}: {} at {}, {} of which several motes share{}{listened}.",
+            counted(used.n_cells, "cell"),
+            counted(n_places, "place"),
+            count(n_several),
+            if n_idle == 0 { "" } else { "; " },
+        )
+    };
+    let key = [
+        (n_one, ("cell", "one mote may transmit")),
+        (n_several, ("cell several", "several may")),
+        (n_idle, ("cell idle", "motes listen, nobody may transmit now")),
+    ];
+    let key = key.into_iter().filter(|&(n, _)| n != 0).map(|(_, key)| key).collect();
+    let svg = chart.finish(&format!("schedule-{handle}"), "Schedule", &sentence);
+    Figure { title: "Schedule", sentence, key, svg, is_wide: true }
+}
+
+/// Whether a mote may transmit in the cell.
+fn transmits(cells: &Schedule, cell: usize) -> bool {
+    cells.options[cell] & 1 != 0
+}
+
+fn delivery_over_time(kpis: &Kpis) -> Option<Figure> {
+    let timeline = &kpis.account.over_time;
+    let [delivered, dropped] =
+        timeline.bins.iter().fold([0, 0], |sum, bin| [sum[0] + bin[0], sum[1] + bin[1]]);
+    if delivered + dropped == 0 {
+        return None;
+    }
+    let bin_s = seconds(timeline.bin_ns);
+    let x = Axis::new("simulated time (s)", 0.0, timeline.bins.len() as f64 * bin_s);
+    let mut chart = Chart::new(x, Axis::new("delivered", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
+    chart.line(
+        "line",
+        (0..).zip(&timeline.bins).map(|(index, &[delivered, dropped])| {
+            let ended = delivered + dropped;
+            let middle_s = (f64::from(index) + 0.5) * bin_s;
+            (ended != 0).then(|| [middle_s, delivered as f64 / ended as f64])
+        }),
+    );
+    let sentence = format!(
+        "Which share of the application packets that ended within {} s reached its destination: {} of {} over all.",
+        chosen(bin_s),
+        percent(delivered as f64 / (delivered + dropped) as f64),
+        count(delivered + dropped)
+    );
+    let key = vec![("line", "delivered, of those delivered or dropped")];
+    let svg = chart.finish("packets", "Packets delivered over time", &sentence);
+    Some(Figure { title: "Packets delivered over time", sentence, key, svg, is_wide: false })
+}
+
+fn latency(kpis: &Kpis) -> Option<Figure> {
+    let latencies_s = kpis.account.latencies_s();
+    let [Some(median), Some(p99), Some(longest)] = latencies_s.quantiles([0.5, 0.99, 1.0]) else {
+        return None;
+    };
+    let ascending = latencies_s.ascending();
+    let x = Axis::new("from creation to delivery (s)", 0.0, p99.max(1e-3) * 1.1);
+    let mut chart = Chart::new(x, Axis::new("packets", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
+    let n = ascending.len();
+    let every = n.div_ceil(MAX_POINTS);
+    let points = (0..n).step_by(every).map(|i| [ascending[i], (i + 1) as f64 / n as f64]);
+    chart.line("line", points.filter(|point| point[0] <= p99 * 1.1).map(Some));
+    chart.level(0.5, "median");
+    let sentence = format!(
+        "How many of the packets delivered had arrived after how long: half of them after {} s, 99 % after {} s, all after {} s.",
+        number(median),
+        number(p99),
+        number(longest)
+    );
+    let key = vec![("line", "share delivered by then")];
+    let svg = chart.finish("latency", "Latency", &sentence);
+    Some(Figure { title: "Latency", sentence, key, svg, is_wide: false })
+}
+
+/// Most lines of a plan.
+const MAX_LINES: usize = 8000;
+/// Most slotframes drawn.
+const MAX_SLOTFRAMES: usize = 4;
+/// Most points of a line.
+const MAX_POINTS: usize = 500;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_way_up_is_counted_and_a_loop_has_no_depth() {
+        let none = u32::MAX;
+        assert_eq!(depths(&[none, 0, 1, 0]), [Some(0), Some(1), Some(2), Some(1)]);
+        assert_eq!(depths(&[1, 0, none, 1]), [None, None, Some(0), None]);
+    }
+}
