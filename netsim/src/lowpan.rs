@@ -2,7 +2,7 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | [`drop`] | why packets end |
+//! | [`mod@drop`] | why packets end |
 //! | [`headers`] | whether a datagram is for this mote or goes on |
 //!
 //! A datagram that fits a frame passes as it is. A larger one is cut (RFC 4944, § 5.3), and either put together at every hop

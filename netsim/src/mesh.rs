@@ -3,14 +3,14 @@
 //! | module | what |
 //! |---|---|
 //! | [`network`] | the network as a whole: what a step brings in, and what it reports |
-//! | [`slot`] | one slot: ask, resolve, tell |
+//! | `slot` | one slot: ask, resolve, tell |
 //! | `hush` | who is known not to listen |
 //! | [`calendar`] | in which slot which mote has something to do |
 //! | [`settings`] | what all motes have in common |
 //! | [`addresses`] | which mote has which address |
 //! | [`packets`] | packets from end to end |
-//! | [`payloads`], [`inbox`] | the swarm's payloads: from robots to queues, and from the air to robots |
-//! | [`orders`] | faults, jamming and traffic from outside |
+//! | `payloads`, [`inbox`] | the swarm's payloads: from robots to queues, and from the air to robots |
+//! | `orders` | faults, jamming and traffic from outside |
 //! | [`records`], [`capture`] | what is reported |
 //!
 //! No slot is looked at in which nobody sends and no timer is due. Who listens is asked only where something is on the

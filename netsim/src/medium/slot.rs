@@ -3,7 +3,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`air`] | what is on the air, who listens, and what arrives where |
-//! | [`lock`] | one receiver among the frames that arrive at it |
+//! | `lock` | one receiver among the frames that arrive at it |
 //! | [`timing`] | when things happen within a slot |
 //!
 //! First [`SlotMedium::resolve`] says what became of the frames, then, once it is known who acknowledges which of them,
