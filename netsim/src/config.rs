@@ -209,7 +209,7 @@ pub fn commands(config: &Node) -> &'static [MoteCommandKind] {
     if table.get("mode").and_then(toml::Value::as_str) == Some(MODE_6TISCH) {
         &COMMANDS
     } else {
-        &[MoteCommandKind::Kill, MoteCommandKind::Revive, MoteCommandKind::Add]
+        &WITHOUT_PROTOCOLS
     }
 }
 
@@ -221,6 +221,10 @@ pub const COMMANDS: [MoteCommandKind; 5] = [
     MoteCommandKind::Jam,
     MoteCommandKind::Send,
 ];
+
+/// Orders that a network without protocols obeys.
+pub(crate) const WITHOUT_PROTOCOLS: [MoteCommandKind; 3] =
+    [MoteCommandKind::Kill, MoteCommandKind::Revive, MoteCommandKind::Add];
 
 /// The `mode` of the full network.
 const MODE_6TISCH: &str = "6tisch";

@@ -181,6 +181,13 @@ impl NetSimulator for Network {
         &config::COMMANDS
     }
 
+    fn obeys(&self, kind: MoteCommandKind) -> bool {
+        match self.running.as_ref().map(|running| &running.mode) {
+            Some(Mode::PropagationOnly(_)) => config::WITHOUT_PROTOCOLS.contains(&kind),
+            Some(Mode::Mesh(_)) | None => config::COMMANDS.contains(&kind),
+        }
+    }
+
     fn records() -> &'static [NetRecord] {
         &[
             NetRecord::Packets,

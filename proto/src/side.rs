@@ -186,8 +186,13 @@ pub trait NetSimulator: Send + 'static {
     /// JSON Schema of its configuration.
     fn config_schema_json() -> String;
 
-    /// Orders it obeys.
+    /// Orders it obeys in some configuration.
     fn commands() -> &'static [MoteCommandKind];
+
+    /// Whether it obeys such orders as it is configured.
+    fn obeys(&self, kind: MoteCommandKind) -> bool {
+        Self::commands().contains(&kind)
+    }
 
     /// Delivery columns it can fill in.
     fn columns() -> &'static [DeliveryColumn];

@@ -58,20 +58,25 @@ fn digest(n: usize, config: &str, seconds: u64) -> String {
 
 /// Motes, configuration, simulated time (s), digest.
 const CASES: &[(usize, &str, u64, &str)] = &[
-    (12, "phy.propagation = \"full\"\nsf.kind = \"rrsf\"", 600, ""),
+    (
+        12,
+        "phy.propagation = \"full\"\nsf.kind = \"rrsf\"",
+        600,
+        "837dd4219f0bd9dca1658db49abcc346c598e38dd9d336afcd64b91df8acbed2",
+    ),
     (
         25,
         "phy = { propagation = \"unit-disk\", radius_m = 25.0 }\nsf.kind = \"msf\"\nswarm.transport = \"none\"\n\
          [[app]]\nperiod_s = 20",
         1200,
-        "",
+        "09a74e332ac1e5b906703e3c1bb3a7c0cdb0cbb5bfcfffaf1da34d120c844516",
     ),
     (
         25,
-        "phy = { propagation = \"probabilistic-disk\", radius_m = 25.0 }\nsf.kind = \"orchestra\"\nmac.pending_bit = true\n\
+        "phy.propagation = \"experimental-randomness\"\nsf.kind = \"orchestra\"\nmac.pending_bit = true\n\
          swarm.transport = \"none\"\n[[app]]\nperiod_s = 20\npayload_bytes = 200",
         1200,
-        "",
+        "c6ecb38b47e9618d101248f22527c45564edc54d465625a1f8c41a99e90a0a89",
     ),
 ];
 

@@ -155,7 +155,7 @@ impl<S: NetSimulator> Lifecycle<S> {
         let states = convert::states(request.states, n)?;
         let payloads = convert::payloads(request.payloads, n)?;
         let moved_obstacles = convert::moved_obstacles(request.moved_obstacles)?;
-        let mut commands = obeyed::<S>(request.commands, n)?;
+        let mut commands = obeyed(&self.simulator, request.commands, n)?;
         commands.extend_from_slice(&active.pending);
         commands.sort_by(|a, b| a.source.cmp(&b.source));
         let records = convert::records(&request.records)?;
@@ -232,8 +232,8 @@ impl<S: NetSimulator> Lifecycle<S> {
         &mut self,
         request: v1::NetSimServiceCommandRequest,
     ) -> Result<v1::NetSimServiceCommandResponse, Status> {
-        let active = self.active()?;
-        let commands = obeyed::<S>(request.commands, active.ledger.agent_count())?;
+        let active = self.active.as_mut().ok_or_else(not_configured)?;
+        let commands = obeyed(&self.simulator, request.commands, active.ledger.agent_count())?;
         queue(&mut active.pending, commands)?;
         active.pending.sort_by(|a, b| a.source.cmp(&b.source));
         Ok(v1::NetSimServiceCommandResponse { applies_at_step: active.ledger.step + 1 })
@@ -282,17 +282,18 @@ impl<S: NetSimulator> Lifecycle<S> {
     }
 }
 
-/// Orders that are well formed and announced.
+/// Orders that are well formed and mean something to the simulator as it is configured.
 fn obeyed<S: NetSimulator>(
+    simulator: &S,
     messages: Vec<v1::MoteCommand>,
     n: usize,
 ) -> Result<Vec<MoteCommand>, Status> {
     let commands = convert::mote_commands(messages, n)?;
     for command in &commands {
         let kind = command.order.kind();
-        if !S::commands().contains(&kind) {
+        if !simulator.obeys(kind) {
             return Err(Status::unimplemented(format!(
-                "commands: {} does not obey {}",
+                "commands: {}, as it is configured, does not obey {}",
                 S::NAME,
                 kind.as_str_name()
             )));

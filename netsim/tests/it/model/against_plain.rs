@@ -25,6 +25,8 @@ fn without_counts(mote: &Mote) -> Mote {
     (mote.tally.n_tx, mote.tally.n_rx) = (0, 0);
     (mote.tally.n_tx_unicast, mote.tally.n_tx_acked) = (0, 0);
     mote.tally.n_retransmissions = 0;
+    // Each looks at a mote's changes in slots of its own.
+    mote.schedule.set_effective(0);
     mote
 }
 

@@ -140,7 +140,7 @@ impl Case {
             }
             let (_, ends_ns) = Self::span(&self.on_air[number as usize]);
             let share = 160_000.0 / (ends_ns - begins_ns) as f64;
-            let mut probability = arrival(number).reception_probability.powf(share);
+            let mut probability = libm::pow(arrival(number).reception_probability, share);
             // With one frame alone there is nothing to hide it.
             if rule.hides_preambles() && 1 < arriving.len() {
                 probability *= survival(number, 40);
