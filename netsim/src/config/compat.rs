@@ -14,7 +14,7 @@ pub struct Compat {
     pub eb_rule: bool,
     /// Headers have no length.
     pub no_frame_overhead: bool,
-    /// Trickle never suppresses.
+    /// Trickle never suppresses, and begins anew with every DIO.
     pub no_trickle_suppression: bool,
     /// Acknowledgments always arrive.
     pub perfect_acks: bool,
@@ -40,13 +40,17 @@ pub const SPEC: TableSpec = TableSpec {
         off(
             "eb_rule",
             "A mote whose queue is empty sends a beacon in an advertising cell with probability 0.33/(1 + n), n being the \
-             neighbours it has ever heard, in place of one every beacon_period_s.",
+             neighbours it has ever heard, be it while it looked for a network, in place of one every beacon_period_s.",
         ),
         off(
             "no_frame_overhead",
             "Headers have no length: a datagram is as long as its payload, and is sent in parts only beyond 90 bytes.",
         ),
-        off("no_trickle_suppression", "Trickle's counter never suppresses a DIO."),
+        off(
+            "no_trickle_suppression",
+            "Trickle's counter never suppresses a DIO, and every DIO that leaves a mote with a parent begins the mote's \
+             shortest interval anew.",
+        ),
         off("perfect_acks", "Acknowledgments are never lost and never collide."),
         off(
             "stale_rank",

@@ -35,6 +35,8 @@ pub struct Tsch {
     in_flight: bool,
     backoff: Backoff,
     neighbours: Neighbours,
+    /// Whether a new search for a network begins without them.
+    forgets_neighbours: bool,
     next_sequence: u8,
     beacons: Beacons,
     extra: Option<Extra>,
@@ -69,6 +71,7 @@ impl Tsch {
             in_flight: false,
             backoff: Backoff::new(config.min_exponent, config.max_exponent),
             neighbours: Neighbours::default(),
+            forgets_neighbours: config.beacon_probability.is_none(),
             next_sequence: 0,
             beacons: Beacons::default(),
             extra: None,
@@ -148,7 +151,9 @@ impl Tsch {
 
     fn reset(&mut self) -> Vec<Queued> {
         self.backoff.clear();
-        self.neighbours = Neighbours::default();
+        if self.forgets_neighbours {
+            self.neighbours = Neighbours::default();
+        }
         self.beacons = Beacons::default();
         self.extra = None;
         self.queue.take_where(|_| true)
@@ -373,6 +378,11 @@ impl Tsch {
                 }),
             },
         }
+    }
+
+    /// A frame was heard that is of no use, but for knowing that its sender is there.
+    pub fn hear(&mut self, from: Eui64, sequence: Option<u8>, asn: u64) {
+        self.neighbours.hear(from, sequence, false, asn);
     }
 
     /// A frame was received. `sequence`: its number; beacons have none. `source_ns`: how far the sender's clock is off.

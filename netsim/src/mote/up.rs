@@ -38,7 +38,12 @@ impl Mote {
     pub fn handle_frame(&mut self, world: &mut World<'_>, arrived: &Arrived<'_>) -> Verdict {
         let frame = arrived.frame;
         let from = frame.source;
+        let is_beacon = matches!(frame.content, Content::Beacon(_));
+        let sequence = (!is_beacon).then_some(frame.sequence);
         if self.mac.is_scanning() {
+            if world.settings.compat.eb_rule {
+                self.mac.hear(from, sequence, world.asn);
+            }
             if let Content::Beacon(beacon) = &frame.content {
                 let config = &world.settings.mac;
                 self.wants_sync =
@@ -46,12 +51,11 @@ impl Mote {
             }
             return Verdict { acknowledge: false, deliver: false };
         }
-        let is_beacon = matches!(frame.content, Content::Beacon(_));
         let verdict = self.mac.handle_frame(
             &world.settings.mac,
             from,
             frame.destination,
-            (!is_beacon).then_some(frame.sequence),
+            sequence,
             world.asn,
             arrived.source_ns,
         );

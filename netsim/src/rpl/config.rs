@@ -110,7 +110,7 @@ pub struct Config {
     pub max_dao_targets: u8,
     /// Routes that a router keeps; 0: any number. Beyond, advertisements are rejected.
     pub max_routes: u32,
-    /// For comparison with a peer (its Q19): DIOs heard never make one's own superfluous.
+    /// For comparison with a peer (its Q19): DIOs heard never make one's own superfluous, but put it off.
     pub no_trickle_suppression: bool,
     /// For comparison with a peer (its Q22): rank stays when the parent's changes.
     pub stale_rank: bool,

@@ -31,7 +31,10 @@ impl Rpl {
         }
         let before = self.place();
         self.select(now_ns, dice);
-        if self.place() == before {
+        if self.config.no_trickle_suppression && self.parent().is_some() {
+            // The peer joins the DODAG anew with every DIO it hears.
+            self.trickle.start_at_min(now_ns, dice);
+        } else if self.place() == before {
             self.judge_consistency(from, dio, says_the_same, now_ns, dice);
         }
     }
@@ -58,7 +61,6 @@ impl Rpl {
             self.reset_trickle(now_ns, dice);
         } else if dodag.dag_rank(dio.rank) < dodag.dag_rank(dodag.rank)
             && dio.version == dodag.version
-            && !self.config.no_trickle_suppression
             && (says_the_same || !self.parent_set(now_ns).contains(&from))
         {
             self.trickle.handle_consistent();

@@ -55,6 +55,21 @@ fn q19_rfc6550_8_3_dios_from_above_that_change_nothing_suppress_ones_own() {
 }
 
 #[test]
+fn q19_the_peer_puts_its_dio_off_with_every_one_it_hears() {
+    for no_trickle_suppression in [false, true] {
+        let mut bench = joined(Config { no_trickle_suppression, ..Bench::perfect() });
+        to_next_interval(&mut bench);
+        let mut sent = vec![];
+        for _ in 0..20 {
+            // From beside, within half the shortest interval of the one before.
+            bench.hear(2, &dio_of(0, 768));
+            sent.extend(bench.pass(4 * SECOND_NS));
+        }
+        assert_eq!(dio_ranks(&sent).is_empty(), no_trickle_suppression);
+    }
+}
+
+#[test]
 fn rfc6550_8_3_dios_from_below_or_beside_do_not_suppress() {
     let mut bench = joined(Bench::perfect());
     to_next_interval(&mut bench);

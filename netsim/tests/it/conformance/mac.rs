@@ -100,6 +100,22 @@ fn t8_beacons_keep_to_advertising_cells() {
     assert!(bench.frames.iter().any(|frame| frame.asn % 2 == 1), "other frames use the other cell");
 }
 
+#[test]
+fn with_the_simulators_rule_a_mote_counts_the_neighbours_it_had_before_it_lost_the_network() {
+    for is_on in [false, true] {
+        let config = settings(&format!("{FULL}[compat]\neb_rule = {is_on}\n")).mac;
+        let [root, other, own] = [0, 1, 2].map(Eui64::of_mote);
+        let mut mac = Tsch::new(&config, own, 2, false, 1);
+        mac.synchronise(&config, root, 0, 0);
+        for from in [root, other] {
+            mac.handle_frame(&config, from, None, Some(1), 1, 0);
+        }
+        assert_eq!(mac.neighbours().len(), 2);
+        mac.scan();
+        assert_eq!(mac.neighbours().len(), if is_on { 2 } else { 0 });
+    }
+}
+
 fn frame_to(neighbour: Eui64, packet: u64) -> Queued {
     Queued {
         frame: FrameRepr {
