@@ -28,6 +28,74 @@ pub fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
+/// The mean.
+///
+/// # Panics
+///
+/// If there are no values.
+#[must_use]
+pub fn mean(values: &[f64]) -> f64 {
+    assert_ne!(values.len(), 0, "no values have no mean");
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The standard deviation, with n - 1 in its denominator.
+#[must_use]
+pub fn deviation(values: &[f64]) -> f64 {
+    let mean = mean(values);
+    let sum: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    (sum / (values.len() as f64 - 1.0)).sqrt()
+}
+
+/// What a figure of our runs, and the same figure of as many as another program had, come to by chance: 4000 draws of
+/// either from our runs.
+#[derive(Clone, Debug)]
+pub struct Resampled {
+    own: Vec<f64>,
+    other: Vec<f64>,
+}
+
+impl Resampled {
+    /// Of `values`, one per run, as many for ourselves and `n_runs` for the other program.
+    #[must_use]
+    pub fn of(values: &[f64], n_runs: usize, figure: impl Fn(&[f64]) -> f64) -> Self {
+        let draws = Draws::new(1, Purpose::RecordSample);
+        let resampled = |n: usize, draw: u64, side: u64| {
+            let pick = |k| values[(draws.uniform(draw, side, k) * values.len() as f64) as usize];
+            figure(&(0..n as u64).map(pick).collect::<Vec<_>>())
+        };
+        Self {
+            own: (0..4000).map(|draw| resampled(values.len(), draw, 0)).collect(),
+            other: (0..4000).map(|draw| resampled(n_runs, draw, 1)).collect(),
+        }
+    }
+
+    /// Ours less the other's, if each run of the other came to `factor` times as much.
+    fn differences(&self, factor: f64) -> Vec<f64> {
+        self.own.iter().zip(&self.other).map(|(own, other)| own - factor * other).collect()
+    }
+
+    /// How often [`Comparison::agrees`] would be false if each run of the other came to `factor` times as much: the power
+    /// of the comparison.
+    #[must_use]
+    pub fn power(&self, factor: f64) -> f64 {
+        let chance = self.differences(1.0);
+        let [low, high] = [0.025, 0.975].map(|share| quantile(&chance, share));
+        let differences = self.differences(factor);
+        let n_outside = differences.iter().filter(|&&d| d < low || high < d).count();
+        n_outside as f64 / differences.len() as f64
+    }
+
+    /// The largest factor below 1 and the smallest above, in steps of 0.05, for which that is so in four of five cases.
+    /// `None`: for none down to 0, up to 5.
+    #[must_use]
+    pub fn detectable(&self) -> [Option<f64>; 2] {
+        let is_found = |factor: &f64| 0.8 <= self.power(*factor);
+        let step = |k: i32| f64::from(20 + k) / 20.0;
+        [(1..=20).map(|k| step(-k)).find(is_found), (1..=80).map(step).find(is_found)]
+    }
+}
+
 /// A quantile that was measured elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
@@ -63,16 +131,20 @@ impl Comparison {
     #[must_use]
     pub fn of(values: &[f64], measured: Measured) -> Self {
         let Measured { value, rounding, share, n_runs } = measured;
-        let draws = Draws::new(1, Purpose::RecordSample);
-        let resampled = |n: usize, draw: u64, side: u64| {
-            let pick = |k| values[(draws.uniform(draw, side, k) * values.len() as f64) as usize];
-            quantile(&(0..n as u64).map(pick).collect::<Vec<_>>(), share)
-        };
-        let chance: Vec<f64> = (0..4000)
-            .map(|draw| resampled(values.len(), draw, 0) - resampled(n_runs, draw, 1))
-            .collect();
-        let own = quantile(values, share);
-        let difference = own - value;
+        let figure = |of: &[f64]| quantile(of, share);
+        Self::by(&Resampled::of(values, n_runs, figure), figure(values), value, rounding)
+    }
+
+    /// Compares the mean of `values`, one per run, with that of `n_runs` measured ones, in the same way. `rounding`: half a
+    /// unit of its last digit.
+    #[must_use]
+    pub fn of_means(values: &[f64], measured: f64, rounding: f64, n_runs: usize) -> Self {
+        Self::by(&Resampled::of(values, n_runs, mean), mean(values), measured, rounding)
+    }
+
+    fn by(resampled: &Resampled, own: f64, measured: f64, rounding: f64) -> Self {
+        let chance = resampled.differences(1.0);
+        let difference = own - measured;
         let share_of = |holds: &dyn Fn(f64) -> bool| {
             chance.iter().filter(|&&c| holds(c)).count() as f64 / chance.len() as f64
         };
