@@ -66,8 +66,8 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "keep_alive_s",
-            doc: "A mote that has not heard its time source for so long sends it a frame (s); 0: clocks are not kept, \
-                  nobody loses synchronisation. 10: the 6TiSCH simulator's.",
+            doc: "A mote that has not heard its time source for so long sends it a frame (s); 0: clocks are not kept and \
+                  nobody loses synchronisation, which needs max_drift_ppm = 0. 10: the 6TiSCH simulator's.",
             kind: Kind::Number(Range::closed(0.0, 1e5)),
             default: Default::Number(10.0),
         },
@@ -80,7 +80,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "max_drift_ppm",
-            doc: "Greatest error of a clock's rate (ppm); each mote's is uniform up to it.",
+            doc: "Greatest error of a clock's rate (ppm); each mote's is uniform up to it. 0: clocks are always right.",
             kind: Kind::Number(Range::closed(0.0, 1e4)),
             default: Default::Number(30.0),
         },
@@ -131,6 +131,17 @@ pub(super) fn build(
             )
             .value(number("desynchronise_s"))
             .nearest(number("keep_alive_s") * 1.75),
+        );
+    }
+    // Nobody would put those clocks right, or notice how far off they are: motes would fall deaf for good.
+    if ns("keep_alive_s") == 0 && number("max_drift_ppm") != 0.0 {
+        problems.push(
+            Problem::new(
+                join(path, "max_drift_ppm"),
+                "must be 0 with keep_alive_s = 0: clocks that drift must be kept",
+            )
+            .value(number("max_drift_ppm"))
+            .nearest(0.0),
         );
     }
     Config {

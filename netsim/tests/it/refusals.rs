@@ -87,6 +87,14 @@ fn what_has_no_influence_is_warned_of() {
 }
 
 #[test]
+fn clocks_that_drift_must_be_kept() {
+    let drifting = "mode = \"6tisch\"\n[mac]\nkeep_alive_s = 0\n";
+    insta::assert_snapshot!(refusal_of(drifting), @r#"netsim.mac.max_drift_ppm: must be 0 with keep_alive_s = 0: clocks that drift must be kept, got 30 (nearest valid: 0)"#);
+    assert_eq!(refusal_of(&format!("{drifting}max_drift_ppm = 0\n")), "accepted");
+    assert_eq!(refusal_of("mode = \"6tisch\"\n"), "accepted");
+}
+
+#[test]
 fn the_effective_configuration_is_complete_and_means_the_same() {
     let (_, start) = started(&setup(10, ""));
     insta::assert_snapshot!(start.effective.to_string(), @r#"

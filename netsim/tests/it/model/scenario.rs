@@ -254,7 +254,7 @@ fn config(function: &str, radio: &str, n: usize, dice: &mut Dice) -> String {
         "pending_bit = true",
         "queue_frames = 4\nmax_retries = 2",
         "keep_alive_s = 2\ndesynchronise_s = 5\nmax_drift_ppm = 100",
-        "keep_alive_s = 0",
+        "keep_alive_s = 0\nmax_drift_ppm = 0",
     ]);
     let rpl = pick(&["", "mode = \"storing\"", "objective = \"mrhof\"", "dao_ack = false"]);
     let lowpan = pick(&["", "fragmentation = \"per-hop\"", "discard_after_last = true"]);
