@@ -150,6 +150,18 @@ pub(super) fn build(
         apps.extend(app::Spec::read(table, &path, given.agent_count as u32, problems));
     }
     let (energy, battery_mah) = energy::build(section("energy"));
+    let rpl = rpl::build(section("rpl"), compat);
+    let join = admission::build(section("join"));
+    if join.secure && !rpl.advertises && roots.len() + 1 < given.agent_count {
+        warnings.push(format!(
+            "{}: without routes down the registrar's answers reach only motes that hear a root and join through it; \
+             others, who ask through a join proxy, are never admitted: set {} = \
+             false or {} = true",
+            at("rpl.routes_down"),
+            at("join.secure"),
+            at("rpl.routes_down"),
+        ));
+    }
     let (Some(sf), Some(addresses), true) = (scheduling, addresses, problems.len() == n_before)
     else {
         return None;
@@ -165,9 +177,9 @@ pub(super) fn build(
         mac,
         sf,
         sixtop,
-        rpl: rpl::build(section("rpl"), compat),
+        rpl,
         lowpan: lowpan::build(section("lowpan")),
-        join: admission::build(section("join")),
+        join,
         apps,
         transport,
         energy,

@@ -95,6 +95,17 @@ fn clocks_that_drift_must_be_kept() {
 }
 
 #[test]
+fn admission_beyond_one_hop_without_routes_down_is_warned_of() {
+    let config = "mode = \"6tisch\"\n[rpl]\nroutes_down = false\n";
+    let warnings = |n, config: &str| started(&setup(n, config)).1.warnings.join("\n");
+    insta::assert_snapshot!(warnings(3, config), @r#"netsim.rpl.routes_down: without routes down the registrar's answers reach only motes that hear a root and join through it; others, who ask through a join proxy, are never admitted: set netsim.join.secure = false or netsim.rpl.routes_down = true"#);
+    // Nobody is further away than one hop, or nobody must be admitted, or the answers find their way.
+    assert_eq!(warnings(2, config), "");
+    assert_eq!(warnings(3, &format!("{config}[join]\nsecure = false\n")), "");
+    assert_eq!(warnings(3, "mode = \"6tisch\"\n"), "");
+}
+
+#[test]
 fn the_effective_configuration_is_complete_and_means_the_same() {
     let (_, start) = started(&setup(10, ""));
     insta::assert_snapshot!(start.effective.to_string(), @r#"
