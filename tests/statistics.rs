@@ -75,12 +75,12 @@ impl Resampled {
         self.own.iter().zip(&self.other).map(|(own, other)| own - factor * other).collect()
     }
 
-    /// How often [`Comparison::agrees`] would be false if each run of the other came to `factor` times as much: the power
+    /// How often a difference would be found at `level` if each run of the other came to `factor` times as much: the power
     /// of the comparison.
     #[must_use]
-    pub fn power(&self, factor: f64) -> f64 {
+    pub fn power(&self, factor: f64, level: f64) -> f64 {
         let chance = self.differences(1.0);
-        let [low, high] = [0.025, 0.975].map(|share| quantile(&chance, share));
+        let [low, high] = [level / 2.0, 1.0 - level / 2.0].map(|share| quantile(&chance, share));
         let differences = self.differences(factor);
         let n_outside = differences.iter().filter(|&&d| d < low || high < d).count();
         n_outside as f64 / differences.len() as f64
@@ -89,8 +89,8 @@ impl Resampled {
     /// The largest factor below 1 and the smallest above, in steps of 0.05, for which that is so in four of five cases.
     /// `None`: for none down to 0, up to 5.
     #[must_use]
-    pub fn detectable(&self) -> [Option<f64>; 2] {
-        let is_found = |factor: &f64| 0.8 <= self.power(*factor);
+    pub fn detectable(&self, level: f64) -> [Option<f64>; 2] {
+        let is_found = |factor: &f64| 0.8 <= self.power(*factor, level);
         let step = |k: i32| f64::from(20 + k) / 20.0;
         [(1..=20).map(|k| step(-k)).find(is_found), (1..=80).map(step).find(is_found)]
     }

@@ -12,7 +12,7 @@ use proto::config::parse;
 use proto::side::{NetInput, NetOutput, NetSimulator as _, Setup};
 use proto::site::Site;
 use proto::types::{
-    AgentStates, Coupling, Experiment, MoteStatistics, NS_PER_S, NetRecord, Payloads,
+    AgentStates, Coupling, Experiment, MoteStatistics, NS_PER_S, NetRecord, Payloads, Statistic,
 };
 use std::fmt;
 use tests::statistics::{Comparison, Resampled};
@@ -34,6 +34,11 @@ const COMPAT: [&str; 6] = [
 fn compat(on: &[&str]) -> String {
     let lines: String = on.iter().map(|key| format!("{key} = true\n")).collect();
     format!("[compat]\n{lines}")
+}
+
+/// All keys but one.
+fn without(key: &str) -> Vec<&'static str> {
+    COMPAT.into_iter().filter(|other| *other != key).collect()
 }
 
 /// A network whose motes stand still, without a swarm.
@@ -94,14 +99,24 @@ impl Standing {
         })
     }
 
+    /// A column of the statistics.
+    fn column<'a>(statistics: &'a MoteStatistics, name: &str) -> &'a Statistic {
+        let column = statistics.columns.iter().find(|column| column.name == name);
+        column.unwrap_or_else(|| panic!("a column {name}"))
+    }
+
     /// When (ns) each mote first did something, as a column of the statistics tells; `None`: it has not.
     fn first(statistics: &MoteStatistics, name: &str) -> Vec<Option<u64>> {
-        let column = statistics.columns.iter().find(|column| column.name == name);
-        let column = column.unwrap_or_else(|| panic!("a column {name}"));
+        let column = Self::column(statistics, name);
         let known = column.known.as_ref().expect("the moment may not have come yet");
         let values = column.values.iter().enumerate();
         values.map(|(mote, &ns)| known.get(mote).then_some(ns as u64)).collect()
     }
+}
+
+/// Digits behind the point with which a figure is printed.
+fn digits(value: f64) -> usize {
+    if value < 20.0 { 2 } else { 0 }
 }
 
 /// Comparisons of one test.
@@ -115,7 +130,7 @@ struct Row {
     measured: f64,
     n_runs: usize,
     compared: Comparison,
-    detectable: [Option<f64>; 2],
+    resampled: Resampled,
 }
 
 impl Group {
@@ -129,14 +144,19 @@ impl Group {
         measured: f64,
         compare: impl Fn(&[f64]) -> Comparison,
     ) {
-        let detectable = Resampled::of(values, n_runs, figure).detectable();
+        let resampled = Resampled::of(values, n_runs, figure);
         let what = what.to_owned();
-        self.rows.push(Row { what, measured, n_runs, compared: compare(values), detectable });
+        self.rows.push(Row { what, measured, n_runs, compared: compare(values), resampled });
+    }
+
+    /// Of each comparison: 5 % for all of them together.
+    fn level(&self) -> f64 {
+        0.05 / self.rows.len() as f64
     }
 
     /// No comparison is so improbable that one of as many would be for one choice of seeds in twenty.
     fn assert_agreement(&self) {
-        let level = 0.05 / self.rows.len() as f64;
+        let level = self.level();
         for row in &self.rows {
             assert!(level <= row.compared.probability, "{}\n{self}", row.what);
         }
@@ -151,10 +171,10 @@ impl fmt::Display for Group {
         )?;
         writeln!(f, "|---|---|---|---|---|---|---|")?;
         let factor = |of: Option<f64>| of.map_or("–".to_owned(), |of| format!("× {of:.2}"));
-        for Row { what, measured, n_runs, compared, detectable: [less, more] } in &self.rows {
+        for Row { what, measured, n_runs, compared, resampled } in &self.rows {
+            let [less, more] = resampled.detectable(self.level()).map(factor);
             let Comparison { own, interval: [low, high], probability } = compared;
-            let (less, more) = (factor(*less), factor(*more));
-            let digits = if 20.0 <= *measured { 0 } else { 2 };
+            let digits = digits(*measured);
             writeln!(
                 f,
                 "| {what} | {own:.digits$} | {measured:.digits$} | {n_runs} | {low:.digits$} to {high:.digits$} | \

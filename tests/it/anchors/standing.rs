@@ -1,13 +1,13 @@
 //! A sensor network over MSF for an hour, as the 6TiSCH simulator's default configuration has it.
 
-use super::{COMPAT, Group, NS_PER_S, NetRecord, Standing, compat};
+use super::{COMPAT, Group, NS_PER_S, NetRecord, Standing, compat, digits, without};
 use netsim::phy::propagation::friis::friis_dbm;
 use netsim::phy::reception::Curve as _;
 use netsim::phy::reception::table::Table;
 use proto::rng::{Draws, Purpose};
 use rayon::prelude::*;
 use std::fmt::Write as _;
-use tests::statistics::{Comparison, mean, quantile};
+use tests::statistics::{Comparison, mean, median, quantile};
 
 /// The simulator's settings that are not behaviour.
 const SETTINGS: &str = "[sf]\nkind = 'msf'\n\
@@ -175,4 +175,66 @@ fn with_the_simulators_behaviour_a_standing_network_has_the_simulators_figures()
     }
     println!("{group}");
     group.assert_agreement();
+}
+
+/// Runs of ours with and without a part of the simulator's behaviour, the same seeds.
+const N_PAIRS: u64 = 16;
+
+/// Of 16 pairs, chance puts so many or more on the side expected once in 478 times.
+const LEAST_PAIRS: usize = 14;
+
+/// What a part of the behaviour certainly moves when it is left out: random links or full ones, key, figure, and whether it
+/// rises then.
+const MOVED: [(bool, &str, &str, bool); 5] = [
+    (false, "no_frame_overhead", "latency, mean (s)", true),
+    (true, "no_frame_overhead", "latency, mean (s)", true),
+    (false, "stale_rank", "hops", true),
+    (true, "stale_rank", "hops", true),
+    (false, "eb_rule", "last mote joined (s)", false),
+];
+
+#[test]
+fn headers_cost_time_and_live_ranks_cost_hops() {
+    let names: Vec<&str> = FIGURES.iter().map(|&(name, _)| name).collect();
+    let mut table = format!(
+        "| links | without | {} | lost, worst run (‰) |\n|---|---|---|---|---|---|---|---|\n",
+        names.join(" | ")
+    );
+    let mut n_moved = 0;
+    for random in [false, true] {
+        let links = if random { "random" } else { "full" };
+        let hours = |on: &[&str]| -> Vec<Kpis> {
+            let config = format!("{SETTINGS}{}", compat(on));
+            (0..N_PAIRS).into_par_iter().map(|seed| hour(50, random, &config, seed)).collect()
+        };
+        let with = hours(&COMPAT);
+        let mut cases = vec![("–", with.clone())];
+        for key in COMPAT {
+            cases.push((key, hours(&without(key))));
+        }
+        cases.push(("any", hours(&[])));
+        for (key, kpis) in &cases {
+            write!(table, "| {links} | {key} ").unwrap();
+            for (name, read) in FIGURES {
+                let [values, before] =
+                    [kpis, &with].map(|kpis| kpis.iter().map(read).collect::<Vec<_>>());
+                let pairs = before.iter().zip(&values);
+                let n_more = pairs.filter(|(before, value)| before < value).count();
+                let (middle, digits) = (median(&values), digits(median(&values)));
+                write!(table, "| {middle:.digits$} ({n_more}) ").unwrap();
+                let is_expected = |moved: &&(bool, &str, &str, bool)| {
+                    (moved.0, moved.1, moved.2) == (random, *key, name)
+                };
+                if let Some(&(.., rises)) = MOVED.iter().find(is_expected) {
+                    let n_expected = if rises { n_more } else { N_PAIRS as usize - n_more };
+                    assert!(LEAST_PAIRS <= n_expected, "{key}: {name} in {n_expected}");
+                    n_moved += 1;
+                }
+            }
+            let most = kpis.iter().map(FIGURES[0].1).reduce(f64::max).unwrap();
+            writeln!(table, "| {most:.0} |").unwrap();
+        }
+    }
+    println!("{table}");
+    assert_eq!(n_moved, MOVED.len(), "{table}");
 }
