@@ -345,6 +345,7 @@ pub fn schema() -> serde_json::Value {
             },
             "timeline": {
                 "type": "array",
+                "description": "Orders to the network, each at its time.",
                 "items": section(&timeline::SPEC, false),
             },
             "output": section(&record::output::SPEC, false),

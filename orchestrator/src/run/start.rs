@@ -1,7 +1,7 @@
 //! Starting, connecting and configuring both sides.
 
 use super::RunError;
-use crate::config::{Plan, Refusal, SideConfig, Start, timeline};
+use crate::config::{EXPERIMENT, Plan, Refusal, SideConfig, Start, timeline};
 use crate::coupling::Coupled;
 use crate::peer::{Launch, Network, Peer, Reach, Robots, Service, SideError};
 use crate::record::{Configured, RunHeader, is_column_of_motes};
@@ -365,6 +365,11 @@ fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHeader {
     let mut config = plan.effective.clone();
     if let Some(experiment) = config.get_mut("experiment").and_then(toml::Value::as_table_mut) {
         experiment.insert("start".to_owned(), start.name().into());
+        // In the order in which the file made of it is read back.
+        let order: Vec<&str> = EXPERIMENT.fields.iter().map(|field| field.key).collect();
+        let mut entries: Vec<_> = std::mem::take(experiment).into_iter().collect();
+        entries.sort_by_key(|(key, _)| order.iter().position(|known| known == key));
+        experiment.extend(entries);
     }
     let rest: Vec<_> =
         ["timeline", "output"].map(|key| config.remove_entry(key)).into_iter().flatten().collect();
