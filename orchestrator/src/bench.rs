@@ -11,14 +11,16 @@ mod standing;
 mod swarm;
 
 use crate::config::{self, Overrides, Plan};
-use crate::coupling::{Coupled, StepPlan};
-use crate::record::{Ending, Recorder, Status, StepRecord};
+use crate::coupling::{Coupled, StepOutcome, StepPlan};
+use crate::record::{Configured, Ending, Recorder, RunHeader, Status, StepRecord};
 use crate::run::{RunError, StartOptions, start};
 use peers::{Figures, ROWS};
+use proto::types::NetRecord;
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
 
 /// What to measure.
 #[derive(Clone, Debug)]
@@ -220,21 +222,17 @@ async fn measure(
     let plan = plan(agents, model, mode)?;
     let started = start(&plan, &options.start, false).await?;
     let mut coupled = started.coupled;
-    let folder = tempfile::tempdir().map_err(|source| {
-        record_failed(crate::record::RecordError::Create { path: std::env::temp_dir(), source })
-    })?;
+    let folder = temporary_folder()?;
     let mut recorder = None;
     if mode == Mode::Recording {
-        let mut created = Recorder::create(folder.path(), started.header).map_err(record_failed)?;
-        created.configured(started.exchange).map_err(record_failed)?;
-        recorder = Some(created);
+        let path = folder.path().join("record");
+        recorder = Some(begin_record(&path, started.header, started.exchange)?);
     }
     let times_ms = steps(&plan, &mut coupled, &mut recorder, options.steps).await;
     coupled.stop().await;
     let mut times_ms = times_ms?;
     if let Some(recorder) = recorder {
-        let ending = Ending { status: Status::Complete, reason: None };
-        recorder.finish(&ending, Value::Null).map_err(record_failed)?;
+        end_record(recorder)?;
     }
     times_ms.sort_by(f64::total_cmp);
     Ok(Cell {
@@ -245,6 +243,57 @@ async fn measure(
         median_ms: quantile(&times_ms, 0.5),
         p90_ms: quantile(&times_ms, 0.9),
     })
+}
+
+fn temporary_folder() -> Result<TempDir, RunError> {
+    tempfile::tempdir().map_err(|source| {
+        record_failed(crate::record::RecordError::Create { path: std::env::temp_dir(), source })
+    })
+}
+
+fn begin_record(path: &Path, header: RunHeader, made: Configured) -> Result<Recorder, RunError> {
+    let mut recorder = Recorder::create(path, header).map_err(record_failed)?;
+    recorder.configured(made).map_err(record_failed)?;
+    Ok(recorder)
+}
+
+fn end_record(recorder: Recorder) -> Result<(), RunError> {
+    let ending = Ending { status: Status::Complete, reason: None };
+    recorder.finish(&ending, Value::Null).map_err(record_failed)?;
+    Ok(())
+}
+
+/// A step, recorded if there is a recorder: with the motes' state when its time has come. `hold`: robots stand still.
+async fn step(
+    plan: &Plan,
+    coupled: &mut Coupled,
+    recorder: &mut Option<Recorder>,
+    hold: bool,
+) -> Result<StepOutcome, RunError> {
+    let (number, from_ns) = (coupled.step_number() + 1, coupled.time_ns());
+    let until_ns = from_ns + plan.experiment.step_ns;
+    let keep = recorder.is_some();
+    // A network without protocols keeps no such record.
+    let has_statistics = keep && coupled.formation().is_some();
+    let is_time = has_statistics && plan.output.holds_motes(number, from_ns, until_ns);
+    let records = is_time.then_some(NetRecord::Statistics).into_iter().collect();
+    let plan = StepPlan { until_ns, keep, hold, records, ..StepPlan::default() };
+    let outcome = coupled.advance(plan).await.map_err(side)?;
+    if let (Some(recorder), Some(robots), Some(net)) =
+        (recorder.as_mut(), &outcome.robots, &outcome.network)
+    {
+        recorder
+            .step(StepRecord {
+                step: outcome.step,
+                time_ns: outcome.time_ns,
+                robots,
+                net,
+                commands: &[],
+                digest: outcome.digest,
+            })
+            .map_err(record_failed)?;
+    }
+    Ok(outcome)
 }
 
 /// Wall time of each step (ms) after a few that warm up.
@@ -269,25 +318,7 @@ async fn steps(
             break;
         }
         let step_begun = Instant::now();
-        let until_ns = coupled.time_ns() + plan.experiment.step_ns;
-        let outcome = coupled
-            .advance(StepPlan { until_ns, keep: recorder.is_some(), ..StepPlan::default() })
-            .await
-            .map_err(side)?;
-        if let (Some(recorder), Some(robots), Some(net)) =
-            (recorder.as_mut(), &outcome.robots, &outcome.network)
-        {
-            recorder
-                .step(StepRecord {
-                    step: outcome.step,
-                    time_ns: outcome.time_ns,
-                    robots,
-                    net,
-                    commands: &[],
-                    digest: outcome.digest,
-                })
-                .map_err(record_failed)?;
-        }
+        step(plan, coupled, recorder, false).await?;
         times_ms.push(step_begun.elapsed().as_secs_f64() * 1e3);
     }
     Ok(times_ms)

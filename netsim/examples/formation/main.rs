@@ -1,5 +1,6 @@
 //! How long a network takes to form, and what it then looks like, for every scheduling function over every propagation
-//! model: `cargo run --release -p netsim --example formation -- [--motes 5,10,25] [--seeds 10] [--sf msf] [--model full]`.
+//! model: `cargo run --release -p netsim --example formation -- [--motes 5,10,25] [--seeds 10] [--sf msf] [--model full]
+//! [--limit-s 3600]`.
 //!
 //! Motes stand 2 m apart on a line, mote 0, the root, in the middle, and say nothing of their own. Prints two Markdown
 //! tables, medians (and ranges) over seeds 1, 2, …: the time of formation (s); degree · depth · betweenness.
@@ -12,19 +13,23 @@ use proto::types::seconds;
 use std::io::{self, Write};
 use structure::Structure;
 
-/// A network that has not formed by then (s), an hour, is counted as not formed.
-const LIMIT_S: u64 = 3600;
-
 struct Options {
     motes: Vec<usize>,
     n_seeds: u64,
+    /// A network that has not formed by then (s) is counted as not formed.
+    limit_s: u64,
     scheduler: Option<String>,
     model: Option<String>,
 }
 
 fn options() -> Result<Options, String> {
-    let mut options =
-        Options { motes: vec![5, 10, 25, 50, 100], n_seeds: 10, scheduler: None, model: None };
+    let mut options = Options {
+        motes: vec![5, 10, 25, 50, 100],
+        n_seeds: 10,
+        limit_s: 3600,
+        scheduler: None,
+        model: None,
+    };
     let mut args = std::env::args().skip(1);
     while let Some(key) = args.next() {
         let value = args.next().ok_or_else(|| format!("{key} needs a value"))?;
@@ -35,9 +40,14 @@ fn options() -> Result<Options, String> {
                 options.motes = numbers.map_err(|_| wrong("numbers, as 5,10"))?;
             }
             "--seeds" => options.n_seeds = value.parse().map_err(|_| wrong("a number"))?,
+            "--limit-s" => options.limit_s = value.parse().map_err(|_| wrong("a number"))?,
             "--sf" => options.scheduler = Some(value),
             "--model" => options.model = Some(value),
-            _ => return Err(format!("{key}: there are --motes, --seeds, --sf and --model")),
+            _ => {
+                return Err(format!(
+                    "{key}: there are --motes, --seeds, --limit-s, --sf and --model"
+                ));
+            }
         }
     }
     Ok(options)
@@ -58,7 +68,7 @@ fn main() -> io::Result<()> {
         for (model, keys) in MODELS.iter().filter(|(name, _)| wanted(&options.model, name)) {
             let (mut of_time, mut of_structure) = (Vec::new(), Vec::new());
             for &n in &options.motes {
-                let formed = all_seeds(&Case { scheduler, model: keys, n }, options.n_seeds);
+                let formed = all_seeds(&Case { scheduler, model: keys, n }, &options);
                 of_time.push(time(&formed, options.n_seeds));
                 of_structure.push(structure(&formed));
             }
@@ -81,8 +91,8 @@ fn row(scheduler: &str, model: &str, cells: &[String]) -> String {
 }
 
 /// When each seed's network had formed (ns), and what it looked like; those that had not are left out.
-fn all_seeds(case: &Case<'_>, n_seeds: u64) -> Vec<(u64, Structure)> {
-    (1..=n_seeds).filter_map(|seed| case.form(seed, LIMIT_S)).collect()
+fn all_seeds(case: &Case<'_>, options: &Options) -> Vec<(u64, Structure)> {
+    (1..=options.n_seeds).filter_map(|seed| case.form(seed, options.limit_s)).collect()
 }
 
 /// Median, least and greatest time (s), and how many formed if not all did.

@@ -9,6 +9,7 @@ use crate::sf;
 use crate::sixtop;
 use crate::wire::Eui64;
 use proto::config::{Default, Field, Kind, Problem, join};
+use proto::types::seconds;
 
 /// Keys of the full network.
 pub(super) const FIELDS: &[Field] = &[
@@ -186,7 +187,28 @@ pub(super) fn build(
         battery_mah,
         compat,
     };
+    warnings.extend(slow_round_robin(&settings, given));
     Some((settings, addresses))
+}
+
+/// What a round robin takes at least to form (s), if that is longer than experiments wait by default.
+const LONG_FORMATION_S: f64 = 3600.0;
+
+/// Whether the roots' own slots are too few for what they must tell every mote.
+fn slow_round_robin(settings: &Settings, given: &Given<'_>) -> Option<String> {
+    let sf::Config::Rrsf(sf) = &settings.sf else { return None };
+    let of_each = u32::from(settings.join.secure) + u32::from(settings.rpl.dao_ack);
+    let n_frames = f64::from(of_each) * given.agent_count as f64 / settings.roots.len() as f64;
+    let slotframe_s = seconds(u64::from(settings.sf.slotframe_slots()) * given.slot_ns);
+    let takes_s = n_frames * slotframe_s;
+    (sf.shared_slots == 0 && LONG_FORMATION_S < takes_s).then(|| {
+        format!(
+            "{} = \"rrsf\" gives a root one frame in {slotframe_s} s: to admit all motes and to acknowledge their routes takes \
+             it {takes_s:.0} s at least, and most requests go unanswered; join.secure = false and rpl.dao_ack = false spare \
+             it that",
+            join(&join(given.path, "sf"), "kind"),
+        )
+    })
 }
 
 fn roots(given: &Given<'_>, problems: &mut Vec<Problem>) -> Vec<u32> {

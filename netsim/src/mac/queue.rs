@@ -86,6 +86,14 @@ impl Queue {
         self.frames.iter().any(|frame| frame.destination() == Some(neighbour))
     }
 
+    /// Whether a frame for `neighbour` waits that no ordinary frame for another goes before.
+    #[must_use]
+    pub fn goes_soon(&self, neighbour: Eui64) -> bool {
+        let first_ordinary = self.frames.iter().take_while(|frame| frame.priority).count();
+        let mut soon = self.frames.iter().take(first_ordinary + 1);
+        soon.any(|frame| frame.destination() == Some(neighbour))
+    }
+
     /// Adds a frame. The swarm's payload takes the place of an older one; a frame with priority goes behind others of its
     /// kind and, where the queue is full, drives out the last one without. Frames in flight are not in the queue and
     /// count through `n_in_flight`.

@@ -540,7 +540,6 @@ impl Tsch {
             self.beacons.next_ns =
                 now_ns + self.dice.duration_ns(interval_ns * 3 / 4, interval_ns * 5 / 4);
         }
-        let waits = |queue: &Queue, to: Eui64| queue.waits_for(to);
         match &mut self.state {
             State::Scanning { decide_ns: Some(decide_ns), .. } if *decide_ns <= now_ns => {
                 self.choose().map(Due::Synchronise)
@@ -560,9 +559,14 @@ impl Tsch {
                     *keep_alive_ns = wanted_ns;
                     return None;
                 }
-                *keep_alive_ns = now_ns + config.keep_alive_ns;
                 let source = *source;
-                (!waits(&self.queue, source)).then_some(Due::KeepAlive(source))
+                let (again_ns, goes_soon) = if config.contends_as_peer {
+                    (config.keep_alive_ns, self.queue.waits_for(source))
+                } else {
+                    (config.keep_alive_retry_ns(), self.queue.goes_soon(source))
+                };
+                *keep_alive_ns = now_ns + again_ns;
+                (!goes_soon).then_some(Due::KeepAlive(source))
             }
             State::Off | State::Scanning { .. } | State::Synced { .. } => None,
         }

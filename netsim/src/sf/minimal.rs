@@ -12,8 +12,9 @@ pub const ENTRY: Entry = Entry {
         doc: "One shared cell at the beginning of the slotframe carries everything (RFC 8180).",
         fields: &[slots_field(
             "slotframe_slots",
-            "Length of the slotframe (slots). RFC 8180 leaves it open; 101 is RFC 9033's and the 6TiSCH simulator's.",
-            Default::Integer(101),
+            "Length of the slotframe (slots). RFC 8180 leaves it open: 7 is Contiki-NG's. 101, the 6TiSCH simulator's, is one \
+             cell a second, too few for the keep-alives of ten motes.",
+            Default::Integer(7),
         )],
     },
     build: |table, _: &mut BuildContext<'_>| crate::phy::keys(table).map(Config::Minimal),

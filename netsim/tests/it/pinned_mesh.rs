@@ -76,7 +76,7 @@ const CASES: &[(usize, &str, u64, &str)] = &[
         "phy.propagation = \"experimental-randomness\"\nsf.kind = \"orchestra\"\nmac.pending_bit = true\n\
          swarm.transport = \"none\"\n[[app]]\nperiod_s = 20\npayload_bytes = 200",
         1200,
-        "c6ecb38b47e9618d101248f22527c45564edc54d465625a1f8c41a99e90a0a89",
+        "7f18e21e755349df57b8fcb12b729933659074cd43aa19acd46866f91ebb950c",
     ),
 ];
 

@@ -1,12 +1,14 @@
 //! Standing sensor networks: simulated hours, with per-mote energy and every packet recorded.
 
-use super::{BenchOptions, number, record_failed, side};
+use super::{
+    BenchOptions, begin_record, end_record, number, record_failed, step, temporary_folder,
+};
 use crate::config::{self, Overrides, Plan};
-use crate::coupling::{Coupled, StepPlan};
-use crate::record::{Ending, Recorder, Status, StepRecord};
+use crate::coupling::Coupled;
+use crate::record::Recorder;
 use crate::run::{RunError, start};
 use proto::convert;
-use proto::types::{NS_PER_S, NetRecord, seconds};
+use proto::types::{NS_PER_S, seconds};
 use serde_json::{Value, json};
 use std::fmt::{self, Write as _};
 use std::path::Path;
@@ -143,32 +145,30 @@ pub(super) async fn bench(rows: &[Row], options: &BenchOptions) -> Result<Table,
 }
 
 async fn measure(row: Row, options: &BenchOptions) -> Result<Cell, RunError> {
-    let create_failed = |source| {
-        record_failed(crate::record::RecordError::Create { path: std::env::temp_dir(), source })
-    };
-    let folder = tempfile::tempdir().map_err(create_failed)?;
-    std::fs::write(folder.path().join("places.csv"), row.places()).map_err(create_failed)?;
+    let folder = temporary_folder()?;
+    let places = folder.path().join("places.csv");
+    std::fs::write(&places, row.places()).map_err(|source| {
+        record_failed(crate::record::RecordError::Create { path: places, source })
+    })?;
     let path = folder.path().join("bench.toml");
     let plan = config::read(Path::new(&path), row.config(), &Overrides::default())?;
     let started = start(&plan, &options.start, true).await?;
     let mut coupled = started.coupled;
-    let mut recorder =
-        Recorder::create(&folder.path().join("record"), started.header).map_err(record_failed)?;
-    recorder.configured(started.exchange).map_err(record_failed)?;
+    let path = folder.path().join("record");
+    let mut recorder = Some(begin_record(&path, started.header, started.exchange)?);
     let mut run = Run { plan: &plan, coupled: &mut coupled, recorder: &mut recorder, ends: [0; 2] };
     let measured = run.measure().await;
     let [n_delivered, n_lost] = run.ends;
     coupled.stop().await;
     let (formed_ns, forming_s, hour_s) = measured?;
-    let ending = Ending { status: Status::Complete, reason: None };
-    recorder.finish(&ending, Value::Null).map_err(record_failed)?;
+    recorder.map_or(Ok(()), end_record)?;
     Ok(Cell { row, formed_ns, forming_s, hour_s, n_delivered, n_lost })
 }
 
 struct Run<'a> {
     plan: &'a Plan,
     coupled: &'a mut Coupled,
-    recorder: &'a mut Recorder,
+    recorder: &'a mut Option<Recorder>,
     /// Packets delivered and lost since the last phase began.
     ends: [u64; 2],
 }
@@ -191,29 +191,13 @@ impl Run<'_> {
     }
 
     async fn step(&mut self) -> Result<(), RunError> {
-        let until_ns = self.coupled.time_ns() + self.plan.experiment.step_ns;
-        let records = if until_ns.is_multiple_of(STATISTICS_NS) {
-            vec![NetRecord::Statistics]
-        } else {
-            Vec::new()
-        };
-        let step = StepPlan { until_ns, keep: true, hold: true, records, ..StepPlan::default() };
-        let outcome = self.coupled.advance(step).await.map_err(side)?;
-        let (Some(robots), Some(net)) = (&outcome.robots, &outcome.network) else { return Ok(()) };
+        let outcome = step(self.plan, self.coupled, self.recorder, true).await?;
+        let Some(net) = &outcome.network else { return Ok(()) };
         let packets = convert::packets(net.packets.clone(), self.plan.experiment.agent_count);
         for outcome in packets.ok().flatten().iter().flat_map(|packets| &packets.outcome) {
             self.ends[usize::from(*outcome != 0)] += 1;
         }
-        self.recorder
-            .step(StepRecord {
-                step: outcome.step,
-                time_ns: outcome.time_ns,
-                robots,
-                net,
-                commands: &[],
-                digest: outcome.digest,
-            })
-            .map_err(record_failed)
+        Ok(())
     }
 }
 

@@ -48,6 +48,14 @@ pub struct Config {
     pub pending_bit: bool,
 }
 
+impl Config {
+    /// How soon a keep-alive is asked for again while its time source is not heard (ns): twice more before
+    /// synchronisation is lost.
+    pub(super) fn keep_alive_retry_ns(&self) -> u64 {
+        (self.desynchronise_ns.saturating_sub(self.keep_alive_ns) / 3).max(self.slot_ns)
+    }
+}
+
 /// Where a mote stands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {

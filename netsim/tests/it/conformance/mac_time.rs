@@ -72,6 +72,25 @@ fn t12_a_source_that_is_not_heard_is_lost_after_1750_slots() {
 }
 
 #[test]
+fn t12_a_keep_alive_that_comes_to_nothing_is_asked_for_again_before_time_is_lost() {
+    let config = settings("").mac;
+    let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
+    mac.synchronise(&config, Eui64::of_mote(0), 0, 0);
+    let mut asked_ns = Vec::new();
+    while let Some(at_ns) = mac.poll_timeout(&config) {
+        match mac.handle_timeout(&config, at_ns) {
+            Some(Due::KeepAlive(source)) => {
+                assert_eq!(source, Eui64::of_mote(0));
+                asked_ns.push(at_ns);
+            }
+            Some(Due::Desynchronised) => break,
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(asked_ns, [10_000_000_000, 12_500_000_000, 15_000_000_000]);
+}
+
+#[test]
 fn t12_a_mote_whose_source_dies_scans_1750_slots_after_it_last_heard_it() {
     let mut bench = Bench::new(&line(2), &format!("{FULL}{EAGER}"));
     bench.form();
