@@ -87,14 +87,14 @@ mod tests {
         assert_eq!((at.handle, at.cell.slot, at.cell.channel), (0, 0, 0));
         assert_eq!(at.cell.options, CellOptions::TX_RX_SHARED);
         assert_eq!((at.cell.neighbour, at.cell.kind), (None, CellKind::Advertising));
-        assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 101);
-        assert_eq!(bench.schedule.n_listening(1010), 10);
+        assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 7);
+        assert_eq!(bench.schedule.n_listening(70), 10);
     }
 
     #[test]
     fn its_slotframe_is_as_long_as_configured() {
-        let config = built("kind = \"minimal\"\nslotframe_slots = 7", 3);
-        assert_eq!(config.slotframe_slots(), 7);
-        assert_eq!(config.create(0).minimal_cell(), Some(7));
+        let config = built("kind = \"minimal\"\nslotframe_slots = 101", 3);
+        assert_eq!(config.slotframe_slots(), 101);
+        assert_eq!(config.create(0).minimal_cell(), Some(101));
     }
 }

@@ -8,6 +8,8 @@ use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use proto::types::MoteOrder;
 
+/// The minimal cell once in 101 slots, as the vectors have it.
+const MINIMAL_101: &str = "[sf]\nkind = \"minimal\"\nslotframe_slots = 101\n";
 /// Minimal cell in slot 0 of ten, then a cell of their own from 1 to 0 and back.
 const OWN_CELLS: &str = "[sf]\nkind = \"static\"\nslotframe_slots = 10\nminimal_cell_slots = 10\n\
     [[sf.cell]]\nslot = 3\nfrom = 1\nto = 0\n[[sf.cell]]\nslot = 6\nfrom = 0\nto = 1\n";
@@ -21,7 +23,8 @@ fn swarm_data(what: &What) -> bool {
 #[test]
 fn t1_the_minimal_cell_hops_over_all_sixteen_channels() {
     let channels = [16, 15, 12, 21, 26, 11, 20, 18, 19, 14, 23, 22, 24, 17, 25, 13];
-    let config = format!("{FULL}[mac]\nbeacon_period_s = 0.5\nbeacon_spacing_s = 0.0\n");
+    let config =
+        format!("{FULL}{MINIMAL_101}[mac]\nbeacon_period_s = 0.5\nbeacon_spacing_s = 0.0\n");
     let mut bench = Bench::new(&line(2), &config);
     bench.run(101 * 64);
     assert!(48 < bench.frames.len(), "{}", bench.frames.len());
@@ -185,7 +188,7 @@ fn t9_a_frame_that_is_backed_off_stays_and_another_cell_of_the_slot_is_used() {
 
 #[test]
 fn t10_all_slots_of_a_fresh_root_but_the_first_are_free() {
-    let mut bench = Bench::new(&line(1), FULL);
+    let mut bench = Bench::new(&line(1), &format!("{FULL}{MINIMAL_101}"));
     bench.run(1);
     let free = bench.mote(0).schedule.slotframe(0).unwrap().free_slots();
     assert!(free.eq(1..101));
