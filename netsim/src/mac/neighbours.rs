@@ -2,6 +2,7 @@
 
 use crate::wire::Eui64;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Neighbours, ascending by address: in columns, since of most frames only the address and the number are looked at.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -11,6 +12,8 @@ pub struct Neighbours {
     newest: Vec<u64>,
     /// Of each, the numbers of the latest frames for us, continued likewise, and when each was heard first (ASN).
     known: Vec<Vec<(u64, u64)>>,
+    /// Of those that were forgotten, ascending by address: what they would send again is still known.
+    before: BTreeMap<Eui64, (u64, Vec<(u64, u64)>)>,
     #[serde(skip)]
     next: Next,
 }
@@ -58,6 +61,15 @@ impl Neighbours {
         self.addresses.iter().copied()
     }
 
+    /// Forgets them all, but not which of their frames it has had: the acknowledgment of the last may have been lost. So
+    /// it is over a restart as well, where a secured network keeps its frame counters (IEEE Std 802.15.4-2015, 9.2).
+    pub fn forget(&mut self) {
+        let numbers =
+            std::mem::take(&mut self.newest).into_iter().zip(std::mem::take(&mut self.known));
+        let of_each = std::mem::take(&mut self.addresses).into_iter().zip(numbers);
+        self.before.extend(of_each.filter(|(_, (_, known))| !known.is_empty()));
+    }
+
     /// A frame from a neighbour, with its sequence number if it has one. Returns whether it is new: not one for us that
     /// was received before and is sent again because the acknowledgment was lost (IEEE Std 802.15.4-2015, 6.7.2).
     #[inline]
@@ -86,9 +98,13 @@ impl Neighbours {
     /// Where a neighbour stands, which is added if it has not been heard before.
     fn place_of(&mut self, address: Eui64, sequence: Option<u8>) -> usize {
         self.addresses.binary_search(&address).unwrap_or_else(|place| {
+            let (newest, known) = self
+                .before
+                .remove(&address)
+                .unwrap_or_else(|| (256 + u64::from(sequence.unwrap_or_default()), Vec::new()));
             self.addresses.insert(place, address);
-            self.newest.insert(place, 256 + u64::from(sequence.unwrap_or_default()));
-            self.known.insert(place, Vec::new());
+            self.newest.insert(place, newest);
+            self.known.insert(place, known);
             place
         })
     }
@@ -113,6 +129,19 @@ mod tests {
         }
         assert!(neighbours.hear(a, Some(250), true, 7));
         assert_eq!(neighbours.len(), 2);
+    }
+
+    #[test]
+    fn what_was_received_before_synchronisation_was_lost_is_recognised_after_it() {
+        let mut neighbours = Neighbours::default();
+        let [a, b] = [1, 2].map(Eui64::of_mote);
+        assert!(neighbours.hear(a, Some(7), true, 1));
+        assert!(neighbours.hear(b, Some(7), false, 2));
+        neighbours.forget();
+        assert!(neighbours.is_empty());
+        assert!(!neighbours.hear(a, Some(7), true, 3));
+        assert!(neighbours.hear(b, Some(7), true, 4));
+        assert!(neighbours.hear(a, Some(8), true, 5));
     }
 
     #[test]

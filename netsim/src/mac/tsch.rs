@@ -152,7 +152,7 @@ impl Tsch {
     fn reset(&mut self) -> Vec<Queued> {
         self.backoff.clear();
         if self.forgets_neighbours {
-            self.neighbours = Neighbours::default();
+            self.neighbours.forget();
         }
         self.beacons = Beacons::default();
         self.extra = None;
@@ -165,7 +165,7 @@ impl Tsch {
         self.state = State::Synced {
             source: Some(source),
             heard_ns: now_ns,
-            keep_alive_ns: keep_alive_at(config, now_ns),
+            keep_alive_ns: config.keep_alive_at(now_ns),
         };
     }
 
@@ -176,7 +176,7 @@ impl Tsch {
         {
             *source = new;
             // Hear it soon: until then the clock runs as the old one set it.
-            *keep_alive_ns = (*keep_alive_ns).min(keep_alive_at(config, now_ns));
+            *keep_alive_ns = (*keep_alive_ns).min(config.keep_alive_at(now_ns));
         }
     }
 
@@ -577,10 +577,6 @@ impl Tsch {
     pub fn is_root(&self) -> bool {
         self.is_root
     }
-}
-
-fn keep_alive_at(config: &Config, now_ns: u64) -> u64 {
-    if config.keep_alive_ns == 0 { u64::MAX } else { now_ns + config.keep_alive_ns }
 }
 
 /// The channel of a cell in a slot: IEEE Std 802.15.4-2015, 6.2.6.3.

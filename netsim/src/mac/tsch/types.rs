@@ -49,6 +49,11 @@ pub struct Config {
 }
 
 impl Config {
+    /// When to ask for the time that was heard at `now_ns` (ns); never without keep-alives.
+    pub(super) fn keep_alive_at(&self, now_ns: u64) -> u64 {
+        if self.keep_alive_ns == 0 { u64::MAX } else { now_ns + self.keep_alive_ns }
+    }
+
     /// How soon a keep-alive is asked for again while its time source is not heard (ns): twice more before
     /// synchronisation is lost.
     pub(super) fn keep_alive_retry_ns(&self) -> u64 {
