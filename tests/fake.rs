@@ -140,7 +140,8 @@ macro_rules! faulty {
         $step:ident, $stepped:ident, $barrier:ident, $barriered:ident, $session:ident, $sessioned:ident,
         $snapshot:ident, $snapped:ident, $restore:ident, $restored:ident, $command:ident, $commanded:ident,
         short: |$short:ident| $shorten:expr, nan: |$nan:ident| $poison:expr,
-        hold: |$describe_hold:ident| $no_hold:expr, restless: |$restless:ident| $move:expr
+        hold: |$describe_hold:ident| $no_hold:expr, restless: |$restless:ident| $move:expr,
+        asked: |$asked:ident| $is_held:expr
     ) => {
         #[tonic::async_trait]
         impl $service for $host {
@@ -174,6 +175,8 @@ macro_rules! faulty {
                 request: Request<v1::$step>,
             ) -> Result<Response<v1::$stepped>, Status> {
                 let step = request.get_ref().step;
+                let $asked = request.get_ref();
+                let is_held: bool = $is_held;
                 let mut response = self.inner.step(request).await?;
                 if step < STEP {
                     return Ok(response);
@@ -195,11 +198,14 @@ macro_rules! faulty {
                         self.silent.keep().await;
                     }
                     Fault::Slow => tokio::time::sleep(FOREVER).await,
-                    Fault::Restless => {
+                    Fault::Restless if is_held => {
                         let $restless = reply;
                         $move;
                     }
-                    Fault::WrongDigest | Fault::OtherVersion | Fault::CannotHold => {}
+                    Fault::WrongDigest
+                    | Fault::OtherVersion
+                    | Fault::CannotHold
+                    | Fault::Restless => {}
                 }
                 Ok(response)
             }
@@ -259,7 +265,8 @@ faulty!(
     short: |reply| reply.states.as_mut().expect("states").x_m.truncate(1),
     nan: |reply| reply.states.as_mut().expect("states").y_m[0] = f64::NAN,
     hold: |reply| reply.hold = false,
-    restless: |reply| reply.states.as_mut().expect("states").x_m[0] += 1.0
+    restless: |reply| reply.states.as_mut().expect("states").x_m[0] += 1.0,
+    asked: |request| request.hold
 );
 
 faulty!(
@@ -276,5 +283,6 @@ faulty!(
     nan: |reply| reply.deliveries.as_mut().expect("deliveries").rssi_dbm[0] = f32::NAN,
     // Networks have nothing of the kind.
     hold: |_reply| {},
-    restless: |_reply| {}
+    restless: |_reply| {},
+    asked: |_request| false
 );

@@ -183,6 +183,15 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
         };
         findings.push(Finding { promise, verdict });
     }
+    // Last: it begins another experiment.
+    if let Some(promise) = S::HOLD {
+        let verdict = if described.hold {
+            S::holds(&session).await.map_or_else(Verdict::Broken, |()| Verdict::Kept)
+        } else {
+            Verdict::NotAnnounced
+        };
+        findings.push(Finding { promise, verdict });
+    }
     Ok(Conformance { name, findings })
 }
 

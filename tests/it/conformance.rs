@@ -53,3 +53,19 @@ fn what_is_wrong_with_others_is_found() {
     assert_eq!(status, Some(1), "{findings:?}");
     assert_eq!(findings[0].1, "broken");
 }
+
+#[test]
+fn robots_that_do_not_stand_still_when_told_to_are_found() {
+    for (fault, said, status_expected) in
+        [(Fault::Restless, "broken", 1), (Fault::CannotHold, "not-announced", 0)]
+    {
+        let (status, findings) = ask("robotsim", &Faulty::robots(fault).url, ROBOTS);
+        assert_eq!(status, Some(status_expected), "{fault:?}: {findings:?}");
+        let (promise, verdict) = findings.last().unwrap();
+        assert!(promise.starts_with("told to hold, robots stand still"), "{fault:?}: {promise}");
+        assert_eq!(verdict, said, "{fault:?}: {findings:?}");
+        // Whoever does not hold keeps every other promise.
+        let others = &findings[..findings.len() - 1];
+        assert!(others.iter().all(|(_, verdict)| verdict != "broken"), "{fault:?}: {findings:?}");
+    }
+}

@@ -1,5 +1,6 @@
 //! What differs between asking robots and asking a network.
 
+use super::{Questions, STEP_NS, said, within};
 use crate::peer::{Network, Robots, Service};
 use prost::Message as _;
 use proto::digest::{self, Digest};
@@ -12,6 +13,8 @@ use tonic::Status;
 pub(super) trait Probe: Service {
     /// What must be remembered between steps to compute the digest.
     type Exchange: Default + Send;
+    /// The promise to stand still when told to. `None`: this side is never told to.
+    const HOLD: Option<&'static str> = None;
 
     fn configure_request(seed: u64, n: u32, step_ns: u64, toml: &str) -> Self::ConfigureRequest;
     fn step_request(step: u64, until_ns: u64, n: usize) -> Self::StepRequest;
@@ -29,6 +32,14 @@ pub(super) trait Probe: Service {
     fn bytes(reply: Self::StepResponse) -> Vec<u8>;
     /// Requests that break the contract, with the promise that each tests.
     fn malformed(step: u64, until_ns: u64, n: usize) -> Vec<(&'static str, Self::StepRequest)>;
+
+    /// Whether it stands still while it is told to, as [`Probe::HOLD`] promises.
+    fn holds(_: &Questions<'_, Self>) -> impl Future<Output = Result<(), String>> + Send
+    where
+        Self: Sized,
+    {
+        async { Ok(()) }
+    }
 
     /// All replies of a session with these calls.
     fn stream(
@@ -96,6 +107,9 @@ fn stands(step: u64, until_ns: u64, got: (u64, u64)) -> Result<(), String> {
 
 impl Probe for Robots {
     type Exchange = ();
+    const HOLD: Option<&'static str> = Some(
+        "told to hold, robots stand still while time passes; let go, they are stepped as ever",
+    );
 
     fn configure_request(seed: u64, n: u32, step_ns: u64, toml: &str) -> Self::ConfigureRequest {
         v1::RobotSimServiceConfigureRequest {
@@ -141,6 +155,10 @@ impl Probe for Robots {
         reply.encode_to_vec()
     }
 
+    async fn holds(questions: &Questions<'_, Self>) -> Result<(), String> {
+        questions.hold_and_let_go().await
+    }
+
     fn malformed(step: u64, until_ns: u64, n: usize) -> Vec<(&'static str, Self::StepRequest)> {
         let spoilt = |spoil: fn(&mut v1::Deliveries)| {
             let mut message: v1::Deliveries = deliveries(n).into();
@@ -158,6 +176,71 @@ impl Probe for Robots {
             ("lists that end elsewhere are INVALID_ARGUMENT", spoilt(|d| d.heard_end = vec![1])),
         ]
     }
+}
+
+/// Steps at the beginning of an experiment that are spent standing still, and steps afterwards.
+const HELD: u64 = 3;
+
+impl Questions<'_, Robots> {
+    /// As while a network forms: held from the first step on, with nothing delivered, then let go.
+    async fn hold_and_let_go(&self) -> Result<(), String> {
+        let n = self.n as usize;
+        let configured = self.configure(1).await?;
+        let first = convert::states(configured.states, n).map_err(|invalid| invalid.to_string())?;
+        for step in 1..=2 * HELD {
+            let (until_ns, hold) = (step * STEP_NS, step <= HELD);
+            let given = (step != 1).then(Deliveries::default);
+            let request = v1::RobotSimServiceStepRequest {
+                step,
+                until_ns,
+                deliveries: given.clone().map(Into::into),
+                hold,
+                ..Default::default()
+            };
+            let reply = within(Robots::step(self.client.clone(), request)).await.map_err(said)?;
+            Robots::check(&reply, step, until_ns, n)?;
+            if reply.held != hold {
+                return Err(format!("step {step} asked for hold = {hold}, held is {}", reply.held));
+            }
+            let states =
+                convert::states(reply.states.clone(), n).map_err(|invalid| invalid.to_string())?;
+            if hold {
+                stands_still(&first, &states).map_err(|reason| format!("step {step}: {reason}"))?;
+                if reply.task_complete {
+                    return Err(format!("step {step}: the task is complete while all are held"));
+                }
+            }
+            let expected = digest::of_step(step, until_ns, &states, given.as_ref());
+            let standing = self.barrier(step).await?;
+            if standing.time_ns != until_ns || standing.digest[..] != expected[..] {
+                return Err(format!("Barrier of step {step} has another time or digest"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether everybody is where they were, without velocity.
+fn stands_still(before: &AgentStates, after: &AgentStates) -> Result<(), String> {
+    let axes = [
+        ("x_m", &before.x_m, &after.x_m),
+        ("y_m", &before.y_m, &after.y_m),
+        ("z_m", &before.z_m, &after.z_m),
+    ];
+    for (name, before, after) in axes {
+        if let Some(agent) = before.iter().zip(after).position(|(one, other)| one != other) {
+            let (one, other) = (before[agent], after[agent]);
+            return Err(format!("{name} of agent {agent} goes from {one} to {other}"));
+        }
+    }
+    for (name, velocities) in
+        [("vx_mps", &after.vx_mps), ("vy_mps", &after.vy_mps), ("vz_mps", &after.vz_mps)]
+    {
+        if let Some(agent) = velocities.iter().position(|&velocity| velocity != 0.0) {
+            return Err(format!("{name} of agent {agent} is {}", velocities[agent]));
+        }
+    }
+    Ok(())
 }
 
 impl Probe for Network {
