@@ -273,6 +273,13 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
     let phy = table.get("phy").and_then(toml::Value::as_table).unwrap_or(&empty);
     let is_trace = phy.get(propagation::TAG.key).and_then(|name| name.as_str()) == Some("trace");
     let is_network = table.get("mode").and_then(toml::Value::as_str) == Some(MODE_6TISCH);
+    if is_network && !is_refused && slot_ns < network::LEAST_SLOT_NS {
+        let message = format!(
+            "must be at least {} s with mode = {MODE_6TISCH:?}: so long last the longest frame and its acknowledgment",
+            seconds(network::LEAST_SLOT_NS)
+        );
+        problems.push(Problem::new(at("slot_duration_s"), message).value(slot_s).nearest(0.01));
+    }
     let hopping_sequence: Vec<u8> = match integers("hopping_sequence") {
         Some(channels) => channels.into_iter().map(|channel| channel as u8).collect(),
         None if is_trace || is_network => HOPPING_SEQUENCE.to_vec(),

@@ -62,6 +62,8 @@ pub enum Traffic {
     Beacon,
     /// A frame for everyone.
     Broadcast,
+    /// What a robot says to everyone.
+    Payload,
     /// A frame for one neighbour.
     Unicast(Eui64),
 }
@@ -400,7 +402,7 @@ mod tests {
                     let carries = |at: &CellRef| {
                         let fits = match traffic {
                             Traffic::Beacon => at.cell.kind != crate::mac::CellKind::Normal,
-                            Traffic::Broadcast => at.cell.neighbour.is_none(),
+                            Traffic::Broadcast | Traffic::Payload => at.cell.neighbour.is_none(),
                             Traffic::Unicast(to) => at.cell.neighbour.is_none_or(|n| n == to),
                         };
                         at.cell.options.tx

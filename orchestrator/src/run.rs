@@ -204,7 +204,11 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
             warnings: started.warnings,
         }),
         Some(Failure::Side(error)) => Err(RunError::Side { error, kept: Some(Box::new(finished)) }),
-        Some(Failure::NotFormed(account)) => {
+        Some(Failure::NotFormed(mut account)) => {
+            for warning in &started.warnings {
+                account.push_str("\n  before it began: ");
+                account.push_str(warning);
+            }
             Err(RunError::NotFormed { account, kept: Box::new(finished) })
         }
         Some(Failure::Record(error)) => Err(RunError::Record { error, before_start: false }),

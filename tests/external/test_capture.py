@@ -5,7 +5,7 @@ from collections import Counter
 
 import pytest
 
-from conftest import PROGRAMS, ROOT, RUN_DEADLINE_S, succeed
+from conftest import PROGRAMS, ROOT, RUN_DEADLINE_S, only_directory, program, succeed
 from dissection import ACK, BEACON, DATA, GOOD, RPL, dissect, troubles
 
 BUILD_DEADLINE_S = 1200
@@ -28,6 +28,17 @@ def test_nothing_is_malformed_and_every_frame_check_sequence_is_right(capture):
     assert kinds[BEACON] == 1 and kinds[DATA] > 30 and kinds[ACK] > 25
     assert all(frame["wpan.fcs_ok"] == [GOOD] for frame in frames)
     assert all(frame["wpan.version"] == ["2"] for frame in frames)
+
+
+def test_a_swarm_that_flies_is_dissected_too(tmp_path):
+    config = ROOT / "configs" / "flocking-rrsf.toml"
+    shorter = ["netsim.mac.beacon_wait_s=5.0", "experiment.duration_s=10.0", "output.pcap=true"]
+    words = [word for setting in shorter for word in ("--set", setting)]
+    succeed([program("orchestrator"), "run", config, "--out", tmp_path, *words], cwd=tmp_path)
+    capture = only_directory(tmp_path) / "radio.pcap"
+    assert troubles(capture) == []
+    ports = Counter(port for frame in dissect(capture, "udp.dstport") for port in frame["udp.dstport"])
+    assert ports["61617"] > 900
 
 
 def test_a_flipped_bit_would_have_been_noticed(capture, tmp_path):

@@ -54,7 +54,8 @@ pub const SPEC: TableSpec = TableSpec {
         off("perfect_acks", "Acknowledgments are never lost and never collide."),
         off(
             "stale_rank",
-            "A mote computes its rank anew only when its own link changes, not when its parent announces another rank. ETX is \
+            "A mote computes its rank anew only when its own link changes, not when its parent announces another rank, and \
+             keeps the time of a parent that it has lost. ETX is \
              3 until 100 frames have gone to a neighbour in cells for it alone, and then theirs until the next 100 have.",
         ),
     ],

@@ -3,6 +3,7 @@
 use super::{admission, compat, energy, lowpan, mac, rpl, swarm};
 use crate::app;
 use crate::mac::tsch;
+use crate::medium::slot::timing;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
 use crate::sf;
@@ -190,6 +191,11 @@ pub(super) fn build(
     warnings.extend(slow_round_robin(&settings, given));
     Some((settings, addresses))
 }
+
+/// From the begin of a slot to the end of the longest acknowledgment of the longest frame (ns).
+pub(super) const LEAST_SLOT_NS: u64 =
+    (timing::TX_OFFSET_NS + timing::MAX_TX_NS + timing::TX_ACK_DELAY_NS + timing::MAX_ACK_NS)
+        as u64;
 
 /// What a round robin takes at least to form (s), if that is longer than experiments wait by default.
 const LONG_FORMATION_S: f64 = 3600.0;

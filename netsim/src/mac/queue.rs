@@ -75,6 +75,12 @@ impl Queue {
         self.frames.is_empty()
     }
 
+    /// Whether none waits but payloads for a slotframe of their own: BotNet makes those when their slot has come.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.frames.iter().all(|frame| frame.is_latest_only && frame.slotframe.is_some())
+    }
+
     /// Those that wait, in order.
     pub fn iter(&self) -> impl Iterator<Item = &Queued> {
         self.frames.iter()

@@ -1,7 +1,9 @@
 //! The MAC of one mote: scanning, beacons, synchronisation, which frame goes in which cell, acknowledgments and retries.
 
+mod channel;
 mod types;
 
+pub use channel::{channel_of, scan_channel};
 pub use types::{Config, Done, Due, Listening, Outgoing, State, Transmission, Verdict};
 
 use super::backoff::Backoff;
@@ -11,7 +13,7 @@ use super::queue::{Queue, Queued, may_use};
 use super::schedule::{CellKind, CellRef, Schedule};
 use crate::dice::Dice;
 use crate::wire::Eui64;
-use proto::rng::{Draws, Purpose};
+use proto::rng::Purpose;
 use serde::{Deserialize, Serialize};
 
 /// The next slot follows a frame with the pending bit.
@@ -171,12 +173,21 @@ impl Tsch {
 
     /// From now on another neighbour is the time source.
     pub fn set_time_source(&mut self, config: &Config, new: Eui64, now_ns: u64) {
-        if let State::Synced { source: Some(source), keep_alive_ns, .. } = &mut self.state
-            && *source != new
+        if let State::Synced { source, keep_alive_ns, .. } = &mut self.state
+            && !self.is_root
+            && *source != Some(new)
         {
-            *source = new;
+            *source = Some(new);
             // Hear it soon: until then the clock runs as the old one set it.
             *keep_alive_ns = (*keep_alive_ns).min(config.keep_alive_at(now_ns));
+        }
+    }
+
+    /// Nobody leads to the root any more whose time could be kept: two motes would keep each other's, away from all
+    /// others'. Unless it gets another source the mote looks for a network again, when it would have lost the old one.
+    pub fn lose_time_source(&mut self) {
+        if let State::Synced { source, keep_alive_ns, .. } = &mut self.state {
+            (*source, *keep_alive_ns) = (None, u64::MAX);
         }
     }
 
@@ -225,7 +236,7 @@ impl Tsch {
             return None;
         }
         let by_chance = config.beacon_probability.is_some() && self.beacons.enabled;
-        let beacon = self.beacons.is_due || (by_chance && self.queue.is_empty());
+        let beacon = self.beacons.is_due || (by_chance && self.queue.is_idle());
         if self.queue.is_empty() && !beacon && self.extra.is_none() {
             return None;
         }
@@ -316,7 +327,7 @@ impl Tsch {
             None => self.beacons.is_due,
             Some(probability) => {
                 self.beacons.enabled
-                    && self.queue.is_empty()
+                    && self.queue.is_idle()
                     && self.dice.uniform() < probability / (1.0 + self.neighbours.len() as f64)
             }
         }
@@ -517,10 +528,8 @@ impl Tsch {
                     u64::MAX
                 };
                 let time_ns = match source {
-                    Some(_) if config.keep_alive_ns != 0 => {
-                        (*keep_alive_ns).min(heard_ns + config.desynchronise_ns)
-                    }
-                    _ => u64::MAX,
+                    _ if self.is_root || config.keep_alive_ns == 0 => u64::MAX,
+                    Some(_) | None => (*keep_alive_ns).min(heard_ns + config.desynchronise_ns),
                 };
                 let first = beacon_ns.min(time_ns);
                 (first != u64::MAX).then_some(first)
@@ -544,8 +553,8 @@ impl Tsch {
             State::Scanning { decide_ns: Some(decide_ns), .. } if *decide_ns <= now_ns => {
                 self.choose().map(Due::Synchronise)
             }
-            State::Synced { source: Some(source), heard_ns, keep_alive_ns }
-                if config.keep_alive_ns != 0 =>
+            State::Synced { source, heard_ns, keep_alive_ns }
+                if !self.is_root && config.keep_alive_ns != 0 =>
             {
                 if *heard_ns + config.desynchronise_ns <= now_ns {
                     return Some(Due::Desynchronised);
@@ -559,7 +568,7 @@ impl Tsch {
                     *keep_alive_ns = wanted_ns;
                     return None;
                 }
-                let source = *source;
+                let source = (*source)?;
                 let (again_ns, goes_soon) = if config.contends_as_peer {
                     (config.keep_alive_ns, self.queue.waits_for(source))
                 } else {
@@ -577,21 +586,4 @@ impl Tsch {
     pub fn is_root(&self) -> bool {
         self.is_root
     }
-}
-
-/// The channel of a cell in a slot: IEEE Std 802.15.4-2015, 6.2.6.3.
-#[inline]
-#[must_use]
-pub fn channel_of(config: &Config, asn: u64, channel_offset: u16) -> u8 {
-    let sequence = &config.hopping_sequence;
-    sequence[((asn + u64::from(channel_offset)) % sequence.len() as u64) as usize]
-}
-
-/// The channel on which a scanning mote listens: another one at random after each dwell.
-#[must_use]
-pub fn scan_channel(config: &Config, seed: u64, mote: u32, asn: u64) -> u8 {
-    let dwell = asn / u64::from(config.scan_dwell_slots);
-    let word = Draws::new(seed, Purpose::Scan).words(u64::from(mote), dwell, 0)[0];
-    let sequence = &config.hopping_sequence;
-    sequence[((u128::from(word) * sequence.len() as u128) >> 64) as usize]
 }

@@ -205,7 +205,9 @@ impl Mesh {
         let mut schedule = Schedule::default();
         for mote in &self.state.motes {
             for frame in mote.schedule.slotframes() {
-                for cell in frame.cells() {
+                let mut cells: Vec<_> = frame.cells().iter().collect();
+                cells.sort_by_key(|cell| (cell.slot, cell.channel));
+                for cell in cells {
                     // Time is kept in what beacons announce (RFC 8180, § 4.1): see `Mote::beacon`.
                     let is_announced = cell.kind != CellKind::Normal;
                     let options = u32::from(cell.options.tx)

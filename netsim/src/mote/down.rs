@@ -171,7 +171,7 @@ impl Mote {
             Transport::None
             | Transport::OwnCell
             | Transport::SharedCell
-            | Transport::UnicastNeighbours => self.sf.slotframe_of(Traffic::Broadcast),
+            | Transport::UnicastNeighbours => self.sf.slotframe_of(Traffic::Payload),
         };
         let content = Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)));
         let wanted = Wanted { slotframe, is_latest_only: true, ..Wanted::new(None, content) };

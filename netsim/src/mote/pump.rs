@@ -84,6 +84,9 @@ impl Mote {
                 if old.is_some() {
                     self.tally.n_parent_changes += 1;
                 }
+                if new.is_none() && !world.settings.compat.stale_rank {
+                    self.mac.lose_time_source();
+                }
                 if let Some(parent) = new {
                     self.mac.set_time_source(&world.settings.mac, parent, world.now_ns);
                     self.pledge.handle_proxy(parent);

@@ -378,7 +378,7 @@ impl SchedulingFunction for Msf {
     fn slotframe_of(&self, traffic: Traffic) -> Option<u8> {
         match traffic {
             // § 2.
-            Traffic::Beacon | Traffic::Broadcast => Some(MINIMAL),
+            Traffic::Beacon | Traffic::Broadcast | Traffic::Payload => Some(MINIMAL),
             Traffic::Unicast(_) => None,
         }
     }

@@ -126,8 +126,10 @@ impl SchedulingFunction for Rrsf {
 
     fn slotframe_of(&self, traffic: Traffic) -> Option<u8> {
         match traffic {
+            // BotNet's robots speak in their own slots; the first has none.
+            Traffic::Payload if self.config.shared_slot_0 && self.mote != 0 => Some(OWN_HANDLE),
             _ if self.config.shared_slot_0 => None,
-            Traffic::Beacon | Traffic::Broadcast => Some(OWN_HANDLE),
+            Traffic::Beacon | Traffic::Broadcast | Traffic::Payload => Some(OWN_HANDLE),
             Traffic::Unicast(_) => None,
         }
     }
@@ -196,6 +198,9 @@ mod tests {
             let first = bench.schedule.at(0).next().unwrap();
             assert_eq!((first.handle, first.cell.options), (0, CellOptions::TX_RX_SHARED));
             assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 5);
+            let said = (mote != 0).then_some(OWN_HANDLE);
+            assert_eq!(bench.sf.slotframe_of(Traffic::Payload), said);
+            assert_eq!(bench.sf.slotframe_of(Traffic::Broadcast), None);
             let own = bench.schedule.slotframe(OWN_HANDLE).unwrap().cells();
             let own: Vec<_> = own.iter().map(|own| (u32::from(own.slot), own.kind)).collect();
             let expected = if mote == 0 { vec![] } else { vec![(mote, CellKind::Normal)] };

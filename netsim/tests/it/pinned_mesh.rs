@@ -76,7 +76,7 @@ const CASES: &[(usize, &str, u64, &str)] = &[
         "phy.propagation = \"experimental-randomness\"\nsf.kind = \"orchestra\"\nmac.pending_bit = true\n\
          swarm.transport = \"none\"\n[[app]]\nperiod_s = 20\npayload_bytes = 200",
         1200,
-        "7f18e21e755349df57b8fcb12b729933659074cd43aa19acd46866f91ebb950c",
+        "2caa2adcde478fbf3c71024623cdac260bb36258d32967b141c8949e04a7c09f",
     ),
 ];
 

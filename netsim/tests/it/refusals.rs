@@ -166,3 +166,27 @@ fn the_schema_lists_every_model_and_effect() {
         assert!(schema.contains(&format!("{:?}", entry.variant.name)), "{}", entry.variant.name);
     }
 }
+
+#[test]
+fn slots_shorter_than_a_frame_and_its_acknowledgment_are_refused() {
+    let short = "mode = \"6tisch\"\nslot_duration_s = 0.005\n";
+    insta::assert_snapshot!(refusal_of(short), @"netsim.slot_duration_s: must be at least 0.009776 s with mode = \"6tisch\": so long last the longest frame and its acknowledgment, got 0.005 (nearest valid: 0.01)");
+    assert_eq!(refusal_of("slot_duration_s = 0.005\n"), "accepted");
+}
+
+#[test]
+fn a_round_robin_whose_root_cannot_answer_everybody_is_warned_of() {
+    let config = "mode = \"6tisch\"\nsf.kind = \"rrsf\"\n";
+    let warnings = |n, config: &str| {
+        let mut setup = setup(n, config);
+        setup.experiment.step_ns = n as u64 * 10_000_000;
+        started(&setup).1.warnings.join("\n")
+    };
+    assert_eq!(warnings(400, config), "");
+    let slow = warnings(500, config);
+    assert!(
+        slow.contains("5 s: to admit all motes and to acknowledge their routes takes it 5000 s"),
+        "{slow}"
+    );
+    assert_eq!(warnings(500, &format!("{config}join.secure = false\nrpl.dao_ack = false\n")), "");
+}

@@ -72,6 +72,25 @@ fn t12_a_source_that_is_not_heard_is_lost_after_1750_slots() {
 }
 
 #[test]
+fn t12_a_mote_without_a_way_to_the_root_keeps_nobodys_time_and_looks_for_a_network_again() {
+    let config = settings("").mac;
+    let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
+    mac.synchronise(&config, Eui64::of_mote(0), 0, 0);
+    mac.lose_time_source();
+    assert_eq!(mac.poll_timeout(&config), Some(config.desynchronise_ns));
+    assert_eq!(mac.handle_timeout(&config, config.desynchronise_ns - 1), None);
+    let mut found = mac.clone();
+    found.set_time_source(&config, Eui64::of_mote(2), 5_000_000_000);
+    assert_eq!(found.time_source(), Some(Eui64::of_mote(2)));
+    assert_eq!(mac.handle_timeout(&config, config.desynchronise_ns), Some(Due::Desynchronised));
+    // The root keeps its own.
+    let mut root = Tsch::new(&config, Eui64::of_mote(0), 0, true, 1);
+    root.start_root(0);
+    root.lose_time_source();
+    assert_eq!(root.handle_timeout(&config, 100 * config.desynchronise_ns), None);
+}
+
+#[test]
 fn t12_a_keep_alive_that_comes_to_nothing_is_asked_for_again_before_time_is_lost() {
     let config = settings("").mac;
     let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);

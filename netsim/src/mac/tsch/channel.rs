@@ -1,0 +1,21 @@
+//! Which channel a slot is on.
+
+use super::Config;
+use proto::rng::{Draws, Purpose};
+
+/// The channel of a cell in a slot: IEEE Std 802.15.4-2015, 6.2.6.3.
+#[inline]
+#[must_use]
+pub fn channel_of(config: &Config, asn: u64, channel_offset: u16) -> u8 {
+    let sequence = &config.hopping_sequence;
+    sequence[((asn + u64::from(channel_offset)) % sequence.len() as u64) as usize]
+}
+
+/// The channel on which a scanning mote listens: another one at random after each dwell.
+#[must_use]
+pub fn scan_channel(config: &Config, seed: u64, mote: u32, asn: u64) -> u8 {
+    let dwell = asn / u64::from(config.scan_dwell_slots);
+    let word = Draws::new(seed, Purpose::Scan).words(u64::from(mote), dwell, 0)[0];
+    let sequence = &config.hopping_sequence;
+    sequence[((u128::from(word) * sequence.len() as u128) >> 64) as usize]
+}
