@@ -18,13 +18,16 @@ fn is_network(path: &Path) -> bool {
     std::fs::read_to_string(path).unwrap().contains("mode = \"6tisch\"")
 }
 
-/// What makes a run of it short: less time, and where the network has to form, less of RFC 8180's wait for beacons. A
+/// What makes a run of it short: less time, fewer robots, and where the network has to form, less of RFC 8180's wait for beacons. A
 /// timeline takes the time it takes.
 fn shortened(path: &Path) -> Vec<&'static str> {
     let text = std::fs::read_to_string(path).unwrap();
     let mut args = Vec::new();
     if is_network(path) {
         args.extend(["--set", "netsim.mac.beacon_wait_s=5.0"]);
+    }
+    if text.contains("agents = 500") {
+        args.extend(["--set", "experiment.agents=15"]);
     }
     match (text.contains("[[timeline]]"), is_network(path)) {
         (true, _) => {}
