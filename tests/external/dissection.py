@@ -3,9 +3,9 @@
 from conftest import succeed
 
 # Context 0 of the header compression and what the network carries: neither is on the air. Checksums are verified.
-# Robots' payloads are octets of their own, in which heuristics would see other protocols.
 READ = ["-o", "6lowpan.context0:fd00::/64", "-d", "wpan.panid==0xabcd,6lowpan", "-o", "udp.check_checksum:TRUE"]
-READ += ["-d", "udp.port==61617,data"]
+# Robots' payloads are octets of their own, in which heuristics would see other protocols.
+PAYLOADS = ["-d", "udp.port==61617,data"]
 
 # Frame types, element identifiers, 6P types and ICMPv6 type as the dissectors print them.
 BEACON, DATA, ACK = "0x0000", "0x0001", "0x0002"
@@ -13,10 +13,10 @@ RPL = "155"
 GOOD = "1"
 
 
-def dissect(capture, *fields):
+def dissect(capture, *fields, more=()):
     """Per frame a dictionary: of every field the list of its values."""
     wanted = [word for field in fields for word in ("-e", field)]
-    out = succeed(["tshark", "-r", capture, *READ, "-T", "fields", "-E", "aggregator=;", *wanted])
+    out = succeed(["tshark", "-r", capture, *READ, *more, "-T", "fields", "-E", "aggregator=;", *wanted])
     rows = [line.split("\t") for line in out.split("\n")[:-1]]
     return [{field: value.split(";") if value else [] for field, value in zip(fields, row)} for row in rows]
 

@@ -118,7 +118,7 @@ def test_every_acknowledgment_answers_a_frame_of_its_slot(capture):
 
 
 def test_frames_lie_in_their_slots_in_the_order_of_time(capture):
-    frames = dissect(capture, "wpan.frame_type", "wpan-tap.asn", "wpan-tap.start_of_frame_ts", "frame.time_epoch")
+    frames = dissect(capture, "wpan.frame_type", "wpan-tap.asn", "frame.time_epoch")
     times_ns = [int(frame["frame.time_epoch"][0].replace(".", "")) for frame in frames]
     assert times_ns == sorted(times_ns)
     for frame, time_ns in zip(frames, times_ns, strict=True):
@@ -196,13 +196,19 @@ def test_small_packets_go_down_in_one_frame(capture):
     assert len({frame["wpan.src64"][0] for frame in down}) > 1
 
 
+# Frame control, sequence number, PAN, two long addresses.
+MAC_HEADER_BYTES = 2 + 1 + 2 + 8 + 8
+
+
 def payloads(capture):
     """Of each frame with a fragment: link-layer source and destination, octets of its MAC header, octets after it."""
-    words = ["tshark", "-r", capture, *READ, "-Y", "6lowpan.frag.size", "-T", "json", "-x", "-J", "frame wpan 6lowpan"]
+    words = ["tshark", "-r", capture, *READ, "-Y", "6lowpan.frag.size", "-T", "json", "-x", "-J", "frame wpan"]
     for packet in json.loads(succeed(words)):
         layers = packet["_source"]["layers"]
         octets = bytes.fromhex(layers["frame_raw"][0])
-        mac, lowpan = layers["wpan_raw"][1], layers["6lowpan_raw"][1]
+        # Behind the TAP header, whose length stands in its bytes 2 and 3.
+        mac = int.from_bytes(octets[2:4], "little")
+        lowpan = mac + MAC_HEADER_BYTES
         yield layers["wpan"]["wpan.src64"], layers["wpan"]["wpan.dst64"], octets[mac:lowpan], octets[lowpan:-2]
 
 
