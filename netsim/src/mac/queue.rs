@@ -34,20 +34,6 @@ impl Queued {
     }
 }
 
-/// Why a frame found no place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refused {
-    /// The queue is full.
-    Full,
-}
-
-/// What became of those that were there before.
-#[derive(Debug, Default, PartialEq)]
-pub struct Displaced {
-    /// A frame that had to go.
-    pub frame: Option<Queued>,
-}
-
 /// The frames of a mote that wait: in order, those with priority first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Queue {
@@ -95,9 +81,13 @@ impl Queue {
     /// Whether a frame for `neighbour` waits that no ordinary frame for another goes before.
     #[must_use]
     pub fn goes_soon(&self, neighbour: Eui64) -> bool {
-        let first_ordinary = self.frames.iter().take_while(|frame| frame.priority).count();
-        let mut soon = self.frames.iter().take(first_ordinary + 1);
+        let mut soon = self.frames.iter().take(self.n_priority() + 1);
         soon.any(|frame| frame.destination() == Some(neighbour))
+    }
+
+    /// Frames with priority: they stand before the others.
+    fn n_priority(&self) -> usize {
+        self.frames.iter().take_while(|frame| frame.priority).count()
     }
 
     /// Adds a frame. The swarm's payload takes the place of an older one; a frame with priority goes behind others of its
@@ -106,17 +96,13 @@ impl Queue {
     ///
     /// # Errors
     ///
-    /// The queue is full; the frame comes back with the reason.
-    pub fn push(
-        &mut self,
-        frame: Queued,
-        n_in_flight: usize,
-    ) -> Result<Displaced, (Queued, Refused)> {
+    /// The queue is full: the frame comes back. Otherwise the frame that had to go, if one had.
+    pub fn push(&mut self, frame: Queued, n_in_flight: usize) -> Result<Option<Queued>, Queued> {
         if frame.is_latest_only
             && let Some(place) = self.frames.iter().position(|other| other.is_latest_only)
         {
             let old = std::mem::replace(&mut self.frames[place], frame);
-            return Ok(Displaced { frame: Some(old) });
+            return Ok(Some(old));
         }
         let is_full = self
             .capacity
@@ -126,25 +112,17 @@ impl Queue {
             let victim = self.frames.iter().rposition(|other| !other.priority);
             match victim {
                 Some(place) if frame.priority => displaced = Some(self.frames.remove(place)),
-                _ => return Err((frame, Refused::Full)),
+                _ => return Err(frame),
             }
         }
-        let place = if frame.priority {
-            self.frames.iter().take_while(|other| other.priority).count()
-        } else {
-            self.frames.len()
-        };
+        let place = if frame.priority { self.n_priority() } else { self.frames.len() };
         self.frames.insert(place, frame);
-        Ok(Displaced { frame: displaced })
+        Ok(displaced)
     }
 
     /// Puts a frame that was in flight back to the front of its kind.
     pub fn put_back(&mut self, frame: Queued) {
-        let place = if frame.priority {
-            0
-        } else {
-            self.frames.iter().take_while(|other| other.priority).count()
-        };
+        let place = if frame.priority { 0 } else { self.n_priority() };
         self.frames.insert(place, frame);
     }
 
@@ -235,7 +213,7 @@ mod tests {
         for packet in 0..10 {
             queue.push(frame(packet, false), 0).unwrap();
         }
-        assert_eq!(queue.push(frame(10, false), 0).unwrap_err().1, Refused::Full);
+        assert_eq!(queue.push(frame(10, false), 0).unwrap_err().packet, 10);
         assert_eq!(queue.len(), 10);
     }
 
@@ -247,10 +225,10 @@ mod tests {
         }
         assert_eq!(order(&queue), [2, 4, 1, 3]);
         let displaced = queue.push(frame(5, true), 0).unwrap();
-        assert_eq!(displaced.frame.unwrap().packet, 3);
+        assert_eq!(displaced.unwrap().packet, 3);
         assert_eq!(order(&queue), [2, 4, 5, 1]);
         queue.push(frame(6, true), 0).unwrap();
-        assert_eq!(queue.push(frame(7, true), 0).unwrap_err().0.packet, 7);
+        assert_eq!(queue.push(frame(7, true), 0).unwrap_err().packet, 7);
         assert_eq!(order(&queue), [2, 4, 5, 6]);
     }
 
@@ -280,7 +258,7 @@ mod tests {
         queue.push(Queued { is_latest_only: true, ..frame(1, false) }, 0).unwrap();
         queue.push(frame(2, false), 0).unwrap();
         let displaced = queue.push(Queued { is_latest_only: true, ..frame(3, false) }, 0).unwrap();
-        assert_eq!(displaced.frame.unwrap().packet, 1);
+        assert_eq!(displaced.unwrap().packet, 1);
         assert_eq!(order(&queue), [3, 2]);
     }
 }

@@ -213,10 +213,7 @@ impl Tsch {
     ///
     /// The queue is full: the frame comes back. Otherwise a frame that had to make room, if one had.
     pub fn enqueue(&mut self, frame: Queued) -> Result<Option<Queued>, Queued> {
-        match self.queue.push(frame, usize::from(self.in_flight)) {
-            Ok(displaced) => Ok(displaced.frame),
-            Err((frame, _)) => Err(frame),
-        }
+        self.queue.push(frame, usize::from(self.in_flight))
     }
 
     /// Asks again which slotframe each frame that waits shall use. The swarm's payloads stay where they are.
