@@ -6,6 +6,7 @@
 //! | [`types`] | the same exchange as valid values: a core never sees a generated message |
 //! | [`convert`] | from messages to values, refusing what is malformed, and back |
 //! | [`digest`] | the barrier's SHA-256 over the exchanged state |
+//! | [`effect`] | what a physical effect says about itself, for readers and for the fit |
 //! | [`rng`] | keyed random draws, and the one list of purposes |
 //! | [`config`] | configuration as data: one description gives checks, defaults, effective values and JSON Schema |
 //! | [`site`] | walls, obstacles and ground: the place both simulators share |
@@ -15,6 +16,7 @@
 pub mod config;
 pub mod convert;
 pub mod digest;
+pub mod effect;
 pub mod host;
 pub mod rng;
 pub mod side;

@@ -229,7 +229,7 @@ pub const STEPS_PER_DB: f64 = 64.0;
 
 impl CurveGrid {
     fn of(model: &Model, widest_db: f64) -> Self {
-        let curve = &model.curve;
+        let curve = model.reception_curve();
         let (floor_dbm, ceiling_dbm) = (curve.floor_dbm(), curve.ceiling_dbm());
         let n = ((ceiling_dbm - floor_dbm) * STEPS_PER_DB).ceil() as usize + 2;
         let values: Vec<f64> = (0..n)

@@ -82,8 +82,8 @@ impl Links {
     /// * `horizon_dbm`: frames that arrive with less do not disturb; `None`: those too weak to be received do not.
     #[must_use]
     pub fn new(model: Arc<Model>, seed: u64, channels: &[u8], horizon_dbm: Option<f64>) -> Self {
-        let floor_dbm =
-            horizon_dbm.map_or(model.curve.floor_dbm(), |dbm| dbm.min(model.curve.floor_dbm()));
+        let floor_dbm = model.reception_curve().floor_dbm();
+        let floor_dbm = horizon_dbm.map_or(floor_dbm, |dbm| dbm.min(floor_dbm));
         let farthest = |channel: u8| model.reach_of(floor_dbm, Some(channel));
         let reach = channels.iter().map(|&channel| farthest(channel)).reduce(|a, b| match (a, b) {
             (Reach::Within(a), Reach::Within(b)) => Reach::Within(a.max(b)),

@@ -6,8 +6,10 @@ pub mod shadowing;
 pub mod system_gain;
 
 use super::link::Link;
+use super::reception::Curve;
 use super::scatter::Scatter;
 use proto::config::{TableSpec, Tag, Variant};
+use proto::effect::{About, Fit};
 
 /// One physical effect. Stateless: everything it depends on is an argument.
 ///
@@ -36,6 +38,12 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
     /// By how much (dB) frames must be stronger to be received as well as without it.
     fn curve_shift_db(&self, _link: &Link<'_>) -> f64 {
         0.0
+    }
+
+    /// The receiver's own curve from power to reception, in place of the configured one. The last effect that has one
+    /// decides.
+    fn curve(&self) -> Option<&dyn Curve> {
+        None
     }
 
     /// The probability, 0 to 1, that a frame is lost for this reason, independently of all others.
@@ -72,6 +80,10 @@ pub const SPEC: TableSpec = TableSpec {
 pub struct Entry {
     /// Its name and keys.
     pub variant: Variant,
+    /// What people should know of it.
+    pub about: About,
+    /// How it is fitted to measurements.
+    pub fit: Fit,
     /// Makes it of its checked table. The number tells several effects of this kind apart.
     pub build: fn(&toml::Table, u32) -> Option<Box<dyn Effect>>,
 }

@@ -114,7 +114,7 @@ impl Model {
             survival *= 1.0 - effect.loss(link);
         }
         let reception = match prediction.reception {
-            Reception::ByCurve => self.curve.reception_probability(rssi_dbm - shift_db),
+            Reception::ByCurve => self.reception_curve().reception_probability(rssi_dbm - shift_db),
             Reception::Stated(probability) => probability,
         };
         LinkBudget {
@@ -147,6 +147,12 @@ impl Model {
         self.effects.iter().fold(rssi_dbm, |read_dbm, effect| effect.register_dbm(link, read_dbm))
     }
 
+    /// The curve from power to reception: the configured one, or that of an effect.
+    #[must_use]
+    pub fn reception_curve(&self) -> &dyn Curve {
+        self.effects.iter().rev().find_map(|effect| effect.curve()).unwrap_or(&*self.curve)
+    }
+
     /// What varies at random about the mean level: first what both directions of a link share, then the rest.
     #[must_use]
     pub fn scatters(&self) -> &[Scatter] {
@@ -174,7 +180,7 @@ impl Model {
     /// How far links may reach.
     #[must_use]
     pub fn reach(&self, channel: Option<u8>) -> Reach {
-        self.reach_of(self.curve.floor_dbm(), channel)
+        self.reach_of(self.reception_curve().floor_dbm(), channel)
     }
 
     /// How far frames may reach with at least this power (dBm), shifts of the curve taken off.

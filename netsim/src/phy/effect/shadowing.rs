@@ -4,6 +4,7 @@ use super::{Effect, Entry};
 use crate::phy::keys;
 use crate::phy::scatter::{Law, Renewal, Scatter};
 use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
 use proto::rng::Purpose;
 use serde::Deserialize;
 
@@ -26,6 +27,38 @@ pub const ENTRY: Entry = Entry {
                 kind: Kind::Number(Range::above(0.0, 1e6)),
                 default: Default::Number(8.3),
             },
+        ],
+    },
+    about: About {
+        mechanism: "Furniture, plants, cars and people that no map shows stand in the way of some links and not of others, so \
+                    that links of one length differ. Who moves a little meets the same obstacles; who moves far meets others.",
+        equation: "RSSI' = RSSI + X, X ~ N(0, sd_db^2) per unordered pair; correlation e^(-way / decorrelation_m)",
+        source: "M. Gudmundson, Correlation model for shadow fading in mobile radio systems, Electronics Letters 27 (1991) 2145.",
+        validity: "Links are independent of each other, though neighbouring links in truth share obstacles. Clipped at 5 sd.",
+        trace: "A bias that is constant within a link or place, random across links, the same in both directions and on all \
+                channels.",
+        needs: &[Need::Readings],
+    },
+    fit: Fit {
+        parameters: &[
+            Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[3.0], step: 0.1 },
+            Parameter {
+                key: "decorrelation_m",
+                unit: "m",
+                min: 0.1,
+                max: 1e3,
+                starts: &[1.0, 2.0, 4.0, 8.0, 16.0],
+                step: 0.2,
+            },
+        ],
+        variants: &[],
+        level: Level::Random,
+        generalises: &[
+            "wall-attenuation",
+            "hidden-obstacle",
+            "vegetation",
+            "diffraction",
+            "node-offset",
         ],
     },
     build: |table, ordinal| {

@@ -4,6 +4,7 @@ use super::{Effect, Entry};
 use crate::phy::keys;
 use crate::phy::link::Link;
 use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
 /// `kind = "system-gain"`.
@@ -25,6 +26,31 @@ pub const ENTRY: Entry = Entry {
                 default: Default::Bool(false),
             },
         ],
+    },
+    about: About {
+        mechanism: "Connectors, cables and mismatched antennas lose the same part of every frame's power; or the RSSI \
+                    register of a whole series is off by a constant (register_only), and then reception does not change.",
+        equation: "RSSI' = RSSI + gain_db",
+        source: "Definition. A register's offset: CC2420 data sheet, § 23 (RSSI_OFFSET, about -45 dB, +-6 dB accuracy).",
+        validity: "All links alike, at any power. It cannot be told from an error of tx_power_dbm.",
+        trace: "The same bias on every link, distance, channel and time.",
+        needs: &[Need::Readings],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "gain_db",
+            unit: "dB",
+            min: -100.0,
+            max: 100.0,
+            starts: &[0.0],
+            step: 0.1,
+        }],
+        variants: &[
+            &[("register_only", Fixed::Bool(false))],
+            &[("register_only", Fixed::Bool(true))],
+        ],
+        level: Level::Place,
+        generalises: &[],
     },
     build: |table, _| {
         let effect: SystemGain = keys(table)?;

@@ -1,0 +1,147 @@
+//! What a physical effect says about itself: for people who read about it, and for the fit that tries it on measurements.
+//!
+//! Both simulators describe their effects in these words, so that one catalogue lists them and one search tries them.
+
+/// What people should know of an effect.
+#[derive(Clone, Copy, Debug)]
+pub struct About {
+    /// What happens, in plain words.
+    pub mechanism: &'static str,
+    /// The equation, as text.
+    pub equation: &'static str,
+    /// Where the equation comes from.
+    pub source: &'static str,
+    /// Where it holds, and where not.
+    pub validity: &'static str,
+    /// What it looks like in the residuals of a model that lacks it.
+    pub trace: &'static str,
+    /// What measurements must have for it to be tested.
+    pub needs: &'static [Need],
+}
+
+/// What measurements, or the site, must have for an effect to be tested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// Positions of both ends.
+    Positions,
+    /// Positive antenna heights.
+    Heights,
+    /// Channels, more than one.
+    Channels,
+    /// Headings at one end at least, that vary, or nodes that stand still.
+    Headings,
+    /// Nodes that move.
+    Movement,
+    /// Times that vary.
+    Time,
+    /// `[[site.wall]]`.
+    Walls,
+    /// `[[site.foliage]]`.
+    Foliage,
+    /// Walls or obstacles of `[site]` with a height.
+    Edges,
+    /// `[site]` terrain.
+    Terrain,
+    /// Other agents at the same time.
+    OtherAgents,
+    /// Frames that were lost.
+    Losses,
+    /// Readings of the strength of received frames.
+    Readings,
+    /// A column of this name, or with `tx_` or `rx_` before it.
+    Column(&'static str),
+    /// Commands of speed with yaw rate or steering.
+    TurningCommands,
+    /// Commands of steering.
+    Steering,
+}
+
+impl Need {
+    /// `positive antenna heights`, …
+    #[must_use]
+    pub fn describe(self) -> String {
+        match self {
+            Self::Positions => "positions of both ends".to_owned(),
+            Self::Heights => "positive antenna heights".to_owned(),
+            Self::Channels => "more than one channel".to_owned(),
+            Self::Headings => "headings, or nodes that stand still".to_owned(),
+            Self::Movement => "nodes that move".to_owned(),
+            Self::Time => "times that vary".to_owned(),
+            Self::Walls => "walls in [site]".to_owned(),
+            Self::Foliage => "foliage in [site]".to_owned(),
+            Self::Edges => "walls or obstacles with a height in [site]".to_owned(),
+            Self::Terrain => "terrain in [site]".to_owned(),
+            Self::OtherAgents => "other agents at the same time".to_owned(),
+            Self::Losses => "frames that were lost".to_owned(),
+            Self::Readings => "RSSI readings".to_owned(),
+            Self::Column(name) => format!("a column {name}"),
+            Self::TurningCommands => "commands of speed and of yaw rate or steering".to_owned(),
+            Self::Steering => "commands of steering".to_owned(),
+        }
+    }
+}
+
+/// How an effect is fitted.
+#[derive(Clone, Copy, Debug)]
+pub struct Fit {
+    /// The keys that are fitted, numbers all.
+    pub parameters: &'static [Parameter],
+    /// Sets of further keys, each of which is tried: empty where the defaults will do.
+    pub variants: &'static [&'static [(&'static str, Fixed)]],
+    /// At which level its covariate varies: there its gain is judged.
+    pub level: Level,
+    /// Effects of which it is a generalisation. Where one of these explains as much, that one is preferred.
+    pub generalises: &'static [&'static str],
+}
+
+/// A parameter that is fitted.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// Its key.
+    pub key: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+    /// Where a search starts: several, where the likelihood may have several peaks. For several parameters the products of
+    /// all starts are tried.
+    pub starts: &'static [f64],
+    /// A small step: what changes predictions a little.
+    pub step: f64,
+}
+
+/// The value of a key that is not fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fixed {
+    /// A text.
+    Text(&'static str),
+    /// A number.
+    Number(f64),
+    /// A truth value.
+    Bool(bool),
+}
+
+impl Fixed {
+    /// As a value of a configuration.
+    #[must_use]
+    pub fn value(self) -> toml::Value {
+        match self {
+            Self::Text(text) => toml::Value::String(text.to_owned()),
+            Self::Number(number) => toml::Value::Float(number),
+            Self::Bool(truth) => toml::Value::Boolean(truth),
+        }
+    }
+}
+
+/// At which level an effect varies, and so which rows are independent evidence for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Level {
+    /// In time: judged on blocks of time left out.
+    Time,
+    /// From place to place: judged on pairs of nodes, or places, left out.
+    Place,
+    /// Drawn at random for each node, link or frame: judged on blocks of time, with shrinkage.
+    Random,
+}
