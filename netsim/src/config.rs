@@ -16,12 +16,14 @@ use crate::phy::interference::{self, Interference};
 use crate::phy::model::Model;
 use crate::phy::propagation::{self, BuildContext, Radio};
 use crate::phy::{effect, reception};
+use bytes::Bytes;
 use proto::config::{
     Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, Tag, Variant, check, join,
 };
 use proto::side::Setup;
 use proto::types::{NS_PER_S, seconds};
 use proto::v1::MoteCommandKind;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Description of `[netsim]`.
@@ -285,15 +287,9 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         None if is_trace || is_network => HOPPING_SEQUENCE.to_vec(),
         None => Vec::new(),
     };
-    let radio = Radio {
-        tx_power_dbm: number(phy, "tx_power_dbm").unwrap_or_default(),
-        tx_antenna_gain_dbi: number(phy, "tx_antenna_gain_dbi").unwrap_or_default(),
-        rx_antenna_gain_dbi: number(phy, "rx_antenna_gain_dbi").unwrap_or_default(),
-        carrier_hz: number(phy, "carrier_hz").unwrap_or(2.44e9),
-    };
     let mut context = BuildContext {
         path: &phy_path,
-        radio,
+        radio: radio_of(phy),
         agent_count,
         slot_ns: slot_ns.max(1),
         channels: &hopping_sequence,
@@ -301,14 +297,9 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         problems: Vec::new(),
         warnings: Vec::new(),
     };
-    let propagation = propagation::build(phy, &mut context);
+    let model = model_of(phy, &mut context, &mut problems);
     let mut warnings = context.warnings;
     problems.extend(context.problems);
-    let curve = phy
-        .get("reception")
-        .and_then(toml::Value::as_table)
-        .and_then(|table| reception::build(table, &join(&phy_path, "reception"), &mut problems));
-    let effects = phy.get("effect").and_then(toml::Value::as_array).map(|list| effect::build(list));
 
     let interference =
         phy.get("interference").and_then(toml::Value::as_table).and_then(interference::build);
@@ -322,20 +313,10 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         };
         network::build(&given, &mut problems, &mut warnings)
     });
-    let (Some(propagation), Some(curve), Some(interference), true) =
-        (propagation, curve, interference, problems.is_empty())
-    else {
+    let (Some(model), Some(interference), true) = (model, interference, problems.is_empty()) else {
         assert!(!problems.is_empty(), "what cannot be built has a problem");
         return Err(problems);
     };
-    let model = Model::new(
-        propagation,
-        effects.unwrap_or_default(),
-        curve,
-        radio,
-        number(phy, "min_distance_m").unwrap_or(0.1),
-        number(phy, "noise_sd_db"),
-    );
     warnings.extend(without_influence(setup, &model, is_trace));
     let config = Config {
         slot_ns,
@@ -348,6 +329,75 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         network: network.flatten().map(Box::new),
     };
     Ok((config, table, warnings))
+}
+
+/// Reads `[netsim.phy]` by itself, as a comparison with measurements needs it: the radio without a network.
+///
+/// * `agent_count`: one more than the highest number of a mote.
+/// * `path`: of the section, for problems.
+///
+/// # Errors
+///
+/// Everything that is wrong with it.
+pub fn read_phy(
+    node: &Node,
+    path: &str,
+    agent_count: usize,
+    files: &BTreeMap<String, Bytes>,
+) -> Result<(Model, toml::Table), Vec<Problem>> {
+    let mut problems = Vec::new();
+    let table = check(node, path, &PHY, &mut problems).table;
+    let mut context = BuildContext {
+        path,
+        radio: radio_of(&table),
+        agent_count,
+        slot_ns: 1,
+        channels: &HOPPING_SEQUENCE,
+        files,
+        problems: Vec::new(),
+        warnings: Vec::new(),
+    };
+    let model = model_of(&table, &mut context, &mut problems);
+    problems.extend(context.problems);
+    match model.filter(|_| problems.is_empty()) {
+        Some(model) => Ok((model, table)),
+        None => Err(problems),
+    }
+}
+
+/// Radio settings that models share, of a checked table of `[netsim.phy]`.
+fn radio_of(phy: &toml::Table) -> Radio {
+    let number = |key: &str| phy.get(key).and_then(toml::Value::as_float);
+    Radio {
+        tx_power_dbm: number("tx_power_dbm").unwrap_or_default(),
+        tx_antenna_gain_dbi: number("tx_antenna_gain_dbi").unwrap_or_default(),
+        rx_antenna_gain_dbi: number("rx_antenna_gain_dbi").unwrap_or_default(),
+        carrier_hz: number("carrier_hz").unwrap_or(2.44e9),
+    }
+}
+
+/// The model that a checked table of `[netsim.phy]` describes, unless there are problems.
+fn model_of(
+    phy: &toml::Table,
+    context: &mut BuildContext<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<Model> {
+    let number = |key: &str| phy.get(key).and_then(toml::Value::as_float);
+    let propagation = propagation::build(phy, context);
+    let path = join(context.path, "reception");
+    let curve = phy
+        .get("reception")
+        .and_then(toml::Value::as_table)
+        .and_then(|table| reception::build(table, &path, problems));
+    let effects = phy.get("effect").and_then(toml::Value::as_array).map(|list| effect::build(list));
+    Some(Model::new(
+        propagation?,
+        effects.unwrap_or_default(),
+        curve?,
+        context.radio,
+        number("min_distance_m").unwrap_or(0.1),
+        number("noise_sd_db"),
+    ))
 }
 
 /// Keys that are written, other than they would be anyway, but decide nothing.

@@ -267,15 +267,20 @@ pub struct Plan {
 ///
 /// Every problem it has, with its place.
 pub fn load(path: &Path, overrides: &Overrides) -> Result<Plan, Refusal> {
-    let text = std::fs::read_to_string(path).map_err(|error| {
+    let text = text_of(path)?;
+    read(path, text, overrides)
+}
+
+/// The text of an experiment file.
+pub(crate) fn text_of(path: &Path) -> Result<String, Refusal> {
+    std::fs::read_to_string(path).map_err(|error| {
         let reason = match error.kind() {
             std::io::ErrorKind::NotFound => missing_file(path),
             std::io::ErrorKind::InvalidData => "is not UTF-8 text".to_owned(),
             _ => format!("cannot be read: {error}"),
         };
         Refusal::of_file(path, reason)
-    })?;
-    read(path, text, overrides)
+    })
 }
 
 /// Checks the text of an experiment file; `path` is for messages, and for files that it names.
@@ -366,7 +371,7 @@ fn foreign(what: &str) -> serde_json::Value {
 }
 
 /// `--set key=value`: the value is TOML, or a bare word taken as a text.
-fn set(tree: &mut Node, assignment: &str) -> Result<(), Problem> {
+pub(crate) fn set(tree: &mut Node, assignment: &str) -> Result<(), Problem> {
     let (key, value) = assignment.split_once('=').ok_or_else(|| {
         Problem::new(format!("--set {assignment}"), "must be key=value, such as experiment.seed=2")
     })?;

@@ -11,6 +11,9 @@
 //! | [`peer`] | one simulator as the orchestrator sees it: process, connection, deadlines |
 //! | [`record`] | what a run leaves |
 //! | [`report`] | the page that shows it |
+//! | [`measure`] | measurements, and the part of a configuration that is held against them |
+//! | [`study`] | what a search for missing physics asks of measurements |
+//! | [`diagnose`] | the search: which physical effect is missing |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`mod@bench`] | speed through the real processes |
 //! | [`console`] | what a person reads while it works |
@@ -21,7 +24,10 @@ pub mod config;
 pub mod conformance;
 pub mod console;
 pub mod coupling;
+pub mod diagnose;
+pub mod measure;
 pub mod peer;
 pub mod record;
 pub mod report;
 pub mod run;
+pub mod study;

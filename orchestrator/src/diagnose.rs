@@ -1,0 +1,3 @@
+//! Which physical effect is missing: the search, and what it says.
+
+pub mod ladder;

@@ -1,0 +1,451 @@
+//! The search: which term makes the model predict data that it has not seen better; then which next; until none does.
+
+use crate::study::folds::N_FOLDS;
+use crate::study::{RowScore, Study};
+use proto::effect::Level;
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// All candidates together may accept wrongly with this probability (Holm).
+pub const FAMILY_ERROR: f64 = 0.005;
+/// A term is worth having from this gain on (nats per row) …
+const WORTH_NATS: f64 = 0.01;
+/// … or from this share of the error removed.
+const WORTH_SHARE: f64 = 0.01;
+/// In any case it removes this share of the error of the model as configured.
+const LEAST_SHARE: f64 = 0.001;
+/// A term that raises the likelihood of all rows together by less (nats) cannot gain on rows left out.
+const HOPELESS_NATS: f64 = 5.0;
+/// No ladder has more rungs.
+const MOST_TERMS: usize = 8;
+
+/// Means of the scores over all rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scores {
+    /// Log predictive density (nats per row).
+    pub log_score: f64,
+    /// Root of the mean squared error (dB or m).
+    pub rmse: f64,
+    /// Continuous ranked probability score (dB or m).
+    pub crps: f64,
+    /// Log loss of reception (nats per frame); NaN where reception is unknown.
+    pub reception_log_loss: f64,
+}
+
+/// Means of what is a number.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, n) = values
+        .filter(|value| !value.is_nan())
+        .fold((0.0, 0usize), |(sum, n), value| (sum + value, n + 1));
+    sum / n as f64
+}
+
+impl Scores {
+    /// Of rows.
+    #[must_use]
+    pub fn of(rows: &[RowScore]) -> Self {
+        Self {
+            log_score: mean(rows.iter().map(|row| row.log)),
+            rmse: mean(rows.iter().map(|row| row.squared_error)).sqrt(),
+            crps: mean(rows.iter().map(|row| row.crps)),
+            reception_log_loss: mean(rows.iter().map(|row| row.reception_log_loss)),
+        }
+    }
+
+    /// The greatest share of an error that `self` has less than `parent`.
+    fn share_removed(&self, parent: &Self) -> f64 {
+        let share = |now: f64, before: f64| {
+            let share = 1.0 - now / before;
+            if share.is_finite() { share } else { 0.0 }
+        };
+        share(self.rmse * self.rmse, parent.rmse * parent.rmse)
+            .max(share(self.crps, parent.crps))
+            .max(share(self.reception_log_loss, parent.reception_log_loss))
+    }
+}
+
+/// What adding a term gains on rows left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gain {
+    /// Nats per row.
+    pub gain: f64,
+    /// Its standard error, over blocks.
+    pub standard_error: f64,
+    /// Probability of as great a gain by chance.
+    pub p_value: f64,
+    /// Number of blocks.
+    pub n_blocks: usize,
+}
+
+impl Gain {
+    /// No gain at all.
+    pub const NONE: Self = Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, n_blocks: 0 };
+
+    /// Of rows in blocks: scores of the candidate less those of its parent.
+    #[must_use]
+    pub fn of(candidate: &[RowScore], parent: &[RowScore], block_of_row: &[u32]) -> Self {
+        let n_blocks = block_of_row.iter().max().map_or(0, |&last| last as usize + 1);
+        let mut sums = vec![(0.0, 0usize); n_blocks];
+        for ((a, b), &block) in candidate.iter().zip(parent).zip(block_of_row) {
+            sums[block as usize].0 += a.log - b.log;
+            sums[block as usize].1 += 1;
+        }
+        let n = candidate.len() as f64;
+        let gain = sums.iter().map(|(sum, _)| sum).sum::<f64>() / n;
+        let blocks = n_blocks as f64;
+        let spread: f64 =
+            sums.iter().map(|&(sum, n)| (sum - n as f64 * gain) * (sum - n as f64 * gain)).sum();
+        let standard_error = (blocks / (blocks - 1.0) * spread).sqrt() / n;
+        let p_value = match StudentsT::new(0.0, 1.0, blocks - 1.0) {
+            Ok(t) if 0.0 < standard_error => t.sf(gain / standard_error),
+            _ => 1.0,
+        };
+        Self { gain, standard_error, p_value, n_blocks }
+    }
+}
+
+/// What was found about a candidate when it was last tried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// Which candidate.
+    pub term: usize,
+    /// Gain at its own level.
+    pub gain: Gain,
+    /// Gain on the common split, by which candidates are ordered.
+    pub common: Gain,
+    /// Beyond chance with all candidates counted.
+    pub is_significant: bool,
+    /// Significant, and worth having.
+    pub is_acceptable: bool,
+    /// Candidates that these data cannot tell from it.
+    pub ties: Vec<usize>,
+}
+
+/// A rung of the ladder.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rung {
+    /// Terms in the model.
+    pub terms: Vec<usize>,
+    /// How well it predicts what it has not seen, on the common split.
+    pub scores: Scores,
+}
+
+/// What a search found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ladder {
+    /// Terms in the order in which they were added.
+    pub accepted: Vec<usize>,
+    /// The model as configured, then with each term.
+    pub rungs: Vec<Rung>,
+    /// For each candidate the trial that decided: of the round in which it was accepted, else of the last.
+    pub trials: Vec<Trial>,
+    /// Why nothing can be told, if so.
+    pub too_little: Option<String>,
+}
+
+/// Predictions of all rows by models that had not seen them, and fits to all rows: computed once.
+pub struct Search<'a, S: Study> {
+    study: &'a S,
+    all: Vec<u32>,
+    held_out: Cache<Arc<Vec<RowScore>>>,
+    full: Cache<Arc<S::Fit>>,
+    report: &'a (dyn Fn(&str) + Sync),
+}
+
+type Key = (Vec<usize>, Level);
+type Cache<T> = Mutex<BTreeMap<Key, T>>;
+
+fn look<T: Clone>(cache: &Cache<T>, key: &Key) -> Option<T> {
+    cache.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
+}
+
+fn keep<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
+    cache.lock().unwrap_or_else(PoisonError::into_inner).insert(key, value.clone());
+}
+
+impl<'a, S: Study> Search<'a, S> {
+    /// A search; `report` is told what is being done.
+    pub fn new(study: &'a S, report: &'a (dyn Fn(&str) + Sync)) -> Self {
+        Self {
+            study,
+            all: (0..study.n_rows() as u32).collect(),
+            held_out: Mutex::default(),
+            full: Mutex::default(),
+            report,
+        }
+    }
+
+    /// A fit to all rows.
+    pub fn full(&self, terms: &[usize], level: Level, parent: Option<&S::Fit>) -> Arc<S::Fit> {
+        let key = (terms.to_vec(), level);
+        if let Some(fit) = look(&self.full, &key) {
+            return fit;
+        }
+        let fit = Arc::new(self.study.fit(terms, &self.all, level, parent));
+        keep(&self.full, key, &fit);
+        fit
+    }
+
+    /// Every row predicted by a fit to the other folds, in blocks of `level`.
+    pub fn held_out(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
+        let key = (terms.to_vec(), level);
+        if let Some(scores) = look(&self.held_out, &key) {
+            return scores;
+        }
+        let start = self.full(terms, level, None);
+        let blocks = self.study.blocks(level);
+        let parts: Vec<(Vec<u32>, Vec<RowScore>)> = (0..N_FOLDS)
+            .into_par_iter()
+            .map(|fold| {
+                let (train, test) = blocks.split(fold);
+                let fit = self.study.fit(terms, &train, level, Some(&start));
+                let scores = self.study.scores(&fit, &test);
+                (test, scores)
+            })
+            .collect();
+        let nothing = RowScore {
+            log: 0.0,
+            squared_error: f64::NAN,
+            crps: f64::NAN,
+            reception_log_loss: f64::NAN,
+        };
+        let mut scores = vec![nothing; self.all.len()];
+        for (rows, part) in parts {
+            for (row, score) in rows.into_iter().zip(part) {
+                scores[row as usize] = score;
+            }
+        }
+        let scores = Arc::new(scores);
+        keep(&self.held_out, key, &scores);
+        scores
+    }
+
+    /// Gain of `terms` over `parent`, at a level.
+    pub fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
+        let blocks = self.study.blocks(level);
+        Gain::of(&self.held_out(terms, level), &self.held_out(parent, level), &blocks.of_row)
+    }
+
+    /// Tries a candidate on top of `accepted`.
+    fn attempt(&self, accepted: &[usize], term: usize) -> Trial {
+        let candidate = &self.study.candidates()[term];
+        let hopeless = Trial {
+            term,
+            gain: Gain::NONE,
+            common: Gain::NONE,
+            is_significant: false,
+            is_acceptable: false,
+            ties: Vec::new(),
+        };
+        let level = candidate.level;
+        if candidate.untestable.is_some()
+            || accepted.contains(&term)
+            || !self.study.blocks(level).suffices()
+        {
+            return hopeless;
+        }
+        let parent = self.full(accepted, level, None);
+        let terms = with(accepted, term);
+        let fit = self.full(&terms, level, Some(&parent));
+        let rise = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
+        if rise < HOPELESS_NATS {
+            return hopeless;
+        }
+        let gain = self.gain(&terms, accepted, level);
+        let common = if level == COMMON || FAMILY_ERROR < gain.p_value {
+            gain
+        } else {
+            self.gain(&terms, accepted, COMMON)
+        };
+        Trial { gain, common, ..hopeless }
+    }
+
+    /// Climbs the ladder.
+    pub fn climb(&self) -> Ladder {
+        let candidates = self.study.candidates();
+        let mut accepted: Vec<usize> = Vec::new();
+        let mut decided: Vec<Trial> = Vec::new();
+        let mut rungs = vec![self.rung(&[])];
+        let too_little = self.too_little();
+        let configured = rungs[0].scores;
+        let mut removed: Vec<usize> = Vec::new();
+        let mut last: Vec<Trial> = Vec::new();
+        while too_little.is_none() && accepted.len() < MOST_TERMS {
+            (self.report)(&format!("round {}: trying what may be missing", accepted.len() + 1));
+            let mut trials: Vec<Trial> = (0..candidates.len())
+                .into_par_iter()
+                .map(|term| self.attempt(&accepted, term))
+                .collect();
+            holm(&mut trials, candidates.iter().filter(|c| c.untestable.is_none()).count());
+            let parent = rungs[rungs.len() - 1].scores;
+            for trial in trials.iter_mut().filter(|trial| trial.is_significant) {
+                let level = candidates[trial.term].level;
+                let terms = with(&accepted, trial.term);
+                let now = Scores::of(&self.held_out(&terms, level));
+                let before = Scores::of(&self.held_out(&accepted, level));
+                let share = now.share_removed(&before);
+                let floor = LEAST_SHARE * share_scale(&configured, &parent);
+                trial.is_acceptable = (WORTH_NATS <= trial.gain.gain
+                    || WORTH_SHARE.max(floor) <= share)
+                    && !removed.contains(&trial.term);
+            }
+            let Some(best) = self.choose(&trials, &accepted) else {
+                last = trials;
+                break;
+            };
+            let ties = self.ties(best, &trials, &accepted);
+            let mut trial = trials.swap_remove(best);
+            trial.ties = ties;
+            (self.report)(&format!("+ {}", candidates[trial.term].name));
+            accepted.push(trial.term);
+            decided.push(trial);
+            // What was accepted before may have stood in for what came now.
+            let mut index = 0;
+            while 1 < accepted.len() && index + 1 < accepted.len() {
+                let term = accepted[index];
+                let rest: Vec<usize> =
+                    accepted.iter().copied().filter(|&other| other != term).collect();
+                let gain = self.gain(&accepted, &rest, candidates[term].level);
+                if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
+                    (self.report)(&format!("- {}", candidates[term].name));
+                    accepted = rest;
+                    decided.retain(|trial| trial.term != term);
+                    removed.push(term);
+                } else {
+                    index += 1;
+                }
+            }
+            rungs.truncate(1);
+            for n in 1..=accepted.len() {
+                rungs.push(self.rung(&accepted[..n]));
+            }
+        }
+        let mut trials = decided;
+        let is_decided: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
+        trials.extend(last.into_iter().filter(|trial| !is_decided.contains(&trial.term)));
+        Ladder { accepted, rungs, trials, too_little }
+    }
+
+    fn too_little(&self) -> Option<String> {
+        let blocks = self.study.blocks(COMMON);
+        (!blocks.suffices()).then(|| {
+            format!(
+                "too few independent blocks to tell: {} {}, at least {} are needed",
+                blocks.n_blocks(),
+                blocks.unit,
+                crate::study::folds::FEWEST_BLOCKS
+            )
+        })
+    }
+
+    fn rung(&self, terms: &[usize]) -> Rung {
+        Rung { terms: terms.to_vec(), scores: Scores::of(&self.held_out(terms, COMMON)) }
+    }
+
+    /// The acceptable trial to take, as an index.
+    fn choose(&self, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
+        let candidates = self.study.candidates();
+        let best_of = |wanted: &dyn Fn(&Trial) -> bool| {
+            (0..trials.len())
+                .filter(|&index| trials[index].is_acceptable && wanted(&trials[index]))
+                .max_by(|&a, &b| {
+                    trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a))
+                })
+        };
+        let is_curve = |trial: &Trial| candidates[trial.term].curve_over().is_some();
+        let curve = best_of(&is_curve);
+        let effect = best_of(&|trial| !is_curve(trial));
+        let Some(mut best) = effect else { return curve };
+        // A special case that is there by its own right goes before what generalises it.
+        while let Some(special) = best_of(&|trial| {
+            let name = &candidates[trial.term].name;
+            candidates[trials[best].term].generalises.iter().any(|other| other == name)
+        }) {
+            best = special;
+        }
+        // Of rivals that cannot be told apart, the one with fewer parameters.
+        let n_parameters = |index: usize| candidates[trials[index].term].n_parameters;
+        for rival in 0..trials.len() {
+            if rival != best
+                && trials[rival].is_acceptable
+                && !is_curve(&trials[rival])
+                && n_parameters(rival) < n_parameters(best)
+                && self.is_tied(&trials[best], &trials[rival], accepted)
+            {
+                best = rival;
+            }
+        }
+        if let Some(curve) = curve {
+            let over = self.between(&trials[curve], &trials[best], accepted);
+            if 2.0 * over.standard_error < over.gain {
+                return Some(curve);
+            }
+        }
+        Some(best)
+    }
+
+    /// What one candidate gains over another on the common split.
+    fn between(&self, a: &Trial, b: &Trial, accepted: &[usize]) -> Gain {
+        self.gain(&with(accepted, a.term), &with(accepted, b.term), COMMON)
+    }
+
+    /// Whether two candidates predict alike, and neither adds anything to the other.
+    fn is_tied(&self, a: &Trial, b: &Trial, accepted: &[usize]) -> bool {
+        let difference = self.between(a, b, accepted);
+        if 2.0 * difference.standard_error < difference.gain.abs() {
+            return false;
+        }
+        let both = with(&with(accepted, a.term), b.term);
+        let adds = |first: &Trial, second: &Trial| {
+            let level = self.study.candidates()[second.term].level;
+            let gain = self.gain(&both, &with(accepted, first.term), level);
+            gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain
+        };
+        !(adds(a, b) || adds(b, a))
+    }
+
+    /// Candidates that cannot be told from the chosen one.
+    fn ties(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Vec<usize> {
+        let candidates = self.study.candidates();
+        trials
+            .iter()
+            .enumerate()
+            .filter(|&(index, trial)| {
+                index != best
+                    && trial.is_significant
+                    && candidates[trial.term].curve_over().is_none()
+                    && self.is_tied(&trials[best], trial, accepted)
+            })
+            .map(|(_, trial)| trial.term)
+            .collect()
+    }
+}
+
+/// The split on which candidates are ordered and ladders are drawn.
+pub const COMMON: Level = Level::Time;
+
+fn with(accepted: &[usize], term: usize) -> Vec<usize> {
+    accepted.iter().copied().chain([term]).collect()
+}
+
+/// How much greater the error of the model as configured is than that of the parent: shares of the one are so many times
+/// smaller than shares of the other.
+fn share_scale(configured: &Scores, parent: &Scores) -> f64 {
+    let scale = configured.rmse * configured.rmse / (parent.rmse * parent.rmse);
+    if scale.is_finite() { scale.max(1.0) } else { 1.0 }
+}
+
+/// Marks what is beyond chance with `n` candidates counted (Holm 1979).
+fn holm(trials: &mut [Trial], n: usize) {
+    let mut order: Vec<usize> = (0..trials.len()).collect();
+    order.sort_by(|&a, &b| trials[a].gain.p_value.total_cmp(&trials[b].gain.p_value));
+    for (rank, index) in order.into_iter().enumerate() {
+        let left = n.saturating_sub(rank).max(1) as f64;
+        if FAMILY_ERROR / left < trials[index].gain.p_value {
+            return;
+        }
+        trials[index].is_significant = true;
+    }
+}

@@ -1,0 +1,74 @@
+//! Measurements: files of what was really sent, received and driven.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`table`] | a file as named columns of numbers: CSV, gzipped CSV, Parquet |
+//! | [`links`] | link samples and aggregated link tables |
+//! | [`config`] | the part of a configuration that is held against them |
+
+pub mod config;
+pub mod links;
+pub mod table;
+
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Why measurements cannot be used at all.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// The file cannot be opened or read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is not a table.
+    #[error("{}: {message}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+/// Rows that could not be used, for one reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Rejected {
+    /// The reason.
+    pub reason: String,
+    /// How many rows.
+    pub rows: usize,
+    /// Line of the first in the file, the header being line 1.
+    pub first_line: usize,
+}
+
+/// Counts rejected rows by reason, in the order in which the reasons first occurred.
+#[derive(Clone, Debug, std::default::Default)]
+pub struct Rejections(Vec<Rejected>);
+
+impl Rejections {
+    /// One more row.
+    pub fn add(&mut self, reason: &str, line: usize) {
+        match self.0.iter_mut().find(|rejected| rejected.reason == reason) {
+            Some(rejected) => rejected.rows += 1,
+            None => {
+                self.0.push(Rejected { reason: reason.to_owned(), rows: 1, first_line: line });
+            }
+        }
+    }
+
+    /// By reason.
+    #[must_use]
+    pub fn into_list(self) -> Vec<Rejected> {
+        self.0
+    }
+
+    /// How many rows in all.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.0.iter().map(|rejected| rejected.rows).sum()
+    }
+}

@@ -1,0 +1,89 @@
+//! The part of a configuration that is held against measurements.
+
+use crate::config::{self, Refusal};
+use netsim::phy::Model;
+use proto::config::{Node, Problem, Value};
+use proto::site::{self, Site};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A configuration as far as a comparison needs it: `[site]`, `[netsim.phy]`, `[robotsim.dynamics]`. Everything else may be
+/// there, and is not read.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// The file.
+    pub path: PathBuf,
+    /// Its text.
+    pub text: String,
+    /// What it says, with what the command line put over it.
+    pub tree: Node,
+    /// Walls, obstacles, ground.
+    pub site: Site,
+}
+
+/// Sections that a file may have.
+const SECTIONS: [&str; 7] =
+    ["experiment", "site", "robotsim", "netsim", "timeline", "output", "sweep"];
+
+impl Compared {
+    /// Reads a configuration.
+    ///
+    /// # Errors
+    ///
+    /// Every problem it has, with its place.
+    pub fn load(path: &Path, set: &[String]) -> Result<Self, Refusal> {
+        let text = config::text_of(path)?;
+        let mut tree = proto::config::parse(&text)
+            .map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
+        let mut problems = Vec::new();
+        for assignment in set {
+            if let Err(problem) = config::set(&mut tree, assignment) {
+                problems.push(problem);
+            }
+        }
+        if let Value::Table(entries) = &tree.value {
+            for (key, ..) in entries {
+                if !SECTIONS.contains(&key.as_str()) {
+                    let mut problem = Problem::new(
+                        key,
+                        format!("is not a known section: there are {}", SECTIONS.join(", ")),
+                    );
+                    problem.nearest = proto::config::most_similar(key, SECTIONS).map(str::to_owned);
+                    problems.push(problem);
+                }
+            }
+        }
+        let empty = Node::empty_table();
+        let (site, _) = site::read(tree.get("site").unwrap_or(&empty), "site", &mut problems);
+        if !problems.is_empty() {
+            return Err(Refusal::new(path, &text, &tree, problems));
+        }
+        Ok(Self { path: path.to_owned(), text, tree, site })
+    }
+
+    /// A section of a section: `("netsim", "phy")`. Empty where it is not there.
+    #[must_use]
+    pub fn section(&self, side: &str, name: &str) -> Node {
+        let section = self.tree.get(side).and_then(|side| side.get(name));
+        section.cloned().unwrap_or_else(Node::empty_table)
+    }
+
+    /// The radio as configured, and its effective table.
+    ///
+    /// * `n_motes`: one more than the highest number of a mote.
+    ///
+    /// # Errors
+    ///
+    /// Every problem that `[netsim.phy]` has, with its place.
+    pub fn radio(&self, n_motes: usize) -> Result<(Model, toml::Table), Refusal> {
+        let phy = self.section("netsim", "phy");
+        netsim::config::read_phy(&phy, "netsim.phy", n_motes, &BTreeMap::new())
+            .map_err(|problems| self.refuse(problems))
+    }
+
+    /// Problems of this file, placed on its lines.
+    #[must_use]
+    pub fn refuse(&self, problems: Vec<Problem>) -> Refusal {
+        Refusal::new(&self.path, &self.text, &self.tree, problems)
+    }
+}

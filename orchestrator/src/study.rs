@@ -1,0 +1,108 @@
+//! What a search for missing physics asks of a kind of measurements.
+//!
+//! The search itself ([`crate::diagnose`]) knows neither radio nor robots: it adds terms to a model, fits, and compares how
+//! well data that were left out are predicted. A [`Study`] is one file of measurements held against one configuration.
+
+pub mod folds;
+
+use folds::Blocks;
+use proto::effect::{About, Level, Parameter};
+use serde::Serialize;
+
+/// A term that may be missing from the model: an effect of the catalogue, or a smooth curve over a covariate.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// `two-ray-ground`, `curve:humidity_pct`, …
+    pub name: String,
+    /// What people should know of it; none for curves.
+    pub about: Option<&'static About>,
+    /// Where its covariate varies.
+    pub level: Level,
+    /// How many numbers a fit of it sets, places of a search included.
+    pub n_parameters: usize,
+    /// Effects that it generalises.
+    pub generalises: Vec<String>,
+    /// Why it cannot be tested on these data: `needs positive antenna heights`.
+    pub untestable: Option<String>,
+}
+
+impl Candidate {
+    /// The covariate of a curve.
+    #[must_use]
+    pub fn curve_over(&self) -> Option<&str> {
+        self.name.strip_prefix("curve:")
+    }
+}
+
+/// How well one row was predicted by a model that had not seen it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowScore {
+    /// Log predictive density or probability (nats).
+    pub log: f64,
+    /// Squared error (dB² or m²); NaN where nothing was read.
+    pub squared_error: f64,
+    /// Continuous ranked probability score (dB or m); NaN where nothing was read.
+    pub crps: f64,
+    /// Log loss of the prediction of reception (nats); NaN where it is unknown.
+    pub reception_log_loss: f64,
+}
+
+/// A fitted number.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Its key.
+    pub name: String,
+    /// The estimate.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// Lower end of the 90 % interval.
+    pub low: f64,
+    /// Upper end of the 90 % interval.
+    pub high: f64,
+}
+
+/// Measurements held against a configuration.
+pub trait Study: Sync {
+    /// A model fitted to some rows.
+    type Fit: Clone + Send + Sync;
+
+    /// What may be missing, in a fixed order.
+    fn candidates(&self) -> &[Candidate];
+
+    /// How many rows there are: frames, sums of frames, or windows of motion.
+    fn n_rows(&self) -> usize;
+
+    /// Which rows are independent of which, where a covariate varies at this level.
+    fn blocks(&self, level: Level) -> &Blocks;
+
+    /// Fits the configured model, its noise, and the terms (indices of candidates) together, to convergence.
+    ///
+    /// * `train`: the rows.
+    /// * `level`: at which the fit will be judged. At [`Level::Place`] every model carries what is random per link or node,
+    ///   so that nothing that is fixed per link can pass for something else.
+    /// * `start`: a fit of fewer or other terms, from which the search may start.
+    fn fit(
+        &self,
+        terms: &[usize],
+        train: &[u32],
+        level: Level,
+        start: Option<&Self::Fit>,
+    ) -> Self::Fit;
+
+    /// Log likelihood of the rows to which it was fitted (nats), its penalties included.
+    fn log_likelihood(&self, fit: &Self::Fit) -> f64;
+
+    /// Predicts rows that the fit has not seen.
+    fn scores(&self, fit: &Self::Fit, test: &[u32]) -> Vec<RowScore>;
+
+    /// The numbers of a term, with intervals, from a fit to all rows; and a warning where two cannot be told apart.
+    fn estimates(&self, fit: &Self::Fit, term: usize) -> (Vec<Estimate>, Option<String>);
+}
+
+/// Whether a value lies at an end of a parameter's range.
+#[must_use]
+pub fn is_at_bound(parameter: &Parameter, value: f64) -> bool {
+    let span = parameter.max - parameter.min;
+    value - parameter.min < 1e-6 * span || parameter.max - value < 1e-6 * span
+}

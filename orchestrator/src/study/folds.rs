@@ -1,0 +1,114 @@
+//! Blocks of rows that depend on each other, dealt to folds that are left out in turn.
+
+/// Number of folds.
+pub const N_FOLDS: usize = 5;
+/// With fewer blocks nothing can be told.
+pub const FEWEST_BLOCKS: usize = 20;
+
+/// Rows in blocks, blocks in folds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocks {
+    /// What a block is: `blocks of time`, `pairs of nodes`, …
+    pub unit: &'static str,
+    /// The block of each row.
+    pub of_row: Vec<u32>,
+    /// The fold of each block.
+    pub fold_of_block: Vec<u8>,
+    /// Rows that a fold's training leaves out beside its own: they lie too near. None for most kinds of blocks. As
+    /// (row, fold), sorted.
+    pub gaps: Vec<(u32, u8)>,
+}
+
+impl Blocks {
+    /// Blocks of rows with equal keys, dealt to folds in the order in which the keys are sorted, but mixed: so that
+    /// neighbours fall into different folds and folds get alike sizes.
+    #[must_use]
+    pub fn of_keys(unit: &'static str, keys: &[u64]) -> Self {
+        let mut sorted: Vec<u64> = keys.to_vec();
+        sorted.sort_unstable();
+        sorted.dedup();
+        let index = |key: &u64| sorted.binary_search(key).unwrap_or_default() as u32;
+        let of_row: Vec<u32> = keys.iter().map(index).collect();
+        let mut n_rows = vec![0usize; sorted.len()];
+        for &block in &of_row {
+            n_rows[block as usize] += 1;
+        }
+        // Largest first into the fold that has least: the order among equals is scrambled by a fixed hash.
+        let mut order: Vec<usize> = (0..sorted.len()).collect();
+        order.sort_by_key(|&block| (std::cmp::Reverse(n_rows[block]), scramble(block as u64)));
+        let mut filled = [0usize; N_FOLDS];
+        let mut fold_of_block = vec![0u8; sorted.len()];
+        for block in order {
+            let fold = (0..N_FOLDS).min_by_key(|&fold| filled[fold]).unwrap_or_default();
+            filled[fold] += n_rows[block];
+            fold_of_block[block] = fold as u8;
+        }
+        Self { unit, of_row, fold_of_block, gaps: Vec::new() }
+    }
+
+    /// Number of blocks.
+    #[must_use]
+    pub fn n_blocks(&self) -> usize {
+        self.fold_of_block.len()
+    }
+
+    /// Whether there are enough blocks to tell anything.
+    #[must_use]
+    pub fn suffices(&self) -> bool {
+        FEWEST_BLOCKS <= self.n_blocks()
+    }
+
+    /// The fold of a row.
+    #[must_use]
+    pub fn fold(&self, row: u32) -> usize {
+        usize::from(self.fold_of_block[self.of_row[row as usize] as usize])
+    }
+
+    /// Rows to fit and rows to score where `fold` is left out.
+    #[must_use]
+    pub fn split(&self, fold: usize) -> (Vec<u32>, Vec<u32>) {
+        let mut train = Vec::new();
+        let mut test = Vec::new();
+        for row in 0..self.of_row.len() as u32 {
+            if self.fold(row) == fold {
+                test.push(row);
+            } else if self.gaps.binary_search(&(row, fold as u8)).is_err() {
+                train.push(row);
+            }
+        }
+        (train, test)
+    }
+}
+
+/// A fixed permutation of numbers, so that what is dealt has nothing to do with the order in the file (SplitMix64's mix).
+#[must_use]
+pub fn scramble(number: u64) -> u64 {
+    let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_row_is_left_out_once_and_blocks_stay_whole() {
+        let keys: Vec<u64> = (0..1000).map(|row| row / 7).collect();
+        let blocks = Blocks::of_keys("blocks", &keys);
+        assert_eq!(blocks.n_blocks(), 143);
+        let mut out = vec![0; keys.len()];
+        for fold in 0..N_FOLDS {
+            let (train, test) = blocks.split(fold);
+            assert_eq!(train.len() + test.len(), keys.len());
+            assert!((180..=220).contains(&test.len()), "{}", test.len());
+            for row in test {
+                out[row as usize] += 1;
+                let first = row - row % 7;
+                assert_eq!(blocks.fold(first), fold, "a block is torn");
+            }
+        }
+        assert!(out.iter().all(|&times| times == 1));
+    }
+}
