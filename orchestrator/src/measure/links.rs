@@ -345,8 +345,7 @@ fn oddities(rows: &[Row]) -> Vec<String> {
             if place.iter().any(|c| c.is_nan()) {
                 continue;
             }
-            let (known, _) =
-                places.entry((row.run, mote, row.time_s.to_bits())).or_insert((place, true));
+            let known = places.entry((row.run, mote, row.time_s.to_bits())).or_insert(place);
             if known.iter().zip(place).any(|(a, b)| 1.0 < (a - b).abs()) {
                 torn.insert(mote);
             }
