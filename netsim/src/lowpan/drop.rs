@@ -51,8 +51,8 @@ pub enum DropReason {
     Duplicate,
     /// It is not what it should be.
     Malformed,
-    /// The next hop took it for an earlier frame that was sent again: a sequence number has 8 bits and comes back
-    /// (IEEE Std 802.15.4-2015, 6.7.2).
+    /// A sequence number has 8 bits and comes back: the next hop took it for an earlier frame that was sent again, or would
+    /// take it, sent again after so many newer ones, for another (IEEE Std 802.15.4-2015, 6.7.2).
     SequenceReused,
 }
 

@@ -22,6 +22,8 @@ pub struct Queued {
     pub psdu_bytes: u16,
     /// How often it has been sent.
     pub n_attempts: u16,
+    /// Which of its sender's frames it is: its sequence number, continued beyond 255. Given when it is first sent.
+    pub number: u64,
     /// Whether its destination has received it, though the sender may not know.
     pub has_arrived: bool,
 }
@@ -199,6 +201,7 @@ mod tests {
             packet,
             psdu_bytes: 23,
             n_attempts: 0,
+            number: 0,
             has_arrived: false,
         }
     }

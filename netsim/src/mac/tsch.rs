@@ -25,6 +25,10 @@ struct Extra {
     sends_to: Option<Eui64>,
 }
 
+/// A frame is sent again while no more than so many newer ones have gone out. A sequence number has eight bits (IEEE Std
+/// 802.15.4-2015, 7.2.2), and the nearer half of their range lies behind the newest.
+const N_NEWER_MOST: u64 = 127;
+
 /// The MAC of one mote.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tsch {
@@ -39,7 +43,8 @@ pub struct Tsch {
     neighbours: Neighbours,
     /// Whether a new search for a network begins without them.
     forgets_neighbours: bool,
-    next_sequence: u8,
+    /// The number of the next frame that is sent for the first time: its last eight bits are the sequence number.
+    next_number: u64,
     beacons: Beacons,
     extra: Option<Extra>,
     dice: Dice,
@@ -74,7 +79,7 @@ impl Tsch {
             backoff: Backoff::new(config.min_exponent, config.max_exponent),
             neighbours: Neighbours::default(),
             forgets_neighbours: config.beacon_probability.is_none(),
-            next_sequence: 0,
+            next_number: 0,
             beacons: Beacons::default(),
             extra: None,
             dice,
@@ -226,6 +231,15 @@ impl Tsch {
         self.queue.take_where(which)
     }
 
+    /// Takes frames out of the queue that have been sent and must not be sent again: so many newer ones have gone out that
+    /// whoever has received them would take these, by their eight bits, for newer ones still.
+    pub fn take_outrun(&mut self) -> Vec<Queued> {
+        let next = self.next_number;
+        self.queue.take_where(|frame| {
+            frame.n_attempts != 0 && N_NEWER_MOST < next - 1 - frame.number
+        })
+    }
+
     /// The first slot from `from_asn` on in which it may transmit.
     #[must_use]
     pub fn next_tx_asn(&self, config: &Config, schedule: &Schedule, from_asn: u64) -> Option<u64> {
@@ -341,8 +355,9 @@ impl Tsch {
     ) -> Transmission {
         let mut frame = self.queue.take(place);
         if frame.n_attempts == 0 {
-            frame.frame.sequence = self.next_sequence;
-            self.next_sequence = self.next_sequence.wrapping_add(1);
+            frame.number = self.next_number;
+            frame.frame.sequence = self.next_number as u8;
+            self.next_number += 1;
         }
         frame.n_attempts += 1;
         self.in_flight = true;

@@ -203,6 +203,7 @@ impl Mote {
             is_latest_only,
             packet,
             n_attempts: 0,
+            number: 0,
             has_arrived: false,
         };
         if let Some(neighbour) = destination

@@ -232,6 +232,9 @@ impl Mote {
             Done::Retry { destination } => self.count_link(world, at, destination, false),
             Done::GivenUp(frame) => self.sent(world, at, frame, false),
         }
+        for frame in self.mac.take_outrun() {
+            self.discard(world, frame, DropReason::SequenceReused);
+        }
     }
 
     /// Routing learns of a transmission. The 6TiSCH simulator counts none in cells that are for everyone.

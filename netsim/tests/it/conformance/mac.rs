@@ -135,6 +135,7 @@ fn frame_to(neighbour: Eui64, packet: u64) -> Queued {
         packet,
         psdu_bytes: 30,
         n_attempts: 0,
+        number: 0,
         has_arrived: false,
     }
 }
@@ -184,6 +185,39 @@ fn t9_a_frame_that_is_backed_off_stays_and_another_cell_of_the_slot_is_used() {
         }
     }
     assert!(10 < n_backed_off, "about half of 40: {n_backed_off}");
+}
+
+/// IEEE Std 802.15.4-2015, 7.2.2: the sequence number has eight bits.
+#[test]
+fn a_frame_is_not_sent_again_once_its_number_would_stand_for_another() {
+    let config = settings("").mac;
+    let [one, two] = [1, 2].map(Eui64::of_mote);
+    let mut mac = Tsch::new(&config, Eui64::of_mote(0), 0, true, 1);
+    mac.start_root(0);
+    let mut schedule = Schedule::new();
+    schedule.add_slotframe(1, 10);
+    for (slot, neighbour) in [(0, one), (1, two)] {
+        schedule.add(1, Cell::new(slot, 0, CellOptions::TX, Some(neighbour))).unwrap();
+    }
+    mac.enqueue(frame_to(one, 1)).unwrap();
+    let waits = mac.poll_slot(&config, &schedule, 0).unwrap();
+    mac.handle_done(&config, waits, false, 0, 0);
+    for newer in 1..=127_u64 {
+        mac.enqueue(frame_to(two, 1 + newer)).unwrap();
+        let sent = mac.poll_slot(&config, &schedule, 10 * newer + 1).unwrap();
+        assert_eq!(packet_of(&sent.outgoing), 1 + newer);
+        mac.handle_done(&config, sent, true, 0, 10 * newer + 1);
+        assert_eq!(mac.take_outrun(), []);
+    }
+    // Never sent: no matter how long it waits.
+    mac.enqueue(frame_to(one, 200)).unwrap();
+    mac.enqueue(frame_to(two, 300)).unwrap();
+    let sent = mac.poll_slot(&config, &schedule, 1281).unwrap();
+    assert_eq!(packet_of(&sent.outgoing), 300);
+    mac.handle_done(&config, sent, true, 0, 1281);
+    let outrun: Vec<u64> = mac.take_outrun().iter().map(|queued| queued.packet).collect();
+    assert_eq!(outrun, [1]);
+    assert_eq!(mac.queue().iter().map(|queued| queued.packet).collect::<Vec<_>>(), [200]);
 }
 
 #[test]

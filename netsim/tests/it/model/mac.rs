@@ -55,6 +55,8 @@ struct Plain {
     /// Slot, channel and neighbour of the frame that was announced.
     announced: Option<(u64, u8, Eui64)>,
     next_sequence: u8,
+    /// By frame that has been sent: how many others were sent for the first time after it.
+    n_newer: BTreeMap<u64, u64>,
     dice: Dice,
 }
 
@@ -135,6 +137,9 @@ impl Plain {
         if frame.attempts == 0 {
             frame.sequence = self.next_sequence;
             self.next_sequence = self.next_sequence.wrapping_add(1);
+            for other in self.frames.iter().filter(|other| other.attempts != 0) {
+                *self.n_newer.entry(other.id).or_insert(0) += 1;
+            }
         }
         frame.attempts += 1;
         self.in_flight = 1;
@@ -142,6 +147,12 @@ impl Plain {
         let pending = self.pending_bit && follows && schedule.at(asn + 1).count() == 0;
         let is_shared = at.is_some_and(|at| at.cell.options.shared);
         Sent { cell: at.map(name), is_shared, channel, frame: Some(frame), pending }
+    }
+
+    /// Frames that are not sent again: their number would be taken for that of another.
+    fn outrun(&mut self) -> Vec<u64> {
+        let is_outrun = |id: &u64| self.n_newer.get(id).is_some_and(|&newer| 128 <= newer);
+        self.frames.extract_if(.., |frame| is_outrun(&frame.id)).map(|frame| frame.id).collect()
     }
 
     /// What becomes of what was sent. `Some`: a frame that is done with, and whether it was acknowledged.
@@ -204,7 +215,7 @@ fn config(dice: &mut Dice) -> Config {
         queue_capacity: Some(pick(&[0, 2, 5, 10])).filter(|&frames| frames != 0),
         max_retries: Some(pick(&[0, 1, 3, 99])).filter(|&retries| retries != 99),
         min_exponent: pick(&[0, 1, 2]) as u8,
-        max_exponent: pick(&[3, 5]) as u8,
+        max_exponent: pick(&[3, 7]) as u8,
         beacon_period_ns: BEACON_NS,
         beacon_spacing_ns: 0,
         beacon_probability: None,
@@ -266,6 +277,7 @@ struct Pair {
     mac: Tsch,
     plain: Plain,
     n_pushed: u64,
+    n_outrun: usize,
 }
 
 impl Pair {
@@ -298,12 +310,13 @@ impl Pair {
             beacon: (u64::MAX, false),
             announced: None,
             next_sequence: 0,
+            n_newer: BTreeMap::new(),
             dice: Dice::new(seed, Purpose::Mac, 9),
         };
         mac.start_root(0);
         mac.enable_beacons(&config, true, 0);
         plain.beacon = (plain.dice.duration_ns(0, BEACON_NS), false);
-        Self { config, dice, schedule, handles, mac, plain, n_pushed: 0 }
+        Self { config, dice, schedule, handles, mac, plain, n_pushed: 0, n_outrun: 0 }
     }
 
     /// A frame for both; whom they do not keep is the same.
@@ -337,6 +350,7 @@ impl Pair {
             packet: frame.id,
             psdu_bytes: 30,
             n_attempts: 0,
+            number: 0,
             has_arrived: false,
         };
         let dropped = match self.mac.enqueue(queued) {
@@ -349,20 +363,20 @@ impl Pair {
     /// What happens between slots.
     fn disturb(&mut self, asn: u64) {
         let now_ns = asn * SLOT_NS;
-        if self.dice.below(4) == 0 {
+        if self.dice.below(2) == 0 {
             self.push();
         }
         let (handle, slots) = self.handles[self.dice.below(self.handles.len() as u64) as usize];
-        match self.dice.below(400) {
-            0..4 => {
+        match self.dice.below(1200) {
+            0..12 => {
                 let cell = random_cell(&mut self.dice, slots);
                 self.schedule.add(handle, cell).expect("within");
             }
-            4..8 => {
+            12..24 => {
                 let slot = self.dice.below(slots.into()) as u16;
                 self.schedule.remove_where(handle, |cell| cell.slot == slot);
             }
-            8..10 => {
+            24..27 => {
                 let to = Some(Eui64::of_mote(self.dice.below(4) as u32));
                 let taken = self.mac.take_where(|queued| queued.destination() == to);
                 let ours: Vec<u64> = taken.iter().map(|queued| queued.packet).collect();
@@ -372,7 +386,7 @@ impl Pair {
                 self.plain.frames.retain(|frame| frame.to != to);
             }
             // It fails, and works again: what waited is lost, the sequence number goes on.
-            10 => {
+            27 => {
                 let lost = self.mac.switch_off();
                 assert_eq!(lost.len(), self.plain.frames.len());
                 self.mac.start_root(now_ns);
@@ -412,6 +426,9 @@ impl Pair {
             Done::Retry { .. } => None,
         };
         assert_eq!(ours, self.plain.done(sent, acknowledged, asn), "slot {asn}");
+        let outrun: Vec<u64> = self.mac.take_outrun().iter().map(|frame| frame.packet).collect();
+        assert_eq!(outrun, self.plain.outrun(), "slot {asn}");
+        self.n_outrun += outrun.len();
         let waiting: Vec<Waiting> = self.mac.queue().iter().map(of_queue).collect();
         assert_eq!(waiting, self.plain.frames, "slot {asn}");
         true
@@ -433,6 +450,7 @@ proptest! {
 #[test]
 fn the_random_schedules_lead_to_every_kind_of_transmission() {
     let (mut n_sent, mut n_pending, mut n_shared, mut n_beacons) = (0, 0, 0, 0);
+    let mut n_outrun = 0;
     for seed in 0..40 {
         let mut pair = Pair::new(seed);
         for asn in 0..N_SLOTS {
@@ -445,7 +463,9 @@ fn the_random_schedules_lead_to_every_kind_of_transmission() {
             n_beacons += u32::from(beacon_was_due && !pair.plain.beacon.1);
             n_shared += u32::from(pair.plain.waits.values().any(|(_, cells)| *cells != 0));
         }
+        n_outrun += pair.n_outrun;
     }
+    assert!(5 < n_outrun, "{n_outrun}");
     let counts = [n_sent, n_pending, n_shared, n_beacons];
     assert!(counts.iter().all(|&n| 300 < n), "{counts:?}");
 }
