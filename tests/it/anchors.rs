@@ -5,6 +5,7 @@
 //! choice of seeds in twenty at most. The seeds are fixed.
 
 mod forming;
+mod heard;
 mod standing;
 
 use netsim::sim::Network;

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use tests::statistics::{Comparison, Measured, deviation, mean, median};
 
 /// BotNet's settings that are not behaviour.
-const SETTINGS: &str = "[phy]\npropagation = 'full'\nrssi_dbm = -10.0\ninterference = { kind = 'table' }\n\
+pub(super) const SETTINGS: &str = "[phy]\npropagation = 'full'\nrssi_dbm = -10.0\ninterference = { kind = 'table' }\n\
      [sf]\nkind = 'rrsf'\n\
      [mac]\nbeacon_wait_s = 0.1\nneighbours_to_wait = 2\nscan_dwell_s = 0.01\n\
      [rpl]\ndao_period_s = 60.0\ndao_ack = false\ndao_delay_s = 0.0\n\
