@@ -235,9 +235,8 @@ impl Tsch {
     /// whoever has received them would take these, by their eight bits, for newer ones still.
     pub fn take_outrun(&mut self) -> Vec<Queued> {
         let next = self.next_number;
-        self.queue.take_where(|frame| {
-            frame.n_attempts != 0 && N_NEWER_MOST < next - 1 - frame.number
-        })
+        self.queue
+            .take_where(|frame| frame.n_attempts != 0 && N_NEWER_MOST < next - 1 - frame.number)
     }
 
     /// The first slot from `from_asn` on in which it may transmit.
