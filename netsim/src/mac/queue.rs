@@ -23,7 +23,7 @@ pub struct Queued {
     /// How often it has been sent.
     pub n_attempts: u16,
     /// Which of its sender's frames it is: its sequence number, continued beyond 255. Given when it is first sent.
-    pub number: u64,
+    pub number: u32,
     /// Whether its destination has received it, though the sender may not know.
     pub has_arrived: bool,
 }

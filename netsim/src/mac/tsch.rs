@@ -27,7 +27,7 @@ struct Extra {
 
 /// A frame is sent again while no more than so many newer ones have gone out. A sequence number has eight bits (IEEE Std
 /// 802.15.4-2015, 7.2.2), and the nearer half of their range lies behind the newest.
-const N_NEWER_MOST: u64 = 127;
+const N_NEWER_MOST: u32 = 127;
 
 /// The MAC of one mote.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,7 +44,7 @@ pub struct Tsch {
     /// Whether a new search for a network begins without them.
     forgets_neighbours: bool,
     /// The number of the next frame that is sent for the first time: its last eight bits are the sequence number.
-    next_number: u64,
+    next_number: u32,
     beacons: Beacons,
     extra: Option<Extra>,
     dice: Dice,
@@ -234,9 +234,10 @@ impl Tsch {
     /// Takes frames out of the queue that have been sent and must not be sent again: so many newer ones have gone out that
     /// whoever has received them would take these, by their eight bits, for newer ones still.
     pub fn take_outrun(&mut self) -> Vec<Queued> {
-        let next = self.next_number;
-        self.queue
-            .take_where(|frame| frame.n_attempts != 0 && N_NEWER_MOST < next - 1 - frame.number)
+        let newest = self.next_number.wrapping_sub(1);
+        self.queue.take_where(|frame| {
+            frame.n_attempts != 0 && N_NEWER_MOST < newest.wrapping_sub(frame.number)
+        })
     }
 
     /// The first slot from `from_asn` on in which it may transmit.
@@ -356,7 +357,7 @@ impl Tsch {
         if frame.n_attempts == 0 {
             frame.number = self.next_number;
             frame.frame.sequence = self.next_number as u8;
-            self.next_number += 1;
+            self.next_number = self.next_number.wrapping_add(1);
         }
         frame.n_attempts += 1;
         self.in_flight = true;
