@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use tempfile::TempDir;
 
+pub mod campaign;
 pub mod fake;
 pub mod forming;
 pub mod in_process;

@@ -117,6 +117,19 @@ fn the_two_simulators_do_not_know_each_other() {
 }
 
 #[test]
+fn campaigns_share_nothing_with_what_they_judge() {
+    let mut files = rust_files(&tests::repository().join("tests/campaign"));
+    assert!(5 <= files.len());
+    files.push(tests::repository().join("tests/campaign.rs"));
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        for name in ["netsim::", "robotsim::", "orchestrator::", "proto::"] {
+            assert!(!text.contains(name), "{} uses {name}", file.display());
+        }
+    }
+}
+
+#[test]
 fn every_path_that_architecture_md_names_exists() {
     let text = std::fs::read_to_string(tests::repository().join("ARCHITECTURE.md")).unwrap();
     let paths: Vec<&str> = text

@@ -1,0 +1,67 @@
+//! Measurement campaigns with something hidden in them: what the diagnosis is judged by.
+//!
+//! From a seed comes what a person would bring to it: a file of measurements and the configuration of a model that lacks
+//! something; and what that person would not know: what is missing, and how well the true model predicts the file.
+//! The equations here are written from the catalogue's sources. Nothing of the simulators, of the fit or of the
+//! diagnosis is used, so that an error there cannot hide in an equal one here.
+
+mod draws;
+mod effect;
+mod field;
+mod geometry;
+mod hidden;
+mod link;
+mod oracle;
+mod posterior;
+mod radio;
+mod world;
+
+pub use hidden::{Hidden, Size};
+pub use world::{Base, Layout};
+
+/// A campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Campaign {
+    /// The measurements: a file's text.
+    pub csv: String,
+    /// The model without what is hidden.
+    pub config_toml: String,
+    /// What is hidden.
+    pub truth: Vec<Truth>,
+    /// How well the true model predicts the measurements.
+    pub oracle: Scores,
+    /// Share of frames received (links), 1 for robots.
+    pub received: f64,
+}
+
+/// Something hidden.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truth {
+    /// The effect's name in the catalogue, or one that begins with `unknown-`.
+    pub effect: &'static str,
+    /// For one in no catalogue: columns in any of which its structure is seen.
+    pub covariates: &'static [&'static str],
+    /// Its parameters, named and with the units of the catalogue.
+    pub parameters: Vec<(&'static str, f64)>,
+    /// Its parameters that are no numbers.
+    pub choices: Vec<(&'static str, String)>,
+    /// Its size: rms over received rows (over windows) divided by the noise, or the share of frames that it takes away. A
+    /// shape that cannot be as large as asked has its greatest size.
+    pub size: f64,
+}
+
+/// How well a predictive model does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scores {
+    /// Mean log predictive density per row (nats).
+    pub log_score: f64,
+    /// Root mean square error of received rows (dB), of positions after a second (m).
+    pub rmse: f64,
+    /// Continuous ranked probability score of the same (dB, m).
+    pub crps: f64,
+    /// Mean of minus the logarithm of the probability given to what became of each frame (nats); links only.
+    pub reception_log_loss: Option<f64>,
+}
+
+#[cfg(test)]
+mod tests;
