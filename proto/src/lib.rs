@@ -17,6 +17,7 @@ pub mod config;
 pub mod convert;
 pub mod digest;
 pub mod effect;
+pub mod formula;
 pub mod host;
 pub mod rng;
 pub mod side;
