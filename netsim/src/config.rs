@@ -389,7 +389,10 @@ fn model_of(
         .get("reception")
         .and_then(toml::Value::as_table)
         .and_then(|table| reception::build(table, &path, problems));
-    let effects = phy.get("effect").and_then(toml::Value::as_array).map(|list| effect::build(list));
+    let effects = phy.get("effect").and_then(toml::Value::as_array).map(|list| {
+        effect::check(list, &join(context.path, "effect"), problems);
+        effect::build(list)
+    });
     Some(Model::new(
         propagation?,
         effects.unwrap_or_default(),

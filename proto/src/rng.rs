@@ -48,6 +48,12 @@ pub enum Purpose {
     SlotAcknowledgment = 17,
     /// Compression tags and other identifiers that begin at random, in sequence. Entity: mote.
     Lowpan = 18,
+    /// The error of a node's transmitter or receiver (`node-offset`). Entity: node.
+    NodeOffset = 19,
+    /// The value of `multipath`. Entity: unordered link; time: number of the place.
+    Multipath = 20,
+    /// The value of `fast-fading`. Entity: ordered link; time: begin of the frame.
+    FastFading = 21,
 }
 
 /// The draws of one purpose under one seed.

@@ -133,7 +133,7 @@ impl Air<'_> {
             return shared_db;
         }
         // A shared value depends on no frame.
-        let at = self.moment(a, b, self.period_ns);
+        let at = self.moment(a, b, Frame { sent_ns: self.period_ns, channel: None });
         let (a, b) = (self.radios.id[a], self.radios.id[b]);
         let mut shared_db = 0.0;
         for scatter in self.model.symmetric_scatters() {
@@ -157,7 +157,7 @@ impl Air<'_> {
         if directed.is_empty() {
             return shared_db;
         }
-        let at = self.moment(receiver, frame, self.radios.frames[frame].sent_ns);
+        let at = self.moment(receiver, frame, self.radios.frames[frame]);
         let (sender, receiver) = (self.radios.id[frame], self.radios.id[receiver]);
         let mut own_db = 0.0;
         for scatter in directed {
@@ -167,8 +167,8 @@ impl Air<'_> {
     }
 
     #[inline]
-    fn moment(&self, a: usize, b: usize, sent_ns: u64) -> Moment {
+    fn moment(&self, a: usize, b: usize, Frame { sent_ns, channel }: Frame) -> Moment {
         let way_m = &self.radios.way_m;
-        Moment { period_ns: self.period_ns, sent_ns, way_m: way_m[a] + way_m[b] }
+        Moment { period_ns: self.period_ns, sent_ns, way_m: way_m[a] + way_m[b], channel }
     }
 }

@@ -138,14 +138,14 @@ impl Filter {
             return None;
         }
         let curve = by_curve.then(|| CurveGrid::of(model, widest));
-        let scatter_db = model.max_scatter_db();
+        let (gain_db, loss_db) = (model.max_scatter_db(), model.max_scatter_loss_db());
         let is_certain = |low: f64| match &curve {
             None => 1.0 <= low,
-            Some(curve) => curve.certain_dbm <= low - scatter_db - MARGIN,
+            Some(curve) => curve.certain_dbm <= low - loss_db - MARGIN,
         };
         let is_impossible = |high: f64| match &curve {
             None => high <= 0.0,
-            Some(curve) => high + scatter_db + MARGIN < curve.floor_dbm,
+            Some(curve) => high + gain_db + MARGIN < curve.floor_dbm,
         };
         let n_cells = edges.len() - 1;
         let n_certain = (0..n_cells).take_while(|&cell| is_certain(edges[cell + 1])).count();

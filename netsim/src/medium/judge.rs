@@ -40,6 +40,8 @@ pub struct Judge<'a> {
     variation: Variation,
     /// The most that scatter adds, in steps of the curve.
     most_steps: f64,
+    /// The most that it takes away, in steps, with its sign.
+    least_steps: f64,
     /// Links nearer than this (square, m²) succeed in both directions.
     pub certain_below_m2: f64,
     /// Links this far (square, m²) and farther fail in both directions.
@@ -95,6 +97,7 @@ impl<'a> Judge<'a> {
             variation,
             // A little more, so that rounding cannot make it less.
             most_steps: model.max_scatter_db() * STEPS_PER_DB + 1.0,
+            least_steps: -(model.max_scatter_loss_db() * STEPS_PER_DB + 1.0),
             certain_below_m2: 0.0,
             impossible_from_m2: f64::INFINITY,
         };
@@ -166,13 +169,13 @@ impl<'a> Judge<'a> {
                 let to_others = decide(limits, words, |k| usize::from(ids[k] < id[p]));
                 (to_p, to_others)
             };
-            let ((to_p, _), (to_others, _)) = decided_at(-self.most_steps);
+            let ((to_p, _), (to_others, _)) = decided_at(self.least_steps);
             let succeed = (to_p | !sending) & (to_others | !listening);
             let ((_, to_p), (_, to_others)) = decided_at(self.most_steps);
             let fail = !(to_p & sending | to_others & listening);
             open = !(succeed | fail);
             for k in ones(succeed & !fail & up_to(n)) {
-                added[k] = -self.most_steps;
+                added[k] = self.least_steps;
             }
         }
         self.add(p, others, words, true, open, added);

@@ -289,6 +289,7 @@ impl OnAir<'_> {
             period_ns: self.place.period_ns,
             sent_ns: self.sent.sent_ns,
             way_m: way_m[self.from] + way_m[to],
+            channel: Some(self.sent.channel),
         }
     }
 
@@ -306,7 +307,10 @@ impl OnAir<'_> {
         let (sender, receiver) = (self.place.ends[self.from].id, self.place.ends[to].id);
         let time_ns = match scatter.renewal {
             Renewal::Frame => self.sent.sent_ns,
-            Renewal::Period | Renewal::Frozen | Renewal::Coherence { .. } => self.place.period_ns,
+            Renewal::Period
+            | Renewal::Frozen
+            | Renewal::Coherence { .. }
+            | Renewal::Place { .. } => self.place.period_ns,
         };
         let mut block = PairBlock::new(self.seed, sender, receiver, time_ns);
         scatter.value_db(&mut block, sender, receiver, self.moment(to))

@@ -2,13 +2,29 @@
 //!
 //! One file per effect, one list: [`LIST`]. An effect that is not configured contributes exactly nothing.
 
+pub mod battery_sag;
+pub mod fast_fading;
+pub mod hidden_obstacle;
+pub mod interference;
+pub mod multipath;
+pub mod node_offset;
+pub mod noise_floor;
+pub mod path_loss_exponent;
+pub mod receiver_nonlinearity;
+pub mod reception_curve;
 pub mod shadowing;
 pub mod system_gain;
+pub mod temperature;
+pub mod two_ray_ground;
+pub mod wall_attenuation;
+
+#[cfg(test)]
+pub(crate) mod testing;
 
 use super::link::Link;
 use super::reception::Curve;
 use super::scatter::Scatter;
-use proto::config::{TableSpec, Tag, Variant};
+use proto::config::{Problem, TableSpec, Tag, Variant};
 use proto::effect::{About, Fit};
 
 /// One physical effect. Stateless: everything it depends on is an argument.
@@ -51,6 +67,11 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
         0.0
     }
 
+    /// As [`Effect::loss`], for a frame that arrives with this power (dBm), where that matters. Never rises with the power.
+    fn loss_at(&self, link: &Link<'_>, _rssi_dbm: f64) -> f64 {
+        self.loss(link)
+    }
+
     /// What the receiver's register reads (dBm) where it would have read `register_dbm`.
     fn register_dbm(&self, _link: &Link<'_>, register_dbm: f64) -> f64 {
         register_dbm
@@ -84,23 +105,62 @@ pub struct Entry {
     pub about: About,
     /// How it is fitted to measurements.
     pub fit: Fit,
+    /// What its keys must be like together, beside what is asked of each: [`UNCHECKED`] for nothing.
+    pub check: Check,
     /// Makes it of its checked table. The number tells several effects of this kind apart.
     pub build: fn(&toml::Table, u32) -> Option<Box<dyn Effect>>,
 }
 
+/// Adds to the problems of a checked table, which stands at a path, those of its keys together.
+pub type Check = fn(&toml::Table, &str, &mut Vec<Problem>);
+
+/// Nothing is asked of the keys together.
+pub const UNCHECKED: Check = |_, _, _| {};
+
 /// All effects.
-pub const LIST: &[Entry] = &[shadowing::ENTRY, system_gain::ENTRY];
+pub const LIST: &[Entry] = &[
+    battery_sag::ENTRY,
+    fast_fading::ENTRY,
+    hidden_obstacle::ENTRY,
+    interference::ENTRY,
+    multipath::ENTRY,
+    node_offset::ENTRY,
+    noise_floor::ENTRY,
+    path_loss_exponent::ENTRY,
+    receiver_nonlinearity::ENTRY,
+    reception_curve::ENTRY,
+    shadowing::ENTRY,
+    system_gain::ENTRY,
+    temperature::ENTRY,
+    two_ray_ground::ENTRY,
+    wall_attenuation::ENTRY,
+];
+
+fn kind(table: &toml::Value) -> Option<&str> {
+    table.get("kind")?.as_str()
+}
+
+/// The effect of this name, if there is one.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static Entry> {
+    LIST.iter().find(|entry| entry.variant.name == name)
+}
+
+/// Adds what is wrong with tables whose keys, one by one, have been checked already. They stand at `path[0]`, `path[1]`, …
+pub fn check(tables: &[toml::Value], path: &str, problems: &mut Vec<Problem>) {
+    for (index, table) in tables.iter().enumerate() {
+        if let (Some(entry), Some(keys)) = (kind(table).and_then(find), table.as_table()) {
+            (entry.check)(keys, &format!("{path}[{index}]"), problems);
+        }
+    }
+}
 
 /// Makes the effects of checked tables, in their order.
 #[must_use]
 pub fn build(tables: &[toml::Value]) -> Vec<Box<dyn Effect>> {
-    let kind =
-        |value: &toml::Value| value.get("kind").and_then(|kind| kind.as_str().map(str::to_owned));
     let mut effects = Vec::with_capacity(tables.len());
     for (index, table) in tables.iter().enumerate() {
-        let Some(name) = kind(table) else { continue };
-        let entry = LIST.iter().find(|entry| entry.variant.name == name);
-        if let (Some(entry), Some(keys)) = (entry, table.as_table()) {
+        if let (Some(entry), Some(keys)) = (kind(table).and_then(find), table.as_table()) {
             let earlier = tables[..index].iter().filter(|other| kind(other) == kind(table)).count();
             effects.extend((entry.build)(keys, earlier as u32));
         }

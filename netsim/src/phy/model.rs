@@ -111,7 +111,7 @@ impl Model {
         let mut survival = 1.0;
         for effect in &self.effects {
             shift_db += effect.curve_shift_db(link);
-            survival *= 1.0 - effect.loss(link);
+            survival *= 1.0 - effect.loss_at(link, rssi_dbm);
         }
         let reception = match prediction.reception {
             Reception::ByCurve => self.reception_curve().reception_probability(rssi_dbm - shift_db),
@@ -175,6 +175,12 @@ impl Model {
     #[must_use]
     pub fn max_scatter_db(&self) -> f64 {
         self.scatters.iter().map(Scatter::max_gain_db).sum()
+    }
+
+    /// The most that scatter takes away (dB).
+    #[must_use]
+    pub fn max_scatter_loss_db(&self) -> f64 {
+        self.scatters.iter().map(Scatter::max_loss_db).sum()
     }
 
     /// How far links may reach.

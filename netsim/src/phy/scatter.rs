@@ -20,7 +20,24 @@ pub enum Law {
         /// Span (dB).
         span_db: f64,
     },
+    /// Power of a steady wave and many weak ones (Rice): unit mean power, so that the mean in dB lies below 0. Clipped where
+    /// the weak ones together exceed [`CLIP_SD`] standard deviations of one component, and at [`DEEPEST_FADE_DB`].
+    Rician {
+        /// Power of the steady wave to that of the others (dB). Very low: Rayleigh.
+        k_factor_db: f64,
+    },
+    /// What is wrong with the sender's transmitter and with the receiver's receiver: two normal numbers, clipped at
+    /// ±[`CLIP_SD`] standard deviations, each the same on all links of its node.
+    Nodes {
+        /// Standard deviation over transmitters (dB).
+        tx_sd_db: f64,
+        /// Standard deviation over receivers (dB).
+        rx_sd_db: f64,
+    },
 }
+
+/// Deeper fades (dB) count as this: Rayleigh fading has one in a million.
+pub const DEEPEST_FADE_DB: f64 = -60.0;
 
 /// A normal contribution never exceeds this many standard deviations (one draw in 1.7 million would): so that links have
 /// a greatest reach.
@@ -39,6 +56,14 @@ pub enum Renewal {
     Coherence {
         /// The way (m) over which the correlation falls to 1/e.
         length_m: f64,
+    },
+    /// On every channel, and whenever the ends together have moved on by a length. Between channels the correlation is
+    /// e^(−|Δf|/coherence).
+    Place {
+        /// The way (m) after which it is drawn anew.
+        length_m: f64,
+        /// Difference in frequency (Hz) over which the correlation falls to 1/e.
+        coherence_hz: f64,
     },
 }
 
@@ -66,6 +91,8 @@ pub struct Moment {
     pub sent_ns: u64,
     /// The way that both ends together have travelled so far (m).
     pub way_m: f64,
+    /// IEEE 802.15.4 channel of the frame, 11 to 26, if it is known.
+    pub channel: Option<u8>,
 }
 
 /// The random words that a pair of motes shares in a control period: whether the frame in either direction is received,
@@ -137,13 +164,40 @@ impl Scatter {
         match self.law {
             Law::Normal { sd_db } => CLIP_SD * sd_db,
             Law::Uniform { span_db } => 0.5 * span_db,
+            Law::Rician { k_factor_db } => {
+                let Waves { steady, weak } = Waves::of(k_factor_db);
+                // A little more than the greatest amplitude: rounding must not exceed it.
+                20.0 * libm::log10(steady + CLIP_SD * weak) + 1e-6
+            }
+            Law::Nodes { tx_sd_db, rx_sd_db } => CLIP_SD * (tx_sd_db + rx_sd_db),
         }
     }
 
-    /// Whether both directions of a link share the value.
+    /// The most that it takes away (dB), 0 or more.
+    #[must_use]
+    pub fn max_loss_db(&self) -> f64 {
+        match self.law {
+            Law::Normal { .. } | Law::Uniform { .. } | Law::Nodes { .. } => self.max_gain_db(),
+            Law::Rician { k_factor_db } => {
+                let Waves { steady, weak } = Waves::of(k_factor_db);
+                let least = steady - CLIP_SD * weak;
+                let deepest_db =
+                    if 0.0 < least { 20.0 * libm::log10(least) } else { DEEPEST_FADE_DB };
+                1e-6 - deepest_db.max(DEEPEST_FADE_DB)
+            }
+        }
+    }
+
+    /// Whether both directions of a link share the value, on all channels.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
-        !self.directed && self.renewal != Renewal::Frame
+        self.is_reciprocal() && !matches!(self.renewal, Renewal::Place { .. })
+    }
+
+    /// Whether both directions of a link share the value on the same channel.
+    #[must_use]
+    pub fn is_reciprocal(&self) -> bool {
+        !self.directed && self.renewal != Renewal::Frame && !matches!(self.law, Law::Nodes { .. })
     }
 
     /// Its value (dB) on a link at a moment.
@@ -154,6 +208,25 @@ impl Scatter {
             Law::Uniform { span_db } => span_db * (self.level(block, sender, receiver, at) - 0.5),
             Law::Normal { sd_db } => {
                 sd_db * self.deviate(block.seed, sender, receiver, at).clamp(-CLIP_SD, CLIP_SD)
+            }
+            Law::Rician { k_factor_db } => {
+                let entity = self.entity(sender, receiver);
+                let time = match self.renewal {
+                    Renewal::Frozen | Renewal::Coherence { .. } | Renewal::Place { .. } => 0,
+                    Renewal::Period => at.period_ns,
+                    Renewal::Frame => at.sent_ns,
+                };
+                let draws = Draws::new(block.seed, self.purpose);
+                let [a, b, ..] = draws.words(entity, time, u64::from(self.ordinal) << 32);
+                Waves::of(k_factor_db).power_db(a, b)
+            }
+            Law::Nodes { tx_sd_db, rx_sd_db } => {
+                let draws = Draws::new(block.seed, self.purpose);
+                let k = u64::from(self.ordinal) << 32;
+                let of = |node: u32, k: u64| {
+                    draws.normal(u64::from(node), 0, k).clamp(-CLIP_SD, CLIP_SD)
+                };
+                tx_sd_db * of(sender, k) + rx_sd_db * of(receiver, k | 1)
             }
         }
     }
@@ -181,20 +254,30 @@ impl Scatter {
             Renewal::Period if self.shares_block() => block.level(sender, receiver, false),
             Renewal::Frame if self.shares_block() => block.level(sender, receiver, true),
             // Gaussian copula: the normal's distribution function makes a uniform number of it.
-            Renewal::Frozen | Renewal::Period | Renewal::Frame | Renewal::Coherence { .. } => {
+            Renewal::Frozen
+            | Renewal::Period
+            | Renewal::Frame
+            | Renewal::Coherence { .. }
+            | Renewal::Place { .. } => {
                 let z = self.deviate(block.seed, sender, receiver, at);
                 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
             }
         }
     }
 
-    /// A standard normal number.
-    fn deviate(&self, seed: u64, sender: u32, receiver: u32, at: Moment) -> f64 {
-        let entity = if self.is_symmetric() {
+    /// Whose draws they are.
+    #[inline]
+    fn entity(&self, sender: u32, receiver: u32) -> u64 {
+        if self.is_reciprocal() {
             unordered_link(sender, receiver)
         } else {
             ordered_link(sender, receiver)
-        };
+        }
+    }
+
+    /// A standard normal number.
+    fn deviate(&self, seed: u64, sender: u32, receiver: u32, at: Moment) -> f64 {
+        let entity = self.entity(sender, receiver);
         let draws = Draws::new(seed, self.purpose);
         let k = u64::from(self.ordinal) << 32;
         match self.renewal {
@@ -202,7 +285,59 @@ impl Scatter {
             Renewal::Period => draws.normal(entity, at.period_ns, k),
             Renewal::Frame => draws.normal(entity, at.sent_ns, k),
             Renewal::Coherence { length_m } => gauss_markov(draws, entity, k, at.way_m / length_m),
+            Renewal::Place { length_m, coherence_hz } => {
+                let place = (at.way_m / length_m) as u64;
+                let rho = libm::exp(-CHANNEL_SPACING_HZ / coherence_hz);
+                let step = at.channel.map_or(0, |channel| u64::from(channel.saturating_sub(11)));
+                over_channels(draws, entity, place, k, rho, step)
+            }
         }
+    }
+}
+
+/// Distance between neighbouring IEEE 802.15.4 channels (Hz).
+const CHANNEL_SPACING_HZ: f64 = 5e6;
+
+/// A stationary Gauss–Markov sequence over channels: zero mean, unit variance, correlation ρ from one to the next. Its
+/// value on the channel after so many steps from the lowest.
+fn over_channels(draws: Draws, entity: u64, place: u64, k: u64, rho: f64, step: u64) -> f64 {
+    let fresh = libm::sqrt(1.0 - rho * rho);
+    let mut z = 0.0;
+    // Two normal numbers of every draw.
+    for pair in 0..=step / 2 {
+        let [a, b, c, d] = draws.words(entity, place, k | pair);
+        let first = normal(a, b);
+        z = if pair == 0 { first } else { rho * z + fresh * first };
+        if 2 * pair < step {
+            z = rho * z + fresh * normal(c, d);
+        }
+    }
+    z
+}
+
+/// Amplitudes of waves of unit mean power together.
+#[derive(Clone, Copy, Debug)]
+struct Waves {
+    /// Of the steady one.
+    steady: f64,
+    /// Standard deviation of each component of the weak ones' sum.
+    weak: f64,
+}
+
+impl Waves {
+    #[inline]
+    fn of(k_factor_db: f64) -> Self {
+        let k = libm::pow(10.0, k_factor_db / 10.0);
+        Self { steady: libm::sqrt(k / (k + 1.0)), weak: libm::sqrt(0.5 / (k + 1.0)) }
+    }
+
+    /// Their power (dB) for two random words.
+    #[inline]
+    fn power_db(self, a: u64, b: u64) -> f64 {
+        let radius = libm::sqrt(-2.0 * libm::log(1.0 - uniform(a))).min(CLIP_SD) * self.weak;
+        let (sine, cosine) = libm::sincos(std::f64::consts::TAU * uniform(b));
+        let (x, y) = (self.steady + radius * cosine, radius * sine);
+        (10.0 * libm::log10(x * x + y * y)).max(DEEPEST_FADE_DB)
     }
 }
 
@@ -325,7 +460,7 @@ mod tests {
             ordinal: 0,
             directed: false,
         };
-        let at = Moment { period_ns: 0, sent_ns: 0, way_m: 1.0 };
+        let at = Moment { period_ns: 0, sent_ns: 0, way_m: 1.0, channel: None };
         let n = 20_000;
         let mut values: Vec<f64> = (0..n)
             .map(|i| scatter.value_db(&mut PairBlock::new(5, 0, i + 1, 0), 0, i + 1, at))
@@ -342,20 +477,21 @@ mod tests {
 
     #[test]
     fn both_ends_share_what_is_symmetric_and_nothing_else() {
-        let at = Moment { period_ns: 7, sent_ns: 9, way_m: 3.0 };
-        for renewal in
-            [Renewal::Frozen, Renewal::Period, Renewal::Frame, Renewal::Coherence { length_m: 1.0 }]
-        {
-            for law in [Law::Normal { sd_db: 2.0 }, Law::Uniform { span_db: 4.0 }] {
-                let purpose = match law {
-                    Law::Normal { .. } => Purpose::Shadowing,
-                    Law::Uniform { .. } => Purpose::RandomnessLevel,
-                };
+        let at = Moment { period_ns: 7, sent_ns: 9, way_m: 3.0, channel: None };
+        let place = Renewal::Place { length_m: 0.06, coherence_hz: 5e6 };
+        let coherence = Renewal::Coherence { length_m: 1.0 };
+        for renewal in [Renewal::Frozen, Renewal::Period, Renewal::Frame, coherence, place] {
+            for (law, purpose) in [
+                (Law::Normal { sd_db: 2.0 }, Purpose::Shadowing),
+                (Law::Uniform { span_db: 4.0 }, Purpose::RandomnessLevel),
+                (Law::Rician { k_factor_db: 3.0 }, Purpose::FastFading),
+                (Law::Nodes { tx_sd_db: 1.0, rx_sd_db: 2.0 }, Purpose::NodeOffset),
+            ] {
                 let scatter = Scatter { law, renewal, purpose, ordinal: 0, directed: false };
                 let mut block = PairBlock::new(1, 4, 2, 7);
                 let there = scatter.value_db(&mut block, 4, 2, at);
                 let back = scatter.value_db(&mut block, 2, 4, at);
-                assert_eq!(there == back, scatter.is_symmetric(), "{scatter:?}");
+                assert_eq!(there == back, scatter.is_reciprocal(), "{scatter:?}");
                 let other = scatter.value_db(&mut PairBlock::new(1, 4, 3, 7), 4, 3, at);
                 assert_ne!(there, other, "{scatter:?}");
             }

@@ -133,7 +133,7 @@ fn a_period_has_the_levels_of_a_propagation_only_run() {
     let randomness = ExperimentalRandomness { radio: RADIO, redraw: Redraw::Period };
     let mut links = placed(model(randomness, vec![]), &[[0.0; 2], [5.0, 0.0]]);
     let scatter = links.model.scatters()[0];
-    let at = Moment { period_ns: 0, sent_ns: 77, way_m: 0.0 };
+    let at = Moment { period_ns: 0, sent_ns: 77, way_m: 0.0, channel: None };
     let level_db = scatter.value_db(&mut PairBlock::new(SEED, 0, 1, 0), 0, 1, at);
     let got = links.arrival(sent(0, 18, 77), 1).rssi_dbm;
     assert_eq!(got, friis_dbm(0.0, 5.0, 2.44e9) - 20.0 + level_db);

@@ -1,6 +1,6 @@
 //! Log-normal shadowing.
 
-use super::{Effect, Entry};
+use super::{Effect, Entry, UNCHECKED};
 use crate::phy::keys;
 use crate::phy::scatter::{Law, Renewal, Scatter};
 use proto::config::{Default, Field, Kind, Range, Variant};
@@ -61,6 +61,7 @@ pub const ENTRY: Entry = Entry {
             "node-offset",
         ],
     },
+    check: UNCHECKED,
     build: |table, ordinal| {
         let keys: Keys = keys(table)?;
         Some(Box::new(Shadowing {

@@ -1,6 +1,6 @@
 //! A constant offset.
 
-use super::{Effect, Entry};
+use super::{Effect, Entry, UNCHECKED};
 use crate::phy::keys;
 use crate::phy::link::Link;
 use proto::config::{Default, Field, Kind, Range, Variant};
@@ -52,6 +52,7 @@ pub const ENTRY: Entry = Entry {
         level: Level::Place,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table, _| {
         let effect: SystemGain = keys(table)?;
         Some(Box::new(effect))

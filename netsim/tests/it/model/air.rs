@@ -170,7 +170,8 @@ impl World<'_> {
         self.model.prepare(&mut scene);
         let (sender, end) = (self.ends[from], self.ends[to]);
         let way_m = self.way_m[from] + self.way_m[to];
-        let at = Moment { period_ns: self.period_ns, sent_ns, way_m };
+        let at =
+            Moment { period_ns: self.period_ns, sent_ns, way_m, channel: Some(emission.channel) };
         let mut scatter_db = 0.0;
         for scatter in self.model.scatters() {
             let drawn_ns = if scatter.renewal == Renewal::Frame { sent_ns } else { self.period_ns };

@@ -1,0 +1,120 @@
+//! Batteries that run down.
+
+use super::{Effect, Entry, UNCHECKED};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "battery-sag"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "battery-sag",
+        doc: "The transmit power of nodes on batteries falls as time passes.",
+        fields: &[
+            Field {
+                key: "db_per_hour",
+                doc: "What an hour adds to the transmit power (dB per hour): negative.",
+                kind: Kind::Number(Range::closed(-100.0, 0.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "nodes",
+                doc: "Numbers of the nodes on batteries. Absent: all.",
+                kind: Kind::List {
+                    of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
+                    min: 1,
+                    max: 1_000_000,
+                },
+                default: Default::Absent,
+            },
+        ],
+    },
+    about: About {
+        mechanism: "The voltage of a battery falls as it discharges, and with it the power of an amplifier that is not \
+                    regulated.",
+        equation: "RSSI' = RSSI + db_per_hour * t for frames of the named nodes, t in hours since time 0",
+        source: "First order of any discharge. CC2420 data sheet, § 6: output power over supply voltage.",
+        validity: "Linear in time, the same for all named nodes, from time 0 on. Real batteries have a plateau and then a cliff.",
+        trace: "A drift in time of some transmitters only, whoever receives.",
+        needs: &[Need::Time, Need::Readings],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "db_per_hour",
+            unit: "dB/h",
+            min: -100.0,
+            max: 0.0,
+            starts: &[-0.5],
+            step: 0.01,
+        }],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+    },
+    check: UNCHECKED,
+    build: |table, _| {
+        let keys: Keys = keys(table)?;
+        let nodes = keys.nodes.map(|mut nodes| {
+            nodes.sort_unstable();
+            nodes
+        });
+        Some(Box::new(BatterySag { db_per_hour: keys.db_per_hour, nodes }))
+    },
+};
+
+#[derive(Deserialize)]
+struct Keys {
+    db_per_hour: f64,
+    nodes: Option<Vec<u32>>,
+}
+
+/// A transmit power that falls.
+///
+/// # Model
+///
+/// RSSI′ = RSSI + a t for the frames of some transmitters, t the hours since time 0.
+///
+/// # Validity
+///
+/// Linear, as any discharge is over a short time. A search over measurements finds the nodes itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BatterySag {
+    /// What an hour adds (dB).
+    pub db_per_hour: f64,
+    /// Whose power falls, ascending; none: everyone's.
+    pub nodes: Option<Vec<u32>>,
+}
+
+impl Effect for BatterySag {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn contribution_db(&self, link: &Link<'_>) -> f64 {
+        let sags =
+            self.nodes.as_ref().is_none_or(|nodes| nodes.binary_search(&link.sender.id).is_ok());
+        if sags { self.db_per_hour * (link.time_ns as f64 / 3.6e12) } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phy::effect::testing::along_x;
+    use crate::phy::link::{Link, Scene};
+
+    #[test]
+    fn half_a_decibel_an_hour_is_one_after_two_and_only_for_those_that_send() {
+        let scene = Scene::default();
+        let link = Link { time_ns: 7_200_000_000_000, ..along_x(10.0, 1.0, None, &scene) };
+        let of = |nodes: Option<Vec<u32>>| {
+            BatterySag { db_per_hour: -0.5, nodes }.contribution_db(&link)
+        };
+        // The link is from node 0 to node 1.
+        assert_eq!(of(None), -1.0);
+        assert_eq!(of(Some(vec![0, 7])), -1.0);
+        assert_eq!(of(Some(vec![1])), 0.0);
+    }
+}

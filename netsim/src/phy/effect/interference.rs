@@ -1,0 +1,242 @@
+//! Others on the band.
+
+use super::{Effect, Entry};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use proto::config::{Default, Field, Kind, Problem, Range, Variant};
+use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "interference"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "interference",
+        doc: "WiFi or other traffic on a band: frames on its channels are lost a part of the time.",
+        fields: &[
+            Field {
+                key: "centre_mhz",
+                doc: "Centre of the band (MHz). WiFi 1, 6, 11: 2412, 2437, 2462.",
+                kind: Kind::Number(Range::closed(2000.0, 3000.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "width_mhz",
+                doc: "Full width of the band (MHz). IEEE 802.15.4 channels whose centre lies within are hit.",
+                kind: Kind::Number(Range::above(0.0, 1000.0)),
+                default: Default::Number(22.0),
+            },
+            Field {
+                key: "duty",
+                doc: "Part of the time in which a frame cannot be received.",
+                kind: Kind::Number(Range::FRACTION),
+                default: Default::Required,
+            },
+            Field {
+                key: "from_s",
+                doc: "When it begins (s). Absent: at the beginning.",
+                kind: Kind::Number(Range::NOT_NEGATIVE),
+                default: Default::Absent,
+            },
+            Field {
+                key: "to_s",
+                doc: "When it ends (s). Absent: never.",
+                kind: Kind::Number(Range::POSITIVE),
+                default: Default::Absent,
+            },
+            Field {
+                key: "receivers",
+                doc: "Numbers of the nodes that it reaches. Absent: all.",
+                kind: Kind::List {
+                    of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
+                    min: 1,
+                    max: 1_000_000,
+                },
+                default: Default::Absent,
+            },
+            Field {
+                key: "power_dbm",
+                doc: "With what power it arrives (dBm); together with sir_threshold_db.",
+                kind: Kind::Number(Range::closed(-200.0, 100.0)),
+                default: Default::Absent,
+            },
+            Field {
+                key: "sir_threshold_db",
+                doc: "Frames that arrive with at least this much more than power_dbm (dB) pass nevertheless. Absent: none do.",
+                kind: Kind::Number(Range::closed(-100.0, 100.0)),
+                default: Default::Absent,
+            },
+        ],
+    },
+    about: About {
+        mechanism: "While a WiFi station sends, 100 times as strong and over four channels at once, frames on these channels \
+                    cannot be received. Those that are received read as strong as ever.",
+        equation: "P(received)' = P(received) * (1 - duty) where |f - centre_mhz| <= width_mhz / 2, from_s <= t < to_s, and \
+                   RSSI < power_dbm + sir_threshold_db where these are given",
+        source: "M. Petrova et al., Performance study of IEEE 802.15.4 using measurements and simulations, WCNC 2006; width: \
+                 IEEE Std 802.11-2020, § 15 (22 MHz).",
+        validity: "Frames are hit or not independently of each other and of their length; bursts of WiFi are not modelled. Frames \
+                   without a known channel are not hit.",
+        trace: "Losses that RSSI does not explain, on neighbouring channels, perhaps for a time and at some receivers only.",
+        needs: &[Need::Channels, Need::Losses],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "duty",
+            unit: "",
+            min: 0.0,
+            max: 1.0,
+            starts: &[0.1],
+            step: 0.002,
+        }],
+        variants: &[
+            &[("centre_mhz", Fixed::Number(2412.0)), ("width_mhz", Fixed::Number(22.0))],
+            &[("centre_mhz", Fixed::Number(2437.0)), ("width_mhz", Fixed::Number(22.0))],
+            &[("centre_mhz", Fixed::Number(2462.0)), ("width_mhz", Fixed::Number(22.0))],
+        ],
+        level: Level::Time,
+        generalises: &[],
+    },
+    check,
+    build: |table, _| {
+        let keys: Keys = keys(table)?;
+        let receivers = keys.receivers.map(|mut receivers| {
+            receivers.sort_unstable();
+            receivers
+        });
+        let ns = |time_s: f64| (time_s * 1e9).round() as u64;
+        Some(Box::new(Interference {
+            centre_hz: keys.centre_mhz * 1e6,
+            half_width_hz: 0.5e6 * keys.width_mhz,
+            duty: keys.duty,
+            from_ns: keys.from_s.map_or(0, ns),
+            to_ns: keys.to_s.map_or(u64::MAX, ns),
+            receivers,
+            passes_from_dbm: keys.power_dbm.zip(keys.sir_threshold_db).map(|(a, b)| a + b),
+        }))
+    },
+};
+
+#[derive(Deserialize)]
+struct Keys {
+    centre_mhz: f64,
+    width_mhz: f64,
+    duty: f64,
+    from_s: Option<f64>,
+    to_s: Option<f64>,
+    receivers: Option<Vec<u32>>,
+    power_dbm: Option<f64>,
+    sir_threshold_db: Option<f64>,
+}
+
+fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
+    let number = |key: &str| table.get(key).and_then(toml::Value::as_float);
+    if let (Some(from_s), Some(to_s)) = (number("from_s"), number("to_s"))
+        && to_s <= from_s
+    {
+        let message = format!("must be greater than from_s, {from_s}");
+        problems.push(Problem::new(format!("{path}.to_s"), message).value(to_s));
+    }
+    for (key, other) in [("power_dbm", "sir_threshold_db"), ("sir_threshold_db", "power_dbm")] {
+        if number(key).is_some() && number(other).is_none() {
+            let message = format!("is missing: it belongs to {key}");
+            problems.push(Problem::new(format!("{path}.{other}"), message));
+        }
+    }
+}
+
+/// Traffic of others on a band.
+///
+/// # Model
+///
+/// While it lasts, at the receivers it reaches, a frame on a channel whose centre lies within the band is lost with the
+/// probability `duty`, whatever else happens; where power and threshold are given, only if it is weaker than both together.
+///
+/// # Validity
+///
+/// Frames are hit or not independently of each other and of their length. What is received reads as ever. Frames without a
+/// known channel are not hit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interference {
+    /// Centre of the band (Hz).
+    pub centre_hz: f64,
+    /// Half of its width (Hz).
+    pub half_width_hz: f64,
+    /// Part of the time in which it is there.
+    pub duty: f64,
+    /// When it begins (ns).
+    pub from_ns: u64,
+    /// When it is over (ns).
+    pub to_ns: u64,
+    /// Whom it reaches, ascending; none: everyone.
+    pub receivers: Option<Vec<u32>>,
+    /// Frames of this power (dBm) and more pass.
+    pub passes_from_dbm: Option<f64>,
+}
+
+impl Effect for Interference {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn loss(&self, link: &Link<'_>) -> f64 {
+        let is_hit = link.channel.is_some()
+            && (link.frequency_hz - self.centre_hz).abs() <= self.half_width_hz
+            && (self.from_ns..self.to_ns).contains(&link.time_ns)
+            && self
+                .receivers
+                .as_ref()
+                .is_none_or(|receivers| receivers.binary_search(&link.receiver.id).is_ok());
+        if is_hit { self.duty } else { 0.0 }
+    }
+
+    fn loss_at(&self, link: &Link<'_>, rssi_dbm: f64) -> f64 {
+        match self.passes_from_dbm {
+            Some(passes_from_dbm) if passes_from_dbm <= rssi_dbm => 0.0,
+            _ => self.loss(link),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phy::effect::testing::{along_x, made};
+    use crate::phy::link::Scene;
+
+    fn hit(keys: &str, channel: Option<u8>) -> f64 {
+        let scene = Scene::default();
+        made(ENTRY.variant.name, keys).loss(&along_x(10.0, 1.0, channel, &scene))
+    }
+
+    #[test]
+    fn val_wifi_1_6_and_11_leave_channels_15_20_25_and_26_free() {
+        // The plan of every ZigBee installer's guide.
+        let mut free: Vec<u8> = (11..=26).collect();
+        for (centre_mhz, hits) in [(2412, 11..=14), (2437, 16..=19), (2462, 21..=24)] {
+            let keys = format!("centre_mhz = {centre_mhz}\nduty = 0.25");
+            for channel in 11..=26 {
+                let expected = if hits.contains(&channel) { 0.25 } else { 0.0 };
+                assert_eq!(hit(&keys, Some(channel)), expected, "{channel}");
+            }
+            free.retain(|channel| !hits.contains(channel));
+        }
+        assert_eq!(free, [15, 20, 25, 26]);
+        assert_eq!(hit("centre_mhz = 2440\nwidth_mhz = 100\nduty = 1", None), 0.0);
+    }
+
+    #[test]
+    fn it_ends_spares_others_and_lets_strong_frames_pass() {
+        let keys = "centre_mhz = 2412\nduty = 0.5\n";
+        // The link is from node 0 to node 1, at time 0.
+        assert_eq!(hit(&format!("{keys}from_s = 1"), Some(11)), 0.0);
+        assert_eq!(hit(&format!("{keys}to_s = 1"), Some(11)), 0.5);
+        assert_eq!(hit(&format!("{keys}receivers = [0]"), Some(11)), 0.0);
+        assert_eq!(hit(&format!("{keys}receivers = [4, 1]"), Some(11)), 0.5);
+        let scene = Scene::default();
+        let link = along_x(10.0, 1.0, Some(11), &scene);
+        let effect =
+            made(ENTRY.variant.name, &format!("{keys}power_dbm = -80\nsir_threshold_db = 10"));
+        assert_eq!(effect.loss_at(&link, -70.0), 0.0);
+        assert_eq!(effect.loss_at(&link, -70.1), 0.5);
+    }
+}

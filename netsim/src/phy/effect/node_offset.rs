@@ -1,0 +1,198 @@
+//! No two nodes are alike.
+
+use super::{Effect, Entry};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use crate::phy::scatter::{Law, Renewal, Scatter};
+use proto::config::{Default, Field, Kind, Problem, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::rng::Purpose;
+use serde::Deserialize;
+
+const VALUES: Kind =
+    Kind::List { of: &Kind::Number(Range::closed(-60.0, 60.0)), min: 1, max: 1_000_000 };
+
+/// `kind = "node-offset"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "node-offset",
+        doc: "Every node's own error of transmit power and of receiver gain.",
+        fields: &[
+            Field {
+                key: "tx_sd_db",
+                doc: "Standard deviation over transmitters (dB).",
+                kind: Kind::Number(Range::closed(0.0, 20.0)),
+                default: Default::Number(0.0),
+            },
+            Field {
+                key: "rx_sd_db",
+                doc: "Standard deviation over receivers (dB).",
+                kind: Kind::Number(Range::closed(0.0, 20.0)),
+                default: Default::Number(0.0),
+            },
+            Field {
+                key: "tx_db",
+                doc: "What each transmitter adds (dB), by number of the node, in place of values drawn with tx_sd_db. Nodes \
+                      beyond the list add nothing.",
+                kind: VALUES,
+                default: Default::Absent,
+            },
+            Field {
+                key: "rx_db",
+                doc: "As tx_db, of receivers.",
+                kind: VALUES,
+                default: Default::Absent,
+            },
+        ],
+    },
+    about: About {
+        mechanism: "Amplifiers, matching and antennas differ from piece to piece, so that one node is heard a few decibels \
+                    better than another from the same place, and one hears better. What it sends and what it hears with are \
+                    different parts: both errors are independent.",
+        equation: "RSSI' = RSSI + a_tx + b_rx, a ~ N(0, tx_sd_db^2) and b ~ N(0, rx_sd_db^2) per node",
+        source: "M. Zuniga, B. Krishnamachari, An analysis of unreliability and asymmetry in low-power wireless links, ACM Trans. \
+                 Sensor Networks 3 (2007) 7 (hardware variance); Chen and Terzis, EWSN 2010.",
+        validity: "Constant in time, the same in all directions. Clipped at 5 sd. The mean over all nodes is system-gain.",
+        trace: "All links of a node high or low alike; sent and heard frames separately, so that links are asymmetric.",
+        needs: &[Need::Readings],
+    },
+    fit: Fit {
+        parameters: &[
+            Parameter {
+                key: "tx_sd_db",
+                unit: "dB",
+                min: 0.0,
+                max: 20.0,
+                starts: &[1.5],
+                step: 0.05,
+            },
+            Parameter {
+                key: "rx_sd_db",
+                unit: "dB",
+                min: 0.0,
+                max: 20.0,
+                starts: &[1.5],
+                step: 0.05,
+            },
+        ],
+        variants: &[],
+        level: Level::Random,
+        generalises: &["antenna-pattern", "battery-sag"],
+    },
+    check: |table, path, problems| {
+        for end in ["tx", "rx"] {
+            let sd = table.get(&format!("{end}_sd_db")).and_then(toml::Value::as_float);
+            if table.contains_key(&format!("{end}_db")) && sd.is_some_and(|sd_db| 0.0 < sd_db) {
+                let message =
+                    format!("must be left out where {end}_db gives the values themselves");
+                problems.push(Problem::new(format!("{path}.{end}_sd_db"), message));
+            }
+        }
+    },
+    build: |table, ordinal| {
+        let Keys { tx_sd_db, rx_sd_db, tx_db, rx_db } = keys(table)?;
+        Some(Box::new(NodeOffset { tx_sd_db, rx_sd_db, tx_db, rx_db, ordinal }))
+    },
+};
+
+#[derive(Deserialize)]
+struct Keys {
+    tx_sd_db: f64,
+    rx_sd_db: f64,
+    #[serde(default)]
+    tx_db: Vec<f64>,
+    #[serde(default)]
+    rx_db: Vec<f64>,
+}
+
+/// Each node's own errors.
+///
+/// # Model
+///
+/// RSSI′ = RSSI + a of the sender + b of the receiver: normal numbers per node (Zuniga and Krishnamachari 2007, without the
+/// correlation they found between both), or stated ones.
+///
+/// # Validity
+///
+/// Constant in time, the same in all directions and on all channels. Clipped at ±5 sd.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NodeOffset {
+    /// Standard deviation over transmitters (dB).
+    pub tx_sd_db: f64,
+    /// Standard deviation over receivers (dB).
+    pub rx_sd_db: f64,
+    /// What transmitters add, where that is stated (dB).
+    pub tx_db: Vec<f64>,
+    /// What receivers add, where that is stated (dB).
+    pub rx_db: Vec<f64>,
+    /// Tells several such effects apart.
+    pub ordinal: u32,
+}
+
+fn of(values_db: &[f64], node: u32) -> f64 {
+    values_db.get(node as usize).copied().unwrap_or(0.0)
+}
+
+fn most(values_db: &[f64]) -> f64 {
+    values_db.iter().copied().fold(0.0, f64::max)
+}
+
+impl Effect for NodeOffset {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn contribution_db(&self, link: &Link<'_>) -> f64 {
+        of(&self.tx_db, link.sender.id) + of(&self.rx_db, link.receiver.id)
+    }
+
+    fn max_gain_db(&self) -> f64 {
+        most(&self.tx_db) + most(&self.rx_db)
+    }
+
+    fn scatter(&self) -> Option<Scatter> {
+        (self.tx_sd_db != 0.0 || self.rx_sd_db != 0.0).then_some(Scatter {
+            law: Law::Nodes { tx_sd_db: self.tx_sd_db, rx_sd_db: self.rx_sd_db },
+            renewal: Renewal::Frozen,
+            purpose: Purpose::NodeOffset,
+            ordinal: self.ordinal,
+            directed: true,
+        })
+    }
+
+    fn is_isotropic(&self) -> bool {
+        self.tx_db.is_empty() && self.rx_db.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::phy::effect::testing::{along_x, made, problems};
+    use crate::phy::link::Scene;
+    use crate::phy::scatter::{Moment, PairBlock};
+
+    #[test]
+    fn stated_values_are_those_of_sender_and_receiver() {
+        let scene = Scene::default();
+        let effect = made("node-offset", "tx_db = [1.5, 40.0]\nrx_db = [50.0, -4.0]");
+        // The link is from node 0 to node 1.
+        assert_eq!(effect.contribution_db(&along_x(5.0, 1.0, None, &scene)), -2.5);
+        assert_eq!(made("node-offset", "tx_db = [1.5]").max_gain_db(), 1.5);
+        let both = problems("node-offset", "tx_db = [1.5]\ntx_sd_db = 1.0");
+        assert!(both.contains("tx_sd_db: must be left out"), "{both}");
+    }
+
+    #[test]
+    fn drawn_values_belong_to_nodes_and_have_their_variances() {
+        let scatter = made("node-offset", "tx_sd_db = 3.0\nrx_sd_db = 4.0").scatter().unwrap();
+        let at = Moment { period_ns: 0, sent_ns: 0, way_m: 0.0, channel: None };
+        let value = |a, b| scatter.value_db(&mut PairBlock::new(7, a, b, 0), a, b, at);
+        // What nodes share cancels: a rectangle of links sums to nothing.
+        let rectangle = value(0, 1) - value(0, 2) - value(3, 1) + value(3, 2);
+        assert!(rectangle.abs() < 1e-12 && value(0, 1) != value(1, 0));
+        // 20,000 disjoint links: the variance, 25, has a standard error of 0.25. Beyond 4.5 of them: one seed in 150,000.
+        let n = 20_000;
+        let squares: f64 = (0..n).map(|i| value(2 * i, 2 * i + 1).powi(2)).sum();
+        assert!((squares / f64::from(n) - 25.0).abs() < 1.13, "{}", squares / f64::from(n));
+    }
+}

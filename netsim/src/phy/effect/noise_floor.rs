@@ -1,0 +1,106 @@
+//! A receiver noisier than the curve's.
+
+use super::{Effect, Entry, UNCHECKED};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "noise-floor"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "noise-floor",
+        doc: "More noise, or less, than the reception curve was measured with: the curve moves, the RSSI does not.",
+        fields: &[Field {
+            key: "shift_db",
+            doc: "By how much (dB) frames must be stronger to be received as well.",
+            kind: Kind::Number(Range::closed(-60.0, 60.0)),
+            default: Default::Required,
+        }],
+    },
+    about: About {
+        mechanism: "The site is noisier, or the receiver worse, than those the reception curve was measured with, so that \
+                    frames must be stronger to pass. What the register reads of those that pass does not change.",
+        equation: "P(received) = curve(RSSI - shift_db)",
+        source: "Definition: reception depends on the ratio of signal to noise, so noise up is signal down.",
+        validity: "All receivers alike, at all times. It does nothing to connectivity models, which state the probability.",
+        trace: "Frames are lost at strengths that should pass; the RSSI of the others is right.",
+        needs: &[Need::Losses, Need::Readings],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "shift_db",
+            unit: "dB",
+            min: -40.0,
+            max: 40.0,
+            starts: &[0.0],
+            step: 0.05,
+        }],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+    },
+    check: UNCHECKED,
+    build: |table, _| {
+        let effect: NoiseFloor = keys(table)?;
+        Some(Box::new(effect))
+    },
+};
+
+/// Noise beyond that of the reception curve.
+///
+/// # Model
+///
+/// ```text
+/// P(received) = curve(RSSI − shift_db)
+/// ```
+///
+/// # Validity
+///
+/// All receivers alike, at all times; nothing where a connectivity model states the probability.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+pub struct NoiseFloor {
+    /// By how much frames must be stronger (dB).
+    pub shift_db: f64,
+}
+
+impl Effect for NoiseFloor {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn max_gain_db(&self) -> f64 {
+        -self.shift_db
+    }
+
+    fn curve_shift_db(&self, _: &Link<'_>) -> f64 {
+        self.shift_db
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phy::effect::testing::{along_x, over_friis};
+    use crate::phy::link::Scene;
+    use crate::phy::reception::Curve as _;
+    use crate::phy::reception::table::Table;
+
+    #[test]
+    fn the_curve_moves_and_the_reading_does_not() {
+        let scene = Scene::default();
+        let link = along_x(400.0, 1.0, None, &scene);
+        let (alone, noisy) = (
+            over_friis(None).evaluate(&link),
+            over_friis(Some(Box::new(NoiseFloor { shift_db: 3.0 }))).evaluate(&link),
+        );
+        assert_eq!(alone.rssi_dbm, noisy.rssi_dbm);
+        assert_eq!(alone.register_rssi_dbm, noisy.register_rssi_dbm);
+        assert_eq!(
+            noisy.reception_probability,
+            Table::dust().reception_probability(alone.rssi_dbm - 3.0)
+        );
+        assert!(noisy.reception_probability < alone.reception_probability);
+    }
+}

@@ -1,0 +1,119 @@
+//! Clutter: power falls faster, or slower, over distance than in free space.
+
+use super::{Effect, Entry, UNCHECKED};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "path-loss-exponent"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "path-loss-exponent",
+        doc: "Power falls with another exponent over distance than the 2 of free space.",
+        fields: &[
+            Field {
+                key: "exponent",
+                doc: "The exponent of the whole, free space's 2 included: 1.6 to 1.8 along corridors, 2.7 to 3.5 in cities, 4 to \
+                      6 in obstructed buildings (Rappaport, table 4.2).",
+                kind: Kind::Number(Range::closed(1.0, 8.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "reference_distance_m",
+                doc: "Up to this distance (m) nothing is added.",
+                kind: Kind::Number(Range::above(0.0, 1e5)),
+                default: Default::Number(1.0),
+            },
+        ],
+    },
+    about: About {
+        mechanism: "Among furniture, plants and people power falls faster over distance than in free space; along a corridor, \
+                    which guides it, more slowly.",
+        equation: "RSSI' = RSSI - 10 (exponent - 2) log10(d / reference_distance_m) for d > reference_distance_m",
+        source: "T. S. Rappaport, Wireless Communications, 2nd ed., § 4.9.1 (log-distance path loss).",
+        validity: "An average over many links of one environment, on a base model with exponent 2. On log-distance it only \
+                   changes that model's own exponent.",
+        trace: "A slope over the logarithm of distance.",
+        needs: &[Need::Positions, Need::Readings],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "exponent",
+            unit: "",
+            min: 1.0,
+            max: 8.0,
+            starts: &[2.0],
+            step: 0.01,
+        }],
+        variants: &[],
+        level: Level::Place,
+        generalises: &[],
+    },
+    check: UNCHECKED,
+    build: |table, _| {
+        let effect: PathLossExponent = keys(table)?;
+        Some(Box::new(effect))
+    },
+};
+
+/// Another exponent than that of free space.
+///
+/// # Model
+///
+/// ```text
+/// RSSI' = RSSI − 10 (n − 2) log10(d/d0),   d > d0
+/// ```
+///
+/// Rappaport, "Wireless Communications", 2nd ed., § 4.9.1, less what free space has already.
+///
+/// # Validity
+///
+/// An average over many links of one environment, on a base model with exponent 2.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+pub struct PathLossExponent {
+    /// The exponent n.
+    pub exponent: f64,
+    /// Up to here nothing is added (m).
+    pub reference_distance_m: f64,
+}
+
+impl Effect for PathLossExponent {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn contribution_db(&self, link: &Link<'_>) -> f64 {
+        if link.distance_m <= self.reference_distance_m {
+            return 0.0;
+        }
+        -10.0 * (self.exponent - 2.0) * libm::log10(link.distance_m / self.reference_distance_m)
+    }
+
+    fn max_gain_db(&self) -> f64 {
+        // Below 2 it gains without end as distance grows.
+        if self.exponent < 2.0 { f64::INFINITY } else { 0.0 }
+    }
+
+    fn is_isotropic(&self) -> bool {
+        2.0 <= self.exponent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phy::effect::testing::along_x;
+    use crate::phy::link::Scene;
+
+    #[test]
+    fn an_exponent_of_4_loses_another_20_db_to_a_decade() {
+        let scene = Scene::default();
+        let effect = PathLossExponent { exponent: 4.0, reference_distance_m: 1.0 };
+        for (distance_m, expected_db) in [(0.5, 0.0), (1.0, 0.0), (10.0, -20.0), (100.0, -40.0)] {
+            let got = effect.contribution_db(&along_x(distance_m, 1.0, None, &scene));
+            assert!((got - expected_db).abs() < 1e-9, "{distance_m} m: {got}");
+        }
+    }
+}

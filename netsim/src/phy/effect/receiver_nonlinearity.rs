@@ -1,0 +1,121 @@
+//! A register that saturates.
+
+use super::{Effect, Entry, UNCHECKED};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "receiver-nonlinearity"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "receiver-nonlinearity",
+        doc: "The RSSI register reads too little of strong frames. Reception does not change.",
+        fields: &[
+            Field {
+                key: "saturation_dbm",
+                doc: "From this power (dBm) on readings are compressed.",
+                kind: Kind::Number(Range::closed(-120.0, 30.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "slope",
+                doc: "What remains above it of a decibel: 0 for a register that stands still, 1 for none of this.",
+                kind: Kind::Number(Range::FRACTION),
+                default: Default::Required,
+            },
+        ],
+    },
+    about: About {
+        mechanism: "Close to the transmitter the receiver's amplifiers and detector saturate, and the register reads less than \
+                    there is.",
+        equation: "reading = s + slope * (RSSI - s) for RSSI > s = saturation_dbm",
+        source: "Y. Chen, A. Terzis, On the mechanisms and effects of calibrating RSSI measurements for 802.15.4 radios, EWSN \
+                 2010 (non-linear regions of the CC2420's register).",
+        validity: "One break and two straight lines; the CC2420 has further, smaller dents. All receivers alike.",
+        trace: "It follows the predicted RSSI itself: strong links read low.",
+        needs: &[Need::Readings],
+    },
+    fit: Fit {
+        parameters: &[
+            Parameter {
+                key: "saturation_dbm",
+                unit: "dBm",
+                min: -110.0,
+                max: 0.0,
+                starts: &[-75.0, -60.0, -45.0, -30.0],
+                step: 0.1,
+            },
+            Parameter { key: "slope", unit: "", min: 0.0, max: 1.0, starts: &[0.5], step: 0.01 },
+        ],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+    },
+    check: UNCHECKED,
+    build: |table, _| {
+        let effect: ReceiverNonlinearity = keys(table)?;
+        Some(Box::new(effect))
+    },
+};
+
+/// Compression of what the register reads.
+///
+/// # Model
+///
+/// ```text
+/// reading = s + b (RSSI − s),   RSSI > s
+/// ```
+///
+/// # Validity
+///
+/// The strongest of the errors that Chen and Terzis (EWSN 2010) found in the CC2420: its register is linear over most of its
+/// range and flattens at the upper end. All receivers alike.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+pub struct ReceiverNonlinearity {
+    /// From here on readings are compressed (dBm).
+    pub saturation_dbm: f64,
+    /// What remains of a decibel.
+    pub slope: f64,
+}
+
+impl Effect for ReceiverNonlinearity {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn register_dbm(&self, _: &Link<'_>, register_dbm: f64) -> f64 {
+        if register_dbm <= self.saturation_dbm {
+            return register_dbm;
+        }
+        self.saturation_dbm + self.slope * (register_dbm - self.saturation_dbm)
+    }
+
+    fn is_isotropic(&self) -> bool {
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phy::effect::testing::{along_x, over_friis};
+    use crate::phy::link::Scene;
+
+    #[test]
+    fn readings_follow_two_lines_and_reception_does_not_change() {
+        let scene = Scene::default();
+        let effect = ReceiverNonlinearity { saturation_dbm: -50.0, slope: 0.25 };
+        let link = along_x(1.0, 1.0, None, &scene);
+        for (power_dbm, expected_dbm) in
+            [(-90.0, -90.0), (-50.0, -50.0), (-46.0, -49.0), (-10.0, -40.0)]
+        {
+            assert_eq!(effect.register_dbm(&link, power_dbm), expected_dbm);
+        }
+        let budget = over_friis(Some(Box::new(effect))).evaluate(&link);
+        let alone = over_friis(None).evaluate(&link);
+        assert_eq!(budget.rssi_dbm, alone.rssi_dbm);
+        assert_eq!(budget.register_rssi_dbm, -50.0 + 0.25 * (alone.rssi_dbm + 50.0));
+    }
+}

@@ -1,0 +1,151 @@
+//! The receiver's own waterfall.
+
+use super::{Effect, Entry, UNCHECKED};
+use crate::phy::keys;
+use crate::phy::reception::Curve;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "reception-curve"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "reception-curve",
+        doc: "The receiver's own curve, logistic in RSSI, in place of [netsim.phy.reception].",
+        fields: &[
+            Field {
+                key: "p50_dbm",
+                doc: "RSSI (dBm) at which half of all frames are received.",
+                kind: Kind::Number(Range::closed(-140.0, 0.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "width_db",
+                doc: "The curve rises from 27 % to 73 % over twice this (dB). A single radio's waterfall: 0.3 to 1.",
+                kind: Kind::Number(Range::closed(0.01, 20.0)),
+                default: Default::Required,
+            },
+        ],
+    },
+    about: About {
+        mechanism: "Every radio has its own sensitivity and its own waterfall from nothing to everything, steeper than a table \
+                    that averages over many receivers.",
+        equation: "P(received) = 1 / (1 + e^(-(RSSI - p50_dbm) / width_db)); 0 and 1 where that is within 10^-6 of them",
+        source: "M. Zuniga, B. Krishnamachari, Analyzing the transitional region in low power wireless links, SECON 2004 (a \
+                 sigmoid in the signal-to-noise ratio); the logistic is its simplest smooth form.",
+        validity: "All receivers alike and one length of frames. Beyond 13.8 widths from the middle it is 0 or 1. It replaces \
+                   the configured curve; noise-floor still moves it.",
+        trace: "Losses too steep or too shallow over RSSI.",
+        needs: &[Need::Losses, Need::Readings],
+    },
+    fit: Fit {
+        parameters: &[
+            Parameter {
+                key: "p50_dbm",
+                unit: "dBm",
+                min: -120.0,
+                max: -40.0,
+                starts: &[-93.0, -85.0],
+                step: 0.05,
+            },
+            Parameter {
+                key: "width_db",
+                unit: "dB",
+                min: 0.05,
+                max: 10.0,
+                starts: &[0.7, 2.0],
+                step: 0.02,
+            },
+        ],
+        variants: &[],
+        level: Level::Time,
+        generalises: &["noise-floor"],
+    },
+    check: UNCHECKED,
+    build: |table, _| {
+        let effect: ReceptionCurve = keys(table)?;
+        Some(Box::new(effect))
+    },
+};
+
+/// A logistic reception curve.
+///
+/// # Model
+///
+/// ```text
+/// P = 1/(1 + e^(−(RSSI − p50)/w))
+/// ```
+///
+/// # Validity
+///
+/// Measured curves are close to it between 5 and 95 % (Zuniga and Krishnamachari, SECON 2004). So that links have a
+/// greatest reach, it is 0 below p50 − 13.8 w, where it would be less than 10⁻⁶, and 1 from p50 + 13.8 w on.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+pub struct ReceptionCurve {
+    /// Where half of all frames are received (dBm).
+    pub p50_dbm: f64,
+    /// Width w (dB).
+    pub width_db: f64,
+}
+
+/// Widths from the middle beyond which the curve is 0 or 1: ln(10⁶).
+const TAIL_WIDTHS: f64 = 13.815_510_557_964_274;
+
+impl Curve for ReceptionCurve {
+    fn reception_probability(&self, rssi_dbm: f64) -> f64 {
+        let x = (rssi_dbm - self.p50_dbm) / self.width_db;
+        if x < -TAIL_WIDTHS {
+            0.0
+        } else if TAIL_WIDTHS <= x {
+            1.0
+        } else {
+            1.0 / (1.0 + libm::exp(-x))
+        }
+    }
+
+    fn floor_dbm(&self) -> f64 {
+        // A little lower, and the ceiling a little higher: rounding must not put either within the curve.
+        self.p50_dbm - TAIL_WIDTHS * self.width_db * (1.0 + 1e-9) - 1e-9
+    }
+
+    fn ceiling_dbm(&self) -> f64 {
+        self.p50_dbm + TAIL_WIDTHS * self.width_db * (1.0 + 1e-9) + 1e-9
+    }
+}
+
+impl Effect for ReceptionCurve {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn curve(&self) -> Option<&dyn Curve> {
+        Some(self)
+    }
+
+    fn is_isotropic(&self) -> bool {
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_logistic_is_symmetric_rises_and_ends() {
+        let curve = ReceptionCurve { p50_dbm: -90.0, width_db: 2.0 };
+        let at = |rssi_dbm| curve.reception_probability(rssi_dbm);
+        assert_eq!(at(-90.0), 0.5);
+        // ln 3 and ln 9 widths from the middle stand 3 : 1 and 9 : 1.
+        assert!((at(-90.0 + 2.0 * 3f64.ln()) - 0.75).abs() < 1e-12);
+        assert!((at(-90.0 - 2.0 * 9f64.ln()) - 0.1).abs() < 1e-12);
+        assert_eq!(at(curve.floor_dbm() - 1e-9), 0.0);
+        assert_eq!(at(curve.ceiling_dbm()), 1.0);
+        let mut before = 0.0;
+        for step in 0..4000 {
+            let now = at(-130.0 + f64::from(step) / 50.0);
+            assert!(before <= now);
+            before = now;
+        }
+    }
+}

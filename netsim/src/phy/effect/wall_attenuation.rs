@@ -1,0 +1,134 @@
+//! Walls that the map shows.
+
+use super::{Effect, Entry, UNCHECKED};
+use crate::phy::keys;
+use crate::phy::link::Link;
+use crate::phy::sight::Path;
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "wall-attenuation"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "wall-attenuation",
+        doc: "Every [[site.wall]] that the direct path cuts attenuates.",
+        fields: &[
+            Field {
+                key: "loss_db",
+                doc: "What one wall takes away (dB): 2 to 4 for plasterboard, 6 to 15 for brick and concrete.",
+                kind: Kind::Number(Range::closed(0.0, 100.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "material",
+                doc: "Walls of this material only. Absent: all walls.",
+                kind: Kind::Text,
+                default: Default::Absent,
+            },
+        ],
+    },
+    about: About {
+        mechanism: "A wall reflects and absorbs part of what would pass through it; each further one does so again.",
+        equation: "RSSI' = RSSI - loss_db * (walls that the straight path cuts)",
+        source: "A. J. Motley, J. M. P. Keenan, Personal communication radio coverage in buildings at 900 MHz and 1700 MHz, \
+                 Electronics Letters 24 (1988) 763; COST 231 final report, § 4.7.2 (multi-wall model).",
+        validity: "The direct path alone: nothing goes around the wall or through its doors. The angle of incidence does not \
+                   matter. A path above a wall of known height is free.",
+        trace: "Links that cross walls are low, by a multiple of the same value.",
+        needs: &[Need::Positions, Need::Readings, Need::Walls],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "loss_db",
+            unit: "dB",
+            min: 0.0,
+            max: 40.0,
+            starts: &[3.0],
+            step: 0.05,
+        }],
+        variants: &[],
+        level: Level::Place,
+        generalises: &[],
+    },
+    check: UNCHECKED,
+    build: |table, _| {
+        let effect: WallAttenuation = keys(table)?;
+        Some(Box::new(effect))
+    },
+};
+
+/// A loss for every wall that the direct path cuts.
+///
+/// # Model
+///
+/// Motley and Keenan, Electronics Letters 24 (1988) 763: RSSI′ = RSSI − L k, k the number of walls cut. As in the COST 231
+/// multi-wall model L depends on the material: one effect for each.
+///
+/// # Validity
+///
+/// The direct path alone. Whoever touches a wall counts as cutting it; walls with a height are passed above it. Obstacles
+/// of the site are no walls. COST 231's loss for successive floors, which grows less than linearly, is not modelled.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct WallAttenuation {
+    /// Loss of one wall (dB).
+    pub loss_db: f64,
+    /// Of these walls only.
+    pub material: Option<String>,
+}
+
+impl Effect for WallAttenuation {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn contribution_db(&self, link: &Link<'_>) -> f64 {
+        let Some(site) = link.scene.site else { return 0.0 };
+        let path = Path::of(link);
+        let n_cut = site
+            .wall
+            .iter()
+            .filter(|wall| self.material.is_none() || wall.material == self.material)
+            .filter(|wall| path.is_cut_by_wall(wall))
+            .count();
+        -self.loss_db * n_cut as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phy::effect::testing::along_x;
+    use crate::phy::link::Scene;
+    use proto::site::{Site, Wall};
+
+    #[test]
+    fn walls_add_up_by_material_and_low_ones_are_passed() {
+        let wall = |x_m: f64, height_m, material: &str| Wall {
+            from_m: [x_m, -1.0],
+            to_m: [x_m, 1.0],
+            height_m,
+            material: Some(material.to_owned()),
+        };
+        let site = Site {
+            wall: vec![
+                wall(1.0, None, "brick"),
+                wall(2.0, Some(2.0), "brick"),
+                wall(3.0, Some(1.0), "brick"),
+                wall(4.0, None, "glass"),
+                wall(50.0, None, "brick"),
+            ],
+            ..Site::default()
+        };
+        let scene = Scene { site: Some(&site), ..Scene::default() };
+        let link = along_x(10.0, 1.5, None, &scene);
+        let of = |material: Option<&str>| {
+            WallAttenuation { loss_db: 5.0, material: material.map(str::to_owned) }
+                .contribution_db(&link)
+        };
+        assert_eq!(of(None), -15.0);
+        assert_eq!(of(Some("brick")), -10.0);
+        assert_eq!(of(Some("glass")), -5.0);
+        assert_eq!(of(Some("steel")), 0.0);
+    }
+}
