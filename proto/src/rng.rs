@@ -54,6 +54,8 @@ pub enum Purpose {
     Multipath = 20,
     /// The value of `fast-fading`. Entity: ordered link; time: begin of the frame.
     FastFading = 21,
+    /// Gusts of wind. Entity: axis; time: number of the gust.
+    Gust = 22,
 }
 
 /// The draws of one purpose under one seed.

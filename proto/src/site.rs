@@ -1,5 +1,9 @@
 //! The place: walls, obstacles and ground. Both simulators read the same one, from the `[site]` section.
 
+mod terrain;
+
+pub use terrain::Terrain;
+
 use crate::config::{self, Default, Field, Kind, Node, Problem, Range, TableSpec};
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +23,12 @@ pub const SPEC: TableSpec = TableSpec {
             key: "obstacle",
             doc: "Round, upright obstacles.",
             kind: Kind::Tables(&OBSTACLE),
+            default: Default::Absent,
+        },
+        Field {
+            key: "terrain",
+            doc: "Heights of the ground on a square grid. Absent: it is level.",
+            kind: Kind::Table(&terrain::SPEC),
             default: Default::Absent,
         },
     ],
@@ -102,6 +112,9 @@ pub struct Site {
     /// Obstacles.
     #[serde(default)]
     pub obstacle: Vec<Obstacle>,
+    /// The ground.
+    #[serde(default)]
+    pub terrain: Option<Terrain>,
 }
 
 /// A straight, upright, thin wall.
@@ -163,6 +176,9 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (Site, toml
                 .value(format!("{name:?}")),
             );
         }
+    }
+    if let Some(terrain) = &site.terrain {
+        terrain.check(&config::join(path, "terrain"), problems);
     }
     (site, table)
 }

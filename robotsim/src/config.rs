@@ -143,7 +143,7 @@ fn build_behaviour(
     problems: &mut Vec<Problem>,
 ) -> Option<Behaviour> {
     let knowledge = table["knowledge"].clone().try_into().ok();
-    let dynamics = Dynamics::build(part(table, "dynamics"));
+    let dynamics = Dynamics::build(part(table, "dynamics"), &join(path, "dynamics"), problems);
     let context = Context {
         path: join(path, "controller"),
         n_agents,

@@ -1,15 +1,30 @@
 //! From command to motion.
 //!
-//! A command is a velocity. The body turns it into the velocity it really has; the position follows exactly, since that
-//! velocity holds over the whole control period: x += v Δt. Effects of real robots (lag, slip, drift, ...) belong between
-//! the command and the body, in the order in which `[[robotsim.dynamics.effect]]` lists them; there are none yet.
+//! A command is a velocity. The body turns it into motion, by way of the effects of real robots (lag, slip, drift, …) that
+//! `[[robotsim.dynamics.effect]]` lists. [`physics`] advances one robot under its commands, in runs and in fits alike; this
+//! file advances the swarm. A bare point mass has the commanded velocity at once, and its position follows exactly, since
+//! that velocity holds over the whole control period: x += v Δt.
 
+mod body;
+pub mod effect;
+pub mod physics;
 mod point_mass;
+mod response;
+pub mod surroundings;
+
+pub use body::{Drive, Part, Shape, wrapped};
+pub use response::Response;
 
 use crate::config::field;
-use point_mass::PointMass;
-use proto::config::{Choice, Default, Kind, Range, TableSpec, Tag, Variant};
-use proto::types::AgentStates;
+use body::Body;
+use effect::Localization;
+use physics::{Order, Physics, Robot};
+use proto::config::{Choice, Default, Kind, Problem, Range, TableSpec, Tag, Variant, join};
+use proto::rng::{Draws, Purpose};
+use proto::site::Terrain;
+use proto::types::{AgentStates, seconds};
+use serde::{Deserialize, Serialize};
+use surroundings::{Other, Surroundings};
 
 /// What a controller asks of a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +36,7 @@ pub enum Command {
 }
 
 /// Description of `[robotsim.dynamics]`.
-pub(crate) const SPEC: TableSpec = TableSpec {
+pub const SPEC: TableSpec = TableSpec {
     doc: "How the robots move.",
     fields: &[
         field(
@@ -32,7 +47,7 @@ pub(crate) const SPEC: TableSpec = TableSpec {
         ),
         field(
             "cap",
-            "What the cap limits.",
+            "What the cap of a point mass limits.",
             Kind::Choice(&[
                 Choice { name: "norm", doc: "The speed; the direction is kept." },
                 Choice {
@@ -42,55 +57,196 @@ pub(crate) const SPEC: TableSpec = TableSpec {
             ]),
             Default::Text("norm"),
         ),
+        field(
+            "effect",
+            "Physical effects between command and motion.",
+            Kind::Tables(&effect::SPEC),
+            Default::Absent,
+        ),
     ],
     tag: Some(&Tag {
         key: "kind",
         doc: "The body.",
         default: Some("point-mass"),
-        variants: || {
-            vec![Variant {
-                name: "point-mass",
-                doc: "Has the commanded velocity at once.",
-                fields: &[],
-            }]
-        },
+        variants: || VARIANTS.to_vec(),
     }),
 };
 
+const VARIANTS: &[Variant] = &[
+    Variant { name: "point-mass", doc: "Has the commanded velocity at once.", fields: &[] },
+    Variant {
+        name: "unicycle",
+        doc: "Drives along its heading, and turns at any rate.",
+        fields: &[field(
+            "yaw_rate_cap_radps",
+            "Greatest yaw rate (rad/s).",
+            Kind::Number(Range::above(0.0, 1e3)),
+            Default::Number(10.0),
+        )],
+    },
+    Variant {
+        name: "car",
+        doc: "Drives along its heading, and turns as its front wheels are steered.",
+        fields: &[
+            field(
+                "wheelbase_m",
+                "Distance between the axles (m). 0.33: a car of scale 1:10.",
+                Kind::Number(Range::above(0.0, 100.0)),
+                Default::Number(0.33),
+            ),
+            field(
+                "steer_cap_rad",
+                "Greatest steering angle (rad).",
+                Kind::Number(Range::above(0.0, 1.5)),
+                Default::Number(0.6),
+            ),
+        ],
+    },
+];
+
 /// How the robots move.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Dynamics {
-    body: PointMass,
+    physics: Physics,
+    localization: Option<Localization>,
+}
+
+/// What one robot carries from step to step where effects reach back in time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    drive: Drive,
+    /// Commands that may still have to act, oldest first.
+    orders: Vec<Order>,
+    /// Where it was, oldest first, as long as positions are measured late.
+    track: Vec<(f64, [f64; 3])>,
+}
+
+/// A step, and what is around the robots then.
+#[derive(Clone, Copy, Debug)]
+pub struct Step<'a> {
+    /// When it begins (ns).
+    pub from_ns: u64,
+    /// When it ends (ns).
+    pub until_ns: u64,
+    /// The ground.
+    pub terrain: Option<&'a Terrain>,
+    /// Seed of gusts and of noise.
+    pub seed: u64,
 }
 
 impl Dynamics {
-    /// From a checked table.
-    pub(crate) fn build(table: &toml::Table) -> Option<Self> {
-        Some(Self { body: table.clone().try_into().ok()? })
+    /// From a checked table that stands at `path`.
+    pub fn build(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Option<Self> {
+        let keys = || table.clone();
+        let body = match table.get("kind")?.as_str()? {
+            "point-mass" => Body::PointMass(keys().try_into().ok()?),
+            "unicycle" => Body::Unicycle(keys().try_into().ok()?),
+            "car" => Body::Car(keys().try_into().ok()?),
+            _ => return None,
+        };
+        let tables = table.get("effect").and_then(toml::Value::as_array).map_or(&[][..], |t| t);
+        let effects = effect::build(tables);
+        let (mut localization, mut lags) = (None, [false; 2]);
+        for (index, effect) in effects.iter().enumerate() {
+            let place = format!("{}[{index}]", join(path, "effect"));
+            if let Some(given) = effect.localization()
+                && localization.replace(given).is_some()
+            {
+                problems
+                    .push(Problem::new(&*place, "positions are measured once: one localization"));
+            }
+            for (part, lagging) in [Part::Speed, Part::Turn].into_iter().zip(&mut lags) {
+                if 0.0 < effect.lag_s(part) && std::mem::replace(lagging, true) {
+                    problems.push(Problem::new(
+                        &*place,
+                        "an actuator has one lag: change the time constant of the first one",
+                    ));
+                }
+            }
+        }
+        Some(Self { physics: Physics::new(body, effects), localization })
+    }
+
+    /// The body and its effects, for fits.
+    #[must_use]
+    pub fn into_physics(self) -> Physics {
+        self.physics
     }
 
     /// The greatest speed that the limit allows (m/s).
     #[must_use]
     pub fn speed_cap_mps(&self) -> f64 {
-        self.body.speed_cap_mps
+        self.physics.body().speed_cap_mps()
     }
 
-    /// Moves every agent that is alive over `dt_s` (s, positive). Velocities become those the robots had.
+    /// What robots at rest carry. Nothing, where nothing reaches back in time.
+    #[must_use]
+    pub fn memory(&self, n_agents: usize) -> Vec<Memory> {
+        if self.physics.is_bare() { Vec::new() } else { vec![Memory::default(); n_agents] }
+    }
+
+    /// Gives robots a heading where the body needs one: east, where the scenario says nothing.
+    pub fn complete(&self, states: &mut AgentStates) {
+        if self.physics.shape().is_turning() && states.heading_rad.is_empty() {
+            states.heading_rad = vec![0.0; states.len()];
+        }
+    }
+
+    /// Moves every agent that is alive. Velocities become those the robots had on the mean.
     ///
-    /// Bodies have a direction only where the scenario gave them one: they face where they move, and at rest where they
-    /// last moved.
+    /// Point masses have a direction only where the scenario gave them one: they face where they move, and at rest where
+    /// they last moved. `memory` is that of [`Dynamics::memory`].
     ///
     /// # Panics
     ///
     /// If a position ceases to be finite: that is a bug in a controller or effect.
-    pub fn advance(&self, dt_s: f64, commands: &[Command], states: &mut AgentStates) {
+    pub fn advance(
+        &self,
+        step: &Step<'_>,
+        commands: &[Command],
+        states: &mut AgentStates,
+        memory: &mut [Memory],
+    ) {
+        let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
+        let dt_s = seconds(step.until_ns - step.from_ns);
+        let others = self.others(states);
+        let draws = Some(Draws::new(step.seed, Purpose::Gust));
+        let base = Surroundings { terrain: step.terrain, draws, others_at_s: from_s, others: &[] };
+        let turning = self.physics.shape().is_turning();
         for agent in states.alive.clone().iter_ones() {
+            let before_m = states.position_m(agent);
             let (velocity, displacement) = match commands[agent] {
-                Command::Velocity(velocity) => {
-                    let velocity = self.body.velocity_mps(velocity);
+                Command::Jump(displacement) => {
+                    (displacement.map(|component| component / dt_s), displacement)
+                }
+                Command::Velocity(velocity) if self.physics.is_bare() && !turning => {
+                    let velocity = self.physics.target(velocity);
                     (velocity, velocity.map(|component| component * dt_s))
                 }
-                Command::Jump(displacement) => {
+                Command::Velocity(velocity) => {
+                    let heading_rad = states.heading_rad.get(agent).copied().unwrap_or(0.0);
+                    let demand = self.physics.body().follow(velocity, heading_rad, dt_s);
+                    let mut bare = Memory::default();
+                    let memory = memory.get_mut(agent).unwrap_or(&mut bare);
+                    let mut robot =
+                        Robot { position_m: before_m, heading_rad, drive: memory.drive };
+                    memory.order(from_s, demand, self.physics.delay_s());
+                    let near: Vec<Other> = near(&others, agent);
+                    let surroundings = Surroundings { others: &near, ..base };
+                    let orders = &memory.orders;
+                    self.physics.advance(
+                        &mut robot,
+                        orders,
+                        &mut 0,
+                        from_s,
+                        until_s,
+                        &surroundings,
+                    );
+                    memory.drive = robot.drive;
+                    if turning {
+                        states.heading_rad[agent] = wrapped(robot.heading_rad);
+                    }
+                    let displacement = std::array::from_fn(|i| robot.position_m[i] - before_m[i]);
                     (displacement.map(|component| component / dt_s), displacement)
                 }
             };
@@ -103,9 +259,88 @@ impl Dynamics {
                 "agent {agent} left the space of numbers: command {:?}",
                 commands[agent]
             );
-            if !states.heading_rad.is_empty() && (velocity[0] != 0.0 || velocity[1] != 0.0) {
+            if !turning
+                && !states.heading_rad.is_empty()
+                && (velocity[0] != 0.0 || velocity[1] != 0.0)
+            {
                 states.heading_rad[agent] = libm::atan2(velocity[1], velocity[0]);
             }
         }
     }
+
+    /// Robots that are told to stand still: nothing that was asked for has an effect any more.
+    pub fn stand_still(&self, memory: &mut [Memory]) {
+        for memory in memory {
+            memory.drive = [0.0; 3];
+            memory.orders.clear();
+        }
+    }
+
+    /// What the robots believe of where they are: their states, with positions as they were measured. `None`: as they are.
+    pub fn measured(
+        &self,
+        step: &Step<'_>,
+        states: &AgentStates,
+        memory: &mut [Memory],
+    ) -> Option<AgentStates> {
+        let Localization { sd_m, delay_s, scale } = self.localization?;
+        let now_s = seconds(step.until_ns);
+        let draws = Draws::new(step.seed, Purpose::Localization);
+        let mut measured = states.clone();
+        for (agent, memory) in memory.iter_mut().enumerate() {
+            memory.track.push((now_s, states.position_m(agent)));
+            let position_m = memory.position_m(now_s - delay_s);
+            let noise_m: [f64; 3] = std::array::from_fn(|axis| {
+                let axis_sd_m = if axis < 2 { sd_m } else { 0.0 };
+                axis_sd_m * draws.normal(agent as u64, step.until_ns, axis as u64)
+            });
+            let columns = [&mut measured.x_m, &mut measured.y_m, &mut measured.z_m];
+            for (axis, column) in columns.into_iter().enumerate() {
+                column[agent] = scale * position_m[axis] + noise_m[axis];
+            }
+        }
+        Some(measured)
+    }
+
+    /// All agents that are alive, if effects depend on them.
+    fn others(&self, states: &AgentStates) -> Vec<(usize, Other)> {
+        if !self.physics.effects().iter().any(|effect| effect.heeds_others()) {
+            return Vec::new();
+        }
+        let other = |agent| Other {
+            position_m: states.position_m(agent),
+            velocity_mps: [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]],
+        };
+        states.alive.iter_ones().map(|agent| (agent, other(agent))).collect()
+    }
+}
+
+impl Memory {
+    /// Adds a command, and forgets those that the next one has replaced everywhere.
+    fn order(&mut self, from_s: f64, demand: Drive, delay_s: f64) {
+        self.orders.push(Order { from_s, demand });
+        let old = self.orders.iter().skip(1).take_while(|next| next.from_s + delay_s <= from_s);
+        let n = old.count();
+        self.orders.drain(..n);
+    }
+
+    /// Where it was at a time: between two known places on the straight line, before the first one there. Forgets what is
+    /// older.
+    fn position_m(&mut self, at_s: f64) -> [f64; 3] {
+        let n = self.track.iter().skip(1).take_while(|(time_s, _)| *time_s <= at_s).count();
+        self.track.drain(..n);
+        let (from_s, from_m) = self.track[0];
+        match self.track.get(1) {
+            Some(&(to_s, to_m)) if from_s < at_s => {
+                let share = (at_s - from_s) / (to_s - from_s);
+                std::array::from_fn(|i| from_m[i] + share * (to_m[i] - from_m[i]))
+            }
+            _ => from_m,
+        }
+    }
+}
+
+/// All but one.
+fn near(others: &[(usize, Other)], agent: usize) -> Vec<Other> {
+    others.iter().filter(|(number, _)| *number != agent).map(|(_, other)| *other).collect()
 }

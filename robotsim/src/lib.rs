@@ -13,7 +13,7 @@
 //! | [`knowledge`] | what each robot knows of the others: what it heard, or the truth |
 //! | [`controller`] | who wants to go where: one file per controller, one list |
 //! | [`line_fit`] | the straight line nearest to some points, by two rules |
-//! | [`dynamics`] | from command to motion: speed cap and integration |
+//! | [`dynamics`] | from command to motion: bodies, and one file per effect of real robots |
 //! | [`scenario`] | where everyone begins: one file per scenario, one list |
 //! | [`config`] | the `[robotsim]` section: its description and its checks |
 

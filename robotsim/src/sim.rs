@@ -2,12 +2,13 @@
 
 use crate::config::{self, Behaviour};
 use crate::controller::{self, View};
-use crate::dynamics::Command;
+use crate::dynamics::{Command, Memory, Step};
 use crate::knowledge::{Knowledge, Source};
 use crate::{payload, scenario};
 use proto::config::Problem;
 use proto::rng::{Draws, Purpose};
 use proto::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator, RobotStart, Setup};
+use proto::site::Terrain;
 use proto::types::{AgentOrder, AgentStates, seconds};
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +31,12 @@ struct State {
     /// The configuration in force, as TOML text.
     effective: String,
     states: AgentStates,
+    /// What the agents believe of where they are. `None`: the truth.
+    measured: Option<AgentStates>,
+    /// What the agents' motion carries over from step to step. Empty: nothing.
+    memory: Vec<Memory>,
+    /// The ground.
+    terrain: Option<Terrain>,
     /// What each agent was ordered to do. `None`: its controller decides.
     orders: Vec<Option<AgentOrder>>,
     /// Transmissions so far whose payload was not one of ours.
@@ -54,17 +61,26 @@ impl RobotSimulator for Swarm {
     fn configure(&mut self, setup: &Setup) -> Result<RobotStart, Vec<Problem>> {
         let (config, effective) = config::read(setup)?;
         let (seed, n_agents) = (setup.experiment.seed, setup.experiment.agent_count);
-        let states = scenario::states(&*config.scenario, n_agents, seed);
+        let mut states = scenario::states(&*config.scenario, n_agents, seed);
+        let dynamics = &config.behaviour.dynamics;
+        dynamics.complete(&mut states);
+        let mut memory = dynamics.memory(n_agents);
+        let terrain = setup.site.terrain.clone();
+        let start = Step { from_ns: 0, until_ns: 0, terrain: terrain.as_ref(), seed };
+        let measured = dynamics.measured(&start, &states, &mut memory);
         if config.behaviour.knowledge == Source::Truth {
             tracing::info!(
                 "knowledge = \"truth\": every robot is told the state of every other; an ideal baseline, no radio"
             );
         }
-        let payloads = payload::encode(&states);
+        let payloads = payload::encode(measured.as_ref().unwrap_or(&states));
         let state = State {
             seed,
             effective: effective.to_string(),
             states: states.clone(),
+            measured,
+            memory,
+            terrain,
             orders: vec![None; n_agents],
             n_foreign: 0,
         };
@@ -82,6 +98,7 @@ impl RobotSimulator for Swarm {
             };
         }
         if input.hold {
+            behaviour.dynamics.stand_still(&mut state.memory);
             return state.stand_still();
         }
         let knowledge = match behaviour.knowledge {
@@ -94,7 +111,7 @@ impl RobotSimulator for Swarm {
         let view = View {
             step: input.step,
             dt_s,
-            states: &state.states,
+            states: state.believed(),
             knowledge: &knowledge,
             draws: Draws::new(state.seed, Purpose::Control),
         };
@@ -107,17 +124,24 @@ impl RobotSimulator for Swarm {
                 }
                 Some(AgentOrder::Waypoint(to_m)) => {
                     // Straight there: the cap shortens a step that is too long.
-                    let at_m = state.states.position_m(agent);
+                    let at_m = state.believed().position_m(agent);
                     *command =
                         Command::Velocity(std::array::from_fn(|i| (to_m[i] - at_m[i]) / dt_s));
                 }
                 Some(AgentOrder::Release) | None => {}
             }
         }
-        behaviour.dynamics.advance(dt_s, &commands, &mut state.states);
+        let step = Step {
+            from_ns: input.from_ns,
+            until_ns: input.until_ns,
+            terrain: state.terrain.as_ref(),
+            seed: state.seed,
+        };
+        behaviour.dynamics.advance(&step, &commands, &mut state.states, &mut state.memory);
+        state.measured = behaviour.dynamics.measured(&step, &state.states, &mut state.memory);
         RobotOutput {
             states: state.states.clone(),
-            payloads: payload::encode(&state.states),
+            payloads: payload::encode(state.believed()),
             task_complete,
             ..RobotOutput::default()
         }
@@ -155,12 +179,19 @@ impl Running {
 }
 
 impl State {
+    /// The states as the agents know their own.
+    fn believed(&self) -> &AgentStates {
+        self.measured.as_ref().unwrap_or(&self.states)
+    }
+
     /// Time passes and nobody moves: what was heard is forgotten, as controllers keep no memory anyway.
     fn stand_still(&mut self) -> RobotOutput {
-        for column in [&mut self.states.vx_mps, &mut self.states.vy_mps, &mut self.states.vz_mps] {
-            column.fill(0.0);
+        for states in std::iter::once(&mut self.states).chain(&mut self.measured) {
+            for column in [&mut states.vx_mps, &mut states.vy_mps, &mut states.vz_mps] {
+                column.fill(0.0);
+            }
         }
-        let payloads = payload::encode(&self.states);
+        let payloads = payload::encode(self.believed());
         RobotOutput { states: self.states.clone(), payloads, ..RobotOutput::default() }
     }
 
@@ -185,6 +216,7 @@ impl State {
         let fit = columns == [n; 5]
             && alive.len() == n
             && self.orders.len() == n
+            && (self.memory.is_empty() || self.memory.len() == n)
             && (heading_rad.is_empty() || heading_rad.len() == n);
         if fit { Ok(()) } else { Err(NotASnapshot("columns of unequal length".to_owned())) }
     }

@@ -2,6 +2,7 @@
 
 mod air;
 mod config;
+mod effects;
 mod flocking;
 mod line_formation;
 mod swarm;

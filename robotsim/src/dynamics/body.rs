@@ -1,0 +1,153 @@
+//! Bodies: what a robot can be asked for, and how that moves it.
+
+use super::point_mass::PointMass;
+use serde::{Deserialize, Serialize};
+
+/// What a robot is asked for, or does.
+///
+/// `Velocity` bodies: velocity east, north, up (m/s). `Turning` bodies: speed along the heading (m/s), then the yaw rate
+/// (rad/s, unicycle) or the steering angle (rad, car), then nothing.
+pub type Drive = [f64; 3];
+
+/// Which of a robot's actuators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Part {
+    /// Velocity, or speed along the heading.
+    Speed,
+    /// Yaw rate or steering.
+    Turn,
+}
+
+/// How a body is commanded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// By a velocity.
+    Velocity,
+    /// By speed and yaw rate.
+    Unicycle,
+    /// By speed and steering angle.
+    Car,
+}
+
+impl Shape {
+    /// Whether the body has a heading along which it drives.
+    #[must_use]
+    pub fn is_turning(self) -> bool {
+        self != Self::Velocity
+    }
+}
+
+/// A body.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Body {
+    PointMass(PointMass),
+    Unicycle(Unicycle),
+    Car(Car),
+}
+
+/// A body with a heading that drives along it and turns at a commanded rate.
+///
+/// # Model
+///
+/// ẋ = v cos θ, ẏ = v sin θ, θ̇ = ω: the unicycle of the literature (e.g. Siciliano et al., Robotics: Modelling, Planning
+/// and Control, § 11.2). Where a controller commands a velocity u, v = u · (cos θ, sin θ), at least 0, and ω turns the heading
+/// towards u within the period, as far as `yaw_rate_cap_radps` allows.
+///
+/// # Validity
+///
+/// On a plane, z stays as it is; no inertia and no slip but what effects add.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub(super) struct Unicycle {
+    speed_cap_mps: f64,
+    yaw_rate_cap_radps: f64,
+}
+
+/// A body with a steered front axle.
+///
+/// # Model
+///
+/// ẋ = v cos θ, ẏ = v sin θ, θ̇ = v tan δ / L, position that of the rear axle: the kinematic bicycle (e.g. Rajamani, Vehicle
+/// Dynamics and Control, § 2.2). Where a controller commands a velocity u, v = |u| and δ turns the heading towards u
+/// within the period, as far as `steer_cap_rad` allows.
+///
+/// # Validity
+///
+/// As the unicycle; lateral accelerations well below grip.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub(super) struct Car {
+    speed_cap_mps: f64,
+    steer_cap_rad: f64,
+    wheelbase_m: f64,
+}
+
+impl Body {
+    pub(super) fn shape(&self) -> Shape {
+        match self {
+            Self::PointMass(_) => Shape::Velocity,
+            Self::Unicycle(_) => Shape::Unicycle,
+            Self::Car(_) => Shape::Car,
+        }
+    }
+
+    pub(super) fn speed_cap_mps(&self) -> f64 {
+        match self {
+            Self::PointMass(body) => body.speed_cap_mps,
+            Self::Unicycle(body) => body.speed_cap_mps,
+            Self::Car(body) => body.speed_cap_mps,
+        }
+    }
+
+    /// What the body makes of a demand: the caps.
+    pub(super) fn cap(&self, [speed_mps, turn, rest]: Drive) -> Drive {
+        let clamp = |number: f64, cap: f64| number.clamp(-cap, cap);
+        match self {
+            Self::PointMass(body) => body.velocity_mps([speed_mps, turn, rest]),
+            Self::Unicycle(body) => {
+                [clamp(speed_mps, body.speed_cap_mps), clamp(turn, body.yaw_rate_cap_radps), 0.0]
+            }
+            Self::Car(body) => {
+                [clamp(speed_mps, body.speed_cap_mps), clamp(turn, body.steer_cap_rad), 0.0]
+            }
+        }
+    }
+
+    /// Yaw rate (rad/s) of a turning body.
+    #[inline]
+    pub(super) fn yaw_rate_radps(&self, speed_mps: f64, turn: f64) -> f64 {
+        match self {
+            Self::PointMass(_) => 0.0,
+            Self::Unicycle(_) => turn,
+            Self::Car(body) => speed_mps * libm::tan(turn) / body.wheelbase_m,
+        }
+    }
+
+    /// What to ask of the body so that it moves with this velocity (m/s), as well as it can within `dt_s`.
+    pub(super) fn follow(&self, velocity_mps: [f64; 3], heading_rad: f64, dt_s: f64) -> Drive {
+        if let Self::PointMass(_) = self {
+            return velocity_mps;
+        }
+        let [vx, vy, _] = velocity_mps;
+        let speed_mps = libm::hypot(vx, vy).min(self.speed_cap_mps());
+        if speed_mps == 0.0 {
+            return [0.0; 3];
+        }
+        let error_rad = wrapped(libm::atan2(vy, vx) - heading_rad);
+        match self {
+            Self::PointMass(_) | Self::Unicycle(_) => {
+                [(speed_mps * libm::cos(error_rad)).max(0.0), error_rad / dt_s, 0.0]
+            }
+            Self::Car(body) => {
+                let turn = libm::atan(body.wheelbase_m * error_rad / (dt_s * speed_mps));
+                [speed_mps, turn, 0.0]
+            }
+        }
+    }
+}
+
+/// An angle brought into (−π, π].
+#[must_use]
+pub fn wrapped(angle_rad: f64) -> f64 {
+    let turns = libm::round(angle_rad / std::f64::consts::TAU);
+    angle_rad - turns * std::f64::consts::TAU
+}

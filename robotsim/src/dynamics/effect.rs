@@ -1,0 +1,192 @@
+//! Physical effects between command and motion, each `[[robotsim.dynamics.effect]]` of the configuration one of them.
+//!
+//! One file per effect, one list: [`LIST`]. An effect that is not configured contributes exactly nothing.
+
+mod acceleration_limit;
+mod actuator_lag;
+mod dead_band;
+mod dead_time;
+mod downwash;
+mod heading_bias;
+mod localization;
+mod quadratic_drag;
+mod rough_ground;
+mod slip;
+mod slope;
+mod speed_limit;
+mod steering_bias;
+#[cfg(test)]
+mod testing;
+mod wind;
+mod yaw_coupling;
+
+pub use localization::Localization;
+
+use super::body::{Drive, Part, Shape};
+use super::surroundings::Surroundings;
+use proto::config::{Choice, Default, Field, Kind, TableSpec, Tag, Variant};
+use proto::effect::{About, Fit};
+
+/// One physical effect. Stateless: everything it depends on is an argument.
+///
+/// A command passes through effects in this order, whatever their order in the configuration: it comes late
+/// ([`Effect::delay_s`]); what it asks for is changed ([`Effect::shape`], in the order of the configuration); the actuators
+/// follow with lag and limits ([`Effect::lag_s`], [`Effect::limit_per_s`]); the ground and the air add theirs
+/// ([`Effect::ground_scale`], [`Effect::drift_mps`]); and at last the position is measured ([`Effect::localization`]). Most
+/// effects use one of these; the others have neutral defaults.
+pub trait Effect: Send + Sync + std::fmt::Debug {
+    /// Its name in configurations, records and reports.
+    fn name(&self) -> &'static str;
+
+    /// How much later (s) commands act.
+    fn delay_s(&self, _part: Part) -> f64 {
+        0.0
+    }
+
+    /// What the actuators come to where the command asks for `demand`.
+    fn shape(&self, _shape: Shape, demand: Drive) -> Drive {
+        demand
+    }
+
+    /// Time constant (s) with which actuators follow.
+    fn lag_s(&self, _part: Part) -> f64 {
+        0.0
+    }
+
+    /// How fast actuators may change, per second.
+    fn limit_per_s(&self, _part: Part) -> f64 {
+        f64::INFINITY
+    }
+
+    /// By how much (rad) a turning body moves to the left of its heading.
+    fn course_rad(&self) -> f64 {
+        0.0
+    }
+
+    /// Sideways velocity per ω × v (s) of a turning body.
+    fn sideways_s(&self) -> f64 {
+        0.0
+    }
+
+    /// By what the speed over ground is multiplied between two places that are close to each other.
+    fn ground_scale(&self, _from_m: [f64; 3], _to_m: [f64; 3]) -> f64 {
+        1.0
+    }
+
+    /// Velocity (m/s) that is added to the robot's own.
+    fn drift_mps(&self, _at: &Situation<'_>) -> [f64; 3] {
+        [0.0; 3]
+    }
+
+    /// Whether [`Effect::ground_scale`] or [`Effect::drift_mps`] change as the robot moves or time passes.
+    fn varies_on_the_way(&self) -> bool {
+        false
+    }
+
+    /// Whether [`Effect::drift_mps`] depends on other robots.
+    fn heeds_others(&self) -> bool {
+        false
+    }
+
+    /// How positions are measured.
+    fn localization(&self) -> Option<Localization> {
+        None
+    }
+}
+
+/// Where a robot is when an effect is asked for its drift.
+#[derive(Clone, Copy, Debug)]
+pub struct Situation<'a> {
+    /// When (s).
+    pub time_s: f64,
+    /// Where (m).
+    pub position_m: [f64; 3],
+    /// With which velocity (m/s), drift apart.
+    pub velocity_mps: [f64; 3],
+    /// Direction it faces (rad).
+    pub heading_rad: f64,
+    /// What is around it.
+    pub surroundings: &'a Surroundings<'a>,
+}
+
+/// Description of one `[[robotsim.dynamics.effect]]`.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "A physical effect between command and motion.",
+    fields: &[],
+    tag: Some(&Tag {
+        key: "kind",
+        doc: "Which effect.",
+        default: None,
+        variants: || LIST.iter().map(|entry| entry.variant).collect(),
+    }),
+};
+
+/// An effect that can be configured.
+#[derive(Debug)]
+pub struct Entry {
+    /// Its name and keys.
+    pub variant: Variant,
+    /// What people should know of it.
+    pub about: About,
+    /// How it is fitted to measurements. A key `name[i]` is entry i of a list.
+    pub fit: Fit,
+    /// Makes it of its checked table.
+    pub build: fn(&toml::Table) -> Option<Box<dyn Effect>>,
+}
+
+/// All effects.
+pub const LIST: &[Entry] = &[
+    acceleration_limit::ENTRY,
+    actuator_lag::ENTRY,
+    dead_band::ENTRY,
+    dead_time::ENTRY,
+    downwash::ENTRY,
+    heading_bias::ENTRY,
+    localization::ENTRY,
+    quadratic_drag::ENTRY,
+    rough_ground::ENTRY,
+    slip::ENTRY,
+    slope::ENTRY,
+    speed_limit::ENTRY,
+    steering_bias::ENTRY,
+    wind::ENTRY,
+    yaw_coupling::ENTRY,
+];
+
+/// Makes the effects of checked tables, in their order.
+#[must_use]
+pub fn build(tables: &[toml::Value]) -> Vec<Box<dyn Effect>> {
+    let one = |table: &toml::Value| {
+        let kind = table.get("kind")?.as_str()?;
+        let entry = LIST.iter().find(|entry| entry.variant.name == kind)?;
+        (entry.build)(table.as_table()?)
+    };
+    tables.iter().filter_map(one).collect()
+}
+
+/// The key that says which actuator an effect concerns.
+const ON: Field = Field {
+    key: "on",
+    doc: "Which actuator. Point masses have but one.",
+    kind: Kind::Choice(&[
+        Choice { name: "speed", doc: "Velocity, or speed along the heading." },
+        Choice { name: "turn", doc: "Yaw rate or steering." },
+    ]),
+    default: Default::Text("speed"),
+};
+
+/// Reads the keys of a checked table.
+fn keys<T: serde::de::DeserializeOwned>(table: &toml::Table) -> Option<T> {
+    table.clone().try_into().ok()
+}
+
+/// A demand whose speed (the norm, or the speed along the heading) is changed, direction and turning as they are.
+fn with_speed(shape: Shape, demand: Drive, speed_mps: impl Fn(f64) -> f64) -> Drive {
+    if shape.is_turning() {
+        let sign = if demand[0] < 0.0 { -1.0 } else { 1.0 };
+        return [sign * speed_mps(demand[0].abs()), demand[1], demand[2]];
+    }
+    let [x, y, z] = demand;
+    let norm = libm::sqrt(x * x + y * y + z * z);
+    if norm == 0.0 { demand } else { demand.map(|part| part / norm * speed_mps(norm)) }
+}

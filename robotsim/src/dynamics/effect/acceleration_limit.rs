@@ -1,0 +1,74 @@
+//! Velocity that changes only so fast.
+
+use super::{Effect, Entry, Part, keys};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Parameter};
+use serde::Deserialize;
+
+/// `kind = "acceleration-limit"`.
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "acceleration-limit",
+        doc: "The velocity changes no faster than this.",
+        fields: &[Field {
+            key: "limit_mps2",
+            doc: "Greatest acceleration (m/s²).",
+            kind: Kind::Number(Range::above(0.0, 1e6)),
+            default: Default::Required,
+        }],
+    },
+    about: About {
+        mechanism: "Torque, grip or firmware limit how fast a robot speeds up, brakes or changes direction.",
+        equation: "|dv/dt| <= limit_mps2",
+        source: "Definition.",
+        validity: "The same in all directions, speeding up and braking. Together with actuator-lag: dv/dt = (u - v) / tau_s, cut at the limit. Solved exactly.",
+        trace: "A ramp after large changes of command; nothing after small ones.",
+        needs: &[],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "limit_mps2",
+            unit: "m/s²",
+            min: 0.01,
+            max: 1e5,
+            starts: &[0.1, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0],
+            step: 0.05,
+        }],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(keys::<AccelerationLimit>(table)?)),
+};
+
+/// |v̇| ≤ a_max.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct AccelerationLimit {
+    limit_mps2: f64,
+}
+
+impl Effect for AccelerationLimit {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn limit_per_s(&self, part: Part) -> f64 {
+        match part {
+            Part::Speed => self.limit_mps2,
+            Part::Turn => f64::INFINITY,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+
+    #[test]
+    fn a_robot_speeds_up_evenly_and_then_goes_on() {
+        // 5 m/s along (3, 4)/5 at 2 m/s²: 2.5 s and 6.25 m, then 0.5 s at 5 m/s.
+        let text = "[[effect]]\nkind = 'acceleration-limit'\nlimit_mps2 = 2.0";
+        assert_near(drive(text, [3.0, 4.0, 0.0], 1.0).position_m, [0.6, 0.8, 0.0]);
+        assert_near(drive(text, [3.0, 4.0, 0.0], 3.0).position_m, [5.25, 7.0, 0.0]);
+    }
+}

@@ -1,0 +1,82 @@
+//! Commands that act later.
+
+use super::{Effect, Entry, ON, Part, keys};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Fixed, Level, Parameter};
+use serde::Deserialize;
+
+/// `kind = "dead-time"`.
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "dead-time",
+        doc: "Commands act later than they are given.",
+        fields: &[
+            Field {
+                key: "delay_s",
+                doc: "By how much later (s).",
+                kind: Kind::Number(Range::closed(0.0, 60.0)),
+                default: Default::Required,
+            },
+            ON,
+        ],
+    },
+    about: About {
+        mechanism: "Buses, radios, controllers and drives take their time: for a while after a change of command the robot does as before.",
+        equation: "v(t) = u(t - delay_s)",
+        source: "Definition (transport delay).",
+        validity: "One delay at all times. Several on one actuator add up. Before its first command a robot stands.",
+        trace: "An error that arises in the time just after every change of command, and then stays as it is.",
+        needs: &[],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "delay_s",
+            unit: "s",
+            min: 0.0,
+            max: 5.0,
+            starts: &[0.03, 0.1, 0.3, 1.0],
+            step: 0.005,
+        }],
+        variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
+        level: Level::Time,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(keys::<DeadTime>(table)?)),
+};
+
+/// u acts `delay_s` later.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct DeadTime {
+    delay_s: f64,
+    on: Part,
+}
+
+impl Effect for DeadTime {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn delay_s(&self, part: Part) -> f64 {
+        if part == self.on { self.delay_s } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+
+    #[test]
+    fn a_command_acts_that_much_later() {
+        let end = drive("[[effect]]\nkind = 'dead-time'\ndelay_s = 0.4", [3.0, -1.0, 0.0], 1.0);
+        assert_near(end.position_m, [1.8, -0.6, 0.0]);
+    }
+
+    #[test]
+    fn late_steering_drives_straight_first() {
+        let text = "kind = 'unicycle'\n[[effect]]\nkind = 'dead-time'\ndelay_s = 0.4\non = 'turn'";
+        let end = drive(text, [2.0, 0.5, 0.0], 1.0);
+        // 0.8 m straight, then 0.6 s on a circle of radius 4 m.
+        let angle = 0.3f64;
+        assert_near(end.position_m, [0.8 + 4.0 * angle.sin(), 4.0 * (1.0 - angle.cos()), 0.0]);
+    }
+}

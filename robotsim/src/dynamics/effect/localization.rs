@@ -1,0 +1,79 @@
+//! Errors of the measured position.
+
+use super::{Effect, Entry, keys};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Parameter};
+use serde::Deserialize;
+
+/// `kind = "localization"`.
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "localization",
+        doc: "Positions are measured with noise, late, or at a wrong scale. The motion does not change.",
+        fields: &[
+            Field {
+                key: "sd_m",
+                doc: "Standard deviation of the noise, per component of the plane (m).",
+                kind: Kind::Number(Range::closed(0.0, 1e4)),
+                default: Default::Number(0.0),
+            },
+            Field {
+                key: "delay_s",
+                doc: "Age of what is measured (s).",
+                kind: Kind::Number(Range::closed(0.0, 60.0)),
+                default: Default::Number(0.0),
+            },
+            Field {
+                key: "scale",
+                doc: "Measured coordinate per true one, from the origin.",
+                kind: Kind::Number(Range::above(0.0, 10.0)),
+                default: Default::Number(1.0),
+            },
+        ],
+    },
+    about: About {
+        mechanism: "Cameras, satellites and anchors measure positions with noise, some time ago, in a frame whose scale may be \
+                    off. Robots believe what was measured, and say so on the air.",
+        equation: "measured(t) = scale * x(t - delay_s) + N(0, sd_m^2)",
+        source: "Definition.",
+        validity: "Noise is independent from step to step. A constant bias cannot be seen. In data, a scale is the same as slip, \
+                   and a delay the same as dead-time: those are tried in its place, and the noise is part of every model.",
+        trace: "An error that is there from the first moment and does not grow over the window.",
+        needs: &[],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "sd_m",
+            unit: "m",
+            min: 1e-6,
+            max: 1e3,
+            starts: &[0.02],
+            step: 0.001,
+        }],
+        variants: &[],
+        level: Level::Random,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(keys::<Localization>(table)?)),
+};
+
+/// How positions are measured: scale, delay, noise.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+pub struct Localization {
+    /// Standard deviation of the noise, per component of the plane (m).
+    pub sd_m: f64,
+    /// Age of what is measured (s).
+    pub delay_s: f64,
+    /// Measured coordinate per true one.
+    pub scale: f64,
+}
+
+impl Effect for Localization {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn localization(&self) -> Option<Localization> {
+        Some(*self)
+    }
+}

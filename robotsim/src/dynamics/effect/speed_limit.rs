@@ -1,0 +1,72 @@
+//! A robot that is slower than assumed.
+
+use super::{Drive, Effect, Entry, Shape, keys, with_speed};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Parameter};
+use serde::Deserialize;
+
+/// `kind = "speed-limit"`.
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "speed-limit",
+        doc: "The robot goes no faster than this, whatever the cap of the model.",
+        fields: &[Field {
+            key: "limit_mps",
+            doc: "Greatest speed (m/s).",
+            kind: Kind::Number(Range::above(0.0, 1e4)),
+            default: Default::Required,
+        }],
+    },
+    about: About {
+        mechanism: "A drive saturates, or firmware limits it, below the speed that the model assumes.",
+        equation: "|v| <= limit_mps, direction kept",
+        source: "Definition.",
+        validity: "One limit in all directions.",
+        trace: "An error at high commanded speeds only, against the motion, growing from the limit on.",
+        needs: &[],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "limit_mps",
+            unit: "m/s",
+            min: 0.01,
+            max: 1e4,
+            starts: &[0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0],
+            step: 0.05,
+        }],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(keys::<SpeedLimit>(table)?)),
+};
+
+/// |v| ≤ v_max.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct SpeedLimit {
+    limit_mps: f64,
+}
+
+impl Effect for SpeedLimit {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn shape(&self, shape: Shape, demand: Drive) -> Drive {
+        with_speed(shape, demand, |speed_mps| speed_mps.min(self.limit_mps))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+
+    #[test]
+    fn no_robot_is_faster_and_directions_are_kept() {
+        let text = "[[effect]]\nkind = 'speed-limit'\nlimit_mps = 5.0";
+        assert_near(drive(text, [6.0, -8.0, 0.0], 2.0).position_m, [6.0, -8.0, 0.0]);
+        assert_near(drive(text, [3.0, 0.0, 0.0], 2.0).position_m, [6.0, 0.0, 0.0]);
+        let end = drive(&format!("kind = 'unicycle'\n{text}"), [-7.0, 0.0, 0.0], 2.0);
+        assert_near(end.position_m, [-10.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,167 @@
+//! A drift that is the same for all.
+
+use super::{Effect, Entry, Situation, keys};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Fixed, Level, Parameter};
+use serde::Deserialize;
+
+/// `kind = "wind"`.
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "wind",
+        doc: "A drift that is added to the velocity, constant, slowly turning, or with gusts.",
+        fields: &[
+            Field {
+                key: "velocity_mps",
+                doc: "The drift (x, y, z in m/s): where the wind blows to. At time 0, where it turns.",
+                kind: Kind::List {
+                    of: &Kind::Number(Range::closed(-100.0, 100.0)),
+                    min: 3,
+                    max: 3,
+                },
+                default: Default::Required,
+            },
+            Field {
+                key: "turning_radps",
+                doc: "How fast its direction turns to the left (rad/s).",
+                kind: Kind::Number(Range::closed(-10.0, 10.0)),
+                default: Default::Number(0.0),
+            },
+            Field {
+                key: "sd_mps",
+                doc: "Standard deviation of gusts, per component of the plane (m/s).",
+                kind: Kind::Number(Range::closed(0.0, 100.0)),
+                default: Default::Number(0.0),
+            },
+            Field {
+                key: "gust_s",
+                doc: "How long a gust lasts (s).",
+                kind: Kind::Number(Range::above(0.0, 1e4)),
+                default: Default::Number(2.0),
+            },
+        ],
+    },
+    about: About {
+        mechanism: "Wind or a current carries robots along, whatever they are told.",
+        equation: "v = u + velocity_mps + gust, gust normal with sd_mps, the same for all robots",
+        source: "Definition. Gusts: normal values every gust_s, joined by g = n_k cos(pi f / 2) + n_(k+1) sin(pi f / 2), which has the same variance at all times.",
+        validity: "The wind is the same everywhere. Gusts are simulated, and not fitted.",
+        trace: "The same error for all robots, whatever the command, standing robots included.",
+        needs: &[],
+    },
+    fit: Fit {
+        parameters: &[
+            Parameter {
+                key: "velocity_mps[0]",
+                unit: "m/s",
+                min: -100.0,
+                max: 100.0,
+                starts: &[0.0],
+                step: 0.02,
+            },
+            Parameter {
+                key: "velocity_mps[1]",
+                unit: "m/s",
+                min: -100.0,
+                max: 100.0,
+                starts: &[0.0],
+                step: 0.02,
+            },
+        ],
+        variants: &[&[("velocity_mps[2]", Fixed::Number(0.0))]],
+        level: Level::Time,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(keys::<Wind>(table)?)),
+};
+
+/// ẋ = u + w.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct Wind {
+    velocity_mps: [f64; 3],
+    turning_radps: f64,
+    sd_mps: f64,
+    gust_s: f64,
+}
+
+impl Effect for Wind {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
+        let [x, y, z] = self.velocity_mps;
+        let (sin, cos) = libm::sincos(self.turning_radps * at.time_s);
+        let mut drift_mps = [x * cos - y * sin, x * sin + y * cos, z];
+        if let Some(draws) = at.surroundings.draws
+            && 0.0 < self.sd_mps
+        {
+            let knot = at.time_s / self.gust_s;
+            let before = libm::floor(knot);
+            let (sin, cos) = libm::sincos((knot - before) * std::f64::consts::FRAC_PI_2);
+            for (axis, drift) in drift_mps.iter_mut().take(2).enumerate() {
+                let normal = |k: f64| draws.normal(axis as u64, k as u64, 0);
+                *drift += self.sd_mps * (cos * normal(before) + sin * normal(before + 1.0));
+            }
+        }
+        drift_mps
+    }
+
+    fn varies_on_the_way(&self) -> bool {
+        self.turning_radps != 0.0 || self.sd_mps != 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+    use super::*;
+    use crate::dynamics::surroundings::Surroundings;
+
+    use proto::rng::{Draws, Purpose};
+
+    #[test]
+    fn a_robot_that_stands_is_carried_along() {
+        let text = "[[effect]]\nkind = 'wind'\nvelocity_mps = [1.0, -0.5, 0.0]";
+        assert_near(drive(text, [0.0; 3], 3.0).position_m, [3.0, -1.5, 0.0]);
+        let end = drive(&format!("kind = 'unicycle'\n{text}"), [0.0, 2.0, 0.0], 3.0);
+        assert_near(end.position_m, [3.0, -1.5, 0.0]);
+    }
+
+    #[test]
+    fn a_turning_wind_carries_in_a_circle() {
+        let text = "[[effect]]\nkind = 'wind'\nvelocity_mps = [1.0, 0.0, 0.0]\nturning_radps = 0.5";
+        let end = drive(text, [0.0; 3], 2.0).position_m;
+        let exact = [1f64.sin() / 0.5, (1.0 - 1f64.cos()) / 0.5, 0.0];
+        // Midpoint rule with 10 ms: (0.5 × 0.01)² / 24 of the way.
+        assert!((0..3).all(|i| (end[i] - exact[i]).abs() < 4e-6), "{end:?} {exact:?}");
+    }
+
+    #[test]
+    fn gusts_have_their_deviation_and_no_mean() {
+        let text =
+            "[[effect]]\nkind = 'wind'\nvelocity_mps = [0.0, 0.0, 0.0]\nsd_mps = 2.0\ngust_s = 0.5";
+        let physics = physics(text);
+        let surroundings =
+            Surroundings { draws: Some(Draws::new(3, Purpose::Gust)), ..Surroundings::default() };
+        let n = 4000;
+        let drifts: Vec<f64> = (0..n)
+            .map(|i| {
+                let at = Situation {
+                    // Every third knot and a bit: independent of each other.
+                    time_s: 1.5 * f64::from(i) + 0.2,
+                    position_m: [0.0; 3],
+                    velocity_mps: [0.0; 3],
+                    heading_rad: 0.0,
+                    surroundings: &surroundings,
+                };
+                physics.effects()[0].drift_mps(&at)[0]
+            })
+            .collect();
+        let mean = drifts.iter().sum::<f64>() / f64::from(n);
+        let variance = drifts.iter().map(|drift| drift * drift).sum::<f64>() / f64::from(n);
+        // Standard errors 2/√n and 4 √(2/n); 4.5 of each.
+        assert!(mean.abs() < 4.5 * 2.0 / f64::from(n).sqrt(), "{mean}");
+        assert!((variance - 4.0).abs() < 4.5 * 4.0 * (2.0 / f64::from(n)).sqrt(), "{variance}");
+    }
+}

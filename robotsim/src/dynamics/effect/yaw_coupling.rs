@@ -1,0 +1,75 @@
+//! Drift to the side in turns.
+
+use super::{Effect, Entry, keys};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "yaw-coupling"`.
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "yaw-coupling",
+        doc: "In turns a body moves sideways.",
+        fields: &[Field {
+            key: "gain",
+            doc: "g (s): sideways velocity per v times yaw rate, to the inner side of the turn; outwards it is negative.",
+            kind: Kind::Number(Range::closed(-10.0, 10.0)),
+            default: Default::Required,
+        }],
+    },
+    about: About {
+        mechanism: "In a turn the sideways force of the ground must hold the body; where it gives way, the body slides outwards, the more the faster it drives and turns.",
+        equation: "v = u + gain * (omega x u)",
+        source: "The steady state of dv/dt = (u - v) / tau + c (omega x v) for a small tau: gain = c tau. Sideslip: R. Rajamani, Vehicle Dynamics and Control, § 2.3.",
+        validity: "Steady turns below the limit of grip. Nothing for bodies that are commanded by a velocity.",
+        trace: "An error across the motion, in turns only.",
+        needs: &[Need::TurningCommands],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "gain",
+            unit: "s",
+            min: -10.0,
+            max: 10.0,
+            starts: &[0.0],
+            step: 0.005,
+        }],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(keys::<YawCoupling>(table)?)),
+};
+
+/// v picks up ω × v.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct YawCoupling {
+    gain: f64,
+}
+
+impl Effect for YawCoupling {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn sideways_s(&self) -> f64 {
+        self.gain
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+
+    #[test]
+    fn the_circle_is_shifted_by_the_slide() {
+        // v along the tangent and g ω v to the inner side: the sum is turned by atan(g ω) and longer by its secant.
+        let text = "kind = 'unicycle'\n[[effect]]\nkind = 'yaw-coupling'\ngain = -0.4";
+        let (v, omega, t) = (2.0f64, 0.5f64, 3.0f64);
+        let end = drive(text, [v, omega, 0.0], t);
+        let (along, side) = (v, -0.4 * omega * v);
+        let (s, c) = ((omega * t).sin() / omega, (1.0 - (omega * t).cos()) / omega);
+        assert_near(end.position_m, [along * s - side * c, along * c + side * s, 0.0]);
+        assert_eq!(drive(text, [2.0, 0.0, 0.0], 1.0).position_m, [2.0, 0.0, 0.0]);
+    }
+}
