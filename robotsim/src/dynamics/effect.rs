@@ -78,6 +78,11 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
         [0.0; 3]
     }
 
+    /// Whether there is a drift at all.
+    fn drifts(&self) -> bool {
+        false
+    }
+
     /// Whether [`Effect::ground_scale`] or [`Effect::drift_mps`] change as the robot moves or time passes.
     fn varies_on_the_way(&self) -> bool {
         false

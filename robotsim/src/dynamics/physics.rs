@@ -103,6 +103,13 @@ impl Physics {
         self.effects.is_empty()
     }
 
+    /// Whether a robot moves alike wherever it begins, and turned where it begins turned: nothing but its commands counts.
+    #[must_use]
+    pub fn is_alike_everywhere(&self) -> bool {
+        let drifts = || self.effects.iter().any(|effect| effect.drifts());
+        !self.varies && !(self.shape().is_turning() && drifts())
+    }
+
     /// Advances a robot from `from_s` to `until_s` under orders, sorted by time. Before the first of them nothing was asked
     /// for. `next` is a place to begin to search in the orders, and is left where the next call may begin.
     pub fn advance(
@@ -174,9 +181,9 @@ impl Physics {
             (false, true) => TURNING_STEP_S,
             (false, false) => f64::INFINITY,
         };
-        let is_steady = turning && !self.varies && robot.drive == target
-            || turning && !self.varies && self.response == [Response::INSTANT; 2];
-        let n = if is_steady { 1 } else { (dt_s / longest_s).ceil().max(1.0) as usize };
+        let is_steady = robot.drive == target || self.response == [Response::INSTANT; 2];
+        let n =
+            if is_steady && !self.varies { 1 } else { (dt_s / longest_s).ceil().max(1.0) as usize };
         let h_s = dt_s / n as f64;
         for step in 0..n {
             let mean = self.respond(&mut robot.drive, target, h_s);

@@ -95,6 +95,10 @@ impl Effect for Downwash {
         true
     }
 
+    fn drifts(&self) -> bool {
+        true
+    }
+
     fn varies_on_the_way(&self) -> bool {
         true
     }

@@ -59,6 +59,10 @@ impl Effect for Slope {
         [-self.gain * east, -self.gain * north, 0.0]
     }
 
+    fn drifts(&self) -> bool {
+        true
+    }
+
     fn varies_on_the_way(&self) -> bool {
         true
     }

@@ -107,6 +107,10 @@ impl Effect for Wind {
         drift_mps
     }
 
+    fn drifts(&self) -> bool {
+        true
+    }
+
     fn varies_on_the_way(&self) -> bool {
         self.turning_radps != 0.0 || self.sd_mps != 0.0
     }
