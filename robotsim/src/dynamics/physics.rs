@@ -107,7 +107,7 @@ impl Physics {
     #[must_use]
     pub fn is_alike_everywhere(&self) -> bool {
         let drifts = || self.effects.iter().any(|effect| effect.drifts());
-        !self.varies && !(self.shape().is_turning() && drifts())
+        !(self.varies || self.shape().is_turning() && drifts())
     }
 
     /// Advances a robot from `from_s` to `until_s` under orders, sorted by time. Before the first of them nothing was asked
