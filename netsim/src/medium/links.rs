@@ -49,6 +49,8 @@ pub struct Links {
     nearest: Option<Nearest>,
     grid: Option<Grid>,
     is_prepared: bool,
+    /// Frames arrive wherever they meet nothing else, and nobody asks how strong.
+    is_certain: bool,
 }
 
 /// Who is where, in which surroundings.
@@ -104,7 +106,15 @@ impl Links {
             nearest: None,
             grid: None,
             is_prepared: false,
+            is_certain: false,
         }
+    }
+
+    /// The same, for a caller that never reads how strong the frames were which it receives.
+    #[must_use]
+    pub fn without_levels(mut self) -> Self {
+        self.is_certain = self.model.is_certain() && self.reach == Reach::Unlimited;
+        self
     }
 
     /// Where the radios that are on stand in the control period that begins at `period_ns`.
@@ -219,6 +229,15 @@ impl Paths for Links {
         let Some(from) = self.place.of(sender) else { return Some(&[]) };
         self.rows.refresh(&self.place.ends, from, self.reach, !self.lasting.is_empty());
         self.rows.neighbours(sender)
+    }
+
+    fn is_certain(&self) -> bool {
+        self.is_certain && self.place.jams.is_empty()
+    }
+
+    #[inline]
+    fn is_on(&self, mote: u32) -> bool {
+        self.place.of(mote).is_some()
     }
 
     fn arrivals(&mut self, sent: Sent, receivers: &[u32], arrivals: &mut Vec<Arrival>) {

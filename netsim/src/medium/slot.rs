@@ -87,6 +87,10 @@ impl SlotMedium {
         on_air: &[OnAir],
         listening: &[Listening],
     ) -> &[Reception] {
+        if let ([frame], true) = (on_air, paths.is_certain()) {
+            self.receive_all(paths, frame, listening);
+            return &self.receptions;
+        }
         self.emissions.clear();
         self.emissions.extend(on_air.iter().zip(0..).map(|(frame, number)| data(frame, number)));
         self.ears.clear();
@@ -112,6 +116,32 @@ impl SlotMedium {
             });
         }
         &self.receptions
+    }
+
+    /// The only frame of a slot arrives for certain wherever its begin is waited for.
+    fn receive_all<P: Paths + ?Sized>(
+        &mut self,
+        paths: &P,
+        frame: &OnAir,
+        listening: &[Listening],
+    ) {
+        let OnAir { sender, channel, .. } = *frame;
+        let begins_ns = data(frame, 0).begins_ns;
+        let is_sent = paths.is_on(sender);
+        self.receptions.clear();
+        self.receptions.extend(listening.iter().map(|ear| {
+            let waits = (ear.opens_ns..=ear.closes_ns).contains(&begins_ns);
+            let is_heard = is_sent
+                && waits
+                && ear.channel == channel
+                && ear.receiver != sender
+                && paths.is_on(ear.receiver);
+            if is_heard {
+                Reception::Received { transmission: 0, rssi_dbm: f64::NAN }
+            } else {
+                Reception::Idle
+            }
+        }));
     }
 
     /// What becomes of acknowledgments of `on_air`'s frames, in their order: whether the frame's sender receives it. In

@@ -120,12 +120,16 @@ impl Mesh {
         let rule = config.interference.take().expect("an interference rule is configured");
         let medium = SlotMedium::new(experiment.seed, rule.rule, settings.compat.perfect_acks);
         let n = experiment.agent_count;
-        let links = Links::new(
+        let mut links = Links::new(
             Arc::clone(&config.model),
             experiment.seed,
             &config.hopping_sequence,
             rule.horizon_dbm,
         );
+        if !records.contains(&NetRecord::HeardLinks) && !columns.contains(&DeliveryColumn::RssiDbm)
+        {
+            links = links.without_levels();
+        }
         let capture = Capture::new(records.contains(&NetRecord::Capture));
         Self {
             experiment,

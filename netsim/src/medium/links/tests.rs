@@ -363,3 +363,50 @@ fn many_have_neighbours_and_few_of_them() {
     let neighbours = links.neighbours(15 * 30 + 15).unwrap();
     assert!((40..60).contains(&neighbours.len()), "{}", neighbours.len());
 }
+
+/// A slot with one frame or two, by radios some of which are off, wait elsewhere or at another time.
+#[test]
+fn where_frames_are_certain_the_same_ones_are_received_without_their_levels() {
+    let full = || model(Full { rssi: assigned() }, Vec::new());
+    let frame = |sender, starts_ns| OnAir { sender, channel: 18, starts_ns, psdu_bytes: 60 };
+    let jam = Jam { channel: 18, from_ns: 0, until_ns: 1, centre_m: [0.0; 2], radius_m: 0.0 };
+    let mut n_levels = [0; 2];
+    for (on_air, is_jammed) in [
+        (vec![frame(1, 0)], false),
+        (vec![frame(1, 700_000)], false),
+        (vec![frame(9, 0)], false),
+        (vec![frame(1, 0), frame(3, 200_000)], false),
+        (vec![frame(1, 0)], true),
+    ] {
+        // Radio 4 is off, and 9 does not exist.
+        let positions = ends(&[[0.0, 0.0], [3.0, 1.0], [5.0, 5.0], [900.0, 2.0], [1.0, 1.0]]);
+        let listening: Vec<Listening> = [(0, 18, 0), (2, 18, -600_000), (3, 11, 0), (4, 18, 0)]
+            .into_iter()
+            .map(|(receiver, channel, off_ns)| Listening::synchronised(receiver, channel, off_ns))
+            .chain([Listening::scanning(1, 18)])
+            .collect();
+        let slot = Slot { asn: 77, begins_ns: 770_000_000 };
+        let mut resolved = [false, true].map(|asks| {
+            let mut links = if asks { links(full()) } else { links(full()).without_levels() };
+            links.set_positions(0, &positions[..4], &[0.0; 4]);
+            if is_jammed {
+                let mut jams = Jams::default();
+                jams.add(jam);
+                links.set_jams(&jams);
+            }
+            let mut medium = SlotMedium::new(SEED, Box::new(OQpsk::new(-105.0, 3.0)), false);
+            medium.resolve(&mut links, slot, &on_air, &listening).to_vec()
+        });
+        for (resolved, n_levels) in resolved.iter_mut().zip(&mut n_levels) {
+            for reception in resolved {
+                if let Reception::Received { rssi_dbm, .. } = reception {
+                    *n_levels += u32::from(!rssi_dbm.is_nan());
+                    *rssi_dbm = 0.0;
+                }
+            }
+        }
+        assert_eq!(resolved[0], resolved[1], "{on_air:?}");
+    }
+    // Where two frames meet, or noise lasts, levels are computed all the same.
+    assert!(0 < n_levels[0] && n_levels[0] < n_levels[1], "{n_levels:?}");
+}

@@ -78,7 +78,7 @@ pub enum Reception {
     Received {
         /// Place of the frame among the transmissions.
         transmission: u32,
-        /// What its register reads (dBm).
+        /// What its register reads (dBm); not a number where nobody asks ([`Paths::is_certain`]).
         rssi_dbm: f64,
     },
 }
@@ -130,6 +130,17 @@ impl Arrival {
 pub trait Paths {
     /// Motes, ascending, outside of which nothing of the sender's frames arrives anywhere; `None`: that may be everyone.
     fn neighbours(&mut self, sender: u32) -> Option<&[u32]>;
+
+    /// Whether a frame that has the slot to itself is received by every radio that is on and listens, and nobody asks how
+    /// strong it was: then levels need not be computed.
+    fn is_certain(&self) -> bool {
+        false
+    }
+
+    /// Whether a mote's radio is on. Asked where [`Paths::is_certain`].
+    fn is_on(&self, _mote: u32) -> bool {
+        true
+    }
 
     /// Adds to `arrivals`, for each of `receivers`, what of a frame arrives there.
     fn arrivals(&mut self, sent: Sent, receivers: &[u32], arrivals: &mut Vec<Arrival>);
