@@ -359,6 +359,15 @@ impl Schedule {
         self.silence.listening_slots()
     }
 
+    /// Handle, channel offset of the background and, by slot, whether it is in force, where there is one slotframe alone and
+    /// it has a background.
+    #[must_use]
+    pub fn background(&self) -> Option<(u8, u16, impl Iterator<Item = bool> + '_)> {
+        let [frame] = &self.frames[..] else { return None };
+        let in_force = frame.first.iter().map(|&first| first == NONE);
+        Some((frame.handle, frame.background?, in_force))
+    }
+
     /// Adds a slotframe, or empties the one with this handle and gives it this length.
     pub fn add_slotframe(&mut self, handle: u8, slots: u16) {
         assert!(slots != 0, "a slotframe has at least one slot");

@@ -388,16 +388,16 @@ impl Tsch {
             State::Off => None,
             State::Scanning { .. } => {
                 let channel = scan_channel(config, seed, self.mote, asn);
-                Some(Listening { at: None, channel, scans: true })
+                Some(Listening { at: None, channel, scans: true, is_background: false })
             }
             State::Synced { .. } => match schedule.listens(asn) {
                 Some(at) => {
                     let channel = channel_of(config, asn, at.cell.channel);
-                    Some(Listening { at: Some(at), channel, scans: false })
+                    Some(Listening::synchronised(Some(at), channel))
                 }
                 None => self.extra.and_then(|extra| {
                     let listens = extra.asn == asn && extra.sends_to.is_none();
-                    listens.then_some(Listening { at: None, channel: extra.channel, scans: false })
+                    listens.then(|| Listening::synchronised(None, extra.channel))
                 }),
             },
         }

@@ -1,6 +1,7 @@
-//! Who is known not to listen: a few bits of each mote in one place, so that those who sleep need not be looked at.
+//! Who is known not to listen, or to listen where everybody does: a few bits of each mote in one place, so that most need
+//! not be looked at.
 
-use crate::mac::{Schedule, Tsch};
+use crate::mac::{Cell, CellOptions, CellRef, Schedule, Tsch};
 
 /// By mote, the slots of its slotframes in which it listens. Derived from motes whenever they are rescheduled, and
 /// forgotten while they act; no part of the state.
@@ -10,16 +11,29 @@ pub(super) struct Hush {
     holds_for: Vec<u64>,
     /// By mote: whether its bits may be used.
     is_known: Vec<bool>,
+    /// By mote: handle and channel offset of its background, if that is in force in any slot.
+    background: Vec<Option<(u8, u16)>>,
     /// Length of all motes' slotframes (slots); those with another are not known. 0: that of the first mote noted.
     slots: u16,
-    /// `words` for each mote: a bit for each slot in which it listens.
-    bits: Vec<u64>,
+    /// `words` for each mote: two bits for each slot, that it listens, and that it does so by its background.
+    bits: Vec<[u64; 2]>,
     words: usize,
     /// The slot asked for last, and its place in the slotframe.
     latest: (u64, usize),
 }
 
-/// Longer slotframes are not kept (slots): a kilobyte for each mote.
+/// What is known of a mote in a slot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Known {
+    /// Nothing.
+    Nothing,
+    /// It does not listen.
+    Silent,
+    /// It listens in its background.
+    Background(CellRef),
+}
+
+/// Longer slotframes are not kept (slots): two kilobytes for each mote.
 const LONGEST: u16 = 8192;
 
 impl Hush {
@@ -27,6 +41,7 @@ impl Hush {
         Self {
             holds_for: vec![0; n],
             is_known: vec![false; n],
+            background: vec![None; n],
             slots: 0,
             bits: Vec::new(),
             words: 0,
@@ -51,39 +66,58 @@ impl Hush {
             self.is_known[place] = true;
             return;
         }
-        let Some((slots, bits)) = schedule.listening_slots() else { return };
+        let Some((slots, listens)) = schedule.listening_slots() else { return };
         if self.slots == 0 && slots <= LONGEST {
             self.slots = slots;
-            self.words = bits.len();
-            self.bits = vec![0; self.words * self.is_known.len()];
+            self.words = listens.len();
+            self.bits = vec![[0; 2]; self.words * self.is_known.len()];
         }
-        if slots == self.slots {
-            self.bits[place * self.words..][..self.words].copy_from_slice(bits);
-            self.holds_for[place] = holds_for;
-            self.is_known[place] = true;
+        if slots != self.slots {
+            return;
         }
+        let bits = &mut self.bits[place * self.words..][..self.words];
+        for (bits, &listens) in bits.iter_mut().zip(listens) {
+            *bits = [listens, 0];
+        }
+        self.background[place] = schedule.background().map(|(handle, channel, in_force)| {
+            for (slot, in_force) in in_force.enumerate() {
+                bits[slot / 64][1] |= u64::from(in_force) << (slot % 64);
+            }
+            (handle, channel)
+        });
+        self.holds_for[place] = holds_for;
+        self.is_known[place] = true;
     }
 
-    /// Whether it is known that the mote does not listen in a slot.
+    /// What is known of a mote in a slot.
     #[inline]
-    pub(super) fn covers(&mut self, mote: u32, asn: u64) -> bool {
+    pub(super) fn known(&mut self, mote: u32, asn: u64) -> Known {
         let place = mote as usize;
         if !self.is_known[place] {
-            return false;
+            return Known::Nothing;
         }
         if self.latest.0 != asn {
             self.latest = (asn, (asn % u64::from(self.slots)) as usize);
         }
         let slot = self.latest.1;
-        self.bits[place * self.words + slot / 64] & 1 << (slot % 64) == 0
+        let [listens, by_background] = self.bits[place * self.words + slot / 64];
+        if listens & 1 << (slot % 64) == 0 {
+            return Known::Silent;
+        }
+        match self.background[place] {
+            Some((handle, channel)) if by_background & 1 << (slot % 64) != 0 => {
+                let cell = Cell::new(slot as u16, channel, CellOptions::RX, None);
+                Known::Background(CellRef { handle, cell })
+            }
+            _ => Known::Nothing,
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mac::tsch::Config;
-    use crate::mac::{Cell, CellOptions};
+    use crate::mac::tsch::{Config, Listening, channel_of};
     use crate::wire::Eui64;
 
     fn config() -> Config {
@@ -110,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_covered_does_not_listen_and_of_those_noted_everyone_who_does_not_is_covered() {
+    fn what_is_known_is_true_and_of_those_noted_it_is_known_who_is_silent_or_in_the_background() {
         let config = config();
         let mut hush = Hush::new(5);
         let mut motes: Vec<(Tsch, Schedule)> = (0..5)
@@ -135,13 +169,34 @@ mod tests {
         }
         motes[1].1.remove_where(2, |_| true);
         hush.note(1, &motes[1].0, &motes[1].1);
+        // Mote 0 has a background that gives way to a cell in one slot.
+        let schedule = &mut motes[0].1;
+        schedule.remove_slotframe(1);
+        schedule.remove_slotframe(2);
+        schedule.set_background(0, Some(3)).unwrap();
+        schedule.add(0, Cell::new(70, 0, CellOptions::TX, None)).unwrap();
+        hush.note(0, &motes[0].0, &motes[0].1);
         hush.forget(2);
-        for asn in 0..1000 {
+        let mut n_background = 0;
+        for asn in 0..1010 {
             for (mote, (mac, schedule)) in (0..).zip(&motes) {
-                let listens = mac.listening(&config, schedule, 1, asn).is_some();
-                let is_noted = mote < 2;
-                assert_eq!(hush.covers(mote, asn), is_noted && !listens, "{mote} in {asn}");
+                let listening = mac.listening(&config, schedule, 1, asn);
+                let known = match hush.known(mote, asn) {
+                    Known::Nothing => {
+                        assert!(2 <= mote || listening.is_some(), "{mote} in {asn}");
+                        continue;
+                    }
+                    Known::Silent => None,
+                    Known::Background(at) => {
+                        n_background += 1;
+                        Some(Listening::synchronised(Some(at), channel_of(&config, asn, 3)))
+                    }
+                };
+                assert!(mote < 2, "{mote} in {asn}");
+                assert_eq!(known, listening, "{mote} in {asn}");
             }
         }
+        // All slots but that of its cell that receives and of the one that sends.
+        assert_eq!(n_background, 10 * (101 - 2));
     }
 }

@@ -1,10 +1,11 @@
 //! One slot: ask what everybody sends, resolve what arrives, tell everybody.
 
+use super::hush::Known;
 use super::inbox::Sent;
 use super::network::Mesh;
 use super::records::ACK_BYTES;
 use crate::energy::SlotUse;
-use crate::mac::tsch::{Listening, Outgoing, Transmission};
+use crate::mac::tsch::{Listening, Outgoing, Transmission, channel_of};
 use crate::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
 use crate::mote::up::{Arrived, SWARM_PORT};
 use crate::wire::datagram::Upper;
@@ -205,15 +206,27 @@ impl Mesh {
             let n = neighbours.map_or(everyone.len(), <[u32]>::len);
             for place in 0..n {
                 let mote = neighbours.map_or(place as u32, |neighbours| neighbours[place]);
-                if hush.covers(mote, asn) || seen[mote as usize] == stamp {
+                if seen[mote as usize] == stamp {
                     continue;
                 }
-                let of = &state.motes[mote as usize];
-                let Some(listening) =
-                    of.mac.listening(&settings.mac, &of.schedule, experiment.seed, asn)
-                else {
-                    seen[mote as usize] = stamp;
-                    continue;
+                let listening = match hush.known(mote, asn) {
+                    Known::Silent => continue,
+                    Known::Background(at) => {
+                        let channel = channel_of(&settings.mac, asn, at.cell.channel);
+                        let listening = Listening::synchronised(Some(at), channel);
+                        Listening { is_background: true, ..listening }
+                    }
+                    Known::Nothing => {
+                        let of = &state.motes[mote as usize];
+                        let mac = &settings.mac;
+                        match of.mac.listening(mac, &of.schedule, experiment.seed, asn) {
+                            Some(listening) => listening,
+                            None => {
+                                seen[mote as usize] = stamp;
+                                continue;
+                            }
+                        }
+                    }
                 };
                 if listening.channel != channel {
                     // On another channel: another sender may reach it there.
@@ -341,7 +354,7 @@ impl Mesh {
                 asn,
                 source_ns,
             );
-            if let Some(at) = &listening.at {
+            if let (Some(at), false) = (&listening.at, listening.is_background) {
                 of.schedule.count_rx(at);
             }
             let end_ns = now_ns + self.config.slot_ns;

@@ -115,6 +115,16 @@ pub struct Listening {
     pub channel: u8,
     /// It does not keep time: it listens all the time.
     pub scans: bool,
+    /// The cell is known to count no frames: it stands for slots without cells.
+    pub is_background: bool,
+}
+
+impl Listening {
+    /// A mote that keeps time, in a cell or, `None`, after a pending bit.
+    #[must_use]
+    pub fn synchronised(at: Option<CellRef>, channel: u8) -> Self {
+        Self { at, channel, scans: false, is_background: false }
+    }
 }
 
 /// What the MAC says to a frame that was received.
