@@ -126,12 +126,33 @@ pub struct Table {
     threads: Option<u16>,
 }
 
-/// Measures the tables.
+/// Where the tables go: line by line, as they are measured.
+struct Printer<'a> {
+    say: &'a mut dyn FnMut(&str),
+    has_begun: bool,
+}
+
+impl Printer<'_> {
+    /// A new table: what stands above its rows.
+    fn heading(&mut self, text: &str) {
+        if std::mem::replace(&mut self.has_begun, true) {
+            (self.say)("");
+        }
+        (self.say)(text);
+    }
+
+    fn row(&mut self, row: &impl fmt::Display) {
+        (self.say)(&row.to_string());
+    }
+}
+
+/// Measures the tables. `say`: prints a line, or several; each row as soon as it is measured.
 ///
 /// # Errors
 ///
 /// A side cannot be started or fails, or the recording of a row cannot be written.
-pub async fn bench(options: &BenchOptions) -> Result<Table, RunError> {
+pub async fn bench(options: &BenchOptions, say: &mut dyn FnMut(&str)) -> Result<Table, RunError> {
+    let mut printer = Printer { say, has_begun: false };
     let mut cells = Vec::new();
     let modes: &[Mode] = if options.all {
         &[Mode::Sequential, Mode::Parallel, Mode::Recording]
@@ -144,26 +165,30 @@ pub async fn bench(options: &BenchOptions) -> Result<Table, RunError> {
         ([], Some(_)) => true,
         (listed, _) => listed.contains(&agents),
     };
-    for figures in ROWS.iter().filter(|_| has(Which::Propagation)) {
-        if !wanted(figures.agents, u32::MAX) {
-            continue;
-        }
-        for model in Model::ALL.into_iter().filter(|&model| figures.measures(model)) {
-            for &mode in modes {
-                cells.push(measure(figures.agents, model, mode, options).await?);
+    let rows: Vec<&Figures> =
+        ROWS.iter().filter(|figures| wanted(figures.agents, u32::MAX)).collect();
+    if has(Which::Propagation) && !rows.is_empty() {
+        printer.heading(&heading());
+        for figures in rows {
+            for model in Model::ALL.into_iter().filter(|&model| figures.measures(model)) {
+                for &mode in modes {
+                    let cell = measure(figures.agents, model, mode, options).await?;
+                    printer.row(&cell);
+                    cells.push(cell);
+                }
             }
         }
     }
     let rows: Vec<swarm::Row> =
         swarm::ROWS.into_iter().filter(|row| wanted(row.agents, swarm::SMALL)).collect();
     let swarm = match has(Which::Swarm) && !rows.is_empty() {
-        true => Some(swarm::bench(&rows, options).await?),
+        true => Some(swarm::bench(&rows, options, &mut printer).await?),
         false => None,
     };
     let rows: Vec<standing::Row> =
         standing::ROWS.into_iter().filter(|row| wanted(row.motes, standing::SMALL)).collect();
     let standing = match has(Which::Standing) && !rows.is_empty() {
-        true => Some(standing::bench(&rows, options).await?),
+        true => Some(standing::bench(&rows, options, &mut printer).await?),
         false => None,
     };
     Ok(Table { cells, swarm, standing, threads: options.start.threads })
@@ -363,63 +388,31 @@ impl Table {
     }
 }
 
-impl fmt::Display for Table {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut tables = Vec::new();
-        if !self.cells.is_empty() {
-            tables.push(self.propagation());
-        }
-        tables.extend(self.swarm.as_ref().map(ToString::to_string));
-        tables.extend(self.standing.as_ref().map(ToString::to_string));
-        f.write_str(&tables.join("\n"))
-    }
+/// What stands above the rows of propagation alone.
+fn heading() -> String {
+    format!(
+        "Wall time per control step (ms), both processes and gRPC included. Every robot jumps at random;\n\
+         square of 10 m, for the disk a disc of 0.22 robots per m². BotNet: one process, no RPC, measured\n\
+         elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full.\n\n\
+         {:>6}  {:<24} {:<22} {:>9} {:>9} {:>9} {:>8} {:>8}  times faster",
+        "agents", "model", "mode", "median", "90 %", "to reach", "BotNet", "paper"
+    )
 }
 
-impl Table {
-    fn propagation(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string does not fail.
-        let _ = self.write_propagation(&mut text);
-        text
-    }
-
-    fn write_propagation(&self, f: &mut impl fmt::Write) -> fmt::Result {
-        writeln!(
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { agents, model, mode, median_ms, p90_ms, .. } = self;
+        let figures = Figures::of(*agents);
+        let botnet_ms = figures.and_then(|figures| figures.botnet_ms(*model));
+        write!(
             f,
-            "Wall time per control step (ms), both processes and gRPC included. Every robot jumps at random;"
-        )?;
-        writeln!(
-            f,
-            "square of 10 m, for the disk a disc of 0.22 robots per m². BotNet: one process, no RPC, measured"
-        )?;
-        writeln!(
-            f,
-            "elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full."
-        )?;
-        writeln!(f)?;
-        writeln!(
-            f,
-            "{:>6}  {:<24} {:<22} {:>9} {:>9} {:>9} {:>8} {:>8}  times faster",
-            "agents", "model", "mode", "median", "90 %", "to reach", "BotNet", "paper"
-        )?;
-        for cell in &self.cells {
-            let figures = Figures::of(cell.agents);
-            let botnet_ms = figures.and_then(|figures| figures.botnet_ms(cell.model));
-            writeln!(
-                f,
-                "{:>6}  {:<24} {:<22} {:>9.3} {:>9.3} {:>9} {:>8} {:>8}  {}",
-                cell.agents,
-                cell.model.name(),
-                cell.mode.name(),
-                cell.median_ms,
-                cell.p90_ms,
-                number(figures.and_then(|figures| figures.goal_ms(cell.model))),
-                number(botnet_ms),
-                number(figures.and_then(|figures| figures.paper_ms(cell.model))),
-                botnet_ms
-                    .map_or_else(|| "-".to_owned(), |peer| format!("{:.1}", peer / cell.median_ms)),
-            )?;
-        }
-        Ok(())
+            "{agents:>6}  {:<24} {:<22} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {:>8} {:>8}  {}",
+            model.name(),
+            mode.name(),
+            number(figures.and_then(|figures| figures.goal_ms(*model))),
+            number(botnet_ms),
+            number(figures.and_then(|figures| figures.paper_ms(*model))),
+            botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.1}", peer / median_ms)),
+        )
     }
 }

@@ -297,8 +297,8 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
                     rows.join(", ")
                 )));
             }
-            let table = on_runtime(bench::bench(&options))?.map_err(Failure::work)?;
-            say(&table);
+            let mut print = |text: &str| say(text);
+            let table = on_runtime(bench::bench(&options, &mut print))?.map_err(Failure::work)?;
             write_json(args.json.as_deref(), &table.to_json())
         }
         Command::Netsim(_) | Command::Robotsim(_) => unreachable!("served in main"),

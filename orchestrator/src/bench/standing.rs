@@ -1,7 +1,7 @@
 //! Standing sensor networks: simulated hours, with per-mote energy and every packet recorded.
 
 use super::{
-    BenchOptions, begin_record, end_record, number, record_failed, step, temporary_folder,
+    BenchOptions, Printer, begin_record, end_record, number, record_failed, step, temporary_folder,
 };
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::Coupled;
@@ -64,6 +64,9 @@ const HOUR_NS: u64 = 3600 * NS_PER_S;
 const STATISTICS_NS: u64 = 600 * NS_PER_S;
 /// Slots of a step: a minute.
 const STEP_SLOTS: u32 = 6000;
+/// With headers a 6LoWPAN datagram of 90 bytes, of which the peers' is 90 bytes of payload without headers; to a root one
+/// hop away, whose address need not be said, it is one of 82 bytes.
+const PAYLOAD_BYTES: u32 = 61;
 /// Between neighbours of the grid (m).
 const SPACING_M: f64 = 10.0;
 
@@ -123,7 +126,7 @@ impl Row {
              [netsim]\nmode = \"6tisch\"\nroots = {:?}\n[netsim.phy]\npropagation = \"unit-disk\"\nradius_m = 25.0\n\
              [netsim.sf]\nkind = \"{}\"\n[netsim.swarm]\ntransport = \"none\"\n\
              [netsim.rpl]\nroute_lifetime_s = 1800\n\
-             [[netsim.app]]\nkind = \"periodic\"\nperiod_s = {}\npayload_bytes = 60\n\
+             [[netsim.app]]\nkind = \"periodic\"\nperiod_s = {}\npayload_bytes = {PAYLOAD_BYTES}\n\
              [output]\nlinks = \"none\"\nmcap = false\ntransmissions = false\nschedule = false\nneighbours = false\n\
              motes_every_s = {}\nreport = false\n",
             self.motes,
@@ -136,10 +139,17 @@ impl Row {
 }
 
 /// Measures rows.
-pub(super) async fn bench(rows: &[Row], options: &BenchOptions) -> Result<Table, RunError> {
+pub(super) async fn bench(
+    rows: &[Row],
+    options: &BenchOptions,
+    printer: &mut Printer<'_>,
+) -> Result<Table, RunError> {
+    printer.heading(&heading());
     let mut cells = Vec::new();
     for row in rows {
-        cells.push(measure(*row, options).await?);
+        let cell = measure(*row, options).await?;
+        printer.row(&cell);
+        cells.push(cell);
     }
     Ok(Table { cells })
 }
@@ -224,63 +234,47 @@ impl Table {
     }
 }
 
-impl fmt::Display for Table {
+/// What stands above the rows.
+fn heading() -> String {
+    format!(
+        "Standing networks: wall time (s) until they have formed, and of the simulated hour after that; both processes and\n\
+         gRPC included, every packet and every ten minutes every mote's energy recorded. Square grid of 10 m, unit disk of\n\
+         25 m (20 neighbours), root in the middle, 20 roots in the middles of as many parts. From every mote a 6LoWPAN\n\
+         datagram of 90 bytes every so many seconds to its root ({PAYLOAD_BYTES} of payload; 8 less over a single hop); routes live for\n\
+         30 min. Peers: one process, measured elsewhere on a 2-core machine: 6TiSCH simulator with MSF (90 bytes, no headers),\n\
+         TSCH-Sim with Orchestra (1000: fixed two hops).\n\n\
+         {:>6} {:>5}  {:<9} {:>6} {:>9} {:>9} {:>9} {:>8} {:>9} {:>10} {:>8}  times faster",
+        "motes",
+        "roots",
+        "cells by",
+        "app s",
+        "formed s",
+        "forming",
+        "hour",
+        "PDR %",
+        "to reach",
+        "6TiSCH sim",
+        "TSCH-Sim"
+    )
+}
+
+impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
+        let Row { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s } = self.row;
+        let formed =
+            self.formed_ns.map_or_else(|| "no".to_owned(), |ns| format!("{:.0}", seconds(ns)));
+        let peer_s = if sf == "msf" { simulator_s.or(tsch_sim_s) } else { tsch_sim_s };
+        write!(
             f,
-            "Standing networks: wall time (s) until they have formed, and of the simulated hour after that; both processes and"
-        )?;
-        writeln!(
-            f,
-            "gRPC included, every packet and every ten minutes every mote's energy recorded. Square grid of 10 m, unit disk of"
-        )?;
-        writeln!(
-            f,
-            "25 m (20 neighbours), root in the middle, 20 roots in the middles of as many parts. From every mote a datagram"
-        )?;
-        writeln!(
-            f,
-            "of 60 bytes of payload every so many seconds to its root; routes live for 30 min. Peers: one process, measured"
-        )?;
-        writeln!(
-            f,
-            "elsewhere on a 2-core machine: 6TiSCH simulator with MSF, TSCH-Sim with Orchestra (1000: fixed two hops)."
-        )?;
-        writeln!(f)?;
-        writeln!(
-            f,
-            "{:>6} {:>5}  {:<9} {:>6} {:>9} {:>9} {:>9} {:>8} {:>9} {:>10} {:>8}  times faster",
-            "motes",
-            "roots",
-            "cells by",
-            "app s",
-            "formed s",
-            "forming",
-            "hour",
-            "PDR %",
-            "to reach",
-            "6TiSCH sim",
-            "TSCH-Sim"
-        )?;
-        for cell in &self.cells {
-            let Row { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s } =
-                cell.row;
-            let formed =
-                cell.formed_ns.map_or_else(|| "no".to_owned(), |ns| format!("{:.0}", seconds(ns)));
-            let peer_s = if sf == "msf" { simulator_s.or(tsch_sim_s) } else { tsch_sim_s };
-            writeln!(
-                f,
-                "{motes:>6} {roots:>5}  {sf:<9} {app_period_s:>6} {formed:>9} {:>9.3} {:>9.3} {:>8.2} {:>9} {:>10} {:>8}  {}",
-                cell.forming_s,
-                cell.hour_s,
-                100.0 * cell.n_delivered as f64 / (cell.n_delivered + cell.n_lost).max(1) as f64,
-                number(to_reach_s),
-                number(simulator_s),
-                number(tsch_sim_s),
-                peer_s.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / cell.hour_s)),
-            )?;
-        }
-        Ok(())
+            "{motes:>6} {roots:>5}  {sf:<9} {app_period_s:>6} {formed:>9} {:>9.3} {:>9.3} {:>8.2} {:>9} {:>10} {:>8}  {}",
+            self.forming_s,
+            self.hour_s,
+            100.0 * self.n_delivered as f64 / (self.n_delivered + self.n_lost).max(1) as f64,
+            number(to_reach_s),
+            number(simulator_s),
+            number(tsch_sim_s),
+            peer_s.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / self.hour_s)),
+        )
     }
 }
 

@@ -1,7 +1,8 @@
 //! The full protocols under a swarm: round-robin cells, everyone hears everyone.
 
 use super::{
-    BenchOptions, begin_record, end_record, number, quantile, step, steps, temporary_folder,
+    BenchOptions, Printer, begin_record, end_record, number, quantile, step, steps,
+    temporary_folder,
 };
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::Coupled;
@@ -81,7 +82,12 @@ fn plan(agents: u32) -> Result<Plan, RunError> {
 }
 
 /// Measures the rows of so many agents.
-pub(super) async fn bench(rows: &[Row], options: &BenchOptions) -> Result<Table, RunError> {
+pub(super) async fn bench(
+    rows: &[Row],
+    options: &BenchOptions,
+    printer: &mut Printer<'_>,
+) -> Result<Table, RunError> {
+    printer.heading(&heading());
     let mut cells = Vec::new();
     for &row in rows {
         let plan = plan(row.agents)?;
@@ -95,13 +101,15 @@ pub(super) async fn bench(rows: &[Row], options: &BenchOptions) -> Result<Table,
         let (formed_ns, mut times_ms) = measured?;
         recorder.map_or(Ok(()), end_record)?;
         times_ms.sort_by(f64::total_cmp);
-        cells.push(Cell {
+        let cell = Cell {
             row,
             formed_ns,
             n_steps: times_ms.len(),
             median_ms: quantile(&times_ms, 0.5),
             p90_ms: quantile(&times_ms, 0.9),
-        });
+        };
+        printer.row(&cell);
+        cells.push(cell);
     }
     Ok(Table { cells })
 }
@@ -157,49 +165,34 @@ impl Table {
     }
 }
 
-impl fmt::Display for Table {
+/// What stands above the rows.
+fn heading() -> String {
+    format!(
+        "Wall time per control period (ms), both processes and gRPC included: 6TiSCH with round-robin cells (RRSF),\n\
+         everyone hears everyone, 48 bytes from each robot in each period, after formation; every packet and every minute\n\
+         every mote's energy recorded. Every robot jumps at random in a square of 10 m. From {MANY} on motes are admitted\n\
+         without asking and DAOs not acknowledged: the root's one frame in a slotframe cannot answer so many. BotNet: one\n\
+         process, no RPC, measured elsewhere on a 2-core machine; paper: as printed.\n\n\
+         {:>6}  {:>9} {:>9} {:>9} {:>9} {:>14} {:>8}  times faster",
+        "agents", "formed s", "median", "90 %", "to reach", "BotNet", "paper"
+    )
+}
+
+impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
+        let Self { row, formed_ns, median_ms, p90_ms, .. } = self;
+        let Some(formed_ns) = formed_ns else {
+            return write!(f, "{:>6}  does not form within {} s", row.agents, seconds(LIMIT_NS));
+        };
+        let botnet = row.botnet_ms.map_or_else(|| "does not form".to_owned(), |ms| ms.to_string());
+        write!(
             f,
-            "Wall time per control period (ms), both processes and gRPC included: 6TiSCH with round-robin cells (RRSF),"
-        )?;
-        writeln!(
-            f,
-            "everyone hears everyone, 48 bytes from each robot in each period, after formation; every packet and every minute"
-        )?;
-        writeln!(
-            f,
-            "every mote's energy recorded. Every robot jumps at random in a square of 10 m. From {MANY} on motes are admitted"
-        )?;
-        writeln!(
-            f,
-            "without asking and DAOs not acknowledged: the root's one frame in a slotframe cannot answer so many. BotNet: one"
-        )?;
-        writeln!(f, "process, no RPC, measured elsewhere on a 2-core machine; paper: as printed.")?;
-        writeln!(f)?;
-        writeln!(
-            f,
-            "{:>6}  {:>9} {:>9} {:>9} {:>9} {:>14} {:>8}  times faster",
-            "agents", "formed s", "median", "90 %", "to reach", "BotNet", "paper"
-        )?;
-        for Cell { row, formed_ns, median_ms, p90_ms, .. } in &self.cells {
-            let Some(formed_ns) = formed_ns else {
-                writeln!(f, "{:>6}  does not form within {} s", row.agents, seconds(LIMIT_NS))?;
-                continue;
-            };
-            let botnet =
-                row.botnet_ms.map_or_else(|| "does not form".to_owned(), |ms| ms.to_string());
-            writeln!(
-                f,
-                "{:>6}  {:>9.1} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {botnet:>14} {:>8}  {}",
-                row.agents,
-                seconds(*formed_ns),
-                row.to_reach_ms,
-                number(row.paper_ms),
-                row.botnet_ms
-                    .map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / median_ms)),
-            )?;
-        }
-        Ok(())
+            "{:>6}  {:>9.1} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {botnet:>14} {:>8}  {}",
+            row.agents,
+            seconds(*formed_ns),
+            row.to_reach_ms,
+            number(row.paper_ms),
+            row.botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / median_ms)),
+        )
     }
 }

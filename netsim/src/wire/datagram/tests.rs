@@ -187,3 +187,15 @@ fn a_wrong_checksum_is_noticed() {
     let result = Datagram::parse(&bytes, Eui64::of_mote(5), Some(Eui64::of_mote(0)), None);
     assert_eq!(result.unwrap_err().what, "wrong checksum");
 }
+
+/// What the standing networks of `orchestrator bench` send.
+#[test]
+fn a_payload_of_61_bytes_makes_a_datagram_of_90_to_a_root_some_hops_away() {
+    let [source, relay, root] = [5, 3, 0].map(Eui64::of_mote);
+    let payload = Bytes::from(vec![0; 61]);
+    let upper = Upper::Udp(UdpRepr { source_port: 61_616, destination_port: 61_616, payload });
+    let datagram = Datagram { rpi: Some(UP), upper, ..udp(5, 0) };
+    assert_eq!(datagram.compressed_len(source, Some(relay)), 90);
+    assert_eq!(datagram.compressed_len(relay, Some(root)), 90);
+    assert_eq!(datagram.compressed_len(source, Some(root)), 82);
+}
