@@ -8,14 +8,20 @@
 mod draws;
 mod effect;
 mod field;
+mod fleet;
 mod geometry;
 mod hidden;
 mod link;
+mod motion;
 mod oracle;
 mod posterior;
 mod radio;
+#[cfg(test)]
+mod robot_tests;
+mod robots;
 mod world;
 
+pub use fleet::{Drive, Fleet, RobotHidden};
 pub use hidden::{Hidden, Size};
 pub use world::{Base, Layout};
 

@@ -217,7 +217,7 @@ impl Air {
 
 /// The smallest strength at which the size is as wanted, or where it is greatest: an obstacle that nothing passes leaves no
 /// received row to see it in.
-fn settled_one(steps: &[f64], wanted: f64, size: &mut impl FnMut(f64) -> f64) -> f64 {
+pub(crate) fn settled_one(steps: &[f64], wanted: f64, size: &mut impl FnMut(f64) -> f64) -> f64 {
     let mut best = (f64::NEG_INFINITY, steps[0]);
     let mut before = steps[0];
     for &step in steps {
@@ -234,7 +234,12 @@ fn settled_one(steps: &[f64], wanted: f64, size: &mut impl FnMut(f64) -> f64) ->
 }
 
 /// Where something that holds below a value ceases to hold.
-fn bisected(low: f64, high: f64, n_steps: u32, mut is_below: impl FnMut(f64) -> bool) -> f64 {
+pub(crate) fn bisected(
+    low: f64,
+    high: f64,
+    n_steps: u32,
+    mut is_below: impl FnMut(f64) -> bool,
+) -> f64 {
     let (mut low, mut high) = (low, high);
     for _ in 0..n_steps {
         let middle = (low + high) / 2.0;

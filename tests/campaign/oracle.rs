@@ -6,7 +6,7 @@
 use super::Scores;
 use super::draws::Draws;
 use super::effect::{Change, Curve, Random};
-use super::link::{Air, Law, loss};
+use super::link::{Air, Law, bisected, loss};
 use super::posterior::{Evidence, foretold};
 use super::radio;
 use std::f64::consts::TAU;
@@ -223,21 +223,17 @@ impl Foretold {
     }
 }
 
-/// Quantile of the standard normal distribution: by bisection of its distribution function, that by Simpson's rule.
+/// Quantile of the standard normal distribution, by bisection.
 fn normal_quantile(share: f64) -> f64 {
-    let distribution = |z: f64| {
-        let n = 200;
-        let step = z / f64::from(n);
-        let density = |x: f64| (-0.5 * x * x).exp() / TAU.sqrt();
-        let inner: f64 = (1..n)
-            .map(|k| (if k % 2 == 0 { 2.0 } else { 4.0 }) * density(f64::from(k) * step))
-            .sum();
-        0.5 + step / 3.0 * (density(0.0) + inner + density(z))
-    };
-    let (mut low, mut high) = (-8.0, 8.0);
-    for _ in 0..60 {
-        let middle = (low + high) / 2.0;
-        if distribution(middle) < share { low = middle } else { high = middle }
-    }
-    (low + high) / 2.0
+    bisected(-8.0, 8.0, 60, |z| normal_distribution(z) < share)
+}
+
+/// Standard normal distribution function, by Simpson's rule.
+pub(crate) fn normal_distribution(z: f64) -> f64 {
+    let n = 200;
+    let step = z / f64::from(n);
+    let density = |x: f64| (-0.5 * x * x).exp() / TAU.sqrt();
+    let inner: f64 =
+        (1..n).map(|k| (if k % 2 == 0 { 2.0 } else { 4.0 }) * density(f64::from(k) * step)).sum();
+    0.5 + step / 3.0 * (density(0.0) + inner + density(z))
 }

@@ -5,7 +5,7 @@ use crate::statistics::{deviation, mean};
 use std::collections::BTreeMap;
 
 /// FNV-1a of a campaign's texts.
-fn digest(campaigns: &[Campaign]) -> u64 {
+pub(super) fn digest(campaigns: &[Campaign]) -> u64 {
     let bytes = campaigns.iter().flat_map(|c| c.csv.bytes().chain(c.config_toml.bytes()));
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
@@ -17,7 +17,7 @@ fn all_hidden() -> impl Iterator<Item = Hidden> {
 }
 
 /// The rows of a file: fields that are not empty, by name.
-fn rows(campaign: &Campaign) -> Vec<BTreeMap<&str, f64>> {
+pub(super) fn rows(campaign: &Campaign) -> Vec<BTreeMap<&str, f64>> {
     let mut lines = campaign.csv.lines();
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
     lines
@@ -36,7 +36,7 @@ fn tx_power_dbm(campaign: &Campaign) -> f64 {
     line.split(" = ").nth(1).unwrap().parse().unwrap()
 }
 
-fn parameter(campaign: &Campaign, name: &str) -> f64 {
+pub(super) fn parameter(campaign: &Campaign, name: &str) -> f64 {
     campaign.truth[0].parameters.iter().find(|(other, _)| *other == name).unwrap().1
 }
 
