@@ -31,6 +31,7 @@ pub use model::{LinkBudget, Model};
 use serde::de::DeserializeOwned;
 
 /// A checked table as typed keys. `None`: a required key is missing, which the check has reported.
-pub(crate) fn keys<T: DeserializeOwned>(table: &toml::Table) -> Option<T> {
+#[must_use]
+pub fn keys<T: DeserializeOwned>(table: &toml::Table) -> Option<T> {
     table.clone().try_into().ok()
 }

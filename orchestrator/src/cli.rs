@@ -4,6 +4,7 @@ use crate::bench::{self, BenchOptions};
 use crate::config::{self, Overrides, Tls};
 use crate::conformance::{self, ConformanceOptions};
 use crate::console::{complain, say, warn};
+use crate::effects;
 use crate::record;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
 use clap::{Args, Parser, Subcommand};
@@ -38,6 +39,8 @@ enum Command {
     Check(CheckArgs),
     /// Print the JSON Schema of experiment files
     Schema,
+    /// List the physical effects there are, or explain one
+    Effects(EffectsArgs),
     /// Check that a recorded run is whole and agrees with itself
     Verify(VerifyArgs),
     /// Ask a running simulator whether it keeps the contract
@@ -124,6 +127,18 @@ struct RunArgs {
 struct CheckArgs {
     #[command(flatten)]
     file: FileArgs,
+}
+
+#[derive(Args)]
+struct EffectsArgs {
+    /// Explain this one [default: list all]
+    name: Option<String>,
+    /// Write what is said as JSON; - for standard output
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write the picture of the effect
+    #[arg(long, value_name = "FILE", requires = "name")]
+    svg: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -279,6 +294,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
             say(format!("{:#}", config::schema()));
             Ok(())
         }
+        Command::Effects(args) => effects_command(&args),
         Command::Verify(args) => verify_command(&args),
         Command::Conformance(args) => conformance_command(&args),
         Command::Bench(args) => {
@@ -317,7 +333,7 @@ fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
 fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     // A place that cannot be written is found before the work, not after it.
     if let Some(path) = &args.file.json {
-        json_place(path).map_err(Failure::request)?;
+        place_for("--json", path).map_err(Failure::request)?;
     }
     let options = RunOptions {
         config: args.file.config.clone(),
@@ -437,6 +453,37 @@ fn check_command(args: &FileArgs) -> Result<(), Failure> {
     write_json(args.json.as_deref(), &found)
 }
 
+fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {
+    let found = match &args.name {
+        Some(name) => effects::find(name).map_err(Failure::request)?,
+        None => effects::all(),
+    };
+    let as_json = || match &args.name {
+        Some(_) => serde_json::json!({
+            "schema": "effects/1",
+            "effects": found.iter().map(effects::Listed::to_json).collect::<Vec<_>>(),
+        }),
+        None => effects::to_json(),
+    };
+    if let Some(path) = &args.svg {
+        let name = args.name.as_deref().unwrap_or_default();
+        let picture = found.iter().find_map(effects::Listed::picture).ok_or_else(|| {
+            Failure::request(format!("--svg: {name} has no picture: it acts on robots"))
+        })?;
+        write_whole("--svg", path, &picture.svg(name))?;
+    }
+    match args.json.as_deref() {
+        Some(path) if path == Path::new("-") => say(format!("{:#}", as_json())),
+        Some(path) => write_json(Some(path), &as_json())?,
+        None if args.name.is_none() => say(effects::table()),
+        None => {
+            let texts: Vec<String> = found.iter().map(effects::Listed::explained).collect();
+            say(texts.join("\n\n"));
+        }
+    }
+    Ok(())
+}
+
 fn verify_command(args: &VerifyArgs) -> Result<(), Failure> {
     let report = record::verify(&args.run).map_err(Failure::work)?;
     for problem in &report.problems {
@@ -491,24 +538,27 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
     }
 }
 
-/// Writes a file in one piece: under another name first.
 fn write_json(path: Option<&Path>, value: &Value) -> Result<(), Failure> {
-    let Some(path) = path else { return Ok(()) };
+    path.map_or(Ok(()), |path| write_whole("--json", path, &format!("{value:#}\n")))
+}
+
+/// Writes a file in one piece: under another name first.
+fn write_whole(option: &str, path: &Path, text: &str) -> Result<(), Failure> {
     let failed =
-        |error: std::io::Error| Failure::work(format!("--json {}: {error}", path.display()));
-    let file = json_place(path).map_err(Failure::work)?;
-    std::fs::write(file.path(), format!("{value:#}\n")).map_err(failed)?;
+        |error: std::io::Error| Failure::work(format!("{option} {}: {error}", path.display()));
+    let file = place_for(option, path).map_err(Failure::work)?;
+    std::fs::write(file.path(), text).map_err(failed)?;
     file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
 }
 
 /// A file beside the one that is to be written, to become it.
-fn json_place(path: &Path) -> Result<tempfile::NamedTempFile, String> {
+fn place_for(option: &str, path: &Path) -> Result<tempfile::NamedTempFile, String> {
     let folder =
         path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if path.is_dir() {
-        return Err(format!("--json {}: is a folder", path.display()));
+        return Err(format!("{option} {}: is a folder", path.display()));
     }
     tempfile::NamedTempFile::new_in(folder).map_err(|error| {
-        format!("--json {}: {}", path.display(), std::io::Error::from(error.kind()))
+        format!("{option} {}: {}", path.display(), std::io::Error::from(error.kind()))
     })
 }

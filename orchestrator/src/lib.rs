@@ -14,6 +14,7 @@
 //! | [`measure`] | measurements, and the part of a configuration that is held against them |
 //! | [`study`] | what a search for missing physics asks of measurements |
 //! | [`diagnose`] | the search: which physical effect is missing |
+//! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`mod@bench`] | speed through the real processes |
 //! | [`console`] | what a person reads while it works |
@@ -25,6 +26,7 @@ pub mod conformance;
 pub mod console;
 pub mod coupling;
 pub mod diagnose;
+pub mod effects;
 pub mod measure;
 pub mod peer;
 pub mod record;

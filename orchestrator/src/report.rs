@@ -2,7 +2,7 @@
 
 mod figures;
 mod network;
-mod svg;
+pub(crate) mod svg;
 mod text;
 
 use crate::record::{Measures, RunHeader, TRUTH_BASELINE};

@@ -9,12 +9,14 @@
 
 mod operators;
 mod reader;
+mod written;
 
 use exmex::{Express, FlatEx};
 use operators::{Numbers, Operators};
 use std::fmt;
 
 pub use operators::FUNCTIONS;
+pub use written::{FIELDS, MOST_NAMES, Written};
 
 /// Longest expression (bytes).
 pub const MOST_BYTES: usize = 1000;

@@ -1,7 +1,9 @@
 //! The place: walls, obstacles and ground. Both simulators read the same one, from the `[site]` section.
 
+mod foliage;
 mod terrain;
 
+pub use foliage::Foliage;
 pub use terrain::Terrain;
 
 use crate::config::{self, Default, Field, Kind, Node, Problem, Range, TableSpec};
@@ -23,6 +25,12 @@ pub const SPEC: TableSpec = TableSpec {
             key: "obstacle",
             doc: "Round, upright obstacles.",
             kind: Kind::Tables(&OBSTACLE),
+            default: Default::Absent,
+        },
+        Field {
+            key: "foliage",
+            doc: "Trees and bushes, as polygons.",
+            kind: Kind::Tables(&foliage::SPEC),
             default: Default::Absent,
         },
         Field {
@@ -112,6 +120,9 @@ pub struct Site {
     /// Obstacles.
     #[serde(default)]
     pub obstacle: Vec<Obstacle>,
+    /// Trees and bushes.
+    #[serde(default)]
+    pub foliage: Vec<Foliage>,
     /// The ground.
     #[serde(default)]
     pub terrain: Option<Terrain>,
@@ -176,6 +187,9 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (Site, toml
                 .value(format!("{name:?}")),
             );
         }
+    }
+    for (index, foliage) in site.foliage.iter().enumerate() {
+        foliage.check(&format!("{}[{index}]", config::join(path, "foliage")), problems);
     }
     if let Some(terrain) = &site.terrain {
         terrain.check(&config::join(path, "terrain"), problems);

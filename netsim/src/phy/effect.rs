@@ -2,10 +2,15 @@
 //!
 //! One file per effect, one list: [`LIST`]. An effect that is not configured contributes exactly nothing.
 
+pub mod antenna_pattern;
 pub mod battery_sag;
+pub mod body_blocking;
+pub mod diffraction;
 pub mod fast_fading;
+pub mod formula;
 pub mod hidden_obstacle;
 pub mod interference;
+pub mod motion_fading;
 pub mod multipath;
 pub mod node_offset;
 pub mod noise_floor;
@@ -16,12 +21,13 @@ pub mod shadowing;
 pub mod system_gain;
 pub mod temperature;
 pub mod two_ray_ground;
+pub mod vegetation;
 pub mod wall_attenuation;
 
 #[cfg(test)]
 pub(crate) mod testing;
 
-use super::link::Link;
+use super::link::{Link, Scene};
 use super::reception::Curve;
 use super::scatter::Scatter;
 use proto::config::{Problem, TableSpec, Tag, Variant};
@@ -77,6 +83,9 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
         register_dbm
     }
 
+    /// Computes, once per moment, what it asks of the scene.
+    fn prepare(&self, _scene: &mut Scene<'_>) {}
+
     /// Whether its contributions and readings depend on nothing but distance and frequency, do not raise the power as
     /// distance grows, and neither shift the curve nor lose frames. Then many links can be judged by their distance alone.
     fn is_isotropic(&self) -> bool {
@@ -119,10 +128,15 @@ pub const UNCHECKED: Check = |_, _, _| {};
 
 /// All effects.
 pub const LIST: &[Entry] = &[
+    antenna_pattern::ENTRY,
     battery_sag::ENTRY,
+    body_blocking::ENTRY,
+    diffraction::ENTRY,
     fast_fading::ENTRY,
+    formula::ENTRY,
     hidden_obstacle::ENTRY,
     interference::ENTRY,
+    motion_fading::ENTRY,
     multipath::ENTRY,
     node_offset::ENTRY,
     noise_floor::ENTRY,
@@ -133,6 +147,7 @@ pub const LIST: &[Entry] = &[
     system_gain::ENTRY,
     temperature::ENTRY,
     two_ray_ground::ENTRY,
+    vegetation::ENTRY,
     wall_attenuation::ENTRY,
 ];
 

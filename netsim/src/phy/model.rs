@@ -213,8 +213,11 @@ impl Model {
         self.propagation.is_certain() && self.is_isotropic()
     }
 
-    /// Computes, once per moment, what the base model asks of the scene.
+    /// Computes, once per moment, what the base model and the effects ask of the scene.
     pub fn prepare(&self, scene: &mut Scene<'_>) {
         self.propagation.prepare(scene);
+        for effect in &self.effects {
+            effect.prepare(scene);
+        }
     }
 }

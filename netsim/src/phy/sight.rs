@@ -1,7 +1,8 @@
 //! What stands between two antennas: walls, obstacles, other bodies.
 
-use super::link::{End, Link, distance_squared_m2};
-use proto::site::{Obstacle, Wall};
+use super::link::{End, Link, Scene, distance_squared_m2};
+use super::nearest::Grid;
+use proto::site::{Foliage, Obstacle, Wall};
 
 /// The straight path between two points (m).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +49,12 @@ impl Path {
     /// Whether a round obstacle cuts the path. Touching is cutting.
     #[must_use]
     pub fn is_cut_by_obstacle(&self, obstacle: &Obstacle) -> bool {
+        self.chord_of(obstacle)
+            .is_some_and(|(low, high)| self.is_below(obstacle.height_m, low, high))
+    }
+
+    /// Between which fractions of its length the path runs through or above a round obstacle, if it does.
+    fn chord_of(&self, obstacle: &Obstacle) -> Option<(f64, f64)> {
         let step = [self.to_m[0] - self.from_m[0], self.to_m[1] - self.from_m[1]];
         let from_centre =
             [self.from_m[0] - obstacle.centre_m[0], self.from_m[1] - obstacle.centre_m[1]];
@@ -56,15 +63,82 @@ impl Path {
         let b = dot(from_centre, step);
         let c = dot(from_centre, from_centre) - obstacle.radius_m * obstacle.radius_m;
         if a == 0.0 {
-            return c <= 0.0 && self.is_below(obstacle.height_m, 0.0, 1.0);
+            return (c <= 0.0).then_some((0.0, 1.0));
         }
         let discriminant = b * b - a * c;
         if discriminant < 0.0 {
-            return false;
+            return None;
         }
         let root = discriminant.sqrt();
         let (low, high) = (((-b - root) / a).max(0.0), ((-b + root) / a).min(1.0));
-        low <= high && self.is_below(obstacle.height_m, low, high)
+        (low <= high).then_some((low, high))
+    }
+
+    /// Where the path, seen from above, crosses the edge on top of a wall: the fraction of its length, and how far (m) the
+    /// edge stands above it there. None where it does not cross, or where the wall has no top.
+    #[must_use]
+    pub fn edge_of_wall(&self, wall: &Wall) -> Option<(f64, f64)> {
+        let height_m = wall.height_m?;
+        let step = [self.to_m[0] - self.from_m[0], self.to_m[1] - self.from_m[1]];
+        let along = [wall.to_m[0] - wall.from_m[0], wall.to_m[1] - wall.from_m[1]];
+        let to_wall = [wall.from_m[0] - self.from_m[0], wall.from_m[1] - self.from_m[1]];
+        let determinant = cross(step, along);
+        let t = cross(to_wall, along) / determinant;
+        let u = cross(to_wall, step) / determinant;
+        // Parallel: neither is a number within.
+        let crosses = (0.0..=1.0).contains(&t) && (0.0..=1.0).contains(&u);
+        crosses.then(|| (t, height_m - self.height_m(t)))
+    }
+
+    /// As [`Path::edge_of_wall`], for the top of a round obstacle, in the middle of the chord.
+    #[must_use]
+    pub fn edge_of_obstacle(&self, obstacle: &Obstacle) -> Option<(f64, f64)> {
+        let height_m = obstacle.height_m?;
+        let (low, high) = self.chord_of(obstacle)?;
+        let t = 0.5 * (low + high);
+        Some((t, height_m - self.height_m(t)))
+    }
+
+    /// How much of the path (m) lies within foliage.
+    #[must_use]
+    pub fn length_within_m(&self, foliage: &Foliage) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.to_m[axis] - self.from_m[axis]);
+        let length_m = distance_squared_m2([x, y, z]).sqrt();
+        // The part of the path that is not above the foliage's top.
+        let (mut low, mut high) = (0.0, 1.0);
+        if let Some(height_m) = foliage.height_m {
+            let t = (height_m - self.from_m[2]) / z;
+            match (self.from_m[2] <= height_m, self.to_m[2] <= height_m) {
+                (true, true) => {}
+                (false, false) => return 0.0,
+                (true, false) => high = t,
+                (false, true) => low = t,
+            }
+        }
+        // The line through the path enters and leaves a polygon in turns, and crosses edges one way and the other in turns.
+        let step = [x, y];
+        let side =
+            |point: [f64; 2]| cross(step, [point[0] - self.from_m[0], point[1] - self.from_m[1]]);
+        let polygon = &foliage.polygon_m;
+        let Some(&last) = polygon.last() else { return 0.0 };
+        if step == [0.0, 0.0] {
+            let within = is_within([self.from_m[0], self.from_m[1]], polygon);
+            return if within { (high - low) * length_m } else { 0.0 };
+        }
+        let (mut before, mut before_side) = (last, side(last));
+        let mut within = 0.0;
+        for &corner in polygon {
+            let corner_side = side(corner);
+            if (0.0 < before_side) != (0.0 < corner_side) {
+                let share = before_side / (before_side - corner_side);
+                let at = [0, 1].map(|axis| before[axis] + share * (corner[axis] - before[axis]));
+                let to = [at[0] - self.from_m[0], at[1] - self.from_m[1]];
+                let t = (dot(to, step) / dot(step, step)).clamp(low, high);
+                within += if 0.0 < corner_side { t } else { -t };
+            }
+            (before, before_side) = (corner, corner_side);
+        }
+        within.abs() * length_m
     }
 
     /// Square of the distance of a point to the path (m²).
@@ -85,29 +159,63 @@ impl Path {
 
     /// Whether the path between two fractions of its length comes down to a height.
     fn is_below(&self, height_m: Option<f64>, low: f64, high: f64) -> bool {
-        let z = |t: f64| self.from_m[2] + t * (self.to_m[2] - self.from_m[2]);
-        height_m.is_none_or(|height_m| z(low).min(z(high)) <= height_m)
+        height_m.is_none_or(|height_m| self.height_m(low).min(self.height_m(high)) <= height_m)
     }
+
+    /// Its height (m) at a fraction of its length.
+    fn height_m(&self, t: f64) -> f64 {
+        self.from_m[2] + t * (self.to_m[2] - self.from_m[2])
+    }
+}
+
+/// Whether a point lies within a polygon: a ray to the right crosses its edges an odd number of times.
+fn is_within(point: [f64; 2], polygon: &[[f64; 2]]) -> bool {
+    let mut within = false;
+    let mut before = polygon[polygon.len() - 1];
+    for &corner in polygon {
+        if (point[1] < before[1]) != (point[1] < corner[1]) {
+            let share = (point[1] - before[1]) / (corner[1] - before[1]);
+            within ^= point[0] < before[0] + share * (corner[0] - before[0]);
+        }
+        before = corner;
+    }
+    within
 }
 
 /// Whether a body of another agent, a ball of this radius around its antenna, touches the direct path.
 #[must_use]
 pub fn is_blocked_by_body(link: &Link<'_>, body_radius_m: f64) -> bool {
+    bodies_on_path(link, body_radius_m).next().is_some()
+}
+
+/// The other agents whose bodies, balls of this radius around their antennas, touch the direct path.
+pub fn bodies_on_path<'a>(
+    link: &Link<'a>,
+    body_radius_m: f64,
+) -> impl Iterator<Item = &'a End> + use<'a> {
     let path = Path::of(link);
-    let touches = |agent: &End| {
-        agent.id != link.sender.id
-            && agent.id != link.receiver.id
+    let (sender, receiver) = (link.sender.id, link.receiver.id);
+    let touches = move |agent: &&End| {
+        agent.id != sender
+            && agent.id != receiver
             && path.distance_squared_m2(agent.position_m) <= body_radius_m * body_radius_m
     };
     let agents = link.scene.agents;
-    match &link.scene.grid {
-        None => agents.iter().any(touches),
-        Some(grid) => {
-            let (a, b) = (path.from_m, path.to_m);
-            let low = [a[0].min(b[0]) - body_radius_m, a[1].min(b[1]) - body_radius_m];
-            let high = [a[0].max(b[0]) + body_radius_m, a[1].max(b[1]) + body_radius_m];
-            grid.in_box(low, high).any(|place| touches(&agents[place as usize]))
-        }
+    let grid = link.scene.grid.as_ref();
+    let all = if grid.is_none() { agents } else { &[] };
+    let (a, b) = (path.from_m, path.to_m);
+    let low = [a[0].min(b[0]) - body_radius_m, a[1].min(b[1]) - body_radius_m];
+    let high = [a[0].max(b[0]) + body_radius_m, a[1].max(b[1]) + body_radius_m];
+    let near = grid.map(|grid| grid.in_box(low, high).map(|place| &agents[place as usize]));
+    all.iter().chain(near.into_iter().flatten()).filter(touches)
+}
+
+/// Sorts the agents by place, where there are so many that this helps to find bodies.
+pub fn prepare_bodies(scene: &mut Scene<'_>) {
+    if scene.grid.is_none() && 16 < scene.agents.len() {
+        let mut grid = Grid::default();
+        grid.build_for(scene.agents, 4);
+        scene.grid = Some(grid);
     }
 }
 
@@ -173,6 +281,67 @@ mod tests {
         assert!(path([0.0, 0.0, 0.0], [10.0, 0.0, 1.0]).is_cut_by_obstacle(&obstacle));
         obstacle.height_m = Some(0.35);
         assert!(!path([0.0, 0.0, 0.0], [10.0, 0.0, 1.0]).is_cut_by_obstacle(&obstacle));
+    }
+
+    #[test]
+    fn foliage_is_as_deep_as_the_path_within_it() {
+        let mut foliage = Foliage {
+            // A U about the x axis: two trunks of 2 m, from x = 2 to 4 and from x = 6 to 8.
+            polygon_m: vec![
+                [2.0, -1.0],
+                [2.0, 5.0],
+                [8.0, 5.0],
+                [8.0, -1.0],
+                [6.0, -1.0],
+                [6.0, 3.0],
+                [4.0, 3.0],
+                [4.0, -1.0],
+            ],
+            height_m: None,
+        };
+        for turned in [false, true] {
+            if turned {
+                foliage.polygon_m.reverse();
+            }
+            for (from_m, to_m, expected_m) in [
+                ([0.0, 0.0, 1.0], [10.0, 0.0, 1.0], 4.0),
+                ([3.0, 0.0, 1.0], [7.0, 0.0, 1.0], 2.0),
+                ([5.0, 0.0, 1.0], [5.0, 0.0, 9.0], 0.0),
+                ([7.0, 0.0, 1.0], [7.0, 0.0, 9.0], 8.0),
+                ([0.0, 4.0, 1.0], [10.0, 4.0, 1.0], 6.0),
+                ([0.0, 6.0, 1.0], [10.0, 6.0, 1.0], 0.0),
+                ([3.0, 1.0, 1.0], [3.0, 4.0, 1.0], 3.0),
+                ([0.0, 5.0, 0.0], [5.0, 0.0, 0.0], 2.0 * std::f64::consts::SQRT_2),
+            ] {
+                let got = path(from_m, to_m).length_within_m(&foliage);
+                let back = path(to_m, from_m).length_within_m(&foliage);
+                assert!((got - expected_m).abs() < 1e-12, "{from_m:?} {to_m:?}: {got}");
+                assert!((back - expected_m).abs() < 1e-12, "{to_m:?} {from_m:?}: {back}");
+            }
+        }
+        // The path rises as it goes: up to 3 m it has gone from x = 2 to 3 within the first trunk, 1 m and 1 m up.
+        foliage.height_m = Some(3.0);
+        let rising = path([0.0, 0.0, 0.0], [10.0, 0.0, 10.0]);
+        assert!((rising.length_within_m(&foliage) - std::f64::consts::SQRT_2).abs() < 1e-12);
+        assert_eq!(path([0.0, 0.0, 4.0], [10.0, 0.0, 4.0]).length_within_m(&foliage), 0.0);
+    }
+
+    #[test]
+    fn edges_stand_above_or_below_the_path() {
+        let path = path([0.0, 0.0, 1.0], [10.0, 0.0, 3.0]);
+        let low = wall([5.0, -1.0], [5.0, 1.0], Some(2.5));
+        assert_eq!(path.edge_of_wall(&low), Some((0.5, 0.5)));
+        assert_eq!(path.edge_of_wall(&wall([5.0, -1.0], [5.0, 1.0], None)), None);
+        assert_eq!(path.edge_of_wall(&wall([5.0, 1.0], [5.0, 2.0], Some(9.0))), None);
+        assert_eq!(path.edge_of_wall(&wall([0.0, 0.0], [9.0, 0.0], Some(9.0))), None, "along it");
+        let round = Obstacle {
+            name: None,
+            centre_m: [5.0, 0.0],
+            radius_m: 2.0,
+            height_m: Some(1.0),
+            material: None,
+        };
+        assert_eq!(path.edge_of_obstacle(&round), Some((0.5, -1.0)));
     }
 
     proptest! {

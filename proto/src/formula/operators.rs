@@ -30,6 +30,12 @@ pub const FUNCTIONS: &[(&str, usize)] = &[
 /// Constants of expressions.
 pub(super) const CONSTANTS: &[(&str, f64)] = &[("pi", std::f64::consts::PI)];
 
+/// Whether a name has a meaning already.
+pub(super) fn is_taken(name: &str) -> bool {
+    CONSTANTS.iter().any(|(taken, _)| *taken == name)
+        || FUNCTIONS.iter().any(|(taken, _)| *taken == name)
+}
+
 /// The operators, for exmex. What it is given has parentheses around every operation, so their ranks do not matter.
 #[derive(Clone, Debug)]
 pub(super) struct Operators;

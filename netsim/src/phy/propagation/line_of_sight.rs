@@ -4,8 +4,7 @@ use super::friis::within;
 use super::{AssignedRssi, Entry, Prediction, Propagation, RSSI_FIELD, Reach, Reception};
 use crate::phy::keys;
 use crate::phy::link::{Link, Scene};
-use crate::phy::nearest::Grid;
-use crate::phy::sight::{Path, is_blocked_by_body};
+use crate::phy::sight::{Path, is_blocked_by_body, prepare_bodies};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use serde::Deserialize;
 
@@ -131,10 +130,8 @@ impl Propagation for LineOfSight {
     }
 
     fn prepare(&self, scene: &mut Scene<'_>) {
-        if self.body_radius_m.is_some() && 16 < scene.agents.len() {
-            let mut grid = Grid::default();
-            grid.build_for(scene.agents, 4);
-            scene.grid = Some(grid);
+        if self.body_radius_m.is_some() {
+            prepare_bodies(scene);
         }
     }
 }

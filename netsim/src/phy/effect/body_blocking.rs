@@ -1,0 +1,132 @@
+//! Others in the way.
+
+use super::{Effect, Entry, UNCHECKED};
+use crate::phy::keys;
+use crate::phy::link::{Link, Scene};
+use crate::phy::sight::{bodies_on_path, prepare_bodies};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "body-blocking"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "body-blocking",
+        doc: "Every other robot whose body stands in the direct path attenuates.",
+        fields: &[
+            Field {
+                key: "loss_db",
+                doc: "What one body takes away (dB).",
+                kind: Kind::Number(Range::closed(0.0, 60.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "blocker_radius_m",
+                doc: "Radius of a body about its antenna (m). 0.5 covers the first Fresnel zone of links of 8 m.",
+                kind: Kind::Number(Range::above(0.0, 100.0)),
+                default: Default::Number(0.5),
+            },
+        ],
+    },
+    about: About {
+        mechanism: "A robot, or a person, between two others takes part of the wave out of its path, within about the first \
+                    Fresnel zone.",
+        equation: "RSSI' = RSSI - loss_db * (other agents within blocker_radius_m of the straight path)",
+        source: "ITU-R P.526 (obstruction of the first Fresnel zone, radius sqrt(lambda d1 d2/(d1 + d2))); a fixed loss to a body as \
+                 measured for people, e.g. ITU-R P.1238.",
+        validity: "A body blocks fully or not at all, and as much near an end as in the middle. Only agents with a radio that is on \
+                   are known.",
+        trace: "Links are low while a third robot stands between their ends, and well again when it has gone.",
+        needs: &[Need::Positions, Need::Readings, Need::OtherAgents],
+    },
+    fit: Fit {
+        parameters: &[
+            Parameter {
+                key: "loss_db",
+                unit: "dB",
+                min: 0.0,
+                max: 40.0,
+                starts: &[3.0],
+                step: 0.05,
+            },
+            Parameter {
+                key: "blocker_radius_m",
+                unit: "m",
+                min: 0.05,
+                max: 5.0,
+                starts: &[0.25, 0.5, 1.0],
+                step: 0.02,
+            },
+        ],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+    },
+    check: UNCHECKED,
+    build: |table, _| {
+        let effect: BodyBlocking = keys(table)?;
+        Some(Box::new(effect))
+    },
+};
+
+/// Losses to other agents' bodies.
+///
+/// # Model
+///
+/// RSSI′ = RSSI − L k, k the number of other agents whose bodies, balls about their antennas, touch the straight path.
+///
+/// # Validity
+///
+/// A body blocks fully or not at all. In truth the loss grows with the part of the first Fresnel zone that is covered, whose
+/// radius in the middle of a link is √(λd)/2: 0.55 m at 10 m.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+pub struct BodyBlocking {
+    /// What one body takes away (dB).
+    pub loss_db: f64,
+    /// Radius of a body (m).
+    pub blocker_radius_m: f64,
+}
+
+impl Effect for BodyBlocking {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn contribution_db(&self, link: &Link<'_>) -> f64 {
+        -self.loss_db * bodies_on_path(link, self.blocker_radius_m).count() as f64
+    }
+
+    fn prepare(&self, scene: &mut Scene<'_>) {
+        prepare_bodies(scene);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phy::effect::testing::along_x;
+    use crate::phy::link::End;
+
+    #[test]
+    fn bodies_in_the_path_add_up_and_the_ends_are_none() {
+        let effect = BodyBlocking { loss_db: 4.0, blocker_radius_m: 0.5 };
+        let at = |places: &[[f64; 2]]| {
+            let ends = [[0.0, 0.0], [10.0, 0.0]];
+            let agents: Vec<End> = (0..)
+                .zip(ends.iter().chain(places))
+                .map(|(id, &[x, y])| End::at(id, [x, y, 1.0]))
+                .collect();
+            let mut scene = Scene { agents: &agents, ..Scene::default() };
+            effect.prepare(&mut scene);
+            effect.contribution_db(&along_x(10.0, 1.0, None, &scene))
+        };
+        assert_eq!(at(&[]), 0.0);
+        assert_eq!(at(&[[5.0, 0.5]]), -4.0);
+        assert_eq!(at(&[[5.0, 0.6], [12.0, 0.0]]), 0.0);
+        assert_eq!(at(&[[2.0, 0.1], [7.0, -0.3], [7.0, 3.0]]), -8.0);
+        // Enough of them for the grid.
+        let many: Vec<[f64; 2]> =
+            (0..40).map(|i| [f64::from(i) / 4.0 + 0.1, f64::from(i % 4)]).collect();
+        assert_eq!(at(&many), -40.0);
+    }
+}

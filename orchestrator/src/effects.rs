@@ -1,0 +1,357 @@
+//! The catalogue of physical effects: what there is, and what each one says of itself.
+//!
+//! Nothing is written down here: both simulators' lists are read out, so that an effect is complete where it is defined.
+
+mod examples;
+mod page;
+mod picture;
+
+pub use page::page;
+pub use picture::Picture;
+
+use proto::config::{Default, Field, Kind, Tag, Variant};
+use proto::effect::{About, Fit, Level};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+
+/// An effect of the catalogue.
+#[derive(Clone, Copy, Debug)]
+pub struct Listed {
+    /// What it is about: `radio` or `robots`.
+    pub of: &'static str,
+    /// Where it is configured: `netsim.phy.effect`.
+    pub section: &'static str,
+    /// Its name and keys.
+    pub variant: Variant,
+    /// What people should know of it.
+    pub about: &'static About,
+    /// How it is fitted to measurements.
+    pub fit: &'static Fit,
+}
+
+/// All effects: radio, then robots.
+#[must_use]
+pub fn all() -> Vec<Listed> {
+    let radio = netsim::phy::effect::LIST.iter().map(|entry| Listed {
+        of: "radio",
+        section: "netsim.phy.effect",
+        variant: entry.variant,
+        about: &entry.about,
+        fit: &entry.fit,
+    });
+    let robots = robotsim::dynamics::effect::LIST.iter().map(|entry| Listed {
+        of: "robots",
+        section: "robotsim.dynamics.effect",
+        variant: entry.variant,
+        about: &entry.about,
+        fit: &entry.fit,
+    });
+    radio.chain(robots).collect()
+}
+
+/// Effects of this name: `formula` is the name of two.
+///
+/// # Errors
+///
+/// That there is none, and which one may be meant.
+pub fn find(name: &str) -> Result<Vec<Listed>, String> {
+    let all = all();
+    let found: Vec<Listed> =
+        all.iter().filter(|effect| effect.variant.name == name).copied().collect();
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    let names = all.iter().map(|effect| effect.variant.name);
+    let nearest = names.min_by_key(|known| strsim::damerau_levenshtein(known, name));
+    let nearest = nearest.map(|known| format!("; did you mean {known}?")).unwrap_or_default();
+    Err(format!("there is no effect {name:?}{nearest} `orchestrator effects` lists all"))
+}
+
+/// The table of all effects, for people.
+#[must_use]
+pub fn table() -> String {
+    let all = all();
+    let width = all.iter().map(|effect| effect.variant.name.len()).max().unwrap_or_default();
+    let mut text = String::new();
+    let mut before = "";
+    for effect in &all {
+        if effect.of != before {
+            let gap = if before.is_empty() { "" } else { "\n" };
+            let _ = writeln!(text, "{gap}{}: [[{}]]", effect.of, effect.section);
+            before = effect.of;
+        }
+        let indent = " ".repeat(width + 4);
+        let _ = writeln!(
+            text,
+            "  {:width$}  {}",
+            effect.variant.name,
+            wrapped(effect.variant.doc, &indent).trim_start()
+        );
+        let needs = format!("needs {}", effect.needs().join("; "));
+        let _ = writeln!(text, "{}", wrapped(&needs, &indent));
+    }
+    let _ = write!(text, "\n`orchestrator effects NAME` explains one.");
+    text
+}
+
+/// Width of text for people.
+const WIDTH: usize = 110;
+
+/// Lines of at most [`WIDTH`] characters.
+fn wrapped(text: &str, indent: &str) -> String {
+    let mut lines = String::new();
+    let mut line = indent.to_owned();
+    for word in text.split_whitespace() {
+        if line.len() > indent.len() {
+            if WIDTH < line.chars().count() + 1 + word.chars().count() {
+                let _ = writeln!(lines, "{line}");
+                line = indent.to_owned();
+            } else {
+                line.push(' ');
+            }
+        }
+        line.push_str(word);
+    }
+    lines + &line
+}
+
+impl Listed {
+    /// What measurements must have for it to be tested.
+    #[must_use]
+    pub fn needs(&self) -> Vec<String> {
+        self.about.needs.iter().map(|need| need.describe()).collect()
+    }
+
+    /// How it is configured: a table, ready to be pasted.
+    #[must_use]
+    pub fn example(&self) -> String {
+        format!("[[{}]]\n{}", self.section, self.keys())
+    }
+
+    /// The keys of the example.
+    fn keys(&self) -> String {
+        format!("kind = {:?}\n{}", self.variant.name, examples::keys(self))
+    }
+
+    /// All that it says of itself, for people.
+    #[must_use]
+    pub fn explained(&self) -> String {
+        let mut text = format!("{} ({})\n", self.variant.name, self.of);
+        let mut part = |title: &str, body: &str| {
+            let _ = write!(text, "\n{title}\n{}\n", wrapped(body, "  "));
+        };
+        part("In short", self.variant.doc);
+        part("Mechanism", self.about.mechanism);
+        part("Equation", self.about.equation);
+        part("Source", self.about.source);
+        part("Where it holds", self.about.validity);
+        part("In the residuals of a model without it", self.about.trace);
+        part("To be tested it needs", &self.needs().join("; "));
+        part("It is judged", judged(self.fit.level));
+        if !self.fit.generalises.is_empty() {
+            part(
+                "Where one of these explains as much, that one is preferred",
+                &self.fit.generalises.join(", "),
+            );
+        }
+        let _ = writeln!(text, "\nParameters");
+        for field in self.variant.fields {
+            let _ = writeln!(text, "  {}: {}", field.key, self.range(field));
+            let _ = writeln!(text, "{}", wrapped(field.doc, "      "));
+            if let Some(fitted) = self.fitted(field.key) {
+                let _ = writeln!(text, "      {fitted}");
+            }
+        }
+        let _ = write!(text, "\nConfiguration\n");
+        for line in self.example().lines() {
+            let _ = writeln!(text, "  {line}");
+        }
+        if let Some(picture) = self.picture() {
+            let _ = write!(text, "\n{}\n", picture.caption());
+            let _ = writeln!(text, "  {}", picture.sparkline(72));
+        }
+        text.trim_end().to_owned()
+    }
+
+    /// What it looks like, with the parameters of the example. None for robots.
+    #[must_use]
+    pub fn picture(&self) -> Option<Picture> {
+        Picture::of(self)
+    }
+
+    /// A parameter's unit, range and default.
+    fn range(&self, field: &Field) -> String {
+        let kind = kind(&field.kind);
+        let unit = self.unit(field.key).map(|unit| format!(" ({unit})")).unwrap_or_default();
+        let default = match field.default {
+            Default::Required => "required".to_owned(),
+            Default::Absent | Default::Table => "optional".to_owned(),
+            Default::Bool(value) => format!("default {value}"),
+            Default::Integer(value) => format!("default {value}"),
+            Default::Number(value) => format!("default {value}"),
+            Default::Text(value) => format!("default {value:?}"),
+        };
+        format!("{kind}{unit}, {default}")
+    }
+
+    /// A parameter's unit: as the fit names it, or as its key ends.
+    fn unit(&self, key: &str) -> Option<&'static str> {
+        const UNITS: [(&str, &str); 10] = [
+            ("_dbm", "dBm"),
+            ("_db", "dB"),
+            ("_mps", "m/s"),
+            ("_mhz", "MHz"),
+            ("_rad", "rad"),
+            ("_radps", "rad/s"),
+            ("_ms", "ms"),
+            ("_m", "m"),
+            ("_s", "s"),
+            ("_c", "°C"),
+        ];
+        let fitted = self.fit.parameters.iter().find(|parameter| parameter.key == key);
+        match fitted {
+            Some(parameter) => Some(parameter.unit).filter(|unit| !unit.is_empty()),
+            None => UNITS.iter().find(|(end, _)| key.ends_with(end)).map(|&(_, unit)| unit),
+        }
+    }
+
+    fn fitted(&self, key: &str) -> Option<String> {
+        let parameter = self.fit.parameters.iter().find(|parameter| parameter.key == key)?;
+        let starts: Vec<String> = parameter.starts.iter().map(|&start| number(start)).collect();
+        let (min, max) = (number(parameter.min), number(parameter.max));
+        Some(format!("fitted from {min} to {max}, starting at {}", starts.join(", ")))
+    }
+
+    /// All of it as JSON.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let parameters: Vec<Value> = self
+            .variant
+            .fields
+            .iter()
+            .map(|field| {
+                let fit = self.fit.parameters.iter().find(|parameter| parameter.key == field.key);
+                json!({
+                    "key": field.key,
+                    "doc": field.doc,
+                    "unit": self.unit(field.key),
+                    "range": self.range(field),
+                    "fit": fit.map(|parameter| json!({
+                        "min": parameter.min,
+                        "max": parameter.max,
+                        "starts": parameter.starts,
+                    })),
+                })
+            })
+            .collect();
+        json!({
+            "name": self.variant.name,
+            "of": self.of,
+            "section": self.section,
+            "doc": self.variant.doc,
+            "mechanism": self.about.mechanism,
+            "equation": self.about.equation,
+            "source": self.about.source,
+            "validity": self.about.validity,
+            "trace": self.about.trace,
+            "needs": self.needs(),
+            "judged": judged(self.fit.level),
+            "generalises": self.fit.generalises,
+            "parameters": parameters,
+            "example": self.example(),
+            "picture": self.picture().map(|picture| picture.to_json()),
+        })
+    }
+}
+
+/// On what the gain of an effect is judged.
+fn judged(level: Level) -> &'static str {
+    match level {
+        Level::Time => "on blocks of time that are left out",
+        Level::Place => "on pairs of nodes, or places, that are left out",
+        Level::Random => "on blocks of time that are left out, its values drawn towards zero",
+    }
+}
+
+/// A number without needless digits.
+fn number(value: f64) -> String {
+    let text = format!("{value:.3}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// What a key may be.
+fn kind(kind: &Kind) -> String {
+    match kind {
+        Kind::Bool => "true or false".to_owned(),
+        Kind::Integer { min, max } => format!("whole number from {min} to {max}"),
+        Kind::Number(range) => match range.describe().as_str() {
+            "a finite number" => "number".to_owned(),
+            described => format!("number {described}"),
+        },
+        Kind::Text => "text".to_owned(),
+        Kind::File => "path of a file".to_owned(),
+        Kind::Choice(choices) => {
+            let names: Vec<String> =
+                choices.iter().map(|choice| format!("{:?}", choice.name)).collect();
+            names.join(" or ")
+        }
+        Kind::List { of, min, max } if min == max => format!("list of {min}: {}", self::kind(of)),
+        Kind::List { of, .. } => format!("list: {}", self::kind(of)),
+        Kind::Table(spec) => keys(spec.fields, spec.tag),
+        Kind::Tables(spec) => format!("list: {}", keys(spec.fields, spec.tag)),
+        Kind::Either(kinds) => kinds.iter().map(self::kind).collect::<Vec<_>>().join(" or "),
+        Kind::Anything => "table".to_owned(),
+    }
+}
+
+fn keys(fields: &[Field], tag: Option<&Tag>) -> String {
+    let tag = tag.map(|tag| tag.key);
+    let names: Vec<&str> = tag.into_iter().chain(fields.iter().map(|field| field.key)).collect();
+    format!("table with {}", names.join(", "))
+}
+
+/// The whole catalogue as JSON.
+#[must_use]
+pub fn to_json() -> Value {
+    let effects: Vec<Value> = all().iter().map(Listed::to_json).collect();
+    json!({ "schema": "effects/1", "effects": effects })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_effect_has_an_example_that_is_accepted_and_a_picture_that_shows_something() {
+        for effect in all().iter().filter(|effect| effect.of == "radio") {
+            let name = effect.variant.name;
+            let picture = effect.picture();
+            let picture = picture.unwrap_or_else(|| panic!("{name}: no picture"));
+            let values: Vec<f64> = picture.points.iter().map(|point| point[1]).collect();
+            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            assert!(most.is_finite() && least.is_finite(), "{name}");
+            assert!(least < most || name == "system-gain", "{name}: {least} everywhere");
+            assert_eq!(picture.sparkline(40).chars().count(), 40, "{name}");
+        }
+    }
+
+    #[test]
+    fn an_explanation_says_all_and_a_wrong_name_gets_a_hint() {
+        let found = find("two-ray-ground").unwrap();
+        let text = found[0].explained();
+        for part in [
+            "Fresnel",
+            "relative_permittivity: number from 1 to 80, required",
+            "polarization: \"vertical\" or \"horizontal\", default \"vertical\"",
+            "positive antenna heights",
+            "kind = \"two-ray-ground\"",
+            "fitted from 1 to 80",
+        ] {
+            assert!(text.contains(part), "{part} is not in\n{text}");
+        }
+        let error = find("two-ray").unwrap_err();
+        assert!(error.contains("did you mean"), "{error}");
+        assert!(table().lines().all(|line| line.chars().count() <= WIDTH), "{}", table());
+    }
+}

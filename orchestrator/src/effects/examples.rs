@@ -1,0 +1,94 @@
+//! Keys for an example of each effect, and for its picture.
+
+use super::Listed;
+use proto::config::{Default, Field, Kind};
+use proto::effect::Fixed;
+use std::fmt::Write as _;
+
+/// Where the starts of a fit would make an example that shows nothing, or keys are needed that no fit tries.
+const EXAMPLES: &[(&str, &str)] = &[
+    ("antenna-pattern", "front_to_back_db = 10.0\nboresight_rad = 0.0\n"),
+    ("battery-sag", "db_per_hour = -0.5\nnodes = [0, 3]\n"),
+    ("body-blocking", "loss_db = 6.0\nblocker_radius_m = 0.5\n"),
+    ("fast-fading", "k_factor_db = 3.0\n"),
+    (
+        "formula",
+        "expression = \"-a * max(temperature_c - onset_c, 0)\"\ntarget = \"mean\"\n\
+         parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\
+         parameters.onset_c = { start = 25.0, min = 0.0, max = 60.0 }\n",
+    ),
+    ("hidden-obstacle", "loss_db = 8.0\nfrom_m = [10.0, -2.0]\nto_m = [10.0, 2.0]\n"),
+    ("interference", "centre_mhz = 2437.0\nduty = 0.3\n"),
+    ("motion-fading", "rician_k_db = -5.0\n"),
+    ("multipath", "sd_db = 4.0\ncoherence_mhz = 5.0\n"),
+    ("node-offset", "tx_sd_db = 1.5\nrx_sd_db = 1.0\n"),
+    ("noise-floor", "shift_db = 4.0\n"),
+    ("path-loss-exponent", "exponent = 3.0\n"),
+    ("receiver-nonlinearity", "saturation_dbm = -55.0\nslope = 0.4\n"),
+    ("reception-curve", "p50_dbm = -93.0\nwidth_db = 0.7\n"),
+    ("shadowing", "sd_db = 4.0\ndecorrelation_m = 8.3\n"),
+    ("system-gain", "gain_db = -3.0\n"),
+    ("temperature", "db_per_c = -0.15\n"),
+    ("two-ray-ground", "relative_permittivity = 15.0\npolarization = \"vertical\"\n"),
+    ("vegetation", "db_per_m = -0.4\n"),
+    ("wall-attenuation", "loss_db = 6.0\n"),
+];
+
+/// Keys for an example: those above, or, for an effect that is not among them, where its fit starts.
+pub(super) fn keys(effect: &Listed) -> String {
+    let name = effect.variant.name;
+    let example =
+        EXAMPLES.iter().find(|(known, _)| *known == name).filter(|_| effect.of == "radio");
+    if let Some((_, keys)) = example {
+        return (*keys).to_owned();
+    }
+    let mut keys = String::new();
+    let mut lists: Vec<(&str, Vec<f64>)> = Vec::new();
+    for (key, value) in effect.fit.variants.first().copied().unwrap_or_default() {
+        let _ = match value {
+            Fixed::Text(text) => writeln!(keys, "{key} = {text:?}"),
+            Fixed::Number(number) => writeln!(keys, "{key} = {number:?}"),
+            Fixed::Bool(truth) => writeln!(keys, "{key} = {truth}"),
+        };
+    }
+    for parameter in effect.fit.parameters {
+        let start = parameter.starts.first().copied().unwrap_or_default();
+        // `velocity_mps[1]` is an entry of a list.
+        match parameter.key.split_once('[') {
+            None => {
+                let _ = writeln!(keys, "{} = {start:?}", parameter.key);
+            }
+            Some((list, _)) => match lists.iter_mut().find(|(known, _)| *known == list) {
+                Some((_, values)) => values.push(start),
+                None => lists.push((list, vec![start])),
+            },
+        }
+    }
+    for (list, values) in lists {
+        let _ = writeln!(keys, "{list} = {values:?}");
+    }
+    for field in effect.variant.fields {
+        if matches!(field.default, Default::Required)
+            && !keys.contains(&format!("{} = ", field.key))
+        {
+            let _ = writeln!(keys, "{} = {}", field.key, some_value(field));
+        }
+    }
+    keys
+}
+
+/// A value that a required key may have.
+fn some_value(field: &Field) -> String {
+    let number = |kind: &Kind| match kind {
+        Kind::Number(range) => range.nearest(1.0).unwrap_or(1.0),
+        _ => 1.0,
+    };
+    match &field.kind {
+        Kind::Bool => "true".to_owned(),
+        Kind::Integer { min, .. } => min.to_string(),
+        Kind::List { of, min, .. } => format!("{:?}", vec![number(of); *min]),
+        Kind::Choice(choices) => format!("{:?}", choices.first().map_or("", |choice| choice.name)),
+        Kind::Text | Kind::File => "\"…\"".to_owned(),
+        kind => format!("{:?}", number(kind)),
+    }
+}

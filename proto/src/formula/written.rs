@@ -1,0 +1,215 @@
+//! A formula as configurations write it: `expression`, `parameters`, `columns`.
+
+use super::{Formula, operators};
+use crate::config::{Default, Field, Kind, Problem};
+
+/// Keys of every effect that is a formula.
+pub const FIELDS: [Field; 3] = [
+    Field {
+        key: "expression",
+        doc: "The expression: numbers, names, + - * / ^, parentheses and functions.",
+        kind: Kind::Text,
+        default: Default::Required,
+    },
+    Field {
+        key: "parameters",
+        doc: "Names of its own that the expression uses: a table with, for each, value, or start where it is not fitted yet, and \
+              the range min to max for a fit.",
+        kind: Kind::Anything,
+        default: Default::Absent,
+    },
+    Field {
+        key: "columns",
+        doc: "Columns of measurements that the expression uses though their names look like mistyped ones. Others need not be \
+              listed.",
+        kind: Kind::List { of: &Kind::Text, min: 1, max: 100 },
+        default: Default::Absent,
+    },
+];
+
+/// More names than this no expression may use.
+pub const MOST_NAMES: usize = 32;
+
+/// A formula of a configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Written {
+    /// The formula.
+    pub formula: Formula,
+    /// Its parameters, with their values.
+    pub parameters: Vec<(String, f64)>,
+}
+
+impl Written {
+    /// Reads the keys of [`FIELDS`] of a table that stands at `path`. `known`: names that every expression may use.
+    ///
+    /// Nothing is returned where something is wrong, which is then among the problems.
+    pub fn read(
+        table: &toml::Table,
+        path: &str,
+        known: &[&str],
+        problems: &mut Vec<Problem>,
+    ) -> Option<Self> {
+        let before = problems.len();
+        let parameters = parameters(table, &format!("{path}.parameters"), known, problems);
+        let columns: Vec<&str> = table
+            .get("columns")
+            .and_then(toml::Value::as_array)
+            .map(|columns| columns.iter().filter_map(toml::Value::as_str).collect())
+            .unwrap_or_default();
+        let mut names: Vec<&str> = known.to_vec();
+        names.extend(parameters.iter().map(|(name, _)| name.as_str()));
+        names.extend(columns);
+        let expression = table.get("expression")?.as_str()?;
+        let key = format!("{path}.expression");
+        match Formula::parse(expression, &names, &|_| true) {
+            Ok(formula) if MOST_NAMES < formula.names().len() => {
+                let message = format!("must not use more than {MOST_NAMES} names");
+                problems.push(Problem::new(key, message).value(formula.names().len()));
+                None
+            }
+            Ok(formula) => {
+                for (name, _) in &parameters {
+                    if !formula.names().contains(name) {
+                        let key = format!("{path}.parameters.{name}");
+                        problems.push(Problem::new(key, "must be used by the expression"));
+                    }
+                }
+                (problems.len() == before).then_some(Self { formula, parameters })
+            }
+            Err(error) => {
+                problems.push(Problem::new(key, error.to_string()));
+                None
+            }
+        }
+    }
+
+    /// The value of a parameter, if there is one of this name.
+    #[must_use]
+    pub fn parameter(&self, name: &str) -> Option<f64> {
+        self.parameters.iter().find(|(known, _)| known == name).map(|&(_, value)| value)
+    }
+}
+
+fn parameters(
+    table: &toml::Table,
+    path: &str,
+    known: &[&str],
+    problems: &mut Vec<Problem>,
+) -> Vec<(String, f64)> {
+    let Some(written) = table.get("parameters") else { return Vec::new() };
+    let Some(written) = written.as_table() else {
+        problems.push(Problem::new(path, "must be a table of parameters").value(written));
+        return Vec::new();
+    };
+    let mut read = Vec::new();
+    for (name, keys) in written {
+        let path = format!("{path}.{name}");
+        let mut wrong = |key: &str, message: &str| {
+            problems.push(Problem::new(format!("{path}{key}"), message));
+        };
+        let is_name = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+            && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        if !is_name {
+            wrong("", "must be a name: letters, digits and _, not a digit first");
+        } else if known.contains(&name.as_str()) || operators::is_taken(name) {
+            wrong("", "must be a name of its own: this one has a meaning already");
+        }
+        let Some(keys) = keys.as_table() else {
+            wrong("", "must be a table with value or start, and min and max");
+            continue;
+        };
+        for key in keys.keys() {
+            if !["value", "start", "min", "max"].contains(&key.as_str()) {
+                wrong(&format!(".{key}"), "is unknown: value, start, min or max");
+            }
+        }
+        let number = |key: &str| match keys.get(key)? {
+            toml::Value::Float(number) => Some(*number),
+            toml::Value::Integer(number) => Some(*number as f64),
+            _ => Some(f64::NAN),
+        };
+        for key in ["value", "start", "min", "max"] {
+            if number(key).is_some_and(|number| !number.is_finite()) {
+                wrong(&format!(".{key}"), "must be a finite number");
+            }
+        }
+        if let (Some(min), Some(max)) = (number("min"), number("max"))
+            && max <= min
+        {
+            wrong(".max", "must be greater than min");
+        }
+        match number("value").or(number("start")) {
+            Some(value) => read.push((name.clone(), value)),
+            None => wrong("", "must have value, or start where it is not fitted yet"),
+        }
+    }
+    read
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> (Option<Written>, String) {
+        let mut problems = Vec::new();
+        let written = Written::read(
+            &text.parse::<toml::Table>().unwrap(),
+            "effect[2]",
+            &["distance_m"],
+            &mut problems,
+        );
+        (written, problems.iter().map(|problem| format!("{problem}\n")).collect())
+    }
+
+    #[test]
+    fn a_value_is_used_where_there_is_one_and_the_start_otherwise() {
+        let (written, problems) = read(
+            "expression = \"a * distance_m + b * humidity_pct\"\n\
+             parameters = { a = { start = 1, min = 0, max = 9 }, b = { start = 2.0, value = 3.0 } }",
+        );
+        assert_eq!(problems, "");
+        let written = written.unwrap();
+        assert_eq!(written.parameters, [("a".to_owned(), 1.0), ("b".to_owned(), 3.0)]);
+        assert_eq!(written.parameter("b"), Some(3.0));
+        assert_eq!(written.formula.names(), ["a", "distance_m", "b", "humidity_pct"]);
+    }
+
+    #[test]
+    fn refusals_name_the_key_and_point_into_the_expression() {
+        for (text, expected) in [
+            (
+                "expression = \"2 * distanc_m\"",
+                "effect[2].expression: unknown name distanc_m; did you mean distance_m?\n    2 * distanc_m\n        ^\n",
+            ),
+            (
+                "expression = \"a\"\nparameters = { a = { min = 0 } }",
+                "effect[2].parameters.a: must have value, or start where it is not fitted yet\n",
+            ),
+            (
+                "expression = \"a\"\nparameters = { a = { start = 1, min = 2, max = 2 } }",
+                "effect[2].parameters.a.max: must be greater than min\n",
+            ),
+            (
+                "expression = \"a\"\nparameters = { a = { start = \"x\", step = 1 } }",
+                "effect[2].parameters.a.step: is unknown: value, start, min or max\n\
+                 effect[2].parameters.a.start: must be a finite number\n",
+            ),
+            (
+                "expression = \"distance_m\"\nparameters = { b = { value = 1 } }",
+                "effect[2].parameters.b: must be used by the expression\n",
+            ),
+            (
+                "expression = \"sqrt(distance_m)\"\nparameters = { distance_m = { value = 1 } }",
+                "effect[2].parameters.distance_m: must be a name of its own: this one has a meaning already\n",
+            ),
+            (
+                "expression = \"distance_m\"\nparameters = 3",
+                "effect[2].parameters: must be a table of parameters, got 3\n",
+            ),
+        ] {
+            assert_eq!(read(text).1, expected, "{text}");
+        }
+        let listed = "expression = \"distanc_m\"\ncolumns = [\"distanc_m\"]";
+        assert_eq!(read(listed).1, "");
+    }
+}

@@ -1,0 +1,103 @@
+//! docs/effects.md is made from the effects' own words, and what docs/adding-an-effect.md walks through is compiled and run.
+//!
+//! `UPDATE_REFERENCE=1 cargo test --release -p tests --test it catalogue` writes docs/effects.md anew.
+
+use std::path::PathBuf;
+
+fn written(name: &str) -> (PathBuf, String) {
+    let path = tests::repository().join(name);
+    let text = std::fs::read_to_string(&path).unwrap_or_default();
+    (path, text)
+}
+
+#[test]
+fn the_catalogue_is_what_the_effects_say_of_themselves() {
+    let page = orchestrator::effects::page();
+    let (path, mut text) = written("docs/effects.md");
+    if std::env::var_os("UPDATE_REFERENCE").is_some() {
+        std::fs::write(&path, &page).unwrap();
+        text.clone_from(&page);
+    }
+    assert!(
+        text == page,
+        "docs/effects.md is out of date: write it anew as tests/it/catalogue.rs says"
+    );
+}
+
+#[test]
+fn the_walk_through_is_the_example_that_the_tests_compile() {
+    let (_, example) = written("netsim/examples/low_antenna.rs");
+    let (_, guide) = written("docs/adding-an-effect.md");
+    let blocks: Vec<&str> =
+        guide.split("```rust\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    assert!(4 <= blocks.len(), "{}", blocks.len());
+    for block in &blocks {
+        for part in block.trim().split("\n\n") {
+            assert!(example.contains(part), "not in the example:\n{part}");
+        }
+    }
+    // Nothing of the effect is left out: all but the comment on top and the program that shows it.
+    let shown: usize = blocks.iter().map(|block| block.trim().lines().count()).sum();
+    let program = example.split("fn main() {").nth(1).unwrap().split("\n}\n").next().unwrap();
+    let rest = example.lines().count() - program.lines().count() - shown;
+    assert!(rest <= 12, "{rest} lines of the example are not shown");
+}
+
+#[test]
+fn the_formula_of_the_walk_through_is_accepted_and_its_error_is_the_one_shown() {
+    let (_, guide) = written("docs/adding-an-effect.md");
+    let toml = guide.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let flocking = std::fs::read_to_string(tests::repository().join("configs/flocking.toml"));
+    let flocking = flocking.unwrap();
+    let check = |effect: &str| {
+        let folder = tests::folder();
+        std::fs::write(folder.path().join("x.toml"), format!("{flocking}\n{effect}")).unwrap();
+        let output = tests::orchestrator(&["check", "x.toml"], folder.path());
+        (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (is_good, said) = check(toml);
+    assert!(is_good, "{said}");
+    let broken = toml
+        .replace("-a * max(temperature_c - onset_c, 0)", "-a * distanc_m")
+        .lines()
+        .filter(|line| !line.contains("onset_c"))
+        .collect::<Vec<_>>()
+        .join("\n");
+    let (is_good, said) = check(&broken);
+    let shown = guide.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
+    assert!(!is_good, "{broken}");
+    for line in shown.lines() {
+        assert!(said.contains(line), "{line} is not in\n{said}");
+    }
+}
+
+#[test]
+fn the_program_lists_explains_and_draws_effects() {
+    let folder = tests::folder();
+    let run = |arguments: &[&str]| {
+        let output = tests::orchestrator(&[&["effects"], arguments].concat(), folder.path());
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let (code, list, _) = run(&[]);
+    assert_eq!(code, Some(0));
+    let (code, json, _) = run(&["--json", "-"]);
+    assert_eq!(code, Some(0));
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let effects = json["effects"].as_array().unwrap();
+    assert!(30 <= effects.len(), "{}", effects.len());
+    for effect in effects {
+        let name = effect["name"].as_str().unwrap();
+        assert!(list.contains(name), "{name}");
+        let (code, text, _) = run(&[name]);
+        assert_eq!(code, Some(0), "{name}");
+        assert!(text.contains(&format!("kind = {name:?}")), "{text}");
+    }
+    let (code, ..) = run(&["two-ray-ground", "--svg", "two-ray-ground.svg"]);
+    assert_eq!(code, Some(0));
+    let picture = std::fs::read_to_string(folder.path().join("two-ray-ground.svg")).unwrap();
+    assert!(picture.starts_with("<svg xmlns") && picture.trim_end().ends_with("</svg>"));
+    let (code, _, error) = run(&["two-way-ground"]);
+    assert_eq!(code, Some(2));
+    assert!(error.contains("did you mean two-ray-ground?"), "{error}");
+}
