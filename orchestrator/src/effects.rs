@@ -9,7 +9,7 @@ mod picture;
 pub use page::page;
 pub use picture::Picture;
 
-use proto::config::{Default, Field, Kind, Tag, Variant};
+use proto::config::{Default, Field, Kind, Tag, Variant, most_similar};
 use proto::effect::{About, Fit, Level};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -61,10 +61,9 @@ pub fn find(name: &str) -> Result<Vec<Listed>, String> {
     if !found.is_empty() {
         return Ok(found);
     }
-    let names = all.iter().map(|effect| effect.variant.name);
-    let nearest = names.min_by_key(|known| strsim::damerau_levenshtein(known, name));
+    let nearest = most_similar(name, all.iter().map(|effect| effect.variant.name));
     let nearest = nearest.map(|known| format!("; did you mean {known}?")).unwrap_or_default();
-    Err(format!("there is no effect {name:?}{nearest} `orchestrator effects` lists all"))
+    Err(format!("there is no effect {name:?}{nearest}\n`orchestrator effects` lists all"))
 }
 
 /// The table of all effects, for people.

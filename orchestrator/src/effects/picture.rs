@@ -97,7 +97,7 @@ impl Picture {
                 .iter()
                 .map(|sweep| (sweep, swept(&*effect, sweep, value)))
                 .fold(None, |best: Option<(&Sweep, Vec<[f64; 2]>)>, (sweep, points)| match best {
-                    Some((_, before)) if spread(&points) <= spread(&before) * 1.01 => best,
+                    Some((_, ref before)) if spread(&points) <= spread(before) * 1.01 => best,
                     _ => Some((sweep, points)),
                 })
                 .filter(|(_, points)| 0.0 < spread(points))
