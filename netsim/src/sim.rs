@@ -55,7 +55,7 @@ struct Snapshot {
 /// What changes as time goes on.
 #[derive(Serialize, Deserialize)]
 enum State {
-    PropagationOnly(Place),
+    PropagationOnly(Box<Place>),
     Mesh(Box<crate::mesh::network::State>),
 }
 
@@ -116,7 +116,7 @@ impl Mode {
         let n = experiment.agent_count;
         match (config.network.take(), state) {
             (None, State::PropagationOnly(place)) if place.is_of(n) => Some(Self::PropagationOnly(
-                Box::new(Broadcast::with_place(experiment, config, columns, place)),
+                Box::new(Broadcast::with_place(experiment, config, columns, *place)),
             )),
             (Some(network), State::Mesh(state))
                 if state.place.is_of(n) && state.motes.len() == n =>
@@ -133,7 +133,9 @@ impl Mode {
 
     fn state(&self) -> State {
         match self {
-            Self::PropagationOnly(broadcast) => State::PropagationOnly(broadcast.place().clone()),
+            Self::PropagationOnly(broadcast) => {
+                State::PropagationOnly(Box::new(broadcast.place().clone()))
+            }
             Self::Mesh(mesh) => State::Mesh(Box::new(mesh.state().clone())),
         }
     }

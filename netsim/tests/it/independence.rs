@@ -49,9 +49,21 @@ fn a_robot_far_out_of_range_changes_no_draw() {
 
 #[test]
 fn an_unrelated_effect_changes_no_draw() {
-    // What an effect must not do is to disturb other draws. These four leave every level as it is: two of them are
-    // without any strength, one only changes readings, one is undone by another.
+    // What an effect must not do is to disturb other draws. These leave every level as it is: most are without any
+    // strength, some only change readings, one is undone by another.
     let unrelated = [
+        "[[phy.effect]]\nkind = \"multipath\"\nsd_db = 0.0",
+        "[[phy.effect]]\nkind = \"node-offset\"\ntx_db = [0.0, 0.0]",
+        "[[phy.effect]]\nkind = \"path-loss-exponent\"\nexponent = 2",
+        "[[phy.effect]]\nkind = \"noise-floor\"\nshift_db = 0",
+        "[[phy.effect]]\nkind = \"wall-attenuation\"\nloss_db = 9",
+        "[[phy.effect]]\nkind = \"body-blocking\"\nloss_db = 0",
+        "[[phy.effect]]\nkind = \"vegetation\"\n[[phy.effect]]\nkind = \"diffraction\"",
+        "[[phy.effect]]\nkind = \"interference\"\ncentre_mhz = 2437\nduty = 0.5",
+        "[[phy.effect]]\nkind = \"motion-fading\"\nrician_k_db = 60",
+        "[[phy.effect]]\nkind = \"temperature\"\ndb_per_c = -1",
+        "[[phy.effect]]\nkind = \"receiver-nonlinearity\"\nsaturation_dbm = -60\nslope = 0.1",
+        "[[phy.effect]]\nkind = \"formula\"\nexpression = \"0 * distance_m\"",
         "[[phy.effect]]\nkind = \"shadowing\"\nsd_db = 0.0",
         "[[phy.effect]]\nkind = \"system-gain\"\ngain_db = 0.0",
         "[[phy.effect]]\nkind = \"system-gain\"\ngain_db = 9.0\nregister_only = true",
@@ -243,7 +255,7 @@ fn readings_of(deliveries: &Deliveries, n: usize) -> Vec<(u32, u32, u32)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
     fn shortcuts_agree_with_the_plain_double_loop(
@@ -255,6 +267,19 @@ proptest! {
             "[phy.reception]\nkind = \"table\"\npoints = [[-92, 0.0], [-91.999, 0.6], [-80, 0.9]]",
             "[[phy.effect]]\nkind = \"shadowing\"\nsd_db = 4",
             "[[phy.effect]]\nkind = \"system-gain\"\ngain_db = -6",
+            "[[phy.effect]]\nkind = \"fast-fading\"\nk_factor_db = -60",
+            "[[phy.effect]]\nkind = \"fast-fading\"\nk_factor_db = 18",
+            "[[phy.effect]]\nkind = \"multipath\"\nsd_db = 4",
+            "[[phy.effect]]\nkind = \"node-offset\"\ntx_sd_db = 2\nrx_sd_db = 1",
+            "[[phy.effect]]\nkind = \"path-loss-exponent\"\nexponent = 3.3",
+            "[[phy.effect]]\nkind = \"path-loss-exponent\"\nexponent = 1.7",
+            "[[phy.effect]]\nkind = \"reception-curve\"\np50_dbm = -91\nwidth_db = 0.8",
+            "[[phy.effect]]\nkind = \"noise-floor\"\nshift_db = 3\n[[phy.effect]]\nkind = \"multipath\"\nsd_db = 2",
+            "[[phy.effect]]\nkind = \"interference\"\ncentre_mhz = 2437\nwidth_mhz = 90\nduty = 0.4\npower_dbm = -80\n\
+             sir_threshold_db = 3",
+            "[[phy.effect]]\nkind = \"hidden-obstacle\"\nloss_db = 9\ncentre_m = [9, 9]\nradius_m = 4",
+            "[[phy.effect]]\nkind = \"body-blocking\"\nloss_db = 5",
+            "[[phy.effect]]\nkind = \"formula\"\nexpression = \"3 * sin(distance_m)\"\nlimit_db = 3",
         ][..]),
         hopping in prop::sample::select(&["", "hopping_sequence = [11, 26, 17]\n"][..]),
         n in 2usize..180,

@@ -182,9 +182,10 @@ fn an_effect_without_strength_changes_nothing() {
         for (radio, seed) in RADIOS.iter().zip(50..) {
             let scenario = Scenario::draw(function, radio, Spice::NONE, seed, 12);
             let alone = motes_at_the_end(&scenario);
-            for effect in
-                ["kind = \"shadowing\"\nsd_db = 0.0", "kind = \"system-gain\"\ngain_db = 0.0"]
-            {
+            for effect in [
+                "kind = \"shadowing\"\nsd_db = 0.0",
+                "kind = \"system-gain\"\ngain_db = 0.0\n[[phy.effect]]\nkind = \"multipath\"\nsd_db = 0.0",
+            ] {
                 assert!(
                     motes_at_the_end(&scenario.with_effect(effect)) == alone,
                     "{}",
