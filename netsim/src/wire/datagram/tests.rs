@@ -190,12 +190,12 @@ fn a_wrong_checksum_is_noticed() {
 
 /// What the standing networks of `orchestrator bench` send.
 #[test]
-fn a_payload_of_61_bytes_makes_a_datagram_of_90_to_a_root_some_hops_away() {
+fn a_payload_of_72_bytes_makes_a_datagram_of_90_to_a_root_some_hops_away() {
     let [source, relay, root] = [5, 3, 0].map(Eui64::of_mote);
-    let payload = Bytes::from(vec![0; 61]);
+    let payload = Bytes::from(vec![0; 72]);
     let upper = Upper::Udp(UdpRepr { source_port: 61_616, destination_port: 61_616, payload });
     let datagram = Datagram { rpi: Some(UP), upper, ..udp(5, 0) };
-    assert_eq!(datagram.compressed_len(source, Some(relay)), 90);
-    assert_eq!(datagram.compressed_len(relay, Some(root)), 90);
-    assert_eq!(datagram.compressed_len(source, Some(root)), 82);
+    let hops = [(source, relay), (relay, root), (source, root)];
+    let lengths = hops.map(|(from, to)| datagram.compressed_len(from, Some(to)));
+    assert_eq!(lengths, [90, 90, 82]);
 }
