@@ -118,6 +118,9 @@ impl Listed {
     /// What measurements must have for it to be tested.
     #[must_use]
     pub fn needs(&self) -> Vec<String> {
+        if self.about.needs.is_empty() {
+            return vec!["nothing beyond what every file has".to_owned()];
+        }
         self.about.needs.iter().map(|need| need.describe()).collect()
     }
 
@@ -209,7 +212,7 @@ impl Listed {
         ];
         let fitted = self.fit.parameters.iter().find(|parameter| parameter.key == key);
         match fitted {
-            Some(parameter) => Some(parameter.unit).filter(|unit| !unit.is_empty()),
+            Some(parameter) => Some(parameter.unit).filter(|unit| !["", "1"].contains(unit)),
             None => UNITS.iter().find(|(end, _)| key.ends_with(end)).map(|&(_, unit)| unit),
         }
     }
@@ -275,7 +278,8 @@ fn judged(level: Level) -> &'static str {
 /// A number without needless digits.
 fn number(value: f64) -> String {
     let text = format!("{value:.3}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
 /// What a key may be.
@@ -319,6 +323,16 @@ pub fn to_json() -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_example_on_robots_is_accepted() {
+        for effect in all().iter().filter(|effect| effect.of == "robots") {
+            let (name, mut problems) = (effect.variant.name, Vec::new());
+            let node = proto::config::parse(&effect.keys()).unwrap();
+            proto::config::check(&node, "", &robotsim::dynamics::effect::SPEC, &mut problems);
+            assert!(problems.is_empty(), "{name}: {problems:?}");
+        }
+    }
 
     #[test]
     fn every_effect_has_an_example_that_is_accepted_and_a_picture_that_shows_something() {

@@ -6,7 +6,7 @@ use proto::effect::Fixed;
 use std::fmt::Write as _;
 
 /// Where the starts of a fit would make an example that shows nothing, or keys are needed that no fit tries.
-const EXAMPLES: &[(&str, &str)] = &[
+const RADIO: &[(&str, &str)] = &[
     ("antenna-pattern", "front_to_back_db = 10.0\nboresight_rad = 0.0\n"),
     ("battery-sag", "db_per_hour = -0.5\nnodes = [0, 3]\n"),
     ("body-blocking", "loss_db = 6.0\nblocker_radius_m = 0.5\n"),
@@ -34,16 +34,33 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("wall-attenuation", "loss_db = 6.0\n"),
 ];
 
+/// As [`RADIO`], for robots.
+const ROBOTS: &[(&str, &str)] = &[
+    ("acceleration-limit", "limit_mps2 = 1.5\n"),
+    ("actuator-lag", "tau_s = 0.3\n"),
+    ("dead-band", "threshold_mps = 0.05\n"),
+    ("dead-time", "delay_s = 0.2\n"),
+    ("downwash", "gain = 0.3\nrange_m = 0.5\n"),
+    ("heading-bias", "angle_rad = 0.05\n"),
+    ("localization", "sd_m = 0.02\n"),
+    ("quadratic-drag", "coefficient_per_m = 0.02\n"),
+    ("rough-ground", "centre_m = [10.0, 5.0]\nradius_m = 4.0\nscale = 0.6\n"),
+    ("slip", "scale = 0.95\n"),
+    ("slope", "gain = 0.5\n"),
+    ("speed-limit", "limit_mps = 1.2\n"),
+    ("steering-bias", "rate_radps = 0.05\n"),
+    ("wind", "velocity_mps = [0.2, -0.1, 0.0]\n"),
+    ("yaw-coupling", "gain = 0.1\n"),
+];
+
 /// Keys for an example: those above, or, for an effect that is not among them, where its fit starts.
 pub(super) fn keys(effect: &Listed) -> String {
     let name = effect.variant.name;
-    let example =
-        EXAMPLES.iter().find(|(known, _)| *known == name).filter(|_| effect.of == "radio");
-    if let Some((_, keys)) = example {
+    let examples = if effect.of == "radio" { RADIO } else { ROBOTS };
+    if let Some((_, keys)) = examples.iter().find(|(known, _)| *known == name) {
         return (*keys).to_owned();
     }
     let mut keys = String::new();
-    let mut lists: Vec<(&str, Vec<f64>)> = Vec::new();
     for (key, value) in effect.fit.variants.first().copied().unwrap_or_default() {
         let _ = match value {
             Fixed::Text(text) => writeln!(keys, "{key} = {text:?}"),
@@ -53,19 +70,7 @@ pub(super) fn keys(effect: &Listed) -> String {
     }
     for parameter in effect.fit.parameters {
         let start = parameter.starts.first().copied().unwrap_or_default();
-        // `velocity_mps[1]` is an entry of a list.
-        match parameter.key.split_once('[') {
-            None => {
-                let _ = writeln!(keys, "{} = {start:?}", parameter.key);
-            }
-            Some((list, _)) => match lists.iter_mut().find(|(known, _)| *known == list) {
-                Some((_, values)) => values.push(start),
-                None => lists.push((list, vec![start])),
-            },
-        }
-    }
-    for (list, values) in lists {
-        let _ = writeln!(keys, "{list} = {values:?}");
+        let _ = writeln!(keys, "{} = {start:?}", parameter.key);
     }
     for field in effect.variant.fields {
         if matches!(field.default, Default::Required)
