@@ -5,6 +5,7 @@
 //! The equations here are written from the catalogue's sources. Nothing of the simulators, of the fit or of the
 //! diagnosis is used, so that an error there cannot hide in an equal one here.
 
+pub mod blind;
 mod draws;
 mod effect;
 mod field;

@@ -47,6 +47,38 @@ pub fn deviation(values: &[f64]) -> f64 {
     (sum / (values.len() as f64 - 1.0)).sqrt()
 }
 
+/// The exact interval of a probability of which `n_of` of `n` cases were: Clopper and Pearson 1934, with this probability to miss
+/// it.
+#[must_use]
+pub fn binomial_interval(n_of: usize, n: usize, level: f64) -> [f64; 2] {
+    // The probability of at most k of n.
+    let at_most = |k: usize, share: f64| {
+        let mut log = n as f64 * (-share).ln_1p();
+        let mut sum = log.exp();
+        for i in 1..=k {
+            log += ((n - i + 1) as f64 / i as f64).ln() + share.ln() - (-share).ln_1p();
+            sum += log.exp();
+        }
+        sum
+    };
+    let solved = |k: usize, probability: f64| {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..60 {
+            let middle = (low + high) / 2.0;
+            if probability < at_most(k, middle) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        (low + high) / 2.0
+    };
+    [
+        if n_of == 0 { 0.0 } else { solved(n_of - 1, 1.0 - level / 2.0) },
+        if n_of == n { 1.0 } else { solved(n_of, level / 2.0) },
+    ]
+}
+
 /// What a figure of our runs, and the same figure of as many as another program had, come to by chance: 4000 draws of
 /// either from our runs.
 #[derive(Clone, Debug)]
@@ -170,5 +202,24 @@ impl Comparison {
     #[must_use]
     pub fn excludes(&self, difference: f64) -> bool {
         -difference < self.interval[0] && self.interval[1] < difference
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::binomial_interval;
+
+    #[test]
+    fn intervals_of_shares_are_exact() {
+        // 1 - 0.025^(1/10), and what a sum of terms by log-gamma functions gives in another language.
+        for ([n_of, n], [low, high]) in [
+            ([0, 10], [0.0, 0.308_497]),
+            ([5, 10], [0.187_086, 0.812_914]),
+            ([10, 10], [0.691_503, 1.0]),
+            ([20, 1000], [0.012_258, 0.030_720]),
+        ] {
+            let found = binomial_interval(n_of, n, 0.05);
+            assert!((found[0] - low).abs() < 1e-6 && (found[1] - high).abs() < 1e-6, "{found:?}");
+        }
     }
 }

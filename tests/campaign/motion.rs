@@ -20,6 +20,14 @@ pub(crate) struct Hill {
     pub(crate) radius_m: f64,
 }
 
+impl Hill {
+    /// What it adds to the height of the ground (m).
+    pub(crate) fn height_at(&self, place: Point) -> f64 {
+        let off = distance(place, self.centre_m) / self.radius_m;
+        self.height_m * (-0.5 * off * off).exp()
+    }
+}
+
 /// Everything that acts on robots. [`Physics::ideal`]: nothing but the command.
 #[derive(Clone, Debug)]
 pub(crate) struct Physics {
@@ -96,8 +104,7 @@ impl Physics {
         ];
         for hill in &self.hills {
             let square = hill.radius_m.powi(2);
-            let height_m =
-                hill.height_m * (-0.5 * distance(at, hill.centre_m).powi(2) / square).exp();
+            let height_m = hill.height_at(at);
             for axis in 0..2 {
                 // -k ∇h.
                 drift[axis] +=
@@ -312,7 +319,8 @@ mod tests {
         let hill = Hill { centre_m: [0.0; 2], height_m: 3.0, radius_m: 5.0 };
         let physics =
             Physics { slope_gain: 2.0, hills: vec![hill], ..Physics::ideal(Drive::Velocity) };
-        let height = |x: f64| 3.0 * (-0.5 * x * x / 25.0).exp();
+        let height = |x: f64| hill.height_at([x, 0.0]);
+        near(height(5.0), 3.0 * (-0.5_f64).exp(), 1e-12);
         let gradient = (height(4.0 + 1e-5) - height(4.0 - 1e-5)) / 2e-5;
         near(physics.drift_mps([4.0, 0.0], 0.0)[0], -2.0 * gradient, 1e-8);
     }

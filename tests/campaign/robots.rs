@@ -15,6 +15,8 @@ use std::fmt::Write as _;
 
 /// Standard deviation of the measured heading (rad).
 const HEADING_SD_RAD: f64 = 0.002;
+/// Spacing of the heights in the configuration (m); the true hills are smooth.
+const GRID_M: f64 = 2.0;
 /// Samples in the window that a size and a score are about: one second.
 const WINDOW: usize = 20;
 
@@ -299,14 +301,21 @@ impl<'a> Plan<'a> {
             let _ = write!(text, "\n[robotsim.localization]\nsd_m = {:?}\n", self.fleet.noise_m);
         }
         if self.kinds.contains(&RobotHidden::Slope) {
-            for hill in &self.hills {
-                let Hill { centre_m, height_m, radius_m } = hill;
-                let _ = write!(
-                    text,
-                    "\n[[site.terrain]]\ncentre_m = {centre_m:?}\nheight_m = {height_m:?}\n\
-                     radius_m = {radius_m:?}\n"
-                );
-            }
+            // Robots may leave the place a little.
+            let margin_m = 30.0;
+            let n = self.fleet.extent_m.map(|extent| ((extent + 2.0 * margin_m) / GRID_M) as usize);
+            let height_m = |row: usize, column: usize| {
+                let place = [column, row].map(|k| k as f64 * GRID_M - margin_m);
+                rounded(self.hills.iter().map(|hill| hill.height_at(place)).sum(), 4)
+            };
+            let rows: Vec<Vec<f64>> = (0..=n[1])
+                .map(|row| (0..=n[0]).map(|column| height_m(row, column)).collect())
+                .collect();
+            let _ = write!(
+                text,
+                "\n[site.terrain]\norigin_m = [-{margin_m:?}, -{margin_m:?}]\nspacing_m = {GRID_M:?}\n\
+                 height_m = {rows:?}\n"
+            );
         }
         text
     }
