@@ -4,6 +4,7 @@
 //! well data that were left out are predicted. A [`Study`] is one file of measurements held against one configuration.
 
 pub mod folds;
+pub mod links;
 
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};

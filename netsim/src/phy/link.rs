@@ -63,7 +63,12 @@ pub enum Covariates<'a> {
     /// One value per agent and name.
     Agents(&'a [Covariate]),
     /// The columns of one row of measurements: `temperature_c`, or `tx_temperature_c` and `rx_temperature_c`.
-    Row(&'a [(String, f64)]),
+    Row {
+        /// Names of the columns.
+        names: &'a [String],
+        /// Their values, one each; NaN where one is missing.
+        values: &'a [f64],
+    },
 }
 
 /// Which end of a link.
@@ -129,13 +134,14 @@ impl Link<'_> {
                 let column = columns.iter().find(|column| column.name == name)?;
                 column.values.get(id as usize).copied()
             }
-            Covariates::Row(columns) => {
+            Covariates::Row { names, values } => {
                 let prefix = match side {
                     Side::Sender => "tx_",
                     Side::Receiver => "rx_",
                 };
                 let of = |wanted: &dyn Fn(&str) -> bool| {
-                    columns.iter().find(|(column, _)| wanted(column)).map(|&(_, value)| value)
+                    let index = names.iter().position(|column| wanted(column))?;
+                    values.get(index).copied().filter(|value| !value.is_nan())
                 };
                 of(&|column| column.strip_prefix(prefix) == Some(name))
                     .or_else(|| of(&|column| column == name))
@@ -156,8 +162,9 @@ mod tests {
 
     #[test]
     fn a_row_names_an_end_by_prefix_and_otherwise_serves_both() {
-        let row = [("tx_temperature_c".to_owned(), 20.0), ("temperature_c".to_owned(), 5.0)];
-        let scene = Scene { covariates: Covariates::Row(&row), ..Scene::default() };
+        let names = ["tx_temperature_c".to_owned(), "temperature_c".to_owned()];
+        let covariates = Covariates::Row { names: &names, values: &[20.0, 5.0] };
+        let scene = Scene { covariates, ..Scene::default() };
         let link = Link {
             sender: End::at(0, [0.0; 3]),
             receiver: End::at(1, [1.0, 0.0, 0.0]),

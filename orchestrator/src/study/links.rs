@@ -1,0 +1,634 @@
+//! Measured links held against a radio model.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`rows`] | the measurements as the physics sees them |
+//! | [`likelihood`] | how likely a row is: readings, lost frames, rounding |
+//! | [`passing`] | the probability that a frame passes, noise averaged out |
+//! | [`terms`] | what may be added to the model |
+//! | [`fit`] | Newton's method on all of it |
+//! | [`cells`] | random levels of nodes, links and channels |
+//! | [`testable`] | what the data lack for an effect to be tested |
+
+pub mod cells;
+pub mod fit;
+pub mod likelihood;
+pub mod passing;
+pub mod rows;
+pub mod terms;
+pub mod testable;
+
+use super::folds::Blocks;
+use super::{Candidate, Estimate, RowScore, Study};
+use cells::{Cells, Deviations, Random};
+use fit::{Free, LinkFit, Problem};
+use likelihood::Instrument;
+use netsim::phy::effect;
+use netsim::phy::scatter::Law;
+use passing::Spread;
+use proto::effect::{Level, Need};
+use rows::Rows;
+use std::collections::BTreeMap;
+use terms::{Spec, State};
+
+/// Number of knots of a curve over a covariate.
+const KNOTS: usize = 7;
+/// Blocks of time.
+const TIME_BLOCKS: usize = 60;
+/// Lengths (m) over which shadowing may change.
+const DECORRELATION_M: [f64; 4] = [1.0, 3.0, 8.0, 20.0];
+/// The length of places where shadowing is carried along without being asked about (m).
+const PLACE_M: f64 = 3.0;
+/// A mote that stays within this (m) stands still.
+const STILL_M: f64 = 0.05;
+/// Half a wavelength at 2.44 GHz (m).
+const HALF_WAVE_M: f64 = 0.0614;
+
+/// Measured links held against a radio model.
+#[derive(Debug)]
+pub struct LinkStudy {
+    /// The measurements and the model.
+    pub rows: Rows,
+    candidates: Vec<Candidate>,
+    specs: Vec<Spec>,
+    time: Blocks,
+    place: Blocks,
+    /// Cells by decorrelation length; the second is used where nothing is said.
+    cells: Vec<(f64, Cells)>,
+    fixed_sd_db: Option<f64>,
+    configured: Deviations,
+}
+
+/// How a random contribution varies from frame to frame: levels with their probabilities.
+pub(super) fn spread_of(law: &Law) -> Spread {
+    match *law {
+        Law::Normal { sd_db } => {
+            // A normal distribution by its quantiles at equal steps: 15 levels within 3 standard deviations.
+            let levels: Vec<(f64, f64)> = (-7..=7)
+                .map(|step| {
+                    let z = f64::from(step) * 3.0 / 7.0;
+                    (z * sd_db, (-0.5 * z * z).exp())
+                })
+                .collect();
+            let total: f64 = levels.iter().map(|(_, p)| p).sum();
+            Spread(levels.into_iter().map(|(level, p)| (level, p / total)).collect())
+        }
+        Law::Uniform { span_db } => {
+            let n = 32;
+            let level = |i: i32| span_db * ((f64::from(i) + 0.5) / f64::from(n) - 0.5);
+            Spread((0..n).map(|i| (level(i), 1.0 / f64::from(n))).collect())
+        }
+    }
+}
+
+impl LinkStudy {
+    /// Holds the rows against their model, with every effect of the catalogue and a curve over every covariate as
+    /// candidates.
+    #[must_use]
+    pub fn new(rows: Rows, fixed_sd_db: Option<f64>) -> Self {
+        let mut specs: Vec<Spec> = effect::LIST
+            .iter()
+            .filter(|entry| entry.variant.name != "formula")
+            .map(|entry| match entry.variant.name {
+                "node-offset" => Spec::NodeOffset(entry),
+                "shadowing" => Spec::Shadowing(entry),
+                "multipath" => Spec::Multipath(entry),
+                _ => Spec::Effect(entry),
+            })
+            .collect();
+        specs.extend((0..rows.links.covariates.len()).filter_map(|column| curve(&rows, column)));
+        let still = testable::still(&rows);
+        let time = time_blocks(&rows);
+        let place = place_blocks(&rows, &still);
+        let moving = still.values().any(|still| !still);
+        let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
+        let cells =
+            lengths.iter().map(|&length| (length, cells_of(&rows, &still, length))).collect();
+        let configured = configured(&rows);
+        let candidates = specs.iter().map(|spec| candidate(spec, &rows, &still)).collect();
+        Self { rows, candidates, specs, time, place, cells, fixed_sd_db, configured }
+    }
+
+    /// What each term is made of.
+    #[must_use]
+    pub fn specs(&self) -> &[Spec] {
+        &self.specs
+    }
+
+    fn specs_of(&self, terms: &[usize]) -> Vec<&Spec> {
+        terms.iter().map(|&term| &self.specs[term]).collect()
+    }
+
+    /// Random levels of a model with these terms, where a search for them starts.
+    fn deviations(&self, specs: &[&Spec], level: Level) -> (Deviations, Free) {
+        let has = |wanted: fn(&Spec) -> bool| specs.iter().any(|spec| wanted(spec));
+        let carried = level == Level::Place;
+        let link = has(|spec| matches!(spec, Spec::Shadowing(_))) || carried;
+        let nodes = has(|spec| matches!(spec, Spec::NodeOffset(_))) || carried;
+        let channel = has(|spec| matches!(spec, Spec::Multipath(_)));
+        let of = |configured: f64, wanted: bool, start: f64| {
+            if 0.0 < configured {
+                configured
+            } else if wanted {
+                start
+            } else {
+                0.0
+            }
+        };
+        let known = self.configured;
+        let sd = Deviations {
+            link_db: of(known.link_db, link, 2.0),
+            channel_db: of(known.channel_db, channel, 2.0),
+            tx_db: of(known.tx_db, nodes, 1.0),
+            rx_db: of(known.rx_db, nodes, 1.0),
+        };
+        let free = Free {
+            link: known.link_db == 0.0 && link,
+            channel: known.channel_db == 0.0 && channel,
+            nodes: known.tx_db == 0.0 && known.rx_db == 0.0 && nodes,
+        };
+        (sd, free)
+    }
+
+    fn cells(&self, decorrelation_m: f64) -> &Cells {
+        let nearest = self
+            .cells
+            .iter()
+            .min_by(|a, b| {
+                (a.0 / decorrelation_m).ln().abs().total_cmp(&(b.0 / decorrelation_m).ln().abs())
+            })
+            .unwrap_or(&self.cells[0]);
+        &nearest.1
+    }
+
+    /// The length over which shadowing changes, in the states of a fit.
+    fn decorrelation_m(specs: &[&Spec], states: &[State]) -> f64 {
+        specs
+            .iter()
+            .zip(states)
+            .find(|(spec, _)| matches!(spec, Spec::Shadowing(_)))
+            .and_then(|(_, state)| state.table.get("decorrelation_m"))
+            .and_then(toml::Value::as_float)
+            .unwrap_or(PLACE_M)
+    }
+
+    fn run(
+        &self,
+        terms: &[usize],
+        states: Vec<State>,
+        train: &[u32],
+        level: Level,
+        sd_db: Option<f64>,
+        random: Option<Deviations>,
+        most_steps: usize,
+    ) -> LinkFit {
+        let specs = self.specs_of(terms);
+        let (start, free) = self.deviations(&specs, level);
+        let cells = self.cells(Self::decorrelation_m(&specs, &states));
+        let problem =
+            Problem { rows: &self.rows, specs, cells, train, fixed_sd_db: self.fixed_sd_db, free };
+        let random = Random::new(random.unwrap_or(start), cells);
+        problem.fit(terms, states, sd_db, random, most_steps)
+    }
+}
+
+/// Steps of a fit, and of a trial that only tells which start is best.
+const MOST_STEPS: usize = 40;
+const TRIAL_STEPS: usize = 5;
+
+impl Study for LinkStudy {
+    type Fit = LinkFit;
+
+    fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    fn n_rows(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn blocks(&self, level: Level) -> &Blocks {
+        match level {
+            Level::Place => &self.place,
+            Level::Time | Level::Random => &self.time,
+        }
+    }
+
+    fn fit(
+        &self,
+        terms: &[usize],
+        train: &[u32],
+        level: Level,
+        start: Option<&LinkFit>,
+    ) -> LinkFit {
+        let sd_db = start.map(|fit| fit.instrument.sd_db);
+        let known = |term: usize| {
+            let fit = start?;
+            let index = fit.terms.iter().position(|&other| other == term)?;
+            Some(fit.states[index].clone())
+        };
+        // One term at a time may be new: the others start where they were.
+        let mut starts: Vec<Vec<State>> = vec![Vec::new()];
+        for &term in terms {
+            let options = match known(term) {
+                Some(state) => vec![state],
+                None => self.starts_of(term),
+            };
+            starts = starts
+                .into_iter()
+                .flat_map(|before| {
+                    options
+                        .iter()
+                        .map(move |state| before.iter().cloned().chain([state.clone()]).collect())
+                })
+                .collect();
+        }
+        let is_same = start.is_some_and(|fit| fit.terms == terms);
+        let random = start.filter(|_| is_same).map(|fit| fit.random.sd);
+        let asks_for_links =
+            terms.iter().any(|&term| matches!(self.specs[term], Spec::Shadowing(_)));
+        let best = if starts.len() == 1 {
+            starts.swap_remove(0)
+        } else {
+            // Where nothing is random but what is asked for, trials are cheap.
+            let trial_level = if asks_for_links { level } else { Level::Time };
+            let steps = if asks_for_links { MOST_STEPS } else { TRIAL_STEPS };
+            let mut best: Option<(f64, Vec<State>)> = None;
+            for states in starts {
+                let fit = self.run(terms, states, train, trial_level, sd_db, None, steps);
+                if best.as_ref().is_none_or(|(log, _)| *log < fit.log_likelihood) {
+                    best = Some((fit.log_likelihood, fit.states));
+                }
+            }
+            best.map(|(_, states)| states).unwrap_or_default()
+        };
+        self.run(terms, best, train, level, sd_db, random, MOST_STEPS)
+    }
+
+    fn log_likelihood(&self, fit: &LinkFit) -> f64 {
+        fit.log_likelihood
+    }
+
+    fn scores(&self, fit: &LinkFit, test: &[u32]) -> Vec<RowScore> {
+        let specs = self.specs_of(&fit.terms);
+        let cells = self.cells(Self::decorrelation_m(&specs, &fit.states));
+        let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
+        test.iter()
+            .map(|&row| {
+                let row = row as usize;
+                let level = fit.level(&self.rows, &specs, row);
+                let lift = fit.random.level_db(cells, row);
+                let extra = fit.random.variance(cells, row);
+                self.score(fit, row, &level, lift, extra, &mut tables)
+            })
+            .collect()
+    }
+
+    fn estimates(&self, fit: &LinkFit, term: usize) -> (Vec<Estimate>, Option<String>) {
+        let specs = self.specs_of(&fit.terms);
+        let Some(place) = fit.terms.iter().position(|&other| other == term) else {
+            return (Vec::new(), None);
+        };
+        let cells = self.cells(Self::decorrelation_m(&specs, &fit.states));
+        let (_, determined) = fit.random.suggested(cells);
+        let sd = fit.random.sd;
+        let spread = |name: &str, value: f64, n: f64| {
+            let relative = 1.0 / (2.0 * n.max(0.5)).sqrt();
+            Estimate {
+                name: name.to_owned(),
+                value,
+                unit: "dB".to_owned(),
+                low: value * (-NINETY * relative).exp(),
+                high: value * (NINETY * relative).exp(),
+            }
+        };
+        match specs[place] {
+            Spec::Shadowing(_) => {
+                let mut all = vec![spread("sd_db", sd.link_db, determined[0])];
+                if 1 < self.cells.len() {
+                    let length = Self::decorrelation_m(&specs, &fit.states);
+                    all.push(Estimate {
+                        name: "decorrelation_m".to_owned(),
+                        value: length,
+                        unit: "m".to_owned(),
+                        low: length / 2.0,
+                        high: length * 2.0,
+                    });
+                }
+                return (all, None);
+            }
+            Spec::Multipath(_) => {
+                return (vec![spread("sd_db", sd.channel_db, determined[1])], None);
+            }
+            Spec::NodeOffset(_) => {
+                let all = vec![
+                    spread("tx_sd_db", sd.tx_db, determined[2]),
+                    spread("rx_sd_db", sd.rx_db, determined[3]),
+                ];
+                return (all, None);
+            }
+            Spec::Effect(_) | Spec::Curve { .. } => {}
+        }
+        let before: usize = fit.states[..place].iter().map(|state| state.values.len()).sum();
+        let parameters = specs[place].parameters();
+        let inverse = fit.information.clone().try_inverse();
+        let mut warning = None;
+        let estimates = parameters
+            .iter()
+            .enumerate()
+            .map(|(k, parameter)| {
+                let value = fit.states[place].values[k];
+                let error = inverse.as_ref().map_or(f64::INFINITY, |inverse| {
+                    inverse[(before + k, before + k)].max(0.0).sqrt()
+                });
+                if !error.is_finite() || parameter.max - parameter.min < error {
+                    warning = Some(format!("{} is hardly determined by these data", parameter.key));
+                }
+                Estimate {
+                    name: parameter.key.to_owned(),
+                    value,
+                    unit: parameter.unit.to_owned(),
+                    low: (value - NINETY * error).max(parameter.min),
+                    high: (value + NINETY * error).min(parameter.max),
+                }
+            })
+            .collect();
+        if let Some(inverse) = inverse {
+            warning = warning.or_else(|| self.confusable(fit, &specs, &inverse, place));
+        }
+        (estimates, warning)
+    }
+}
+
+/// Standard errors to either side of a 90 % interval.
+const NINETY: f64 = 1.645;
+/// Estimates that are correlated beyond this cannot be told apart.
+const CONFUSABLE: f64 = 0.97;
+
+impl LinkStudy {
+    fn starts_of(&self, term: usize) -> Vec<State> {
+        let spec = &self.specs[term];
+        let states = State::starts(spec);
+        if !matches!(spec, Spec::Shadowing(_)) {
+            return states;
+        }
+        self.cells
+            .iter()
+            .flat_map(|(length, _)| {
+                states.iter().map(|state| {
+                    let mut state = state.clone();
+                    state.table.insert("decorrelation_m".to_owned(), toml::Value::Float(*length));
+                    state
+                })
+            })
+            .collect()
+    }
+
+    /// Two parameters of which one hides the other.
+    fn confusable(
+        &self,
+        fit: &LinkFit,
+        specs: &[&Spec],
+        inverse: &nalgebra::DMatrix<f64>,
+        place: usize,
+    ) -> Option<String> {
+        let names: Vec<(usize, String)> = specs
+            .iter()
+            .enumerate()
+            .flat_map(|(index, spec)| {
+                let term = &self.candidates[fit.terms[index]].name;
+                (0..fit.states[index].values.len()).map(move |k| {
+                    let key = spec.parameters().get(k).map_or("a knot", |parameter| parameter.key);
+                    (index, format!("{key} of {term}"))
+                })
+            })
+            .collect();
+        for i in 0..names.len() {
+            for j in 0..i {
+                if names[i].0 != place && names[j].0 != place {
+                    continue;
+                }
+                let r = inverse[(i, j)] / (inverse[(i, i)] * inverse[(j, j)]).sqrt();
+                if CONFUSABLE < r.abs() {
+                    return Some(format!(
+                        "{} and {} can hardly be told apart on these data",
+                        names[j].1, names[i].1
+                    ));
+                }
+            }
+        }
+        None
+    }
+
+    /// Scores one row.
+    fn score(
+        &self,
+        fit: &LinkFit,
+        row: usize,
+        level: &likelihood::Level,
+        lift: f64,
+        extra: f64,
+        tables: &mut BTreeMap<i64, Instrument>,
+    ) -> RowScore {
+        let variance = fit.instrument.sd_db * fit.instrument.sd_db + extra;
+        // Instruments in steps of 2 % of the noise.
+        let key = (25.0 * variance.ln()).round() as i64;
+        tables
+            .entry(key)
+            .or_insert_with(|| fit.instrument.with_sd((key as f64 / 50.0).exp()))
+            .score(&self.rows.links.rows[row], level, lift)
+    }
+
+    /// What a fit predicts for a row: the mean reading of a received frame (dBm), its standard deviation (dB), and the
+    /// probability of reception.
+    #[must_use]
+    pub fn predict(&self, fit: &LinkFit, row: usize) -> (f64, f64, f64) {
+        let specs = self.specs_of(&fit.terms);
+        let cells = self.cells(Self::decorrelation_m(&specs, &fit.states));
+        let level = fit.level(&self.rows, &specs, row);
+        let lift = fit.random.level_db(cells, row);
+        let sd_db = (fit.instrument.sd_db.powi(2) + fit.random.variance(cells, row)).sqrt();
+        let instrument = fit.instrument.with_sd(sd_db);
+        let (mean, sd) = instrument.reading(&level, lift);
+        (mean, sd, instrument.reception(&level, lift))
+    }
+}
+
+/// Random levels that the configuration itself has.
+fn configured(rows: &Rows) -> Deviations {
+    use proto::rng::Purpose;
+    let mut known = Deviations::default();
+    for scatter in rows.model.scatters() {
+        if let (Law::Normal { sd_db }, Purpose::Shadowing) = (scatter.law, scatter.purpose) {
+            known.link_db = known.link_db.hypot(sd_db);
+        }
+    }
+    known
+}
+
+fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -> Candidate {
+    match spec {
+        Spec::Curve { column, knots } => {
+            let (name, values) = &rows.links.covariates[*column];
+            Candidate {
+                name: format!("curve:{name}"),
+                about: None,
+                level: testable::level_of(rows, values),
+                n_parameters: knots.len(),
+                generalises: Vec::new(),
+                untestable: None,
+            }
+        }
+        _ => {
+            let entry = spec.entry().expect("everything but a curve is in the catalogue");
+            let lacking: Vec<String> = entry
+                .about
+                .needs
+                .iter()
+                .filter(|need| !testable::has(rows, still, **need))
+                .map(|need: &Need| need.describe())
+                .collect();
+            Candidate {
+                name: entry.variant.name.to_owned(),
+                about: Some(&entry.about),
+                level: entry.fit.level,
+                n_parameters: entry.fit.parameters.len(),
+                generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
+                untestable: (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", "))),
+            }
+        }
+    }
+}
+
+/// A curve over a covariate with knots at its quantiles; none where too few values differ.
+fn curve(rows: &Rows, column: usize) -> Option<Spec> {
+    let mut values: Vec<f64> =
+        rows.links.covariates[column].1.iter().copied().filter(|v| v.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    let at = |k: usize| values[k * (values.len() - 1) / (KNOTS - 1)];
+    if values.len() < rows.len() / 2 {
+        return None;
+    }
+    let mut knots: Vec<f64> = (0..KNOTS).map(at).collect();
+    knots.dedup();
+    (2 <= knots.len()).then_some(Spec::Curve { column, knots })
+}
+
+/// Rows by time in blocks of equal numbers; by pair where time is unknown or constant.
+fn time_blocks(rows: &Rows) -> Blocks {
+    let measured = &rows.links.rows;
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    let time = |row: usize| (measured[row].run, measured[row].time_s);
+    order.sort_by(|&a, &b| {
+        time(a).0.cmp(&time(b).0).then(time(a).1.total_cmp(&time(b).1)).then(a.cmp(&b))
+    });
+    let differs = order.first().zip(order.last()).is_some_and(|(&a, &b)| {
+        time(a).1.is_finite() && time(b).1.is_finite() && time(a) != time(b)
+    });
+    if !differs {
+        let keys: Vec<u64> = measured.iter().map(|row| pair(row.tx, row.rx)).collect();
+        return Blocks::of_keys("pairs of nodes", &keys);
+    }
+    let n_blocks = TIME_BLOCKS.min(rows.len() / 8).max(1);
+    let mut keys = vec![0u64; rows.len()];
+    let mut block = 0;
+    for (rank, &row) in order.iter().enumerate() {
+        // Rows of one moment stay together.
+        if rank * n_blocks / rows.len() != block && time(row) != time(order[rank - 1]) {
+            block = rank * n_blocks / rows.len();
+        }
+        keys[row] = block as u64;
+    }
+    Blocks::of_keys("blocks of time", &keys)
+}
+
+fn pair(a: u32, b: u32) -> u64 {
+    (u64::from(a.min(b)) << 32) | u64::from(a.max(b))
+}
+
+/// Rows by unordered pair of nodes; by place where there are too few pairs.
+fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
+    let keys: Vec<u64> = rows.links.rows.iter().map(|row| pair(row.tx, row.rx)).collect();
+    let by_pair = Blocks::of_keys("pairs of nodes", &keys);
+    if by_pair.suffices() || still.values().all(|&still| still) {
+        return by_pair;
+    }
+    // Places of the nodes that move: squares as large as leaves at least 40 of them.
+    let mut best = by_pair;
+    for side_m in [8.0, 4.0, 2.0, 1.0] {
+        let keys: Vec<u64> = (0..rows.len())
+            .map(|row| {
+                let (tx, rx) = rows.ends(row);
+                let mut key = 0u64;
+                for end in [tx, rx] {
+                    if !still.get(&end.id).copied().unwrap_or(true) {
+                        key = super::folds::scramble(key ^ square(end.position_m, side_m));
+                    }
+                }
+                key
+            })
+            .collect();
+        let blocks = Blocks::of_keys("places", &keys);
+        let enough = 40 <= blocks.n_blocks();
+        if best.n_blocks() < blocks.n_blocks() {
+            best = blocks;
+        }
+        if enough {
+            break;
+        }
+    }
+    best
+}
+
+/// The square (or cube) of a place.
+fn square(place_m: [f64; 3], side_m: f64) -> u64 {
+    place_m.iter().fold(17, |key, coordinate| {
+        super::folds::scramble(key ^ ((coordinate / side_m).floor() as i64 as u64))
+    })
+}
+
+/// Cells of random levels.
+fn cells_of(rows: &Rows, still: &BTreeMap<u32, bool>, decorrelation_m: f64) -> Cells {
+    let ids: Vec<u32> = still.keys().copied().collect();
+    let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
+    let places = |row: usize, side_m: f64| {
+        let (tx, rx) = rows.ends(row);
+        let (low, high) = if tx.id < rx.id { (tx, rx) } else { (rx, tx) };
+        [low, high].iter().fold(0u64, |key, end| {
+            if still.get(&end.id).copied().unwrap_or(true) {
+                key
+            } else {
+                super::folds::scramble(key ^ square(end.position_m, side_m))
+            }
+        })
+    };
+    let links: Vec<(u64, u64)> = (0..rows.len())
+        .map(|row| {
+            let measured = &rows.links.rows[row];
+            (pair(measured.tx, measured.rx), places(row, decorrelation_m))
+        })
+        .collect();
+    let (link, n_links) = numbered(&links);
+    let channels: Vec<(u32, (u8, u64))> = (0..rows.len())
+        .map(|row| {
+            let channel = rows.links.rows[row].channel.unwrap_or(0);
+            (link[row], (channel, places(row, HALF_WAVE_M)))
+        })
+        .collect();
+    let (channel, n_channels) = numbered(&channels);
+    let mut link_of_channel = vec![0; n_channels];
+    for (row, &cell) in channel.iter().enumerate() {
+        link_of_channel[cell as usize] = link[row];
+    }
+    let nodes = rows.links.rows.iter().map(|row| (node(row.tx), node(row.rx))).collect();
+    Cells { link, channel, link_of_channel, n_links, nodes, n_nodes: ids.len() }
+}
+
+/// Numbers keys in the order in which they sort.
+fn numbered<T: Ord + Clone>(keys: &[T]) -> (Vec<u32>, usize) {
+    let mut sorted = keys.to_vec();
+    sorted.sort_unstable();
+    sorted.dedup();
+    let number = |key: &T| sorted.binary_search(key).unwrap_or_default() as u32;
+    (keys.iter().map(number).collect(), sorted.len())
+}

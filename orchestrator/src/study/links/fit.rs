@@ -1,0 +1,517 @@
+//! Fits a radio model with further terms to rows: Newton's method on the likelihood of the instrument.
+
+use super::cells::{Cells, Deviations, Random, Solver, Step};
+use super::likelihood::{Instrument, Level, Slope};
+use super::passing::{Sampled, Spread};
+use super::rows::Rows;
+use super::terms::{Spec, State, hat};
+use nalgebra::{DMatrix, DVector};
+use netsim::phy::effect::Effect;
+use netsim::phy::scatter::Renewal;
+use proto::rng::Purpose;
+
+/// A fitted model.
+#[derive(Clone, Debug)]
+pub struct LinkFit {
+    /// Terms, as indices of candidates.
+    pub terms: Vec<usize>,
+    /// Their states, in the same order.
+    pub states: Vec<State>,
+    /// How frames vary about the mean level, and which pass.
+    pub instrument: Instrument,
+    /// Random levels.
+    pub random: Random,
+    /// Log likelihood of the rows it was fitted to: random levels integrated out (Laplace).
+    pub log_likelihood: f64,
+    /// Information about the parameters of all terms in their order, then the logarithm of the noise.
+    pub information: DMatrix<f64>,
+    /// Effects of the terms.
+    effects: Vec<Option<Active>>,
+}
+
+/// What is fitted.
+pub struct Problem<'a> {
+    /// The measurements and the configured model.
+    pub rows: &'a Rows,
+    /// The terms.
+    pub specs: Vec<&'a Spec>,
+    /// Cells of all rows.
+    pub cells: &'a Cells,
+    /// Rows to fit to.
+    pub train: &'a [u32],
+    /// The noise, where the configuration gives it.
+    pub fixed_sd_db: Option<f64>,
+    /// Which standard deviations of random levels the fit may change.
+    pub free: Free,
+}
+
+/// Which standard deviations of random levels a fit may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Free {
+    /// Of links.
+    pub link: bool,
+    /// Of channels.
+    pub channel: bool,
+    /// Of nodes.
+    pub nodes: bool,
+}
+
+/// The noise lies within these (dB).
+const NOISE_DB: (f64, f64) = (0.1, 40.0);
+/// What is gained in the last step (nats).
+const CONVERGED_NATS: f64 = 1e-5;
+
+/// Levels of the rows that are fitted, and what terms add to them.
+#[derive(Clone)]
+struct Levels {
+    /// By term, by row: power, shift, logarithm of survival.
+    parts: Vec<Vec<[f64; 3]>>,
+    levels: Vec<Level>,
+}
+
+/// A place in the search.
+#[derive(Clone)]
+struct Here {
+    states: Vec<State>,
+    effects: Vec<Option<Active>>,
+    levels: Levels,
+    instrument: Instrument,
+    random: Random,
+    slopes: Vec<Slope>,
+    log: f64,
+}
+
+impl<'a> Problem<'a> {
+    fn effects(&self, states: &[State]) -> Vec<Option<Active>> {
+        self.specs
+            .iter()
+            .zip(states)
+            .map(|(spec, state)| state.build(spec).map(|effect| Active::new(effect, self.rows)))
+            .collect()
+    }
+
+    /// What a term adds to the rows.
+    fn part(&self, term: usize, state: &State, effect: Option<&dyn Effect>) -> Vec<[f64; 3]> {
+        match (self.specs[term], effect) {
+            (Spec::Curve { column, knots }, _) => {
+                let values = &self.rows.links.covariates[*column].1;
+                self.train
+                    .iter()
+                    .map(|&row| {
+                        let x = values[row as usize];
+                        if x.is_nan() {
+                            return [0.0; 3];
+                        }
+                        let at = hat(knots, x);
+                        [at.iter().map(|&(k, part)| part * state.values[k]).sum(), 0.0, 0.0]
+                    })
+                    .collect()
+            }
+            (_, Some(effect)) => {
+                self.train.iter().map(|&row| self.rows.effect(effect, row as usize)).collect()
+            }
+            (_, None) => Vec::new(),
+        }
+    }
+
+    fn levels(&self, parts: Vec<Vec<[f64; 3]>>, effects: &[Option<Active>]) -> Levels {
+        let levels = self
+            .train
+            .iter()
+            .enumerate()
+            .map(|(index, &row)| {
+                let added = |k: usize| -> f64 {
+                    parts.iter().filter_map(|part| part.get(index)).map(|part| part[k]).sum()
+                };
+                level(self.rows, row as usize, [added(0), added(1), added(2)], effects)
+            })
+            .collect();
+        Levels { parts, levels }
+    }
+
+    /// The instrument with the noise `sd_db`: with the curve and the spread of the terms that have one.
+    fn instrument(&self, effects: &[Option<Active>], sd_db: f64) -> Instrument {
+        let curve = effects.iter().rev().flatten().find_map(|active| active.effect.curve());
+        let curve = Sampled::of(curve.unwrap_or_else(|| self.rows.model.reception_curve()));
+        let mut spread = self.rows.base_spread();
+        for scatter in effects.iter().flatten().filter_map(|active| active.effect.scatter()) {
+            spread = spread.and(&super::spread_of(&scatter.law));
+        }
+        let averaged = curve.averaged(sd_db, &spread);
+        Instrument {
+            sd_db,
+            spread,
+            curve,
+            averaged,
+            quantum_db: self.rows.links.quantum_db,
+            has_losses: self.rows.links.has_losses,
+        }
+    }
+
+    fn slopes(&self, instrument: &Instrument, levels: &Levels, random: &Random) -> Vec<Slope> {
+        let any = random.sd != Deviations::default();
+        self.train
+            .iter()
+            .zip(&levels.levels)
+            .map(|(&row, level)| {
+                let lift = if any { random.level_db(self.cells, row as usize) } else { 0.0 };
+                instrument.sample(&self.rows.links.rows[row as usize], level, lift)
+            })
+            .collect()
+    }
+
+    fn here(&self, states: Vec<State>, sd_db: f64, random: Random) -> Here {
+        let effects = self.effects(&states);
+        let parts = (0..self.specs.len())
+            .map(|term| self.part(term, &states[term], effects[term].as_ref().map(Active::get)))
+            .collect();
+        let levels = self.levels(parts, &effects);
+        let instrument = self.instrument(&effects, sd_db);
+        let slopes = self.slopes(&instrument, &levels, &random);
+        let log =
+            slopes.iter().map(|slope| slope.log).sum::<f64>() + random.penalty(self.cells.n_nodes);
+        Here { states, effects, levels, instrument, random, slopes, log }
+    }
+
+    /// Fits from given states.
+    #[must_use]
+    pub fn fit(
+        &self,
+        terms: &[usize],
+        states: Vec<State>,
+        sd_db: Option<f64>,
+        random: Random,
+        most_steps: usize,
+    ) -> LinkFit {
+        let is_random = random.sd != Deviations::default();
+        let sd_db = self.fixed_sd_db.or(sd_db).unwrap_or_else(|| self.rough_sd(&states));
+        let mut here = self.here(states, sd_db, random);
+        let mut last = self.climb(&mut here, most_steps);
+        if is_random {
+            let mut before = f64::NEG_INFINITY;
+            for _ in 0..most_steps.min(25) {
+                let (sd, _) = here.random.suggested(self.cells);
+                let sd_db = if self.fixed_sd_db.is_some() {
+                    here.instrument.sd_db
+                } else {
+                    self.suggested_sd(&here)
+                };
+                let old = here.random.sd;
+                here.random.sd = Deviations {
+                    link_db: if self.free.link { sd.link_db } else { old.link_db },
+                    channel_db: if self.free.channel { sd.channel_db } else { old.channel_db },
+                    tx_db: if self.free.nodes { sd.tx_db } else { old.tx_db },
+                    rx_db: if self.free.nodes { sd.rx_db } else { old.rx_db },
+                };
+                let random = here.random.clone();
+                here = self.here(here.states, sd_db, random);
+                last = self.climb(&mut here, 6);
+                let now = here.log - last.half_log_determinant;
+                if (now - before).abs() < 0.02 {
+                    break;
+                }
+                before = now;
+            }
+        }
+        LinkFit {
+            terms: terms.to_vec(),
+            log_likelihood: here.log - last.half_log_determinant,
+            information: last.information,
+            states: here.states,
+            instrument: here.instrument,
+            random: here.random,
+            effects: here.effects,
+        }
+    }
+
+    /// The noise that the rows suggest, levels of cells counted as what they are worth.
+    fn suggested_sd(&self, here: &Here) -> f64 {
+        let n_received =
+            self.train.iter().filter(|&&row| self.rows.is_received(row as usize)).count() as f64;
+        let slope: f64 = here.slopes.iter().map(|slope| slope.over_ln_sd).sum();
+        let worth = here.random.n_determined(self.cells);
+        let step = (slope + worth) / (2.0 * (n_received - 0.5 * worth).max(1.0));
+        (here.instrument.sd_db * step.clamp(-0.5, 0.5).exp()).clamp(NOISE_DB.0, NOISE_DB.1)
+    }
+
+    /// A first guess of the noise: the spread of what was received about the mean level.
+    fn rough_sd(&self, states: &[State]) -> f64 {
+        let effects = self.effects(states);
+        let parts = (0..self.specs.len())
+            .map(|term| self.part(term, &states[term], effects[term].as_ref().map(Active::get)))
+            .collect();
+        let levels = self.levels(parts, &effects);
+        let (mut sum, mut n) = (0.0, 0.0);
+        for (&row, level) in self.train.iter().zip(&levels.levels) {
+            let rssi = self.rows.links.rows[row as usize].rssi_dbm;
+            if rssi.is_finite() {
+                let deviation = rssi - level.power_dbm - level.register_db;
+                sum += deviation * deviation;
+                n += 1.0;
+            }
+        }
+        if n < 1.0 { 3.0 } else { (sum / n).sqrt().clamp(0.3, 20.0) }
+    }
+
+    fn n_parameters(&self, here: &Here) -> usize {
+        here.states.iter().map(|state| state.values.len()).sum()
+    }
+
+    /// Climbs to the top from here.
+    fn climb(&self, here: &mut Here, most_steps: usize) -> Step {
+        let mut damping = 1e-4;
+        let mut last = None;
+        for _ in 0..most_steps {
+            let (jacobian, extra, gradient) = self.derivatives(here);
+            let p = gradient.len();
+            let solver = Solver {
+                cells: self.cells,
+                train: self.train,
+                slopes: &here.slopes,
+                jacobian: &jacobian,
+                n_parameters: p,
+            };
+            let mut gained = 0.0;
+            for _ in 0..8 {
+                let Some(step) = solver.step(&here.random, &extra, &gradient, damping) else {
+                    damping = (damping * 10.0).max(1e-3);
+                    continue;
+                };
+                let there = self.moved(here, &step, 1.0);
+                let better = there.log - here.log;
+                if better.is_finite() && 0.0 <= better {
+                    gained = better;
+                    *here = there;
+                    damping = (damping * 0.2).max(1e-6);
+                    last = Some(step);
+                    break;
+                }
+                last.get_or_insert(step);
+                damping *= 10.0;
+            }
+            if gained < CONVERGED_NATS {
+                break;
+            }
+        }
+        last.unwrap_or_else(|| Step {
+            parameters: DVector::zeros(0),
+            random: here.random.clone(),
+            information: DMatrix::zeros(0, 0),
+            half_log_determinant: 0.0,
+        })
+    }
+
+    /// Here with a step taken, within the ranges of the parameters.
+    fn moved(&self, here: &Here, step: &Step, part: f64) -> Here {
+        let mut states = here.states.clone();
+        let mut index = 0;
+        for (spec, state) in self.specs.iter().zip(&mut states) {
+            for (k, value) in state.values.iter_mut().enumerate() {
+                let change = part * step.parameters[index];
+                *value = match spec.parameters().get(k) {
+                    Some(parameter) => (*value + change).clamp(parameter.min, parameter.max),
+                    None => *value + change,
+                };
+                index += 1;
+            }
+        }
+        let mut sd_db = here.instrument.sd_db;
+        if index < step.parameters.len() {
+            let change = (part * step.parameters[index]).clamp(-0.7, 0.7);
+            sd_db = (sd_db * change.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
+        }
+        let random = here.random.moved(&step.random, part);
+        self.here(states, sd_db, random)
+    }
+
+    /// Derivatives of the levels over the parameters, row by row; then information and gradient of everything that is not
+    /// a mean: shifts, losses, curves, noise.
+    fn derivatives(&self, here: &Here) -> (Vec<f64>, DMatrix<f64>, DVector<f64>) {
+        let fits_noise = self.fixed_sd_db.is_none() && here.random.sd == Deviations::default();
+        let n_terms = self.n_parameters(here);
+        let p = n_terms + usize::from(fits_noise);
+        let n = self.train.len();
+        let mut jacobian = vec![0.0; n * p];
+        let mut scores: Vec<(usize, Vec<f64>)> = Vec::new();
+        let mut index = 0;
+        for (term, (spec, state)) in self.specs.iter().zip(&here.states).enumerate() {
+            if let Spec::Curve { column, knots } = spec {
+                let values = &self.rows.links.covariates[*column].1;
+                for (i, &row) in self.train.iter().enumerate() {
+                    let x = values[row as usize];
+                    if !x.is_nan() {
+                        for (k, part) in hat(knots, x) {
+                            jacobian[i * p + index + k] += part;
+                        }
+                    }
+                }
+                index += knots.len();
+                continue;
+            }
+            for (k, parameter) in spec.parameters().iter().enumerate() {
+                let mut there = state.clone();
+                let mut step = 1e-3 * parameter.step;
+                if parameter.max < state.values[k] + step {
+                    step = -step;
+                }
+                there.values[k] += step;
+                let Some(effect) = there.build(spec) else { continue };
+                let effect = Active::new(effect, self.rows);
+                let part = self.part(term, &there, Some(effect.get()));
+                let is_mean = effect.is_plain()
+                    && part
+                        .iter()
+                        .zip(&here.levels.parts[term])
+                        .all(|(a, b)| a[1] == b[1] && a[2] == b[2]);
+                if is_mean {
+                    for (i, (a, b)) in part.iter().zip(&here.levels.parts[term]).enumerate() {
+                        jacobian[i * p + index] = (a[0] - b[0]) / step;
+                    }
+                } else {
+                    let mut effects = here.effects.clone();
+                    let has_curve = effect.is_instrument();
+                    effects[term] = Some(effect);
+                    let mut parts = here.levels.parts.clone();
+                    parts[term] = part;
+                    let levels = self.levels(parts, &effects);
+                    let slopes = if has_curve {
+                        let instrument = self.instrument(&effects, here.instrument.sd_db);
+                        self.slopes(&instrument, &levels, &here.random)
+                    } else {
+                        self.slopes(&here.instrument, &levels, &here.random)
+                    };
+                    let score = slopes
+                        .iter()
+                        .zip(&here.slopes)
+                        .map(|(a, b)| (a.log - b.log) / step)
+                        .collect();
+                    scores.push((index, score));
+                }
+                index += 1;
+            }
+        }
+        if fits_noise {
+            scores.push((n_terms, here.slopes.iter().map(|slope| slope.over_ln_sd).collect()));
+        }
+        // Information by the outer product of scores where a parameter is no mean.
+        let mut extra = DMatrix::zeros(p, p);
+        let mut gradient = DVector::zeros(p);
+        for (a, (j, first)) in scores.iter().enumerate() {
+            gradient[*j] += first.iter().sum::<f64>();
+            for (k, second) in &scores[..=a] {
+                let sum: f64 = first.iter().zip(second).map(|(x, y)| x * y).sum();
+                extra[(*j, *k)] += sum;
+                if j != k {
+                    extra[(*k, *j)] += sum;
+                }
+            }
+            for i in 0..n {
+                let slope = here.slopes[i].over_level * first[i];
+                for k in 0..n_terms {
+                    let entry = jacobian[i * p + k];
+                    if entry != 0.0 {
+                        extra[(*j, k)] += entry * slope;
+                        extra[(k, *j)] += entry * slope;
+                    }
+                }
+            }
+        }
+        (jacobian, extra, gradient)
+    }
+}
+
+/// An effect at certain values of its parameters.
+#[derive(Clone, Debug)]
+struct Active {
+    effect: std::sync::Arc<dyn Effect>,
+    /// Registers read otherwise with it.
+    reads_otherwise: bool,
+}
+
+impl Active {
+    fn new(effect: Box<dyn Effect>, rows: &Rows) -> Self {
+        // Readings over the whole range tell whether it touches them at all.
+        let reads_otherwise = !rows.is_empty()
+            && (-60..=10).any(|step| {
+                let dbm = 2.0 * f64::from(step);
+                (rows.register_dbm(&*effect, 0, dbm) - dbm).abs() > 0.0
+            });
+        Self { effect: std::sync::Arc::from(effect), reads_otherwise }
+    }
+
+    fn get(&self) -> &dyn Effect {
+        &*self.effect
+    }
+
+    /// Whether it changes how frames vary about the mean, or which pass at a level.
+    fn is_instrument(&self) -> bool {
+        self.effect.curve().is_some() || self.effect.scatter().is_some()
+    }
+
+    /// Whether it changes nothing but means.
+    fn is_plain(&self) -> bool {
+        !self.reads_otherwise && !self.is_instrument()
+    }
+}
+
+/// What a model with terms says about a row. `added`: power, shift, logarithm of survival that the terms add.
+fn level(rows: &Rows, row: usize, added: [f64; 3], effects: &[Option<Active>]) -> Level {
+    let base = &rows.base[row];
+    let power_dbm = base.power_dbm + added[0];
+    let mut reading = power_dbm + base.register_db;
+    for active in effects.iter().flatten().filter(|active| active.reads_otherwise) {
+        reading = rows.register_dbm(active.get(), row, reading);
+    }
+    Level {
+        power_dbm,
+        register_db: reading - power_dbm,
+        shift_db: base.shift_db + added[1],
+        ln_survival: base.ln_survival + added[2],
+        stated: base.stated,
+    }
+}
+
+impl LinkFit {
+    /// What the fitted model says about any row, random levels apart.
+    #[must_use]
+    pub fn level(&self, rows: &Rows, specs: &[&Spec], row: usize) -> Level {
+        let mut added = [0.0; 3];
+        for ((spec, state), effect) in specs.iter().zip(&self.states).zip(&self.effects) {
+            match (spec, effect) {
+                (Spec::Curve { column, knots }, _) => {
+                    let x = rows.links.covariates[*column].1[row];
+                    if !x.is_nan() {
+                        let at = hat(knots, x);
+                        added[0] += at.iter().map(|&(k, part)| part * state.values[k]).sum::<f64>();
+                    }
+                }
+                (_, Some(effect)) => {
+                    let part = rows.effect(effect.get(), row);
+                    added = std::array::from_fn(|k| added[k] + part[k]);
+                }
+                (_, None) => {}
+            }
+        }
+        level(rows, row, added, &self.effects)
+    }
+}
+
+/// The spread of a base model.
+impl Rows {
+    /// What varies about the base model's mean from frame to frame.
+    #[must_use]
+    pub fn base_spread(&self) -> Spread {
+        self.model
+            .scatters()
+            .iter()
+            .filter(|scatter| scatter.renewal == Renewal::Frame)
+            .filter(|scatter| scatter.purpose != Purpose::FrameNoise)
+            .fold(Spread::none(), |spread, scatter| spread.and(&super::spread_of(&scatter.law)))
+    }
+
+    /// Whether a row has a reading.
+    #[must_use]
+    pub fn is_received(&self, row: usize) -> bool {
+        self.links.rows[row].rssi_dbm.is_finite()
+    }
+}

@@ -1,0 +1,211 @@
+//! How likely a row is under a model: the likelihood of the instrument, lost frames and rounding included.
+
+use super::passing::{Averaged, Sampled, Spread};
+use crate::measure::links::Row;
+use crate::study::RowScore;
+
+/// What a model says about a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// Mean power at the receiver (dBm).
+    pub power_dbm: f64,
+    /// What the register reads more than that (dB).
+    pub register_db: f64,
+    /// By how much the reception curve is shifted (dB).
+    pub shift_db: f64,
+    /// Logarithm of the probability that nothing but weakness loses a frame.
+    pub ln_survival: f64,
+    /// Probability of reception, where the base model states it.
+    pub stated: Option<f64>,
+}
+
+/// Logarithm of a row's likelihood, and how it changes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Slope {
+    /// Log likelihood (nats).
+    pub log: f64,
+    /// Its derivative over the mean level (1/dB).
+    pub over_level: f64,
+    /// Minus its second derivative over the mean level (1/dB²), never negative.
+    pub weight: f64,
+    /// Its derivative over the logarithm of the noise's standard deviation.
+    pub over_ln_sd: f64,
+}
+
+/// How frames vary about the mean level, and which of them pass.
+#[derive(Clone, Debug)]
+pub struct Instrument {
+    /// Standard deviation of the noise (dB).
+    pub sd_db: f64,
+    /// What varies beside.
+    pub spread: Spread,
+    /// The reception curve.
+    pub curve: Sampled,
+    /// It averaged over the noise.
+    pub averaged: Averaged,
+    /// Step of the readings (dB).
+    pub quantum_db: f64,
+    /// It is known which frames were lost.
+    pub has_losses: bool,
+}
+
+/// Stated probabilities are not taken for more certain than this.
+const STRAY: f64 = 1e-3;
+
+impl Instrument {
+    /// With another noise.
+    #[must_use]
+    pub fn with_sd(&self, sd_db: f64) -> Self {
+        let averaged = self.curve.averaged(sd_db, &self.spread);
+        Self { sd_db, averaged, ..self.clone() }
+    }
+
+    /// Variance of a reading about its level beside the spread (dB²): noise and rounding.
+    fn reading_variance(&self) -> f64 {
+        self.sd_db * self.sd_db + self.quantum_db * self.quantum_db / 12.0
+    }
+
+    /// Log density of a reading that lies `deviation_db` above its mean, its derivative over the mean, minus its second
+    /// derivative, and its derivative over the logarithm of the standard deviation; `extra` is further variance (dB²).
+    #[must_use]
+    pub fn density(&self, deviation_db: f64, extra: f64) -> Slope {
+        let variance = self.reading_variance() + extra;
+        let share = self.sd_db * self.sd_db / variance;
+        let norm = -0.5 * (std::f64::consts::TAU * variance).ln();
+        if self.spread.0.len() == 1 {
+            let d = deviation_db - self.spread.0[0].0;
+            let z2 = d * d / variance;
+            return Slope {
+                log: norm - 0.5 * z2,
+                over_level: d / variance,
+                weight: 1.0 / variance,
+                over_ln_sd: share * (z2 - 1.0),
+            };
+        }
+        let exponent = |level: f64| {
+            let d = deviation_db - level;
+            -0.5 * d * d / variance
+        };
+        let greatest =
+            self.spread.0.iter().fold(f64::NEG_INFINITY, |m, &(level, _)| m.max(exponent(level)));
+        let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
+        for &(level, p) in &self.spread.0 {
+            let part = p * (exponent(level) - greatest).exp();
+            let d = deviation_db - level;
+            total += part;
+            first += part * d;
+            second += part * d * d;
+        }
+        let (mean, square) = (first / total, second / total);
+        Slope {
+            log: norm + greatest + total.ln(),
+            over_level: mean / variance,
+            weight: (1.0 / variance - (square - mean * mean) / (variance * variance))
+                .max(0.1 / variance),
+            over_ln_sd: share * (square / variance - 1.0),
+        }
+    }
+
+    /// Log likelihood of a sample: one frame, received or lost. `lift_db` is added to the level.
+    #[must_use]
+    pub fn sample(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
+        let is_received = row.received == 1.0;
+        let mut slope = Slope::default();
+        if is_received {
+            let deviation = row.rssi_dbm - level.power_dbm - level.register_db - lift_db;
+            slope = self.density(deviation, 0.0);
+        }
+        if !self.has_losses {
+            return slope;
+        }
+        if let Some(stated) = level.stated {
+            let passes = (stated * level.ln_survival.exp()).clamp(STRAY, 1.0 - STRAY);
+            slope.log += if is_received { passes.ln() } else { (1.0 - passes).ln() };
+        } else if is_received {
+            let power_dbm = row.rssi_dbm - level.register_db;
+            slope.log += self.curve.at(power_dbm - level.shift_db).ln() + level.ln_survival;
+        } else {
+            let chance = self.averaged.at(level.power_dbm + lift_db - level.shift_db);
+            let survival = level.ln_survival.exp();
+            let lost = 1.0 - survival * chance.passes;
+            let first = -survival * chance.slope / lost;
+            slope.log = lost.ln();
+            slope.over_level = first;
+            slope.weight =
+                (survival * chance.bend / lost + first * first).max(0.25 * first * first);
+            slope.over_ln_sd = -survival * chance.over_ln_sd / lost;
+        }
+        slope
+    }
+
+    /// Probability that a frame at this level is received.
+    #[must_use]
+    pub fn reception(&self, level: &Level, lift_db: f64) -> f64 {
+        let survival = level.ln_survival.exp();
+        let passes = match level.stated {
+            Some(stated) => stated.clamp(STRAY, 1.0 - STRAY),
+            None => self.averaged.at(level.power_dbm + lift_db - level.shift_db).passes,
+        };
+        survival * passes
+    }
+
+    /// What a received row should read (dBm), and the standard deviation of that (dB).
+    #[must_use]
+    pub fn reading(&self, level: &Level, lift_db: f64) -> (f64, f64) {
+        let mean = level.power_dbm + level.register_db + lift_db;
+        if level.stated.is_some() || !self.has_losses {
+            let shift: f64 = self.spread.0.iter().map(|(level, p)| level * p).sum();
+            return (mean + shift, (self.reading_variance() + self.spread.variance()).sqrt());
+        }
+        // Frames that pass are stronger than those sent: moments over what passes.
+        let power = level.power_dbm + lift_db - level.shift_db;
+        let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
+        for &(offset, p) in &self.spread.0 {
+            for step in -12..=12 {
+                let z = f64::from(step) / 3.0;
+                let deviation = offset + z * self.sd_db;
+                let part = p * (-0.5 * z * z).exp() * self.curve.at(power + deviation);
+                total += part;
+                first += part * deviation;
+                second += part * deviation * deviation;
+            }
+        }
+        let (lift, square) = (first / total, second / total);
+        let variance = (square - lift * lift).max(0.0) + self.quantum_db * self.quantum_db / 12.0;
+        (mean + lift, variance.sqrt())
+    }
+}
+
+impl Instrument {
+    /// Scores the prediction of a sample.
+    #[must_use]
+    pub fn score(&self, row: &Row, level: &Level, lift_db: f64) -> RowScore {
+        let mut score = RowScore {
+            log: self.sample(row, level, lift_db).log,
+            squared_error: f64::NAN,
+            crps: f64::NAN,
+            reception_log_loss: f64::NAN,
+        };
+        if row.rssi_dbm.is_finite() {
+            let (mean, sd) = self.reading(level, lift_db);
+            let deviation = row.rssi_dbm - mean;
+            score.squared_error = deviation * deviation;
+            score.crps = normal_crps(deviation, sd);
+        }
+        if self.has_losses && row.received.is_finite() {
+            let passes = self.reception(level, lift_db).clamp(1e-9, 1.0 - 1e-9);
+            score.reception_log_loss =
+                if row.received == 1.0 { -passes.ln() } else { -(1.0 - passes).ln() };
+        }
+        score
+    }
+}
+
+/// Continuous ranked probability score of a normal prediction (Gneiting and Raftery 2007, § 4.2).
+#[must_use]
+pub fn normal_crps(deviation: f64, sd: f64) -> f64 {
+    let z = deviation / sd;
+    let density = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+    let below = 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
+    sd * (z * (2.0 * below - 1.0) + 2.0 * density - 1.0 / std::f64::consts::PI.sqrt())
+}

@@ -1,0 +1,190 @@
+//! The probability that a frame passes, over everything about its strength that is not seen.
+
+use netsim::phy::reception::Curve;
+
+/// A frame in so many is received, or lost, against the curve: no single frame may decide an answer.
+const STRAY: f64 = 1e-3;
+/// Step of the tables (dB).
+const STEP_DB: f64 = 0.1;
+/// The tables reach so many standard deviations beyond the curve.
+const REACH_SD: f64 = 6.0;
+
+/// What varies about the mean level from frame to frame beside normal noise: levels (dB) with their probabilities.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spread(pub Vec<(f64, f64)>);
+
+impl Spread {
+    /// Nothing.
+    #[must_use]
+    pub fn none() -> Self {
+        Self(vec![(0.0, 1.0)])
+    }
+
+    /// Both, independent of each other.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        let product = |&(a, p): &(f64, f64)| other.0.iter().map(move |&(b, q)| (a + b, p * q));
+        Self(self.0.iter().flat_map(product).collect())
+    }
+
+    /// Variance (dB²).
+    #[must_use]
+    pub fn variance(&self) -> f64 {
+        let mean: f64 = self.0.iter().map(|(level, p)| level * p).sum();
+        self.0.iter().map(|(level, p)| p * (level - mean) * (level - mean)).sum()
+    }
+}
+
+/// A reception curve, sampled.
+#[derive(Clone, Debug)]
+pub struct Sampled {
+    from_dbm: f64,
+    values: Vec<f64>,
+}
+
+impl Sampled {
+    /// Of a curve.
+    #[must_use]
+    pub fn of(curve: &dyn Curve) -> Self {
+        let from_dbm = curve.floor_dbm().max(-200.0);
+        let to_dbm = curve.ceiling_dbm().min(100.0).max(from_dbm + 1.0);
+        let n = ((to_dbm - from_dbm) / STEP_DB).ceil() as usize + 2;
+        let values = (0..n)
+            .map(|i| {
+                let p = curve.reception_probability(from_dbm + i as f64 * STEP_DB);
+                STRAY + (1.0 - 2.0 * STRAY) * p
+            })
+            .collect();
+        Self { from_dbm, values }
+    }
+
+    /// Probability that a frame of this strength passes.
+    #[must_use]
+    pub fn at(&self, dbm: f64) -> f64 {
+        let place = (dbm - self.from_dbm) / STEP_DB;
+        let last = self.values.len() - 1;
+        if place <= 0.0 {
+            return self.values[0];
+        }
+        let index = place as usize;
+        if last <= index {
+            return self.values[last];
+        }
+        let part = place - index as f64;
+        self.values[index] + part * (self.values[index + 1] - self.values[index])
+    }
+
+    /// Averages over normal noise about the mean.
+    #[must_use]
+    pub fn averaged(&self, sd_db: f64, spread: &Spread) -> Averaged {
+        let sd_db = sd_db.max(0.05);
+        let widest = spread.0.iter().fold(0.0f64, |widest, (level, _)| widest.max(level.abs()));
+        let reach = REACH_SD * sd_db + widest;
+        let step = (sd_db / 4.0).clamp(STEP_DB, 1.0);
+        let from_dbm = self.from_dbm - reach;
+        let span = (self.values.len() - 1) as f64 * STEP_DB + 2.0 * reach;
+        let n = (span / step).ceil() as usize + 2;
+        // Normal weights on a grid, normalised: ±5 sd.
+        let fine = (sd_db / 8.0).min(0.5);
+        let half = (5.0 * sd_db / fine).ceil() as i64;
+        let mut kernel: Vec<(f64, f64)> = (-half..=half)
+            .map(|i| {
+                let z = i as f64 * fine / sd_db;
+                (z, (-0.5 * z * z).exp())
+            })
+            .collect();
+        let total: f64 = kernel.iter().map(|(_, weight)| weight).sum();
+        kernel.iter_mut().for_each(|(_, weight)| *weight /= total);
+        let moments = |mean: f64| {
+            let mut sums = [0.0; 3];
+            for &(level, p) in &spread.0 {
+                for &(z, weight) in &kernel {
+                    let passes = p * weight * self.at(mean + level + z * sd_db);
+                    sums[0] += passes;
+                    sums[1] += z * passes;
+                    sums[2] += (z * z - 1.0) * passes;
+                }
+            }
+            sums
+        };
+        let values = (0..n).map(|i| moments(from_dbm + i as f64 * step)).collect();
+        Averaged { from_dbm, step, sd_db, values }
+    }
+}
+
+/// The probability that a frame passes as a function of its mean level, noise averaged out, with derivatives.
+#[derive(Clone, Debug)]
+pub struct Averaged {
+    from_dbm: f64,
+    step: f64,
+    sd_db: f64,
+    values: Vec<[f64; 3]>,
+}
+
+/// What [`Averaged`] says about a level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chance {
+    /// Probability that a frame passes.
+    pub passes: f64,
+    /// Its derivative over the level (1/dB).
+    pub slope: f64,
+    /// Its second derivative (1/dB²).
+    pub bend: f64,
+    /// Its derivative over the logarithm of the noise's standard deviation.
+    pub over_ln_sd: f64,
+    /// Mean deviation of the frames that pass from the mean level (dB), as far as it is due to the normal noise.
+    pub lift_db: f64,
+}
+
+impl Averaged {
+    /// At a mean level.
+    #[must_use]
+    pub fn at(&self, dbm: f64) -> Chance {
+        let place = ((dbm - self.from_dbm) / self.step).max(0.0);
+        let last = self.values.len() - 1;
+        let index = (place as usize).min(last - 1);
+        let part = (place - index as f64).min(1.0);
+        let (a, b) = (&self.values[index], &self.values[index + 1]);
+        let [m0, m1, m2] = std::array::from_fn(|k| a[k] + part * (b[k] - a[k]));
+        Chance {
+            passes: m0,
+            slope: m1 / self.sd_db,
+            bend: m2 / (self.sd_db * self.sd_db),
+            over_ln_sd: m2,
+            lift_db: self.sd_db * m1 / m0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A step at −90 dBm: averaged over normal noise it is the normal distribution function.
+    #[derive(Debug)]
+    struct Step;
+
+    impl Curve for Step {
+        fn reception_probability(&self, rssi_dbm: f64) -> f64 {
+            f64::from(u8::from(-90.0 <= rssi_dbm))
+        }
+        fn floor_dbm(&self) -> f64 {
+            -92.0
+        }
+        fn ceiling_dbm(&self) -> f64 {
+            -88.0
+        }
+    }
+
+    #[test]
+    fn a_step_averaged_over_normal_noise_is_the_normal_distribution() {
+        let averaged = Sampled::of(&Step).averaged(2.0, &Spread::none());
+        // Abramowitz and Stegun, table 26.1: P(0) = 0.5, P(1) = 0.8413, P(2) = 0.9772; density 0.3989, 0.2420, 0.0540.
+        for (z, p, density) in [(0.0, 0.5, 0.3989), (1.0, 0.8413, 0.2420), (2.0, 0.9772, 0.0540)] {
+            let chance = averaged.at(-90.0 + 2.0 * z);
+            assert!((chance.passes - p).abs() < 0.012, "{z}: {chance:?}");
+            assert!((chance.slope - density / 2.0).abs() < 0.004, "{z}: {chance:?}");
+            assert!((chance.bend - -z * density / 4.0).abs() < 0.004, "{z}: {chance:?}");
+        }
+    }
+}
