@@ -1,5 +1,7 @@
 //! The command line.
 
+mod measured;
+
 use crate::bench::{self, BenchOptions};
 use crate::config::{self, Overrides, Tls};
 use crate::conformance::{self, ConformanceOptions};
@@ -45,6 +47,8 @@ enum Command {
     Verify(VerifyArgs),
     /// Ask a running simulator whether it keeps the contract
     Conformance(ConformanceArgs),
+    /// Find out which physical effect a model lacks, from measurements
+    Diagnose(measured::DataArgs),
     /// Measure speed through the real processes
     Bench(BenchArgs),
     /// Serve the network simulator
@@ -296,6 +300,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         }
         Command::Effects(args) => effects_command(&args),
         Command::Verify(args) => verify_command(&args),
+        Command::Diagnose(args) => measured::diagnose(&args),
         Command::Conformance(args) => conformance_command(&args),
         Command::Bench(args) => {
             let options = BenchOptions {

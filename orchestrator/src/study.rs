@@ -5,6 +5,7 @@
 
 pub mod folds;
 pub mod links;
+pub mod open;
 
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};
@@ -99,6 +100,10 @@ pub trait Study: Sync {
 
     /// The numbers of a term, with intervals, from a fit to all rows; and a warning where two cannot be told apart.
     fn estimates(&self, fit: &Self::Fit, term: usize) -> (Vec<Estimate>, Option<String>);
+
+    /// The configuration of a term as fitted: the keys of its section, `kind` among them. Null where it is not in the fit,
+    /// or is no effect.
+    fn settings(&self, fit: &Self::Fit, term: usize) -> serde_json::Value;
 }
 
 /// Whether a value lies at an end of a parameter's range.

@@ -157,6 +157,36 @@ pub fn draw_blocks(seed: u64, pairs: &[u64], period_ns: u64, words: &mut [[u64; 
 /// of the frame from the higher number.
 pub const LEVEL_WORD: usize = 2;
 
+impl Law {
+    /// The distribution as levels (dB) with their probabilities: for integrals over it.
+    #[must_use]
+    pub fn levels(&self) -> Vec<(f64, f64)> {
+        let normal = |sd_db: f64| -> Vec<(f64, f64)> {
+            let levels: Vec<(f64, f64)> = (-7..=7)
+                .map(|step| {
+                    let z = f64::from(step) * 3.0 / 7.0;
+                    (z * sd_db, libm::exp(-0.5 * z * z))
+                })
+                .collect();
+            let total: f64 = levels.iter().map(|(_, weight)| weight).sum();
+            levels.into_iter().map(|(level, weight)| (level, weight / total)).collect()
+        };
+        match *self {
+            Self::Normal { sd_db } => normal(sd_db),
+            Self::Nodes { tx_sd_db, rx_sd_db } => normal(libm::hypot(tx_sd_db, rx_sd_db)),
+            Self::Uniform { span_db } => {
+                let level = |i: u32| (span_db * ((f64::from(i) + 0.5) / 32.0 - 0.5), 1.0 / 32.0);
+                (0..32).map(level).collect()
+            }
+            Self::Rician { k_factor_db } => Waves::of(k_factor_db)
+                .levels_db(16)
+                .into_iter()
+                .map(|db| (db, 1.0 / 16.0))
+                .collect(),
+        }
+    }
+}
+
 impl Scatter {
     /// The most that it adds (dB).
     #[must_use]
@@ -329,6 +359,20 @@ impl Waves {
     fn of(k_factor_db: f64) -> Self {
         let k = libm::pow(10.0, k_factor_db / 10.0);
         Self { steady: libm::sqrt(k / (k + 1.0)), weak: libm::sqrt(0.5 / (k + 1.0)) }
+    }
+
+    /// Levels (dB) into which the waves' power falls equally often: means over `n` equal parts of the distribution.
+    fn levels_db(self, n: usize) -> Vec<f64> {
+        // Both components at equally likely values: a grid of equal weights.
+        const SIDE: u32 = 48;
+        let at = |i: u32, k: u32| {
+            let word = |j: u32| ((f64::from(j) + 0.5) / f64::from(SIDE) * 2f64.powi(64)) as u64;
+            self.power_db(word(i), word(k))
+        };
+        let mut all: Vec<f64> = (0..SIDE).flat_map(|i| (0..SIDE).map(move |k| at(i, k))).collect();
+        all.sort_by(f64::total_cmp);
+        let part = all.len() / n;
+        (0..n).map(|i| all[i * part..(i + 1) * part].iter().sum::<f64>() / part as f64).collect()
     }
 
     /// Their power (dB) for two random words.

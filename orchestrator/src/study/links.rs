@@ -8,6 +8,7 @@
 //! | [`terms`] | what may be added to the model |
 //! | [`fit`] | Newton's method on all of it |
 //! | [`cells`] | random levels of nodes, links and channels |
+//! | [`search`] | places, nodes and times that an effect needs and that no map shows |
 //! | [`testable`] | what the data lack for an effect to be tested |
 
 pub mod cells;
@@ -15,6 +16,7 @@ pub mod fit;
 pub mod likelihood;
 pub mod passing;
 pub mod rows;
+pub mod search;
 pub mod terms;
 pub mod testable;
 
@@ -24,7 +26,7 @@ use cells::{Cells, Deviations, Random};
 use fit::{Free, LinkFit, Problem};
 use likelihood::Instrument;
 use netsim::phy::effect;
-use netsim::phy::scatter::Law;
+use netsim::phy::scatter::{Law, Renewal};
 use passing::Spread;
 use proto::effect::{Level, Need};
 use rows::Rows;
@@ -59,26 +61,9 @@ pub struct LinkStudy {
     configured: Deviations,
 }
 
-/// How a random contribution varies from frame to frame: levels with their probabilities.
+/// How a random contribution varies from frame to frame.
 pub(super) fn spread_of(law: &Law) -> Spread {
-    match *law {
-        Law::Normal { sd_db } => {
-            // A normal distribution by its quantiles at equal steps: 15 levels within 3 standard deviations.
-            let levels: Vec<(f64, f64)> = (-7..=7)
-                .map(|step| {
-                    let z = f64::from(step) * 3.0 / 7.0;
-                    (z * sd_db, (-0.5 * z * z).exp())
-                })
-                .collect();
-            let total: f64 = levels.iter().map(|(_, p)| p).sum();
-            Spread(levels.into_iter().map(|(level, p)| (level, p / total)).collect())
-        }
-        Law::Uniform { span_db } => {
-            let n = 32;
-            let level = |i: i32| span_db * ((f64::from(i) + 0.5) / f64::from(n) - 0.5);
-            Spread((0..n).map(|i| (level(i), 1.0 / f64::from(n))).collect())
-        }
-    }
+    Spread(law.levels())
 }
 
 impl LinkStudy {
@@ -225,14 +210,16 @@ impl Study for LinkStudy {
         let known = |term: usize| {
             let fit = start?;
             let index = fit.terms.iter().position(|&other| other == term)?;
-            Some(fit.states[index].clone())
+            // What was searched with all rows is searched again without those left out.
+            let again = self.is_searched(term) && train.len() < self.rows.len();
+            (!again).then(|| fit.states[index].clone())
         };
         // One term at a time may be new: the others start where they were.
         let mut starts: Vec<Vec<State>> = vec![Vec::new()];
         for &term in terms {
             let options = match known(term) {
                 Some(state) => vec![state],
-                None => self.starts_of(term),
+                None => self.starts_of(term, terms, train, level, start),
             };
             starts = starts
                 .into_iter()
@@ -358,6 +345,28 @@ impl Study for LinkStudy {
         }
         (estimates, warning)
     }
+
+    fn settings(&self, fit: &LinkFit, term: usize) -> serde_json::Value {
+        let Some(place) = fit.terms.iter().position(|&other| other == term) else {
+            return serde_json::Value::Null;
+        };
+        let spec = &self.specs[term];
+        let Some(entry) = spec.entry() else { return serde_json::Value::Null };
+        let mut keys = toml::Table::new();
+        keys.insert("kind".to_owned(), toml::Value::String(entry.variant.name.to_owned()));
+        keys.extend(fit.states[place].keys(spec));
+        let sd = fit.random.sd;
+        let spreads: &[(&str, f64)] = match spec {
+            Spec::Shadowing(_) => &[("sd_db", sd.link_db)],
+            Spec::Multipath(_) => &[("sd_db", sd.channel_db)],
+            Spec::NodeOffset(_) => &[("tx_sd_db", sd.tx_db), ("rx_sd_db", sd.rx_db)],
+            Spec::Effect(_) | Spec::Curve { .. } => &[],
+        };
+        for (key, value) in spreads {
+            keys.insert((*key).to_owned(), toml::Value::Float(*value));
+        }
+        serde_json::to_value(keys).unwrap_or_default()
+    }
 }
 
 /// Standard errors to either side of a 90 % interval.
@@ -366,9 +375,44 @@ const NINETY: f64 = 1.645;
 const CONFUSABLE: f64 = 0.97;
 
 impl LinkStudy {
-    fn starts_of(&self, term: usize) -> Vec<State> {
+    /// Whether the term has places or nodes that a search finds.
+    fn is_searched(&self, term: usize) -> bool {
+        let name = self.specs[term].entry().map(|entry| entry.variant.name);
+        matches!(name, Some("hidden-obstacle" | "battery-sag"))
+    }
+
+    /// The states from which a search for a term starts, `parent` being the fit without it.
+    fn starts_of(
+        &self,
+        term: usize,
+        terms: &[usize],
+        train: &[u32],
+        level: Level,
+        parent: Option<&LinkFit>,
+    ) -> Vec<State> {
         let spec = &self.specs[term];
         let states = State::starts(spec);
+        if self.is_searched(term) {
+            // Searches take turns: each is made on top of those before it.
+            let place = terms.iter().position(|&other| other == term).unwrap_or_default();
+            let terms: Vec<usize> = terms
+                .iter()
+                .enumerate()
+                .filter(|&(index, &other)| {
+                    other != term && (index < place || !self.is_searched(other))
+                })
+                .map(|(_, &other)| other)
+                .collect();
+            let parent = self.fit(&terms, train, level, parent);
+            let specs = self.specs_of(&terms);
+            let cells = self.cells(Self::decorrelation_m(&specs, &parent.states));
+            let left = search::left_over(&self.rows, &parent, &specs, cells, train);
+            let name = spec.entry().map_or("", |entry| entry.variant.name);
+            return match name {
+                "hidden-obstacle" => search::obstacles(&self.rows, train, &left, &states[0]),
+                _ => search::sagging(&self.rows, train, &left, &states[0]),
+            };
+        }
         if !matches!(spec, Spec::Shadowing(_)) {
             return states;
         }
@@ -456,11 +500,19 @@ impl LinkStudy {
 
 /// Random levels that the configuration itself has.
 fn configured(rows: &Rows) -> Deviations {
-    use proto::rng::Purpose;
     let mut known = Deviations::default();
-    for scatter in rows.model.scatters() {
-        if let (Law::Normal { sd_db }, Purpose::Shadowing) = (scatter.law, scatter.purpose) {
-            known.link_db = known.link_db.hypot(sd_db);
+    for scatter in rows.model.scatters().iter().filter(|scatter| scatter.renewal != Renewal::Frame)
+    {
+        match (scatter.law, scatter.renewal) {
+            (Law::Nodes { tx_sd_db, rx_sd_db }, _) => {
+                known.tx_db = known.tx_db.hypot(tx_sd_db);
+                known.rx_db = known.rx_db.hypot(rx_sd_db);
+            }
+            (Law::Normal { sd_db }, Renewal::Place { .. }) => {
+                known.channel_db = known.channel_db.hypot(sd_db);
+            }
+            (Law::Normal { sd_db }, _) => known.link_db = known.link_db.hypot(sd_db),
+            _ => {}
         }
     }
     known

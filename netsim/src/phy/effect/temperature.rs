@@ -21,8 +21,8 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "reference_c",
-                doc: "Temperature (degrees C) at which nothing is added. It trades with system-gain, so it is fixed and not \
-                      fitted.",
+                doc: "Temperature (degrees C) at which nothing is added. It trades with system-gain: a fit of it takes up \
+                      whatever constant is missing.",
                 kind: Kind::Number(Range::closed(-60.0, 125.0)),
                 default: Default::Number(20.0),
             },
@@ -41,14 +41,24 @@ pub const ENTRY: Entry = Entry {
         needs: &[Need::Column("temperature_c"), Need::Readings],
     },
     fit: Fit {
-        parameters: &[Parameter {
-            key: "db_per_c",
-            unit: "dB/degC",
-            min: -5.0,
-            max: 5.0,
-            starts: &[0.0],
-            step: 0.005,
-        }],
+        parameters: &[
+            Parameter {
+                key: "db_per_c",
+                unit: "dB/degC",
+                min: -5.0,
+                max: 5.0,
+                starts: &[-0.1],
+                step: 0.005,
+            },
+            Parameter {
+                key: "reference_c",
+                unit: "degC",
+                min: -60.0,
+                max: 125.0,
+                starts: &[20.0],
+                step: 0.5,
+            },
+        ],
         variants: &[],
         level: Level::Time,
         generalises: &[],

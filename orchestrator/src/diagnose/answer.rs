@@ -1,0 +1,213 @@
+//! What a diagnosis found: for programs as JSON, for people as a table and a sentence.
+
+use super::ladder::{COMMON, Gain, Ladder, Scores, Search};
+use crate::study::Study;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+
+/// Names of what a kind of measurements is scored by.
+#[derive(Clone, Copy, Debug)]
+pub struct Kind {
+    /// `link` or `robot`.
+    pub name: &'static str,
+    /// Unit of errors.
+    pub unit: &'static str,
+}
+
+/// A diagnosis.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// As in the specification of the file format `diagnose/1`.
+    pub json: Value,
+    /// As a person reads it.
+    pub text: String,
+}
+
+/// JSON has no number for what is not one.
+fn number(value: f64) -> Value {
+    if value.is_finite() { json!(value) } else { Value::Null }
+}
+
+fn rung(name: &str, scores: &Scores) -> Value {
+    json!({
+        "model": name,
+        "log_score": number(scores.log_score),
+        "rmse": number(scores.rmse),
+        "crps": number(scores.crps),
+        "reception_log_loss": number(scores.reception_log_loss),
+    })
+}
+
+/// Says what a search found.
+pub fn answer<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    ladder: &Ladder,
+    kind: Kind,
+    unexplained: &[Value],
+) -> Answer {
+    let candidates = study.candidates();
+    let name = |term: usize| candidates[term].name.as_str();
+    let effects: Vec<usize> = ladder
+        .accepted
+        .iter()
+        .copied()
+        .filter(|&term| candidates[term].curve_over().is_none())
+        .collect();
+    let mut structure: Vec<Value> = Vec::new();
+    for &term in &ladder.accepted {
+        let Some(covariate) = candidates[term].curve_over() else { continue };
+        let Some(trial) = ladder.trials.iter().find(|trial| trial.term == term) else { continue };
+        let step = ladder.accepted.iter().position(|&other| other == term).unwrap_or_default();
+        let (before, after) = (&ladder.rungs[step].scores, &ladder.rungs[step + 1].scores);
+        structure.push(json!({
+            "covariate": covariate,
+            "explained": number((1.0 - (after.rmse / before.rmse).powi(2)).max(0.0)),
+            "p_value": number(trial.gain.p_value),
+            "formula": Value::Null,
+            "rmse_after": number(after.rmse),
+        }));
+    }
+    structure.extend(unexplained.iter().cloned());
+    let verdict = if ladder.too_little.is_some() {
+        "nothing-missing"
+    } else if !structure.is_empty() {
+        "unexplained-structure"
+    } else if effects.is_empty() {
+        "nothing-missing"
+    } else {
+        "missing-effects"
+    };
+    let full = search.full(&ladder.accepted, COMMON, None);
+    let mut text = String::new();
+    let mut rungs = Vec::new();
+    let has_losses = !ladder.rungs[0].scores.reception_log_loss.is_nan();
+    let _ = writeln!(
+        text,
+        "{:<34} {:>12} {:>10} {:>10}{}",
+        "model (held out)",
+        "log score",
+        format!("rmse {}", kind.unit),
+        format!("crps {}", kind.unit),
+        if has_losses { "  reception loss" } else { "" }
+    );
+    for (index, step) in ladder.rungs.iter().enumerate() {
+        let label = match step.terms.last() {
+            None => "as configured".to_owned(),
+            Some(&term) => format!("+ {}", name(term)),
+        };
+        let scores = &step.scores;
+        let loss = if has_losses {
+            format!("  {:>14.4}", scores.reception_log_loss)
+        } else {
+            String::new()
+        };
+        let _ = writeln!(
+            text,
+            "{label:<34} {:>12.4} {:>10.4} {:>10.4}{loss}",
+            scores.log_score, scores.rmse, scores.crps
+        );
+        debug_assert_eq!(index, step.terms.len());
+        rungs.push(rung(&label, scores));
+    }
+    let mut listed = Vec::new();
+    let _ = writeln!(text);
+    for (term, candidate) in candidates.iter().enumerate() {
+        let trial = ladder.trials.iter().find(|trial| trial.term == term);
+        let accepted = ladder.accepted.contains(&term);
+        let gain = trial.map_or(Gain::NONE, |trial| trial.gain);
+        let ties: Vec<&str> =
+            trial.map_or_else(Vec::new, |trial| trial.ties.iter().map(|&t| name(t)).collect());
+        let mut parameters = serde_json::Map::new();
+        let mut entry = json!({
+            "effect": candidate.name,
+            "gain": number(gain.gain),
+            "standard_error": number(gain.standard_error),
+            "p_value": number(gain.p_value),
+            "accepted": accepted,
+            "indistinguishable_from": ties,
+        });
+        if accepted {
+            let (estimates, warning) = study.estimates(&full, term);
+            let mut shown = Vec::new();
+            for estimate in &estimates {
+                parameters.insert(
+                    estimate.name.clone(),
+                    json!({
+                        "value": number(estimate.value),
+                        "unit": estimate.unit,
+                        "low": number(estimate.low),
+                        "high": number(estimate.high),
+                    }),
+                );
+                shown.push(format!(
+                    "{} = {:.4} {} (90 %: {:.4} to {:.4})",
+                    estimate.name, estimate.value, estimate.unit, estimate.low, estimate.high
+                ));
+            }
+            let _ = writeln!(
+                text,
+                "{}: gains {:.4} +- {:.4} nats a row. {}",
+                candidate.name,
+                gain.gain,
+                gain.standard_error,
+                shown.join(", ")
+            );
+            if !ties.is_empty() {
+                let _ =
+                    writeln!(text, "  on these data it cannot be told from {}", ties.join(", "));
+            }
+            if let Some(warning) = warning {
+                let _ = writeln!(text, "  warning: {warning}");
+                entry["warning"] = json!(warning);
+            }
+        }
+        entry["parameters"] = Value::Object(parameters);
+        entry["settings"] = study.settings(&full, term);
+        if let Some(reason) = &candidate.untestable {
+            entry["untestable"] = json!(reason);
+        }
+        listed.push(entry);
+    }
+    let untestable: Vec<String> = candidates
+        .iter()
+        .filter_map(|candidate| {
+            candidate.untestable.as_ref().map(|why| format!("{} ({why})", candidate.name))
+        })
+        .collect();
+    if !untestable.is_empty() {
+        let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
+    }
+    let missing: Vec<&str> = effects.iter().map(|&term| name(term)).collect();
+    let sentence = match (&ladder.too_little, verdict) {
+        (Some(why), _) => why.clone(),
+        (None, "nothing-missing") => "nothing is missing that these data could show".to_owned(),
+        (None, "missing-effects") => format!("missing: {}", missing.join(", then ")),
+        (None, _) => {
+            let over: Vec<&str> =
+                structure.iter().filter_map(|entry| entry["covariate"].as_str()).collect();
+            let also = if missing.is_empty() {
+                String::new()
+            } else {
+                format!("; besides, missing: {}", missing.join(", then "))
+            };
+            format!("there is structure in {} that no known effect explains{also}", over.join(", "))
+        }
+    };
+    let _ = writeln!(text, "\n{sentence}");
+    let mut json = json!({
+        "schema": "diagnose/1",
+        "kind": kind.name,
+        "verdict": verdict,
+        "sentence": sentence,
+        "missing": missing,
+        "ladder": rungs,
+        "candidates": listed,
+        "unexplained": structure,
+        "next_measurement": [],
+    });
+    if let Some(why) = &ladder.too_little {
+        json["too_little"] = json!(why);
+    }
+    Answer { json, text }
+}
