@@ -47,6 +47,10 @@ enum Command {
     Verify(VerifyArgs),
     /// Ask a running simulator whether it keeps the contract
     Conformance(ConformanceArgs),
+    /// Find out how wrong a model is, and where, from measurements
+    Compare(measured::DataArgs),
+    /// Add a missing effect to a configuration, fitted to measurements
+    Extend(measured::ExtendArgs),
     /// Find out which physical effect a model lacks, from measurements
     Diagnose(measured::DataArgs),
     /// Measure speed through the real processes
@@ -300,6 +304,8 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         }
         Command::Effects(args) => effects_command(&args),
         Command::Verify(args) => verify_command(&args),
+        Command::Compare(args) => measured::compare(&args),
+        Command::Extend(args) => measured::extend(&args),
         Command::Diagnose(args) => measured::diagnose(&args),
         Command::Conformance(args) => conformance_command(&args),
         Command::Bench(args) => {
@@ -541,6 +547,16 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
     } else {
         Err(Failure::work(format!("{} breaks the contract", found.name)))
     }
+}
+
+/// Writes a file whole or not at all.
+fn write_whole(path: &Path, text: &str) -> Result<(), Failure> {
+    let folder =
+        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let failed = |error: std::io::Error| Failure::work(format!("{}: {error}", path.display()));
+    let file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    std::fs::write(file.path(), text).map_err(failed)?;
+    file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
 }
 
 fn write_json(path: Option<&Path>, value: &Value) -> Result<(), Failure> {

@@ -12,6 +12,8 @@
 //! | [`record`] | what a run leaves |
 //! | [`report`] | the page that shows it |
 //! | [`measure`] | measurements, and the part of a configuration that is held against them |
+//! | [`mod@compare`] | how wrong a model is as configured, and where |
+//! | [`mod@extend`] | a configuration with a missing effect added, fitted |
 //! | [`study`] | what a search for missing physics asks of measurements |
 //! | [`diagnose`] | the search: which physical effect is missing |
 //! | [`effects`] | the catalogue of physical effects |
@@ -21,12 +23,14 @@
 
 pub mod bench;
 pub mod cli;
+pub mod compare;
 pub mod config;
 pub mod conformance;
 pub mod console;
 pub mod coupling;
 pub mod diagnose;
 pub mod effects;
+pub mod extend;
 pub mod measure;
 pub mod peer;
 pub mod record;

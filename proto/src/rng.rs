@@ -56,6 +56,8 @@ pub enum Purpose {
     FastFading = 21,
     /// Gusts of wind. Entity: axis; time: number of the gust.
     Gust = 22,
+    /// Which blocks of measurements a resample has. Entity: resample; time: number of the draw.
+    Resample = 23,
 }
 
 /// The draws of one purpose under one seed.

@@ -63,12 +63,31 @@ pub enum Covariates<'a> {
     /// One value per agent and name.
     Agents(&'a [Covariate]),
     /// The columns of one row of measurements: `temperature_c`, or `tx_temperature_c` and `rx_temperature_c`.
-    Row {
+    Row(&'a [(String, f64)]),
+    /// As [`Covariates::Row`], the names apart.
+    Columns {
         /// Names of the columns.
         names: &'a [String],
         /// Their values, one each; NaN where one is missing.
         values: &'a [f64],
     },
+}
+
+impl Covariates<'_> {
+    /// The value in the first column of a row whose name is wanted. `None` where there is no row, or none so named.
+    #[must_use]
+    pub fn column(&self, wanted: &dyn Fn(&str) -> bool) -> Option<f64> {
+        match self {
+            Self::None | Self::Agents(_) => None,
+            Self::Row(columns) => {
+                columns.iter().find(|(column, _)| wanted(column)).map(|&(_, value)| value)
+            }
+            Self::Columns { names, values } => {
+                let index = names.iter().position(|column| wanted(column))?;
+                values.get(index).copied().filter(|value| !value.is_nan())
+            }
+        }
+    }
 }
 
 /// Which end of a link.
@@ -134,15 +153,12 @@ impl Link<'_> {
                 let column = columns.iter().find(|column| column.name == name)?;
                 column.values.get(id as usize).copied()
             }
-            Covariates::Row { names, values } => {
+            Covariates::Row(_) | Covariates::Columns { .. } => {
                 let prefix = match side {
                     Side::Sender => "tx_",
                     Side::Receiver => "rx_",
                 };
-                let of = |wanted: &dyn Fn(&str) -> bool| {
-                    let index = names.iter().position(|column| wanted(column))?;
-                    values.get(index).copied().filter(|value| !value.is_nan())
-                };
+                let of = |wanted: &dyn Fn(&str) -> bool| self.scene.covariates.column(wanted);
                 of(&|column| column.strip_prefix(prefix) == Some(name))
                     .or_else(|| of(&|column| column == name))
             }
@@ -163,7 +179,7 @@ mod tests {
     #[test]
     fn a_row_names_an_end_by_prefix_and_otherwise_serves_both() {
         let names = ["tx_temperature_c".to_owned(), "temperature_c".to_owned()];
-        let covariates = Covariates::Row { names: &names, values: &[20.0, 5.0] };
+        let covariates = Covariates::Columns { names: &names, values: &[20.0, 5.0] };
         let scene = Scene { covariates, ..Scene::default() };
         let link = Link {
             sender: End::at(0, [0.0; 3]),

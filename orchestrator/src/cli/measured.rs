@@ -1,9 +1,11 @@
 //! The commands that hold a model against measurements.
 
-use super::{Failure, write_json};
+use super::{Failure, write_json, write_whole};
+use crate::compare;
 use crate::console::{say, warn};
 use crate::diagnose::answer::{self, Kind};
 use crate::diagnose::ladder::Search;
+use crate::extend;
 use crate::study::open::{self, Account};
 use clap::Args;
 use serde_json::{Value, json};
@@ -44,6 +46,72 @@ fn account_text(account: &Account) {
     for warning in &account.warnings {
         warn(warning);
     }
+}
+
+#[derive(Args)]
+pub(super) struct ExtendArgs {
+    #[command(flatten)]
+    data: DataArgs,
+    /// The effect to add. May be given several times
+    #[arg(long, value_name = "NAME", required_unless_present = "all")]
+    effect: Vec<String>,
+    /// Add every effect that diagnose accepts
+    #[arg(long, conflicts_with = "effect")]
+    all: bool,
+    /// The new configuration
+    #[arg(long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+/// `orchestrator compare`.
+pub(super) fn compare(args: &DataArgs) -> Result<(), Failure> {
+    let (config, table) =
+        open::files(&args.config, &args.set, &args.data).map_err(Failure::request)?;
+    let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+    account_text(&account);
+    let report = |line: &str| tracing::info!("{line}");
+    let search = Search::new(&study, &report);
+    let mut found = compare::links(&study, &search);
+    account_json(&account, &mut found.json);
+    say(&found.text);
+    write_json(args.json.as_deref(), &found.json)
+}
+
+/// `orchestrator extend`.
+pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
+    let data = &args.data;
+    let (config, table) =
+        open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
+    let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+    account_text(&account);
+    let report = |line: &str| tracing::info!("{line}");
+    let search = Search::new(&study, &report);
+    let terms = if args.all {
+        search.climb().accepted
+    } else {
+        let found: Result<Vec<usize>, _> =
+            args.effect.iter().map(|name| extend::candidate(&study, name)).collect();
+        found.map_err(Failure::request)?
+    };
+    let extended = extend::extend(&config, &account, &study, &search, &terms, "netsim.phy.effect")
+        .map_err(Failure::work)?;
+    write_whole(&args.output, &extended.text)?;
+    say(format!(
+        "{}: added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} dB",
+        args.output.display(),
+        extended.names.join(", "),
+        extended.before.log_score,
+        extended.after.log_score,
+        extended.before.rmse,
+        extended.after.rmse
+    ));
+    let json = json!({
+        "schema": "extend/1",
+        "added": extended.names,
+        "log_score": [extended.before.log_score, extended.after.log_score],
+        "rmse": [extended.before.rmse, extended.after.rmse],
+    });
+    write_json(data.json.as_deref(), &json)
 }
 
 /// `orchestrator diagnose`.

@@ -9,9 +9,11 @@
 //! | [`fit`] | Newton's method on all of it |
 //! | [`cells`] | random levels of nodes, links and channels |
 //! | [`search`] | places, nodes and times that an effect needs and that no map shows |
+//! | [`covariates`] | what an error may depend on, given or derived |
 //! | [`testable`] | what the data lack for an effect to be tested |
 
 pub mod cells;
+pub mod covariates;
 pub mod fit;
 pub mod likelihood;
 pub mod passing;
@@ -100,6 +102,12 @@ impl LinkStudy {
         &self.specs
     }
 
+    /// What an error may depend on: a value per row.
+    #[must_use]
+    pub fn covariates(&self) -> Vec<(String, Vec<f64>)> {
+        covariates::of(&self.rows)
+    }
+
     fn specs_of(&self, terms: &[usize]) -> Vec<&Spec> {
         terms.iter().map(|&term| &self.specs[term]).collect()
     }
@@ -157,16 +165,8 @@ impl LinkStudy {
             .unwrap_or(PLACE_M)
     }
 
-    fn run(
-        &self,
-        terms: &[usize],
-        states: Vec<State>,
-        train: &[u32],
-        level: Level,
-        sd_db: Option<f64>,
-        random: Option<Deviations>,
-        most_steps: usize,
-    ) -> LinkFit {
+    fn run(&self, terms: &[usize], states: Vec<State>, train: &[u32], from: From) -> LinkFit {
+        let From { level, sd_db, random, most_steps } = from;
         let specs = self.specs_of(terms);
         let (start, free) = self.deviations(&specs, level);
         let cells = self.cells(Self::decorrelation_m(&specs, &states));
@@ -175,6 +175,19 @@ impl LinkStudy {
         let random = Random::new(random.unwrap_or(start), cells);
         problem.fit(terms, states, sd_db, random, most_steps)
     }
+}
+
+/// From where a fit starts, and how far it goes.
+#[derive(Clone, Copy, Debug)]
+struct From {
+    /// At which level it will be judged.
+    level: Level,
+    /// The noise (dB).
+    sd_db: Option<f64>,
+    /// Random levels.
+    random: Option<Deviations>,
+    /// Most steps.
+    most_steps: usize,
 }
 
 /// Steps of a fit, and of a trial that only tells which start is best.
@@ -242,14 +255,15 @@ impl Study for LinkStudy {
             let steps = if asks_for_links { MOST_STEPS } else { TRIAL_STEPS };
             let mut best: Option<(f64, Vec<State>)> = None;
             for states in starts {
-                let fit = self.run(terms, states, train, trial_level, sd_db, None, steps);
+                let from = From { level: trial_level, sd_db, random: None, most_steps: steps };
+                let fit = self.run(terms, states, train, from);
                 if best.as_ref().is_none_or(|(log, _)| *log < fit.log_likelihood) {
                     best = Some((fit.log_likelihood, fit.states));
                 }
             }
             best.map(|(_, states)| states).unwrap_or_default()
         };
-        self.run(terms, best, train, level, sd_db, random, MOST_STEPS)
+        self.run(terms, best, train, From { level, sd_db, random, most_steps: MOST_STEPS })
     }
 
     fn log_likelihood(&self, fit: &LinkFit) -> f64 {

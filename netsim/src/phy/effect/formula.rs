@@ -1,7 +1,7 @@
 //! Effects that users write themselves.
 
 use super::{Effect, Entry};
-use crate::phy::link::{Covariates, End, Link, Side};
+use crate::phy::link::{End, Link, Side};
 use crate::phy::sight::Path;
 use proto::config::{Choice, Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Need};
@@ -205,9 +205,7 @@ impl Formula {
 
 /// A covariate by the name that a formula uses.
 fn covariate(link: &Link<'_>, name: &str) -> Option<f64> {
-    if let Covariates::Row(columns) = link.scene.covariates
-        && let Some(&(_, value)) = columns.iter().find(|(column, _)| column == name)
-    {
+    if let Some(value) = link.scene.covariates.column(&|column| column == name) {
         return Some(value);
     }
     if let Some(name) = name.strip_prefix("tx_") {
@@ -253,9 +251,8 @@ impl Effect for Formula {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::phy::effect::testing::{along_x, made, problems};
-    use crate::phy::link::Scene;
+    use crate::phy::link::{Covariates, Scene};
     use proto::types::Covariate;
 
     #[test]

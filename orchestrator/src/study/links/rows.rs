@@ -112,7 +112,7 @@ impl Rows {
         let scene = Scene {
             site: Some(&self.site),
             agents: &self.agents[from as usize..to as usize],
-            covariates: Covariates::Row {
+            covariates: Covariates::Columns {
                 names: &self.names,
                 values: &self.values[row * n..(row + 1) * n],
             },

@@ -1,0 +1,57 @@
+//! What the error of a link model may depend on: the columns of the file, and what follows from them.
+
+use super::rows::Rows;
+use netsim::phy::link::{Link, channel_hz};
+
+/// Covariates by name, with a value per row; NaN where it is unknown.
+#[must_use]
+pub fn of(rows: &Rows) -> Vec<(String, Vec<f64>)> {
+    let mut all: Vec<(String, Vec<f64>)> = Vec::new();
+    let mut add = |name: &str, value: &dyn Fn(usize) -> f64| {
+        let values: Vec<f64> = (0..rows.len()).map(value).collect();
+        let mut known = values.iter().copied().filter(|value| value.is_finite());
+        let first = known.next();
+        if first.is_some_and(|first| known.any(|value| value != first)) {
+            all.push((name.to_owned(), values));
+        }
+    };
+    let measured = &rows.links.rows;
+    add("distance_m", &|row| rows.link(row, |link| link.distance_m));
+    add("log10_distance", &|row| rows.link(row, |link| link.distance_m.log10()));
+    add("frequency_mhz", &|row| {
+        measured[row].channel.map_or(f64::NAN, |channel| channel_hz(channel) / 1e6)
+    });
+    add("tx_height_m", &|row| measured[row].tx_m[2]);
+    add("rx_height_m", &|row| measured[row].rx_m[2]);
+    add("elevation_rad", &|row| {
+        rows.link(row, |link| {
+            let [dx, dy, dz] = way(link);
+            dz.atan2(dx.hypot(dy))
+        })
+    });
+    add("tx_bearing_rad", &|row| rows.link(row, |link| seen(link, link.sender.heading_rad, 1.0)));
+    add("rx_bearing_rad", &|row| {
+        rows.link(row, |link| seen(link, link.receiver.heading_rad, -1.0))
+    });
+    add("midpoint_x_m", &|row| 0.5 * (measured[row].tx_m[0] + measured[row].rx_m[0]));
+    add("midpoint_y_m", &|row| 0.5 * (measured[row].tx_m[1] + measured[row].rx_m[1]));
+    add("time_s", &|row| measured[row].time_s);
+    add("transmitter", &|row| f64::from(measured[row].tx));
+    add("receiver", &|row| f64::from(measured[row].rx));
+    add("predicted_rssi_dbm", &|row| rows.base[row].power_dbm);
+    all.extend(rows.links.covariates.iter().cloned());
+    all
+}
+
+fn way(link: &Link<'_>) -> [f64; 3] {
+    std::array::from_fn(|k| link.receiver.position_m[k] - link.sender.position_m[k])
+}
+
+/// The bearing at which an end sees the other, from where its body faces (rad, -pi to pi); NaN where that is unknown.
+fn seen(link: &Link<'_>, heading_rad: Option<f64>, sign: f64) -> f64 {
+    let [dx, dy, _] = way(link);
+    heading_rad.map_or(f64::NAN, |heading| {
+        let bearing = (sign * dy).atan2(sign * dx) - heading;
+        bearing.sin().atan2(bearing.cos())
+    })
+}
