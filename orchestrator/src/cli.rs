@@ -549,16 +549,6 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
     }
 }
 
-/// Writes a file whole or not at all.
-fn write_whole(path: &Path, text: &str) -> Result<(), Failure> {
-    let folder =
-        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let failed = |error: std::io::Error| Failure::work(format!("{}: {error}", path.display()));
-    let file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    std::fs::write(file.path(), text).map_err(failed)?;
-    file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
-}
-
 fn write_json(path: Option<&Path>, value: &Value) -> Result<(), Failure> {
     path.map_or(Ok(()), |path| write_whole("--json", path, &format!("{value:#}\n")))
 }

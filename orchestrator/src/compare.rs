@@ -20,6 +20,9 @@ pub struct Comparison {
     pub text: String,
 }
 
+/// Scores by name.
+type Named = Vec<(&'static str, f64)>;
+
 /// A score with its 90 % interval.
 struct Interval {
     name: &'static str,
@@ -50,8 +53,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
         }
     }
     let blocks = study.blocks(COMMON);
-    let of = |rows: &mut dyn Iterator<Item = usize>| -> Vec<(&'static str, f64)> {
-        let rows: Vec<usize> = rows.collect();
+    let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
         let all = Scores::of(&part);
         let mean = |values: &[f64]| {
@@ -77,7 +79,8 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
         }
         list
     };
-    let values = of(&mut (0..n));
+    let all: Vec<usize> = (0..n).collect();
+    let values = of(&all);
     let intervals = bootstrap(&values, blocks.n_blocks(), &blocks.of_row, &of);
     let places = ranked(study, &deviation, &surprise);
     let mut text = String::new();
@@ -120,10 +123,10 @@ fn rows_have_losses(study: &LinkStudy) -> bool {
 
 /// 90 % intervals by resampling blocks. The draws are fixed: the same file gives the same interval.
 fn bootstrap(
-    values: &[(&'static str, f64)],
+    values: &Named,
     n_blocks: usize,
     block_of_row: &[u32],
-    of: &dyn Fn(&mut dyn Iterator<Item = usize>) -> Vec<(&'static str, f64)>,
+    of: &dyn Fn(&[usize]) -> Named,
 ) -> Vec<Interval> {
     let mut rows_of_block: Vec<Vec<usize>> = vec![Vec::new(); n_blocks];
     for (row, &block) in block_of_row.iter().enumerate() {
@@ -138,8 +141,9 @@ fn bootstrap(
                 (proto::rng::uniform(word) * n_blocks as f64) as usize
             })
             .collect();
-        let mut rows = picked.iter().flat_map(|&block| rows_of_block[block].iter().copied());
-        for (list, (_, value)) in resampled.iter_mut().zip(of(&mut rows)) {
+        let rows: Vec<usize> =
+            picked.iter().flat_map(|&block| rows_of_block[block].iter().copied()).collect();
+        for (list, (_, value)) in resampled.iter_mut().zip(of(&rows)) {
             list.push(value);
         }
     }

@@ -95,7 +95,7 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     };
     let extended = extend::extend(&config, &account, &study, &search, &terms, "netsim.phy.effect")
         .map_err(Failure::work)?;
-    write_whole(&args.output, &extended.text)?;
+    write_whole("--output", &args.output, &extended.text)?;
     say(format!(
         "{}: added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} dB",
         args.output.display(),
