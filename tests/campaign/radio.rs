@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn friis_has_the_values_that_were_agreed_on() {
+    fn free_space_has_the_values_that_were_agreed_on() {
         // Printed to two digits.
         near(friis_db(10.0, 11), -60.07, 0.005);
         near(friis_db(10.0, 26), -60.34, 0.005);

@@ -31,7 +31,7 @@ fn every_problem_is_named_at_once() {
     netsim.phy.min_distance_m: must be from 0.001 to 1000, got -0.1 (nearest valid: 0.001)
     netsim.phy.reception.kind: must be one of "table", "o-qpsk", got "o-qpks" (nearest valid: "o-qpsk")
     netsim.phy.effect[0].sd_db: is missing: must be a number, from 0 to 20
-    netsim.phy.effect[1].kind: is missing: one of "shadowing", "system-gain"
+    netsim.phy.effect[1].kind: is missing: one of "antenna-pattern", "battery-sag", "body-blocking", "diffraction", "fast-fading", "formula", "hidden-obstacle", "interference", "motion-fading", "multipath", "node-offset", "noise-floor", "path-loss-exponent", "receiver-nonlinearity", "reception-curve", "shadowing", "system-gain", "temperature", "two-ray-ground", "vegetation", "wall-attenuation"
     netsim.phy.effect[2].gain_db: must be from -100 to 100, got 1000 (nearest valid: 100)
     netsim.phy.raduis_m: is not a known key (nearest valid: radius_m)
     netsim.phy.exponent: does not go with propagation = "unit-disk", only with "log-distance"

@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_half_wave_dipole_has_a_beam_of_78_degrees() {
+    fn a_half_wave_dipole_has_a_beam_of_78_degrees() {
         // Balanis: half of the power at 39 degrees above the horizon.
         let up = (39.0f64).to_radians().tan();
         assert!((dipole_db(up, 1.0) + 3.01).abs() < 0.05, "{}", dipole_db(up, 1.0));

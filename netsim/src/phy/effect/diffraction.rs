@@ -113,7 +113,7 @@ mod tests {
     use proto::site::{Site, Wall};
 
     #[test]
-    fn val_the_approximation_is_that_of_fresnels_integrals() {
+    fn the_approximation_is_that_of_fresnels_integrals() {
         // C(v) and S(v) of Abramowitz and Stegun, table 7.7; loss -20 log10(sqrt((1-C-S)^2 + (C-S)^2)/2), P.526 eq. 30.
         for (v, c, s) in [
             (-0.5f64, -0.492_344_2f64, -0.064_732_4f64),

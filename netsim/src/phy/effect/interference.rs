@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn val_wifi_1_6_and_11_leave_channels_15_20_25_and_26_free() {
+    fn wifi_1_6_and_11_leave_channels_15_20_25_and_26_free() {
         // The plan of every ZigBee installer's guide.
         let mut free: Vec<u8> = (11..=26).collect();
         for (centre_mhz, hits) in [(2412, 11..=14), (2437, 16..=19), (2462, 21..=24)] {

@@ -128,7 +128,7 @@ mod tests {
     use crate::phy::link::{Covariates, Scene};
 
     #[test]
-    fn val_bannister_2008_8_db_from_25_to_65_degrees() {
+    fn bannister_2008_has_8_db_from_25_to_65_degrees() {
         let effect = Temperature { db_per_c: -0.2, reference_c: 25.0 };
         let at = |row: &[(&str, f64)]| {
             let row: Vec<_> = row.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
