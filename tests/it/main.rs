@@ -8,6 +8,7 @@ mod configs;
 mod conformance;
 mod contract;
 mod determinism;
+mod diagnosis;
 mod faults;
 mod flocking;
 mod formation;

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 pub(super) struct DataArgs {
     /// The configuration (TOML): the part that is compared, everything else may be missing
     config: PathBuf,
-    /// The measurements: CSV, gzipped CSV, Parquet or K7
+    /// The measurements: link samples as CSV, gzipped CSV or Parquet
     #[arg(long, value_name = "FILE")]
     data: PathBuf,
     /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times

@@ -1,0 +1,152 @@
+//! Campaigns with something hidden in them, and what compare, diagnose and extend make of them.
+
+use orchestrator::compare;
+use orchestrator::diagnose::answer::{self, Kind};
+use orchestrator::diagnose::ladder::{Ladder, Search};
+use orchestrator::extend;
+use orchestrator::measure::config::Compared;
+use orchestrator::measure::table::Table;
+use orchestrator::study::links::LinkStudy;
+use orchestrator::study::open::{self, Account};
+use orchestrator::study::Study as _;
+use serde_json::Value;
+use std::path::Path;
+use tests::campaign::{Campaign, Hidden, Layout, Size};
+
+const ROWS: usize = 5000;
+const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
+
+fn opened(folder: &Path, campaign: &Campaign) -> (Compared, LinkStudy, Account) {
+    let config = folder.join("model.toml");
+    let data = folder.join("links.csv");
+    std::fs::write(&config, &campaign.config_toml).unwrap();
+    std::fs::write(&data, &campaign.csv).unwrap();
+    let config = Compared::load(&config, &[]).unwrap();
+    let (study, account) = open::links(&config, &Table::read(&data).unwrap()).unwrap();
+    (config, study, account)
+}
+
+fn names(study: &LinkStudy, ladder: &Ladder) -> Vec<String> {
+    ladder.accepted.iter().map(|&term| study.candidates()[term].name.clone()).collect()
+}
+
+fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, study, _) = opened(folder.path(), campaign);
+    let search = Search::new(&study, QUIET);
+    let ladder = search.climb();
+    let kind = Kind { name: "link", unit: "dB" };
+    let json = answer::answer(&study, &search, &ladder, kind, &[]).json;
+    (names(&study, &ladder), ladder, json)
+}
+
+fn campaign(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
+    let layout = if seed == 0 { Layout::standard() } else { Layout::drawn(seed) };
+    Campaign::link(seed, &layout, hidden, ROWS)
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_hidden() {
+    for seed in 0..6 {
+        let (found, _, json) = diagnosed(&campaign(&[], seed));
+        assert_eq!(found, [""; 0], "seed {seed}");
+        assert_eq!(json["verdict"], "nothing-missing");
+    }
+}
+
+/// Effects, each hidden at a clear size: the verdict names it first, the error on rows left out falls to within 5 % of that
+/// of the true model, and numbers lie within four standard errors of the truth.
+#[test]
+fn a_clear_effect_is_named_first_and_fitted() {
+    for hidden in FOUND {
+        let campaign = campaign(&[(hidden, Size::Clear)], 0);
+        let (found, ladder, json) = diagnosed(&campaign);
+        assert_eq!(found.first().map(String::as_str), Some(hidden.effect()), "{hidden:?}: {found:?}");
+        let last = ladder.rungs[ladder.rungs.len() - 1].scores;
+        assert!(last.rmse < 1.05 * campaign.oracle.rmse, "{hidden:?}: {last:?}, {:?}", campaign.oracle);
+        assert!(
+            last.crps < 1.05 * campaign.oracle.crps,
+            "{hidden:?}: {last:?}, {:?}",
+            campaign.oracle
+        );
+        let entries = json["candidates"].as_array().unwrap();
+        let entry = entries.iter().find(|entry| entry["effect"] == hidden.effect()).unwrap();
+        for (name, truth) in &campaign.truth[0].parameters {
+            let parameter = &entry["parameters"][*name];
+            let (Some(value), Some(low), Some(high)) = (
+                parameter["value"].as_f64(),
+                parameter["low"].as_f64(),
+                parameter["high"].as_f64(),
+            ) else {
+                continue;
+            };
+            let error = (high - low) / (2.0 * 1.645);
+            assert!(
+                (value - truth).abs() < 4.0 * error,
+                "{hidden:?}: {name} = {value} +- {error}, in truth {truth}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_no_effect_explains_is_structure_in_the_right_covariate() {
+    for hidden in UNEXPLAINED {
+        let campaign = campaign(&[(hidden, Size::Clear)], 0);
+        let (_, _, json) = diagnosed(&campaign);
+        assert_eq!(json["verdict"], "unexplained-structure", "{hidden:?}");
+        let covariate = json["unexplained"][0]["covariate"].as_str().unwrap();
+        assert!(campaign.truth[0].covariates.contains(&covariate), "{hidden:?}: {covariate}");
+    }
+}
+
+#[test]
+fn extending_brings_the_promised_fall() {
+    let campaign = campaign(&[(Hidden::Temperature, Size::Clear)], 0);
+    let folder = tempfile::tempdir().unwrap();
+    let (config, study, account) = opened(folder.path(), &campaign);
+    let search = Search::new(&study, QUIET);
+    let term = extend::candidate(&study, "temperature").unwrap();
+    let extended =
+        extend::extend(&config, &account, &study, &search, &[term], "netsim.phy.effect").unwrap();
+    let better = Campaign { config_toml: extended.text.clone(), ..campaign };
+    let again = tempfile::tempdir().unwrap();
+    let (_, study, _) = opened(again.path(), &better);
+    let search = Search::new(&study, QUIET);
+    let found = compare::links(&study, &search).json;
+    let rmse = found["scores"]["rmse_db"].as_f64().unwrap();
+    // Fitted to all rows it is a little better on them than held out.
+    assert!((rmse - extended.after.rmse).abs() < 0.02 * extended.after.rmse, "{rmse}: {extended:?}");
+    assert!(rmse < 0.8 * extended.before.rmse, "{rmse}: {extended:?}");
+    assert!(extend::candidate(&study, "temprature").unwrap_err().to_string().contains("temperature"));
+}
+
+#[test]
+fn data_that_cannot_carry_an_answer_are_refused_in_words() {
+    let header = "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received\n";
+    let row = |time: usize, rssi: &str, received: &str| {
+        format!("{time},0,1,11,0,0,1,{},0,1,{rssi},{received}\n", 5 + time % 7)
+    };
+    let many = |rssi: &str, received: &str| (0..50).map(|time| row(time, rssi, received)).collect();
+    let cases: [(String, &str); 4] = [
+        (many("70", "1"), "positive"),
+        (many("", "0"), "no frame"),
+        (many("-70", "2"), "received is not 0 or 1"),
+        (String::new(), "no frame"),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("model.toml");
+    std::fs::write(&config, "[netsim.phy]\npropagation = \"friis\"\n").unwrap();
+    let config = Compared::load(&config, &[]).unwrap();
+    for (rows, part) in cases {
+        let table = Table::of_csv(Path::new("links.csv"), format!("{header}{rows}").as_bytes());
+        let error = open::links(&config, &table.unwrap()).unwrap_err().to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    // A handful of rows are used, but carry no verdict.
+    let handful: String = (0..12).map(|time| row(time, "-70", "1")).collect();
+    let table = Table::of_csv(Path::new("links.csv"), format!("{header}{handful}").as_bytes());
+    let (study, _) = open::links(&config, &table.unwrap()).unwrap();
+    let ladder = Search::new(&study, QUIET).climb();
+    assert!(ladder.too_little.unwrap().contains("too few independent blocks"));
+}
