@@ -48,13 +48,13 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "beacon_wait_s",
-            doc: "How long a joining mote waits for further beacons after the first (s): MAX_EB_DELAY of RFC 8180, § 6.3.",
+            doc: "How long a joining mote waits for further beacons after the first (s): MAX_EB_DELAY of RFC 8180, § 6.2.",
             kind: Kind::Number(Range::closed(0.0, 1e5)),
             default: Default::Number(180.0),
         },
         Field {
             key: "neighbours_to_wait",
-            doc: "Beacons of so many neighbours end that wait: NUM_NEIGHBOURS_TO_WAIT of RFC 8180, § 6.3.",
+            doc: "Beacons of so many neighbours end that wait: NUM_NEIGHBOURS_TO_WAIT of RFC 8180, § 6.2.",
             kind: Kind::Integer { min: 1, max: 1000 },
             default: Default::Integer(2),
         },

@@ -30,9 +30,9 @@ pub struct Config {
     /// Contention as in the 6TiSCH simulator: back-off begins anew with every frame, and a keep-alive comes too late for the
     /// slot in which it falls due, so that one whose period is a multiple of the slotframe misses the cell of the last one.
     pub contends_as_peer: bool,
-    /// How long to wait for further beacons after the first (RFC 8180, § 6.3: MAX_EB_DELAY) (ns).
+    /// How long to wait for further beacons after the first (RFC 8180, § 6.2: MAX_EB_DELAY) (ns).
     pub beacon_wait_ns: u64,
-    /// Beacons of so many neighbours end the wait (RFC 8180, § 6.3: NUM_NEIGHBOURS_TO_WAIT).
+    /// Beacons of so many neighbours end the wait (RFC 8180, § 6.2: NUM_NEIGHBOURS_TO_WAIT).
     pub neighbours_to_wait: u16,
     /// How long a scanning mote stays on a channel (slots).
     pub scan_dwell_slots: u32,
