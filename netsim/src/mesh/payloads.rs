@@ -27,6 +27,10 @@ impl Mesh {
             if length == 0 || !of.ready || !input.states.alive.get(mote as usize) {
                 continue;
             }
+            // Those for one neighbour each are packets, and told of as such.
+            if is_new_period && waits && self.settings.transport != Transport::UnicastNeighbours {
+                self.state.motes[mote as usize].tally.n_superseded += 1;
+            }
             if is_new_period || waits {
                 self.hand_over(mote, data.slice(range), asn);
                 self.reschedule(mote, asn);

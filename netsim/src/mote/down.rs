@@ -214,7 +214,13 @@ impl Mote {
         match self.mac.enqueue(frame) {
             Ok(None) => true,
             Ok(Some(displaced)) => {
-                self.discard(world, displaced, DropReason::TxqueueFull);
+                let reason = if displaced.is_latest_only && is_latest_only {
+                    DropReason::Superseded
+                } else {
+                    self.tally.n_queue_drops += 1;
+                    DropReason::TxqueueFull
+                };
+                self.discard(world, displaced, reason);
                 true
             }
             Err(refused) => {

@@ -21,6 +21,8 @@ pub struct Tally {
     pub n_rx: u64,
     /// Packets dropped because the queue was full.
     pub n_queue_drops: u64,
+    /// Payloads of the swarm that a newer one replaced before they were sent.
+    pub n_superseded: u64,
     /// Changes of the preferred parent, the first choice apart.
     pub n_parent_changes: u64,
     /// Application packets created.

@@ -6,7 +6,8 @@ use super::harness::{
 };
 use proto::side::{NetInput, NetSimulator as _};
 use proto::types::{
-    Bitmap, DeliveryColumn, Heard, Medium, MoteCommand, MoteOrder, MovedObstacle, Payloads,
+    Bitmap, DeliveryColumn, Heard, Medium, MoteCommand, MoteOrder, MovedObstacle, NetRecord,
+    Payloads,
 };
 
 fn order(order: MoteOrder) -> MoteCommand {
@@ -219,4 +220,41 @@ fn a_trace_is_replayed_on_the_hopping_sequence() {
         assert_eq!(deliveries.n_deliveries(), usize::from(k % 8 == 0), "{k}");
         assert_eq!(deliveries.rssi_dbm, vec![-70.0; deliveries.n_deliveries()]);
     }
+}
+
+#[test]
+fn a_payload_that_was_not_sent_before_the_next_came_is_counted() {
+    // Ten slots to a period, thirty to the slotframe of payloads: of three one is sent.
+    let mut setup = setup(
+        3,
+        "mode = \"6tisch\"\nswarm.slots = 30\njoin.secure = false\n[phy]\npropagation = \"full\"",
+    );
+    setup.records = vec![NetRecord::Statistics];
+    let (mut network, _) = started(&setup);
+    let states = at(&[(0.0, 0.0); 3]);
+    let payloads = payloads(3);
+    let (mut n_sent, mut superseded) = (0, Vec::new());
+    for step in 1..=3000 {
+        let output = network.step(&NetInput {
+            step,
+            from_ns: (step - 1) * STEP_NS,
+            until_ns: step * STEP_NS,
+            states: &states,
+            payloads: &payloads,
+            moved_obstacles: &[],
+            commands: &[],
+            stop_at_first_delivery: false,
+            records: if step == 3000 { &[NetRecord::Statistics] } else { &[] },
+        });
+        n_sent += output.deliveries.transmissions.sender.iter().filter(|&&mote| mote == 0).count();
+        if let Some(statistics) = output.statistics {
+            let mut columns = statistics.columns.into_iter();
+            let column = columns.find(|column| column.name == "payloads_superseded");
+            superseded = column.expect("counted").values;
+        }
+    }
+    // The root speaks from the beginning; its last payload may still wait.
+    let n_waiting = 3000.0 - n_sent as f64 - superseded[0];
+    assert!((999..=1000).contains(&n_sent), "{n_sent}");
+    assert!((0.0..=1.0).contains(&n_waiting), "{n_sent} {superseded:?}");
 }

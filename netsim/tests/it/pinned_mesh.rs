@@ -62,21 +62,21 @@ const CASES: &[(usize, &str, u64, &str)] = &[
         12,
         "phy.propagation = \"full\"\nsf.kind = \"rrsf\"",
         600,
-        "837dd4219f0bd9dca1658db49abcc346c598e38dd9d336afcd64b91df8acbed2",
+        "230c5f92dbcff5f70173f939754409045cd77aeb03f08999e1f3da32ea7001f7",
     ),
     (
         25,
         "phy = { propagation = \"unit-disk\", radius_m = 25.0 }\nsf.kind = \"msf\"\nswarm.transport = \"none\"\n\
          [[app]]\nperiod_s = 20",
         1200,
-        "09a74e332ac1e5b906703e3c1bb3a7c0cdb0cbb5bfcfffaf1da34d120c844516",
+        "c837b0f8de760e05bcc8212490130476e231185758b4d9f72be0f1aed6cfe07f",
     ),
     (
         25,
         "phy.propagation = \"experimental-randomness\"\nsf.kind = \"orchestra\"\nmac.pending_bit = true\n\
          swarm.transport = \"none\"\n[[app]]\nperiod_s = 20\npayload_bytes = 200",
         1200,
-        "2caa2adcde478fbf3c71024623cdac260bb36258d32967b141c8949e04a7c09f",
+        "213ec7158f71b00d44e0543f8151d4caa49e5cf38f2ea647f316242d9e865651",
     ),
 ];
 

@@ -108,6 +108,7 @@ impl Kpis {
             "delivery_upward": self.account.delivery(|mote| self.is_root(mote)),
             "packets": self.account.by_kind(),
             "routing": self.routing(n),
+            "queue_drops": self.queue_drops(n),
             "energy": whole.as_ref().map(energy::Energy::summary),
             "energy_since_formation": since.flatten().as_ref().map(energy::Energy::summary),
             "motes": self.per_mote(n, whole.as_ref()),
@@ -156,6 +157,16 @@ impl Kpis {
         })
     }
 
+    /// What queues did not keep, of all motes, by reason: packets for which there was no room, and robots' payloads in whose
+    /// place came a newer one.
+    fn queue_drops(&self, n: usize) -> Value {
+        let sum = |name: &str| {
+            let of_each = self.known(name, n, true);
+            (!of_each.is_empty()).then(|| of_each.iter().sum::<f64>())
+        };
+        json!({ "txqueue_full": sum("queue_drops"), "superseded": sum("payloads_superseded") })
+    }
+
     /// Columns, one entry per mote; a column that nobody has a value in is left out.
     fn per_mote(&self, n: usize, energy: Option<&energy::Energy>) -> Value {
         let mut columns = Map::new();
@@ -179,6 +190,7 @@ impl Kpis {
         add("mean_hops", &|mote| of_mote(mote)?.mean_hops());
         add("parent_changes", &|mote| statistic("parent_changes", mote));
         add("queue_drops", &|mote| statistic("queue_drops", mote));
+        add("payloads_superseded", &|mote| statistic("payloads_superseded", mote));
         add("charge_uc", &|mote| statistic("charge_uc", mote));
         if let Some(energy) = energy {
             add("mean_current_ua", &|mote| energy.current_ua[mote]);

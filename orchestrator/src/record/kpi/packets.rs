@@ -146,7 +146,7 @@ impl Account {
             .filter_map(|flow| Some(flow.latency_s.mean()? * flow.latency_s.len() as f64))
             .sum();
         let latency_s = Samples::of(flows.iter().flat_map(|flow| flow.latency_s.ascending()));
-        let [median, p95, p99] = latency_s.quantiles([0.5, 0.95, 0.99]);
+        let [least, median, p95, p99] = latency_s.quantiles([0.0, 0.5, 0.95, 0.99]);
         let longest_s = flows.iter().filter_map(|flow| flow.latency_s.quantile(1.0));
         json!({
             "delivered": delivered,
@@ -155,6 +155,7 @@ impl Account {
             "ratio_interval_95": ended.interval(),
             "drops_by_reason": reasons,
             "latency_s": (delivered != 0).then(|| json!({
+                "min": least,
                 "mean": sum_s / delivered as f64,
                 "median": median,
                 "p95": p95,

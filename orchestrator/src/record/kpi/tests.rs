@@ -109,9 +109,14 @@ fn every_packet_is_delivered_dropped_or_on_its_way() {
     assert_near(&delivery["ratio_interval_95"][0], 0.230_724_281_370_278_05);
     // Latencies 2, 4 and 8 s.
     let latency_s = &delivery["latency_s"];
-    for (key, expected) in
-        [("mean", 14.0 / 3.0), ("median", 4.0), ("p95", 7.6), ("p99", 7.92), ("max", 8.0)]
-    {
+    for (key, expected) in [
+        ("min", 2.0),
+        ("mean", 14.0 / 3.0),
+        ("median", 4.0),
+        ("p95", 7.6),
+        ("p99", 7.92),
+        ("max", 8.0),
+    ] {
         assert_near(&latency_s[key], expected);
     }
     assert_near(&delivery["mean_hops"], 2.0);
@@ -241,4 +246,16 @@ fn joining_is_that_of_motes_that_joined_and_churn_is_per_mote_and_hour() {
 #[test]
 fn a_network_without_protocols_has_no_indicators() {
     assert_eq!(Kpis::default().summary(), Value::Null);
+}
+
+#[test]
+fn what_queues_did_not_keep_is_told_by_reason() {
+    let of = |columns: &[(&str, [f64; N])]| {
+        let step = Step { statistics: Some(statistics(columns)), ..Step::default() };
+        run(&[step]).summary()["queue_drops"].clone()
+    };
+    let both = of(&[("queue_drops", [1.0, 0.0, 2.0]), ("payloads_superseded", [5.0, 7.0, 0.0])]);
+    assert_eq!(both, json!({ "txqueue_full": 3.0, "superseded": 12.0 }));
+    let unknown = of(&[("is_root", [1.0, 0.0, 0.0])]);
+    assert_eq!(unknown, json!({ "txqueue_full": null, "superseded": null }));
 }
