@@ -118,15 +118,15 @@ fn tiles(page: &mut String, contents: &Contents<'_>, measures: &Measures) {
     };
     let others = format!("of {}", count(u64::from(n_agents.saturating_sub(1))));
     let is_line = measures.task.controller.as_deref() == Some("line-formation");
+    let has_way = measures.has_way();
     let is_flock = !is_line && measures.anybody_moved();
-    let neighbours = measures.mean_neighbours().filter(|_| measures.anybody_spoke());
     let residual_m2 = measures.line_residual_m2().filter(|_| is_line);
     let tiles = [
         ("Flock speed", unit(measures.flock_speed_mps().filter(|_| is_flock), "m/s")),
         ("Residual of the line", unit(residual_m2, "m²")),
-        ("Spread at the end", unit(measures.final_spread_m(), "m")),
+        ("Spread at the end", unit(measures.final_spread_m().filter(|_| has_way), "m")),
         ("Task done after", unit(measures.completed_after_s(), "s")),
-        ("Neighbours heard", unit(neighbours, &others)),
+        ("Neighbours heard", unit(measures.mean_neighbours(), &others)),
         ("Delivery ratio", measures.delivery_ratio().map(percent)),
         ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
         ("Network formed after", unit(kpis["formation"]["formed_s"].as_f64(), "s")),

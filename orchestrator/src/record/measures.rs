@@ -53,7 +53,11 @@ pub struct Measures {
     neighbour_sum: u64,
     isolated: u64,
     last_states: AgentStates,
+    events: Vec<(f64, &'static str)>,
 }
+
+/// More orders than this cannot be told apart in a picture.
+const MOST_EVENTS: usize = 100;
 
 /// What is measured in every step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,6 +98,7 @@ impl Measures {
             neighbour_sum: 0,
             isolated: 0,
             last_states: states.clone(),
+            events: Vec::new(),
         }
     }
 
@@ -151,6 +156,26 @@ impl Measures {
         self.speed_sum != 0.0
     }
 
+    /// Whether it tells anything where the agents went: they moved, or said where they are. Sensors do neither.
+    #[must_use]
+    pub fn has_way(&self) -> bool {
+        self.anybody_moved() || self.anybody_spoke() || !self.kpis.account.has_applications()
+    }
+
+    /// The orders that the network was given within the steps: when (s), in one word.
+    #[must_use]
+    pub fn events(&self) -> &[(f64, &'static str)] {
+        &self.events
+    }
+
+    /// Notes an order of the step that begins at `from_ns`, in one word. Of the same kind in one step one is enough.
+    pub(crate) fn note_event(&mut self, from_ns: u64, what: &'static str) {
+        let event = (seconds(from_ns), what);
+        if self.events.len() < MOST_EVENTS && self.events.last() != Some(&event) {
+            self.events.push(event);
+        }
+    }
+
     /// Whether an agent's payload was sent.
     #[must_use]
     pub fn anybody_spoke(&self) -> bool {
@@ -200,16 +225,20 @@ impl Measures {
         Some(alive.iter().map(square).sum())
     }
 
-    /// Mean over alive agents and steps of how many others each heard.
+    /// Mean over alive agents and steps of how many others each heard; `None`: nobody said anything.
     #[must_use]
     pub fn mean_neighbours(&self) -> Option<f64> {
-        mean(self.neighbour_sum as f64, self.n_alive as f64)
+        self.of_those_alive(self.neighbour_sum)
     }
 
-    /// Share of alive agents and steps in which the agent heard nobody.
+    /// Share of alive agents and steps in which the agent heard nobody; `None`: nobody said anything.
     #[must_use]
     pub fn isolated_ratio(&self) -> Option<f64> {
-        mean(self.isolated as f64, self.n_alive as f64)
+        self.of_those_alive(self.isolated)
+    }
+
+    fn of_those_alive(&self, sum: u64) -> Option<f64> {
+        mean(sum as f64, self.n_alive as f64).filter(|_| self.anybody_spoke())
     }
 
     /// Share of [`Measures::attempts`] that were delivered.

@@ -14,7 +14,7 @@ use proto::config;
 use proto::convert;
 use proto::digest::Digest;
 use proto::site;
-use proto::types::{AgentStates, Coupling, MoteCommand, NetRecord};
+use proto::types::{AgentStates, Coupling, MoteCommand, MoteOrder, NetRecord};
 use proto::v1;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -184,6 +184,9 @@ impl RunWriter {
         if let Some(capture) = &mut self.capture {
             capture.write(&captured)?;
         }
+        for command in &commands {
+            run.measures.note_event(run.time_ns, word(&command.order));
+        }
         if let Some(log) = &mut self.log {
             if !commands.is_empty() {
                 let commands = commands.into_iter().map(Into::into).collect();
@@ -252,6 +255,17 @@ fn about(header: &RunHeader) -> BTreeMap<String, String> {
     about.insert("step_ns".to_owned(), header.step_ns.to_string());
     about.insert("coupling".to_owned(), coupling.to_owned());
     about
+}
+
+/// An order in one word.
+fn word(order: &MoteOrder) -> &'static str {
+    match order {
+        MoteOrder::Kill(_) => "kill",
+        MoteOrder::Revive(_) => "revive",
+        MoteOrder::Add(_) => "add",
+        MoteOrder::Jam { .. } => "jam",
+        MoteOrder::Send { .. } => "send",
+    }
 }
 
 fn of_robots(step: u64) -> impl Fn(convert::InvalidField) -> RecordError {

@@ -23,7 +23,10 @@ pub(crate) struct Figure {
 
 /// All pictures for which there is something to show.
 pub(crate) fn of_run(measures: &Measures, n_agents: u32) -> Vec<Figure> {
-    let mut figures = vec![trajectories(measures)];
+    let mut figures = Vec::new();
+    if measures.has_way() {
+        figures.push(trajectories(measures));
+    }
     if !measures.series.is_empty() {
         if measures.anybody_moved() {
             figures.push(flock_speed(measures, n_agents));
@@ -37,6 +40,12 @@ pub(crate) fn of_run(measures: &Measures, n_agents: u32) -> Vec<Figure> {
         figures.push(delivery(measures, &by_distance));
     }
     figures.extend(network::of_run(measures));
+    if !measures.events().is_empty() {
+        let over_time = ["Flock speed", "Neighbours heard", "Packets delivered over time"];
+        for figure in figures.iter_mut().filter(|figure| over_time.contains(&figure.title)) {
+            figure.key.push(("moment", "orders to the network"));
+        }
+    }
     figures
 }
 
@@ -164,6 +173,7 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
         "How fast the flock moves as a whole: {} m/s on average{of_leader}.",
         number(mean_mps)
     );
+    chart.moments(measures.events());
     let svg = chart.finish("flock-speed", "Flock speed over time", &sentence);
     Figure { title: "Flock speed", sentence, key, svg, is_wide: false }
 }
@@ -197,6 +207,7 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
         count(u64::from(n_agents.saturating_sub(1)))
     );
     let key = vec![("line", "median over agents"), ("band", "10 % to 90 % of agents")];
+    chart.moments(measures.events());
     let svg = chart.finish("neighbours", "Neighbours heard over time", &sentence);
     Figure { title: "Neighbours heard", sentence, key, svg, is_wide: false }
 }

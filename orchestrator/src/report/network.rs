@@ -17,7 +17,7 @@ pub(super) fn of_run(measures: &Measures) -> Vec<Figure> {
     figures.extend(connectivity(kpis, places));
     figures.extend(routing_graph(kpis, places));
     figures.extend(schedules(kpis));
-    figures.extend(delivery_over_time(kpis));
+    figures.extend(delivery_over_time(kpis, measures.events()));
     figures.extend(latency(kpis));
     figures
 }
@@ -231,7 +231,7 @@ fn transmits(cells: &Schedule, cell: usize) -> bool {
     cells.options[cell] & 1 != 0
 }
 
-fn delivery_over_time(kpis: &Kpis) -> Option<Figure> {
+fn delivery_over_time(kpis: &Kpis, events: &[(f64, &str)]) -> Option<Figure> {
     let timeline = &kpis.account.over_time;
     let [delivered, dropped] =
         timeline.bins.iter().fold([0, 0], |sum, bin| [sum[0] + bin[0], sum[1] + bin[1]]);
@@ -256,6 +256,7 @@ fn delivery_over_time(kpis: &Kpis) -> Option<Figure> {
         count(delivered + dropped)
     );
     let key = vec![("line", "delivered, of those delivered or dropped")];
+    chart.moments(events);
     let svg = chart.finish("packets", "Packets delivered over time", &sentence);
     Some(Figure { title: "Packets delivered over time", sentence, key, svg, is_wide: false })
 }

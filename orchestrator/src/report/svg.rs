@@ -223,6 +223,29 @@ impl Chart {
         );
     }
 
+    /// Moments, as lines from top to bottom, each with a word; of those that stand too close only the first has its word.
+    pub(crate) fn moments(&mut self, moments: &[(f64, &str)]) {
+        let mut free_x = f64::NEG_INFINITY;
+        for &(moment, word) in moments {
+            if !(self.x.min..=self.x.max).contains(&moment) {
+                continue;
+            }
+            let [x, bottom] = self.place([moment, self.y.min]);
+            let [_, top] = self.place([moment, self.y.max]);
+            let _ =
+                write!(self.body, "<path class=\"moment\" d=\"M{x:.1},{top:.1}V{bottom:.1}\"/>");
+            if free_x <= x {
+                let (text_x, text_y) = (x + 3.0, top + 12.0);
+                let _ = write!(
+                    self.over,
+                    "<text class=\"note\" x=\"{text_x:.1}\" y=\"{text_y:.1}\">{}</text>",
+                    escape(word)
+                );
+                free_x = x + 8.0 + 7.0 * word.chars().count() as f64;
+            }
+        }
+    }
+
     /// A few words beside a point.
     pub(crate) fn label(&mut self, class: &str, point: [f64; 2], text: &str) {
         let [x, y] = self.place(point);
