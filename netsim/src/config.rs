@@ -38,8 +38,8 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "hopping_sequence",
-            doc: "Channels by absolute slot number. Absent: frames have no channel and are sent on carrier_hz; a trace is \
-                  replayed on 16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21.",
+            doc: "Channels by absolute slot number. Absent: 16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21 \
+                  with mode = \"6tisch\" or a trace; otherwise frames have no channel and are sent on carrier_hz.",
             kind: Kind::List { of: &Kind::Integer { min: 11, max: 26 }, min: 1, max: 512 },
             default: Default::Absent,
         },
@@ -215,6 +215,15 @@ pub fn commands(config: &Node) -> &'static [MoteCommandKind] {
     }
 }
 
+/// The motes that `config` leaves out until an order adds them.
+#[must_use]
+pub fn absent(config: &Node) -> Vec<u32> {
+    let table = check(config, "", &SPEC, &mut Vec::new()).table;
+    let listed = table.get("absent").and_then(toml::Value::as_array);
+    let numbers = listed.into_iter().flatten().filter_map(toml::Value::as_integer);
+    numbers.filter_map(|mote| u32::try_from(mote).ok()).collect()
+}
+
 /// Orders that some network obeys.
 pub const COMMANDS: [MoteCommandKind; 5] = [
     MoteCommandKind::Kill,
@@ -313,6 +322,12 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         };
         network::build(&given, &mut problems, &mut warnings)
     });
+    if let Some(Some((settings, _))) = &network
+        && settings.roots.iter().all(|root| absent.contains(root))
+    {
+        let message = "must not name every root: without one there is no network to join";
+        problems.push(Problem::new(at("absent"), message).value(format!("{absent:?}")));
+    }
     let (Some(model), Some(interference), true) = (model, interference, problems.is_empty()) else {
         assert!(!problems.is_empty(), "what cannot be built has a problem");
         return Err(problems);

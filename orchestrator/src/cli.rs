@@ -354,9 +354,6 @@ fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     };
     let report = on_runtime(run::run(&options))?
         .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
-    for warning in &report.warnings {
-        warn(warning);
-    }
     describe(&report);
     write_json(args.file.json.as_deref(), &report.finished.summary)?;
     if report.interrupted {

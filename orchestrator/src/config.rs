@@ -446,6 +446,7 @@ fn plan(
     );
     if overrides.netsim_url.is_none() && section("netsim").get(URL.key).is_none() {
         timeline.check_orders(netsim::config::commands(section("netsim")), problems);
+        timeline.check_added(&netsim::config::absent(section("netsim")), problems);
     }
     let tls = overrides.tls.clone().or_else(|| tls_of(&experiment_table, base, problems));
 

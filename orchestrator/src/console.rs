@@ -82,7 +82,7 @@ impl Progress {
             seconds(limit_ns)
         );
         for (words, motes) in formation.by_reason() {
-            let _ = write!(line, "; {} {words}", motes.len());
+            let _ = write!(line, "; {words}: {}", motes.len());
         }
         self.show(step, line);
     }

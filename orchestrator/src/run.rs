@@ -8,6 +8,7 @@ mod start;
 pub use start::{StartOptions, start};
 
 use crate::config::{self, Overrides, Refusal};
+use crate::console;
 use crate::peer::SideError;
 use crate::record::{self, Ending, Finished, RecordError, Recorder, Status};
 use drive::{Driver, Failure, Stopped};
@@ -121,8 +122,6 @@ pub struct RunReport {
     pub interrupted: bool,
     /// When the network had formed (ns), if it has anything to form and did.
     pub formed_ns: Option<u64>,
-    /// What should be checked before the results are trusted.
-    pub warnings: Vec<String>,
 }
 
 /// Runs an experiment.
@@ -153,6 +152,10 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
             return Err(error);
         }
     };
+    // Before the work: whoever sees them may wish to stop it.
+    for warning in &started.warnings {
+        console::warn(warning);
+    }
     let provenance = provenance::Provenance::gather(&plan, &started, options);
     let mut coupled = started.coupled;
     let begun = Instant::now();
@@ -194,15 +197,7 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
         .finish(&ending, provenance.finish(n_steps, time_ns, wall_s))
         .map_err(|error| RunError::Record { error, before_start: false })?;
     match failure {
-        None => Ok(RunReport {
-            finished,
-            n_steps,
-            time_ns,
-            wall_s,
-            interrupted,
-            formed_ns,
-            warnings: started.warnings,
-        }),
+        None => Ok(RunReport { finished, n_steps, time_ns, wall_s, interrupted, formed_ns }),
         Some(Failure::Side(error)) => Err(RunError::Side { error, kept: Some(Box::new(finished)) }),
         Some(Failure::NotFormed(mut account)) => {
             for warning in &started.warnings {

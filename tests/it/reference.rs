@@ -59,8 +59,13 @@ fn table(page: &mut String, path: &str, schema: &Value, is_list: bool) {
             let keys: Vec<String> = keys(variant)
                 .filter(|(key, _)| !common(key))
                 .map(|(key, property)| {
-                    collect(&mut inner, path, key, property);
-                    format!("`{key}`: {}", describe(key, property, variant))
+                    if collect(&mut inner, path, key, property) {
+                        // It has a place of its own on the page.
+                        let doc = text(&property["description"]);
+                        format!("`{key}`: {doc} (`{}`)", inner_heading(path, key, property))
+                    } else {
+                        format!("`{key}`: {}", describe(key, property, variant))
+                    }
                 })
                 .collect();
             let name = variant["properties"][tag]["const"].as_str().unwrap();
@@ -108,6 +113,15 @@ fn rows(
             value(key, property, parent),
             text(&property["description"])
         );
+    }
+}
+
+/// The heading of a table within a table, or of a list of them.
+fn inner_heading(path: &str, key: &str, property: &Value) -> String {
+    if property["type"] == "array" {
+        format!("[[{path}.{key}]]")
+    } else {
+        format!("[{path}.{key}]")
     }
 }
 

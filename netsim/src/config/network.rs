@@ -135,15 +135,16 @@ pub(super) fn build(
     problems.append(&mut context.problems);
     warnings.append(&mut context.warnings);
 
-    let kind = section("sf").get("kind").and_then(toml::Value::as_str).unwrap_or_default();
-    let transport = swarm::build(
-        section("swarm"),
-        &at("swarm"),
-        kind,
-        given.agent_count,
-        given.hopping_sequence.len(),
+    let swarm_path = at("swarm");
+    let mut swarm = swarm::Given {
+        path: &swarm_path,
+        sf: section("sf").get("kind").and_then(toml::Value::as_str),
+        agent_count: given.agent_count,
+        n_channels: given.hopping_sequence.len(),
         problems,
-    );
+        warnings,
+    };
+    let transport = swarm::build(section("swarm"), &mut swarm);
     let mut apps = Vec::new();
     let listed = given.table.get("app").and_then(toml::Value::as_array);
     for (index, table) in listed.into_iter().flatten().enumerate() {

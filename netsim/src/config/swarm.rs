@@ -51,28 +51,39 @@ pub(super) const SPEC: TableSpec = TableSpec {
     tag: None,
 };
 
-/// Makes the transport of the checked table. `sf`: the kind of scheduling function.
-pub(super) fn build(
-    table: &toml::Table,
-    path: &str,
-    sf: &str,
-    agent_count: usize,
-    n_channels: usize,
-    problems: &mut Vec<Problem>,
-) -> Transport {
+/// What the checked table is read with.
+pub(super) struct Given<'a> {
+    /// Its path.
+    pub(super) path: &'a str,
+    /// The kind of scheduling function; `None`: it is none that is known, which has been said.
+    pub(super) sf: Option<&'a str>,
+    /// Capacity of the experiment.
+    pub(super) agent_count: usize,
+    /// Length of the hopping sequence.
+    pub(super) n_channels: usize,
+    /// What is wrong.
+    pub(super) problems: &'a mut Vec<Problem>,
+    /// What should be checked.
+    pub(super) warnings: &'a mut Vec<String>,
+}
+
+/// Makes the transport of the checked table.
+pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
+    let Some(sf) = given.sf else { return Transport::None };
     let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
     let has_own_cells = matches!(sf, "rrsf" | "static");
     let default = if has_own_cells { "own-cell" } else { "broadcast-slotframe" };
-    let written = table.get("transport").and_then(toml::Value::as_str);
+    let transport = table.get("transport").and_then(toml::Value::as_str).unwrap_or(default);
     let mut refuse = |why: &str, nearest: &str| {
-        let path = join(path, "transport");
+        let path = join(given.path, "transport");
         let message = format!("does not go with sf.kind = {sf:?}: {why}");
-        let value = written.unwrap_or(default);
-        problems.push(
-            Problem::new(path, message).value(format!("{value:?}")).nearest(format!("{nearest:?}")),
+        given.problems.push(
+            Problem::new(path, message)
+                .value(format!("{transport:?}"))
+                .nearest(format!("{nearest:?}")),
         );
     };
-    match written.unwrap_or(default) {
+    let built = match transport {
         "none" => Transport::None,
         "own-cell" => {
             if !has_own_cells {
@@ -88,8 +99,25 @@ pub(super) fn build(
         }
         "unicast-neighbours" => Transport::UnicastNeighbours,
         _ => Transport::BroadcastSlotframe {
-            slots: integer("slots").unwrap_or(agent_count.min(65_534) as i64) as u16,
-            channel: integer("channel_offset").unwrap_or(n_channels as i64 - 1) as u16,
+            slots: integer("slots").unwrap_or(given.agent_count.min(65_534) as i64) as u16,
+            channel: integer("channel_offset").unwrap_or(given.n_channels as i64 - 1) as u16,
         },
+    };
+    if let Transport::BroadcastSlotframe { slots, .. } = built {
+        let n = given.agent_count;
+        if usize::from(slots) < n {
+            given.warnings.push(format!(
+                "{} = {slots} for {n} motes: several share a slot, and whoever hears two of them receives one at most",
+                join(given.path, "slots"),
+            ));
+        }
+    } else {
+        for key in ["slots", "channel_offset"].into_iter().filter(|key| table.contains_key(*key)) {
+            given.warnings.push(format!(
+                "{} has no influence: transport = {transport:?} has no broadcast slotframe",
+                join(given.path, key)
+            ));
+        }
     }
+    built
 }

@@ -190,3 +190,29 @@ fn a_round_robin_whose_root_cannot_answer_everybody_is_warned_of() {
     );
     assert_eq!(warnings(500, &format!("{config}join.secure = false\nrpl.dao_ack = false\n")), "");
 }
+
+#[test]
+fn a_scheduling_function_that_is_none_is_one_problem() {
+    let config = "mode = \"6tisch\"\nsf.kind = \"msff\"\nswarm.transport = \"own-cell\"\n";
+    insta::assert_snapshot!(refusal_of(config), @r#"netsim.sf.kind: must be one of "minimal", "msf", "rrsf", "orchestra", "static", got "msff" (nearest valid: "msf")"#);
+}
+
+#[test]
+fn a_network_needs_a_root_that_is_there() {
+    insta::assert_snapshot!(refusal_of("mode = \"6tisch\"\nabsent = [0, 3]\n"), @"netsim.absent: must not name every root: without one there is no network to join, got [0, 3]");
+    assert_eq!(refusal_of("mode = \"6tisch\"\nabsent = [0, 3]\nroots = [0, 5]\n"), "accepted");
+    assert_eq!(refusal_of("absent = [0]\n"), "accepted");
+}
+
+#[test]
+fn a_broadcast_slotframe_that_is_not_there_or_too_short_is_warned_of() {
+    let warnings = |config: &str| {
+        started(&setup(10, &format!("mode = \"6tisch\"\n{config}"))).1.warnings.join("\n")
+    };
+    insta::assert_snapshot!(warnings("sf.kind = \"rrsf\"\nswarm = { slots = 5, channel_offset = 1 }\n"), @r#"
+    netsim.swarm.slots has no influence: transport = "own-cell" has no broadcast slotframe
+    netsim.swarm.channel_offset has no influence: transport = "own-cell" has no broadcast slotframe
+    "#);
+    insta::assert_snapshot!(warnings("swarm.slots = 5\n"), @"netsim.swarm.slots = 5 for 10 motes: several share a slot, and whoever hears two of them receives one at most");
+    assert_eq!(warnings("swarm.slots = 10\n"), "");
+}

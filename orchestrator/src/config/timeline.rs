@@ -180,6 +180,28 @@ impl Timeline {
             );
         }
     }
+
+    /// Only motes of `absent` can be added; an entry that names another is a problem.
+    pub(super) fn check_added(&self, absent: &[u32], problems: &mut Vec<Problem>) {
+        let mut added: Vec<(usize, u32)> = self
+            .entries
+            .iter()
+            .filter_map(|entry| match entry.order {
+                MoteOrder::Add(mote) if !absent.contains(&mote) => Some((entry.index, mote)),
+                _ => None,
+            })
+            .collect();
+        added.sort_unstable();
+        for (index, mote) in added {
+            problems.push(
+                Problem::new(
+                    format!("timeline[{index}].motes"),
+                    "must be motes that netsim.absent leaves out: all others are there from the beginning",
+                )
+                .value(mote),
+            );
+        }
+    }
 }
 
 fn command(order: &MoteOrder, start_ns: u64) -> MoteCommand {

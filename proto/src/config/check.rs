@@ -252,6 +252,8 @@ impl Walk<'_> {
             (Kind::List { of, min, max }, Value::List(list)) => {
                 if !(min..=max).contains(&&list.len()) {
                     let entries = match (*min, *max) {
+                        (1, 1) => "1 entry".to_owned(),
+                        (1, usize::MAX) => "at least 1 entry".to_owned(),
                         (min, max) if min == max => format!("{min} entries"),
                         (min, usize::MAX) => format!("at least {min} entries"),
                         (min, max) => format!("{min} to {max} entries"),
@@ -452,6 +454,23 @@ mod tests {
             ["x.radius_m: must be a finite number, greater than 0, got NaN"]
         );
         assert_eq!(problems("radius_m = \"3\"").len(), 1);
+    }
+
+    #[test]
+    fn a_list_may_be_too_short() {
+        const LIST: TableSpec = TableSpec {
+            doc: "A table.",
+            fields: &[Field {
+                key: "motes",
+                doc: "Some.",
+                kind: Kind::List { of: &Kind::Integer { min: 0, max: 9 }, min: 1, max: usize::MAX },
+                default: Default::Absent,
+            }],
+            tag: None,
+        };
+        let mut problems = Vec::new();
+        check(&parse("motes = []").unwrap(), "x", &LIST, &mut problems);
+        assert_eq!(problems[0].to_string(), "x.motes: must have at least 1 entry, got []");
     }
 
     #[test]

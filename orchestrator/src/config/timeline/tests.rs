@@ -165,3 +165,25 @@ payload = \"a\"
         ]
     );
 }
+
+#[test]
+fn only_motes_that_are_left_out_can_be_added() {
+    let text = "[[timeline]]\nat_s = 3.0\norder = \"add\"\nmotes = [4, 1]\n[[timeline]]\nat_s = 2.0\norder = \"add\"\nmotes = 2\n";
+    let (timeline, _) = of(text);
+    let refused = |netsim: &str| {
+        let mut problems = Vec::new();
+        let absent = netsim::config::absent(&proto::config::parse(netsim).unwrap());
+        timeline.check_added(&absent, &mut problems);
+        problems.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    assert_eq!(refused("absent = [1, 2, 4]"), Vec::<String>::new());
+    let words =
+        "must be motes that netsim.absent leaves out: all others are there from the beginning";
+    assert_eq!(
+        refused("absent = [4]"),
+        [
+            format!("timeline[0].motes: {words}, got 1"),
+            format!("timeline[1].motes: {words}, got 2")
+        ]
+    );
+}
