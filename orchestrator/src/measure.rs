@@ -4,10 +4,12 @@
 //! |---|---|
 //! | [`table`] | a file as named columns of numbers: CSV, gzipped CSV, Parquet |
 //! | [`links`] | link samples and aggregated link tables |
+//! | [`robots`] | robot samples |
 //! | [`config`] | the part of a configuration that is held against them |
 
 pub mod config;
 pub mod links;
+pub mod robots;
 pub mod table;
 
 use serde::Serialize;

@@ -6,6 +6,7 @@
 pub mod folds;
 pub mod links;
 pub mod open;
+pub mod robots;
 
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};

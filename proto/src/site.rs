@@ -4,7 +4,7 @@ mod foliage;
 mod terrain;
 
 pub use foliage::Foliage;
-pub use terrain::Terrain;
+pub use terrain::Hill;
 
 use crate::config::{self, Default, Field, Kind, Node, Problem, Range, TableSpec};
 use serde::{Deserialize, Serialize};
@@ -35,8 +35,8 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "terrain",
-            doc: "Heights of the ground on a square grid. Absent: it is level.",
-            kind: Kind::Table(&terrain::SPEC),
+            doc: "The ground: hills on a plane.",
+            kind: Kind::Tables(&terrain::SPEC),
             default: Default::Absent,
         },
     ],
@@ -125,7 +125,7 @@ pub struct Site {
     pub foliage: Vec<Foliage>,
     /// The ground.
     #[serde(default)]
-    pub terrain: Option<Terrain>,
+    pub terrain: Vec<Hill>,
 }
 
 /// A straight, upright, thin wall.
@@ -190,9 +190,6 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (Site, toml
     }
     for (index, foliage) in site.foliage.iter().enumerate() {
         foliage.check(&format!("{}[{index}]", config::join(path, "foliage")), problems);
-    }
-    if let Some(terrain) = &site.terrain {
-        terrain.check(&config::join(path, "terrain"), problems);
     }
     (site, table)
 }

@@ -31,6 +31,12 @@ pub const SPEC: TableSpec = TableSpec {
             Default::Text("heard"),
         ),
         field("dynamics", "How the robots move.", Kind::Table(&dynamics::SPEC), Default::Table),
+        field(
+            "localization",
+            "How well robots know where they are.",
+            Kind::Table(&dynamics::LOCALIZATION),
+            Default::Absent,
+        ),
         field("scenario", "Where they begin.", Kind::Table(&scenario::SPEC), Default::Table),
         field("controller", "What they want.", Kind::Table(&controller::SPEC), Default::Table),
     ],
@@ -144,6 +150,11 @@ fn build_behaviour(
 ) -> Option<Behaviour> {
     let knowledge = table["knowledge"].clone().try_into().ok();
     let dynamics = Dynamics::build(part(table, "dynamics"), &join(path, "dynamics"), problems);
+    let noise = table
+        .get("localization")
+        .and_then(|localization| localization.get("sd_m"))
+        .and_then(toml::Value::as_float);
+    let dynamics = dynamics.map(|dynamics| dynamics.with_noise(noise.unwrap_or(0.0)));
     let context = Context {
         path: join(path, "controller"),
         n_agents,

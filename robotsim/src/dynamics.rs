@@ -21,7 +21,7 @@ use effect::Localization;
 use physics::{Order, Physics, Robot};
 use proto::config::{Choice, Default, Kind, Problem, Range, TableSpec, Tag, Variant, join};
 use proto::rng::{Draws, Purpose};
-use proto::site::Terrain;
+use proto::site::Hill;
 use proto::types::{AgentStates, seconds};
 use serde::{Deserialize, Serialize};
 use surroundings::{Other, Surroundings};
@@ -70,6 +70,19 @@ pub const SPEC: TableSpec = TableSpec {
         default: Some("point-mass"),
         variants: || VARIANTS.to_vec(),
     }),
+};
+
+/// Description of `[robotsim.localization]`.
+pub(crate) const LOCALIZATION: TableSpec = TableSpec {
+    doc: "How well robots know where they are. The effect localization adds to it.",
+    fields: &[field(
+        "sd_m",
+        "Standard deviation of the noise of measured positions, per component of the plane (m). Absent: none in a run; \
+         estimated where the model is compared with measurements.",
+        Kind::Number(Range::closed(0.0, 1e4)),
+        Default::Absent,
+    )],
+    tag: None,
 };
 
 const VARIANTS: &[Variant] = &[
@@ -128,8 +141,8 @@ pub struct Step<'a> {
     pub from_ns: u64,
     /// When it ends (ns).
     pub until_ns: u64,
-    /// The ground.
-    pub terrain: Option<&'a Terrain>,
+    /// The ground: its hills.
+    pub terrain: &'a [Hill],
     /// Seed of gusts and of noise.
     pub seed: u64,
 }
@@ -167,6 +180,16 @@ impl Dynamics {
         Some(Self { physics: Physics::new(body, effects), localization })
     }
 
+    /// Adds noise (standard deviation in m) to how positions are measured.
+    #[must_use]
+    pub(crate) fn with_noise(mut self, sd_m: f64) -> Self {
+        if 0.0 < sd_m {
+            let localization = self.localization.get_or_insert(Localization::PERFECT);
+            localization.sd_m = libm::hypot(localization.sd_m, sd_m);
+        }
+        self
+    }
+
     /// The body and its effects, for fits.
     #[must_use]
     pub fn into_physics(self) -> Physics {
@@ -182,7 +205,8 @@ impl Dynamics {
     /// What robots at rest carry. Nothing, where nothing reaches back in time.
     #[must_use]
     pub fn memory(&self, n_agents: usize) -> Vec<Memory> {
-        if self.physics.is_bare() { Vec::new() } else { vec![Memory::default(); n_agents] }
+        let is_needed = !self.physics.is_bare() || self.localization.is_some();
+        if is_needed { vec![Memory::default(); n_agents] } else { Vec::new() }
     }
 
     /// Gives robots a heading where the body needs one: east, where the scenario says nothing.

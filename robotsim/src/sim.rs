@@ -8,7 +8,7 @@ use crate::{payload, scenario};
 use proto::config::Problem;
 use proto::rng::{Draws, Purpose};
 use proto::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator, RobotStart, Setup};
-use proto::site::Terrain;
+use proto::site::Hill;
 use proto::types::{AgentOrder, AgentStates, seconds};
 use serde::{Deserialize, Serialize};
 
@@ -35,8 +35,8 @@ struct State {
     measured: Option<AgentStates>,
     /// What the agents' motion carries over from step to step. Empty: nothing.
     memory: Vec<Memory>,
-    /// The ground.
-    terrain: Option<Terrain>,
+    /// The ground: its hills.
+    terrain: Vec<Hill>,
     /// What each agent was ordered to do. `None`: its controller decides.
     orders: Vec<Option<AgentOrder>>,
     /// Transmissions so far whose payload was not one of ours.
@@ -66,7 +66,7 @@ impl RobotSimulator for Swarm {
         dynamics.complete(&mut states);
         let mut memory = dynamics.memory(n_agents);
         let terrain = setup.site.terrain.clone();
-        let start = Step { from_ns: 0, until_ns: 0, terrain: terrain.as_ref(), seed };
+        let start = Step { from_ns: 0, until_ns: 0, terrain: &terrain, seed };
         let measured = dynamics.measured(&start, &states, &mut memory);
         if config.behaviour.knowledge == Source::Truth {
             tracing::info!(
@@ -134,7 +134,7 @@ impl RobotSimulator for Swarm {
         let step = Step {
             from_ns: input.from_ns,
             until_ns: input.until_ns,
-            terrain: state.terrain.as_ref(),
+            terrain: &state.terrain,
             seed: state.seed,
         };
         behaviour.dynamics.advance(&step, &commands, &mut state.states, &mut state.memory);

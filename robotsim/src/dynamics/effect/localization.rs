@@ -68,6 +68,11 @@ pub struct Localization {
     pub scale: f64,
 }
 
+impl Localization {
+    /// Positions as they are.
+    pub(in crate::dynamics) const PERFECT: Self = Self { sd_m: 0.0, delay_s: 0.0, scale: 1.0 };
+}
+
 impl Effect for Localization {
     fn name(&self) -> &'static str {
         ENTRY.variant.name

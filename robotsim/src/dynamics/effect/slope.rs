@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "slope",
-        doc: "A drift downhill, in proportion to the slope of [site.terrain].",
+        doc: "A drift downhill, in proportion to the slope of [[site.terrain]].",
         fields: &[Field {
             key: "gain",
             doc: "k: drift (m/s) where the ground falls by 1 m per metre.",
@@ -54,8 +54,12 @@ impl Effect for Slope {
 
     fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
         let [x_m, y_m, _] = at.position_m;
-        let [east, north] =
-            at.surroundings.terrain.map_or([0.0; 2], |terrain| terrain.gradient([x_m, y_m]));
+        let [mut east, mut north] = [0.0; 2];
+        for hill in at.surroundings.terrain {
+            let rise = hill.gradient([x_m, y_m]);
+            east += rise[0];
+            north += rise[1];
+        }
         [-self.gain * east, -self.gain * north, 0.0]
     }
 
@@ -71,19 +75,20 @@ impl Effect for Slope {
 #[cfg(test)]
 mod tests {
     use super::super::testing::*;
+    use crate::dynamics::physics::Robot;
     use crate::dynamics::surroundings::Surroundings;
+    use proto::site::Hill;
 
     #[test]
-    fn a_robot_in_a_bowl_creeps_to_its_middle() {
-        // A plane tilted by 0.1 to the east: −k 0.1 for all time.
-        let terrain = proto::site::Terrain {
-            origin_m: [-10.0, -10.0],
-            spacing_m: 10.0,
-            height_m: vec![vec![0.0, 1.0, 2.0]; 3],
-        };
-        let surroundings = Surroundings { terrain: Some(&terrain), ..Surroundings::default() };
-        let text = "[[effect]]\nkind = 'slope'\ngain = 2.0";
-        let end = drive_in(&physics(text), [0.0, 1.0, 0.0], 3.0, &surroundings);
-        assert_near(end.position_m, [-0.6, 3.0, 0.0]);
+    fn a_robot_creeps_down_a_hollow_as_the_equation_says() {
+        // Near the middle of a hollow of depth H: ẋ = −k (H / r²) x, x = x0 e^(−k H t / r²).
+        let terrain = [Hill { centre_m: [0.0; 2], height_m: -4.0, radius_m: 100.0 }];
+        let surroundings = Surroundings { terrain: &terrain, ..Surroundings::default() };
+        let physics = physics("[[effect]]\nkind = 'slope'\ngain = 500.0");
+        let mut robot = Robot { position_m: [0.5, 0.0, 0.0], ..Robot::default() };
+        physics.advance(&mut robot, &[], &mut 0, 0.0, 3.0, &surroundings);
+        // Steps of 10 ms err by half of (k H / r² × 10 ms)² each; the shape of the hollow by (x / r)².
+        let exact = 0.5 * (-500.0f64 * 4.0 / 1e4 * 3.0).exp();
+        assert!((robot.position_m[0] - exact).abs() < 5e-4, "{robot:?} {exact}");
     }
 }

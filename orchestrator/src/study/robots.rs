@@ -1,0 +1,458 @@
+//! Robot samples held against `[robotsim.dynamics]`.
+//!
+//! A row is a window of a track: from all positions and commands up to its start, and the commands within it, the model says
+//! where the robot will be at its end. Velocity is not measured: what the actuators do at the start follows from earlier
+//! commands. The position (and heading) at the start is estimated from all earlier ones, each new measurement correcting what
+//! the model made of those before by a share that is fitted with the noise.
+
+mod blocks;
+mod density;
+mod fit;
+mod motion;
+mod terms;
+#[cfg(test)]
+mod tests;
+
+use super::folds::Blocks;
+use super::{Candidate, Estimate, RowScore, Study, is_at_bound};
+use crate::measure::robots::Robots;
+use density::{Density, Residual};
+use fit::Number;
+use motion::{Gains, Tracks};
+use nalgebra::DMatrix;
+use proto::effect::Level;
+use proto::site::Hill;
+use robotsim::dynamics::physics::Physics;
+use robotsim::dynamics::{Dynamics, Shape};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+use terms::{N_CURVE, Term};
+
+/// Length of the windows that decide (s).
+pub const WINDOW_S: f64 = 1.0;
+/// Lengths of windows that are compared (s).
+pub const HORIZONS_S: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
+/// What effects may remember of the time before a window (s): so far apart are rows that are fitted and rows that are
+/// scored, beside the window.
+const MEMORY_S: f64 = 0.5;
+/// Blocks that a study would like to have.
+const WANTED_BLOCKS: f64 = 60.0;
+
+/// Estimates that are correlated by more than this can hardly be told apart.
+const CONFOUNDED: f64 = 0.95;
+
+/// Robot samples held against a configuration.
+#[derive(Debug)]
+pub struct RobotStudy {
+    model: Model,
+    candidates: Vec<Candidate>,
+    in_time: Blocks,
+    in_place: Blocks,
+    configured: RobotFit,
+    cache: Mutex<BTreeMap<Vec<usize>, RobotFit>>,
+}
+
+/// The configured model and what may be added to it.
+#[derive(Debug)]
+struct Model {
+    tracks: Tracks,
+    dynamics: toml::Table,
+    is_wheelbase_free: bool,
+    /// Standard deviation of the noise of measured positions (m), where it is given.
+    given_sd_m: Option<f64>,
+    /// Numbers that every model has: shares by which measurements correct, a car's wheelbase where it is not given.
+    base: Vec<Number>,
+    terms: Vec<Term>,
+    /// Directions in which windows go by the configured model: cosine and sine.
+    directions: Vec<[f64; 2]>,
+}
+
+/// A model fitted to some windows.
+#[derive(Clone, Debug)]
+pub struct RobotFit {
+    terms: Vec<usize>,
+    values: Vec<f64>,
+    density: Density,
+    log_likelihood: f64,
+}
+
+/// The model does not suit the file.
+#[derive(Debug, thiserror::Error)]
+pub enum RobotStudyError {
+    /// The configured body takes other commands than the file has.
+    #[error(
+        "the file has commands for {needed}, the configuration robotsim.dynamics.kind = {kind:?}: set it to {needed:?}"
+    )]
+    Body {
+        /// What the file needs.
+        needed: &'static str,
+        /// What the configuration has.
+        kind: String,
+    },
+    /// No two samples are a window apart.
+    #[error(
+        "no two samples of a robot are {window_s} s apart: windows of that length cannot be scored"
+    )]
+    NoWindow {
+        /// Length of a window (s).
+        window_s: f64,
+    },
+    /// The dynamics cannot be built.
+    #[error("robotsim.dynamics cannot be built")]
+    Dynamics,
+}
+
+impl RobotFit {
+    /// The numbers of a term.
+    fn numbers(&self, model: &Model, term: usize) -> &[f64] {
+        let mut first = model.base.len();
+        for &other in &self.terms {
+            let n = model.n_numbers(other);
+            if other == term {
+                return &self.values[first..first + n];
+            }
+            first += n;
+        }
+        &[]
+    }
+
+    /// Standard deviation of one measured position, per component (m).
+    #[must_use]
+    pub fn sd_m(&self) -> f64 {
+        self.density.sd_m
+    }
+}
+
+impl Model {
+    fn n_numbers(&self, term: usize) -> usize {
+        match &self.terms[term] {
+            Term::Effect(effect) => effect.parameters.len(),
+            Term::Noise(_) => 0,
+            Term::Curve(_) => N_CURVE,
+        }
+    }
+
+    /// Whether a fit estimates the noise of measured positions.
+    fn is_noise_free(&self, terms: &[usize]) -> bool {
+        self.given_sd_m.is_none()
+            || terms.iter().any(|&term| matches!(self.terms[term], Term::Noise(_)))
+    }
+
+    fn curve(&self, term: usize) -> Option<&terms::Curve> {
+        match &self.terms[term] {
+            Term::Curve(curve) => Some(curve),
+            Term::Effect(_) | Term::Noise(_) => None,
+        }
+    }
+
+    fn starts(&self, term: usize) -> Vec<Vec<f64>> {
+        match &self.terms[term] {
+            Term::Effect(effect) => effect.starts.clone(),
+            Term::Noise(_) => vec![Vec::new()],
+            Term::Curve(_) => vec![vec![0.0; N_CURVE]],
+        }
+    }
+
+    fn numbers_of(&self, terms: &[usize]) -> Vec<Number> {
+        let mut numbers = self.base.clone();
+        for &term in terms {
+            match &self.terms[term] {
+                Term::Effect(effect) => numbers.extend(effect.parameters.iter().map(|parameter| {
+                    Number { min: parameter.min, max: parameter.max, step: parameter.step }
+                })),
+                Term::Noise(_) => {}
+                Term::Curve(_) => {
+                    numbers.extend([Number { min: -1e3, max: 1e3, step: 0.1 }; N_CURVE]);
+                }
+            }
+        }
+        numbers
+    }
+
+    /// Whether errors of the measured heading scatter predictions across the motion.
+    fn has_direction(&self) -> bool {
+        self.tracks.robots.shape.is_turning()
+    }
+
+    /// What a fit says of the robot, and of how much measurements count.
+    fn physics(&self, fit: &RobotFit) -> Option<(Physics, Gains)> {
+        let mut table = self.dynamics.clone();
+        if self.is_wheelbase_free {
+            terms::set(&mut table, "wheelbase_m", fit.values[self.base.len() - 1]);
+        }
+        let effects = table.entry("effect").or_insert_with(|| toml::Value::Array(Vec::new()));
+        for &term in &fit.terms {
+            if let (Term::Effect(effect), Some(list)) = (&self.terms[term], effects.as_array_mut())
+            {
+                list.push(effect.table(fit.numbers(self, term)).into());
+            }
+        }
+        let physics = Dynamics::build(&table, "", &mut Vec::new())?.into_physics();
+        let heading = if self.has_direction() { fit.values[1].exp() } else { 1.0 };
+        Some((physics, Gains { position: fit.values[0].exp(), heading }))
+    }
+}
+
+impl RobotStudy {
+    /// Holds robot samples against a checked `[robotsim.dynamics]`.
+    ///
+    /// * `is_wheelbase_given`: the configuration says it; otherwise it is fitted with the noise.
+    /// * `given_sd_m`: standard deviation of the noise of measured positions, where the configuration says it.
+    /// * `window_s`: length of the windows that are scored.
+    /// * `by_run`: blocks are whole campaigns.
+    ///
+    /// # Errors
+    ///
+    /// The configured body takes other commands, or no window fits into the samples.
+    pub fn new(
+        robots: Robots,
+        dynamics: &toml::Table,
+        is_wheelbase_given: bool,
+        given_sd_m: Option<f64>,
+        terrain: Vec<Hill>,
+        window_s: f64,
+        by_run: bool,
+    ) -> Result<Self, RobotStudyError> {
+        let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
+        let needed = match robots.shape {
+            Shape::Velocity => "point-mass",
+            Shape::Unicycle => "unicycle",
+            Shape::Car => "car",
+        };
+        if kind != needed {
+            return Err(RobotStudyError::Body { needed, kind: kind.to_owned() });
+        }
+        let shape = robots.shape;
+        let n_parts = if robots.is_spatial { 3 } else { 2 };
+        let tracks = Tracks::new(robots, window_s, terrain);
+        if tracks.windows.is_empty() {
+            return Err(RobotStudyError::NoWindow { window_s });
+        }
+        let is_wheelbase_free = shape == Shape::Car && !is_wheelbase_given;
+        let gain = Number { min: -6.0, max: 0.0, step: 0.5 };
+        let mut base = vec![gain];
+        let mut values = vec![-1.0];
+        if shape.is_turning() {
+            base.push(gain);
+            values.push(-1.0);
+        }
+        if is_wheelbase_free {
+            base.push(Number { min: 0.01, max: 50.0, step: 0.01 });
+            values
+                .push(dynamics.get("wheelbase_m").and_then(toml::Value::as_float).unwrap_or(0.33));
+        }
+        let (candidates, terms) = terms::all(&tracks, dynamics, given_sd_m.is_some());
+        let in_time = tracks.blocks_in_time(window_s, by_run);
+        let in_place = if by_run { in_time.clone() } else { tracks.blocks_in_place() };
+        let mut model = Model {
+            tracks,
+            dynamics: dynamics.clone(),
+            is_wheelbase_free,
+            given_sd_m,
+            base,
+            terms,
+            directions: Vec::new(),
+        };
+        let start = RobotFit {
+            terms: Vec::new(),
+            values,
+            density: Density { sd_m: given_sd_m.unwrap_or(0.1), sd_rad: 0.01, n_parts },
+            log_likelihood: f64::NEG_INFINITY,
+        };
+        let (physics, gains) = model.physics(&start).ok_or(RobotStudyError::Dynamics)?;
+        model.directions = model.tracks.directions(&physics, gains);
+        let all: Vec<u32> = (0..model.tracks.windows.len() as u32).collect();
+        let configured = model.fitted(&[], &all, &start);
+        Ok(Self { model, candidates, in_time, in_place, configured, cache: Mutex::default() })
+    }
+
+    /// The samples.
+    #[must_use]
+    pub fn robots(&self) -> &Robots {
+        &self.model.tracks.robots
+    }
+
+    /// The model as configured, with its noise estimated from all rows.
+    #[must_use]
+    pub fn configured(&self) -> &RobotFit {
+        &self.configured
+    }
+
+    fn known(&self, terms: &[usize]) -> Option<RobotFit> {
+        self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(terms).cloned()
+    }
+
+    /// Says which other term the numbers of a term, from `first` on, can hardly be told from.
+    fn confounded(
+        &self,
+        fit: &RobotFit,
+        first: usize,
+        covariance: Option<&DMatrix<f64>>,
+    ) -> Option<String> {
+        let covariance = covariance?;
+        let mut other_first = self.model.base.len();
+        for &other in &fit.terms {
+            let n = self.model.n_numbers(other);
+            for index in other_first..other_first + n {
+                let correlation = covariance[(first, index)]
+                    / (covariance[(first, first)] * covariance[(index, index)]).sqrt();
+                if other_first != first && CONFOUNDED < correlation.abs() {
+                    return Some(format!(
+                        "can hardly be told from {}: their estimates are correlated by {correlation:.2}",
+                        self.candidates[other].name
+                    ));
+                }
+            }
+            other_first += n;
+        }
+        None
+    }
+
+    /// The `[[robotsim.dynamics.effect]]` that a term of a fit is; none where it is a curve.
+    #[must_use]
+    pub fn effect_table(&self, fit: &RobotFit, term: usize) -> Option<toml::Table> {
+        if !fit.terms.contains(&term) {
+            return None;
+        }
+        match &self.model.terms[term] {
+            Term::Effect(effect) => Some(effect.table(fit.numbers(&self.model, term))),
+            Term::Noise(table) => {
+                // What there is beside the noise that the configuration says.
+                let given_m = self.model.given_sd_m.unwrap_or(0.0);
+                let more_m = (fit.density.sd_m.powi(2) - given_m * given_m).max(0.0).sqrt();
+                let mut table = table.clone();
+                terms::set(&mut table, "sd_m", more_m);
+                Some(table)
+            }
+            Term::Curve(_) => None,
+        }
+    }
+
+    /// The noise of measured positions, with an interval: by the number of independent residuals.
+    fn noise(&self, fit: &RobotFit) -> Estimate {
+        let value = fit.density.sd_m;
+        // Four windows overlap; each has as many residuals as positions have components.
+        let n = (self.n_rows() as f64 / 4.0 * fit.density.n_parts as f64).max(1.0);
+        let half = 1.645 * value / (2.0 * n).sqrt();
+        Estimate {
+            name: "sd_m".to_owned(),
+            value,
+            unit: "m".to_owned(),
+            low: value - half,
+            high: value + half,
+        }
+    }
+
+    /// A car's wheelbase (m), where it is fitted.
+    #[must_use]
+    pub fn wheelbase_m(&self, fit: &RobotFit) -> Option<f64> {
+        self.model.is_wheelbase_free.then(|| fit.values[self.model.base.len() - 1])
+    }
+}
+
+impl Study for RobotStudy {
+    type Fit = RobotFit;
+
+    fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    fn n_rows(&self) -> usize {
+        self.model.tracks.windows.len()
+    }
+
+    fn blocks(&self, level: Level) -> &Blocks {
+        match level {
+            Level::Place => &self.in_place,
+            Level::Time | Level::Random => &self.in_time,
+        }
+    }
+
+    fn fit(
+        &self,
+        terms: &[usize],
+        train: &[u32],
+        _level: Level,
+        start: Option<&RobotFit>,
+    ) -> RobotFit {
+        let is_all = train.len() == self.n_rows();
+        let sorted = {
+            let mut sorted = terms.to_vec();
+            sorted.sort_unstable();
+            sorted
+        };
+        if is_all && let Some(fit) = self.known(&sorted) {
+            return self.model.carried(terms, &fit);
+        }
+        let start = start.unwrap_or(&self.configured);
+        let fit = self.model.fitted(terms, train, start);
+        if is_all {
+            let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+            cache.insert(sorted.clone(), self.model.carried(&sorted, &fit));
+        }
+        fit
+    }
+
+    fn log_likelihood(&self, fit: &RobotFit) -> f64 {
+        fit.log_likelihood
+    }
+
+    fn scores(&self, fit: &RobotFit, test: &[u32]) -> Vec<RowScore> {
+        let residuals = self.model.residuals(fit, test).unwrap_or_default();
+        let score = |residual: &Residual| RowScore {
+            log: fit.density.log(residual).0,
+            squared_error: residual.parts_m.iter().map(|part| part * part).sum(),
+            crps: fit.density.crps_m(residual),
+            reception_log_loss: f64::NAN,
+        };
+        residuals.iter().map(score).collect()
+    }
+
+    fn estimates(&self, fit: &RobotFit, term: usize) -> (Vec<Estimate>, Option<String>) {
+        let effect = match &self.model.terms[term] {
+            Term::Effect(effect) => effect,
+            Term::Noise(_) => return (vec![self.noise(fit)], None),
+            Term::Curve(_) => return (Vec::new(), None),
+        };
+        let numbers = fit.numbers(&self.model, term);
+        let mut first = self.model.base.len();
+        for &other in fit.terms.iter().take_while(|&&other| other != term) {
+            first += self.model.n_numbers(other);
+        }
+        let covariance = self.model.covariance(fit, &self.in_time.of_row);
+        let freedom = (self.in_time.n_blocks() as f64 - 1.0).max(1.0);
+        let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(1.645, |t| t.inverse_cdf(0.95));
+        let mut warning = None;
+        let estimates = effect
+            .parameters
+            .iter()
+            .zip(numbers)
+            .enumerate()
+            .map(|(index, (parameter, &value))| {
+                let variance =
+                    covariance.as_ref().map_or(f64::NAN, |c| c[(first + index, first + index)]);
+                let half = quantile * variance.sqrt();
+                let span = parameter.max - parameter.min;
+                if !(half < span) {
+                    warning = Some(format!("{} is not determined by these data", parameter.key));
+                } else if is_at_bound(parameter, value) {
+                    warning = Some(format!("{} lies at the end of its range", parameter.key));
+                }
+                let (low, high) = if half.is_finite() {
+                    ((value - half).max(parameter.min), (value + half).min(parameter.max))
+                } else {
+                    (parameter.min, parameter.max)
+                };
+                Estimate {
+                    name: parameter.key.to_owned(),
+                    value,
+                    unit: parameter.unit.to_owned(),
+                    low,
+                    high,
+                }
+            })
+            .collect();
+        (estimates, warning.or_else(|| self.confounded(fit, first, covariance.as_ref())))
+    }
+}

@@ -1,0 +1,316 @@
+//! Fitting a model of robots: robust least squares (Levenberg and Marquardt) on the windows' residuals, with the scatter
+//! that makes them likeliest.
+
+use super::density::{Density, Residual};
+use super::terms::N_CURVE;
+use super::{Model, RobotFit};
+use nalgebra::{DMatrix, DVector};
+
+/// Most steps of a fit.
+const MOST_STEPS: usize = 60;
+/// A fit has converged when a step gains less (nats) …
+const CONVERGED_NATS: f64 = 1e-8;
+/// … twice in a row.
+const CONVERGED_TIMES: usize = 2;
+/// Steps of a first look at each of several starts.
+const LOOK_STEPS: usize = 6;
+/// How many of several starts are followed.
+const N_FOLLOWED: usize = 3;
+/// What holds the numbers of a curve near 0: the standard deviation of each, in units of a share of the way, or m/s.
+const CURVE_SD: f64 = 1.0;
+
+/// A number that a fit sets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Number {
+    pub(super) min: f64,
+    pub(super) max: f64,
+    pub(super) step: f64,
+}
+
+/// The state of a fit.
+struct Point {
+    values: Vec<f64>,
+    residuals: Vec<Residual>,
+    density: Density,
+    total: f64,
+}
+
+impl Model {
+    /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
+    pub(super) fn fitted(&self, terms: &[usize], train: &[u32], start: &RobotFit) -> RobotFit {
+        // Numbers that are known, and the first term that is not.
+        let known: Vec<usize> =
+            terms.iter().copied().filter(|term| start.terms.contains(term)).collect();
+        let mut fit = self.polished(self.carried(&known, start), train);
+        for &term in terms.iter().filter(|term| !known.contains(term)) {
+            fit = self.extended(&fit, term, train);
+        }
+        // Numbers in the order of the terms.
+        if fit.terms == terms { fit } else { self.carried(terms, &fit) }
+    }
+
+    /// The numbers of a fit for other terms, all of which it has.
+    pub(super) fn carried(&self, terms: &[usize], fit: &RobotFit) -> RobotFit {
+        let mut values = fit.values[..self.base.len()].to_vec();
+        for term in terms {
+            values.extend_from_slice(fit.numbers(self, *term));
+        }
+        RobotFit { terms: terms.to_vec(), values, ..fit.clone() }
+    }
+
+    /// A fit with one more term: from the best of its starts.
+    fn extended(&self, parent: &RobotFit, term: usize, train: &[u32]) -> RobotFit {
+        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
+        let starts = self.starts(term);
+        let begin = |start: &[f64]| RobotFit {
+            terms: terms.clone(),
+            values: parent.values.iter().chain(start).copied().collect(),
+            ..parent.clone()
+        };
+        let mut looks: Vec<(f64, RobotFit)> = starts
+            .iter()
+            .map(|start| {
+                let fit = begin(start);
+                (self.point(&fit, train).map_or(f64::NEG_INFINITY, |point| point.total), fit)
+            })
+            .collect();
+        looks.sort_by(|a, b| b.0.total_cmp(&a.0));
+        looks.truncate(N_FOLLOWED);
+        let followed = looks
+            .into_iter()
+            .map(|(_, fit)| self.descended(fit, train, LOOK_STEPS))
+            .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
+        let best = followed.unwrap_or_else(|| parent.clone());
+        self.polished(best, train)
+    }
+
+    /// A fit that has converged.
+    fn polished(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        self.descended(fit, train, MOST_STEPS)
+    }
+
+    /// Residuals of some windows under a fit's numbers.
+    pub(super) fn residuals(&self, fit: &RobotFit, rows: &[u32]) -> Option<Vec<Residual>> {
+        let (physics, gains) = self.physics(fit)?;
+        let all = self.tracks.residuals(&physics, gains);
+        let mut residuals: Vec<Residual> = rows.iter().map(|&row| all[row as usize]).collect();
+        for &term in &fit.terms {
+            if let Some(curve) = self.curve(term) {
+                let numbers = fit.numbers(self, term);
+                for (residual, &row) in residuals.iter_mut().zip(rows) {
+                    let columns = self.curve_columns(curve, row, residual);
+                    for (column, number) in columns.iter().zip(numbers) {
+                        residual.parts_m[0] -= column[0] * number;
+                        residual.parts_m[1] -= column[1] * number;
+                    }
+                }
+            }
+        }
+        Some(residuals)
+    }
+
+    /// What one unit of each number of a curve adds to a window's motion (m), along and across.
+    fn curve_columns(
+        &self,
+        curve: &super::terms::Curve,
+        row: u32,
+        residual: &Residual,
+    ) -> [[f64; 2]; N_CURVE] {
+        let hats = curve.hats(row as usize);
+        let [cos, sin] = self.directions[row as usize];
+        let window_s = self.tracks.window_s(row as usize);
+        std::array::from_fn(|index| {
+            let hat = hats[index / 3];
+            match index % 3 {
+                0 => [hat * residual.way_m, 0.0],
+                // East and north, seen along and across.
+                1 => [hat * window_s * cos, -hat * window_s * sin],
+                _ => [hat * window_s * sin, hat * window_s * cos],
+            }
+        })
+    }
+
+    fn penalty(&self, fit: &RobotFit) -> f64 {
+        let curves = fit.terms.iter().filter(|&&term| self.curve(term).is_some());
+        let squares: f64 =
+            curves.flat_map(|&term| fit.numbers(self, term)).map(|number| number * number).sum();
+        0.5 * squares / (CURVE_SD * CURVE_SD)
+    }
+
+    fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<Point> {
+        let residuals = self.residuals(fit, train)?;
+        let is_noise_free = self.is_noise_free(&fit.terms);
+        let density = fit.density.fitted(&residuals, is_noise_free, self.has_direction());
+        let total = density.total(&residuals) - self.penalty(fit);
+        total.is_finite().then(|| Point { values: fit.values.clone(), residuals, density, total })
+    }
+
+    /// Climbs the likelihood for at most so many steps.
+    fn descended(&self, mut fit: RobotFit, train: &[u32], most_steps: usize) -> RobotFit {
+        let Some(mut at) = self.point(&fit, train) else {
+            fit.log_likelihood = f64::NEG_INFINITY;
+            return fit;
+        };
+        let numbers = self.numbers_of(&fit.terms);
+        let mut damping = 1e-3;
+        let mut quiet = 0;
+        for _ in 0..most_steps {
+            fit.density = at.density;
+            let Some((information, slope)) = self.normal_equations(&fit, &at, train, &numbers)
+            else {
+                break;
+            };
+            let mut gained = 0.0;
+            for _ in 0..8 {
+                let mut matrix = information.clone();
+                for i in 0..numbers.len() {
+                    // Numbers that change nothing stay where they are.
+                    matrix[(i, i)] += damping * information[(i, i)] + 1e-12;
+                }
+                let Some(step) = matrix.cholesky().map(|factors| factors.solve(&slope)) else {
+                    damping *= 10.0;
+                    continue;
+                };
+                fit.values = at
+                    .values
+                    .iter()
+                    .zip(step.iter())
+                    .zip(&numbers)
+                    .map(|((value, step), number)| (value + step).clamp(number.min, number.max))
+                    .collect();
+                match self.point(&fit, train) {
+                    Some(next) if at.total < next.total => {
+                        gained = next.total - at.total;
+                        at = next;
+                        damping = (damping * 0.2).max(1e-9);
+                        break;
+                    }
+                    _ => damping *= 8.0,
+                }
+            }
+            fit.values.clone_from(&at.values);
+            quiet = if gained < CONVERGED_NATS { quiet + 1 } else { 0 };
+            if gained == 0.0 || quiet == CONVERGED_TIMES {
+                break;
+            }
+        }
+        fit.values = at.values;
+        fit.density = at.density;
+        fit.log_likelihood = at.total;
+        fit
+    }
+
+    /// Derivatives of each whitened component of each residual by each number: rows × components, by columns.
+    fn jacobian(
+        &self,
+        fit: &RobotFit,
+        at: &[Residual],
+        train: &[u32],
+        numbers: &[Number],
+    ) -> Option<Vec<Vec<[f64; 3]>>> {
+        let mut columns = Vec::with_capacity(numbers.len());
+        let mut curves = vec![None; numbers.len()];
+        let mut first = self.base.len();
+        for &term in &fit.terms {
+            if let Some(curve) = self.curve(term) {
+                for index in 0..N_CURVE {
+                    curves[first + index] = Some((curve, index));
+                }
+            }
+            first += self.n_numbers(term);
+        }
+        for (index, number) in numbers.iter().enumerate() {
+            if let Some((curve, k)) = curves[index] {
+                let column = train.iter().zip(at).map(|(&row, residual)| {
+                    let [along, across] = self.curve_columns(curve, row, residual)[k];
+                    [-along, -across, 0.0]
+                });
+                columns.push(column.collect());
+                continue;
+            }
+            let mut moved = fit.clone();
+            let h = 0.02 * number.step;
+            let h = if number.max < fit.values[index] + h { -h } else { h };
+            moved.values[index] += h;
+            let there = self.residuals(&moved, train)?;
+            let column = there.iter().zip(at).map(|(there, here)| {
+                std::array::from_fn(|i| (there.parts_m[i] - here.parts_m[i]) / h)
+            });
+            columns.push(column.collect());
+        }
+        Some(columns)
+    }
+
+    /// Information matrix and slope of the log likelihood, each window counting as much as the density says.
+    fn normal_equations(
+        &self,
+        fit: &RobotFit,
+        at: &Point,
+        train: &[u32],
+        numbers: &[Number],
+    ) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let columns = self.jacobian(fit, &at.residuals, train, numbers)?;
+        let n = numbers.len();
+        let mut information = DMatrix::zeros(n, n);
+        let mut slope = DVector::zeros(n);
+        for (row, residual) in at.residuals.iter().enumerate() {
+            let weight = at.density.log(residual).1;
+            let sd_m = at.density.sd_m(residual);
+            for part in 0..at.density.n_parts {
+                let scale = weight / (sd_m[part] * sd_m[part]);
+                for i in 0..n {
+                    let by_i = columns[i][row][part] * scale;
+                    slope[i] -= by_i * residual.parts_m[part];
+                    for j in 0..=i {
+                        information[(i, j)] += by_i * columns[j][row][part];
+                    }
+                }
+            }
+        }
+        let mut first = self.base.len();
+        for &term in &fit.terms {
+            if self.curve(term).is_some() {
+                for index in first..first + N_CURVE {
+                    information[(index, index)] += 1.0 / (CURVE_SD * CURVE_SD);
+                    slope[index] -= fit.values[index] / (CURVE_SD * CURVE_SD);
+                }
+            }
+            first += self.n_numbers(term);
+        }
+        for i in 0..n {
+            for j in 0..i {
+                information[(j, i)] = information[(i, j)];
+            }
+        }
+        Some((information, slope))
+    }
+
+    /// Covariance of the numbers of a fit to all windows, blocks of windows being independent; and the correlations by which
+    /// some cannot be told apart.
+    pub(super) fn covariance(&self, fit: &RobotFit, block_of_row: &[u32]) -> Option<DMatrix<f64>> {
+        let all: Vec<u32> = (0..self.tracks.windows.len() as u32).collect();
+        let numbers = self.numbers_of(&fit.terms);
+        let point = self.point(fit, &all)?;
+        let columns = self.jacobian(fit, &point.residuals, &all, &numbers)?;
+        let (mut information, _) = self.normal_equations(fit, &point, &all, &numbers)?;
+        let n = numbers.len();
+        let n_blocks = block_of_row.iter().max().map_or(0, |last| *last as usize + 1);
+        let mut scores = DMatrix::zeros(n_blocks, n);
+        for (row, residual) in point.residuals.iter().enumerate() {
+            let weight = point.density.log(residual).1;
+            let sd_m = point.density.sd_m(residual);
+            for part in 0..point.density.n_parts {
+                let pull = weight * residual.parts_m[part] / (sd_m[part] * sd_m[part]);
+                for i in 0..n {
+                    scores[(block_of_row[row] as usize, i)] -= pull * columns[i][row][part];
+                }
+            }
+        }
+        for i in 0..n {
+            information[(i, i)] = information[(i, i)] * (1.0 + 1e-10) + 1e-12;
+        }
+        let inverse = information.cholesky()?.inverse();
+        let share = n_blocks as f64 / (n_blocks as f64 - 1.0).max(1.0);
+        Some(&inverse * (scores.transpose() * &scores) * share * &inverse)
+    }
+}

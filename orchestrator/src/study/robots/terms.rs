@@ -1,0 +1,343 @@
+//! What may be missing from a model of robots: effects of the catalogue, and curves over covariates.
+
+use super::motion::Tracks;
+use crate::study::Candidate;
+use proto::config::{Node, Value, check};
+use proto::effect::{Level, Need, Parameter};
+use robotsim::dynamics::effect::{self, Entry};
+use robotsim::dynamics::{Part, Shape};
+
+/// A term that a fit may contain.
+#[derive(Clone, Debug)]
+pub(super) enum Term {
+    /// An effect of the catalogue.
+    Effect(EffectTerm),
+    /// More noise of measured positions than the configuration says.
+    Noise(toml::Table),
+    /// A smooth curve over a covariate: what the window's motion is longer by, and where it drifts.
+    Curve(Curve),
+}
+
+/// An effect, and the numbers of it that are fitted.
+#[derive(Clone, Debug)]
+pub(super) struct EffectTerm {
+    /// Its checked table, to be filled in.
+    table: toml::Table,
+    /// What is filled in.
+    pub(super) parameters: Vec<Parameter>,
+    /// Where searches start.
+    pub(super) starts: Vec<Vec<f64>>,
+}
+
+/// Hat functions over a covariate, each less its mean over all windows, so that a curve has no constant part.
+#[derive(Clone, Debug)]
+pub(super) struct Curve {
+    knots: Vec<f64>,
+    means: Vec<f64>,
+    /// The covariate at each window's start; NaN where it is missing.
+    values: Vec<f64>,
+}
+
+/// Pieces of a curve: one knot fewer than quantiles, for hat functions sum to one.
+const N_KNOTS: usize = 7;
+/// Numbers of a curve: per hat function one for the way, two for the drift.
+pub(super) const N_CURVE: usize = 3 * (N_KNOTS - 1);
+
+impl EffectTerm {
+    /// The effect's table with these numbers.
+    pub(super) fn table(&self, values: &[f64]) -> toml::Table {
+        let mut table = self.table.clone();
+        for (parameter, &value) in self.parameters.iter().zip(values) {
+            set(&mut table, parameter.key, value);
+        }
+        table
+    }
+}
+
+impl Curve {
+    fn new(values: Vec<f64>) -> Option<Self> {
+        let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().checked_sub(1)?;
+        let mut knots: Vec<f64> = (0..N_KNOTS).map(|k| sorted[k * last / (N_KNOTS - 1)]).collect();
+        knots.dedup();
+        if knots.len() < 2 {
+            return None;
+        }
+        // Few values: knots between the two ends.
+        while knots.len() < N_KNOTS {
+            knots.push(knots[knots.len() - 1] + 1.0);
+        }
+        let mut curve = Self { knots, means: vec![0.0; N_KNOTS - 1], values };
+        let mut means = vec![0.0; N_KNOTS - 1];
+        let mut n = 0.0;
+        for window in 0..curve.values.len() {
+            if curve.values[window].is_finite() {
+                n += 1.0;
+                for (mean, hat) in means.iter_mut().zip(curve.hats(window)) {
+                    *mean += hat;
+                }
+            }
+        }
+        curve.means = means.into_iter().map(|mean| mean / n).collect();
+        Some(curve)
+    }
+
+    /// Values of the functions at a window. None where the covariate is missing.
+    pub(super) fn hats(&self, window: usize) -> [f64; N_KNOTS - 1] {
+        let value = self.values[window];
+        if !value.is_finite() {
+            return [0.0; N_KNOTS - 1];
+        }
+        let value = value.clamp(self.knots[0], self.knots[N_KNOTS - 1]);
+        std::array::from_fn(|k| {
+            let (below, at) = (self.knots[k], self.knots[k + 1]);
+            let hat = if value <= at {
+                ((value - below) / (at - below)).max(0.0)
+            } else {
+                self.knots.get(k + 2).map_or(0.0, |above| ((above - value) / (above - at)).max(0.0))
+            };
+            hat - self.means[k]
+        })
+    }
+}
+
+/// All that may be missing.
+pub(super) fn all(
+    tracks: &Tracks,
+    dynamics: &toml::Table,
+    is_noise_given: bool,
+) -> (Vec<Candidate>, Vec<Term>) {
+    let mut candidates = Vec::new();
+    let mut terms = Vec::new();
+    let shape = tracks.robots.shape;
+    for entry in effect::LIST {
+        let variants: &[&[_]] =
+            if entry.fit.variants.is_empty() { &[&[]] } else { entry.fit.variants };
+        for variant in variants {
+            let keys: Vec<(&str, toml::Value)> =
+                variant.iter().map(|(key, fixed)| (*key, fixed.value())).collect();
+            let on = keys.iter().find(|(key, _)| *key == "on").and_then(|(_, v)| v.as_str());
+            if on == Some("turn") && !shape.is_turning() {
+                continue;
+            }
+            let name = match on {
+                Some("turn") => format!("{} (turn)", entry.variant.name),
+                _ => entry.variant.name.to_owned(),
+            };
+            let parameters: Vec<Parameter> = entry
+                .fit
+                .parameters
+                .iter()
+                .copied()
+                .filter(|parameter| match parameter.key {
+                    "angle_rad" if entry.variant.name == "steering-bias" => shape == Shape::Car,
+                    "rate_radps" => shape == Shape::Unicycle,
+                    _ => true,
+                })
+                .collect();
+            let starts = starts(entry, on, &parameters, tracks);
+            candidates.push(Candidate {
+                name,
+                about: Some(&entry.about),
+                level: entry.fit.level,
+                n_parameters: parameters.len(),
+                generalises: entry.fit.generalises.iter().map(|s| (*s).to_owned()).collect(),
+                untestable: untestable(entry, on, tracks, dynamics, is_noise_given),
+            });
+            if entry.variant.name == NOISE {
+                terms.push(Term::Noise(template(entry, &keys, &parameters)));
+                continue;
+            }
+            terms.push(Term::Effect(EffectTerm {
+                table: template(entry, &keys, &parameters),
+                parameters,
+                starts,
+            }));
+        }
+    }
+    for (name, values) in tracks.robots.covariates.iter().chain(&tracks.own_covariates()) {
+        let at_start = tracks.windows.iter().map(|window| values[window.start as usize]).collect();
+        if let Some(curve) = Curve::new(at_start) {
+            candidates.push(Candidate {
+                name: format!("curve:{name}"),
+                about: None,
+                level: Level::Time,
+                n_parameters: N_CURVE,
+                generalises: Vec::new(),
+                untestable: None,
+            });
+            terms.push(Term::Curve(curve));
+        }
+    }
+    (candidates, terms)
+}
+
+/// Why an effect cannot be told from these data.
+fn untestable(
+    entry: &Entry,
+    on: Option<&str>,
+    tracks: &Tracks,
+    dynamics: &toml::Table,
+    is_noise_given: bool,
+) -> Option<String> {
+    if entry.variant.name == NOISE && !is_noise_given {
+        return Some(
+            "its noise is estimated for every model, as robotsim.localization.sd_m is not given; its scale is the same as \
+             slip, its delay the same as dead-time"
+                .to_owned(),
+        );
+    }
+    let configured = dynamics.get("effect").and_then(toml::Value::as_array);
+    let is_there = configured.into_iter().flatten().any(|table| {
+        let text = |key: &str| table.get(key).and_then(toml::Value::as_str);
+        text("kind") == Some(entry.variant.name) && (on.is_none() || text("on") == on)
+    });
+    if is_there {
+        return Some("is in the model already".to_owned());
+    }
+    let shape = tracks.robots.shape;
+    entry
+        .about
+        .needs
+        .iter()
+        .find(|need| match need {
+            Need::TurningCommands => !shape.is_turning(),
+            Need::Steering => shape != Shape::Car,
+            Need::Terrain => !tracks.has_terrain(),
+            Need::OtherAgents => !tracks.has_others(),
+            _ => false,
+        })
+        .map(|need| format!("needs {}", need.describe()))
+}
+
+/// The effect's table with all defaults, and the numbers to be filled in at some allowed value.
+fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter]) -> toml::Table {
+    let mut table = toml::Table::new();
+    table.insert("kind".to_owned(), entry.variant.name.into());
+    for parameter in parameters {
+        set(&mut table, parameter.key, parameter.starts[0].max(parameter.min));
+    }
+    for (key, value) in keys {
+        match value {
+            toml::Value::Float(number) => set(&mut table, key, *number),
+            other => {
+                table.insert((*key).to_owned(), other.clone());
+            }
+        }
+    }
+    let node = Node { value: Value::from(&toml::Value::Table(table)), span: None };
+    check(&node, "", &effect::SPEC, &mut Vec::new()).table
+}
+
+/// Puts a number at a key, or at a place of a list: `velocity_mps[1]`.
+pub(super) fn set(table: &mut toml::Table, key: &str, value: f64) {
+    let Some((name, index)) = key.strip_suffix(']').and_then(|key| key.split_once('[')) else {
+        table.insert(key.to_owned(), value.into());
+        return;
+    };
+    let index: usize = index.parse().unwrap_or_default();
+    let list = table.entry(name.to_owned()).or_insert_with(|| toml::Value::Array(Vec::new()));
+    if let Some(list) = list.as_array_mut() {
+        while list.len() <= index {
+            list.push(0.0.into());
+        }
+        list[index] = value.into();
+    }
+}
+
+/// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart.
+fn starts(
+    entry: &Entry,
+    on: Option<&str>,
+    parameters: &[Parameter],
+    tracks: &Tracks,
+) -> Vec<Vec<f64>> {
+    let part = if on == Some("turn") { Part::Turn } else { Part::Speed };
+    match entry.variant.name {
+        "dead-band" | "speed-limit" => {
+            return tracks.thresholds(part).into_iter().map(|value| vec![value]).collect();
+        }
+        "rough-ground" => return tracks.places(),
+        _ => {}
+    }
+    let mut products: Vec<Vec<f64>> = vec![Vec::new()];
+    for parameter in parameters {
+        products = products
+            .iter()
+            .flat_map(|begin| {
+                parameter
+                    .starts
+                    .iter()
+                    .map(move |&start| begin.iter().copied().chain([start]).collect::<Vec<f64>>())
+            })
+            .collect();
+    }
+    products
+}
+
+/// The effect whose only number is the noise itself.
+pub(super) const NOISE: &str = "localization";
+
+impl Tracks {
+    /// Covariates that every file has: time, and place.
+    fn own_covariates(&self) -> [(String, Vec<f64>); 3] {
+        let of = |value: &dyn Fn(&crate::measure::robots::Sample) -> f64| {
+            self.robots.samples.iter().map(value).collect()
+        };
+        [
+            ("time_s".to_owned(), of(&|sample| sample.time_s)),
+            ("x_m".to_owned(), of(&|sample| sample.position_m[0])),
+            ("y_m".to_owned(), of(&|sample| sample.position_m[1])),
+        ]
+    }
+
+    /// Values between which commanded sizes lie: half way from each to the next larger one, about two dozen.
+    fn thresholds(&self, part: Part) -> Vec<f64> {
+        let turning = self.robots.shape.is_turning();
+        let size = |command: [f64; 3]| match (part, turning) {
+            (Part::Turn, _) => command[1].abs(),
+            (Part::Speed, true) => command[0].abs(),
+            (Part::Speed, false) => command.iter().map(|part| part * part).sum::<f64>().sqrt(),
+        };
+        let mut sizes: Vec<f64> =
+            self.robots.samples.iter().map(|sample| size(sample.command)).collect();
+        sizes.sort_by(f64::total_cmp);
+        // By quantiles of what was commanded, however often.
+        let steps = 24;
+        let mut picked: Vec<f64> =
+            (0..=steps).map(|k| sizes[k * (sizes.len() - 1) / steps]).collect();
+        sizes.dedup();
+        if sizes.len() <= steps {
+            picked = sizes;
+        }
+        picked.dedup();
+        let middles: Vec<f64> = picked.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
+        if middles.is_empty() { vec![picked[0].max(0.01)] } else { middles }
+    }
+
+    /// Discs of the plane in which ground may be rough: a grid of centres, two sizes.
+    fn places(&self) -> Vec<Vec<f64>> {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for sample in &self.robots.samples {
+            for axis in 0..2 {
+                low[axis] = low[axis].min(sample.position_m[axis]);
+                high[axis] = high[axis].max(sample.position_m[axis]);
+            }
+        }
+        let size = (high[0] - low[0]).max(high[1] - low[1]).max(0.1);
+        let n = 7;
+        let mut places = Vec::new();
+        for i in 0..n {
+            for j in 0..n {
+                for part in [0.08, 0.2] {
+                    let at = |axis: usize, k: i32| {
+                        low[axis] + (f64::from(k) + 0.5) / f64::from(n) * (high[axis] - low[axis])
+                    };
+                    places.push(vec![at(0, i), at(1, j), part * size, 0.7]);
+                }
+            }
+        }
+        places
+    }
+}
