@@ -425,8 +425,8 @@ mod tests {
         let text = east(|row, fields| match row {
             3 => fields[2] = f64::NAN,
             5 => fields[1] = 0.5,
-            7 => *fields = [0.6, 0.0, 0.6, 0.0, 1.0, 0.0],
-            8 => *fields = [0.6, 0.0, 9.0, 0.0, 1.0, 0.0],
+            7 => *fields = [6.0 * 0.1, 0.0, 6.0 * 0.1, 0.0, 1.0, 0.0],
+            8 => *fields = [6.0 * 0.1, 0.0, 9.0, 0.0, 1.0, 0.0],
             _ => {}
         });
         let robots = read(&table(&text)).unwrap();
@@ -454,7 +454,7 @@ mod tests {
         let few = read(&table("time_s,agent,x_m,y_m,cmd_vx_mps,cmd_vy_mps\n0,0,0,0,1,0\n"));
         assert!(few.unwrap_err().contains("too few"));
         let still = read(&table(&east(|_, fields| fields[2] = 4.0))).unwrap_err();
-        assert!(still.contains("never moves"), "{still}");
+        assert!(still.contains("no robot ever moves"), "{still}");
         let late = read(&table(&east(|row, fields| fields[0] = row as f64 * 100.0))).unwrap_err();
         assert!(late.contains("milliseconds"), "{late}");
     }

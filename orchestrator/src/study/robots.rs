@@ -257,7 +257,11 @@ impl RobotStudy {
         let start = RobotFit {
             terms: Vec::new(),
             values,
-            density: Density { sd_m: given_sd_m.unwrap_or(0.1), sd_rad: 0.01, n_parts },
+            density: Density {
+                sd_m: given_sd_m.unwrap_or(0.1),
+                sd_rad: if shape.is_turning() { 0.01 } else { 0.0 },
+                n_parts,
+            },
             log_likelihood: f64::NEG_INFINITY,
         };
         let (physics, gains) = model.physics(&start).ok_or(RobotStudyError::Dynamics)?;

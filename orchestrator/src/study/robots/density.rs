@@ -60,13 +60,13 @@ impl Density {
         residuals.iter().map(|residual| self.log(residual).0).sum()
     }
 
-    /// The likeliest density, searched from this one. Directions scatter only where `has_direction`; positions scatter as
-    /// they do where not `is_noise_free`.
+    /// The likeliest density, searched from this one. The ratio of its two scatters is searched only where asked; positions
+    /// scatter as they do where not `is_noise_free`.
     pub(super) fn fitted(
         self,
         residuals: &[Residual],
         is_noise_free: bool,
-        has_direction: bool,
+        searches_ratio: bool,
     ) -> Self {
         let with = |density: Self, ratio: f64| {
             if is_noise_free {
@@ -75,15 +75,15 @@ impl Density {
                 Self { sd_rad: ratio * density.sd_m, ..density }
             }
         };
-        let mut best = with(self, if has_direction { self.sd_rad / self.sd_m } else { 0.0 });
-        if !has_direction {
+        let mut best = with(self, self.sd_rad / self.sd_m);
+        if !searches_ratio {
             return best;
         }
         let mut best_total = best.total(residuals);
         // By a pattern search over the logarithm of the ratio: its likelihood has one peak.
         let mut ratio = (best.sd_rad / best.sd_m).max(1e-3);
-        let mut factor = 2.0f64;
-        while 1.0005 < factor {
+        let mut factor = 1.5f64;
+        while 1.002 < factor {
             let mut moved = false;
             for trial in [ratio * factor, ratio / factor] {
                 let density = with(best, trial.clamp(1e-4, 1e3));
@@ -118,7 +118,7 @@ impl Density {
             }
             let step = (sum / n).sqrt();
             self.sd_m = (self.sd_m * step).max(1e-9);
-            if (step - 1.0).abs() < 1e-10 {
+            if (step - 1.0).abs() < 1e-9 {
                 break;
             }
         }

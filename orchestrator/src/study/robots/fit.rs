@@ -137,12 +137,22 @@ impl Model {
         0.5 * squares / (CURVE_SD * CURVE_SD)
     }
 
+    /// The fit's numbers with their likeliest noise; the ratio of its scatters stays as it is.
     fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<Point> {
         let residuals = self.residuals(fit, train)?;
         let is_noise_free = self.is_noise_free(&fit.terms);
-        let density = fit.density.fitted(&residuals, is_noise_free, self.has_direction());
+        let density = fit.density.fitted(&residuals, is_noise_free, false);
         let total = density.total(&residuals) - self.penalty(fit);
         total.is_finite().then(|| Point { values: fit.values.clone(), residuals, density, total })
+    }
+
+    /// Searches the ratio of the scatters at a point, where directions scatter.
+    fn settle(&self, fit: &RobotFit, at: &mut Point) {
+        if self.has_direction() {
+            let is_noise_free = self.is_noise_free(&fit.terms);
+            at.density = at.density.fitted(&at.residuals, is_noise_free, true);
+            at.total = at.density.total(&at.residuals) - self.penalty(fit);
+        }
     }
 
     /// Climbs the likelihood for at most so many steps.
@@ -151,6 +161,7 @@ impl Model {
             fit.log_likelihood = f64::NEG_INFINITY;
             return fit;
         };
+        self.settle(&fit, &mut at);
         let numbers = self.numbers_of(&fit.terms);
         let mut damping = 1e-3;
         let mut quiet = 0;
@@ -179,7 +190,8 @@ impl Model {
                     .map(|((value, step), number)| (value + step).clamp(number.min, number.max))
                     .collect();
                 match self.point(&fit, train) {
-                    Some(next) if at.total < next.total => {
+                    Some(mut next) if at.total < next.total => {
+                        self.settle(&fit, &mut next);
                         gained = next.total - at.total;
                         at = next;
                         damping = (damping * 0.2).max(1e-9);
