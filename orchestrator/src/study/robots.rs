@@ -459,4 +459,11 @@ impl Study for RobotStudy {
             .collect();
         (estimates, warning.or_else(|| self.confounded(fit, first, covariance.as_ref())))
     }
+
+    fn settings(&self, fit: &RobotFit, term: usize) -> serde_json::Value {
+        let table = self.effect_table(fit, term);
+        table.map_or(serde_json::Value::Null, |table| {
+            serde_json::to_value(table).unwrap_or_default()
+        })
+    }
 }
