@@ -438,7 +438,7 @@ impl Study for RobotStudy {
                     covariance.as_ref().map_or(f64::NAN, |c| c[(first + index, first + index)]);
                 let half = quantile * variance.sqrt();
                 let span = parameter.max - parameter.min;
-                if !(half < span) {
+                if half.is_nan() || span <= half {
                     warning = Some(format!("{} is not determined by these data", parameter.key));
                 } else if is_at_bound(parameter, value) {
                     warning = Some(format!("{} lies at the end of its range", parameter.key));

@@ -193,10 +193,11 @@ impl Tracks {
             let step_m: [f64; 3] = std::array::from_fn(|i| robot.position_m[i] - at.path_m[i]);
             let step_m = rotated(step_m, at.turned_rad);
             let (gain, heading_gain) = weights(gains, index);
-            for i in 0..3 {
+            let measured_m = pair[1].position_m;
+            at.robot.position_m = std::array::from_fn(|i| {
                 let expected = at.robot.position_m[i] + step_m[i];
-                at.robot.position_m[i] = expected + gain * (pair[1].position_m[i] - expected);
-            }
+                expected + gain * (measured_m[i] - expected)
+            });
             if physics.shape().is_turning() {
                 let expected = robot.heading_rad + at.turned_rad;
                 at.turned_rad += heading_gain * wrapped(pair[1].heading_rad - expected);
