@@ -6,9 +6,9 @@ use orchestrator::diagnose::ladder::{Ladder, Search};
 use orchestrator::extend;
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
+use orchestrator::study::Study as _;
 use orchestrator::study::links::LinkStudy;
 use orchestrator::study::open::{self, Account};
-use orchestrator::study::Study as _;
 use serde_json::Value;
 use std::path::Path;
 use tests::campaign::{Campaign, Hidden, Layout, Size};
@@ -54,6 +54,20 @@ fn nothing_is_found_where_nothing_is_hidden() {
     }
 }
 
+/// Radio effects that are found.
+const FOUND: [Hidden; 7] = [
+    Hidden::PathLossExponent,
+    Hidden::WallAttenuation,
+    Hidden::HiddenScreen,
+    Hidden::HiddenDisc,
+    Hidden::Temperature,
+    Hidden::BatterySag,
+    Hidden::Diffraction,
+];
+
+/// Structure that no effect explains.
+const UNEXPLAINED: [Hidden; 2] = [Hidden::Dust, Hidden::HumiditySquared];
+
 /// Effects, each hidden at a clear size: the verdict names it first, the error on rows left out falls to within 5 % of that
 /// of the true model, and numbers lie within four standard errors of the truth.
 #[test]
@@ -61,9 +75,17 @@ fn a_clear_effect_is_named_first_and_fitted() {
     for hidden in FOUND {
         let campaign = campaign(&[(hidden, Size::Clear)], 0);
         let (found, ladder, json) = diagnosed(&campaign);
-        assert_eq!(found.first().map(String::as_str), Some(hidden.effect()), "{hidden:?}: {found:?}");
+        assert_eq!(
+            found.first().map(String::as_str),
+            Some(hidden.effect()),
+            "{hidden:?}: {found:?}"
+        );
         let last = ladder.rungs[ladder.rungs.len() - 1].scores;
-        assert!(last.rmse < 1.05 * campaign.oracle.rmse, "{hidden:?}: {last:?}, {:?}", campaign.oracle);
+        assert!(
+            last.rmse < 1.05 * campaign.oracle.rmse,
+            "{hidden:?}: {last:?}, {:?}",
+            campaign.oracle
+        );
         assert!(
             last.crps < 1.05 * campaign.oracle.crps,
             "{hidden:?}: {last:?}, {:?}",
@@ -116,14 +138,20 @@ fn extending_brings_the_promised_fall() {
     let found = compare::links(&study, &search).json;
     let rmse = found["scores"]["rmse_db"].as_f64().unwrap();
     // Fitted to all rows it is a little better on them than held out.
-    assert!((rmse - extended.after.rmse).abs() < 0.02 * extended.after.rmse, "{rmse}: {extended:?}");
+    assert!(
+        (rmse - extended.after.rmse).abs() < 0.02 * extended.after.rmse,
+        "{rmse}: {extended:?}"
+    );
     assert!(rmse < 0.8 * extended.before.rmse, "{rmse}: {extended:?}");
-    assert!(extend::candidate(&study, "temprature").unwrap_err().to_string().contains("temperature"));
+    assert!(
+        extend::candidate(&study, "temprature").unwrap_err().to_string().contains("temperature")
+    );
 }
 
 #[test]
 fn data_that_cannot_carry_an_answer_are_refused_in_words() {
-    let header = "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received\n";
+    let header =
+        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received\n";
     let row = |time: usize, rssi: &str, received: &str| {
         format!("{time},0,1,11,0,0,1,{},0,1,{rssi},{received}\n", 5 + time % 7)
     };

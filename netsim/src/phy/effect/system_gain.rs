@@ -49,7 +49,7 @@ pub const ENTRY: Entry = Entry {
             &[("register_only", Fixed::Bool(false))],
             &[("register_only", Fixed::Bool(true))],
         ],
-        level: Level::Place,
+        level: Level::Time,
         generalises: &[],
     },
     check: UNCHECKED,
