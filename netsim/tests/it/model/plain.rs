@@ -233,6 +233,10 @@ impl Plain {
                     }
                 }
                 _ => self.with(mote, asn, asn, |mote, world| {
+                    // Whoever still waits with the payload before this one never gets to send it.
+                    if mote.mac.queue().iter().any(|queued| queued.is_latest_only) {
+                        mote.tally.n_superseded += 1;
+                    }
                     mote.say(world, ALL_NODES, payload, 0);
                 }),
             }
