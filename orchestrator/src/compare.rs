@@ -2,6 +2,7 @@
 
 use crate::diagnose::ladder::{COMMON, Scores, Search};
 use crate::study::links::LinkStudy;
+use crate::study::robots::RobotStudy;
 use crate::study::{RowScore, Study};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -35,23 +36,12 @@ struct Interval {
 pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     let scores = search.held_out(&[], COMMON);
     let fit = search.full(&[], COMMON, None);
-    let rows = &study.rows;
-    let n = rows.len();
-    let mut deviation = vec![f64::NAN; n];
-    let mut inside = vec![f64::NAN; n];
-    let mut surprise = vec![f64::NAN; n];
-    for row in 0..n {
-        let (mean, sd, passes) = study.predict(&fit, row);
-        let measured = &rows.links.rows[row];
-        if measured.rssi_dbm.is_finite() {
-            deviation[row] = measured.rssi_dbm - mean;
-            inside[row] = f64::from(u8::from(deviation[row].abs() <= 1.645 * sd));
-        }
-        if rows.links.has_losses && measured.received.is_finite() {
-            let share = measured.received / measured.frames;
-            surprise[row] = (share - passes) / (passes * (1.0 - passes)).max(1e-6).sqrt();
-        }
-    }
+    let n = study.n_rows();
+    let [deviation, scaled, surprise] = study.residuals(&fit);
+    let inside: Vec<f64> = scaled
+        .iter()
+        .map(|z| if z.is_nan() { f64::NAN } else { f64::from(u8::from(z.abs() <= 1.645)) })
+        .collect();
     let blocks = study.blocks(COMMON);
     let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
@@ -83,16 +73,23 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     let values = of(&all);
     let intervals = bootstrap(&values, blocks.n_blocks(), &blocks.of_row, &of);
     let places = ranked(study, &deviation, &surprise);
+    finished("link", blocks.unit, &intervals, &places)
+}
+
+/// A comparison as JSON and as text.
+fn finished(kind: &str, unit: &str, intervals: &[Interval], places: &[Value]) -> Comparison {
     let mut text = String::new();
     let _ = writeln!(text, "{:<22} {:>10}   90 % interval", "score (held out)", "value");
-    for interval in &intervals {
+    for interval in intervals {
         let _ = writeln!(
             text,
             "{:<22} {:>10.4}   {:.4} to {:.4}",
             interval.name, interval.value, interval.low, interval.high
         );
     }
-    let _ = writeln!(text, "\nwhere the error is: share that each covariate explains");
+    if !places.is_empty() {
+        let _ = writeln!(text, "\nwhere the error is: share that each covariate explains");
+    }
     for place in places.iter().take(8) {
         let _ = writeln!(
             text,
@@ -108,13 +105,27 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     };
     let json = json!({
         "schema": "compare/1",
-        "kind": "link",
-        "unit": blocks.unit,
+        "kind": kind,
+        "unit": unit,
         "scores": table(&|interval| json!(interval.value)),
         "intervals": table(&|interval| json!([interval.low, interval.high])),
         "where": places,
     });
     Comparison { json, text }
+}
+
+/// Holds a model of robots against their samples, nothing refitted but the noise: scores of windows, held out.
+pub fn robots(study: &RobotStudy, search: &Search<'_, RobotStudy>) -> Comparison {
+    let scores = search.held_out(&[], COMMON);
+    let blocks = study.blocks(COMMON);
+    let of = |rows: &[usize]| -> Named {
+        let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
+        let all = Scores::of(&part);
+        vec![("log_score", all.log_score), ("rmse_m", all.rmse), ("crps_m", all.crps)]
+    };
+    let all: Vec<usize> = (0..study.n_rows()).collect();
+    let intervals = bootstrap(&of(&all), blocks.n_blocks(), &blocks.of_row, &of);
+    finished("robot", blocks.unit, &intervals, &[])
 }
 
 fn rows_have_losses(study: &LinkStudy) -> bool {

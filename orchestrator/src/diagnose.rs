@@ -3,7 +3,9 @@
 //! | module | what |
 //! |---|---|
 //! | [`ladder`] | the search |
+//! | [`scan`] | structure that is left over, and formulas for it |
 //! | [`answer`] | what was found, as JSON and as a table |
 
 pub mod answer;
 pub mod ladder;
+pub mod scan;

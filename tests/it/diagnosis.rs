@@ -36,7 +36,9 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     let search = Search::new(&study, QUIET);
     let ladder = search.climb();
     let kind = Kind { name: "link", unit: "dB" };
-    let json = answer::answer(&study, &search, &ladder, kind, &[]).json;
+    let left = study.left_over(&search, &ladder);
+    let structure = left.structure.as_ref();
+    let json = answer::answer(&study, &search, &ladder, kind, &left.formulas, structure).json;
     (names(&study, &ladder), ladder, json)
 }
 

@@ -3,12 +3,15 @@
 use super::{Failure, write_json, write_whole};
 use crate::compare;
 use crate::console::{say, warn};
-use crate::diagnose::answer::{self, Kind};
+use crate::diagnose::answer::{self, Answer, Kind};
 use crate::diagnose::ladder::Search;
 use crate::extend;
-use crate::study::open::{self, Account};
+use crate::measure::config::Compared;
+use crate::study::Study;
+use crate::study::open::{self, Account, Subject};
 use clap::Args;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// A configuration and measurements.
@@ -67,14 +70,24 @@ pub(super) struct ExtendArgs {
 pub(super) fn compare(args: &DataArgs) -> Result<(), Failure> {
     let (config, table) =
         open::files(&args.config, &args.set, &args.data).map_err(Failure::request)?;
-    let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+    let (mut found, account) = match open::subject(&table).map_err(Failure::request)? {
+        Subject::Links => {
+            let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+            (compare::links(&study, &Search::new(&study, &progress)), account)
+        }
+        Subject::Robots => {
+            let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
+            (compare::robots(&study, &Search::new(&study, &progress)), account)
+        }
+    };
     account_text(&account);
-    let report = |line: &str| tracing::info!("{line}");
-    let search = Search::new(&study, &report);
-    let mut found = compare::links(&study, &search);
     account_json(&account, &mut found.json);
     say(&found.text);
     write_json(args.json.as_deref(), &found.json)
+}
+
+fn progress(line: &str) {
+    tracing::info!("{line}");
 }
 
 /// `orchestrator extend`.
@@ -82,22 +95,39 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
-    let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
-    account_text(&account);
-    let report = |line: &str| tracing::info!("{line}");
-    let search = Search::new(&study, &report);
+    match open::subject(&table).map_err(Failure::request)? {
+        Subject::Links => {
+            let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+            extend_with(args, &config, &account, &study, ("netsim.phy.effect", "dB"))
+        }
+        Subject::Robots => {
+            let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
+            extend_with(args, &config, &account, &study, ("robotsim.dynamics.effect", "m"))
+        }
+    }
+}
+
+fn extend_with<S: Study>(
+    args: &ExtendArgs,
+    config: &Compared,
+    account: &Account,
+    study: &S,
+    (section, unit): (&str, &str),
+) -> Result<(), Failure> {
+    account_text(account);
+    let search = Search::new(study, &progress);
     let terms = if args.all {
         search.climb().accepted
     } else {
         let found: Result<Vec<usize>, _> =
-            args.effect.iter().map(|name| extend::candidate(&study, name)).collect();
+            args.effect.iter().map(|name| extend::candidate(study, name)).collect();
         found.map_err(Failure::request)?
     };
-    let extended = extend::extend(&config, &account, &study, &search, &terms, "netsim.phy.effect")
-        .map_err(Failure::work)?;
+    let extended =
+        extend::extend(config, account, study, &search, &terms, section).map_err(Failure::work)?;
     write_whole("--output", &args.output, &extended.text)?;
     say(format!(
-        "{}: added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} dB",
+        "{}: added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
         args.output.display(),
         extended.names.join(", "),
         extended.before.log_score,
@@ -111,21 +141,40 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
         "log_score": [extended.before.log_score, extended.after.log_score],
         "rmse": [extended.before.rmse, extended.after.rmse],
     });
-    write_json(data.json.as_deref(), &json)
+    write_json(args.data.json.as_deref(), &json)
 }
 
 /// `orchestrator diagnose`.
 pub(super) fn diagnose(args: &DataArgs) -> Result<(), Failure> {
     let (config, table) =
         open::files(&args.config, &args.set, &args.data).map_err(Failure::request)?;
-    let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
-    account_text(&account);
-    let report = |line: &str| tracing::info!("{line}");
-    let search = Search::new(&study, &report);
-    let ladder = search.climb();
-    let kind = Kind { name: "link", unit: "dB" };
-    let mut answer = answer::answer(&study, &search, &ladder, kind, &[]);
-    account_json(&account, &mut answer.json);
+    match open::subject(&table).map_err(Failure::request)? {
+        Subject::Links => {
+            let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+            account_text(&account);
+            let search = Search::new(&study, &progress);
+            let ladder = search.climb();
+            let left = study.left_over(&search, &ladder);
+            let kind = Kind { name: "link", unit: "dB" };
+            let structure = left.structure.as_ref();
+            let answer = answer::answer(&study, &search, &ladder, kind, &left.formulas, structure);
+            diagnosed(args, &account, answer)
+        }
+        Subject::Robots => {
+            let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
+            account_text(&account);
+            let search = Search::new(&study, &progress);
+            let ladder = search.climb();
+            let kind = Kind { name: "robot", unit: "m" };
+            let none = BTreeMap::new();
+            let answer = answer::answer(&study, &search, &ladder, kind, &none, None);
+            diagnosed(args, &account, answer)
+        }
+    }
+}
+
+fn diagnosed(args: &DataArgs, account: &Account, mut answer: Answer) -> Result<(), Failure> {
+    account_json(account, &mut answer.json);
     say(&answer.text);
     write_json(args.json.as_deref(), &answer.json)
 }

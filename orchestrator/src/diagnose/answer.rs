@@ -1,8 +1,10 @@
 //! What a diagnosis found: for programs as JSON, for people as a table and a sentence.
 
 use super::ladder::{COMMON, Gain, Ladder, Scores, Search};
+use super::scan::Structure;
 use crate::study::Study;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// Names of what a kind of measurements is scored by.
@@ -44,7 +46,8 @@ pub fn answer<S: Study>(
     search: &Search<'_, S>,
     ladder: &Ladder,
     kind: Kind,
-    unexplained: &[Value],
+    formulas: &BTreeMap<String, (String, f64)>,
+    left: Option<&Structure>,
 ) -> Answer {
     let candidates = study.candidates();
     let name = |term: usize| candidates[term].name.as_str();
@@ -64,11 +67,19 @@ pub fn answer<S: Study>(
             "covariate": covariate,
             "explained": number((1.0 - (after.rmse / before.rmse).powi(2)).max(0.0)),
             "p_value": number(trial.gain.p_value),
-            "formula": Value::Null,
-            "rmse_after": number(after.rmse),
+            "formula": formulas.get(covariate).map(|(text, _)| text),
+            "rmse_after": number(formulas.get(covariate).map_or(after.rmse, |(_, rmse)| *rmse)),
         }));
     }
-    structure.extend(unexplained.iter().cloned());
+    if let Some(left) = left {
+        structure.push(json!({
+            "covariate": left.covariate,
+            "explained": number(left.explained),
+            "p_value": number(left.p_value),
+            "formula": left.formula.as_ref().map(|(text, _)| text),
+            "rmse_after": left.formula.as_ref().map(|(_, rmse)| number(*rmse)),
+        }));
+    }
     let verdict = if ladder.too_little.is_some() {
         "nothing-missing"
     } else if !structure.is_empty() {
@@ -177,6 +188,16 @@ pub fn answer<S: Study>(
         .collect();
     if !untestable.is_empty() {
         let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
+    }
+    for entry in &structure {
+        let formula =
+            entry["formula"].as_str().map_or(String::new(), |text| format!(": {text} dB"));
+        let _ = writeln!(
+            text,
+            "left over: structure in {} explains {:.1} %{formula}",
+            entry["covariate"].as_str().unwrap_or_default(),
+            100.0 * entry["explained"].as_f64().unwrap_or_default()
+        );
     }
     let missing: Vec<&str> = effects.iter().map(|&term| name(term)).collect();
     let sentence = match (&ladder.too_little, verdict) {

@@ -2,11 +2,13 @@
 
 use super::links::LinkStudy;
 use super::links::rows::Rows;
+use super::robots::{RobotStudy, WINDOW_S};
 use crate::config::Refusal;
 use crate::measure::config::Compared;
-use crate::measure::links;
 use crate::measure::table::Table;
 use crate::measure::{DataError, Rejected};
+use crate::measure::{links, robots};
+use proto::config::Node;
 use std::path::Path;
 
 /// Why measurements cannot be held against a configuration.
@@ -45,6 +47,86 @@ pub struct Account {
     pub warnings: Vec<String>,
 }
 
+/// What a file of measurements is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// Links.
+    Links,
+    /// Robots.
+    Robots,
+}
+
+/// What a table is about, by its columns.
+///
+/// # Errors
+///
+/// It has neither shape: the columns it lacks for each.
+pub fn subject(table: &Table) -> Result<Subject, OpenError> {
+    match (links::has_shape(table), robots::has_shape(table)) {
+        (Ok(()), _) => Ok(Subject::Links),
+        (Err(_), Ok(_)) => Ok(Subject::Robots),
+        (Err(link), Err(robot)) => Err(OpenError::Useless {
+            file: table.path.display().to_string(),
+            reason: format!(
+                "neither link samples (it lacks {}) nor robot samples (it lacks {})",
+                link.join(", "),
+                robot.join(", ")
+            ),
+        }),
+    }
+}
+
+/// Robot samples, read and held against the dynamics of a configuration.
+///
+/// # Errors
+///
+/// What is wrong with either, in words for its author.
+pub fn robots(config: &Compared, table: &Table) -> Result<(RobotStudy, Account), OpenError> {
+    let file = table.path.display().to_string();
+    let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
+    let robots = robots::read(table).map_err(useless)?;
+    let written = config.section("robotsim", "dynamics");
+    let mut problems = Vec::new();
+    let dynamics = proto::config::check(
+        &written,
+        "robotsim.dynamics",
+        &robotsim::dynamics::SPEC,
+        &mut problems,
+    )
+    .table;
+    if !problems.is_empty() {
+        return Err(config.refuse(problems).into());
+    }
+    let sd_m = match config.section("robotsim", "localization").get("sd_m").map(Node::to_toml) {
+        Some(toml::Value::Float(sd_m)) => Some(sd_m),
+        Some(toml::Value::Integer(sd_m)) => Some(sd_m as f64),
+        _ => None,
+    };
+    let account = Account {
+        file: name_of(table),
+        sha256: table.sha256.clone(),
+        rows: robots.n_rows,
+        used: robots.samples.len(),
+        rejected: robots.rejected.clone(),
+        warnings: robots.warnings.clone(),
+    };
+    let study = RobotStudy::new(
+        robots,
+        &dynamics,
+        written.get("wheelbase_m").is_some(),
+        sd_m.filter(|sd_m| 0.0 < *sd_m),
+        config.site.terrain.clone(),
+        WINDOW_S,
+        false,
+    )
+    .map_err(|error| useless(error.to_string()))?;
+    Ok((study, account))
+}
+
+fn name_of(table: &Table) -> String {
+    table.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
 /// Measured links, read and held against the radio of a configuration.
 ///
 /// # Errors
@@ -75,7 +157,7 @@ pub fn links(config: &Compared, table: &Table) -> Result<(LinkStudy, Account), O
         });
     }
     let account = Account {
-        file: table.path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        file: name_of(table),
         sha256: table.sha256.clone(),
         rows: rows.links.n_rows,
         used: rows.len(),

@@ -58,7 +58,8 @@ pub fn has(rows: &Rows, still: &BTreeMap<u32, bool>, need: Need) -> bool {
                 || column.strip_prefix("tx_") == Some(name)
                 || column.strip_prefix("rx_") == Some(name)
         }),
-        Need::Foliage | Need::Terrain | Need::TurningCommands | Need::Steering => false,
+        Need::Foliage => !rows.site.foliage.is_empty(),
+        Need::Terrain | Need::TurningCommands | Need::Steering => false,
     }
 }
 

@@ -1,0 +1,286 @@
+//! What is left over when no effect gains any more: structure over a covariate, and a short formula for it.
+
+use crate::study::folds::{Blocks, N_FOLDS};
+use nalgebra::{DMatrix, DVector};
+use proto::rng::{Draws, Purpose};
+use statrs::distribution::{ContinuousCDF, Gamma};
+
+/// All covariates together may be called structure wrongly with this probability.
+const FAMILY_ERROR: f64 = 0.005;
+/// Structure that explains less of what is left is not worth telling.
+const LEAST_EXPLAINED: f64 = 0.01;
+/// Bins of a covariate.
+const BINS: usize = 10;
+/// Flips of the signs of whole blocks.
+const FLIPS: u64 = 200;
+
+/// Structure over a covariate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Structure {
+    /// The covariate.
+    pub covariate: String,
+    /// The share of what is left that it explains, what chance explains taken off.
+    pub explained: f64,
+    /// Probability of as much by chance.
+    pub p_value: f64,
+    /// A short formula of the covariate (dB), if one explains readings, and the rmse of readings after it (dB).
+    pub formula: Option<(String, f64)>,
+}
+
+/// The strongest structure, if there is any: over `covariates`, in residuals that have a mean of 0 and a variance of 1 each
+/// where the model is right. Rows of one block of `levels` may depend on each other.
+#[must_use]
+pub fn strongest(
+    covariates: &[(String, Vec<f64>)],
+    residuals: &[&[f64]],
+    levels: &[&Blocks],
+) -> Option<Structure> {
+    let tests = (covariates.len() * residuals.len()).max(1) as f64;
+    let mut best: Option<Structure> = None;
+    for (name, values) in covariates {
+        let Some(bins) = binned(values) else { continue };
+        for residual in residuals {
+            let Some((explained, p_value)) = weighed(&bins, residual, levels) else { continue };
+            let found = p_value < FAMILY_ERROR / tests
+                && LEAST_EXPLAINED <= explained
+                && best.as_ref().is_none_or(|best| best.explained < explained);
+            if found {
+                best =
+                    Some(Structure { covariate: name.clone(), explained, p_value, formula: None });
+            }
+        }
+    }
+    best
+}
+
+/// The bin of each row; `u8::MAX` where the covariate is unknown.
+fn binned(values: &[f64]) -> Option<Vec<u8>> {
+    let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    known.sort_by(f64::total_cmp);
+    if known.len() < 20 * BINS {
+        return None;
+    }
+    let mut edges: Vec<f64> = (1..BINS).map(|k| known[k * (known.len() - 1) / BINS]).collect();
+    edges.dedup();
+    let bin = |value: &f64| {
+        if value.is_finite() { edges.partition_point(|edge| edge <= value) as u8 } else { u8::MAX }
+    };
+    Some(values.iter().map(bin).collect())
+}
+
+/// The share of a residual's squares between bins, chance taken off, and its probability by chance: signs of whole blocks
+/// flipped at random (the wild cluster bootstrap of Cameron, Gelbach and Miller 2008), a gamma law fitted to what comes.
+fn weighed(bins: &[u8], residual: &[f64], levels: &[&Blocks]) -> Option<(f64, f64)> {
+    let rows: Vec<usize> =
+        (0..bins.len()).filter(|&row| bins[row] != u8::MAX && residual[row].is_finite()).collect();
+    if rows.len() < 20 * BINS {
+        return None;
+    }
+    let mut counts = [0.0f64; 256];
+    for &row in &rows {
+        counts[usize::from(bins[row])] += 1.0;
+    }
+    let between = |sums: &[f64]| -> f64 {
+        sums.iter().zip(&counts).filter(|(_, n)| 0.0 < **n).map(|(sum, n)| sum * sum / n).sum()
+    };
+    let squares: f64 = rows.iter().map(|&row| residual[row] * residual[row]).sum();
+    let mut sums = [0.0; 256];
+    for &row in &rows {
+        sums[usize::from(bins[row])] += residual[row];
+    }
+    let observed = between(&sums);
+    let mut p_value: f64 = 0.0;
+    let mut expected: f64 = 0.0;
+    let draws = Draws::new(2, Purpose::Resample);
+    for blocks in levels {
+        // Sums by block and bin: a flip then costs no pass over the rows.
+        let n_bins = BINS + 1;
+        let mut parts = vec![0.0; blocks.n_blocks() * n_bins];
+        for &row in &rows {
+            let block = blocks.of_row[row] as usize;
+            parts[block * n_bins + usize::from(bins[row])] += residual[row];
+        }
+        let (mut first, mut second) = (0.0, 0.0);
+        for flip in 0..FLIPS {
+            let mut sums = [0.0; 256];
+            for (block, part) in parts.chunks(n_bins).enumerate() {
+                let [word, ..] = draws.words(flip, block as u64, 0);
+                let sign = if word & 1 == 0 { 1.0 } else { -1.0 };
+                for (sum, part) in sums.iter_mut().zip(part) {
+                    *sum += sign * part;
+                }
+            }
+            let chance = between(&sums);
+            first += chance;
+            second += chance * chance;
+        }
+        let n = FLIPS as f64;
+        let mean = first / n;
+        let variance = (second / n - mean * mean).max(1e-12);
+        let law = Gamma::new(mean * mean / variance, mean / variance).ok()?;
+        p_value = p_value.max(law.sf(observed));
+        expected = expected.max(mean);
+    }
+    Some((((observed - expected) / squares).max(0.0), p_value))
+}
+
+/// A formula in one covariate: its terms as text and as functions.
+struct Shape {
+    terms: Vec<(String, Box<dyn Fn(f64) -> f64>)>,
+}
+
+/// Shapes that a formula may have, the simplest first.
+fn shapes(name: &str, known: &[f64]) -> Vec<Shape> {
+    let one = || ("1".to_owned(), Box::new(|_: f64| 1.0) as Box<dyn Fn(f64) -> f64>);
+    let mut all = vec![
+        Shape { terms: vec![one(), (name.to_owned(), Box::new(|x| x))] },
+        Shape {
+            terms: vec![
+                one(),
+                (name.to_owned(), Box::new(|x| x)),
+                (format!("{name}^2"), Box::new(|x| x * x)),
+            ],
+        },
+    ];
+    if known.first().is_some_and(|least| 0.0 < *least) {
+        all.push(Shape { terms: vec![one(), (format!("ln({name})"), Box::new(f64::ln))] });
+    }
+    let at = |share: f64| known[((known.len() - 1) as f64 * share) as usize];
+    for share in [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9] {
+        let edge = at(share);
+        all.push(Shape {
+            terms: vec![
+                one(),
+                (
+                    format!("step({name} - ({edge:.6}))"),
+                    Box::new(move |x| f64::from(u8::from(edge < x))),
+                ),
+            ],
+        });
+    }
+    let span = at(1.0) - at(0.0);
+    for cycles in [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0] {
+        let pace = std::f64::consts::TAU * cycles / span;
+        all.push(Shape {
+            terms: vec![
+                one(),
+                (format!("sin({pace:.6e} * {name})"), Box::new(move |x: f64| (pace * x).sin())),
+                (format!("cos({pace:.6e} * {name})"), Box::new(move |x: f64| (pace * x).cos())),
+            ],
+        });
+    }
+    all
+}
+
+/// The short formula of a covariate that predicts deviations best on rows left out, and the rmse after it.
+#[must_use]
+pub fn formula(
+    name: &str,
+    values: &[f64],
+    deviation_db: &[f64],
+    blocks: &Blocks,
+) -> Option<(String, f64)> {
+    let rows: Vec<usize> = (0..values.len())
+        .filter(|&row| values[row].is_finite() && deviation_db[row].is_finite())
+        .collect();
+    let mut known: Vec<f64> = rows.iter().map(|&row| values[row]).collect();
+    known.sort_by(f64::total_cmp);
+    if known.len() < 20 * BINS {
+        return None;
+    }
+    let mut best: Option<(f64, String)> = None;
+    for shape in shapes(name, &known) {
+        let mut squares = 0.0;
+        for fold in 0..N_FOLDS {
+            let is_test = |row: usize| blocks.fold(row as u32) == fold;
+            let train = rows.iter().copied().filter(|&row| !is_test(row));
+            let Some(factors) = least_squares(&shape, values, deviation_db, train) else {
+                squares = f64::INFINITY;
+                break;
+            };
+            for &row in rows.iter().filter(|&&row| is_test(row)) {
+                let left = deviation_db[row] - value(&shape, &factors, values[row]);
+                squares += left * left;
+            }
+        }
+        let rmse = (squares / rows.len() as f64).sqrt();
+        // A longer formula must earn its length.
+        if rmse.is_finite() && best.as_ref().is_none_or(|(least, _)| rmse < 0.998 * least) {
+            let factors = least_squares(&shape, values, deviation_db, rows.iter().copied())?;
+            let text = shape
+                .terms
+                .iter()
+                .zip(factors.iter())
+                .map(|((term, _), factor)| match term.as_str() {
+                    "1" => format!("{factor:.6}"),
+                    term => format!("({factor:.6e}) * {term}"),
+                })
+                .collect::<Vec<_>>()
+                .join(" + ");
+            best = Some((rmse, text));
+        }
+    }
+    best.map(|(rmse, text)| (text, rmse))
+}
+
+fn value(shape: &Shape, factors: &DVector<f64>, x: f64) -> f64 {
+    shape.terms.iter().zip(factors.iter()).map(|((_, term), factor)| factor * term(x)).sum()
+}
+
+fn least_squares(
+    shape: &Shape,
+    values: &[f64],
+    deviation_db: &[f64],
+    rows: impl Iterator<Item = usize>,
+) -> Option<DVector<f64>> {
+    let n = shape.terms.len();
+    let mut matrix = DMatrix::zeros(n, n);
+    let mut vector = DVector::zeros(n);
+    for row in rows {
+        let at: Vec<f64> = shape.terms.iter().map(|(_, term)| term(values[row])).collect();
+        for i in 0..n {
+            vector[i] += at[i] * deviation_db[row];
+            for j in 0..n {
+                matrix[(i, j)] += at[i] * at[j];
+            }
+        }
+    }
+    matrix.cholesky().map(|factor| factor.solve(&vector))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(n: u64) -> Vec<f64> {
+        let draws = Draws::new(9, Purpose::Resample);
+        (0..n).map(|row| draws.normal(row, 0, 0)).collect()
+    }
+
+    fn blocks(n: u64) -> Blocks {
+        let keys: Vec<u64> = (0..n).map(|row| row / 50).collect();
+        Blocks::of_keys("blocks", &keys)
+    }
+
+    #[test]
+    fn nothing_is_found_in_noise_and_a_parabola_where_there_is_one() {
+        let n = 3000;
+        let x: Vec<f64> = (0..n).map(|row| (row * 7919 % n) as f64 / n as f64).collect();
+        let other: Vec<f64> = (0..n).map(|row| (row * 104_729 % n) as f64).collect();
+        let covariates = [("x".to_owned(), x.clone()), ("other".to_owned(), other)];
+        let blocks = blocks(n);
+        let plain = noise(n);
+        assert_eq!(strongest(&covariates, &[&plain], &[&blocks]), None);
+        let bent: Vec<f64> = plain
+            .iter()
+            .zip(&x)
+            .map(|(z, x)| z + 4.0 * (x - 0.5) * (x - 0.5) - 1.0 / 3.0)
+            .collect();
+        let found = strongest(&covariates, &[&bent], &[&blocks]).unwrap();
+        assert_eq!(found.covariate, "x");
+        let (text, rmse) = formula("x", &x, &bent, &blocks).unwrap();
+        assert!(text.contains("x^2"), "{text}");
+        // The noise has an rmse of 1 +- 0.013.
+        assert!((rmse - 1.0).abs() < 0.06, "{rmse}");
+    }
+}
