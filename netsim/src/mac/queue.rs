@@ -5,6 +5,10 @@ use crate::wire::Eui64;
 use crate::wire::frame::FrameRepr;
 use serde::{Deserialize, Serialize};
 
+/// A frame is sent again while no more than so many newer ones have gone out. A sequence number has eight bits (IEEE Std
+/// 802.15.4-2015, 7.2.2), and the nearer half of their range lies behind the newest.
+pub(super) const N_NEWER_MOST: u32 = 127;
+
 /// A frame that waits, or is on its way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Queued {

@@ -9,7 +9,7 @@ pub use types::{Config, Done, Due, Listening, Outgoing, State, Transmission, Ver
 use super::backoff::Backoff;
 use super::clock::Clock;
 use super::neighbours::Neighbours;
-use super::queue::{Queue, Queued, may_use};
+use super::queue::{N_NEWER_MOST, Queue, Queued, may_use};
 use super::schedule::{CellKind, CellRef, Schedule};
 use crate::dice::Dice;
 use crate::wire::Eui64;
@@ -24,10 +24,6 @@ struct Extra {
     /// To whom we send; `None`: we listen.
     sends_to: Option<Eui64>,
 }
-
-/// A frame is sent again while no more than so many newer ones have gone out. A sequence number has eight bits (IEEE Std
-/// 802.15.4-2015, 7.2.2), and the nearer half of their range lies behind the newest.
-const N_NEWER_MOST: u32 = 127;
 
 /// The MAC of one mote.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -124,14 +124,17 @@ fn weighed(bins: &[u8], residual: &[f64], levels: &[&Blocks]) -> Option<(f64, f6
     Some((((observed - expected) / squares).max(0.0), p_value))
 }
 
+/// A function of one covariate.
+type Function = Box<dyn Fn(f64) -> f64>;
+
 /// A formula in one covariate: its terms as text and as functions.
 struct Shape {
-    terms: Vec<(String, Box<dyn Fn(f64) -> f64>)>,
+    terms: Vec<(String, Function)>,
 }
 
 /// Shapes that a formula may have, the simplest first.
 fn shapes(name: &str, known: &[f64]) -> Vec<Shape> {
-    let one = || ("1".to_owned(), Box::new(|_: f64| 1.0) as Box<dyn Fn(f64) -> f64>);
+    let one = || ("1".to_owned(), Box::new(|_: f64| 1.0) as Function);
     let mut all = vec![
         Shape { terms: vec![one(), (name.to_owned(), Box::new(|x| x))] },
         Shape {

@@ -9,14 +9,18 @@
 //! | [`fit`] | Newton's method on all of it |
 //! | [`cells`] | random levels of nodes, links and channels |
 //! | [`search`] | places, nodes and times that an effect needs and that no map shows |
+//! | `group` | blocks that are left out together, cells that share a level |
+//! | [`predict`] | what a fit predicts, and what is left over |
 //! | [`covariates`] | what an error may depend on, given or derived |
 //! | [`testable`] | what the data lack for an effect to be tested |
 
 pub mod cells;
 pub mod covariates;
 pub mod fit;
+mod group;
 pub mod likelihood;
 pub mod passing;
+pub mod predict;
 pub mod rows;
 pub mod search;
 pub mod terms;
@@ -24,8 +28,6 @@ pub mod testable;
 
 use super::folds::Blocks;
 use super::{Candidate, Estimate, RowScore, Study};
-use crate::diagnose::ladder::{COMMON, Ladder, Search};
-use crate::diagnose::scan::{self, Structure};
 use cells::{Cells, Deviations, Random};
 use fit::{Free, LinkFit, Problem};
 use likelihood::Instrument;
@@ -39,16 +41,12 @@ use terms::{Spec, State};
 
 /// Number of knots of a curve over a covariate.
 const KNOTS: usize = 7;
-/// Blocks of time.
-const TIME_BLOCKS: usize = 60;
 /// Lengths (m) over which shadowing may change.
 const DECORRELATION_M: [f64; 4] = [1.0, 3.0, 8.0, 20.0];
 /// The length of places where shadowing is carried along without being asked about (m).
 const PLACE_M: f64 = 3.0;
 /// A mote that stays within this (m) stands still.
 const STILL_M: f64 = 0.05;
-/// Half a wavelength at 2.44 GHz (m).
-const HALF_WAVE_M: f64 = 0.0614;
 
 /// Measured links held against a radio model.
 #[derive(Debug)]
@@ -87,12 +85,14 @@ impl LinkStudy {
             .collect();
         specs.extend((0..rows.links.covariates.len()).filter_map(|column| curve(&rows, column)));
         let still = testable::still(&rows);
-        let time = time_blocks(&rows);
-        let place = place_blocks(&rows, &still);
+        let time = group::time_blocks(&rows);
+        let place = group::place_blocks(&rows, &still);
         let moving = still.values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
-        let cells =
-            lengths.iter().map(|&length| (length, cells_of(&rows, &still, length))).collect();
+        let cells = lengths
+            .iter()
+            .map(|&length| (length, group::cells_of(&rows, &still, length)))
+            .collect();
         let configured = configured(&rows);
         let candidates = specs.iter().map(|spec| candidate(spec, &rows, &still)).collect();
         Self { rows, candidates, specs, time, place, cells, fixed_sd_db, configured }
@@ -479,112 +479,6 @@ impl LinkStudy {
         }
         None
     }
-
-    /// Scores one row.
-    fn score(
-        &self,
-        fit: &LinkFit,
-        row: usize,
-        level: &likelihood::Level,
-        lift: f64,
-        extra: f64,
-        tables: &mut BTreeMap<i64, Instrument>,
-    ) -> RowScore {
-        instrument_for(fit, extra, tables).score(&self.rows.links.rows[row], level, lift)
-    }
-
-    /// What a fit predicts for every row: the mean reading of a received frame (dBm), its standard deviation (dB), and the
-    /// probability of reception.
-    #[must_use]
-    pub fn predictions(&self, fit: &LinkFit) -> Vec<(f64, f64, f64)> {
-        let specs = self.specs_of(&fit.terms);
-        let cells = self.cells(Self::decorrelation_m(&specs, &fit.states));
-        let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
-        (0..self.rows.len())
-            .map(|row| {
-                let level = fit.level(&self.rows, &specs, row);
-                let lift = fit.random.level_db(cells, row);
-                let extra = fit.random.variance(cells, row);
-                let instrument = instrument_for(fit, extra, &mut tables);
-                let (mean, sd) = instrument.reading(&level, lift);
-                (mean, sd, instrument.reception(&level, lift))
-            })
-            .collect()
-    }
-
-    /// What is left of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
-    /// of reception in standard deviations. NaN where there is none.
-    #[must_use]
-    pub fn residuals(&self, fit: &LinkFit) -> [Vec<f64>; 3] {
-        let mut all = [(); 3].map(|()| vec![f64::NAN; self.rows.len()]);
-        for (row, (mean, sd, passes)) in self.predictions(fit).into_iter().enumerate() {
-            let measured = &self.rows.links.rows[row];
-            if measured.rssi_dbm.is_finite() {
-                all[0][row] = measured.rssi_dbm - mean;
-                all[1][row] = all[0][row] / sd;
-            }
-            if self.rows.links.has_losses && measured.received.is_finite() {
-                let share = measured.received / measured.frames;
-                all[2][row] = (share - passes) / (passes * (1.0 - passes)).max(1e-6).sqrt();
-            }
-        }
-        all
-    }
-
-    /// What is left over a covariate when the ladder has ended: for what was taken as a curve its formula, and the strongest
-    /// structure that nothing explains.
-    #[must_use]
-    pub fn left_over(&self, search: &Search<'_, Self>, ladder: &Ladder) -> LeftOver {
-        let mut formulas = BTreeMap::new();
-        for &term in &ladder.accepted {
-            let Some(covariate) = self.candidates[term].curve_over() else { continue };
-            let rest: Vec<usize> =
-                ladder.accepted.iter().copied().filter(|&other| other != term).collect();
-            let [deviation, ..] = self.residuals(&search.full(&rest, COMMON, None));
-            let values = self.rows.links.covariates.iter().find(|(name, _)| name == covariate);
-            if let Some(found) = values
-                .and_then(|(name, values)| scan::formula(name, values, &deviation, &self.time))
-            {
-                formulas.insert(covariate.to_owned(), found);
-            }
-        }
-        let [deviation, scaled, surprise] =
-            self.residuals(&search.full(&ladder.accepted, COMMON, None));
-        let covariates = self.covariates();
-        let levels = [&self.time, &self.place];
-        let mut structure = if ladder.too_little.is_none() && levels.iter().all(|l| l.suffices()) {
-            scan::strongest(&covariates, &[&scaled, &surprise], &levels)
-        } else {
-            None
-        };
-        if let Some(structure) = &mut structure
-            && let Some((name, values)) =
-                covariates.iter().find(|(name, _)| *name == structure.covariate)
-        {
-            structure.formula = scan::formula(name, values, &deviation, &self.time);
-        }
-        LeftOver { formulas, structure }
-    }
-}
-
-/// What is left when the ladder has ended.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LeftOver {
-    /// Formulas of the covariates that were taken as curves, and the rmse after each (dB).
-    pub formulas: BTreeMap<String, (String, f64)>,
-    /// The strongest structure that nothing in the model explains.
-    pub structure: Option<Structure>,
-}
-
-/// The instrument of a fit where the level has a variance (dB²) of its own: made in steps of 2 % of the noise.
-fn instrument_for<'a>(
-    fit: &LinkFit,
-    extra: f64,
-    tables: &'a mut BTreeMap<i64, Instrument>,
-) -> &'a Instrument {
-    let variance = fit.instrument.sd_db * fit.instrument.sd_db + extra;
-    let key = (25.0 * variance.ln()).round() as i64;
-    tables.entry(key).or_insert_with(|| fit.instrument.with_sd((key as f64 / 50.0).exp()))
 }
 
 /// Random levels that the configuration itself has.
@@ -653,123 +547,4 @@ fn curve(rows: &Rows, column: usize) -> Option<Spec> {
     let mut knots: Vec<f64> = (0..KNOTS).map(at).collect();
     knots.dedup();
     (2 <= knots.len()).then_some(Spec::Curve { column, knots })
-}
-
-/// Rows by time in blocks of equal numbers; by pair where time is unknown or constant.
-fn time_blocks(rows: &Rows) -> Blocks {
-    let measured = &rows.links.rows;
-    let mut order: Vec<usize> = (0..rows.len()).collect();
-    let time = |row: usize| (measured[row].run, measured[row].time_s);
-    order.sort_by(|&a, &b| {
-        time(a).0.cmp(&time(b).0).then(time(a).1.total_cmp(&time(b).1)).then(a.cmp(&b))
-    });
-    let differs = order.first().zip(order.last()).is_some_and(|(&a, &b)| {
-        time(a).1.is_finite() && time(b).1.is_finite() && time(a) != time(b)
-    });
-    if !differs {
-        let keys: Vec<u64> = measured.iter().map(|row| pair(row.tx, row.rx)).collect();
-        return Blocks::of_keys("pairs of nodes", &keys);
-    }
-    let n_blocks = TIME_BLOCKS.min(rows.len() / 8).max(1);
-    let mut keys = vec![0u64; rows.len()];
-    let mut block = 0;
-    for (rank, &row) in order.iter().enumerate() {
-        // Rows of one moment stay together.
-        if rank * n_blocks / rows.len() != block && time(row) != time(order[rank - 1]) {
-            block = rank * n_blocks / rows.len();
-        }
-        keys[row] = block as u64;
-    }
-    Blocks::of_keys("blocks of time", &keys)
-}
-
-fn pair(a: u32, b: u32) -> u64 {
-    (u64::from(a.min(b)) << 32) | u64::from(a.max(b))
-}
-
-/// Rows by unordered pair of nodes; by place where there are too few pairs.
-fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
-    let keys: Vec<u64> = rows.links.rows.iter().map(|row| pair(row.tx, row.rx)).collect();
-    let by_pair = Blocks::of_keys("pairs of nodes", &keys);
-    if by_pair.suffices() || still.values().all(|&still| still) {
-        return by_pair;
-    }
-    // Places of the nodes that move: squares as large as leaves at least 40 of them.
-    let mut best = by_pair;
-    for side_m in [8.0, 4.0, 2.0, 1.0] {
-        let keys: Vec<u64> = (0..rows.len())
-            .map(|row| {
-                let (tx, rx) = rows.ends(row);
-                let mut key = 0u64;
-                for end in [tx, rx] {
-                    if !still.get(&end.id).copied().unwrap_or(true) {
-                        key = super::folds::scramble(key ^ square(end.position_m, side_m));
-                    }
-                }
-                key
-            })
-            .collect();
-        let blocks = Blocks::of_keys("places", &keys);
-        let enough = 40 <= blocks.n_blocks();
-        if best.n_blocks() < blocks.n_blocks() {
-            best = blocks;
-        }
-        if enough {
-            break;
-        }
-    }
-    best
-}
-
-/// The square (or cube) of a place.
-fn square(place_m: [f64; 3], side_m: f64) -> u64 {
-    place_m.iter().fold(17, |key, coordinate| {
-        super::folds::scramble(key ^ ((coordinate / side_m).floor() as i64 as u64))
-    })
-}
-
-/// Cells of random levels.
-fn cells_of(rows: &Rows, still: &BTreeMap<u32, bool>, decorrelation_m: f64) -> Cells {
-    let ids: Vec<u32> = still.keys().copied().collect();
-    let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
-    let places = |row: usize, side_m: f64| {
-        let (tx, rx) = rows.ends(row);
-        let (low, high) = if tx.id < rx.id { (tx, rx) } else { (rx, tx) };
-        [low, high].iter().fold(0u64, |key, end| {
-            if still.get(&end.id).copied().unwrap_or(true) {
-                key
-            } else {
-                super::folds::scramble(key ^ square(end.position_m, side_m))
-            }
-        })
-    };
-    let links: Vec<(u64, u64)> = (0..rows.len())
-        .map(|row| {
-            let measured = &rows.links.rows[row];
-            (pair(measured.tx, measured.rx), places(row, decorrelation_m))
-        })
-        .collect();
-    let (link, n_links) = numbered(&links);
-    let channels: Vec<(u32, (u8, u64))> = (0..rows.len())
-        .map(|row| {
-            let channel = rows.links.rows[row].channel.unwrap_or(0);
-            (link[row], (channel, places(row, HALF_WAVE_M)))
-        })
-        .collect();
-    let (channel, n_channels) = numbered(&channels);
-    let mut link_of_channel = vec![0; n_channels];
-    for (row, &cell) in channel.iter().enumerate() {
-        link_of_channel[cell as usize] = link[row];
-    }
-    let nodes = rows.links.rows.iter().map(|row| (node(row.tx), node(row.rx))).collect();
-    Cells { link, channel, link_of_channel, n_links, nodes, n_nodes: ids.len() }
-}
-
-/// Numbers keys in the order in which they sort.
-fn numbered<T: Ord + Clone>(keys: &[T]) -> (Vec<u32>, usize) {
-    let mut sorted = keys.to_vec();
-    sorted.sort_unstable();
-    sorted.dedup();
-    let number = |key: &T| sorted.binary_search(key).unwrap_or_default() as u32;
-    (keys.iter().map(number).collect(), sorted.len())
 }

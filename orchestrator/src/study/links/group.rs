@@ -1,0 +1,130 @@
+//! Which rows belong together: blocks that are left out together, and cells that share a random level.
+
+use super::cells::Cells;
+use super::rows::Rows;
+use crate::study::folds::{Blocks, scramble};
+use std::collections::BTreeMap;
+
+/// Blocks of time.
+const TIME_BLOCKS: usize = 60;
+/// Half a wavelength at 2.44 GHz (m).
+const HALF_WAVE_M: f64 = 0.0614;
+
+/// Rows by time in blocks of equal numbers; by pair where time is unknown or constant.
+pub(super) fn time_blocks(rows: &Rows) -> Blocks {
+    let measured = &rows.links.rows;
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    let time = |row: usize| (measured[row].run, measured[row].time_s);
+    order.sort_by(|&a, &b| {
+        time(a).0.cmp(&time(b).0).then(time(a).1.total_cmp(&time(b).1)).then(a.cmp(&b))
+    });
+    let differs = order.first().zip(order.last()).is_some_and(|(&a, &b)| {
+        time(a).1.is_finite() && time(b).1.is_finite() && time(a) != time(b)
+    });
+    if !differs {
+        let keys: Vec<u64> = measured.iter().map(|row| pair(row.tx, row.rx)).collect();
+        return Blocks::of_keys("pairs of nodes", &keys);
+    }
+    let n_blocks = TIME_BLOCKS.min(rows.len() / 8).max(1);
+    let mut keys = vec![0u64; rows.len()];
+    let mut block = 0;
+    for (rank, &row) in order.iter().enumerate() {
+        // Rows of one moment stay together.
+        if rank * n_blocks / rows.len() != block && time(row) != time(order[rank - 1]) {
+            block = rank * n_blocks / rows.len();
+        }
+        keys[row] = block as u64;
+    }
+    Blocks::of_keys("blocks of time", &keys)
+}
+
+fn pair(a: u32, b: u32) -> u64 {
+    (u64::from(a.min(b)) << 32) | u64::from(a.max(b))
+}
+
+/// Rows by unordered pair of nodes; by place where there are too few pairs.
+pub(super) fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
+    let keys: Vec<u64> = rows.links.rows.iter().map(|row| pair(row.tx, row.rx)).collect();
+    let by_pair = Blocks::of_keys("pairs of nodes", &keys);
+    if by_pair.suffices() || still.values().all(|&still| still) {
+        return by_pair;
+    }
+    // Places of the nodes that move: squares as large as leaves at least 40 of them.
+    let mut best = by_pair;
+    for side_m in [8.0, 4.0, 2.0, 1.0] {
+        let keys: Vec<u64> = (0..rows.len())
+            .map(|row| {
+                let (tx, rx) = rows.ends(row);
+                let mut key = 0u64;
+                for end in [tx, rx] {
+                    if !still.get(&end.id).copied().unwrap_or(true) {
+                        key = scramble(key ^ square(end.position_m, side_m));
+                    }
+                }
+                key
+            })
+            .collect();
+        let blocks = Blocks::of_keys("places", &keys);
+        let enough = 40 <= blocks.n_blocks();
+        if best.n_blocks() < blocks.n_blocks() {
+            best = blocks;
+        }
+        if enough {
+            break;
+        }
+    }
+    best
+}
+
+/// The square (or cube) of a place.
+fn square(place_m: [f64; 3], side_m: f64) -> u64 {
+    place_m
+        .iter()
+        .fold(17, |key, coordinate| scramble(key ^ ((coordinate / side_m).floor() as i64 as u64)))
+}
+
+/// Cells of random levels.
+pub(super) fn cells_of(rows: &Rows, still: &BTreeMap<u32, bool>, decorrelation_m: f64) -> Cells {
+    let ids: Vec<u32> = still.keys().copied().collect();
+    let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
+    let places = |row: usize, side_m: f64| {
+        let (tx, rx) = rows.ends(row);
+        let (low, high) = if tx.id < rx.id { (tx, rx) } else { (rx, tx) };
+        [low, high].iter().fold(0u64, |key, end| {
+            if still.get(&end.id).copied().unwrap_or(true) {
+                key
+            } else {
+                scramble(key ^ square(end.position_m, side_m))
+            }
+        })
+    };
+    let links: Vec<(u64, u64)> = (0..rows.len())
+        .map(|row| {
+            let measured = &rows.links.rows[row];
+            (pair(measured.tx, measured.rx), places(row, decorrelation_m))
+        })
+        .collect();
+    let (link, n_links) = numbered(&links);
+    let channels: Vec<(u32, (u8, u64))> = (0..rows.len())
+        .map(|row| {
+            let channel = rows.links.rows[row].channel.unwrap_or(0);
+            (link[row], (channel, places(row, HALF_WAVE_M)))
+        })
+        .collect();
+    let (channel, n_channels) = numbered(&channels);
+    let mut link_of_channel = vec![0; n_channels];
+    for (row, &cell) in channel.iter().enumerate() {
+        link_of_channel[cell as usize] = link[row];
+    }
+    let nodes = rows.links.rows.iter().map(|row| (node(row.tx), node(row.rx))).collect();
+    Cells { link, channel, link_of_channel, n_links, nodes, n_nodes: ids.len() }
+}
+
+/// Numbers keys in the order in which they sort.
+fn numbered<T: Ord + Clone>(keys: &[T]) -> (Vec<u32>, usize) {
+    let mut sorted = keys.to_vec();
+    sorted.sort_unstable();
+    sorted.dedup();
+    let number = |key: &T| sorted.binary_search(key).unwrap_or_default() as u32;
+    (keys.iter().map(number).collect(), sorted.len())
+}
