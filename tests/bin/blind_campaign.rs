@@ -69,7 +69,11 @@ fn main() -> anyhow::Result<()> {
             writeln!(file.lock().expect("no thread panics while it writes"), "{line}")?;
             let left_s =
                 begin.elapsed().as_secs_f64() / *n_done as f64 * (todo.len() - *n_done) as f64;
-            let became = if line["right_first"] == true { "right" } else { "not right" };
+            let became = match line["error"].as_str() {
+                Some(error) => error.lines().next().unwrap_or("failed"),
+                None if line["right_first"] == true => "right",
+                None => "not right",
+            };
             writeln!(
                 std::io::stderr(),
                 "{} of {}, {left_s:.0} s left: {}: {became}",
