@@ -26,6 +26,10 @@ struct Args {
     /// Rows of a campaign of links; of robots, four times as many.
     #[arg(long, default_value_t = 5000)]
     rows: usize,
+    /// Links in layouts drawn from their seeds (nodes, extent, duration, noise, base model, walls, speeds), in place of the standard
+    /// one.
+    #[arg(long)]
+    drawn: bool,
     /// Only those whose name has one of these texts in it, such as "medium two-ray" or "link: nothing".
     #[arg(long)]
     only: Vec<String>,
@@ -49,8 +53,10 @@ fn main() -> anyhow::Result<()> {
     let done: BTreeSet<String> =
         lines.iter().filter_map(|line| line["cell"].as_str().map(str::to_owned)).collect();
     let is_asked = |name: &str| args.only.is_empty() || args.only.iter().any(|o| name.contains(o));
-    let plan: Vec<Cell> =
-        Cell::plan(args.seeds).into_iter().filter(|cell| is_asked(&cell.name())).collect();
+    let plan: Vec<Cell> = Cell::plan(args.seeds, args.drawn)
+        .into_iter()
+        .filter(|cell| is_asked(&cell.name()))
+        .collect();
     let names: BTreeSet<String> = plan.iter().map(Cell::name).collect();
     let todo: Vec<&Cell> = plan.iter().filter(|cell| !done.contains(&cell.name())).collect();
     if let Some(folder) = args.out.parent() {

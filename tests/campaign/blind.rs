@@ -13,6 +13,8 @@ pub struct Cell {
     pub subject: Subject,
     /// Seed of the campaign.
     pub seed: u64,
+    /// Links only: the layout is drawn from the seed, in place of the standard one.
+    pub is_drawn: bool,
 }
 
 /// What is hidden in a cell.
@@ -45,9 +47,9 @@ const ROBOT_PAIRS: [[RobotHidden; 2]; 3] = [
 
 impl Cell {
     /// The plan: every effect at three sizes, those of no catalogue, pairs at medium and clear size, all with `n_seeds` seeds, and 25
-    /// times as many campaigns of links, and as many of robots as seeds, in which nothing is hidden.
+    /// times as many campaigns of links, and as many of robots as seeds, in which nothing is hidden. `is_drawn`: in layouts drawn from their seeds.
     #[must_use]
-    pub fn plan(n_seeds: u64) -> Vec<Self> {
+    pub fn plan(n_seeds: u64, is_drawn: bool) -> Vec<Self> {
         let mut subjects: Vec<Subject> = Vec::new();
         let links = [&Hidden::KNOWN[..], &Hidden::UNKNOWN].concat();
         let robots = [&RobotHidden::KNOWN[..], &RobotHidden::UNKNOWN].concat();
@@ -64,11 +66,16 @@ impl Cell {
         let mut cells: Vec<Self> = Vec::new();
         // One seed of everything before the next of anything, so that a plan cut short is a smaller plan.
         for seed in 1..=n_seeds {
-            let each = subjects.iter().map(|subject| Self { subject: subject.clone(), seed });
+            let each =
+                subjects.iter().map(|subject| Self { subject: subject.clone(), seed, is_drawn });
             cells.extend(each);
             let nulls = (25 * (seed - 1) + 1)..=25 * seed;
-            cells.extend(nulls.map(|seed| Self { subject: Subject::Link(Vec::new()), seed }));
-            cells.push(Self { subject: Subject::Robots(Vec::new()), seed });
+            cells.extend(nulls.map(|seed| Self {
+                subject: Subject::Link(Vec::new()),
+                seed,
+                is_drawn,
+            }));
+            cells.push(Self { subject: Subject::Robots(Vec::new()), seed, is_drawn });
         }
         cells
     }
@@ -77,9 +84,10 @@ impl Cell {
     #[must_use]
     pub fn group(&self) -> String {
         let (of, names) = match &self.subject {
-            Subject::Link(hidden) => {
-                ("link", hidden.iter().map(|(k, s)| link_name(*k, *s)).collect())
-            }
+            Subject::Link(hidden) => (
+                if self.is_drawn { "drawn link" } else { "link" },
+                hidden.iter().map(|(k, s)| link_name(*k, *s)).collect(),
+            ),
             Subject::Robots(hidden) => (
                 "robot",
                 hidden
@@ -102,7 +110,11 @@ impl Cell {
     #[must_use]
     pub fn campaign(&self, n_rows: usize) -> Campaign {
         match &self.subject {
-            Subject::Link(hidden) => Campaign::link(self.seed, &Layout::standard(), hidden, n_rows),
+            Subject::Link(hidden) => {
+                let layout =
+                    if self.is_drawn { Layout::drawn(self.seed) } else { Layout::standard() };
+                Campaign::link(self.seed, &layout, hidden, n_rows)
+            }
             Subject::Robots(hidden) => {
                 let fleet = hidden
                     .first()
@@ -323,7 +335,7 @@ mod tests {
     use super::*;
 
     fn cell(hidden: Hidden) -> Cell {
-        Cell { subject: Subject::Link(vec![(hidden, Size::Clear)]), seed: 3 }
+        Cell { subject: Subject::Link(vec![(hidden, Size::Clear)]), seed: 3, is_drawn: false }
     }
 
     #[test]
@@ -373,7 +385,7 @@ mod tests {
 
     #[test]
     fn where_nothing_is_hidden_nothing_is_right() {
-        let nothing = Cell { subject: Subject::Robots(Vec::new()), seed: 1 };
+        let nothing = Cell { subject: Subject::Robots(Vec::new()), seed: 1, is_drawn: false };
         let campaign = nothing.campaign(100);
         let right = |verdict: &str| {
             nothing.judged(&campaign, &json!({"verdict": verdict}))["right_first"] == true
@@ -383,9 +395,13 @@ mod tests {
 
     #[test]
     fn the_plan_has_a_thousand_nulls_for_forty_seeds() {
-        let plan = Cell::plan(40);
+        let plan = Cell::plan(40, false);
         let n_nulls = plan.iter().filter(|cell| cell.subject == Subject::Link(Vec::new())).count();
         assert_eq!(n_nulls, 1000);
+        let drawn = Cell { is_drawn: true, ..cell(Hidden::Dust) };
+        assert_eq!(drawn.name(), "drawn link: clear unknown-dust #3");
+        let is_other = drawn.campaign(500).csv != cell(Hidden::Dust).campaign(500).csv;
+        assert!(is_other, "the layout was not drawn");
         let mut names: Vec<String> = plan.iter().map(Cell::name).collect();
         names.sort();
         names.dedup();
