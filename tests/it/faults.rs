@@ -294,7 +294,7 @@ fn a_side_whose_bytes_turn_to_noise_is_named() {
     for side in ["robotsim", "netsim"] {
         let folder = tests::folder();
         let server = tests::Server::start(side, &[]).unwrap();
-        let url = corrupting_proxy(&server.url, 300_000);
+        let url = corrupting_proxy(&server.url, 4_000_000);
         let begun = Instant::now();
         let run = start(folder.path(), &[&format!("--{side}"), &url]);
         let ended = end(run, begun, Duration::from_secs(15));
