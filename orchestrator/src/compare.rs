@@ -63,7 +63,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
             ("crps_db", all.crps),
             ("coverage_90", mean(&inside)),
         ];
-        if rows_have_losses(study) {
+        if study.rows.links.has_losses {
             list.push(("reception_log_loss", all.reception_log_loss));
             list.push(("reception_brier", rows.iter().map(brier).sum::<f64>() / rows.len() as f64));
         }
@@ -126,10 +126,6 @@ pub fn robots(study: &RobotStudy, search: &Search<'_, RobotStudy>) -> Comparison
     let all: Vec<usize> = (0..study.n_rows()).collect();
     let intervals = bootstrap(&of(&all), blocks.n_blocks(), &blocks.of_row, &of);
     finished("robot", blocks.unit, &intervals, &[])
-}
-
-fn rows_have_losses(study: &LinkStudy) -> bool {
-    study.rows.links.has_losses
 }
 
 /// 90 % intervals by resampling blocks. The draws are fixed: the same file gives the same interval.

@@ -123,10 +123,10 @@ impl Random {
             + cost(rx, self.sd.rx_db))
     }
 
-    /// With a part of a step.
+    /// With a step taken.
     #[must_use]
-    pub fn moved(&self, step: &Self, part: f64) -> Self {
-        let along = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + part * b).collect();
+    pub fn moved(&self, step: &Self) -> Self {
+        let along = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + b).collect();
         Self {
             sd: self.sd,
             link_db: along(&self.link_db, &step.link_db),
@@ -231,7 +231,6 @@ impl Solver<'_> {
         let n_links = self.cells.n_links;
         let n_channels = self.cells.link_of_channel.len();
         // Sums over cells: weight, gradient, and the weighted dense entries.
-        let width = size;
         let has_cells = 0.0 < sd.link_db || 0.0 < sd.channel_db;
         let mut channel = Sums::new(if 0.0 < sd.channel_db { n_channels } else { 0 });
         let mut link = Sums::new(if has_cells { n_links } else { 0 });
@@ -302,29 +301,22 @@ impl Solver<'_> {
             vector[p + node] -= cost * random.node_db[node];
             half_log_determinant -= 0.5 * cost.ln();
         }
-        for i in 0..width {
+        for i in 0..size {
             for j in 0..i {
                 matrix[(j, i)] = matrix[(i, j)];
             }
         }
-        let nodes_part =
-            (0 < n_nodes).then(|| matrix.view((p, p), (2 * n_nodes, 2 * n_nodes)).into_owned());
-        if let Some(part) = nodes_part {
-            let factor = part.cholesky()?;
+        let mut information = matrix.view((0, 0), (p, p)).into_owned();
+        if 0 < n_nodes {
+            let factor = matrix.view((p, p), (2 * n_nodes, 2 * n_nodes)).into_owned().cholesky()?;
             half_log_determinant += factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
             let inverse = factor.inverse();
             for node in 0..2 * n_nodes {
                 out.node_variance[node] = inverse[(node, node)];
             }
-        }
-        let information = if 0 < n_nodes {
             let cross = matrix.view((p, 0), (2 * n_nodes, p)).into_owned();
-            let part = matrix.view((p, p), (2 * n_nodes, 2 * n_nodes)).into_owned();
-            matrix.view((0, 0), (p, p)).into_owned()
-                - cross.transpose() * part.cholesky()?.solve(&cross)
-        } else {
-            matrix.view((0, 0), (p, p)).into_owned()
-        };
+            information -= cross.transpose() * factor.solve(&cross);
+        }
         for i in 0..p {
             matrix[(i, i)] = matrix[(i, i)] * (1.0 + damping) + 1e-12;
         }

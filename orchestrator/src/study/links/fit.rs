@@ -277,7 +277,7 @@ impl<'a> Problem<'a> {
                     damping = (damping * 10.0).max(1e-3);
                     continue;
                 };
-                let there = self.moved(here, &step, 1.0);
+                let there = self.moved(here, &step);
                 let better = there.log - here.log;
                 if better.is_finite() && 0.0 <= better {
                     gained = better;
@@ -302,12 +302,12 @@ impl<'a> Problem<'a> {
     }
 
     /// Here with a step taken, within the ranges of the parameters.
-    fn moved(&self, here: &Here, step: &Step, part: f64) -> Here {
+    fn moved(&self, here: &Here, step: &Step) -> Here {
         let mut states = here.states.clone();
         let mut index = 0;
         for (spec, state) in self.specs.iter().zip(&mut states) {
             for (k, value) in state.values.iter_mut().enumerate() {
-                let change = part * step.parameters[index];
+                let change = step.parameters[index];
                 *value = match spec.parameters().get(k) {
                     Some(parameter) => (*value + change).clamp(parameter.min, parameter.max),
                     None => *value + change,
@@ -317,10 +317,10 @@ impl<'a> Problem<'a> {
         }
         let mut sd_db = here.instrument.sd_db;
         if index < step.parameters.len() {
-            let change = (part * step.parameters[index]).clamp(-0.7, 0.7);
+            let change = step.parameters[index].clamp(-0.7, 0.7);
             sd_db = (sd_db * change.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
         }
-        let random = here.random.moved(&step.random, part);
+        let random = here.random.moved(&step.random);
         self.here(states, sd_db, random)
     }
 
