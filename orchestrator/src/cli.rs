@@ -1,11 +1,12 @@
 //! The command line.
 
+mod check;
 mod measured;
 
 use crate::bench::{self, BenchOptions};
 use crate::config::{self, Overrides, Tls};
 use crate::conformance::{self, ConformanceOptions};
-use crate::console::{complain, say, warn};
+use crate::console::{complain, say};
 use crate::effects;
 use crate::record;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
@@ -37,8 +38,8 @@ struct Cli {
 enum Command {
     /// Run an experiment
     Run(RunArgs),
-    /// Check an experiment file without running it
-    Check(CheckArgs),
+    /// Check an experiment file without running it, or measurements without fitting anything
+    Check(check::CheckArgs),
     /// Print the JSON Schema of experiment files
     Schema,
     /// List the physical effects there are, or explain one
@@ -67,6 +68,16 @@ enum Command {
 struct FileArgs {
     /// The experiment file (TOML)
     config: PathBuf,
+    #[command(flatten)]
+    change: OverrideArgs,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What is put over an experiment file.
+#[derive(Args)]
+struct OverrideArgs {
     /// Set a key of the file: netsim.phy.propagation=friis. May be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -81,9 +92,6 @@ struct FileArgs {
     robotsim: Option<String>,
     #[command(flatten)]
     tls: TlsArgs,
-    /// Write what was found as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
 }
 
 /// Certificates for https URLs.
@@ -107,7 +115,7 @@ impl TlsArgs {
     }
 }
 
-impl FileArgs {
+impl OverrideArgs {
     fn overrides(&self) -> Overrides {
         Overrides {
             set: self.set.clone(),
@@ -129,12 +137,6 @@ struct RunArgs {
     /// Threads of each simulator; results do not depend on it [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-}
-
-#[derive(Args)]
-struct CheckArgs {
-    #[command(flatten)]
-    file: FileArgs,
 }
 
 #[derive(Args)]
@@ -297,7 +299,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
     };
     match command {
         Command::Run(args) => run_command(&args, start(args.threads)?),
-        Command::Check(args) => check_command(&args.file),
+        Command::Check(args) => check::check(&args),
         Command::Schema => {
             say(format!("{:#}", config::schema()));
             Ok(())
@@ -348,7 +350,7 @@ fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     }
     let options = RunOptions {
         config: args.file.config.clone(),
-        overrides: args.file.overrides(),
+        overrides: args.file.change.overrides(),
         out: args.out.clone(),
         start,
     };
@@ -427,38 +429,6 @@ fn highlights(summary: &Value) -> Vec<String> {
         ));
     }
     lines
-}
-
-fn check_command(args: &FileArgs) -> Result<(), Failure> {
-    let plan = config::load(&args.config, &args.overrides()).map_err(Failure::request)?;
-    let n_steps = plan.duration_ns.div_ceil(plan.experiment.step_ns);
-    for warning in &plan.warnings {
-        warn(warning);
-    }
-    say(format!(
-        "{}: good. {} agents, seed {}, {n_steps} steps of {} ms",
-        args.config.display(),
-        plan.experiment.agent_count,
-        plan.experiment.seed,
-        plan.experiment.step_ns as f64 / 1e6
-    ));
-    for (section, side) in [("robotsim", &plan.robotsim), ("netsim", &plan.netsim)] {
-        if let Some(url) = &side.url {
-            say(format!(
-                "[{section}] is not checked here: the simulator at {url} does when the experiment runs"
-            ));
-        }
-    }
-    let found = serde_json::json!({
-        "schema": "check/1",
-        "name": plan.name,
-        "agents": plan.experiment.agent_count,
-        "seed": plan.experiment.seed,
-        "steps": n_steps,
-        "step_ns": plan.experiment.step_ns,
-        "warnings": plan.warnings,
-    });
-    write_json(args.json.as_deref(), &found)
 }
 
 fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {

@@ -12,6 +12,7 @@
 //! | [`record`] | what a run leaves |
 //! | [`report`] | the page that shows it |
 //! | [`measure`] | measurements, and the part of a configuration that is held against them |
+//! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
 //! | [`mod@compare`] | how wrong a model is as configured, and where |
 //! | [`mod@extend`] | a configuration with a missing effect added, fitted |
 //! | [`study`] | what a search for missing physics asks of measurements |
@@ -22,6 +23,7 @@
 //! | [`console`] | what a person reads while it works |
 
 pub mod bench;
+pub mod check;
 pub mod cli;
 pub mod compare;
 pub mod config;

@@ -4,11 +4,13 @@
 //! |---|---|
 //! | [`table`] | a file as named columns of numbers: CSV, gzipped CSV, Parquet |
 //! | [`links`] | link samples and aggregated link tables |
+//! | [`oddities`] | what is odd about measurements that can be used |
 //! | [`robots`] | robot samples |
 //! | [`config`] | the part of a configuration that is held against them |
 
 pub mod config;
 pub mod links;
+pub mod oddities;
 pub mod robots;
 pub mod table;
 
@@ -46,6 +48,9 @@ pub struct Rejected {
     /// Line of the first in the file, the header being line 1.
     pub first_line: usize,
 }
+
+/// Why a row is rejected that stands in the file before.
+pub const TWICE: &str = "the same row stands above";
 
 /// Counts rejected rows by reason, in the order in which the reasons first occurred.
 #[derive(Clone, Debug, std::default::Default)]

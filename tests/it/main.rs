@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on should stop there")]
 
 mod anchors;
+mod bad_measurements;
 mod catalogue;
 mod configs;
 mod conformance;

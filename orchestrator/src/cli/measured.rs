@@ -30,7 +30,7 @@ pub(super) struct DataArgs {
     json: Option<PathBuf>,
 }
 
-fn account_json(account: &Account, json: &mut Value) {
+pub(super) fn account_json(account: &Account, json: &mut Value) {
     json["data"] = json!({ "file": account.file, "sha256": account.sha256 });
     json["rows"] = json!(account.rows);
     json["used"] = json!(account.used);
@@ -38,7 +38,7 @@ fn account_json(account: &Account, json: &mut Value) {
     json["warnings"] = json!(account.warnings);
 }
 
-fn account_text(account: &Account) {
+pub(super) fn account_text(account: &Account) {
     say(format!("{}: {} rows, {} used", account.file, account.rows, account.used));
     for rejected in &account.rejected {
         warn(format!(

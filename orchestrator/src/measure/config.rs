@@ -32,7 +32,15 @@ impl Compared {
     ///
     /// Every problem it has, with its place.
     pub fn load(path: &Path, set: &[String]) -> Result<Self, Refusal> {
-        let text = config::text_of(path)?;
+        Self::of_text(path, config::text_of(path)?, set)
+    }
+
+    /// Reads a configuration that is at hand; `path` is what it is called.
+    ///
+    /// # Errors
+    ///
+    /// See [`Compared::load`].
+    pub fn of_text(path: &Path, text: String, set: &[String]) -> Result<Self, Refusal> {
         let mut tree = proto::config::parse(&text)
             .map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
         let mut problems = Vec::new();

@@ -1,7 +1,7 @@
 //! Link samples, one row per frame sent and possible receiver; and aggregated link tables, one row per link and channel.
 
 use super::table::Table;
-use super::{Rejected, Rejections};
+use super::{Rejected, Rejections, TWICE, oddities};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Measured links.
@@ -188,7 +188,7 @@ pub fn read(table: &Table) -> Result<Links, String> {
                     .chain([u64::from(row.channel.unwrap_or(0)), row.frames.to_bits()])
                     .collect();
                 if row.time_s.is_finite() && !seen.insert(key) {
-                    rejections.add("the same row stands above", line);
+                    rejections.add(TWICE, line);
                 } else {
                     rows.push(row);
                     kept.push(index);
@@ -223,7 +223,11 @@ pub fn read(table: &Table) -> Result<Links, String> {
                 .to_owned(),
         );
     }
-    warnings.extend(oddities(&rows));
+    warnings.extend(oddities::of(&rows));
+    warnings.extend(oddities::of_rejected(&rejections.clone().into_list(), n_rows));
+    if let Some(reason) = oddities::stuck(&rows) {
+        return Err(reason);
+    }
     let links = Links {
         quantum_db: quantum(&rows, is_aggregated),
         rows,
@@ -310,54 +314,4 @@ fn checked(row: Row, tx: f64, rx: f64, channel: f64, is_aggregated: bool) -> Res
 fn quantum(rows: &[Row], is_aggregated: bool) -> f64 {
     let mut readings = rows.iter().map(|row| row.rssi_dbm).filter(|rssi| rssi.is_finite());
     if !is_aggregated && readings.all(|rssi| rssi.fract() == 0.0) { 1.0 } else { 0.0 }
-}
-
-/// What is odd about rows that can be used.
-fn oddities(rows: &[Row]) -> Vec<String> {
-    let mut warnings = Vec::new();
-    let backwards: Vec<&Row> = rows
-        .windows(2)
-        .filter(|pair| pair[0].run == pair[1].run && pair[1].time_s < pair[0].time_s)
-        .map(|pair| &pair[1])
-        .collect();
-    if let Some(first) = backwards.first() {
-        warnings.push(format!(
-            "time_s runs backwards in {} places, first on line {}: rows are taken by their times, whatever their order",
-            backwards.len(),
-            first.line
-        ));
-    }
-    let times: Vec<f64> = rows.iter().map(|row| row.time_s).filter(|t| t.is_finite()).collect();
-    let span = times.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b))
-        - times.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-    let whole_thousands = times.iter().filter(|time| time.fract() == 0.0).count();
-    if 2e6 < span && whole_thousands == times.len() {
-        warnings.push(format!(
-            "time_s spans {span}: milliseconds? It is taken as seconds, {:.0} days; effects in time would be off by that",
-            span / 86_400.0
-        ));
-    }
-    // Two places of one mote at one time: sender and receiver may have been exchanged in some rows.
-    let mut places: BTreeMap<(u32, u32, u64), [f64; 3]> = BTreeMap::new();
-    let mut torn: BTreeSet<u32> = BTreeSet::new();
-    for row in rows.iter().filter(|row| row.time_s.is_finite()) {
-        for (mote, place) in [(row.tx, row.tx_m), (row.rx, row.rx_m)] {
-            if place.iter().any(|c| c.is_nan()) {
-                continue;
-            }
-            let known = places.entry((row.run, mote, row.time_s.to_bits())).or_insert(place);
-            if known.iter().zip(place).any(|(a, b)| 1.0 < (a - b).abs()) {
-                torn.insert(mote);
-            }
-        }
-    }
-    if !torn.is_empty() {
-        let motes: Vec<String> = torn.iter().take(5).map(u32::to_string).collect();
-        warnings.push(format!(
-            "motes {} are at two places at the same time: are tx and rx, or their positions, exchanged in some rows? \
-             Distances may be wrong, and with them every answer",
-            motes.join(", ")
-        ));
-    }
-    warnings
 }

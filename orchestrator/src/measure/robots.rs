@@ -1,7 +1,7 @@
 //! Robot samples: where robots were measured, and what they were commanded to do.
 
 use super::table::Table;
-use super::{Rejected, Rejections};
+use super::{Rejected, Rejections, TWICE, oddities};
 use robotsim::dynamics::{Drive, Shape};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -186,11 +186,7 @@ pub fn read(table: &Table) -> Result<Robots, String> {
     }
     twice.sort_unstable();
     for (line, is_equal) in twice {
-        let reason = if is_equal {
-            "the same row stands above"
-        } else {
-            "another row has the same robot and time"
-        };
+        let reason = if is_equal { TWICE } else { "another row has the same robot and time" };
         rejections.add(reason, line);
     }
     let (samples, rows): (Vec<Sample>, Vec<usize>) = unique.into_iter().unzip();
@@ -227,6 +223,8 @@ pub fn read(table: &Table) -> Result<Robots, String> {
         n_rows: table.n_rows(),
     };
     robots.take_covariates(table, &rows);
+    robots.warnings.extend(oddities::of_rejected(&robots.rejected, robots.n_rows));
+    robots.warnings.extend(oddities::of_robots(&robots));
     robots.check_units()?;
     Ok(robots)
 }

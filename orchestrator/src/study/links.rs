@@ -104,6 +104,12 @@ impl LinkStudy {
         &self.specs
     }
 
+    /// How many motes stand still throughout.
+    #[must_use]
+    pub fn still_motes(&self) -> usize {
+        testable::still(&self.rows).values().filter(|still| **still).count()
+    }
+
     /// What an error may depend on: a value per row.
     #[must_use]
     pub fn covariates(&self) -> Vec<(String, Vec<f64>)> {

@@ -1,5 +1,7 @@
 //! From two files, measurements and a configuration, to a study.
 
+use super::Study;
+use super::folds::FEWEST_BLOCKS;
 use super::links::LinkStudy;
 use super::links::rows::Rows;
 use super::robots::{RobotStudy, WINDOW_S};
@@ -9,6 +11,7 @@ use crate::measure::table::Table;
 use crate::measure::{DataError, Rejected};
 use crate::measure::{links, robots};
 use proto::config::Node;
+use proto::effect::Level;
 use std::path::Path;
 
 /// Why measurements cannot be held against a configuration.
@@ -102,7 +105,7 @@ pub fn robots(config: &Compared, table: &Table) -> Result<(RobotStudy, Account),
         Some(toml::Value::Integer(sd_m)) => Some(sd_m as f64),
         _ => None,
     };
-    let account = Account {
+    let mut account = Account {
         file: name_of(table),
         sha256: table.sha256.clone(),
         rows: robots.n_rows,
@@ -120,6 +123,7 @@ pub fn robots(config: &Compared, table: &Table) -> Result<(RobotStudy, Account),
         false,
     )
     .map_err(|error| useless(error.to_string()))?;
+    account.warnings.extend(too_few(&study));
     Ok((study, account))
 }
 
@@ -156,7 +160,7 @@ pub fn links(config: &Compared, table: &Table) -> Result<(LinkStudy, Account), O
             ),
         });
     }
-    let account = Account {
+    let mut account = Account {
         file: name_of(table),
         sha256: table.sha256.clone(),
         rows: rows.links.n_rows,
@@ -164,7 +168,42 @@ pub fn links(config: &Compared, table: &Table) -> Result<(LinkStudy, Account), O
         rejected: rows.links.rejected.clone(),
         warnings: rows.links.warnings.clone(),
     };
-    Ok((LinkStudy::new(rows, fixed_sd_db), account))
+    let study = LinkStudy::new(rows, fixed_sd_db);
+    account.warnings.extend(too_few(&study));
+    Ok((study, account))
+}
+
+/// What cannot be told because too few parts of the data are independent of each other.
+fn too_few<S: Study>(study: &S) -> Vec<String> {
+    let names = |level: Level| {
+        let names: Vec<&str> = study
+            .candidates()
+            .iter()
+            .filter(|c| c.curve_over().is_none() && c.untestable.is_none() && c.level == level)
+            .map(|candidate| candidate.name.as_str())
+            .collect();
+        names.join(", ")
+    };
+    let mut warnings = Vec::new();
+    let blocks = study.blocks(Level::Time);
+    if !blocks.suffices() {
+        warnings.push(format!(
+            "{} {}, at least {FEWEST_BLOCKS} are needed: too few to tell anything. No effect is accepted",
+            blocks.n_blocks(),
+            blocks.unit
+        ));
+        return warnings;
+    }
+    let blocks = study.blocks(Level::Place);
+    if !blocks.suffices() {
+        warnings.push(format!(
+            "{} {}, at least {FEWEST_BLOCKS} are needed: too few to tell what differs from place to place. Not tried: {}",
+            blocks.n_blocks(),
+            blocks.unit,
+            names(Level::Place)
+        ));
+    }
+    warnings
 }
 
 /// Reads both files.

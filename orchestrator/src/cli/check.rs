@@ -1,0 +1,78 @@
+//! `orchestrator check`: an experiment file, or a file of measurements, without running or fitting anything.
+
+use super::measured::{account_json, account_text};
+use super::{Failure, OverrideArgs, write_json};
+use crate::check;
+use crate::config;
+use crate::console::{say, warn};
+use crate::measure::config::Compared;
+use crate::measure::table::Table;
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub(super) struct CheckArgs {
+    /// The experiment file (TOML); with --data the part that is compared with them
+    #[arg(required_unless_present = "data")]
+    config: Option<PathBuf>,
+    /// Measurements: says what they hold, what is odd about them, and which effects they can show
+    #[arg(long, value_name = "FILE")]
+    data: Option<PathBuf>,
+    #[command(flatten)]
+    change: OverrideArgs,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// `orchestrator check`.
+pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
+    match (&args.data, &args.config) {
+        (Some(data), _) => check_data(args, data),
+        (None, Some(config)) => check_experiment(args, config),
+        (None, None) => Ok(()),
+    }
+}
+
+fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
+    let config = args.config.as_deref().map(|path| Compared::load(path, &args.change.set));
+    let config = config.transpose().map_err(Failure::request)?;
+    let table = Table::read(data).map_err(Failure::request)?;
+    let mut checked = check::data(config, &table).map_err(Failure::request)?;
+    account_text(&checked.account);
+    account_json(&checked.account, &mut checked.json);
+    say(checked.text.trim_end());
+    write_json(args.json.as_deref(), &checked.json)
+}
+
+fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
+    let plan = config::load(config, &args.change.overrides()).map_err(Failure::request)?;
+    let n_steps = plan.duration_ns.div_ceil(plan.experiment.step_ns);
+    for warning in &plan.warnings {
+        warn(warning);
+    }
+    say(format!(
+        "{}: good. {} agents, seed {}, {n_steps} steps of {} ms",
+        config.display(),
+        plan.experiment.agent_count,
+        plan.experiment.seed,
+        plan.experiment.step_ns as f64 / 1e6
+    ));
+    for (section, side) in [("robotsim", &plan.robotsim), ("netsim", &plan.netsim)] {
+        if let Some(url) = &side.url {
+            say(format!(
+                "[{section}] is not checked here: the simulator at {url} does when the experiment runs"
+            ));
+        }
+    }
+    let found = serde_json::json!({
+        "schema": "check/1",
+        "name": plan.name,
+        "agents": plan.experiment.agent_count,
+        "seed": plan.experiment.seed,
+        "steps": n_steps,
+        "step_ns": plan.experiment.step_ns,
+        "warnings": plan.warnings,
+    });
+    write_json(args.json.as_deref(), &found)
+}
