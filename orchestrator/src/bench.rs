@@ -13,7 +13,7 @@ mod swarm;
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
 use crate::record::{Configured, Ending, Recorder, RunHeader, Status, StepRecord};
-use crate::run::{RunError, StartOptions, start};
+use crate::run::{RunError, StartOptions, Wanted, start};
 use peers::{Figures, ROWS};
 use proto::types::NetRecord;
 use serde_json::{Value, json};
@@ -245,7 +245,7 @@ async fn measure(
     options: &BenchOptions,
 ) -> Result<Cell, RunError> {
     let plan = plan(agents, model, mode)?;
-    let started = start(&plan, &options.start, false).await?;
+    let started = start(&plan, &options.start, Wanted::Nothing).await?;
     let mut coupled = started.coupled;
     let folder = temporary_folder()?;
     let mut recorder = None;

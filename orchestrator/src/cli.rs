@@ -2,6 +2,7 @@
 
 mod check;
 mod measured;
+mod sweeps;
 
 use crate::bench::{self, BenchOptions};
 use crate::config::{self, Overrides, Tls};
@@ -38,6 +39,10 @@ struct Cli {
 enum Command {
     /// Run an experiment
     Run(RunArgs),
+    /// Run many experiments that differ in what [sweep] of the file says
+    Sweep(sweeps::SweepArgs),
+    /// Find out what changed from one run to another, or from one sweep to another
+    CompareRuns(sweeps::CompareRunsArgs),
     /// Check an experiment file without running it, or measurements without fitting anything
     Check(check::CheckArgs),
     /// Print the JSON Schema of experiment files
@@ -295,10 +300,12 @@ fn served(result: Result<(), proto::host::ServeError>) -> ExitCode {
 fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> {
     let start = |threads| -> Result<StartOptions, Failure> {
         let executable = std::env::current_exe().map_err(Failure::work)?;
-        Ok(StartOptions { executable, threads, log: log.to_owned(), log_json })
+        Ok(StartOptions { executable, threads, log: log.to_owned(), log_json, is_busy: false })
     };
     match command {
         Command::Run(args) => run_command(&args, start(args.threads)?),
+        Command::Sweep(args) => sweeps::sweep(&args, start(Some(args.threads))?),
+        Command::CompareRuns(args) => sweeps::compare_runs(&args),
         Command::Check(args) => check::check(&args),
         Command::Schema => {
             say(format!("{:#}", config::schema()));

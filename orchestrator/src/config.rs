@@ -1,16 +1,20 @@
 //! An experiment file: from text to something that can be run, or to every problem it has.
 
 mod control;
+mod overrides;
 mod refusal;
 mod sides;
 pub mod timeline;
 
 pub use control::ControlPeriod;
+pub use overrides::Overrides;
+pub(crate) use overrides::{opened, set};
 pub use refusal::Refusal;
 pub use sides::{SideConfig, URL};
 pub use timeline::Timeline;
 
 use crate::record::{self, OutputConfig};
+use crate::sweep;
 use proto::config::{self, Choice, Default, Field, Kind, Node, Problem, Range, TableSpec, Value};
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S};
@@ -201,21 +205,6 @@ impl Start {
     }
 }
 
-/// What the command line puts over the file.
-#[derive(Clone, Debug, std::default::Default)]
-pub struct Overrides {
-    /// `--set key=value`, in order.
-    pub set: Vec<String>,
-    /// `--seed`.
-    pub seed: Option<u64>,
-    /// `--netsim`.
-    pub netsim_url: Option<String>,
-    /// `--robotsim`.
-    pub robotsim_url: Option<String>,
-    /// `--tls-ca`, `--tls-cert`, `--tls-key`.
-    pub tls: Option<Tls>,
-}
-
 /// A valid experiment.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -289,32 +278,22 @@ pub(crate) fn text_of(path: &Path) -> Result<String, Refusal> {
 ///
 /// Every problem it has, with its place.
 pub fn read(path: &Path, text: String, overrides: &Overrides) -> Result<Plan, Refusal> {
-    let mut tree = config::parse(&text)
-        .map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
-    let mut problems = Vec::new();
-    for assignment in &overrides.set {
-        if let Err(problem) = set(&mut tree, assignment) {
-            problems.push(problem);
-        }
-    }
-    if let Some(seed) = overrides.seed {
-        match i64::try_from(seed) {
-            Ok(seed) => {
-                if let Err(problem) = tree.set("experiment.seed", Value::Integer(seed)) {
-                    problems.push(problem);
-                }
-            }
-            Err(_) => problems.push(
-                Problem::new("--seed", format!("must be at most {}", i64::MAX))
-                    .value(seed)
-                    .nearest(i64::MAX),
-            ),
-        }
-    }
+    let (tree, problems) = opened(path, &text, overrides)?;
+    of_tree(path, &text, &tree, overrides, problems)
+}
+
+/// Checks an experiment that has been parsed, adding to what was wrong with it before.
+pub(crate) fn of_tree(
+    path: &Path,
+    text: &str,
+    tree: &Node,
+    overrides: &Overrides,
+    mut problems: Vec<Problem>,
+) -> Result<Plan, Refusal> {
     let base = path.parent().unwrap_or(Path::new(""));
-    match plan(path, &text, &tree, base, overrides, &mut problems) {
+    match plan(path, text, tree, base, overrides, &mut problems) {
         Some(plan) if problems.is_empty() => Ok(plan),
-        _ => Err(Refusal::new(path, &text, &tree, problems)),
+        _ => Err(Refusal::new(path, text, tree, problems)),
     }
 }
 
@@ -354,6 +333,7 @@ pub fn schema() -> serde_json::Value {
                 "items": section(&timeline::SPEC, false),
             },
             "output": section(&record::output::SPEC, false),
+            "sweep": section(&sweep::spec::SPEC, false),
         },
         "required": ["experiment"],
         "additionalProperties": false,
@@ -370,22 +350,6 @@ fn foreign(what: &str) -> serde_json::Value {
     })
 }
 
-/// `--set key=value`: the value is TOML, or a bare word taken as a text.
-pub(crate) fn set(tree: &mut Node, assignment: &str) -> Result<(), Problem> {
-    let (key, value) = assignment.split_once('=').ok_or_else(|| {
-        Problem::new(format!("--set {assignment}"), "must be key=value, such as experiment.seed=2")
-    })?;
-    let (key, value) = (key.trim(), value.trim());
-    let parsed: toml::Value = toml::from_str::<toml::Table>(&format!("v = {value}"))
-        .ok()
-        .and_then(|mut table| table.remove("v"))
-        .unwrap_or_else(|| toml::Value::String(value.to_owned()));
-    tree.set(key, Value::from(&parsed)).map_err(|problem| Problem {
-        message: format!("{} (in --set {assignment})", problem.message),
-        ..problem
-    })
-}
-
 /// Builds the plan, collecting problems. `None` only where there are problems.
 fn plan(
     path: &Path,
@@ -399,6 +363,13 @@ fn plan(
     if let Value::Table(entries) = &tree.value {
         for (key, ..) in entries {
             if !SECTIONS.contains(&key.as_str()) {
+                if key == sweep::spec::KEY {
+                    problems.push(Problem::new(
+                        key,
+                        "makes many experiments of this one: orchestrator sweep runs them",
+                    ));
+                    continue;
+                }
                 let mut problem = Problem::new(key, "is not a known section");
                 problem.nearest = config::most_similar(key, SECTIONS).map(str::to_owned);
                 if problem.nearest.is_none() {

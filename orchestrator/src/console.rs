@@ -27,6 +27,7 @@ pub struct Progress {
     n_steps: u64,
     begun: Instant,
     shown: Instant,
+    is_hidden: bool,
 }
 
 /// How often a line is printed where there is no terminal.
@@ -45,7 +46,26 @@ impl Progress {
                 .with_style(style)
         });
         let now = Instant::now();
-        Self { bar, n_steps, begun: now, shown: now }
+        Self { bar, n_steps, begun: now, shown: now, is_hidden: false }
+    }
+
+    /// Shows nothing.
+    #[must_use]
+    pub fn hidden() -> Self {
+        let now = Instant::now();
+        Self { bar: None, n_steps: 0, begun: now, shown: now, is_hidden: true }
+    }
+
+    /// `done` of `n` trials are done, `n_now` of them since this began.
+    pub fn trials(&mut self, done: u64, n: u64, n_now: u64) {
+        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
+        if self.shown.elapsed() < every && done < n {
+            return;
+        }
+        self.shown = Instant::now();
+        let rate = n_now as f64 / self.begun.elapsed().as_secs_f64();
+        let left_s = n.saturating_sub(done) as f64 / rate;
+        self.show(done, format!("{done} of {n} trials  {rate:.1} a second  {left_s:.0} s left"));
     }
 
     /// Step `step` is done and stands at `time_ns`.
@@ -89,7 +109,7 @@ impl Progress {
 
     fn is_time(&mut self, step: u64) -> bool {
         // The clock is not looked at more often than a person could tell.
-        if self.bar.is_none() && !step.is_multiple_of(16) {
+        if self.is_hidden || self.bar.is_none() && !step.is_multiple_of(16) {
             return false;
         }
         let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };

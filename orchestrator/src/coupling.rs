@@ -224,30 +224,26 @@ impl Coupled {
     ///
     /// A side does not stand where it should.
     pub async fn close(mut self) -> Result<(), SideError> {
-        let mut result = Ok(());
-        if self.step != 0 {
-            let (step, time_ns) = (self.step, self.time_ns);
-            let digest: Digest = self.agreed[..].try_into().unwrap_or_default();
-            result = async {
-                check(
-                    Robots::SIDE,
-                    &self.robots.barrier(step, time_ns).await?,
-                    step,
-                    time_ns,
-                    &digest,
-                )?;
-                check(
-                    Network::SIDE,
-                    &self.network.barrier(step, time_ns).await?,
-                    step,
-                    time_ns,
-                    &digest,
-                )
-            }
-            .await;
-        }
+        let result = self.confirm().await;
         self.stop().await;
         result
+    }
+
+    /// A last barrier, so that a session's last step is confirmed like all others.
+    ///
+    /// # Errors
+    ///
+    /// A side does not stand where it should.
+    pub async fn confirm(&mut self) -> Result<(), SideError> {
+        if self.step == 0 {
+            return Ok(());
+        }
+        let (step, time_ns) = (self.step, self.time_ns);
+        let digest: Digest = self.agreed[..].try_into().unwrap_or_default();
+        let robots = self.robots.barrier(step, time_ns).await?;
+        check(Robots::SIDE, &robots, step, time_ns, &digest)?;
+        let network = self.network.barrier(step, time_ns).await?;
+        check(Network::SIDE, &network, step, time_ns, &digest)
     }
 
     /// Ends both sides as they are.

@@ -7,6 +7,8 @@
 //! | [`cli`] | the command line |
 //! | [`config`] | an experiment file: to something that can be run, or to every problem it has |
 //! | [`run`] | one experiment from file to results |
+//! | [`mod@sweep`] | many experiments that differ in what a sweep says |
+//! | [`mod@compare_runs`] | what changed from one run, or one sweep, to another |
 //! | [`coupling`] | keeping the two simulators in step |
 //! | [`peer`] | one simulator as the orchestrator sees it: process, connection, deadlines |
 //! | [`record`] | what a run leaves |
@@ -26,6 +28,7 @@ pub mod bench;
 pub mod check;
 pub mod cli;
 pub mod compare;
+pub mod compare_runs;
 pub mod config;
 pub mod conformance;
 pub mod console;
@@ -39,3 +42,4 @@ pub mod record;
 pub mod report;
 pub mod run;
 pub mod study;
+pub mod sweep;

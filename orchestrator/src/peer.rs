@@ -23,7 +23,7 @@ use tonic::{Code, Status, Streaming};
 const PATIENCE: Duration = Duration::from_secs(2);
 /// How long it may take to give one.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(3);
-/// How long an answer is waited for awake.
+/// How long an answer is waited for awake, where nothing else waits for the processor.
 const AWAKE: Duration = Duration::from_micros(100);
 /// How long connecting, describing and configuring may take.
 const SETUP: Duration = Duration::from_secs(10);
@@ -37,6 +37,7 @@ pub struct Peer<S: Service> {
     session: Option<Session<S>>,
     streams: bool,
     step_deadline: Duration,
+    awake: Duration,
 }
 
 struct Session<S: Service> {
@@ -55,6 +56,8 @@ pub struct Reach {
     pub transport: Transport,
     /// Longest wait for a step that shows signs of life.
     pub step_deadline: Duration,
+    /// Other work waits for the processor: an answer is waited for asleep.
+    pub is_busy: bool,
     /// How to start it.
     pub launch: Launch,
 }
@@ -127,7 +130,8 @@ impl<S: Service> Peer<S> {
         }
         let streams = described.session && reach.transport != Transport::Unary;
         let step_deadline = reach.step_deadline;
-        Ok(Self { url, client, child, described, session: None, streams, step_deadline })
+        let awake = if reach.is_busy { Duration::ZERO } else { AWAKE };
+        Ok(Self { url, client, child, described, session: None, streams, step_deadline, awake })
     }
 
     /// What it says of itself.
@@ -265,7 +269,7 @@ impl<S: Service> Peer<S> {
         let early = tokio::select! {
             biased;
             result = &mut call => Some(result),
-            () = stay_awake() => None,
+            () = stay_awake(self.awake) => None,
         };
         if let Some(result) = early {
             return self.explain(doing, result).await;
@@ -344,10 +348,10 @@ impl<S: Service> Peer<S> {
     }
 }
 
-/// Gives everything else its turn, without sleeping, for as long as [`AWAKE`].
-async fn stay_awake() {
+/// Gives everything else its turn, without sleeping, for so long.
+async fn stay_awake(awake: Duration) {
     let begun = Instant::now();
-    while begun.elapsed() < AWAKE {
+    while begun.elapsed() < awake {
         tokio::task::yield_now().await;
     }
 }

@@ -3,7 +3,7 @@
 mod figures;
 mod network;
 pub(crate) mod svg;
-mod text;
+pub(crate) mod text;
 
 use crate::record::{Measures, RunHeader, TRUTH_BASELINE};
 use figures::Figure;

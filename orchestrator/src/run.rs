@@ -4,8 +4,10 @@ mod drive;
 mod interrupt;
 mod provenance;
 mod start;
+mod trial;
 
-pub use start::{StartOptions, start};
+pub use start::{StartOptions, Wanted, start};
+pub use trial::{Outcome, Sides, Trial};
 
 use crate::config::{self, Overrides, Refusal};
 use crate::console;
@@ -138,7 +140,7 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
         .map_err(|error| RunError::Record { error, before_start: true })?;
     let started = tokio::select! {
         biased;
-        started = start(&plan, &options.start, true) => started,
+        started = start(&plan, &options.start, Wanted::Record) => started,
         // What was started ends with the future that holds it.
         signal = interrupt.first() => Err(RunError::Interrupted { signal }),
     };

@@ -58,6 +58,8 @@ pub enum Purpose {
     Gust = 22,
     /// Which blocks of measurements a resample has. Entity: resample; time: number of the draw.
     Resample = 23,
+    /// Samples of a sweep's ranges. Entity: range; time: sample.
+    Sweep = 24,
 }
 
 /// The draws of one purpose under one seed.

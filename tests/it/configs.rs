@@ -18,6 +18,22 @@ fn is_network(path: &Path) -> bool {
     std::fs::read_to_string(path).unwrap().contains("mode = \"6tisch\"")
 }
 
+fn is_sweep(path: &Path) -> bool {
+    std::fs::read_to_string(path).unwrap().contains("[sweep]")
+}
+
+/// Runs a sweep with one seed of its many, shortened.
+fn swept(path: &Path, folder: &Path) {
+    let (config, out) = (path.to_str().unwrap(), folder.to_str().unwrap());
+    let always = ["sweep", config, "--out", out, "--set", "sweep.seeds=1"];
+    let output = tests::orchestrator(&[&always[..], &shortened(path)].concat(), folder);
+    assert!(output.status.success(), "{}", tests::said(&output));
+    let dir = folder.join(path.file_stem().unwrap());
+    for file in ["sweep.toml", "trials.parquet", "summary.json", "report.html", "provenance.json"] {
+        assert!(dir.join(file).exists(), "{} left no {file}", path.display());
+    }
+}
+
 /// What makes a run of it short: less time, fewer robots, and where the network has to form, less of RFC 8180's wait for beacons. A
 /// timeline takes the time it takes.
 fn shortened(path: &Path) -> Vec<&'static str> {
@@ -54,6 +70,10 @@ fn each_is_good_and_leaves_a_record_that_verifies() {
         let config = path.to_str().unwrap();
         let checked = tests::orchestrator(&["check", config], folder.path());
         assert!(checked.status.success(), "{}", tests::said(&checked));
+        if is_sweep(&path) {
+            swept(&path, folder.path());
+            continue;
+        }
         if config.ends_with("external-robots.toml") {
             // Its robots are a program in another language: tests/external runs it.
             continue;

@@ -28,7 +28,7 @@ fn page(schema: &Value) -> String {
          Unknown keys, wrong types and impossible values are refused, all of them at once.\n\
          `--set netsim.phy.propagation=friis` overrides any key on the command line, `--seed N` the seed.\n",
     );
-    for section in ["experiment", "site", "robotsim", "netsim", "timeline", "output"] {
+    for section in ["experiment", "site", "robotsim", "netsim", "timeline", "output", "sweep"] {
         let mut schema = &schema["properties"][section];
         if let Some(alternatives) = schema["anyOf"].as_array() {
             schema = &alternatives[0];

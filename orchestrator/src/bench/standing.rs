@@ -6,7 +6,7 @@ use super::{
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::Coupled;
 use crate::record::Recorder;
-use crate::run::{RunError, start};
+use crate::run::{RunError, Wanted, start};
 use proto::convert;
 use proto::types::{NS_PER_S, seconds};
 use serde_json::{Value, json};
@@ -162,7 +162,7 @@ async fn measure(row: Row, options: &BenchOptions) -> Result<Cell, RunError> {
     })?;
     let path = folder.path().join("bench.toml");
     let plan = config::read(Path::new(&path), row.config(), &Overrides::default())?;
-    let started = start(&plan, &options.start, true).await?;
+    let started = start(&plan, &options.start, Wanted::Record).await?;
     let mut coupled = started.coupled;
     let path = folder.path().join("record");
     let mut recorder = Some(begin_record(&path, started.header, started.exchange)?);

@@ -7,7 +7,7 @@ use super::{
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::Coupled;
 use crate::record::Recorder;
-use crate::run::{RunError, start};
+use crate::run::{RunError, Wanted, start};
 use proto::types::{NS_PER_S, seconds};
 use serde_json::{Value, json};
 use std::fmt;
@@ -91,7 +91,7 @@ pub(super) async fn bench(
     let mut cells = Vec::new();
     for &row in rows {
         let plan = plan(row.agents)?;
-        let started = start(&plan, &options.start, true).await?;
+        let started = start(&plan, &options.start, Wanted::Record).await?;
         let folder = temporary_folder()?;
         let path = folder.path().join("record");
         let mut coupled = started.coupled;

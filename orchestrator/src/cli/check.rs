@@ -7,6 +7,7 @@ use crate::config;
 use crate::console::{say, warn};
 use crate::measure::config::Compared;
 use crate::measure::table::Table;
+use crate::sweep;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -29,6 +30,7 @@ pub(super) struct CheckArgs {
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     match (&args.data, &args.config) {
         (Some(data), _) => check_data(args, data),
+        (None, Some(config)) if sweep::is_sweep(config) => check_sweep(args, config),
         (None, Some(config)) => check_experiment(args, config),
         (None, None) => Ok(()),
     }
@@ -43,6 +45,22 @@ fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     account_json(&checked.account, &mut checked.json);
     say(checked.text.trim_end());
     write_json(args.json.as_deref(), &checked.json)
+}
+
+fn check_sweep(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
+    let (n_settings, n_trials, warnings) =
+        sweep::check(config, &args.change.overrides()).map_err(Failure::request)?;
+    for warning in &warnings {
+        warn(warning);
+    }
+    say(format!("{}: good. A sweep of {n_settings} settings, {n_trials} trials", config.display()));
+    let found = serde_json::json!({
+        "schema": "check/1",
+        "settings": n_settings,
+        "trials": n_trials,
+        "warnings": warnings,
+    });
+    write_json(args.json.as_deref(), &found)
 }
 
 fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {

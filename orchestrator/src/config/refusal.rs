@@ -45,6 +45,16 @@ impl Refusal {
         Self { path: path.to_owned(), problems: placed }
     }
 
+    /// Adds those of another reading of the same file.
+    pub(crate) fn merge(&mut self, other: Self) {
+        for problem in other.problems {
+            if !self.problems.contains(&problem) {
+                self.problems.push(problem);
+            }
+        }
+        self.problems.sort_by_key(|problem| problem.line.as_ref().map_or(0, |(n, _)| *n));
+    }
+
     /// Number of problems.
     #[must_use]
     pub fn n_problems(&self) -> usize {

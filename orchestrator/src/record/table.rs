@@ -38,6 +38,17 @@ pub struct ColumnShape {
     pub doc: &'static str,
 }
 
+/// A column of a table.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Heading<'a> {
+    /// Its name.
+    pub(crate) name: &'a str,
+    /// Its type.
+    pub(crate) kind: ColumnKind,
+    /// It may be null.
+    pub(crate) is_nullable: bool,
+}
+
 /// The type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColumnKind {
@@ -110,19 +121,30 @@ impl Table {
         shape: &'static TableShape,
         further: &[String],
     ) -> Result<Self, RecordError> {
-        let path = dir.join(shape.file);
+        let own = shape.columns.iter().map(|column| Heading {
+            name: column.name,
+            kind: column.kind,
+            is_nullable: !column.null_when.is_empty(),
+        });
+        let further =
+            further.iter().map(|name| Heading { name, kind: ColumnKind::F64, is_nullable: true });
+        Self::create_of(dir.join(shape.file), &own.chain(further).collect::<Vec<_>>())
+    }
+
+    /// Begins a file with these columns, of which there is at least one.
+    pub(crate) fn create_of(path: PathBuf, headings: &[Heading<'_>]) -> Result<Self, RecordError> {
         let file = WholeFile::create(path.clone())?;
         let failed = |source| RecordError::Table { path: path.clone(), source };
-        let schema = parse_message_type(&schema_text(shape, further)).map_err(failed)?;
-        let writer = SerializedFileWriter::new(file, Arc::new(schema), properties(shape)?)
-            .map_err(failed)?;
-        let further = further.iter().map(|_| Column::new(ColumnKind::F64, true));
-        let columns = shape
-            .columns
-            .iter()
-            .map(|column| Column::new(column.kind, !column.null_when.is_empty()))
-            .chain(further)
-            .collect();
+        let name = path.file_stem().map(|name| name.to_string_lossy()).unwrap_or_default();
+        let schema = parse_message_type(&schema_text(&name, headings)).map_err(failed)?;
+        let writer = SerializedFileWriter::new(
+            file,
+            Arc::new(schema),
+            properties(headings).map_err(failed)?,
+        )
+        .map_err(failed)?;
+        let columns =
+            headings.iter().map(|heading| Column::new(heading.kind, heading.is_nullable)).collect();
         Ok(Self { path, writer, columns, n_rows: 0, n_written: 0 })
     }
 
@@ -247,13 +269,12 @@ impl Column {
     }
 }
 
-fn schema_text(shape: &TableShape, further: &[String]) -> String {
-    let mut columns: String = shape
-        .columns
+fn schema_text(name: &str, headings: &[Heading<'_>]) -> String {
+    let columns: String = headings
         .iter()
-        .map(|column| {
-            let presence = if column.null_when.is_empty() { "required" } else { "optional" };
-            let (kind, annotation) = match column.kind {
+        .map(|heading| {
+            let presence = if heading.is_nullable { "optional" } else { "required" };
+            let (kind, annotation) = match heading.kind {
                 ColumnKind::Bool => ("boolean", ""),
                 ColumnKind::F32 => ("float", ""),
                 ColumnKind::F64 => ("double", ""),
@@ -261,30 +282,27 @@ fn schema_text(shape: &TableShape, further: &[String]) -> String {
                 ColumnKind::U64 => ("int64", " (INTEGER(64,false))"),
                 ColumnKind::Text => ("binary", " (STRING)"),
             };
-            format!("{presence} {kind} {}{annotation};\n", column.name)
+            format!("{presence} {kind} {}{annotation};\n", heading.name)
         })
         .collect();
-    columns.extend(further.iter().map(|name| format!("optional double {name};\n")));
-    format!("message {} {{\n{columns}}}", shape.file.trim_end_matches(".parquet"))
+    format!("message {name} {{\n{columns}}}")
 }
 
-fn properties(shape: &TableShape) -> Result<WriterPropertiesPtr, RecordError> {
-    let level = ZstdLevel::try_new(1)
-        .map_err(|source| RecordError::Table { path: shape.file.into(), source })?;
+fn properties(headings: &[Heading<'_>]) -> Result<WriterPropertiesPtr, ParquetError> {
     let mut properties = WriterProperties::builder()
         .set_created_by("murmuration".to_owned())
-        .set_compression(Compression::ZSTD(level))
+        .set_compression(Compression::ZSTD(ZstdLevel::try_new(1)?))
         .set_dictionary_enabled(false)
         .set_statistics_enabled(EnabledStatistics::Chunk)
         .set_offset_index_disabled(true);
-    for column in shape.columns {
-        let encoding = match column.kind {
+    for heading in headings {
+        let encoding = match heading.kind {
             ColumnKind::U32 | ColumnKind::U64 => Encoding::DELTA_BINARY_PACKED,
             ColumnKind::Bool | ColumnKind::F32 | ColumnKind::F64 | ColumnKind::Text => {
                 Encoding::PLAIN
             }
         };
-        properties = properties.set_column_encoding(ColumnPath::from(column.name), encoding);
+        properties = properties.set_column_encoding(ColumnPath::from(heading.name), encoding);
     }
     Ok(Arc::new(properties.build()))
 }

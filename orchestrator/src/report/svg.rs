@@ -17,13 +17,22 @@ pub(crate) struct Axis {
     is_percent: bool,
     /// Least distance of ticks.
     least_step: f64,
+    /// Words at 0, 1, 2, … in place of numbers.
+    names: Vec<String>,
 }
 
 impl Axis {
     /// An axis from `min` to `max`, or to one more where that is no further.
     pub(crate) fn new(label: &str, min: f64, max: f64) -> Self {
         let max = if min < max { max } else { min + 1.0 };
-        Self { label: label.to_owned(), min, max, is_percent: false, least_step: 0.0 }
+        Self {
+            label: label.to_owned(),
+            min,
+            max,
+            is_percent: false,
+            least_step: 0.0,
+            names: Vec::new(),
+        }
     }
 
     /// The same with ticks in per cent.
@@ -38,6 +47,12 @@ impl Axis {
         self
     }
 
+    /// The same with words at 0, 1, 2, … in place of numbers.
+    pub(crate) fn named(mut self, names: &[String]) -> Self {
+        self.names = names.to_vec();
+        self
+    }
+
     /// Distance between ticks if there are to be about `n`.
     fn step(&self, n: f64) -> f64 {
         round_step(((self.max - self.min) / n).max(self.least_step))
@@ -45,6 +60,9 @@ impl Axis {
 
     /// Round numbers along the axis, about `n` of them.
     fn ticks(&self, n: f64) -> Vec<f64> {
+        if !self.names.is_empty() {
+            return (0..self.names.len()).map(|name| name as f64).collect();
+        }
         let step = self.step(n);
         let first = libm::ceil(self.min / step - 1e-9);
         let last = libm::floor(self.max / step + 1e-9);
@@ -52,6 +70,9 @@ impl Axis {
     }
 
     fn tick_label(&self, tick: f64, step: f64) -> String {
+        if let Some(name) = self.names.get(tick.max(0.0) as usize) {
+            return escape(name);
+        }
         if self.is_percent {
             return format!("{:.0} %", 100.0 * tick);
         }
@@ -157,6 +178,16 @@ impl Chart {
         if !path.is_empty() {
             let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
         }
+    }
+
+    /// What is drawn from here to [`Self::close`] belongs to a class.
+    pub(crate) fn open(&mut self, class: &str) {
+        let _ = write!(self.body, "<g class=\"{class}\">");
+    }
+
+    /// The end of what [`Self::open`] began.
+    pub(crate) fn close(&mut self) {
+        self.body.push_str("</g>");
     }
 
     /// A ring around a point.

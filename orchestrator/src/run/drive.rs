@@ -5,7 +5,7 @@ use crate::config::Plan;
 use crate::console::Progress;
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
 use crate::peer::SideError;
-use crate::record::{RecordError, Recorder, StepRecord};
+use crate::record::{RecordError, StepRecord, Steps};
 use proto::types::{Formation, NetRecord, seconds};
 use std::fmt::Write as _;
 
@@ -33,7 +33,9 @@ pub(super) enum Failure {
 pub(super) struct Driver<'a> {
     plan: &'a Plan,
     coupled: &'a mut Coupled,
-    recorder: &'a mut Recorder,
+    recorder: &'a mut dyn Steps,
+    /// How far it is, is shown.
+    is_shown: bool,
     /// The robots stand still until the network has formed.
     waits: bool,
     /// Records of a state that the network keeps.
@@ -56,11 +58,30 @@ impl<'a> Driver<'a> {
         waits: bool,
         records: Vec<NetRecord>,
         coupled: &'a mut Coupled,
-        recorder: &'a mut Recorder,
+        recorder: &'a mut dyn Steps,
     ) -> Self {
         let states = records.into_iter().filter(|record| record.is_state()).collect();
         let has_formed = is_formed(coupled);
-        Self { plan, coupled, recorder, waits, states, has_formed, has_just_formed: false }
+        let is_shown = true;
+        Self {
+            plan,
+            coupled,
+            recorder,
+            is_shown,
+            waits,
+            states,
+            has_formed,
+            has_just_formed: false,
+        }
+    }
+
+    /// Without showing how far it is.
+    pub(super) fn quiet(self) -> Self {
+        Self { is_shown: false, ..self }
+    }
+
+    fn progress(&self, n_steps: u64) -> Progress {
+        if self.is_shown { Progress::new(n_steps) } else { Progress::hidden() }
     }
 
     /// Steps until the time is up, the robots are done, or someone says stop.
@@ -77,7 +98,7 @@ impl<'a> Driver<'a> {
     async fn form(&mut self, interrupt: &mut Interrupt) -> Result<Option<&'static str>, Failure> {
         let limit_ns = self.plan.formation_limit_ns;
         let step_ns = self.plan.experiment.step_ns;
-        let mut progress = Progress::new(limit_ns.div_ceil(step_ns));
+        let mut progress = self.progress(limit_ns.div_ceil(step_ns));
         while !self.has_formed {
             if limit_ns <= self.coupled.time_ns() {
                 progress.finish();
@@ -107,7 +128,7 @@ impl<'a> Driver<'a> {
         let end_ns = start_ns.saturating_add(self.plan.duration_ns);
         let step_ns = self.plan.experiment.step_ns;
         let first_step = self.coupled.step_number();
-        let mut progress = Progress::new(self.plan.duration_ns.div_ceil(step_ns));
+        let mut progress = self.progress(self.plan.duration_ns.div_ceil(step_ns));
         while self.coupled.time_ns() < end_ns {
             let outcome = match self.step(false, start_ns, end_ns, interrupt).await? {
                 Stepped::Done(outcome) => outcome,

@@ -25,6 +25,19 @@ pub struct StartOptions {
     pub log: String,
     /// Log as JSON.
     pub log_json: bool,
+    /// Other work waits for the processors: answers are waited for asleep.
+    pub is_busy: bool,
+}
+
+/// What is asked of the network beside what the robots need.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// Nothing.
+    Nothing,
+    /// What the summary is made of.
+    Measures,
+    /// What `[output]` says.
+    Record,
 }
 
 /// Both sides, ready for the first step.
@@ -72,17 +85,31 @@ fn identity<S: Service>(peer: &Peer<S>) -> SideIdentity {
     }
 }
 
-/// Starts, connects and configures both sides. `record`: the columns that the record wants are asked for.
+/// Starts, connects and configures both sides.
 ///
 /// # Errors
 ///
 /// A side cannot be started or reached, or refuses its configuration.
-pub async fn start(plan: &Plan, options: &StartOptions, record: bool) -> Result<Started, RunError> {
+pub async fn start(
+    plan: &Plan,
+    options: &StartOptions,
+    wanted: Wanted,
+) -> Result<Started, RunError> {
+    let (robots, network) = connect(plan, options).await?;
+    ready(plan, robots, network, wanted).await
+}
+
+/// Starts both sides where the plan does not say that they run already, and connects to them.
+pub(super) async fn connect(
+    plan: &Plan,
+    options: &StartOptions,
+) -> Result<(Peer<Robots>, Peer<Network>), RunError> {
     let reach = |url: &Option<String>| Reach {
         url: url.clone(),
         tls: plan.tls.clone(),
         transport: plan.transport,
         step_deadline: Duration::from_secs_f64(plan.step_deadline_s),
+        is_busy: options.is_busy,
         launch: Launch {
             executable: options.executable.clone(),
             threads: options.threads,
@@ -95,21 +122,30 @@ pub async fn start(plan: &Plan, options: &StartOptions, record: bool) -> Result<
         Peer::<Robots>::connect(&robots_reach),
         Peer::<Network>::connect(&network_reach)
     );
-    let (mut robots, mut network) = match (robots, network) {
-        (Ok(robots), Ok(network)) => (robots, network),
+    match (robots, network) {
+        (Ok(robots), Ok(network)) => Ok((robots, network)),
         (Err(error), Ok(network)) => {
             network.stop().await;
-            return Err(side(error));
+            Err(side(error))
         }
         (Ok(robots), Err(error)) => {
             robots.stop().await;
-            return Err(side(error));
+            Err(side(error))
         }
         (Err(robots), Err(network)) => {
-            return Err(side(SideError::Both(Box::new(robots), Box::new(network))));
+            Err(side(SideError::Both(Box::new(robots), Box::new(network))))
         }
-    };
-    match configure(plan, &mut robots, &mut network, record).await {
+    }
+}
+
+/// Configures both sides, whatever they ran before. If that fails they are stopped.
+pub(super) async fn ready(
+    plan: &Plan,
+    mut robots: Peer<Robots>,
+    mut network: Peer<Network>,
+    wanted: Wanted,
+) -> Result<Started, RunError> {
+    match configure(plan, &mut robots, &mut network, wanted).await {
         Ok(Agreed { exchange, warnings, start }) => {
             let identities = (identity(&robots), identity(&network));
             let header = header(plan, &exchange, start);
@@ -153,7 +189,7 @@ fn announced(
     plan: &Plan,
     robots: &Peer<Robots>,
     network: &Peer<Network>,
-    record: bool,
+    wanted: Wanted,
 ) -> Result<(), RunError> {
     let coupling = plan.experiment.coupling;
     if coupling != Coupling::Sequential {
@@ -189,7 +225,10 @@ fn announced(
         }
     }
     let capture: i32 = v1::NetRecord::from(NetRecord::Capture).into();
-    if record && plan.output.pcap && !network.described().records.contains(&capture) {
+    if wanted == Wanted::Record
+        && plan.output.pcap
+        && !network.described().records.contains(&capture)
+    {
         let what = format!(
             "{} does not announce a capture of its radio traffic, which output.pcap = true asks for",
             network.described().name
@@ -254,9 +293,9 @@ async fn configure(
     plan: &Plan,
     robots: &mut Peer<Robots>,
     network: &mut Peer<Network>,
-    record: bool,
+    wanted: Wanted,
 ) -> Result<Agreed, RunError> {
-    announced(plan, robots, network, record)?;
+    announced(plan, robots, network, wanted)?;
     let coupling = plan.experiment.coupling;
     let (seed, agent_count, step_ns) =
         (plan.experiment.seed, plan.experiment.agent_count as u32, plan.experiment.step_ns);
@@ -276,8 +315,13 @@ async fn configure(
         config_toml: sent(robots, &plan.robotsim),
         files: files(&plan.robotsim),
     };
-    let wanted: &[DeliveryColumn] = if record { plan.output.columns() } else { &[] };
-    let wanted_records = if record { plan.output.records() } else { Vec::new() };
+    let (columns, wanted_records): (&[DeliveryColumn], _) = match wanted {
+        Wanted::Nothing => (&[], Vec::new()),
+        // Of the columns of links the delay alone is in the summary.
+        Wanted::Measures if plan.output.columns().is_empty() => (&[], MEASURED.to_vec()),
+        Wanted::Measures => (&[DeliveryColumn::ReceivedNs], MEASURED.to_vec()),
+        Wanted::Record => (plan.output.columns(), plan.output.records()),
+    };
     let network_request = v1::NetSimServiceConfigureRequest {
         seed,
         agent_count,
@@ -285,7 +329,7 @@ async fn configure(
         coupling,
         site_toml: plan.site_toml.clone(),
         config_toml: sent(network, &plan.netsim),
-        columns: wanted
+        columns: columns
             .iter()
             .map(|&column| v1::DeliveryColumn::from(column).into())
             .filter(|column| network.described().columns.contains(column))
@@ -332,7 +376,7 @@ async fn configure(
         net_response: network_response,
     };
     let kept = records(&exchange);
-    if record && plan.output.pcap && !kept.contains(&NetRecord::Capture) {
+    if wanted == Wanted::Record && plan.output.pcap && !kept.contains(&NetRecord::Capture) {
         warnings.push(
             "output.pcap: the network, as it is configured, has no radio traffic to capture"
                 .to_owned(),
@@ -413,6 +457,9 @@ fn effective(reply: &str, side: &SideConfig) -> toml::Table {
     table.extend(toml::from_str::<toml::Table>(text).unwrap_or_default());
     table
 }
+
+/// The records that the summary is made of.
+const MEASURED: [NetRecord; 2] = [NetRecord::Packets, NetRecord::Statistics];
 
 fn cannot(side: &'static str, what: String) -> SideError {
     SideError::Cannot { side, what }

@@ -1,0 +1,84 @@
+//! The commands that run many experiments.
+
+use super::{Failure, FileArgs, place_for, write_json};
+use crate::compare_runs;
+use crate::console::{say, warn};
+use crate::report::text::counted;
+use crate::run::StartOptions;
+use crate::sweep::{self, SweepOptions};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub(super) struct SweepArgs {
+    #[command(flatten)]
+    file: FileArgs,
+    /// Folder of results: the sweep gets a folder of its name in it, and goes on with what it finds there
+    #[arg(long, alias = "output", value_name = "DIR", default_value = "runs")]
+    out: PathBuf,
+    /// Trials at the same time [default: as many as there are cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
+    /// Threads of each simulator; results do not depend on it
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: u16,
+    /// Run all trials again, also those that are done
+    #[arg(long)]
+    restart: bool,
+}
+
+/// `orchestrator sweep`.
+pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure> {
+    if let Some(path) = &args.file.json {
+        place_for("--json", path).map_err(Failure::request)?;
+    }
+    let options = SweepOptions {
+        config: args.file.config.clone(),
+        overrides: args.file.change.overrides(),
+        out: args.out.clone(),
+        start: StartOptions { is_busy: true, ..start },
+        jobs: args.jobs.map(usize::from),
+        restart: args.restart,
+    };
+    let report = sweep::sweep(&options)
+        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+    for warning in report.summary["warnings"].as_array().into_iter().flatten() {
+        warn(warning.as_str().unwrap_or_default());
+    }
+    let before = match report.n_before {
+        0 => String::new(),
+        n => format!(", {n} of them done before"),
+    };
+    say(format!(
+        "{}: {}{before} in {:.1} s, {} of simulators started",
+        report.summary["name"].as_str().unwrap_or("sweep"),
+        counted(report.n_trials as u64, "trial"),
+        report.wall_s,
+        counted(report.n_starts, "pair")
+    ));
+    say(&report.text);
+    say(format!("results in {}", report.dir.display()));
+    say(format!("look at {}", report.dir.join("report.html").display()));
+    write_json(args.file.json.as_deref(), &report.summary)
+}
+
+#[derive(Args)]
+pub(super) struct CompareRunsArgs {
+    /// Folder of a run or of a sweep
+    a: PathBuf,
+    /// Folder of another
+    b: PathBuf,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// `orchestrator compare-runs`.
+pub(super) fn compare_runs(args: &CompareRunsArgs) -> Result<(), Failure> {
+    let changes = compare_runs::compare_runs(&args.a, &args.b).map_err(Failure::request)?;
+    for warning in &changes.warnings {
+        warn(warning);
+    }
+    say(&changes.text);
+    write_json(args.json.as_deref(), &changes.json)
+}

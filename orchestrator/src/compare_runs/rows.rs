@@ -1,0 +1,232 @@
+//! The trials of a folder, and which trial of one belongs to which of another.
+
+use super::{CompareRunsError, Pair};
+use crate::record::SCHEMA_PREFIX;
+use crate::sweep::table::{CASE, SEED, SETTING, STATUS};
+use crate::sweep::{SCHEMA, TABLE_FILE, figures};
+use parquet::errors::ParquetError;
+use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use parquet::record::Field;
+use serde_json::{Map, Value};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// What a folder holds.
+pub(super) struct Found {
+    /// The configuration.
+    pub(super) config: toml::Table,
+    /// Names of the figures, in order.
+    pub(super) figures: Vec<String>,
+    /// The trials.
+    rows: Vec<Row>,
+    /// It is a single run.
+    is_run: bool,
+}
+
+struct Row {
+    /// Case and what varies.
+    id: BTreeMap<String, String>,
+    seed: u64,
+    is_complete: bool,
+    values: BTreeMap<String, f64>,
+}
+
+/// Reads a folder.
+pub(super) fn find(path: &Path) -> Result<Found, CompareRunsError> {
+    let wrong = |reason: String| CompareRunsError::Folder { path: path.to_owned(), reason };
+    let summary: Value = std::fs::read(path.join("summary.json"))
+        .map_err(|error| format!("summary.json: {error}"))
+        .and_then(|text| {
+            serde_json::from_slice(&text).map_err(|error| format!("summary.json: {error}"))
+        })
+        .map_err(|reason| {
+            let hint = "is not a folder that a run or a finished sweep has left";
+            wrong(format!("{hint} ({reason})"))
+        })?;
+    let schema = summary["schema"].as_str().unwrap_or_default();
+    let config = |name: &str| {
+        std::fs::read_to_string(path.join(name))
+            .map_err(|error| error.to_string())
+            .and_then(|text| text.parse::<toml::Table>().map_err(|error| error.to_string()))
+            .map_err(|reason| wrong(format!("{name}: {reason}")))
+    };
+    if schema == SCHEMA {
+        let (figures, rows) =
+            table(&path.join(TABLE_FILE)).map_err(|why| wrong(format!("{TABLE_FILE}: {why}")))?;
+        Ok(Found { config: config("sweep.toml")?, figures, rows, is_run: false })
+    } else if schema.starts_with(SCHEMA_PREFIX) {
+        let mut values = Map::new();
+        figures::of_summary(&mut values, &summary);
+        let number = |value: &Value| {
+            value.as_f64().or_else(|| value.as_bool().map(|is| f64::from(u8::from(is))))
+        };
+        let values: Vec<(String, f64)> = values
+            .iter()
+            .filter_map(|(name, value)| Some((name.clone(), number(value)?)))
+            .collect();
+        let row = Row {
+            id: BTreeMap::new(),
+            seed: summary["seed"].as_u64().unwrap_or_default(),
+            is_complete: summary["status"] == "complete",
+            values: values.iter().cloned().collect(),
+        };
+        let figures = values.into_iter().map(|(name, _)| name).collect();
+        Ok(Found { config: config("config.toml")?, figures, rows: vec![row], is_run: true })
+    } else {
+        Err(wrong(format!("summary.json is of {schema:?}, neither of a run nor of a sweep")))
+    }
+}
+
+/// The figures and the rows of the table of a sweep.
+fn table(path: &Path) -> Result<(Vec<String>, Vec<Row>), ParquetError> {
+    let reader = SerializedFileReader::new(std::fs::File::open(path)?)?;
+    let mut names = Vec::new();
+    let mut rows = Vec::new();
+    for row in reader.get_row_iter(None)? {
+        let row = row?;
+        let mut found =
+            Row { id: BTreeMap::new(), seed: 0, is_complete: false, values: BTreeMap::new() };
+        let mut is_figure = false;
+        for (name, field) in row.get_column_iter() {
+            match (name.as_str(), field) {
+                (SEED, Field::ULong(seed)) => found.seed = *seed,
+                (STATUS, Field::Str(status)) => {
+                    found.is_complete = status == "complete";
+                    is_figure = true;
+                }
+                (SETTING, _) | (_, Field::Null) => {}
+                (_, Field::Double(number)) if is_figure => {
+                    found.values.insert(name.clone(), *number);
+                }
+                (_, Field::Bool(is)) if is_figure => {
+                    found.values.insert(name.clone(), f64::from(u8::from(*is)));
+                }
+                (_, Field::Str(text)) => {
+                    found.id.insert(name.clone(), text.clone());
+                }
+                (_, field) => {
+                    found.id.insert(name.clone(), field.to_string());
+                }
+            }
+        }
+        rows.push(found);
+    }
+    let columns = reader.metadata().file_metadata().schema_descr();
+    let mut is_figure = false;
+    for column in columns.columns() {
+        if is_figure {
+            names.push(column.name().to_owned());
+        }
+        is_figure |= column.name() == STATUS;
+    }
+    Ok((names, rows))
+}
+
+/// Trials with their partners, by setting.
+pub(super) struct Pairing<'a> {
+    pub(super) groups: Vec<(BTreeMap<String, String>, Vec<Pair<'a>>)>,
+    pub(super) warnings: Vec<String>,
+}
+
+/// Pairs the trials of two folders: the same setting of what both vary, the same seed.
+pub(super) fn pair<'a>(
+    paths: [&Path; 2],
+    found: [&'a Found; 2],
+) -> Result<Pairing<'a>, CompareRunsError> {
+    let mut warnings = Vec::new();
+    let [a, b] = found;
+    if a.is_run && b.is_run {
+        let (row_a, row_b) = (&a.rows[0], &b.rows[0]);
+        if row_a.seed != row_b.seed {
+            warnings.push(format!(
+                "the seeds differ ({} and {}): what changed is partly chance, and by how much cannot be told",
+                row_a.seed, row_b.seed
+            ));
+        } else {
+            warnings.push(
+                "one run each: whether another seed would show the same cannot be told; sweeps can"
+                    .to_owned(),
+            );
+        }
+        for (path, row) in [(paths[0], row_a), (paths[1], row_b)] {
+            if !row.is_complete {
+                warnings.push(format!("{} did not run to its end", path.display()));
+            }
+        }
+        let pair = Pair { seed: row_a.seed, a: &row_a.values, b: &row_b.values };
+        return Ok(Pairing { groups: vec![(BTreeMap::new(), vec![pair])], warnings });
+    }
+    let keys = |found: &Found| -> BTreeSet<String> {
+        found.rows.iter().flat_map(|row| row.id.keys().cloned()).collect()
+    };
+    let (keys_a, keys_b) = (keys(a), keys(b));
+    let common: BTreeSet<String> = keys_a.intersection(&keys_b).cloned().collect();
+    let mut indexed = Vec::new();
+    for (place, keys) in [(0, &keys_a), (1, &keys_b)] {
+        let mut index: BTreeMap<(Vec<Option<String>>, u64), &Row> = BTreeMap::new();
+        for row in &found[place].rows {
+            let id = common.iter().map(|key| row.id.get(key).cloned()).collect();
+            if index.insert((id, row.seed), row).is_some() {
+                return Err(CompareRunsError::Settings {
+                    path: paths[place].to_owned(),
+                    other: paths[1 - place].to_owned(),
+                    keys: keys.difference(&common).filter(|key| *key != CASE).cloned().collect(),
+                });
+            }
+        }
+        indexed.push(index);
+    }
+    let (index_a, index_b) = (&indexed[0], &indexed[1]);
+    let mut groups: Vec<(BTreeMap<String, String>, Vec<Pair<'a>>)> = Vec::new();
+    let (mut n_pairs, mut n_incomplete) = (0, 0);
+    // In the order of the first table.
+    for row_a in &a.rows {
+        let id: Vec<Option<String>> = common.iter().map(|key| row_a.id.get(key).cloned()).collect();
+        let Some(row_b) = index_b.get(&(id, row_a.seed)) else { continue };
+        n_pairs += 1;
+        if !row_a.is_complete || !row_b.is_complete {
+            n_incomplete += 1;
+            continue;
+        }
+        let setting: BTreeMap<String, String> =
+            row_a.id.iter().filter(|(key, _)| common.contains(*key)).map(own).collect();
+        let pair = Pair { seed: row_a.seed, a: &row_a.values, b: &row_b.values };
+        match groups.iter_mut().find(|(known, _)| *known == setting) {
+            Some((_, pairs)) => pairs.push(pair),
+            None => groups.push((setting, vec![pair])),
+        }
+    }
+    if n_pairs == 0 {
+        let [seeds_a, seeds_b] = [a, b].map(seeds);
+        let paths = paths.map(Path::to_owned);
+        return Err(CompareRunsError::NoPairs { paths, a: seeds_a, b: seeds_b });
+    }
+    for (path, index) in [(paths[0], index_a), (paths[1], index_b)] {
+        if n_pairs < index.len() {
+            warnings.push(format!(
+                "{} of {} trials of {} have no partner and are not looked at",
+                index.len() - n_pairs,
+                index.len(),
+                path.display()
+            ));
+        }
+    }
+    if n_incomplete != 0 {
+        warnings.push(format!(
+            "{n_incomplete} of {n_pairs} pairs are not looked at: a network had not formed"
+        ));
+    }
+    Ok(Pairing { groups, warnings })
+}
+
+fn own((key, value): (&String, &String)) -> (String, String) {
+    (key.clone(), value.clone())
+}
+
+/// The seeds of a folder, the first few.
+fn seeds(found: &Found) -> String {
+    let seeds: BTreeSet<u64> = found.rows.iter().map(|row| row.seed).collect();
+    let first: Vec<String> = seeds.iter().take(5).map(u64::to_string).collect();
+    let rest = if seeds.len() <= 5 { "" } else { ", …" };
+    format!("{}{rest}", first.join(", "))
+}

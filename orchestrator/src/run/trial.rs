@@ -1,0 +1,174 @@
+//! One trial after another on the same two simulators.
+
+use super::drive::{Driver, Failure, Stopped};
+use super::interrupt::Interrupt;
+use super::start::{StartOptions, Started, Wanted, connect, ready};
+use super::{RunError, failed};
+use crate::config::{Plan, Tls, Transport};
+use crate::coupling::Coupled;
+use crate::peer::{Network, Peer, Robots};
+use crate::record::{Ending, Measurer, RecordError, Recorder, Status, Steps};
+use serde_json::Value;
+use std::path::Path;
+
+/// Two simulators that stay from trial to trial: each is configured anew, none is started anew.
+pub struct Sides {
+    options: StartOptions,
+    interrupt: Interrupt,
+    peers: Option<(Reached, Peer<Robots>, Peer<Network>)>,
+    n_starts: u64,
+}
+
+/// What a connection depends on.
+#[derive(Clone, Debug, PartialEq)]
+struct Reached {
+    urls: [Option<String>; 2],
+    tls: Option<Tls>,
+    transport: Transport,
+    step_deadline_s: f64,
+}
+
+impl Reached {
+    fn of(plan: &Plan) -> Self {
+        Self {
+            urls: [plan.robotsim.url.clone(), plan.netsim.url.clone()],
+            tls: plan.tls.clone(),
+            transport: plan.transport,
+            step_deadline_s: plan.step_deadline_s,
+        }
+    }
+}
+
+/// What is to be run.
+#[derive(Clone, Copy, Debug)]
+pub struct Trial<'a> {
+    /// The experiment.
+    pub plan: &'a Plan,
+    /// Where all that a run leaves is to be kept; `None`: only its measures.
+    pub keep_in: Option<&'a Path>,
+}
+
+/// What came of a trial.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Its summary.
+    pub summary: Value,
+    /// Why the network had not formed in time: who is missing.
+    pub not_formed: Option<String>,
+}
+
+impl Sides {
+    /// Nothing is started yet. Within a runtime only: signals are listened for from here on.
+    #[must_use]
+    pub fn new(options: StartOptions) -> Self {
+        Self { options, interrupt: Interrupt::listen(), peers: None, n_starts: 0 }
+    }
+
+    /// How often simulators were started or connected to.
+    #[must_use]
+    pub fn n_starts(&self) -> u64 {
+        self.n_starts
+    }
+
+    /// Runs a trial.
+    ///
+    /// # Errors
+    ///
+    /// See [`RunError`]; that the network has not formed is an outcome. Simulators that failed are started anew for the
+    /// next trial.
+    pub async fn run(&mut self, trial: &Trial<'_>) -> Result<Outcome, RunError> {
+        let reached = Reached::of(trial.plan);
+        let (robots, network) = match self.peers.take() {
+            Some((now, robots, network)) if now == reached => (robots, network),
+            other => {
+                if let Some((_, robots, network)) = other {
+                    tokio::join!(robots.stop(), network.stop());
+                }
+                self.n_starts += 1;
+                connect(trial.plan, &self.options).await?
+            }
+        };
+        let wanted = if trial.keep_in.is_some() { Wanted::Record } else { Wanted::Measures };
+        let Started { mut coupled, exchange, header, waits, records, .. } =
+            ready(trial.plan, robots, network, wanted).await?;
+        let sink = match trial.keep_in {
+            Some(out) => Recorder::create(out, header).and_then(|mut recorder| {
+                recorder.configured(exchange)?;
+                Ok(Sink::Record(Box::new(recorder)))
+            }),
+            None => {
+                Measurer::new(header, exchange).map(|measurer| Sink::Measure(Box::new(measurer)))
+            }
+        };
+        let mut sink = match sink {
+            Ok(sink) => sink,
+            Err(error) => {
+                coupled.stop().await;
+                return Err(RunError::Record { error, before_start: true });
+            }
+        };
+        let driver = Driver::new(trial.plan, waits, records, &mut coupled, sink.steps()).quiet();
+        let stopped = match driver.drive(&mut self.interrupt).await {
+            Ok(stopped) => coupled.confirm().await.map(|()| stopped).map_err(Failure::Side),
+            Err(failure) => Err(failure),
+        };
+        let (ending, not_formed) = match stopped {
+            Ok(Stopped::Complete) => (Ending { status: Status::Complete, reason: None }, None),
+            Err(Failure::NotFormed(account)) => {
+                (failed(&Failure::NotFormed(account.clone())), Some(account))
+            }
+            Ok(Stopped::Interrupted(signal)) => {
+                return Err(abandoned(coupled, RunError::Interrupted { signal }).await);
+            }
+            Err(Failure::Side(error)) => {
+                return Err(abandoned(coupled, RunError::Side { error, kept: None }).await);
+            }
+            Err(Failure::Record(error)) => {
+                return Err(abandoned(coupled, unrecorded(error)).await);
+            }
+        };
+        let (robots, network) = coupled.into_peers();
+        self.peers = Some((reached, robots, network));
+        Ok(Outcome { summary: sink.finish(&ending).map_err(unrecorded)?, not_formed })
+    }
+
+    /// Ends the simulators.
+    pub async fn stop(self) {
+        if let Some((_, robots, network)) = self.peers {
+            tokio::join!(robots.stop(), network.stop());
+        }
+    }
+}
+
+async fn abandoned(coupled: Coupled, error: RunError) -> RunError {
+    coupled.stop().await;
+    error
+}
+
+fn unrecorded(error: RecordError) -> RunError {
+    RunError::Record { error, before_start: false }
+}
+
+/// Where the steps go.
+enum Sink {
+    Record(Box<Recorder>),
+    Measure(Box<Measurer>),
+}
+
+impl Sink {
+    fn steps(&mut self) -> &mut dyn Steps {
+        match self {
+            Self::Record(recorder) => &mut **recorder,
+            Self::Measure(measurer) => &mut **measurer,
+        }
+    }
+
+    fn finish(self, ending: &Ending) -> Result<Value, RecordError> {
+        match self {
+            Self::Record(recorder) => {
+                recorder.finish(ending, Value::Null).map(|finished| finished.summary)
+            }
+            Self::Measure(measurer) => measurer.finish(ending),
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! Many experiments that differ in what `[sweep]` says: run on all cores, by simulators that stay, and put into one table.
+//!
+//! `OUT/<name>/trials.jsonl` holds a line for each trial that is done, so that a sweep that was stopped, however abruptly,
+//! goes on where it was; the table, the summary and the report are made of those lines when the last one is there.
+
+mod design;
+pub(crate) mod figures;
+mod journal;
+mod plan;
+mod report;
+mod results;
+pub(crate) mod spec;
+pub(crate) mod statistics;
+pub(crate) mod table;
+mod worker;
+
+pub use journal::JournalError;
+
+use crate::config::{Overrides, Refusal};
+use crate::console::{self, Progress};
+use crate::record::RecordError;
+use crate::run::{RunError, StartOptions};
+use journal::{Journal, Row};
+use plan::{SweepPlan, Trial};
+use results::Done;
+use sha2::{Digest as _, Sha256};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Instant;
+use worker::{Queue, Said};
+
+/// What to sweep and where to put it.
+#[derive(Clone, Debug)]
+pub struct SweepOptions {
+    /// The experiment file, with a `[sweep]`.
+    pub config: PathBuf,
+    /// What the command line puts over it.
+    pub overrides: Overrides,
+    /// Folder of results; the sweep gets a folder of its name in it.
+    pub out: PathBuf,
+    /// How simulators are started.
+    pub start: StartOptions,
+    /// Trials at the same time; `None`: enough to keep all cores busy.
+    pub jobs: Option<usize>,
+    /// Forget the trials that are done.
+    pub restart: bool,
+}
+
+/// Why a sweep did not come to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// The file cannot be run. Nothing was started.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// Trials cannot run at the same time in simulators that run elsewhere.
+    #[error("--jobs {jobs}: the simulator at {url} runs one trial at a time")]
+    Jobs {
+        /// How many were asked for.
+        jobs: usize,
+        /// Where it runs.
+        url: String,
+    },
+    /// The folder holds something else.
+    #[error("{} is not the folder of a sweep: choose another with --out, or another experiment.name", .0.display())]
+    Foreign(PathBuf),
+    /// The journal cannot be kept.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// Results cannot be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// A trial cannot be run, and no other could.
+    #[error("{trial}: {error}")]
+    Run {
+        /// Which.
+        trial: String,
+        /// Why.
+        error: Box<RunError>,
+    },
+    /// Someone stopped it.
+    #[error("stopped by {signal} after {done} of {n} trials: the same command goes on from there")]
+    Interrupted {
+        /// The signal.
+        signal: &'static str,
+        /// Trials done.
+        done: usize,
+        /// Trials in all.
+        n: usize,
+    },
+    /// Some trials failed, twice each.
+    #[error("{} of {n} trials failed; the same command tries them again. {}: {}", failed.len(), failed[0].0, failed[0].1)]
+    Failed {
+        /// Which, and why.
+        failed: Vec<(String, String)>,
+        /// Trials in all.
+        n: usize,
+    },
+}
+
+impl SweepError {
+    /// 2: the request was wrong; 1: the work failed.
+    #[must_use]
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Refused(_) | Self::Foreign(_) | Self::Jobs { .. } => 2,
+            Self::Journal(JournalError::Busy(_) | JournalError::Damaged { .. }) => 2,
+            Self::Run { error, .. } => error.exit_status(),
+            Self::Journal(_) | Self::Record(_) | Self::Interrupted { .. } | Self::Failed { .. } => {
+                1
+            }
+        }
+    }
+}
+
+/// A sweep that came to its end.
+#[derive(Debug)]
+pub struct SweepReport {
+    /// The folder.
+    pub dir: PathBuf,
+    /// What is in its `summary.json`.
+    pub summary: serde_json::Value,
+    /// For people: the settings and their most important figures.
+    pub text: String,
+    /// Trials in all.
+    pub n_trials: usize,
+    /// Trials that were done before.
+    pub n_before: usize,
+    /// How often a pair of simulators was started.
+    pub n_starts: u64,
+    /// Real time (s).
+    pub wall_s: f64,
+}
+
+/// The table of a sweep.
+pub const TABLE_FILE: &str = "trials.parquet";
+/// What the `schema` of a sweep's `summary.json` is.
+pub(crate) const SCHEMA: &str = "murmuration/sweep/1";
+/// The lines that the table is made of.
+const JOURNAL_FILE: &str = "trials.jsonl";
+
+/// Whether a file says that it is a sweep.
+#[must_use]
+pub fn is_sweep(path: &Path) -> bool {
+    std::fs::read_to_string(path)
+        .ok()
+        .and_then(|text| proto::config::parse(&text).ok())
+        .is_some_and(|tree| tree.get(spec::KEY).is_some())
+}
+
+/// Checks a sweep without running it. Returns how many settings and trials it has, and what to mind.
+///
+/// # Errors
+///
+/// Every problem of the file.
+pub fn check(path: &Path, overrides: &Overrides) -> Result<(usize, usize, Vec<String>), Refusal> {
+    let plan = plan::load(path, overrides)?;
+    Ok((plan.settings.len(), plan.n_trials(), plan.warnings.clone()))
+}
+
+/// Runs a sweep, or what is left of it.
+///
+/// # Errors
+///
+/// See [`SweepError`].
+pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
+    let begun = Instant::now();
+    let plan = plan::load(&options.config, &options.overrides)?;
+    let jobs = jobs(options, &plan)?;
+    for warning in &plan.warnings {
+        console::warn(warning);
+    }
+    let dir = options.out.join(&plan.name);
+    let has_journal = dir.join(JOURNAL_FILE).exists();
+    let is_empty = || std::fs::read_dir(&dir).is_ok_and(|mut entries| entries.next().is_none());
+    if dir.exists() && !has_journal && !is_empty() {
+        return Err(SweepError::Foreign(dir));
+    }
+    std::fs::create_dir_all(&dir)
+        .map_err(|source| RecordError::Create { path: dir.clone(), source })?;
+    let (mut journal, known) = Journal::open(&dir.join(JOURNAL_FILE), options.restart)?;
+    results::begin(&dir, &plan)?;
+    let program = program(&options.start.executable)?;
+    let mut rows: BTreeMap<Trial, Row> = BTreeMap::new();
+    for trial in plan.trials() {
+        if let Some(row) = known.get(&plan.key(trial))
+            && (!plan.keeps(trial) || results::is_kept(&dir, &plan, trial, row))
+        {
+            rows.insert(trial, row.clone());
+        }
+    }
+    let n_before = rows.len();
+    let n_other = rows.values().filter(|row| row.program != program).count();
+    if n_other != 0 {
+        console::warn(format!(
+            "{n_other} trials were run by another build of this program; --restart runs them again"
+        ));
+    }
+    let queue = Queue::new(&plan, plan.trials().filter(|trial| !rows.contains_key(trial)));
+    let mut account = Account::default();
+    if !queue.is_empty() {
+        let work = Work { plan: &plan, dir: &dir, start: &options.start, program: &program };
+        account = std::thread::scope(|scope| {
+            let (said, inbox) = channel();
+            for _ in 0..jobs.min(queue.len()) {
+                let said = said.clone();
+                let (work, queue) = (&work, &queue);
+                scope.spawn(move || worker::work(work, queue, &said));
+            }
+            drop(said);
+            collect(&plan, &queue, &inbox, &mut journal, &mut rows)
+        })?;
+    }
+    if let Some(signal) = account.interrupted {
+        return Err(SweepError::Interrupted { signal, done: rows.len(), n: plan.n_trials() });
+    }
+    if !account.failed.is_empty() {
+        return Err(SweepError::Failed { failed: account.failed, n: plan.n_trials() });
+    }
+    let wall_s = begun.elapsed().as_secs_f64();
+    let (n_now, n_starts) = (rows.len() - n_before, account.n_starts);
+    let done = Done { plan: &plan, rows: &rows, jobs, n_now, n_starts, wall_s };
+    let (summary, text) = results::write(&dir, &done)?;
+    Ok(SweepReport { dir, summary, text, n_trials: plan.n_trials(), n_before, n_starts, wall_s })
+}
+
+/// What all workers share.
+struct Work<'a> {
+    plan: &'a SweepPlan,
+    dir: &'a Path,
+    start: &'a StartOptions,
+    program: &'a str,
+}
+
+/// How the work went.
+#[derive(Default)]
+struct Account {
+    failed: Vec<(String, String)>,
+    interrupted: Option<&'static str>,
+    n_starts: u64,
+}
+
+/// Takes what the workers say until they are gone.
+fn collect(
+    plan: &SweepPlan,
+    queue: &Queue,
+    inbox: &Receiver<Said>,
+    journal: &mut Journal,
+    rows: &mut BTreeMap<Trial, Row>,
+) -> Result<Account, SweepError> {
+    let mut progress = Progress::new(plan.n_trials() as u64);
+    let n_before = rows.len();
+    let mut account = Account::default();
+    let mut result = Ok(());
+    for said in inbox {
+        match said {
+            Said::Done(trial, row) => {
+                if let Err(error) = journal.add(&row) {
+                    queue.close();
+                    result = Err(error.into());
+                    continue;
+                }
+                rows.insert(trial, *row);
+                let done = rows.len();
+                let (n, n_now) = (plan.n_trials(), done - n_before);
+                progress.trials(done as u64, n as u64, n_now as u64);
+            }
+            Said::Failed(trial, reason) => {
+                account.failed.push((plan.trial_name(trial), reason));
+            }
+            Said::Fatal(trial, error) => {
+                queue.close();
+                // The first says why; those that follow end for the same reason.
+                if result.is_ok() {
+                    result = Err(SweepError::Run { trial: plan.trial_name(trial), error });
+                }
+            }
+            Said::Interrupted(signal) => {
+                queue.close();
+                account.interrupted = Some(signal);
+            }
+            Said::Ended { n_starts } => account.n_starts += n_starts,
+        }
+    }
+    progress.finish();
+    account.failed.sort();
+    result.map(|()| account)
+}
+
+/// Trials at the same time.
+fn jobs(options: &SweepOptions, plan: &SweepPlan) -> Result<usize, SweepError> {
+    match (&plan.elsewhere, options.jobs) {
+        (Some(url), Some(jobs)) if 1 < jobs => Err(SweepError::Jobs { jobs, url: url.clone() }),
+        (Some(_), _) => Ok(1),
+        (None, Some(jobs)) => Ok(jobs),
+        // In each trial one of its three processes works at a time.
+        (None, None) => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
+    }
+}
+
+/// The digest of the program that runs the trials.
+fn program(executable: &Path) -> Result<String, SweepError> {
+    let bytes = std::fs::read(executable)
+        .map_err(|source| RecordError::Write { path: executable.to_owned(), source })?;
+    Ok(proto::digest::hex(&Sha256::digest(bytes))[..16].to_owned())
+}

@@ -1,0 +1,291 @@
+//! A sweep that has been read and checked: its settings, its trials, and what identifies each.
+
+use super::design::{self, Setting};
+use super::spec::{self, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
+use crate::config::{self, Overrides, Plan, Refusal};
+use proto::config::{Node, Problem, Value};
+use proto::digest::hex;
+use rayon::prelude::*;
+use sha2::{Digest as _, Sha256};
+use std::path::{Path, PathBuf};
+
+/// A valid sweep.
+#[derive(Clone, Debug)]
+pub(crate) struct SweepPlan {
+    /// The file it came from.
+    pub(crate) path: PathBuf,
+    /// Its text.
+    pub(crate) text: String,
+    /// The experiment without what varies.
+    base: Node,
+    overrides: Overrides,
+    /// Name of the experiment.
+    pub(crate) name: String,
+    /// The whole file with what the command line puts over it, as TOML text.
+    pub(crate) written: String,
+    /// What varies.
+    pub(crate) sweep: Sweep,
+    /// Every setting.
+    pub(crate) settings: Vec<Setting>,
+    /// Every seed.
+    pub(crate) seeds: Vec<u64>,
+    /// What identifies each setting: the digest of all that its trials depend on, but for the seed.
+    identities: Vec<String>,
+    /// How long a trial of each setting may take, relative to the others.
+    efforts: Vec<f64>,
+    /// A side runs elsewhere: its URL.
+    pub(crate) elsewhere: Option<String>,
+    /// What should be checked before the results are trusted.
+    pub(crate) warnings: Vec<String>,
+}
+
+/// A trial: a setting with a seed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Trial {
+    /// Number of the setting.
+    pub(crate) setting: usize,
+    /// Number of the seed in the list.
+    pub(crate) seed: usize,
+}
+
+/// Reads and checks a sweep, every setting included.
+///
+/// # Errors
+///
+/// Every problem, with its place.
+pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refusal> {
+    let text = config::text_of(path)?;
+    let (tree, mut problems) = config::opened(path, &text, overrides)?;
+    let refused = |problems| Err(Refusal::new(path, &text, &tree, problems));
+    let mut base = tree.clone();
+    let Some(section) = base.take(spec::KEY) else {
+        problems.push(Problem::new(
+            "",
+            "has no [sweep]: there is nothing to vary. orchestrator run runs a single experiment",
+        ));
+        return refused(problems);
+    };
+    let sweep = spec::read(&section, &mut problems);
+    let seed = match base.get("experiment").and_then(|experiment| experiment.get("seed")) {
+        Some(Node { value: Value::Integer(seed), .. }) => seed.unsigned_abs(),
+        _ => 0,
+    };
+    limits(&sweep, &mut problems);
+    if !problems.is_empty() {
+        return refused(problems);
+    }
+    let seeds = match &sweep.seeds {
+        Seeds::Count(n) => (0..*n).map(|i| seed.saturating_add(i)).collect(),
+        Seeds::These(seeds) => seeds.clone(),
+    };
+    let settings = design::settings(&sweep, seed);
+    let checked: Vec<Result<Checked, Refusal>> = settings
+        .par_iter()
+        .map(|setting| {
+            let plan = plan_of(path, &text, &base, overrides, setting)?;
+            Ok(Checked {
+                identity: identity(&plan),
+                effort: effort(&plan),
+                name: plan.name,
+                elsewhere: plan.robotsim.url.or(plan.netsim.url),
+                warnings: plan.warnings,
+            })
+        })
+        .collect();
+    let mut refusal: Option<Refusal> = None;
+    let mut good = Vec::new();
+    for checked in checked {
+        match (checked, &mut refusal) {
+            (Ok(checked), _) => good.push(checked),
+            (Err(error), None) => refusal = Some(error),
+            (Err(error), Some(refusal)) => refusal.merge(error),
+        }
+    }
+    if let Some(refusal) = refusal {
+        return Err(refusal);
+    }
+    let mut warnings: Vec<String> = Vec::new();
+    for warning in good.iter().flat_map(|checked| &checked.warnings) {
+        if !warnings.contains(warning) {
+            warnings.push(warning.clone());
+        }
+    }
+    Ok(SweepPlan {
+        path: path.to_owned(),
+        base,
+        overrides: overrides.clone(),
+        name: good.first().map(|checked| checked.name.clone()).unwrap_or_default(),
+        written: tree.to_toml().as_table().map(toml::Table::to_string).unwrap_or_default(),
+        sweep,
+        settings,
+        seeds,
+        elsewhere: good.iter().find_map(|checked| checked.elsewhere.clone()),
+        identities: good.iter().map(|checked| checked.identity.clone()).collect(),
+        efforts: good.iter().map(|checked| checked.effort).collect(),
+        warnings,
+        text,
+    })
+}
+
+struct Checked {
+    identity: String,
+    effort: f64,
+    name: String,
+    elsewhere: Option<String>,
+    warnings: Vec<String>,
+}
+
+fn limits(sweep: &Sweep, problems: &mut Vec<Problem>) {
+    let n_seeds = match &sweep.seeds {
+        Seeds::Count(n) => *n,
+        Seeds::These(seeds) => seeds.len() as u64,
+    };
+    let n_trials = design::n_settings(sweep).and_then(|n| n.checked_mul(n_seeds));
+    if n_trials.is_none_or(|n| MOST_TRIALS.unsigned_abs() < n) {
+        let n = n_trials.map_or_else(|| "more than 2^64".to_owned(), |n| n.to_string());
+        let message = format!("makes too many trials: at most {MOST_TRIALS}");
+        problems.push(Problem::new(spec::KEY, message).value(n));
+    }
+    let (most_samples, most_ranges) = design::SOBOL;
+    if sweep.sampling == Sampling::Sobol {
+        if most_samples < sweep.samples {
+            let message = format!("must be at most {most_samples} where sampling = \"sobol\"");
+            let problem = Problem::new("sweep.samples", message).value(sweep.samples);
+            problems.push(problem.nearest(most_samples));
+        }
+        if most_ranges < sweep.ranges.len() {
+            let message =
+                format!("has too many ranges for sampling = \"sobol\": at most {most_ranges}");
+            problems.push(Problem::new("sweep.vary", message).value(sweep.ranges.len()));
+        }
+    }
+}
+
+/// The experiment of a setting, with the seed of the file.
+fn plan_of(
+    path: &Path,
+    text: &str,
+    base: &Node,
+    overrides: &Overrides,
+    setting: &Setting,
+) -> Result<Plan, Refusal> {
+    let mut tree = base.clone();
+    let mut problems = Vec::new();
+    for (key, value) in &setting.values {
+        match tree.set(key, value.value.clone()) {
+            // What is wrong with it is shown where the sweep says it.
+            Ok(()) => {
+                if let Some(node) = tree.at_mut(key) {
+                    node.span.clone_from(&value.span);
+                }
+            }
+            Err(problem) => problems.push(Problem {
+                span: value.span.clone(),
+                message: format!("{} (to set {key})", problem.message),
+                ..problem
+            }),
+        }
+    }
+    config::of_tree(path, text, &tree, overrides, problems)
+}
+
+/// The digest of all that a trial depends on, but for its seed.
+fn identity(plan: &Plan) -> String {
+    let mut experiment = plan.effective.clone();
+    experiment.remove("output");
+    if let Some(table) = experiment.get_mut("experiment").and_then(toml::Value::as_table_mut) {
+        // Results do not depend on these.
+        for key in ["name", "seed", "transport", "tls", "step_deadline_s"] {
+            table.remove(key);
+        }
+    }
+    let mut hash = Sha256::new();
+    hash.update(experiment.to_string());
+    // Without links nobody asks when each frame was received.
+    hash.update([u8::from(plan.output.columns().is_empty())]);
+    for side in [&plan.robotsim, &plan.netsim] {
+        hash.update(b"\0side\0");
+        hash.update(side.effective_toml.as_ref().unwrap_or(&side.toml));
+        hash.update(side.url.as_deref().unwrap_or_default());
+        for (path, content) in &side.files {
+            hash.update(path);
+            hash.update(Sha256::digest(content));
+        }
+    }
+    hex(&hash.finalize())[..32].to_owned()
+}
+
+/// Roughly: steps times pairs of agents.
+fn effort(plan: &Plan) -> f64 {
+    let n = plan.experiment.agent_count as f64;
+    plan.duration_ns as f64 / plan.experiment.step_ns as f64 * (n * n + 50.0)
+}
+
+impl SweepPlan {
+    /// All trials, in the order of the table.
+    pub(crate) fn trials(&self) -> impl Iterator<Item = Trial> + '_ {
+        (0..self.settings.len())
+            .flat_map(|setting| (0..self.seeds.len()).map(move |seed| Trial { setting, seed }))
+    }
+
+    /// Number of trials.
+    pub(crate) fn n_trials(&self) -> usize {
+        self.settings.len() * self.seeds.len()
+    }
+
+    /// What identifies a trial: two of the same are the same experiment.
+    pub(crate) fn key(&self, trial: Trial) -> String {
+        format!("{}-{}", self.identities[trial.setting], self.seeds[trial.seed])
+    }
+
+    /// How long it may take, relative to others.
+    pub(crate) fn effort(&self, trial: Trial) -> f64 {
+        self.efforts[trial.setting]
+    }
+
+    /// Whether everything is kept that it leaves.
+    pub(crate) fn keeps(&self, trial: Trial) -> bool {
+        match self.sweep.keep {
+            Keep::None => false,
+            Keep::FirstSeed => trial.seed == 0,
+            Keep::All => true,
+        }
+    }
+
+    /// Its name, and that of the folder of what is kept.
+    pub(crate) fn trial_name(&self, trial: Trial) -> String {
+        format!("setting-{}-seed-{}", trial.setting, self.seeds[trial.seed])
+    }
+
+    /// The experiment of a trial.
+    ///
+    /// # Errors
+    ///
+    /// None that was not found when the sweep was read, unless a file that it names has changed.
+    pub(crate) fn plan(&self, trial: Trial) -> Result<Plan, Refusal> {
+        let mut base = self.base.clone();
+        let seed = self.seeds[trial.seed];
+        // The path exists: the experiment has a name.
+        let _ = base.set("experiment.name", Value::Text(self.trial_name(trial)));
+        let _ = base.set("experiment.seed", Value::Integer(seed.cast_signed()));
+        let setting = &self.settings[trial.setting];
+        let mut plan = plan_of(&self.path, &self.text, &base, &self.overrides, setting)?;
+        if !self.keeps(trial) {
+            plan.output.pcap = false;
+            // The motes' figures at the end are those of the whole run.
+            plan.output.motes = false;
+        }
+        Ok(plan)
+    }
+
+    /// Keys that vary, in the order of the table.
+    pub(crate) fn keys(&self) -> Vec<&str> {
+        let mut keys: Vec<&str> = Vec::new();
+        for (key, _) in self.settings.iter().flat_map(|setting| &setting.values) {
+            if !keys.contains(&key.as_str()) {
+                keys.push(key);
+            }
+        }
+        keys
+    }
+}

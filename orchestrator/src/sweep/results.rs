@@ -1,0 +1,296 @@
+//! What a sweep leaves: its file, its table, its summary, its report and the runs that were kept.
+
+use super::journal::Row;
+use super::plan::{SweepPlan, Trial};
+use super::statistics::Spread;
+use super::table::{self, Column};
+use super::{SCHEMA, TABLE_FILE, report};
+use crate::record::{ColumnKind, RecordError};
+use crate::report::text::number;
+use proto::config::most_similar;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A sweep whose trials are all done.
+pub(super) struct Done<'a> {
+    pub(super) plan: &'a SweepPlan,
+    pub(super) rows: &'a BTreeMap<Trial, Row>,
+    pub(super) jobs: usize,
+    /// Trials run just now.
+    pub(super) n_now: usize,
+    pub(super) n_starts: u64,
+    pub(super) wall_s: f64,
+}
+
+/// Where the runs are that are kept.
+pub(super) fn kept_runs(dir: &Path) -> PathBuf {
+    dir.join("runs")
+}
+
+/// Whether all is there that a trial left: it is the run of which the row is.
+pub(super) fn is_kept(dir: &Path, plan: &SweepPlan, trial: Trial, row: &Row) -> bool {
+    let path = kept_runs(dir).join(plan.trial_name(trial)).join("summary.json");
+    fs::read(path)
+        .ok()
+        .and_then(|text| serde_json::from_slice::<Value>(&text).ok())
+        .is_some_and(|summary| summary["final_digest"].as_str() == row.digest.as_deref())
+}
+
+/// Writes the sweep's file, and removes what a program that was killed has left of a run.
+pub(super) fn begin(dir: &Path, plan: &SweepPlan) -> Result<(), RecordError> {
+    write_whole(dir, "sweep.toml", plan.written.as_bytes())?;
+    let runs = kept_runs(dir);
+    let Ok(entries) = fs::read_dir(&runs) else { return Ok(()) };
+    for entry in entries.flatten() {
+        let is_partial = entry.file_name().to_string_lossy().starts_with('.');
+        if is_partial {
+            let path = entry.path();
+            fs::remove_dir_all(&path).map_err(|source| RecordError::Write { path, source })?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes everything that is made of all trials. Returns the summary, and what to tell.
+pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(Value, String), RecordError> {
+    let Done { plan, rows, .. } = done;
+    let columns = table::columns(plan, rows);
+    let partial = dir.join(format!(".{TABLE_FILE}"));
+    // Of a program that was killed.
+    let _ = fs::remove_file(&partial);
+    table::write(&partial, &columns)?;
+    rename(&partial, &dir.join(TABLE_FILE))?;
+    let (shown, warnings) = shown(plan, &columns);
+    let figures: Vec<Figures<'_>> = shown.iter().map(|column| Figures::of(plan, column)).collect();
+    let summary = summary(done, &figures, warnings);
+    write_whole(dir, "summary.json", format!("{summary:#}\n").as_bytes())?;
+    let page = report::page(plan, &figures, &summary);
+    write_whole(dir, "report.html", page.as_bytes())?;
+    let provenance = provenance(done);
+    write_whole(dir, "provenance.json", format!("{provenance:#}\n").as_bytes())?;
+    Ok((summary, text(plan, &figures)))
+}
+
+/// A figure, by setting.
+pub(super) struct Figures<'a> {
+    /// Its column.
+    pub(super) column: &'a Column,
+    /// The values of each setting.
+    pub(super) values: Vec<Vec<f64>>,
+    /// What they tell.
+    pub(super) spreads: Vec<Option<Spread>>,
+}
+
+impl<'a> Figures<'a> {
+    fn of(plan: &SweepPlan, column: &'a Column) -> Self {
+        let values: Vec<Vec<f64>> = column
+            .numbers()
+            .chunks(plan.seeds.len())
+            .map(|numbers| numbers.iter().copied().flatten().collect())
+            .collect();
+        let spreads = values.iter().map(|values| Spread::of(values)).collect();
+        Self { column, values, spreads }
+    }
+
+    /// A share of trials rather than a size.
+    pub(super) fn is_share(&self) -> bool {
+        self.column.kind == ColumnKind::Bool
+    }
+}
+
+/// The columns that the report shows.
+fn shown<'a>(plan: &SweepPlan, columns: &'a [Column]) -> (Vec<&'a Column>, Vec<String>) {
+    let first_figure =
+        columns.iter().position(|column| column.name == table::STATUS).map_or(0, |i| i + 1);
+    let figures = &columns[first_figure..];
+    let mut warnings = Vec::new();
+    let shown = match &plan.sweep.metrics {
+        Some(names) => names
+            .iter()
+            .filter_map(|name| {
+                let found = figures.iter().find(|column| column.name == *name);
+                if found.is_none() {
+                    let nearest =
+                        most_similar(name, figures.iter().map(|column| column.name.as_str()))
+                            .map(|nearest| format!(" (nearest: {nearest})"));
+                    warnings.push(format!(
+                        "sweep.metrics: no trial has a figure {name}{}",
+                        nearest.unwrap_or_default()
+                    ));
+                }
+                found
+            })
+            .collect(),
+        None => figures
+            .iter()
+            .filter(|column| {
+                column.name.starts_with("task.") || OF_DELIVERY.contains(&column.name.as_str())
+            })
+            .filter(|column| differs(column))
+            .collect(),
+    };
+    (shown, warnings)
+}
+
+/// Whether a figure is not the same in all trials, but for what rounding does.
+fn differs(column: &Column) -> bool {
+    let numbers: Vec<f64> = column.numbers().into_iter().flatten().collect();
+    let low = numbers.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = numbers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    1e-9 * low.abs().max(high.abs()) < high - low
+}
+
+/// What is shown of the network where nobody says what.
+const OF_DELIVERY: [&str; 6] = [
+    "network.delivery_ratio",
+    "network.mean_neighbours_heard",
+    "network.mean_delay_s",
+    "kpis.formation.formed_s",
+    "kpis.delivery.ratio",
+    "kpis.delivery.latency_s.median",
+];
+
+fn summary(done: &Done<'_>, figures: &[Figures<'_>], warnings: Vec<String>) -> Value {
+    let Done { plan, rows, .. } = done;
+    let settings: Vec<Value> = plan
+        .settings
+        .iter()
+        .enumerate()
+        .map(|(number, setting)| {
+            let values: Map<String, Value> = setting
+                .values
+                .iter()
+                .map(|(key, node)| (key.clone(), json!(node.to_toml())))
+                .collect();
+            let of_setting = rows.iter().filter(|(trial, _)| trial.setting == number);
+            let not_formed = of_setting.filter(|(_, row)| row.status != "complete").count();
+            let metrics: Map<String, Value> = figures
+                .iter()
+                .map(|figures| {
+                    (figures.column.name.clone(), spread(figures.spreads[number].as_ref()))
+                })
+                .collect();
+            json!({
+                "setting": number,
+                "case": setting.case,
+                "values": values,
+                "not_formed": not_formed,
+                "metrics": metrics,
+            })
+        })
+        .collect();
+    json!({
+        "schema": SCHEMA,
+        "name": plan.name,
+        "trials": plan.n_trials(),
+        "seeds": plan.seeds,
+        "settings": settings,
+        "warnings": (plan.warnings.iter().chain(&warnings).collect::<Vec<_>>()),
+    })
+}
+
+/// What a sample tells, for programs.
+pub(crate) fn spread(spread: Option<&Spread>) -> Value {
+    let Some(spread) = spread else { return json!({ "n": 0 }) };
+    json!({
+        "n": spread.n,
+        "median": spread.median,
+        "median_interval_95": spread.interval_95,
+        "q25": spread.q25,
+        "q75": spread.q75,
+        "min": spread.min,
+        "max": spread.max,
+        "mean": spread.mean,
+        "sd": spread.sd,
+    })
+}
+
+fn provenance(done: &Done<'_>) -> Value {
+    let Done { plan, rows, jobs, n_now, n_starts, wall_s } = done;
+    let mut programs: Vec<&str> = rows.values().map(|row| row.program.as_str()).collect();
+    programs.sort_unstable();
+    programs.dedup();
+    json!({
+        "schema": "sweep-provenance/1",
+        "orchestrator": { "version": env!("CARGO_PKG_VERSION") },
+        "programs": programs,
+        "command_line": std::env::args().collect::<Vec<_>>(),
+        "config_file": plan.path,
+        "cores": std::thread::available_parallelism().map_or(1, usize::from),
+        "jobs": jobs,
+        "trials_now": n_now,
+        "simulator_pairs_started": n_starts,
+        "wall_s": wall_s,
+        "trials_wall_s": rows.values().map(|row| row.wall_s).sum::<f64>(),
+    })
+}
+
+/// The settings and their first figures, for the terminal.
+fn text(plan: &SweepPlan, figures: &[Figures<'_>]) -> String {
+    const MOST_FIGURES: usize = 4;
+    const MOST_SETTINGS: usize = 60;
+    let figures = &figures[..figures.len().min(MOST_FIGURES)];
+    let names: Vec<String> =
+        plan.settings.iter().take(MOST_SETTINGS).map(|setting| setting.describe()).collect();
+    let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(7);
+    let cells: Vec<Vec<String>> = figures
+        .iter()
+        .map(|figures| {
+            let cell =
+                |spread: &Option<Spread>| spread.map_or("-".to_owned(), |s| cell(figures, &s));
+            figures.spreads.iter().take(MOST_SETTINGS).map(cell).collect()
+        })
+        .collect();
+    let headings: Vec<&str> = figures.iter().map(|figures| figures.column.name.as_str()).collect();
+    let widths: Vec<usize> = headings
+        .iter()
+        .zip(&cells)
+        .map(|(heading, cells)| {
+            cells.iter().map(|cell| cell.chars().count()).chain([heading.len()]).max().unwrap_or(0)
+        })
+        .collect();
+    let mut text = format!("{:width$}", "setting");
+    for (heading, width) in headings.iter().zip(&widths) {
+        let _ = write!(text, "  {heading:>width$}");
+    }
+    for (row, name) in names.iter().enumerate() {
+        let _ = write!(text, "\n{name:width$}");
+        for (cells, width) in cells.iter().zip(&widths) {
+            let _ = write!(text, "  {:>width$}", cells[row]);
+        }
+    }
+    if MOST_SETTINGS < plan.settings.len() {
+        let _ = write!(text, "\n… and {} more settings", plan.settings.len() - MOST_SETTINGS);
+    }
+    text
+}
+
+fn cell(figures: &Figures<'_>, spread: &Spread) -> String {
+    if figures.is_share() {
+        let n = libm::round(spread.mean * spread.n as f64);
+        return format!("{n} of {}", spread.n);
+    }
+    let interval = spread.interval_95.map_or_else(
+        || format!("n {}", spread.n),
+        |[a, b]| format!("{} … {}", number(a), number(b)),
+    );
+    format!("{} [{interval}]", number(spread.median))
+}
+
+fn write_whole(dir: &Path, name: &str, content: &[u8]) -> Result<(), RecordError> {
+    let partial = dir.join(format!(".{name}"));
+    fs::write(&partial, content)
+        .map_err(|source| RecordError::Write { path: partial.clone(), source })?;
+    rename(&partial, &dir.join(name))
+}
+
+fn rename(from: &Path, to: &Path) -> Result<(), RecordError> {
+    fs::rename(from, to).map_err(|source| RecordError::Rename {
+        from: from.to_owned(),
+        to: to.to_owned(),
+        source,
+    })
+}

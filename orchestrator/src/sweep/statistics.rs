@@ -1,0 +1,147 @@
+//! Medians with intervals, of samples and of differences between pairs.
+
+use proto::rng::{Draws, Purpose};
+
+/// What a sample tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Spread {
+    /// How many values.
+    pub(crate) n: usize,
+    /// Least.
+    pub(crate) min: f64,
+    /// A quarter lies below.
+    pub(crate) q25: f64,
+    /// Half lies below.
+    pub(crate) median: f64,
+    /// Three quarters lie below.
+    pub(crate) q75: f64,
+    /// Greatest.
+    pub(crate) max: f64,
+    /// Mean.
+    pub(crate) mean: f64,
+    /// Standard deviation, with n − 1; `None` of a single value.
+    pub(crate) sd: Option<f64>,
+    /// Where the median lies with 95 % confidence; `None` of fewer than [`FEWEST`] values.
+    pub(crate) interval_95: Option<[f64; 2]>,
+}
+
+/// Of fewer values a bootstrap interval of the median says nothing: with five it covers the median in 92 % of cases at
+/// best, with less in fewer.
+pub(crate) const FEWEST: usize = 5;
+/// Resamples: the ends of an interval then scatter by about a fiftieth of its length.
+const RESAMPLES: u64 = 4000;
+
+impl Spread {
+    /// Of these values; `None` of none.
+    pub(crate) fn of(values: &[f64]) -> Option<Self> {
+        let mut ascending = values.to_vec();
+        ascending.sort_by(f64::total_cmp);
+        let (&min, &max) = (ascending.first()?, ascending.last()?);
+        let n = ascending.len();
+        let mean = ascending.iter().sum::<f64>() / n as f64;
+        let squares: f64 = ascending.iter().map(|value| (value - mean) * (value - mean)).sum();
+        Some(Self {
+            n,
+            min,
+            q25: quantile(&ascending, 0.25),
+            median: quantile(&ascending, 0.5),
+            q75: quantile(&ascending, 0.75),
+            max,
+            mean,
+            sd: (1 < n).then(|| libm::sqrt(squares / (n - 1) as f64)),
+            interval_95: interval(&ascending),
+        })
+    }
+}
+
+/// The quantile of an ascending list that is not empty, interpolated (Hyndman and Fan's type 7).
+pub(crate) fn quantile(ascending: &[f64], share: f64) -> f64 {
+    let last = ascending.len() - 1;
+    let place = share * last as f64;
+    let below = (place as usize).min(last);
+    let above = (below + 1).min(last);
+    ascending[below] + (ascending[above] - ascending[below]) * (place - below as f64)
+}
+
+/// Percentile bootstrap interval of the median (Efron 1979): the 2.5 % and 97.5 % quantiles of the medians of resamples. The
+/// draws are always the same, so that the same values have the same interval.
+fn interval(ascending: &[f64]) -> Option<[f64; 2]> {
+    let n = ascending.len();
+    if n < FEWEST {
+        return None;
+    }
+    let draws = Draws::new(n as u64, Purpose::Resample);
+    let mut medians: Vec<f64> = Vec::with_capacity(RESAMPLES as usize);
+    // How often each value is drawn: an ascending resample without sorting.
+    let mut counts = vec![0usize; n];
+    for resample in 0..RESAMPLES {
+        counts.fill(0);
+        for block in 0..n.div_ceil(4) {
+            let words = draws.words(resample, block as u64, 0);
+            for &word in words.iter().take(n - 4 * block) {
+                // The upper half of a product: n is small against 2^64.
+                counts[((u128::from(word) * n as u128) >> 64) as usize] += 1;
+            }
+        }
+        medians.push((at(ascending, &counts, (n - 1) / 2) + at(ascending, &counts, n / 2)) / 2.0);
+    }
+    medians.sort_by(f64::total_cmp);
+    Some([quantile(&medians, 0.025), quantile(&medians, 0.975)])
+}
+
+/// The value at a place of the resample in which each value stands so often.
+fn at(ascending: &[f64], counts: &[usize], place: usize) -> f64 {
+    let mut passed = 0;
+    for (value, count) in ascending.iter().zip(counts) {
+        passed += count;
+        if place < passed {
+            return *value;
+        }
+    }
+    f64::NAN
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spread_is_that_of_numpy() {
+        // numpy: quantile([1, 2, 4, 8, 16], [.25, .5, .75]) = 2, 4, 8; mean 6.2; std(ddof=1) = 6.0992...
+        let spread = Spread::of(&[8.0, 1.0, 16.0, 2.0, 4.0]).unwrap();
+        assert_eq!(
+            [spread.min, spread.q25, spread.median, spread.q75, spread.max],
+            [1.0, 2.0, 4.0, 8.0, 16.0]
+        );
+        assert!((spread.mean - 6.2).abs() < 1e-12);
+        assert!((spread.sd.unwrap() - 6.099_180_272_790_763).abs() < 1e-12);
+        assert!(Spread::of(&[]).is_none());
+        assert!(Spread::of(&[1.0, 2.0, 3.0, 4.0]).unwrap().interval_95.is_none());
+    }
+
+    #[test]
+    fn intervals_cover_the_median_about_as_often_as_they_say() {
+        // 400 samples of 15 exponential values; the median of the distribution is ln 2. The percentile bootstrap of a median
+        // covers a little less than 95 %; the number covered has a standard deviation of about 4.7, so that below 360
+        // (90 %) or at 396 and above (99 %) would come up less than once in a thousand with 94 %.
+        let draws = Draws::new(11, Purpose::Control);
+        let covered = (0..400u64)
+            .filter(|&sample| {
+                let values: Vec<f64> =
+                    (0..15).map(|i| -libm::log(1.0 - draws.uniform(sample, i, 0))).collect();
+                let [low, high] = Spread::of(&values).unwrap().interval_95.unwrap();
+                low <= std::f64::consts::LN_2 && std::f64::consts::LN_2 <= high
+            })
+            .count();
+        assert!((360..396).contains(&covered), "{covered} of 400");
+    }
+
+    #[test]
+    fn an_interval_of_equal_values_is_a_point_and_moves_with_them() {
+        assert_eq!(Spread::of(&[3.0; 8]).unwrap().interval_95, Some([3.0, 3.0]));
+        let values = [0.1, 0.5, 0.7, 0.2, 0.9, 0.4];
+        let moved = values.map(|value| value + 100.0);
+        let [a, b] = [&values, &moved].map(|v| Spread::of(v).unwrap().interval_95.unwrap());
+        assert!((a[0] + 100.0 - b[0]).abs() < 1e-9 && (a[1] + 100.0 - b[1]).abs() < 1e-9);
+    }
+}

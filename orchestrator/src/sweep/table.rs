@@ -1,0 +1,150 @@
+//! The table of a sweep: one row per trial.
+
+use super::journal::Row;
+use super::plan::{SweepPlan, Trial};
+use crate::record::table::{Cell, Heading, Table};
+use crate::record::{ColumnKind, RecordError};
+use proto::config::Value as Written;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What is in a cell.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Entry {
+    Null,
+    Bool(bool),
+    Count(u64),
+    Number(f64),
+    Text(String),
+}
+
+/// A column with its entries, one per trial.
+#[derive(Clone, Debug)]
+pub(crate) struct Column {
+    /// Its name.
+    pub(crate) name: String,
+    /// Its type.
+    pub(crate) kind: ColumnKind,
+    /// One per trial.
+    pub(crate) entries: Vec<Entry>,
+}
+
+impl Column {
+    /// The entries as numbers; of truth values 1 and 0.
+    pub(crate) fn numbers(&self) -> Vec<Option<f64>> {
+        let number = |entry: &Entry| match entry {
+            Entry::Number(number) => Some(*number),
+            Entry::Count(n) => Some(*n as f64),
+            Entry::Bool(is) => Some(f64::from(u8::from(*is))),
+            Entry::Null | Entry::Text(_) => None,
+        };
+        self.entries.iter().map(number).collect()
+    }
+}
+
+/// Which columns say what the trial is; the others say what came of it.
+pub(crate) const SETTING: &str = "setting";
+/// The case.
+pub(crate) const CASE: &str = "case";
+/// The seed.
+pub(crate) const SEED: &str = "experiment.seed";
+/// Whether it ran to its end.
+pub(crate) const STATUS: &str = "status";
+
+/// The columns, in order: number of the setting, case, keys that vary, seed, status; then the figures, in the order in
+/// which they come up.
+pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<Trial, Row>) -> Vec<Column> {
+    let trials: Vec<Trial> = plan.trials().collect();
+    let of = |name: &str, kind, entry: &dyn Fn(Trial) -> Entry| Column {
+        name: name.to_owned(),
+        kind,
+        entries: trials.iter().map(|&trial| entry(trial)).collect(),
+    };
+    let mut columns =
+        vec![of(SETTING, ColumnKind::U64, &|trial| Entry::Count(trial.setting as u64))];
+    if !plan.sweep.cases.is_empty() {
+        columns.push(of(CASE, ColumnKind::Text, &|trial| {
+            plan.settings[trial.setting].case.clone().map_or(Entry::Null, Entry::Text)
+        }));
+    }
+    for key in plan.keys() {
+        let kind = kind_of(plan, key);
+        columns.push(of(key, kind, &|trial| {
+            let Some(node) = plan.settings[trial.setting].get(key) else { return Entry::Null };
+            match (&node.value, kind) {
+                (Written::Bool(is), ColumnKind::Bool) => Entry::Bool(*is),
+                (Written::Integer(n), ColumnKind::F64) => Entry::Number(*n as f64),
+                (Written::Number(number), ColumnKind::F64) => Entry::Number(*number),
+                (Written::Text(text), _) => Entry::Text(text.clone()),
+                (_, _) => Entry::Text(node.to_toml().to_string()),
+            }
+        }));
+    }
+    columns.push(of(SEED, ColumnKind::U64, &|trial| Entry::Count(plan.seeds[trial.seed])));
+    let row = |trial: Trial| rows.get(&trial);
+    columns.push(of(STATUS, ColumnKind::Text, &|trial| {
+        row(trial).map_or(Entry::Null, |row| Entry::Text(row.status.clone()))
+    }));
+    for name in figures(&trials, rows) {
+        let value = |trial: Trial| row(trial).and_then(|row| row.values.get(name));
+        let mut values = trials.iter().filter_map(|&trial| value(trial));
+        let is_bool = values.any(Value::is_boolean);
+        let kind = if is_bool { ColumnKind::Bool } else { ColumnKind::F64 };
+        columns.push(of(name, kind, &|trial| match value(trial) {
+            Some(Value::Bool(is)) => Entry::Bool(*is),
+            Some(value) => value.as_f64().map_or(Entry::Null, Entry::Number),
+            None => Entry::Null,
+        }));
+    }
+    columns
+}
+
+/// The type that takes all values of a key.
+fn kind_of(plan: &SweepPlan, key: &str) -> ColumnKind {
+    let values = || plan.settings.iter().filter_map(|setting| setting.get(key));
+    if values().all(|node| matches!(node.value, Written::Bool(_))) {
+        ColumnKind::Bool
+    } else if values().all(|node| matches!(node.value, Written::Integer(_) | Written::Number(_))) {
+        ColumnKind::F64
+    } else {
+        ColumnKind::Text
+    }
+}
+
+/// Names of all figures that are a number or a truth value in some trial.
+fn figures<'a>(trials: &[Trial], rows: &'a BTreeMap<Trial, Row>) -> Vec<&'a str> {
+    let mut names: Vec<&str> = Vec::new();
+    let mut known: BTreeMap<&str, bool> = BTreeMap::new();
+    for row in trials.iter().filter_map(|trial| rows.get(trial)) {
+        for (name, value) in &row.values {
+            let has_value = known.entry(name).or_insert_with(|| {
+                names.push(name);
+                false
+            });
+            *has_value |= !value.is_null();
+        }
+    }
+    names.retain(|name| known.get(name) == Some(&true));
+    names
+}
+
+/// Writes the table.
+pub(crate) fn write(path: &Path, columns: &[Column]) -> Result<(), RecordError> {
+    let headings: Vec<Heading<'_>> = columns
+        .iter()
+        .map(|column| Heading { name: &column.name, kind: column.kind, is_nullable: true })
+        .collect();
+    let mut table = Table::create_of(path.to_owned(), &headings)?;
+    let n_rows = columns.first().map_or(0, |column| column.entries.len());
+    for row in 0..n_rows {
+        table.push(columns.iter().map(|column| match &column.entries[row] {
+            Entry::Null => Cell::Null,
+            Entry::Bool(is) => Cell::Bool(*is),
+            Entry::Count(n) => Cell::U64(*n),
+            Entry::Number(number) => Cell::F64(*number),
+            Entry::Text(text) => Cell::Text(text),
+        }))?;
+    }
+    table.finish().map(|_| ())
+}

@@ -1,0 +1,147 @@
+//! A thread that runs trials one after another, on two simulators of its own.
+
+use super::journal::Row;
+use super::plan::{SweepPlan, Trial};
+use super::results;
+use super::{Work, figures};
+use crate::peer::SideError;
+use crate::run::{self, Outcome, RunError, Sides};
+use serde_json::Map;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::Sender;
+use std::time::Instant;
+
+/// What a worker says.
+pub(super) enum Said {
+    /// A trial is done.
+    Done(Trial, Box<Row>),
+    /// A trial failed twice, each time with its simulators.
+    Failed(Trial, String),
+    /// A trial cannot be run, and no other could.
+    Fatal(Trial, Box<RunError>),
+    /// Someone said stop.
+    Interrupted(&'static str),
+    /// The worker has ended.
+    Ended {
+        /// How often it started a pair of simulators.
+        n_starts: u64,
+    },
+}
+
+/// Trials to be run, the longest first, so that no core is left with a long one at the end.
+pub(super) struct Queue {
+    trials: Vec<Trial>,
+    next: AtomicUsize,
+}
+
+impl Queue {
+    pub(super) fn new(plan: &SweepPlan, trials: impl Iterator<Item = Trial>) -> Self {
+        let mut trials: Vec<Trial> = trials.collect();
+        // Stable: of equals those come first that stand first in the table.
+        trials.sort_by(|&a, &b| plan.effort(b).total_cmp(&plan.effort(a)));
+        Self { trials, next: AtomicUsize::new(0) }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.trials.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.trials.is_empty()
+    }
+
+    /// Nothing more is given out.
+    pub(super) fn close(&self) {
+        self.next.store(self.trials.len(), Ordering::Relaxed);
+    }
+
+    fn take(&self) -> Option<Trial> {
+        self.trials.get(self.next.fetch_add(1, Ordering::Relaxed)).copied()
+    }
+}
+
+/// Works until nothing is left. That nobody listens any more is no failure.
+pub(super) fn work(work: &Work<'_>, queue: &Queue, said: &Sender<Said>) {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let n_starts = match runtime {
+        Ok(runtime) => runtime.block_on(trials(work, queue, said)),
+        Err(source) => {
+            let error = SideError::Start { side: "a worker", reason: source.to_string() };
+            if let Some(trial) = queue.take() {
+                let error = Box::new(RunError::Side { error, kept: None });
+                let _ = said.send(Said::Fatal(trial, error));
+            }
+            0
+        }
+    };
+    let _ = said.send(Said::Ended { n_starts });
+}
+
+async fn trials(work: &Work<'_>, queue: &Queue, said: &Sender<Said>) -> u64 {
+    let mut sides = Sides::new(work.start.clone());
+    while let Some(trial) = queue.take() {
+        let mut begun = Instant::now();
+        let mut result = one(work, &mut sides, trial).await;
+        if matches!(&result, Err(error) if is_worth_another(error)) {
+            begun = Instant::now();
+            result = one(work, &mut sides, trial).await;
+        }
+        let message = match result {
+            Ok(outcome) => {
+                let row = row(work, trial, outcome, begun.elapsed().as_secs_f64());
+                Said::Done(trial, Box::new(row))
+            }
+            Err(RunError::Interrupted { signal }) => Said::Interrupted(signal),
+            Err(error) if is_worth_another(&error) => Said::Failed(trial, error.to_string()),
+            Err(error) => Said::Fatal(trial, Box::new(error)),
+        };
+        let goes_on = matches!(message, Said::Done(..) | Said::Failed(..));
+        if said.send(message).is_err() || !goes_on {
+            break;
+        }
+    }
+    let n_starts = sides.n_starts();
+    sides.stop().await;
+    n_starts
+}
+
+async fn one(work: &Work<'_>, sides: &mut Sides, trial: Trial) -> Result<Outcome, RunError> {
+    let plan = work.plan.plan(trial)?;
+    let kept = results::kept_runs(work.dir);
+    let keep_in = work.plan.keeps(trial).then_some(&*kept);
+    sides.run(&run::Trial { plan: &plan, keep_in }).await
+}
+
+/// A simulator died or hung: that may have had a reason outside the trial.
+fn is_worth_another(error: &RunError) -> bool {
+    let RunError::Side { error, .. } = error else { return false };
+    match error {
+        SideError::Both(robots, network) => [robots, network].iter().any(|error| is_outside(error)),
+        error => is_outside(error),
+    }
+}
+
+fn is_outside(error: &SideError) -> bool {
+    matches!(
+        error,
+        SideError::Exited { .. }
+            | SideError::Lost { .. }
+            | SideError::Hangs { .. }
+            | SideError::TooSlow { .. }
+    )
+}
+
+fn row(work: &Work<'_>, trial: Trial, outcome: Outcome, wall_s: f64) -> Row {
+    let Outcome { summary, not_formed } = outcome;
+    let mut values = Map::new();
+    figures::of_summary(&mut values, &summary);
+    Row {
+        key: work.plan.key(trial),
+        program: work.program.to_owned(),
+        status: if not_formed.is_some() { "not-formed" } else { "complete" }.to_owned(),
+        reason: not_formed,
+        digest: summary["final_digest"].as_str().map(str::to_owned),
+        wall_s,
+        values,
+    }
+}
