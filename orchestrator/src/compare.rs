@@ -3,6 +3,7 @@
 use crate::diagnose::ladder::{COMMON, Scores, Search};
 use crate::study::links::LinkStudy;
 use crate::study::robots::RobotStudy;
+use crate::study::view::Viewed as _;
 use crate::study::{RowScore, Study};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -72,7 +73,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     let all: Vec<usize> = (0..n).collect();
     let values = of(&all);
     let intervals = bootstrap(&values, blocks.n_blocks(), &blocks.of_row, &of);
-    let places = ranked(study, &deviation, &surprise);
+    let places = ranked(&study.covariates(), &deviation, &surprise);
     finished("link", blocks.unit, &intervals, &places)
 }
 
@@ -117,15 +118,29 @@ fn finished(kind: &str, unit: &str, intervals: &[Interval], places: &[Value]) ->
 /// Holds a model of robots against their samples, nothing refitted but the noise: scores of windows, held out.
 pub fn robots(study: &RobotStudy, search: &Search<'_, RobotStudy>) -> Comparison {
     let scores = search.held_out(&[], COMMON);
+    let view = study.view(&search.full(&[], COMMON, None));
+    let along = view.residuals();
     let blocks = study.blocks(COMMON);
     let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
         let all = Scores::of(&part);
-        vec![("log_score", all.log_score), ("rmse_m", all.rmse), ("crps_m", all.crps)]
+        let n = 2.0 * rows.len() as f64;
+        let inside = rows.iter().map(|&row| [view.scaled_at(row), view.scaled_across(row)]);
+        let inside = inside.flatten().filter(|z| z.abs() <= 1.645).count() as f64;
+        let bias = rows.iter().map(|&row| along[row]).sum::<f64>() / rows.len() as f64;
+        vec![
+            ("log_score", all.log_score),
+            ("rmse_m", all.rmse),
+            ("bias_m", bias),
+            ("crps_m", all.crps),
+            ("coverage_90", inside / n),
+        ]
     };
     let all: Vec<usize> = (0..study.n_rows()).collect();
     let intervals = bootstrap(&of(&all), blocks.n_blocks(), &blocks.of_row, &of);
-    finished("robot", blocks.unit, &intervals, &[])
+    let nothing = vec![f64::NAN; along.len()];
+    let places = ranked(&study.covariates(), &along, &nothing);
+    finished("robot", blocks.unit, &intervals, &places)
 }
 
 /// 90 % intervals by resampling blocks. The draws are fixed: the same file gives the same interval.
@@ -166,9 +181,8 @@ fn bootstrap(
 }
 
 /// Covariates by how much of the error their bins explain, most first.
-fn ranked(study: &LinkStudy, deviation: &[f64], surprise: &[f64]) -> Vec<Value> {
-    let mut places: Vec<(f64, Value)> = study
-        .covariates()
+fn ranked(covariates: &[(String, Vec<f64>)], deviation: &[f64], surprise: &[f64]) -> Vec<Value> {
+    let mut places: Vec<(f64, Value)> = covariates
         .iter()
         .filter_map(|(name, values)| place(name, values, deviation, surprise))
         .collect();

@@ -1,6 +1,7 @@
 //! `report.html`: a run in pictures and numbers, in one file that opens without a network and needs no script.
 
 mod figures;
+pub mod measured;
 mod network;
 pub(crate) mod svg;
 pub(crate) mod text;
@@ -153,23 +154,32 @@ fn show(page: &mut String, figure: &Figure) {
         escape(&figure.sentence)
     );
     for (mark, words) in &figure.key {
-        let shape = match *mark {
-            "band" => "<path class=\"band\" d=\"M0,1H26V11H0Z\"/>",
-            "cell" | "cell several" | "cell idle" => {
-                &format!("<path class=\"{mark}\" d=\"M8,1H18V11H8Z\"/>")
-            }
-            "start" | "end" => &format!("<path class=\"{mark}\" d=\"M13,6h0\"/>"),
-            "interval" => {
-                "<g class=\"interval\"><path d=\"M13,1V11M10,1h6M10,11h6\"/><circle cx=\"13\" cy=\"6\" r=\"3\"/></g>"
-            }
-            line => &format!("<path class=\"{line}\" d=\"M0,6H26\"/>"),
-        };
+        let shape = self::mark(mark);
         let _ = write!(
             page,
             "<li><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\">{shape}</svg>{words}</li>"
         );
     }
     let _ = write!(page, "</ul>\n<div class=\"plot\">{}</div>\n</figure>\n", figure.svg);
+}
+
+/// How a mark looks in a key.
+fn mark(class: &str) -> String {
+    match class {
+        "band" => "<path class=\"band\" d=\"M0,1H26V11H0Z\"/>".to_owned(),
+        "start" | "end" | "mote" => format!("<path class=\"{class}\" d=\"M13,6h0\"/>"),
+        "dot" | "dot after" => {
+            format!("<path class=\"{class}\" d=\"M5,8h0M10,4h0M15,7h0M20,5h0\"/>")
+        }
+        "interval" => {
+            "<g class=\"interval\"><path d=\"M13,1V11M10,1h6M10,11h6\"/><circle cx=\"13\" cy=\"6\" r=\"3\"/></g>"
+                .to_owned()
+        }
+        filled if filled.starts_with("cell") || filled.starts_with("b") && filled != "before" => {
+            format!("<path class=\"{class}\" d=\"M8,1H18V11H8Z\"/>")
+        }
+        line => format!("<path class=\"{line}\" d=\"M0,6H26\"/>"),
+    }
 }
 
 fn experiment(page: &mut String, contents: &Contents<'_>) {

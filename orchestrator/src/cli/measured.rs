@@ -1,14 +1,19 @@
 //! The commands that hold a model against measurements.
 
-use super::{Failure, write_json, write_whole};
-use crate::compare;
+use super::{Failure, place_for, write_json, write_whole};
+use crate::compare::{self, Comparison};
 use crate::console::{say, warn};
 use crate::diagnose::answer::{self, Answer, Kind};
-use crate::diagnose::ladder::Search;
+use crate::diagnose::ladder::{COMMON, Search};
 use crate::extend;
 use crate::measure::config::Compared;
+use crate::measure::robots::Sample;
+use crate::report::measured::{Contents, LinkRows, RobotRows, Rows, page};
 use crate::study::Study;
+use crate::study::links::LinkStudy;
 use crate::study::open::{self, Account, Subject};
+use crate::study::robots::RobotStudy;
+use crate::study::view::{self, View};
 use clap::Args;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -51,6 +56,109 @@ pub(super) fn account_text(account: &Account) {
     }
 }
 
+/// A configuration, measurements, and where the answer goes.
+#[derive(Args)]
+pub(super) struct AnswerArgs {
+    #[command(flatten)]
+    data: DataArgs,
+    /// Write what was found as a page with pictures (HTML, one file, opens without a network)
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+impl AnswerArgs {
+    /// A place that cannot be written is found before the work, not after it.
+    fn check_places(&self) -> Result<(), Failure> {
+        for (option, path) in [("--json", &self.data.json), ("--report", &self.report)] {
+            if let Some(path) = path {
+                place_for(option, path).map_err(Failure::request)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write(
+        &self,
+        config: &Compared,
+        json: &Value,
+        pictures: impl FnOnce() -> Pictures,
+    ) -> Result<(), Failure> {
+        write_json(self.data.json.as_deref(), json)?;
+        let Some(path) = &self.report else { return Ok(()) };
+        let Pictures { rows, before, after, covariates } = pictures();
+        let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let contents =
+            Contents { config: name, json, site: &config.site, rows, before, after, covariates };
+        write_whole("--report", path, &page(&contents))?;
+        say(format!("look at {}", path.display()));
+        Ok(())
+    }
+}
+
+/// What pictures need beside an answer.
+struct Pictures {
+    rows: Rows,
+    before: View,
+    after: Option<View>,
+    covariates: Vec<(String, Vec<f64>)>,
+}
+
+impl Pictures {
+    fn of_links(study: &LinkStudy, search: &Search<'_, LinkStudy>, terms: &[usize]) -> Self {
+        progress("drawing");
+        let measured = &study.rows.links.rows;
+        let rows = LinkRows {
+            ends: measured
+                .iter()
+                .zip(study.moving())
+                .map(|(row, [tx, rx])| {
+                    [([row.tx_m[0], row.tx_m[1]], tx), ([row.rx_m[0], row.rx_m[1]], rx)]
+                })
+                .collect(),
+            motes: measured.iter().map(|row| [row.tx, row.rx]).collect(),
+            frames: measured.iter().map(|row| [row.frames, row.received]).collect(),
+            quantum_db: study.rows.links.quantum_db,
+        };
+        Self {
+            rows: Rows::Links(rows),
+            before: view::held_out(study, search, &[]),
+            after: (!terms.is_empty()).then(|| view::held_out(study, search, terms)),
+            covariates: study.covariates(),
+        }
+    }
+
+    fn of_robots(study: &RobotStudy, search: &Search<'_, RobotStudy>, terms: &[usize]) -> Self {
+        progress("drawing");
+        let robots = study.robots();
+        let place = |sample: &Sample| [sample.position_m[0], sample.position_m[1]];
+        let before = study.errors_by_horizon(&search.full(&[], COMMON, None));
+        let after = if terms.is_empty() {
+            Vec::new()
+        } else {
+            study.errors_by_horizon(&search.full(terms, COMMON, None))
+        };
+        let horizons = before
+            .into_iter()
+            .map(|(at, error)| (at, error, after.iter().find(|(s, _)| *s == at).map(|(_, e)| *e)))
+            .collect();
+        let rows = RobotRows {
+            tracks: robots
+                .tracks
+                .iter()
+                .map(|track| robots.samples[track.clone()].iter().map(place).collect())
+                .collect(),
+            ends: study.windows().iter().map(|ends| ends.map(place)).collect(),
+            horizons,
+        };
+        Self {
+            rows: Rows::Robots(rows),
+            before: view::held_out(study, search, &[]),
+            after: (!terms.is_empty()).then(|| view::held_out(study, search, terms)),
+            covariates: study.covariates(),
+        }
+    }
+}
+
 #[derive(Args)]
 pub(super) struct ExtendArgs {
     #[command(flatten)]
@@ -67,23 +175,32 @@ pub(super) struct ExtendArgs {
 }
 
 /// `orchestrator compare`.
-pub(super) fn compare(args: &DataArgs) -> Result<(), Failure> {
+pub(super) fn compare(args: &AnswerArgs) -> Result<(), Failure> {
+    args.check_places()?;
+    let data = &args.data;
     let (config, table) =
-        open::files(&args.config, &args.set, &args.data).map_err(Failure::request)?;
-    let (mut found, account) = match open::subject(&table).map_err(Failure::request)? {
+        open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
+    match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
-            (compare::links(&study, &Search::new(&study, &progress)), account)
+            let search = Search::new(&study, &progress);
+            let found = compared(&account, compare::links(&study, &search));
+            args.write(&config, &found, || Pictures::of_links(&study, &search, &[]))
         }
         Subject::Robots => {
             let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
-            (compare::robots(&study, &Search::new(&study, &progress)), account)
+            let search = Search::new(&study, &progress);
+            let found = compared(&account, compare::robots(&study, &search));
+            args.write(&config, &found, || Pictures::of_robots(&study, &search, &[]))
         }
-    };
-    account_text(&account);
-    account_json(&account, &mut found.json);
+    }
+}
+
+fn compared(account: &Account, mut found: Comparison) -> Value {
+    account_text(account);
+    account_json(account, &mut found.json);
     say(&found.text);
-    write_json(args.json.as_deref(), &found.json)
+    found.json
 }
 
 fn progress(line: &str) {
@@ -145,9 +262,11 @@ fn extend_with<S: Study>(
 }
 
 /// `orchestrator diagnose`.
-pub(super) fn diagnose(args: &DataArgs) -> Result<(), Failure> {
+pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
+    args.check_places()?;
+    let data = &args.data;
     let (config, table) =
-        open::files(&args.config, &args.set, &args.data).map_err(Failure::request)?;
+        open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
@@ -158,7 +277,8 @@ pub(super) fn diagnose(args: &DataArgs) -> Result<(), Failure> {
             let kind = Kind { name: "link", unit: "dB" };
             let structure = left.structure.as_ref();
             let answer = answer::answer(&study, &search, &ladder, kind, &left.formulas, structure);
-            diagnosed(args, &account, answer)
+            let found = diagnosed(&account, answer);
+            args.write(&config, &found, || Pictures::of_links(&study, &search, &ladder.accepted))
         }
         Subject::Robots => {
             let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
@@ -168,13 +288,14 @@ pub(super) fn diagnose(args: &DataArgs) -> Result<(), Failure> {
             let kind = Kind { name: "robot", unit: "m" };
             let none = BTreeMap::new();
             let answer = answer::answer(&study, &search, &ladder, kind, &none, None);
-            diagnosed(args, &account, answer)
+            let found = diagnosed(&account, answer);
+            args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))
         }
     }
 }
 
-fn diagnosed(args: &DataArgs, account: &Account, mut answer: Answer) -> Result<(), Failure> {
+fn diagnosed(account: &Account, mut answer: Answer) -> Value {
     account_json(account, &mut answer.json);
     say(&answer.text);
-    write_json(args.json.as_deref(), &answer.json)
+    answer.json
 }

@@ -199,6 +199,16 @@ impl Chart {
         );
     }
 
+    /// A circle of a radius in the units of the axes, which have the same scale.
+    pub(crate) fn circle(&mut self, class: &str, centre: [f64; 2], radius: f64) {
+        let ([x, y], [edge, _]) = (self.place(centre), self.place([centre[0] + radius, centre[1]]));
+        let radius = edge - x;
+        let _ = write!(
+            self.body,
+            "<circle class=\"{class}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\"/>"
+        );
+    }
+
     /// A dot with an interval, which says more when pointed at.
     pub(crate) fn interval(&mut self, x: f64, y: f64, [low, high]: [f64; 2], title: &str) {
         let ([px, py], [_, top], [_, foot]) =

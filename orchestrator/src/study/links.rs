@@ -12,6 +12,7 @@
 //! | `group` | blocks that are left out together, cells that share a level |
 //! | [`predict`] | what a fit predicts, and what is left over |
 //! | [`covariates`] | what an error may depend on, given or derived |
+//! | `view` | predictions row by row, for pictures |
 //! | [`testable`] | what the data lack for an effect to be tested |
 
 pub mod cells;
@@ -25,6 +26,7 @@ pub mod rows;
 pub mod search;
 pub mod terms;
 pub mod testable;
+mod view;
 
 use super::folds::Blocks;
 use super::{Candidate, Estimate, RowScore, Study};

@@ -100,11 +100,6 @@ pub fn robots(config: &Compared, table: &Table) -> Result<(RobotStudy, Account),
     if !problems.is_empty() {
         return Err(config.refuse(problems).into());
     }
-    let sd_m = match config.section("robotsim", "localization").get("sd_m").map(Node::to_toml) {
-        Some(toml::Value::Float(sd_m)) => Some(sd_m),
-        Some(toml::Value::Integer(sd_m)) => Some(sd_m as f64),
-        _ => None,
-    };
     let mut account = Account {
         file: name_of(table),
         sha256: table.sha256.clone(),
@@ -117,7 +112,7 @@ pub fn robots(config: &Compared, table: &Table) -> Result<(RobotStudy, Account),
         robots,
         &dynamics,
         written.get("wheelbase_m").is_some(),
-        sd_m.filter(|sd_m| 0.0 < *sd_m),
+        localization_sd_m(config),
         config.site.terrain.clone(),
         WINDOW_S,
         false,
@@ -125,6 +120,17 @@ pub fn robots(config: &Compared, table: &Table) -> Result<(RobotStudy, Account),
     .map_err(|error| useless(error.to_string()))?;
     account.warnings.extend(too_few(&study));
     Ok((study, account))
+}
+
+/// The noise of measured positions that a configuration gives (m).
+#[must_use]
+pub fn localization_sd_m(config: &Compared) -> Option<f64> {
+    let sd_m = match config.section("robotsim", "localization").get("sd_m").map(Node::to_toml) {
+        Some(toml::Value::Float(sd_m)) => sd_m,
+        Some(toml::Value::Integer(sd_m)) => sd_m as f64,
+        _ => return None,
+    };
+    (0.0 < sd_m).then_some(sd_m)
 }
 
 fn name_of(table: &Table) -> String {

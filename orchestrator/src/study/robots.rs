@@ -7,11 +7,13 @@
 
 mod blocks;
 mod density;
+mod driven;
 mod fit;
 mod motion;
 mod terms;
 #[cfg(test)]
 mod tests;
+mod view;
 
 use super::folds::Blocks;
 use super::{Candidate, Estimate, RowScore, Study, is_at_bound};

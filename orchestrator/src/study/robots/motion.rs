@@ -2,6 +2,7 @@
 
 use super::density::Residual;
 use crate::measure::robots::Robots;
+use proto::rng::Draws;
 use proto::site::Hill;
 use robotsim::dynamics::physics::{Order, Physics, Robot};
 use robotsim::dynamics::surroundings::{Other, Surroundings};
@@ -103,6 +104,11 @@ impl Tracks {
     /// Whether the height of the ground is known.
     pub(super) fn has_terrain(&self) -> bool {
         !self.terrain.is_empty()
+    }
+
+    /// The ground.
+    pub(super) fn terrain(&self) -> &[Hill] {
+        &self.terrain
     }
 
     /// Whether some robot has company.
@@ -253,6 +259,20 @@ impl Tracks {
             physics.advance(&mut robot, &self.orders[track], &mut next, a, b, &surroundings);
         }
         std::array::from_fn(|i| robot.position_m[i] - from_m[i])
+    }
+
+    /// A robot at each sample of a track by the model alone, from where the track begins.
+    pub(super) fn driven(&self, track: usize, physics: &Physics, draws: Draws) -> Vec<Robot> {
+        let range = self.robots.tracks[track].clone();
+        let mut robot = self.begin(track, physics);
+        let (mut next, mut driven) = (0, vec![robot]);
+        for index in range.start..range.end - 1 {
+            let [a, b] = [index, index + 1].map(|index| self.robots.samples[index].time_s);
+            let surroundings = Surroundings { draws: Some(draws), ..self.surroundings(index) };
+            physics.advance(&mut robot, &self.orders[track], &mut next, a, b, &surroundings);
+            driven.push(robot);
+        }
+        driven
     }
 
     fn surroundings(&self, sample: usize) -> Surroundings<'_> {

@@ -1,0 +1,185 @@
+//! The ladder of held-out error, and what each candidate gains.
+
+use super::{Contents, Picture};
+use crate::report::text::{escape, number};
+use serde_json::Value;
+use std::fmt::Write as _;
+
+/// Width of a picture, of its labels, of the numbers at its right end.
+const WIDTH: f64 = 540.0;
+const LABELS: f64 = 190.0;
+const NUMBERS: f64 = 88.0;
+/// Height of a row.
+const ROW: f64 = 30.0;
+/// Candidates that are shown.
+const MOST_CANDIDATES: usize = 12;
+
+/// A row of bars.
+struct Bar {
+    label: String,
+    value: f64,
+    /// Half of an interval about it.
+    half: f64,
+    class: &'static str,
+    text: String,
+}
+
+fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> String {
+    let low = rows.iter().map(|row| row.value - row.half).fold(0.0, f64::min);
+    let high = rows.iter().map(|row| row.value + row.half).fold(1e-9, f64::max);
+    let plane = WIDTH - LABELS - NUMBERS;
+    let x = |value: f64| LABELS + (value - low) / (high - low) * plane;
+    let height = ROW * rows.len() as f64 + 8.0;
+    let mut body = String::new();
+    for (k, row) in rows.iter().enumerate() {
+        let (top, middle) = (ROW * k as f64 + 8.0, ROW * k as f64 + 4.0 + ROW / 2.0);
+        let (from, to) = (x(0.0).min(x(row.value)), x(0.0).max(x(row.value)));
+        let _ = write!(
+            body,
+            "<text class=\"row\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text><path class=\"bar {}\" d=\"M{from:.1},{top:.1}H{to:.1}v{:.1}H{from:.1}Z\"/>",
+            LABELS - 10.0,
+            middle + 4.0,
+            escape(&row.label),
+            row.class,
+            ROW - 8.0
+        );
+        if 0.0 < row.half {
+            let (a, b) = (x(row.value - row.half), x(row.value + row.half));
+            let _ = write!(body, "<path class=\"axis\" d=\"M{a:.1},{middle:.1}H{b:.1}\"/>");
+        }
+        let _ = write!(
+            body,
+            "<text class=\"value\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            WIDTH - 4.0,
+            middle + 4.0,
+            escape(&row.text)
+        );
+    }
+    let zero = x(0.0);
+    let _ = write!(body, "<path class=\"axis\" d=\"M{zero:.1},4V{:.1}\"/>", height - 2.0);
+    format!(
+        "<svg viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-labelledby=\"{id}-title {id}-text\"><title id=\"{id}-title\">{}</title><desc id=\"{id}-text\">{}</desc>{body}</svg>",
+        escape(title),
+        escape(alternative)
+    )
+}
+
+fn score(entry: &Value, key: &str) -> Option<f64> {
+    entry[key].as_f64()
+}
+
+pub(super) fn pictures(contents: &Contents<'_>) -> Vec<Picture> {
+    let json = contents.json;
+    let rungs: Vec<&Value> = json["ladder"].as_array().into_iter().flatten().collect();
+    let mut pictures: Vec<Picture> = [
+        ("rmse", "Error", contents.unit()),
+        ("reception_log_loss", "Log loss of reception", "nats a frame"),
+    ]
+    .into_iter()
+    .filter_map(|(key, title, unit)| fall(&rungs, key, title, unit))
+    .collect();
+    pictures.extend(gained(&rungs));
+    pictures.extend(candidates(json));
+    pictures
+}
+
+/// How an error falls from rung to rung.
+fn fall(rungs: &[&Value], key: &str, title: &str, unit: &str) -> Option<Picture> {
+    let values: Option<Vec<f64>> = rungs.iter().map(|rung| score(rung, key)).collect();
+    let values = values.filter(|values| !values.is_empty())?;
+    let rows: Vec<Bar> = rungs
+        .iter()
+        .zip(&values)
+        .enumerate()
+        .map(|(k, (rung, &value))| Bar {
+            label: rung["model"].as_str().unwrap_or_default().to_owned(),
+            value,
+            half: 0.0,
+            class: if k == 0 { "" } else { "after" },
+            text: format!("{} {}", number(value), unit.split(' ').next().unwrap_or_default()),
+        })
+        .collect();
+    let title = format!("{title}, effect by effect");
+    let (first, last) = (values[0], values[values.len() - 1]);
+    let look = if values.len() == 1 {
+        format!(
+            "There is one rung: nothing that was tried predicts data left out better than the model as configured, {} {unit}.",
+            number(first)
+        )
+    } else {
+        format!(
+            "How much shorter does each effect make the bar? From {} to {} {unit} on data that were left out.",
+            number(first),
+            number(last)
+        )
+    };
+    let means = "Each bar is a model with one effect more, fitted anew with all before it. What no effect takes away is noise, or \
+                 physics that is not in the catalogue."
+        .to_owned();
+    let svg = bars(&format!("ladder-{key}"), &title, &look, &rows);
+    Some(Picture { title, look, means, key: Vec::new(), svg, is_wide: false })
+}
+
+/// How the log score rises from rung to rung.
+fn gained(rungs: &[&Value]) -> Option<Picture> {
+    let scores: Option<Vec<f64>> = rungs.iter().map(|rung| score(rung, "log_score")).collect();
+    let scores = scores.filter(|scores| 1 < scores.len())?;
+    let rows: Vec<Bar> = rungs
+        .iter()
+        .zip(&scores)
+        .skip(1)
+        .map(|(rung, score)| Bar {
+            label: rung["model"].as_str().unwrap_or_default().to_owned(),
+            value: score - scores[0],
+            half: 0.0,
+            class: "after",
+            text: format!("{} nats", number(score - scores[0])),
+        })
+        .collect();
+    let title = "Log score gained, effect by effect".to_owned();
+    let gain = scores[scores.len() - 1] - scores[0];
+    let look = format!(
+        "How much likelier do data that were left out become? By a factor of {} a row in the end.",
+        number(gain.exp())
+    );
+    let means = "The log score counts readings and losses alike, and punishes a model that is surer than it should be. It is what \
+                 decides."
+        .to_owned();
+    let svg = bars("ladder-log-score", &title, &look, &rows);
+    Some(Picture { title, look, means, key: Vec::new(), svg, is_wide: false })
+}
+
+/// What candidates gain.
+fn candidates(json: &Value) -> Option<Picture> {
+    let mut gains: Vec<(&Value, f64)> = json["candidates"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some((entry, score(entry, "gain")?)))
+        .filter(|(entry, gain)| *gain != 0.0 || entry["accepted"] == true)
+        .collect();
+    gains.sort_by(|a, b| b.1.total_cmp(&a.1));
+    gains.truncate(MOST_CANDIDATES);
+    if gains.is_empty() {
+        return None;
+    }
+    let rows: Vec<Bar> = gains
+        .iter()
+        .map(|(entry, gain)| Bar {
+            label: entry["effect"].as_str().unwrap_or_default().to_owned(),
+            value: *gain,
+            half: 1.645 * score(entry, "standard_error").unwrap_or(0.0),
+            class: if entry["accepted"] == true { "after" } else { "none" },
+            text: number(*gain),
+        })
+        .collect();
+    let title = "What each candidate gains".to_owned();
+    let look = "Which bars are clear of zero? Nats a row gained on data left out; lines are 90 % intervals.".to_owned();
+    let means = "Accepted is what gains beyond chance with all candidates counted, and is worth having. An accepted effect stands \
+                 with what it gained when it was added; the others with what they would still gain on top of all that was \
+                 accepted."
+        .to_owned();
+    let key = vec![("bar after", "accepted".to_owned()), ("bar none", "not accepted".to_owned())];
+    let svg = bars("candidates", &title, &look, &rows);
+    Some(Picture { title, look, means, key, svg, is_wide: false })
+}

@@ -1,0 +1,57 @@
+//! Where robots would have been, by the model alone.
+
+use super::RobotStudy;
+use proto::rng::Draws;
+use robotsim::dynamics::effect::Localization;
+
+/// Robots at every sample, noise apart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Driven {
+    /// Where each would have been measured (m): delay and scale of its localization count, noise does not.
+    pub places_m: Vec<[f64; 3]>,
+    /// Direction of its body (rad).
+    pub headings_rad: Vec<f64>,
+    /// Noise of positions by an effect of the configuration, beside what it says otherwise (m).
+    pub more_sd_m: f64,
+}
+
+impl RobotStudy {
+    /// Drives all robots from where their tracks begin by the model as configured and the commands of the file.
+    ///
+    /// * `draws`: for gusts.
+    #[must_use]
+    pub fn driven(&self, draws: Draws) -> Driven {
+        let samples = &self.robots().samples;
+        let mut driven = Driven {
+            places_m: samples.iter().map(|sample| sample.position_m).collect(),
+            headings_rad: samples.iter().map(|sample| sample.heading_rad).collect(),
+            more_sd_m: 0.0,
+        };
+        let Some((physics, _)) = self.model.physics(&self.configured) else { return driven };
+        let localization = physics.effects().iter().find_map(|effect| effect.localization());
+        let Localization { sd_m, delay_s, scale } =
+            localization.unwrap_or(Localization { sd_m: 0.0, delay_s: 0.0, scale: 1.0 });
+        driven.more_sd_m = sd_m;
+        let tracks = &self.model.tracks;
+        for (number, track) in self.robots().tracks.iter().enumerate() {
+            let robots = tracks.driven(number, &physics, draws);
+            // Where it was a while ago, between two samples on the straight line.
+            let place_at = |time_s: f64| {
+                let after = samples[track.clone()].partition_point(|s| s.time_s < time_s);
+                let Some(before) = after.checked_sub(1) else { return robots[0].position_m };
+                let after = after.min(robots.len() - 1);
+                let [a, b] = [before, after].map(|k| samples[track.start + k].time_s);
+                let part = if a < b { (time_s - a) / (b - a) } else { 0.0 };
+                let [from, to] = [before, after].map(|k| robots[k].position_m);
+                std::array::from_fn(|axis| from[axis] + part * (to[axis] - from[axis]))
+            };
+            for (k, robot) in robots.iter().enumerate() {
+                let sample = track.start + k;
+                let place_m: [f64; 3] = place_at(samples[sample].time_s - delay_s);
+                driven.places_m[sample] = place_m.map(|coordinate| scale * coordinate);
+                driven.headings_rad[sample] = robot.heading_rad;
+            }
+        }
+        driven
+    }
+}
