@@ -2,6 +2,7 @@
 
 mod check;
 mod measured;
+mod simulate;
 mod sweeps;
 
 use crate::bench::{self, BenchOptions};
@@ -54,11 +55,13 @@ enum Command {
     /// Ask a running simulator whether it keeps the contract
     Conformance(ConformanceArgs),
     /// Find out how wrong a model is, and where, from measurements
-    Compare(measured::DataArgs),
+    Compare(measured::AnswerArgs),
     /// Add a missing effect to a configuration, fitted to measurements
     Extend(measured::ExtendArgs),
     /// Find out which physical effect a model lacks, from measurements
-    Diagnose(measured::DataArgs),
+    Diagnose(measured::AnswerArgs),
+    /// Make the campaign that a model would have measured, in place of a real one
+    Simulate(simulate::SimulateArgs),
     /// Measure speed through the real processes
     Bench(BenchArgs),
     /// Serve the network simulator
@@ -316,6 +319,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Compare(args) => measured::compare(&args),
         Command::Extend(args) => measured::extend(&args),
         Command::Diagnose(args) => measured::diagnose(&args),
+        Command::Simulate(args) => simulate::simulate(&args),
         Command::Conformance(args) => conformance_command(&args),
         Command::Bench(args) => {
             let options = BenchOptions {

@@ -19,6 +19,7 @@
 //! | [`mod@extend`] | a configuration with a missing effect added, fitted |
 //! | [`study`] | what a search for missing physics asks of measurements |
 //! | [`diagnose`] | the search: which physical effect is missing |
+//! | [`mod@simulate`] | the campaign that a model would have measured |
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`mod@bench`] | speed through the real processes |
@@ -41,5 +42,6 @@ pub mod peer;
 pub mod record;
 pub mod report;
 pub mod run;
+pub mod simulate;
 pub mod study;
 pub mod sweep;

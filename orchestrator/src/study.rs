@@ -7,6 +7,7 @@ pub mod folds;
 pub mod links;
 pub mod open;
 pub mod robots;
+pub mod view;
 
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};

@@ -16,6 +16,7 @@ mod formation;
 mod interrupts;
 mod reference;
 mod refusals;
+mod simulate;
 mod sweeps;
 mod tidy;
 mod tls;

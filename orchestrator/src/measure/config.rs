@@ -69,6 +69,17 @@ impl Compared {
         Ok(Self { path: path.to_owned(), text, tree, site })
     }
 
+    /// The same with one more key set.
+    ///
+    /// # Errors
+    ///
+    /// There can be no such key.
+    pub fn with(&self, assignment: &str) -> Result<Self, Refusal> {
+        let mut other = self.clone();
+        config::set(&mut other.tree, assignment).map_err(|problem| self.refuse(vec![problem]))?;
+        Ok(other)
+    }
+
     /// A section of a section: `("netsim", "phy")`. Empty where it is not there.
     #[must_use]
     pub fn section(&self, side: &str, name: &str) -> Node {

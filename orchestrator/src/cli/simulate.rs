@@ -1,0 +1,97 @@
+//! `orchestrator simulate`: the campaign that a model would have measured.
+
+use super::{Failure, place_for, write_json};
+use crate::console::{say, warn};
+use crate::simulate::{self, Simulated};
+use crate::study::open;
+use clap::Args;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use serde_json::json;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub(super) struct SimulateArgs {
+    /// The configuration (TOML): the model that measures
+    config: PathBuf,
+    /// Measurements whose rows are simulated: times, places, channels, commands and covariates are taken from them
+    #[arg(long, value_name = "FILE")]
+    like: PathBuf,
+    /// The campaign: CSV, gzipped if the name ends in .gz
+    #[arg(long, value_name = "FILE")]
+    output: PathBuf,
+    /// Seed of every random draw
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Write what was done as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// `orchestrator simulate`.
+pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
+    let ending = args.output.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    if !["csv", "gz"].contains(&ending) {
+        return Err(Failure::request(format!(
+            "--output {}: is written as CSV: name it {}.csv or {0}.csv.gz",
+            args.output.display(),
+            args.output.with_extension("").display()
+        )));
+    }
+    place_for("--output", &args.output).map_err(Failure::request)?;
+    let (config, table) =
+        open::files(&args.config, &args.set, &args.like).map_err(Failure::request)?;
+    let simulated =
+        simulate::simulate(&config, &table, args.seed, None).map_err(Failure::request)?;
+    write(&args.output, ending, &simulated)?;
+    if simulated.is_noise_estimated {
+        warn(format!(
+            "the configuration does not say how large the noise is: {:.4} {} was taken, estimated from {}, which counts what the \
+             model lacks as noise",
+            simulated.noise,
+            simulated.unit,
+            args.like.display()
+        ));
+    }
+    say(format!(
+        "{}: {} rows as in {}, measured by {}, seed {}, noise {:.4} {}",
+        args.output.display(),
+        simulated.n_rows(),
+        args.like.display(),
+        args.config.display(),
+        args.seed,
+        simulated.noise,
+        simulated.unit
+    ));
+    if 0 < simulated.n_left_out {
+        warn(format!("{} rows cannot be used, and are left out", simulated.n_left_out));
+    }
+    let json = json!({
+        "schema": "simulate/1",
+        "rows": simulated.n_rows(),
+        "left_out": simulated.n_left_out,
+        "seed": args.seed,
+        "noise": simulated.noise,
+        "unit": simulated.unit,
+        "noise_is_estimated": simulated.is_noise_estimated,
+    });
+    write_json(args.json.as_deref(), &json)
+}
+
+fn write(path: &Path, ending: &str, simulated: &Simulated) -> Result<(), Failure> {
+    let failed =
+        |error: std::io::Error| Failure::work(format!("--output {}: {error}", path.display()));
+    let csv = simulated.to_csv();
+    let mut file = place_for("--output", path).map_err(Failure::work)?;
+    if ending == "gz" {
+        let mut encoder = GzEncoder::new(&mut file, Compression::default());
+        encoder.write_all(csv.as_bytes()).and_then(|()| encoder.try_finish()).map_err(failed)?;
+    } else {
+        file.write_all(csv.as_bytes()).map_err(failed)?;
+    }
+    file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
+}

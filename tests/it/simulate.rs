@@ -1,0 +1,128 @@
+//! Campaigns that a model would have measured: what is put in is found again.
+
+use orchestrator::compare;
+use orchestrator::diagnose::ladder::Search;
+use orchestrator::measure::config::Compared;
+use orchestrator::measure::table::Table;
+use orchestrator::simulate::simulate;
+use orchestrator::study::open;
+use orchestrator::study::{Candidate, Study};
+use std::path::Path;
+use tests::campaign::{Campaign, Drive, Fleet, Layout};
+
+const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
+
+fn config(text: &str) -> Compared {
+    Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
+}
+
+fn table(csv: &str) -> Table {
+    Table::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
+}
+
+fn named(candidates: &[Candidate], name: &str) -> usize {
+    candidates.iter().position(|candidate| candidate.name == name).unwrap()
+}
+
+#[test]
+fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_does_not_know() {
+    let campaign = Campaign::link(2, &Layout::standard(), &[], 5000);
+    let plain = campaign.config_toml.clone();
+    let truth = plain.replacen("[netsim.phy]", "[netsim.phy]\nnoise_sd_db = 2.0", 1)
+        + "\n[[netsim.phy.effect]]\nkind = \"temperature\"\ndb_per_c = -0.3\nreference_c = 20.0\n";
+    let like = table(&campaign.csv);
+    let simulated = simulate(&config(&truth), &like, 7, None).unwrap();
+    let csv = simulated.to_csv();
+    assert_eq!(csv, simulate(&config(&truth), &like, 7, None).unwrap().to_csv());
+    assert_ne!(csv, simulate(&config(&truth), &like, 8, None).unwrap().to_csv());
+    assert_eq!(csv.lines().next(), campaign.csv.lines().next());
+    assert_eq!(csv.lines().count(), campaign.csv.lines().count());
+    assert!(!simulated.is_noise_estimated && simulated.noise == 2.0);
+    let made = table(&csv);
+
+    let (study, _) = open::links(&config(&truth), &made).unwrap();
+    assert_eq!(study.rows.links.quantum_db, 1.0, "readings are rounded like the file's");
+    let found = compare::links(&study, &Search::new(&study, QUIET)).json;
+    let score = |name: &str| found["scores"][name].as_f64().unwrap();
+    // About 4000 readings: four standard errors are 0.019, and rounding to whole dB takes away up to 0.01.
+    assert!((score("coverage_90") - 0.9).abs() < 0.03, "{found:#}");
+    // The noise is 2 dB; four standard errors of the mean are 0.13 dB.
+    assert!(score("bias_db").abs() < 0.13, "{found:#}");
+
+    let (study, _) = open::links(&config(&plain), &made).unwrap();
+    let search = Search::new(&study, QUIET);
+    let ladder = search.climb();
+    let names: Vec<&str> =
+        ladder.accepted.iter().map(|&term| study.candidates()[term].name.as_str()).collect();
+    assert_eq!(names, ["temperature"]);
+    let term = ladder.accepted[0];
+    let (estimates, _) = study.estimates(
+        &search.full(&ladder.accepted, orchestrator::diagnose::ladder::COMMON, None),
+        term,
+    );
+    let slope = estimates.iter().find(|estimate| estimate.name == "db_per_c").unwrap();
+    let error = (slope.high - slope.low) / 3.29;
+    assert!((slope.value + 0.3).abs() < 4.0 * error, "{slope:?}");
+}
+
+#[test]
+fn an_effect_of_robots_that_is_put_in_is_found_and_the_true_model_knows_what_it_does_not_know() {
+    let campaign = Campaign::robots(3, &Fleet::standard(Drive::Velocity), &[], 6000);
+    let plain = campaign.config_toml.clone();
+    let truth = format!(
+        "{plain}\n[[robotsim.dynamics.effect]]\nkind = \"slip\"\non = \"speed\"\nscale = 0.97\n\n[robotsim.localization]\nsd_m = \
+         0.02\n"
+    );
+    let like = table(&campaign.csv);
+    let simulated = simulate(&config(&truth), &like, 7, None).unwrap();
+    let csv = simulated.to_csv();
+    assert_eq!(csv, simulate(&config(&truth), &like, 7, None).unwrap().to_csv());
+    assert_eq!(csv.lines().next(), campaign.csv.lines().next());
+    let made = table(&csv);
+
+    let (study, _) = open::robots(&config(&truth), &made).unwrap();
+    let found = compare::robots(&study, &Search::new(&study, QUIET)).json;
+    let coverage = found["scores"]["coverage_90"].as_f64().unwrap();
+    // Windows overlap: some 1200 independent residuals, four standard errors are 0.035.
+    assert!((coverage - 0.9).abs() < 0.035, "{found:#}");
+
+    let (study, _) = open::robots(&config(&plain), &made).unwrap();
+    let search = Search::new(&study, QUIET);
+    let slip = named(study.candidates(), "slip");
+    let level = study.candidates()[slip].level;
+    let gain = search.gain(&[slip], &[], level);
+    assert!(gain.p_value < 1e-6, "{gain:?}");
+    let (estimates, _) = study.estimates(&search.full(&[slip], level, None), slip);
+    let scale = estimates.iter().find(|estimate| estimate.name == "scale").unwrap();
+    let error = (scale.high - scale.low) / 3.29;
+    assert!((scale.value - 0.97).abs() < 4.0 * error + 1e-4, "{scale:?}");
+}
+
+#[test]
+fn noise_that_the_configuration_does_not_give_is_estimated_and_said_to_be() {
+    let campaign = Campaign::link(2, &Layout::standard(), &[], 2000);
+    let simulated =
+        simulate(&config(&campaign.config_toml), &table(&campaign.csv), 1, None).unwrap();
+    assert!(simulated.is_noise_estimated);
+    // The campaign's noise is 2 dB; four standard errors are 0.14 dB.
+    assert!((simulated.noise - 2.0).abs() < 0.2, "{}", simulated.noise);
+}
+
+#[test]
+fn the_command_writes_what_it_was_told_to() {
+    let folder = tests::folder();
+    let campaign = Campaign::link(2, &Layout::standard(), &[], 1000);
+    std::fs::write(folder.path().join("links.csv"), &campaign.csv).unwrap();
+    std::fs::write(folder.path().join("model.toml"), &campaign.config_toml).unwrap();
+    let run = |output: &str| {
+        let args = ["simulate", "model.toml", "--like", "links.csv", "--output", output];
+        tests::orchestrator(&args, folder.path())
+    };
+    let output = run("made.csv.gz");
+    assert!(output.status.success(), "{}", tests::said(&output));
+    let checked = tests::orchestrator(&["check", "--data", "made.csv.gz"], folder.path());
+    assert!(tests::said(&checked).contains("link samples"), "{}", tests::said(&checked));
+    let refused = run("made.parquet");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(tests::said(&refused).contains("made.csv"), "{}", tests::said(&refused));
+}
