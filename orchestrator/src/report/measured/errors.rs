@@ -67,10 +67,13 @@ fn spoken_of(contents: &Contents<'_>) -> BTreeSet<String> {
     unexplained.filter_map(|entry| entry["covariate"].as_str()).map(str::to_owned).collect()
 }
 
+/// A covariate: whether a verdict speaks of it, what it explains, its name and values.
+type Ranked<'a> = (bool, f64, &'a (String, Vec<f64>));
+
 pub(super) fn by_covariate(contents: &Contents<'_>) -> Vec<Picture> {
     let residuals = contents.before.residuals();
     let spoken_of = spoken_of(contents);
-    let mut ranked: Vec<(bool, f64, &(String, Vec<f64>))> = contents
+    let mut ranked: Vec<Ranked<'_>> = contents
         .covariates
         .iter()
         .filter(|(name, _)| name != "log10_distance")
@@ -308,7 +311,7 @@ fn pit(contents: &Contents<'_>) -> Picture {
     let mut histograms: Vec<(&'static str, &'static str, Vec<f64>)> = Vec::new();
     for (class, label, view) in contents.views() {
         // A rounded reading stands for all that is rounded to it (Czado, Gneiting and Held 2009).
-        let mut bars = vec![0.0; BARS];
+        let mut bars = [0.0; BARS];
         let mut n = 0.0;
         for ((predicted, measured), sd) in view.predicted.iter().zip(&view.measured).zip(&view.sd) {
             let residual = measured - predicted;
