@@ -2,6 +2,7 @@
 
 mod check;
 mod measured;
+mod power;
 mod simulate;
 mod sweeps;
 
@@ -62,6 +63,8 @@ enum Command {
     Diagnose(measured::AnswerArgs),
     /// Make the campaign that a model would have measured, in place of a real one
     Simulate(simulate::SimulateArgs),
+    /// Find out how large an effect a campaign would show
+    Power(power::PowerArgs),
     /// Measure speed through the real processes
     Bench(BenchArgs),
     /// Serve the network simulator
@@ -319,6 +322,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Compare(args) => measured::compare(&args),
         Command::Extend(args) => measured::extend(&args),
         Command::Diagnose(args) => measured::diagnose(&args),
+        Command::Power(args) => power::power(&args),
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Conformance(args) => conformance_command(&args),
         Command::Bench(args) => {

@@ -20,6 +20,7 @@
 //! | [`study`] | what a search for missing physics asks of measurements |
 //! | [`diagnose`] | the search: which physical effect is missing |
 //! | [`mod@simulate`] | the campaign that a model would have measured |
+//! | [`mod@power`] | how large an effect a campaign would show |
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`mod@bench`] | speed through the real processes |
@@ -39,6 +40,7 @@ pub mod effects;
 pub mod extend;
 pub mod measure;
 pub mod peer;
+pub mod power;
 pub mod record;
 pub mod report;
 pub mod run;

@@ -14,6 +14,7 @@ mod faults;
 mod flocking;
 mod formation;
 mod interrupts;
+mod power;
 mod reference;
 mod refusals;
 mod simulate;

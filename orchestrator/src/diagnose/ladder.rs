@@ -11,9 +11,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// All candidates together may accept wrongly with this probability (Holm).
 pub const FAMILY_ERROR: f64 = 0.005;
 /// A term is worth having from this gain on (nats per row) …
-const WORTH_NATS: f64 = 0.01;
+pub(crate) const WORTH_NATS: f64 = 0.01;
 /// … or from this share of the error removed.
-const WORTH_SHARE: f64 = 0.01;
+pub(crate) const WORTH_SHARE: f64 = 0.01;
 /// In any case it removes this share of the error of the model as configured.
 const LEAST_SHARE: f64 = 0.001;
 /// A term that raises the likelihood of all rows together by less (nats) cannot gain on rows left out.
@@ -55,7 +55,7 @@ impl Scores {
     }
 
     /// The greatest share of an error that `self` has less than `parent`.
-    fn share_removed(&self, parent: &Self) -> f64 {
+    pub(crate) fn share_removed(&self, parent: &Self) -> f64 {
         let share = |now: f64, before: f64| {
             let share = 1.0 - now / before;
             if share.is_finite() { share } else { 0.0 }

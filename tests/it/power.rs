@@ -1,0 +1,58 @@
+//! How large an effect a campaign would show.
+
+use orchestrator::measure::config::Compared;
+use orchestrator::measure::table::Table;
+use orchestrator::power::{Question, power};
+use std::path::Path;
+use tests::campaign::{Campaign, Layout};
+
+const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
+
+fn asked(effect: &str) -> Question<'_> {
+    Question { effect, with: &[], vary: None, campaigns: 6, seed: 1, set: &[] }
+}
+
+fn files(n_rows: usize) -> (Compared, Table) {
+    let campaign = Campaign::link(4, &Layout::standard(), &[], n_rows);
+    let config = Compared::of_text(Path::new("model.toml"), campaign.config_toml, &[]).unwrap();
+    (config, Table::of_csv(Path::new("links.csv"), campaign.csv.as_bytes()).unwrap())
+}
+
+#[test]
+fn a_larger_campaign_shows_a_smaller_effect() {
+    let value = |n_rows: usize| {
+        let (config, table) = files(n_rows);
+        let found = power(&config, &table, &asked("temperature"), QUIET).unwrap();
+        let json = found.json;
+        assert_eq!(json["neutral"], 0.0, "{json:#}");
+        assert_eq!(json["parameter"], "db_per_c");
+        assert!(found.text.contains("with a probability of 80 %"), "{}", found.text);
+        let tried = json["tried"].as_array().unwrap();
+        let share = |k: usize| {
+            tried[k]["found"].as_f64().unwrap() / tried[k]["campaigns"].as_f64().unwrap()
+        };
+        assert!(share(0) < 0.8 && 0.8 <= share(tried.len() - 1), "{json:#}");
+        json["value"].as_f64().unwrap().abs()
+    };
+    let (small, large) = (value(1000), value(5000));
+    // Errors shrink with the root of the number of rows: by 2.2; each value is known to about 20 %.
+    assert!((1.3..4.0).contains(&(small / large)), "{small} {large}");
+    // At 5000 rows, 2 dB of noise and a temperature that varies by 3 degrees, an effect of 0.15 of the noise is faint.
+    assert!((0.02..0.2).contains(&large), "{large}");
+}
+
+#[test]
+fn what_these_data_cannot_show_is_said_at_once() {
+    let (config, table) = files(1000);
+    let refusal =
+        |question: &Question<'_>| power(&config, &table, question, QUIET).unwrap_err().to_string();
+    let text = refusal(&asked("vegetation"));
+    assert!(text.contains("needs foliage in [site]"), "{text}");
+    let text = refusal(&asked("temprature"));
+    assert!(text.contains("temperature"), "{text}");
+    let text = refusal(&Question { vary: Some("db"), ..asked("temperature") });
+    assert!(text.contains("db_per_c, reference_c"), "{text}");
+    let with = ["reference_c".to_owned()];
+    let text = refusal(&Question { with: &with, ..asked("temperature") });
+    assert!(text.contains("--with"), "{text}");
+}
