@@ -6,12 +6,14 @@
 //! | [`links`] | link samples and aggregated link tables |
 //! | [`oddities`] | what is odd about measurements that can be used |
 //! | [`robots`] | robot samples |
+//! | [`run`] | link samples of a run |
 //! | [`config`] | the part of a configuration that is held against them |
 
 pub mod config;
 pub mod links;
 pub mod oddities;
 pub mod robots;
+pub mod run;
 pub mod table;
 
 use serde::Serialize;

@@ -227,10 +227,10 @@ fn links_that_carry_nothing_are_refused() {
         (
             "columns",
             Sheet {
-                names: good().names.iter().map(|n| n.replace("rssi_dbm", "rssi")).collect(),
+                names: good().names.iter().map(|n| n.replace("rssi_dbm", "rssi_db")).collect(),
                 ..good()
             },
-            &["neither link samples", "rssi_dbm"],
+            &["neither link samples", "rssi_dbm: is it rssi_db?"],
         ),
         ("empty", Sheet { rows: Vec::new(), ..good() }, &["no frame of 0 usable rows"]),
     ];

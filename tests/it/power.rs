@@ -4,7 +4,7 @@ use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
 use orchestrator::power::{Question, power};
 use std::path::Path;
-use tests::campaign::{Campaign, Layout};
+use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
 const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
 
@@ -55,4 +55,17 @@ fn what_these_data_cannot_show_is_said_at_once() {
     let with = ["reference_c".to_owned()];
     let text = refusal(&Question { with: &with, ..asked("temperature") });
     assert!(text.contains("--with"), "{text}");
+}
+
+#[test]
+fn what_a_campaign_of_robots_would_show_is_told_too() {
+    let campaign = Campaign::robots(3, &Fleet::standard(Drive::Velocity), &[], 3000);
+    let config = Compared::of_text(Path::new("model.toml"), campaign.config_toml, &[]).unwrap();
+    let table = Table::of_csv(Path::new("robots.csv"), campaign.csv.as_bytes()).unwrap();
+    let json = power(&config, &table, &asked("slip"), QUIET).unwrap().json;
+    assert_eq!(json["neutral"], 1.0, "{json:#}");
+    let value = json["value"].as_f64().unwrap();
+    // Positions are known to 1.5 cm and robots go 15 m in a window: a share of 1e-3 is 1.5 cm. Some hundred independent windows
+    // show a fraction of that, but not a hundredth of it.
+    assert!((1e-5..1e-3).contains(&(value - 1.0).abs()), "{value}");
 }

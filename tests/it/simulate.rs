@@ -126,3 +126,66 @@ fn the_command_writes_what_it_was_told_to() {
     assert_eq!(refused.status.code(), Some(2));
     assert!(tests::said(&refused).contains("made.csv"), "{}", tests::said(&refused));
 }
+
+#[test]
+fn what_a_run_has_left_is_a_campaign_of_its_model() {
+    let folder = tests::folder();
+    let text = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = -10.0\nnoise_sd_db = 2.0\n\n[[netsim.phy.effect]]\nkind = \
+                \"path-loss-exponent\"\nexponent = 2.6\n";
+    let run = "\n[experiment]\nname = \"measured\"\nseed = 3\nduration_s = 6.0\nagents = 9\n\n[robotsim.scenario]\nkind = \
+               \"line\"\nspacing_m = 4.0\n\n[robotsim.controller]\nkind = \"flocking\"\nflock_radius_m = 10.0\n\n[output]\nlinks = \
+               \"all\"\n";
+    std::fs::write(folder.path().join("run.toml"), format!("{text}{run}")).unwrap();
+    let output = tests::orchestrator(&["run", "run.toml"], folder.path());
+    assert!(output.status.success(), "{}", tests::said(&output));
+
+    let made = Table::read(&folder.path().join("runs/measured")).unwrap();
+    let score = |text: &str, name: &str| {
+        let (study, _) = open::links(&config(text), &made).unwrap();
+        assert!(study.rows.links.has_losses, "links that were not heard are there");
+        let json = compare::links(&study, &Search::new(&study, QUIET)).json;
+        json["scores"][name].as_f64().unwrap()
+    };
+    let coverage = score(text, "coverage_90");
+    // Some thousand readings: four standard errors are below 0.03.
+    assert!((coverage - 0.9).abs() < 0.03, "{coverage}");
+    assert!(score(text, "bias_db").abs() < 0.2);
+    let lacking = text.split("\n\n").next().unwrap();
+    assert!(1.5 < score(lacking, "bias_db").abs(), "the exponent is missed");
+
+    let refused = Table::read(folder.path()).unwrap_err().to_string();
+    assert!(refused.contains("links.parquet"), "{refused}");
+}
+
+#[test]
+fn a_link_table_is_simulated_frame_by_frame() {
+    let mut csv =
+        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,frames,pdr\n"
+            .to_owned();
+    for row in 0..60 {
+        let distance_m = 5 * (1 + row % 12);
+        csv += &format!(
+            "{row},0,1,{},0,0,1,{distance_m},0,1,-{},200,0.5\n",
+            11 + row % 16,
+            70 + row % 9
+        );
+    }
+    let text = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = -18.0\nnoise_sd_db = 2.0\n";
+    let made = simulate(&config(text), &table(&csv), 1, None).unwrap();
+    assert_eq!(made.n_rows(), 60);
+    let made = made.to_table();
+    let [rssi_dbm, pdr, distance_m] =
+        ["rssi_dbm", "pdr", "rx_x_m"].map(|name| made.column(name).unwrap().to_vec());
+    for row in 0..60 {
+        let received = 200.0 * pdr[row];
+        assert!((received - received.round()).abs() < 1e-9, "{received}");
+        assert_eq!(rssi_dbm[row].is_finite(), 0.0 < pdr[row]);
+        if pdr[row] == 1.0 {
+            // Free space at 2.4 GHz takes 40.2 dB at 1 m, 0.3 dB more or less by channel; the mean of 200 readings is known to
+            // 0.14 dB, four of which are 0.6.
+            let expected = -18.0 - 40.2 - 20.0 * distance_m[row].log10();
+            assert!((rssi_dbm[row] - expected).abs() < 1.0, "{} {expected}", rssi_dbm[row]);
+        }
+    }
+    assert!(pdr[0] == 1.0 && pdr[11] < 0.95, "{pdr:?}");
+}

@@ -59,7 +59,7 @@ pub struct Row {
 /// Columns of both shapes.
 const COMMON: [&str; 4] = ["time_s", "tx", "rx", "rssi_dbm"];
 /// Columns with a meaning of their own, which are no covariates.
-const KNOWN: [&str; 18] = [
+pub(crate) const KNOWN: [&str; 18] = [
     "time_s",
     "tx",
     "rx",

@@ -49,7 +49,7 @@ pub struct Sample {
 /// Columns that all robot samples have.
 const COMMON: [&str; 4] = ["time_s", "agent", "x_m", "y_m"];
 /// Columns with a meaning of their own, which are no covariates.
-const KNOWN: [&str; 13] = [
+pub(crate) const KNOWN: [&str; 13] = [
     "time_s",
     "agent",
     "run",

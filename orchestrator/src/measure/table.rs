@@ -25,13 +25,16 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a file: Parquet if it says so at its beginning, else CSV, gzipped or not.
+    /// Reads a file: Parquet if it says so at its beginning, else CSV, gzipped or not. Of the folder of a run, its links.
     ///
     /// # Errors
     ///
     /// It cannot be read, or is no table: the place is named.
     pub fn read(path: &Path) -> Result<Self, DataError> {
         let read = |source| DataError::Read { path: path.to_owned(), source };
+        if path.is_dir() {
+            return super::run::links(path);
+        }
         let mut file = File::open(path).map_err(read)?;
         let sha256 = digest(&mut file).map_err(read)?;
         let mut magic = [0u8; 4];

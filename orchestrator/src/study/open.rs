@@ -72,11 +72,22 @@ pub fn subject(table: &Table) -> Result<Subject, OpenError> {
             file: table.path.display().to_string(),
             reason: format!(
                 "neither link samples (it lacks {}) nor robot samples (it lacks {})",
-                link.join(", "),
-                robot.join(", ")
+                hinted(&link, table),
+                hinted(&robot, table)
             ),
         }),
     }
+}
+
+/// Columns that are lacking, each with the one that may be meant.
+fn hinted(lacking: &[String], table: &Table) -> String {
+    let is_known = |name: &str| links::KNOWN.contains(&name) || robots::KNOWN.contains(&name);
+    let names = || table.names().iter().map(String::as_str).filter(|name| !is_known(name));
+    let hint = |name: &String| match proto::config::most_similar(name, names()) {
+        Some(nearest) => format!("{name}: is it {nearest}?"),
+        None => name.clone(),
+    };
+    lacking.iter().map(hint).collect::<Vec<_>>().join(", ")
 }
 
 /// Robot samples, read and held against the dynamics of a configuration.

@@ -174,7 +174,7 @@ fn against(contents: &Contents<'_>) -> Picture {
     let title = "Predicted against measured".to_owned();
     let look = format!(
         "Do the dots lie along the diagonal, and how far from it? {}{}",
-        biases(contents),
+        super::words::upper(&biases(contents)),
         drawn(contents.before.predicted.len())
     );
     let means = "A cloud beside the diagonal is a constant error, a tilted one a wrong dependence on strength, several clouds \
@@ -202,7 +202,7 @@ fn biases(contents: &Contents<'_>) -> String {
             )
         })
         .collect();
-    format!("{}.", super::words::upper(&parts.join("; ")))
+    format!("{}.", parts.join("; "))
 }
 
 /// Errors of predicted places, along and across the motion.
@@ -292,7 +292,7 @@ fn horizons(points: &[(f64, f64, Option<f64>)]) -> Option<Picture> {
         .collect();
     let look = format!(
         "How fast does the error grow with how far ahead is predicted? {}.",
-        numbers.join("; ")
+        super::words::upper(&numbers.join("; "))
     );
     let means = "Where the line begins is the noise of measured positions; what grows from there on is what the model does not \
                  know of the motion. These are fitted to all rows."

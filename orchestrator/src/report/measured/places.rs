@@ -244,7 +244,7 @@ fn tracks(
     let stride = robots.tracks.len().div_ceil(MOST_TRACKS).max(1);
     for track in robots.tracks.iter().step_by(stride) {
         let step = track.len().div_ceil(MOST_PLACES).max(1);
-        chart.line("path", track.iter().step_by(step).map(|place| Some(*place)));
+        chart.line("track", track.iter().step_by(step).map(|place| Some(*place)));
     }
     for ([begin, _], &error) in robots.ends.iter().zip(errors) {
         if error.is_finite() {

@@ -113,7 +113,9 @@ pub(super) fn parameters(page: &mut String, json: &Value) {
             );
         }
         for (key, parameter) in parameters {
-            let value = |key: &str| number(parameter[key].as_f64().unwrap_or(f64::NAN));
+            let of = |key: &str| parameter[key].as_f64().unwrap_or(f64::NAN);
+            let half = (of("high") - of("low")) / 2.0;
+            let value = |key: &str| to_digits_of(of(key), half);
             let _ = writeln!(
                 page,
                 "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{} to {}</td><td>{}</td><td>{}</td></tr>",
@@ -129,6 +131,15 @@ pub(super) fn parameters(page: &mut String, json: &Value) {
         }
     }
     page.push_str("</table>\n");
+}
+
+/// A number with as many digits as tell it from others half an interval away.
+fn to_digits_of(value: f64, half: f64) -> String {
+    if !(value.is_finite() && half.is_finite() && 0.0 < half) {
+        return number(value);
+    }
+    let decimals = (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.decimals$}").replace('-', "−")
 }
 
 /// What cannot be told apart, and what would tell.
@@ -183,6 +194,10 @@ fn said(entry: &Value) -> String {
 pub(super) fn left_over(page: &mut String, json: &Value) {
     let structure: Vec<&Value> = list(&json["unexplained"]).collect();
     page.push_str("<h2>What is left</h2>\n");
+    if structure.is_empty() && (json["kind"] != "link" || json["too_little"].is_string()) {
+        page.push_str("<p>It was not searched for structure: the pictures below show the error over each covariate.</p>\n");
+        return;
+    }
     if structure.is_empty() {
         page.push_str(
             "<p>Nothing that is left depends on any covariate beyond what chance does.</p>\n",
