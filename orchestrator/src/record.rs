@@ -21,6 +21,7 @@ mod pcap;
 mod period;
 pub mod read;
 mod summary;
+mod swarm;
 pub(crate) mod table;
 mod tables;
 mod task;

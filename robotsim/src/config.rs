@@ -2,11 +2,11 @@
 
 use crate::controller::{self, Controller};
 use crate::dynamics::{self, Dynamics};
-use crate::knowledge::Source;
+use crate::knowledge::{Memory, Source};
 use crate::scenario::{self, Scenario};
 use bytes::Bytes;
 use proto::config::{
-    self, Choice, Default, Field, FileReference, Kind, Node, Problem, TableSpec, join,
+    self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, join,
 };
 use proto::side::Setup;
 use std::collections::BTreeMap;
@@ -30,6 +30,18 @@ pub const SPEC: TableSpec = TableSpec {
             ]),
             Default::Text("heard"),
         ),
+        field(
+            "memory",
+            "What robots remember of those they have heard. Absent: nothing longer than a period.",
+            Kind::Table(&MEMORY),
+            Default::Absent,
+        ),
+        field(
+            "diameter_m",
+            "Robots that come closer than this have collided (m). They are counted; robots do not push each other.",
+            Kind::Number(Range::closed(0.0, 1e3)),
+            Default::Number(0.3),
+        ),
         field("dynamics", "How the robots move.", Kind::Table(&dynamics::SPEC), Default::Table),
         field(
             "localization",
@@ -39,6 +51,25 @@ pub const SPEC: TableSpec = TableSpec {
         ),
         field("scenario", "Where they begin.", Kind::Table(&scenario::SPEC), Default::Table),
         field("controller", "What they want.", Kind::Table(&controller::SPEC), Default::Table),
+    ],
+    tag: None,
+};
+
+const MEMORY: TableSpec = TableSpec {
+    doc: "What robots remember of those they have heard.",
+    fields: &[
+        field(
+            "keep_s",
+            "How long a robot that is not heard any more is still counted on (s).",
+            Kind::Number(Range::above(0.0, 1e6)),
+            Default::Required,
+        ),
+        field(
+            "extrapolate",
+            "It is taken to have moved on with the velocity that it told; else to have stayed.",
+            Kind::Bool,
+            Default::Bool(true),
+        ),
     ],
     tag: None,
 };
@@ -57,6 +88,8 @@ pub struct Config {
 pub struct Behaviour {
     /// What they know of each other.
     pub knowledge: Source,
+    /// What they remember of each other; `None`: nothing.
+    pub memory: Option<Memory>,
     /// How they move.
     pub dynamics: Dynamics,
     /// What they want.
@@ -149,6 +182,7 @@ fn build_behaviour(
     problems: &mut Vec<Problem>,
 ) -> Option<Behaviour> {
     let knowledge = table["knowledge"].clone().try_into().ok();
+    let memory = table.get("memory").and_then(|memory| memory.clone().try_into().ok());
     let dynamics = Dynamics::build(part(table, "dynamics"), &join(path, "dynamics"), problems);
     let noise = table
         .get("localization")
@@ -162,7 +196,7 @@ fn build_behaviour(
         files: &BTreeMap::new(),
     };
     let controller = controller::build(part(table, "controller"), &context, problems);
-    Some(Behaviour { knowledge: knowledge?, dynamics: dynamics?, controller: controller? })
+    Some(Behaviour { knowledge: knowledge?, memory, dynamics: dynamics?, controller: controller? })
 }
 
 /// A table within the checked section.

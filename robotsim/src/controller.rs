@@ -4,11 +4,18 @@
 //! and gives a command for the period that begins. It keeps nothing between steps. To add one: write its file, and add
 //! its registration to the list.
 
+mod boids;
+mod circle_formation;
+mod consensus;
 mod constant_velocity;
+mod coverage;
 mod flocking;
 mod hold;
 mod line_formation;
+mod olfati_saber;
+mod path;
 mod random_jump;
+mod random_waypoint;
 
 use crate::config::Context;
 use crate::dynamics::Command;
@@ -21,7 +28,13 @@ use rayon::prelude::*;
 /// The one list.
 const ALL: &[Registration] = &[
     flocking::REGISTRATION,
+    boids::REGISTRATION,
+    olfati_saber::REGISTRATION,
     line_formation::REGISTRATION,
+    circle_formation::REGISTRATION,
+    consensus::REGISTRATION,
+    coverage::REGISTRATION,
+    random_waypoint::REGISTRATION,
     random_jump::REGISTRATION,
     constant_velocity::REGISTRATION,
     hold::REGISTRATION,
@@ -63,6 +76,8 @@ impl Registration {
 pub struct View<'a> {
     /// Number of the step, from 1.
     pub step: u64,
+    /// For how long the robots have been free to move (s).
+    pub time_s: f64,
     /// Length of the period that begins (s).
     pub dt_s: f64,
     /// The robots' own states. A controller looks only at the entry of the robot it decides for.
@@ -71,6 +86,14 @@ pub struct View<'a> {
     pub knowledge: &'a Knowledge<'a>,
     /// Draws for the controller, whose entity is the agent.
     pub draws: Draws,
+}
+
+impl View<'_> {
+    /// How a robot moved in the step before (m/s).
+    fn velocity_mps(&self, agent: usize) -> [f64; 3] {
+        let states = self.states;
+        [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]]
+    }
 }
 
 /// A controller.
@@ -113,6 +136,30 @@ pub(crate) fn build(
     let name = table.get("kind")?.as_str()?;
     let registration = ALL.iter().find(|registration| registration.name == name)?;
     (registration.build)(table, context, problems)
+}
+
+/// Whether no robot wants to move farther than this within the period (m).
+fn all_within(view: &View<'_>, commands: &[Command], distance_m: f64) -> bool {
+    commands.iter().all(|command| match command {
+        Command::Velocity(velocity_mps) => norm(*velocity_mps) * view.dt_s <= distance_m,
+        Command::Jump(way_m) => norm(*way_m) <= distance_m,
+    })
+}
+
+fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] + b[axis])
+}
+
+fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] - b[axis])
+}
+
+fn scaled(a: [f64; 3], factor: f64) -> [f64; 3] {
+    a.map(|component| factor * component)
+}
+
+fn norm(a: [f64; 3]) -> f64 {
+    libm::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 }
 
 /// Refuses a speed that no robot can have.

@@ -2,11 +2,13 @@
 //!
 //! With `knowledge = "heard"` a robot knows what was delivered to it in the period that just ended and nothing else: the
 //! contents of the frames and when they were sent. Of a sender heard more than once, the last frame counts. A robot has
-//! no memory: who was not heard in that period is not known. With `knowledge = "truth"` every robot is told the present
+//! no memory, unless it is given one: who was not heard in that period is not known. With `knowledge = "truth"` every robot is told the present
 //! state of every other; no radio works like that, so it serves as the ideal baseline only.
 
 use crate::payload::{self, Motion};
-use proto::types::{AgentStates, Deliveries, Heard};
+use proto::types::{AgentStates, Deliveries, Heard, NS_PER_S, seconds};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Where a robot's knowledge of the others comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
@@ -19,7 +21,7 @@ pub enum Source {
 }
 
 /// A robot as another knows it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Seen {
     /// Which robot.
     pub agent: u32,
@@ -27,6 +29,56 @@ pub struct Seen {
     pub sent_ns: u64,
     /// Where it was, and how it moved.
     pub motion: Motion,
+}
+
+/// How long robots count on what they have heard.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+pub struct Memory {
+    /// For so long (s).
+    pub keep_s: f64,
+    /// Who is remembered is taken to have moved on with the velocity that it told.
+    pub extrapolate: bool,
+}
+
+/// Whom one robot remembers: by agent, when it was known last (ns), and what.
+pub type Remembered = BTreeMap<u32, (u64, Seen)>;
+
+impl Memory {
+    /// Adds what is known at `now_ns`, and forgets what is too old.
+    pub fn take_up(&self, knowledge: &Knowledge<'_>, now_ns: u64, all: &mut [Remembered]) {
+        let keep_ns = libm::round(self.keep_s * NS_PER_S as f64) as u64;
+        for (agent, remembered) in all.iter_mut().enumerate() {
+            knowledge.for_each_known_to(agent, |seen| {
+                remembered.insert(seen.agent, (now_ns, *seen));
+            });
+            remembered.retain(|_, (known_ns, _)| now_ns - *known_ns <= keep_ns);
+        }
+    }
+}
+
+/// What a robot remembers, and how it reads it.
+#[derive(Clone, Copy, Debug)]
+struct Recollection<'a> {
+    all: &'a [Remembered],
+    extrapolate: bool,
+    now_ns: u64,
+}
+
+impl Recollection<'_> {
+    fn for_each_known_to(&self, agent: usize, mut visit: impl FnMut(&Seen)) {
+        for (known_ns, seen) in self.all[agent].values() {
+            let mut seen = *seen;
+            if self.extrapolate {
+                // What was heard in a period was true at its end, which is when it came to be known.
+                let age_s = seconds(self.now_ns - known_ns);
+                let motion = &mut seen.motion;
+                for (place, velocity) in motion.position_m.iter_mut().zip(motion.velocity_mps) {
+                    *place += velocity * age_s;
+                }
+            }
+            visit(&seen);
+        }
+    }
 }
 
 /// What all robots know at a moment.
@@ -39,6 +91,8 @@ pub struct Knowledge<'a> {
     /// Some sender was on the air more than once.
     repeated: bool,
     n_foreign: u64,
+    /// In place of all this: what they remember.
+    memory: Option<Recollection<'a>>,
 }
 
 impl<'a> Knowledge<'a> {
@@ -62,7 +116,7 @@ impl<'a> Knowledge<'a> {
             seen.push(motion.map(|motion| Seen { agent, sent_ns, motion }));
             repeated |= std::mem::replace(&mut on_air[agent as usize], true);
         }
-        Self { seen, deliveries: Some(deliveries), repeated, n_foreign }
+        Self { seen, deliveries: Some(deliveries), repeated, n_foreign, memory: None }
     }
 
     /// The truth at `now_ns`.
@@ -82,15 +136,26 @@ impl<'a> Knowledge<'a> {
                 states.alive.get(agent).then_some(seen)
             })
             .collect();
-        Self { seen, deliveries: None, repeated: false, n_foreign: 0 }
+        Self { seen, deliveries: None, repeated: false, n_foreign: 0, memory: None }
     }
 
     fn nothing() -> Self {
-        Self { seen: Vec::new(), deliveries: None, repeated: false, n_foreign: 0 }
+        Self { seen: Vec::new(), deliveries: None, repeated: false, n_foreign: 0, memory: None }
+    }
+
+    /// What robots remember, in place of what they know by themselves.
+    #[must_use]
+    pub fn with_memory(self, memory: &Memory, all: &'a [Remembered], now_ns: u64) -> Self {
+        let memory = Recollection { all, extrapolate: memory.extrapolate, now_ns };
+        Self { memory: Some(memory), ..self }
     }
 
     /// Visits every robot that `agent` knows of, itself excepted, each once, in an order that is always the same.
     pub fn for_each_known_to(&self, agent: usize, mut visit: impl FnMut(&Seen)) {
+        if let Some(memory) = &self.memory {
+            memory.for_each_known_to(agent, visit);
+            return;
+        }
         let mut visit_other = |seen: &Seen| {
             if seen.agent as usize != agent {
                 visit(seen);
@@ -123,6 +188,7 @@ impl<'a> Knowledge<'a> {
     #[must_use]
     pub fn is_any(&self) -> bool {
         !self.seen.is_empty()
+            || self.memory.is_some_and(|memory| memory.all.iter().any(|known| !known.is_empty()))
     }
 
     /// Transmissions whose payload is not one of ours.
@@ -134,6 +200,9 @@ impl<'a> Knowledge<'a> {
     /// At most how many visits [`Self::for_each_known_to`] makes over all agents: the work that a controller has.
     #[must_use]
     pub fn n_visits_max(&self) -> usize {
+        if let Some(memory) = &self.memory {
+            return memory.all.iter().map(BTreeMap::len).sum();
+        }
         match self.deliveries.map(|deliveries| &deliveries.heard) {
             None => self.seen.len() * self.seen.len(),
             Some(Heard::Lists { indices, .. }) => indices.len(),

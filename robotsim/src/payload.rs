@@ -10,7 +10,7 @@ use proto::types::{AgentStates, Payloads};
 pub const LENGTH_BYTES: usize = 48;
 
 /// Where a robot was and how it moved, by its own account.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Motion {
     /// Position (m).
     pub position_m: [f64; 3],

@@ -6,7 +6,9 @@
 mod circle;
 mod csv;
 mod disc;
+mod grid;
 mod line;
+mod spaced;
 mod square;
 
 use crate::config::Context;
@@ -22,6 +24,8 @@ const ALL: &[Registration] = &[
     disc::REGISTRATION,
     square::REGISTRATION,
     circle::REGISTRATION,
+    grid::REGISTRATION,
+    spaced::REGISTRATION,
     csv::REGISTRATION,
 ];
 
@@ -69,6 +73,11 @@ pub struct Place {
 pub trait Scenario: std::fmt::Debug + Send + Sync {
     /// Where robot `agent` of `n_agents` begins.
     fn place(&self, agent: usize, n_agents: usize, draws: Draws) -> Place;
+
+    /// Where all begin, for arrangements in which each depends on the others.
+    fn places(&self, n_agents: usize, draws: Draws) -> Vec<Place> {
+        (0..n_agents).map(|agent| self.place(agent, n_agents, draws)).collect()
+    }
 }
 
 /// The states at time 0: everyone alive and at rest.
@@ -76,8 +85,7 @@ pub trait Scenario: std::fmt::Debug + Send + Sync {
 pub fn states(scenario: &dyn Scenario, n_agents: usize, seed: u64) -> AgentStates {
     let draws = Draws::new(seed, Purpose::Scenario);
     let mut states = AgentStates::at_origin(n_agents);
-    for agent in 0..n_agents {
-        let place = scenario.place(agent, n_agents, draws);
+    for (agent, place) in scenario.places(n_agents, draws).into_iter().enumerate() {
         [states.x_m[agent], states.y_m[agent], states.z_m[agent]] = place.position_m;
         states.heading_rad.extend(place.heading_rad);
     }

@@ -3,7 +3,7 @@
 use crate::config::{self, Behaviour};
 use crate::controller::{self, View};
 use crate::dynamics::{Command, Memory, Step};
-use crate::knowledge::{Knowledge, Source};
+use crate::knowledge::{Knowledge, Remembered, Source};
 use crate::{payload, scenario};
 use proto::config::Problem;
 use proto::rng::{Draws, Purpose};
@@ -41,6 +41,10 @@ struct State {
     orders: Vec<Option<AgentOrder>>,
     /// Transmissions so far whose payload was not one of ours.
     n_foreign: u64,
+    /// For how long the robots have been free to move (ns).
+    free_ns: u64,
+    /// What the agents remember of each other. Empty: they have no memory.
+    remembered: Vec<Remembered>,
 }
 
 impl Swarm {
@@ -83,6 +87,11 @@ impl RobotSimulator for Swarm {
             terrain,
             orders: vec![None; n_agents],
             n_foreign: 0,
+            free_ns: 0,
+            remembered: vec![
+                Remembered::default();
+                if config.behaviour.memory.is_some() { n_agents } else { 0 }
+            ],
         };
         self.running = Some(Running { behaviour: config.behaviour, state });
         Ok(RobotStart { effective, states, payloads })
@@ -106,10 +115,18 @@ impl RobotSimulator for Swarm {
             Source::Truth => Knowledge::truth(&state.states, input.from_ns),
         };
         state.note_foreign(knowledge.n_foreign(), input.step);
+        if let Some(memory) = &behaviour.memory {
+            memory.take_up(&knowledge, input.from_ns, &mut state.remembered);
+        }
+        let knowledge = match &behaviour.memory {
+            Some(memory) => knowledge.with_memory(memory, &state.remembered, input.from_ns),
+            None => knowledge,
+        };
 
         let dt_s = seconds(input.until_ns - input.from_ns);
         let view = View {
             step: input.step,
+            time_s: seconds(state.free_ns),
             dt_s,
             states: state.believed(),
             knowledge: &knowledge,
@@ -137,6 +154,7 @@ impl RobotSimulator for Swarm {
             terrain: &state.terrain,
             seed: state.seed,
         };
+        state.free_ns += input.until_ns - input.from_ns;
         behaviour.dynamics.advance(&step, &commands, &mut state.states, &mut state.memory);
         state.measured = behaviour.dynamics.measured(&step, &state.states, &mut state.memory);
         RobotOutput {
@@ -216,6 +234,7 @@ impl State {
         let fit = columns == [n; 5]
             && alive.len() == n
             && self.orders.len() == n
+            && (self.remembered.is_empty() || self.remembered.len() == n)
             && (self.memory.is_empty() || self.memory.len() == n)
             && (heading_rad.is_empty() || heading_rad.len() == n);
         if fit { Ok(()) } else { Err(NotASnapshot("columns of unequal length".to_owned())) }

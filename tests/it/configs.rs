@@ -3,7 +3,11 @@
 use std::path::{Path, PathBuf};
 
 fn configs() -> Vec<PathBuf> {
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(tests::repository().join("configs"))
+    configs_in("configs")
+}
+
+fn configs_in(folder: &str) -> Vec<PathBuf> {
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(tests::repository().join(folder))
         .unwrap()
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
@@ -56,10 +60,21 @@ fn shortened(path: &Path) -> Vec<&'static str> {
 
 #[test]
 fn each_opens_with_a_line_that_says_what_it_is_for() {
-    for path in configs() {
+    for path in configs().into_iter().chain(configs_in("configs/paper")) {
         let text = std::fs::read_to_string(&path).unwrap();
         let first = text.lines().next().unwrap_or_default();
         assert!(first.starts_with("# ") && 20 < first.len(), "{}: {first:?}", path.display());
+    }
+}
+
+#[test]
+fn every_setting_of_the_papers_sweeps_is_good() {
+    let folder = tests::folder();
+    for path in configs_in("configs/paper") {
+        let checked = tests::orchestrator(&["check", path.to_str().unwrap()], folder.path());
+        assert!(checked.status.success(), "{}", tests::said(&checked));
+        let name = format!("name = {:?}", path.file_stem().unwrap());
+        assert!(std::fs::read_to_string(&path).unwrap().contains(&name), "{}", path.display());
     }
 }
 

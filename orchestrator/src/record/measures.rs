@@ -4,6 +4,7 @@ use super::counts::heard;
 use super::distances::{DistanceBin, Distances};
 use super::kpi::Kpis;
 use super::period::{Period, distance_m};
+use super::swarm::{self, Swarm};
 use super::task::Task;
 use super::trajectories::Trajectories;
 use proto::site::Site;
@@ -54,6 +55,7 @@ pub struct Measures {
     isolated: u64,
     last_states: AgentStates,
     events: Vec<(f64, &'static str)>,
+    swarm: Swarm,
 }
 
 /// More orders than this cannot be told apart in a picture.
@@ -99,6 +101,7 @@ impl Measures {
             isolated: 0,
             last_states: states.clone(),
             events: Vec::new(),
+            swarm: Swarm::default(),
         }
     }
 
@@ -115,6 +118,7 @@ impl Measures {
             self.completed_at_step = Some(period.step);
         }
         self.trajectories.add(period.step, period.states);
+        self.swarm.add(&self.task, period);
         self.add_network(period);
         self.add_distances(period);
         let flock_speed_mps = self.add_speeds(period);
@@ -223,6 +227,36 @@ impl Measures {
             residual * residual
         };
         Some(alive.iter().map(square).sum())
+    }
+
+    /// Sum of the squared distances (m²) of alive agents at the end across the line that makes it least.
+    #[must_use]
+    pub fn across_line_m2(&self) -> Option<f64> {
+        swarm::across_line_m2(&self.last_states)
+    }
+
+    /// Root mean square distance (m) of alive agents at the end from the circle that fits them best.
+    #[must_use]
+    pub fn off_circle_m(&self) -> Option<f64> {
+        swarm::off_circle_m(&self.last_states)
+    }
+
+    /// Mean age (s) of what was heard when robots act on it.
+    #[must_use]
+    pub fn mean_age_s(&self) -> Option<f64> {
+        self.swarm.age_s()
+    }
+
+    /// What the swarm did, by name of the figure.
+    #[must_use]
+    pub fn swarm_figures(&self) -> serde_json::Map<String, serde_json::Value> {
+        self.swarm.figures(&self.task)
+    }
+
+    /// Agents alive at the end.
+    #[must_use]
+    pub fn n_alive_at_end(&self) -> usize {
+        self.last_states.alive.count()
     }
 
     /// Mean over alive agents and steps of how many others each heard; `None`: nobody said anything.

@@ -59,25 +59,54 @@ pub(crate) fn is_truth(header: &RunHeader, measures: Option<&Measures>) -> bool 
 pub(crate) const TRUTH_BASELINE: &str = "truth baseline";
 
 fn task(measures: &Measures) -> Value {
+    let n = measures.n_alive_at_end() as f64;
     let mut task = json!({
         "controller": measures.task.controller,
         "complete": measures.completed_at_step.is_some(),
         "completed_at_step": measures.completed_at_step,
+        "completed_after_s": measures.completed_after_s(),
         "flock_speed_mps": measures.flock_speed_mps(),
         "mean_speed_mps": measures.mean_speed_mps(),
         "final_spread_m": measures.final_spread_m(),
     });
     if let Some(leader_speed_mps) = measures.task.leader_speed_mps {
         task["leader_speed_mps"] = json!(leader_speed_mps);
+        task["flock_speed_floor_mps"] = json!((0.0 < n).then(|| leader_speed_mps / n));
     }
-    if measures.task.controller.as_deref() == Some("line-formation") {
-        let residual_m2 = measures.line_residual_m2();
-        task["line_residual_m2"] = json!(residual_m2);
-        task["line_residual_log10"] =
-            json!(residual_m2.filter(|&residual_m2| 0.0 < residual_m2).map(libm::log10));
+    for (name, value) in measures.swarm_figures() {
+        task[name] = value;
+    }
+    let log10 = |value: Option<f64>| value.filter(|&value| 0.0 < value).map(libm::log10);
+    match measures.task.controller.as_deref() {
+        Some("line-formation") => {
+            let residual_m2 = measures.line_residual_m2();
+            let across_m2 = measures.across_line_m2();
+            let rms_m = across_m2.filter(|_| 0.0 < n).map(|across_m2| libm::sqrt(across_m2 / n));
+            task["line_residual_m2"] = json!(residual_m2);
+            task["line_residual_log10"] = json!(log10(residual_m2));
+            task["line_residual_across_m2"] = json!(across_m2);
+            task["line_residual_across_log10"] = json!(log10(across_m2));
+            task["line_rms_m"] = json!(rms_m);
+            task["false_completion"] = json!(false_completion(measures, rms_m));
+        }
+        Some("circle-formation") => {
+            let rms_m = measures.off_circle_m();
+            task["circle_rms_m"] = json!(rms_m);
+            task["false_completion"] = json!(false_completion(measures, rms_m));
+        }
+        _ => {}
     }
     task
 }
+
+/// Done by the robots' own account, and not in truth.
+fn false_completion(measures: &Measures, rms_m: Option<f64>) -> Option<bool> {
+    measures.completed_at_step?;
+    rms_m.map(|rms_m| FORMED_WITHIN_M < rms_m)
+}
+
+/// A shape whose robots are farther from it than this, r.m.s. (m), is not formed: BotNet's step.
+const FORMED_WITHIN_M: f64 = 0.1;
 
 fn network(measures: &Measures) -> Value {
     let by_distance: Vec<Value> = measures
@@ -101,6 +130,7 @@ fn network(measures: &Measures) -> Value {
         "deliveries": measures.deliveries,
         "delivery_ratio": measures.delivery_ratio(),
         "mean_delay_s": measures.mean_delay_s(),
+        "mean_age_s": measures.mean_age_s(),
         "mean_neighbours_heard": measures.mean_neighbours(),
         "isolated_ratio": measures.isolated_ratio(),
         "by_distance_is_sampled": measures.is_distance_sampled,

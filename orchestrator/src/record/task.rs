@@ -9,6 +9,10 @@ pub struct Task {
     pub leader: Option<usize>,
     /// Speed at which the leader moves (m/s).
     pub leader_speed_mps: Option<f64>,
+    /// Its velocity: x, y (m/s).
+    pub leader_velocity_mps: Option<[f64; 2]>,
+    /// Robots that come closer than this collide (m).
+    pub diameter_m: Option<f64>,
     /// The robots know the true state of all others: a baseline that no radio can reach.
     pub is_truth_baseline: bool,
 }
@@ -35,6 +39,13 @@ impl Task {
             leader_speed_mps: velocity.filter(|_| leads).map(|components| {
                 libm::sqrt(components.iter().filter_map(number).map(|v| v * v).sum())
             }),
+            leader_velocity_mps: velocity
+                .filter(|_| leads && of_controller("leader_path_m").is_none())
+                .and_then(|components| {
+                    let [vx, vy] = components.as_slice() else { return None };
+                    Some([number(vx)?, number(vy)?])
+                }),
+            diameter_m: config.get("diameter_m").and_then(number),
             is_truth_baseline: config.get("knowledge").and_then(toml::Value::as_str)
                 == Some("truth"),
         }

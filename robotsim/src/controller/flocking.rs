@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 const RADIUS: Kind = Kind::Number(Range::closed(1e-3, 1e6));
 const SPEED: Kind = Kind::Number(Range::closed(-1e4, 1e4));
+const POINT: Kind = Kind::List { of: &Kind::Number(Range::closed(-1e6, 1e6)), min: 2, max: 2 };
 
 pub(super) const REGISTRATION: Registration = Registration {
     name: "flocking",
@@ -20,6 +21,10 @@ pub(super) const REGISTRATION: Registration = Registration {
             Kind::Choice(&[
                 Choice { name: "paper", doc: "As the BotNet paper prints it: exponents in d²." },
                 Choice { name: "botnet", doc: "As BotNet's code has it: exponents in d." },
+                Choice {
+                    name: "zavlanos",
+                    doc: "The original, 1/d² + 1/(r_flock² − d²), which is singular at r_flock.",
+                },
             ]),
             Default::Text("paper"),
         ),
@@ -46,6 +51,18 @@ pub(super) const REGISTRATION: Registration = Registration {
             "The leader's velocity (x, y in m/s). Default: [7, 0], the BotNet paper's experiments.",
             Kind::List { of: &SPEED, min: 2, max: 2 },
             Default::Absent,
+        ),
+        field(
+            "leader_path_m",
+            "Points (x, y in m) along which the leader goes, at the speed of leader_velocity_mps. Absent: straight on.",
+            Kind::List { of: &POINT, min: 2, max: 10_000 },
+            Default::Absent,
+        ),
+        field(
+            "leader_path_closed",
+            "From the last point the leader goes to the first again.",
+            Kind::Bool,
+            Default::Bool(false),
         ),
         field(
             "leader_weight",
@@ -116,7 +133,15 @@ pub(super) const REGISTRATION: Registration = Registration {
 /// with r_f the flock radius, r_c the collision radius, K_conn = r_f, K_col = r_c² + r_f (values as printed, without
 /// units). That is the gradient of the printed potential; its inner sum is a misprint. w_j is `leader_weight` for the
 /// leader, else 1. `law = "botnet"` has d in place of d² in both exponents (but not in the gradient's factors), as the
-/// published code has; it then is the gradient of nothing. `velocity_term` adds −Σ (v_i − v_j) of the paper's first
+/// published code has; it then is the gradient of nothing. `law = "zavlanos"` is the potential that the paper begins with,
+/// after Zavlanos, Jadbabaie and Pappas, "Flocking while preserving network connectivity", CDC 2007, without its gains:
+///
+/// ```text
+///     V = 1/d² + 1/(r_f² − d²)          u_i = − Σ 2 w_j (x_i − x_j) ( 1/(r_f² − d²)² − 1/d⁴ )
+/// ```
+///
+/// in which `collision_radius_m` has no part. A pair farther apart than r_f is past the singularity: the pull that should
+/// have kept it together falls with distance. `velocity_term` adds −Σ (v_i − v_j) of the paper's first
 /// equation, in which the published code takes v* for v_i.
 ///
 /// # Validity
@@ -132,6 +157,8 @@ struct Flocking {
     leader_weight: f64,
     leader_weight_on: WeightOn,
     velocity_term: bool,
+    leader_path_m: Option<Vec<[f64; 2]>>,
+    leader_path_closed: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -139,6 +166,7 @@ struct Flocking {
 enum Law {
     Botnet,
     Paper,
+    Zavlanos,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -156,10 +184,27 @@ impl Flocking {
         let power = match self.law {
             Law::Botnet => distance_m,
             Law::Paper => distance_m * distance_m,
+            Law::Zavlanos => {
+                // Infinite at its two singularities; the speed cap decides there.
+                let square = distance_m * distance_m;
+                let left = flock_2 - square;
+                let [near, far] = [square * square, left * left].map(|d| d.max(1e-12));
+                return 2.0 / far - 2.0 / near;
+            }
         };
         let connect = r_flock / flock_2 * libm::exp((power / flock_2).min(200.0));
         let collide = (collision_2 + r_flock) / collision_2 * libm::exp(-power / collision_2);
         2.0 * (connect - collide)
+    }
+
+    /// The leader's velocity (m/s) where it has a path: to where it should be at the end of the period.
+    fn leading(&self, view: &View<'_>) -> Option<[f64; 3]> {
+        let points = self.leader_path_m.as_ref()?;
+        let [vx, vy] = self.leader_velocity_mps;
+        let length_m = libm::hypot(vx, vy) * (view.time_s + view.dt_s);
+        let [x_m, y_m] = super::path::at(points, self.leader_path_closed, length_m);
+        let own_m = view.states.position_m(self.leader);
+        Some([(x_m - own_m[0]) / view.dt_s, (y_m - own_m[1]) / view.dt_s, 0.0])
     }
 
     /// A follower's velocity (m/s) on account of one other robot.
@@ -183,13 +228,15 @@ impl Controller for Flocking {
         let [vx, vy] = self.leader_velocity_mps;
         let leading = [vx, vy, 0.0];
         if agent == self.leader {
-            return Command::Velocity(leading);
+            return Command::Velocity(self.leading(view).unwrap_or(leading));
         }
         let states = view.states;
         let own_m = states.position_m(agent);
         let own_mps = match self.law {
             Law::Botnet => leading,
-            Law::Paper => [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]],
+            Law::Paper | Law::Zavlanos => {
+                [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]]
+            }
         };
         let mut velocity = [0.0; 3];
         view.knowledge.for_each_known_to(agent, |seen| {
@@ -217,6 +264,8 @@ mod tests {
             leader_weight: 1.0,
             leader_weight_on: WeightOn::Gradient,
             velocity_term: false,
+            leader_path_m: None,
+            leader_path_closed: false,
         }
     }
 
@@ -254,6 +303,19 @@ mod tests {
                 assert!((near - rest_m).abs() < 5e-4, "{law:?} at {radius_m} m: {near}");
             }
         }
+    }
+
+    #[test]
+    fn the_original_potential_pulls_without_bound_at_the_radius_and_less_and_less_beyond() {
+        let pull = |distance_m| flocking(Law::Zavlanos, 10.0).pull(distance_m);
+        // d⁴ = (r² − d²)² at r/√2; there push and pull are equal.
+        assert!(pull(10.0 / 2f64.sqrt()).abs() < 1e-12);
+        assert!(pull(1.0) < -1.9 && 1e3 < pull(9.999));
+        assert!(0.0 < pull(30.0) && pull(30.0) < 0.001 * pull(10.1));
+        // Against the difference quotient of the printed potential: V' = pull times distance.
+        let potential = |d: f64| 1.0 / (d * d) + 1.0 / (100.0 - d * d);
+        let slope = (potential(8.0 + 1e-5) - potential(8.0 - 1e-5)) / 2e-5;
+        assert!((pull(8.0) * 8.0 - slope).abs() < 1e-8 * slope.abs().max(1.0));
     }
 
     #[test]

@@ -55,12 +55,12 @@ robotsim.scenario.jitter_m: must be at most half of spacing_m = 2, got 1.5 (near
 #[test]
 fn what_is_missing_is_named_with_what_is_possible() {
     insta::assert_snapshot!(refusal("", None), @r#"
-robotsim.scenario.kind: is missing: one of "line", "disc", "square", "circle", "csv"
-robotsim.controller.kind: is missing: one of "flocking", "line-formation", "random-jump", "constant-velocity", "hold"
+robotsim.scenario.kind: is missing: one of "line", "disc", "square", "circle", "grid", "spaced", "csv"
+robotsim.controller.kind: is missing: one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "random-waypoint", "random-jump", "constant-velocity", "hold"
 "#);
     insta::assert_snapshot!(refusal("scenario.kind = 'ring'\ncontroller.kind = 'flock'", None), @r#"
-robotsim.scenario.kind: must be one of "line", "disc", "square", "circle", "csv", got "ring"
-robotsim.controller.kind: must be one of "flocking", "line-formation", "random-jump", "constant-velocity", "hold", got "flock" (nearest valid: "flocking")
+robotsim.scenario.kind: must be one of "line", "disc", "square", "circle", "grid", "spaced", "csv", got "ring"
+robotsim.controller.kind: must be one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "random-waypoint", "random-jump", "constant-velocity", "hold", got "flock" (nearest valid: "flocking")
 "#);
     insta::assert_snapshot!(
         refusal("scenario.kind = 'circle'\ncontroller = { kind = 'flocking', leader = 9 }", None), @r#"
@@ -151,6 +151,7 @@ fn defaults_are_filled_in_and_read_back_as_the_same() {
     let (_, effective) = config::read(&setup).unwrap();
     insta::assert_snapshot!(effective, @r#"
 knowledge = "heard"
+diameter_m = 0.3
 
 [dynamics]
 kind = "point-mass"
@@ -169,6 +170,7 @@ flock_radius_m = 10.0
 collision_radius_m = 0.8
 leader = 0
 leader_velocity_mps = [7.0, 0.0]
+leader_path_closed = false
 leader_weight = 2.5
 leader_weight_on = "gradient"
 velocity_term = false
@@ -179,8 +181,8 @@ velocity_term = false
 
 #[test]
 fn every_default_of_every_kind_is_valid() {
-    for controller in ["hold", "line-formation", "random-jump"] {
-        for scenario in ["line", "square"] {
+    for controller in ["hold", "line-formation", "random-jump", "circle-formation", "consensus", "boids", "olfati-saber"] {
+        for scenario in ["line", "square", "grid"] {
             let toml = format!("scenario.kind = '{scenario}'\ncontroller.kind = '{controller}'");
             let (_, effective) = config::read(&setup(&toml, 1, 1)).unwrap();
             assert!(effective.contains_key("dynamics"), "{effective}");

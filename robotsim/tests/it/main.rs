@@ -2,6 +2,7 @@
 
 mod air;
 mod config;
+mod controllers;
 mod effects;
 mod flocking;
 mod line_formation;

@@ -1,0 +1,115 @@
+//! Boids: robots that flock without a leader.
+
+use super::{Controller, Registration, View, add, norm, scaled, sub};
+use crate::config::field;
+use crate::dynamics::Command;
+use proto::config::{Default, Kind, Range};
+use serde::Deserialize;
+
+const WEIGHT: Kind = Kind::Number(Range::closed(0.0, 1e3));
+const RADIUS: Kind = Kind::Number(Range::above(0.0, 1e6));
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "boids",
+    doc: "Reynolds' flock: keep apart, head the same way, stay together.",
+    fields: &[
+        field("speed_mps", "Speed of everyone (m/s).", RADIUS, Default::Number(2.0)),
+        field(
+            "radius_m",
+            "Those farther than this are not looked at (m).",
+            RADIUS,
+            Default::Number(10.0),
+        ),
+        field(
+            "separation_m",
+            "From those nearer than this everyone moves away (m).",
+            RADIUS,
+            Default::Number(1.5),
+        ),
+        field("separation", "Weight of moving away (m²/s²).", WEIGHT, Default::Number(2.0)),
+        field("alignment", "Weight of heading the same way (1/s).", WEIGHT, Default::Number(1.0)),
+        field("cohesion", "Weight of staying together (1/s²).", WEIGHT, Default::Number(0.5)),
+        field(
+            "acceleration_cap_mps2",
+            "Greatest acceleration (m/s²).",
+            RADIUS,
+            Default::Number(10.0),
+        ),
+    ],
+    build: |table, context, problems| {
+        let this: Boids = table.clone().try_into().ok()?;
+        super::check_speed("speed_mps", this.speed_mps, context, problems);
+        Some(Box::new(this))
+    },
+};
+
+/// Boids.
+///
+/// # Model
+///
+/// Reynolds, "Flocks, herds, and schools: a distributed behavioral model", SIGGRAPH 1987: three urges, in order of
+/// precedence there, as weighted accelerations here. Over the robots j within `radius_m` that it knows of, N of them at
+/// distances d_j, those within `separation_m` in the first sum:
+///
+/// ```text
+///     a_i  =  w_s Σ (x_i − x_j) / d_j²  +  w_a (mean v_j − v_i)  +  w_c (mean x_j − x_i)
+/// ```
+///
+/// at most the cap. The command is v_i + a_i Δt, brought to `speed_mps`: boids never stand. A robot at rest sets out in a
+/// direction of its own, drawn once.
+///
+/// # Validity
+///
+/// In the plane. No obstacles, no field of view.
+#[derive(Debug, Deserialize)]
+struct Boids {
+    speed_mps: f64,
+    radius_m: f64,
+    separation_m: f64,
+    separation: f64,
+    alignment: f64,
+    cohesion: f64,
+    acceleration_cap_mps2: f64,
+}
+
+impl Controller for Boids {
+    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+        let own_m = view.states.position_m(agent);
+        let own_mps = view.velocity_mps(agent);
+        let (mut away, mut velocities, mut places) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+        let mut n = 0.0;
+        view.knowledge.for_each_known_to(agent, |seen| {
+            let from = sub(own_m, seen.motion.position_m);
+            let distance_m = norm(from);
+            if self.radius_m < distance_m {
+                return;
+            }
+            n += 1.0;
+            velocities = add(velocities, seen.motion.velocity_mps);
+            places = sub(places, from);
+            if 0.0 < distance_m && distance_m < self.separation_m {
+                away = add(away, scaled(from, 1.0 / (distance_m * distance_m)));
+            }
+        });
+        let mut acceleration = scaled(away, self.separation);
+        if 0.0 < n {
+            let align = sub(scaled(velocities, 1.0 / n), own_mps);
+            acceleration = add(acceleration, scaled(align, self.alignment));
+            acceleration = add(acceleration, scaled(places, self.cohesion / n));
+        }
+        let size = norm(acceleration);
+        if self.acceleration_cap_mps2 < size {
+            acceleration = scaled(acceleration, self.acceleration_cap_mps2 / size);
+        }
+        let start = if norm(own_mps) < 1e-9 {
+            let angle = std::f64::consts::TAU * view.draws.uniform(agent as u64, 0, 0);
+            [self.speed_mps * libm::cos(angle), self.speed_mps * libm::sin(angle), 0.0]
+        } else {
+            own_mps
+        };
+        let wanted = add(start, scaled(acceleration, view.dt_s));
+        let speed_mps = norm(wanted);
+        let wanted = if speed_mps < 1e-9 { start } else { wanted };
+        Command::Velocity(scaled(wanted, self.speed_mps / norm(wanted)))
+    }
+}

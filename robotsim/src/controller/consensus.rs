@@ -1,0 +1,87 @@
+//! Robots that come together.
+
+use super::{Controller, Registration, View};
+use crate::config::field;
+use crate::dynamics::Command;
+use proto::config::{Choice, Default, Kind, Range};
+use serde::Deserialize;
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "consensus",
+    doc: "Rendezvous: everyone moves towards those it knows of.",
+    fields: &[
+        field(
+            "gain_per_s",
+            "How fast differences shrink (1/s).",
+            Kind::Number(Range::above(0.0, 1e3)),
+            Default::Number(1.0),
+        ),
+        field(
+            "over",
+            "What is taken of the differences.",
+            Kind::Choice(&[
+                Choice { name: "mean", doc: "Their mean: stable for any number of robots." },
+                Choice {
+                    name: "sum",
+                    doc: "Their sum, the Laplacian protocol: stable only if gain times period times most neighbours is below 1.",
+                },
+            ]),
+            Default::Text("mean"),
+        ),
+        field(
+            "threshold_m",
+            "The task is done when nobody wants to move farther than this in a period (m).",
+            Kind::Number(Range::above(0.0, 1e3)),
+            Default::Number(1e-3),
+        ),
+    ],
+    build: |table, _, _| Some(Box::new(table.clone().try_into::<Consensus>().ok()?)),
+};
+
+/// Consensus on a place.
+///
+/// # Model
+///
+/// Olfati-Saber, Fax and Murray, "Consensus and cooperation in networked multi-agent systems", Proc. IEEE 95(1), 2007,
+/// § I.A: u_i = k Σ_j (x_j − x_i) over the robots j it knows of. Where knowledge is mutual the centroid stays, and with a
+/// connected network all meet there. `over = "mean"` divides by how many they are; then the centroid stays only where all
+/// know of equally many.
+///
+/// # Validity
+///
+/// Robots have no extent. A robot that knows of nobody stays.
+#[derive(Debug, Deserialize)]
+struct Consensus {
+    gain_per_s: f64,
+    over: Over,
+    threshold_m: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Over {
+    Mean,
+    Sum,
+}
+
+impl Controller for Consensus {
+    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+        let own_m = view.states.position_m(agent);
+        let (mut sum, mut n) = ([0.0; 3], 0.0);
+        view.knowledge.for_each_known_to(agent, |seen| {
+            for axis in 0..3 {
+                sum[axis] += seen.motion.position_m[axis] - own_m[axis];
+            }
+            n += 1.0;
+        });
+        let share = match self.over {
+            Over::Mean if 0.0 < n => 1.0 / n,
+            Over::Mean | Over::Sum => 1.0,
+        };
+        Command::Velocity(sum.map(|component| self.gain_per_s * share * component))
+    }
+
+    fn is_done(&self, view: &View<'_>, commands: &[Command]) -> bool {
+        view.knowledge.is_any() && super::all_within(view, commands, self.threshold_m)
+    }
+}

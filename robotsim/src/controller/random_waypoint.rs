@@ -1,0 +1,113 @@
+//! Robots that wander: the mobility model of networks that move.
+
+use super::{Controller, Registration, View, scaled, sub};
+use crate::config::field;
+use crate::dynamics::Command;
+use proto::config::{Default, Kind, Range};
+use proto::rng::{Draws, uniform};
+use serde::Deserialize;
+
+const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e6));
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "random-waypoint",
+    doc: "Everyone goes straight to one random place after another, each time at another speed.",
+    fields: &[
+        field(
+            "side_m",
+            "Side of the square around the origin in which the places lie (m).",
+            POSITIVE,
+            Default::Required,
+        ),
+        field(
+            "slowest_mps",
+            "Least speed (m/s); at 0 robots would grow slower for ever.",
+            POSITIVE,
+            Default::Number(0.5),
+        ),
+        field("fastest_mps", "Greatest speed (m/s).", POSITIVE, Default::Number(2.0)),
+        field(
+            "pause_s",
+            "How long a robot stays at each place (s).",
+            Kind::Number(Range::closed(0.0, 1e6)),
+            Default::Number(0.0),
+        ),
+    ],
+    build: |table, context, problems| {
+        let this: RandomWaypoint = table.clone().try_into().ok()?;
+        super::check_speed("fastest_mps", this.fastest_mps, context, problems);
+        if this.fastest_mps < this.slowest_mps {
+            problems.push(
+                context
+                    .problem(
+                        "fastest_mps",
+                        format!("must be at least slowest_mps = {} m/s", this.slowest_mps),
+                    )
+                    .value(format!("{} m/s", this.fastest_mps))
+                    .nearest(this.slowest_mps),
+            );
+        }
+        Some(Box::new(this))
+    },
+};
+
+/// The random waypoint model.
+///
+/// # Model
+///
+/// Broch, Maltz, Johnson, Hu and Jetcheva, "A performance comparison of multi-hop wireless ad hoc network routing protocols",
+/// MobiCom 1998, § 3.2. Places are uniform in the square, speeds uniform between the two, which must not begin at 0 (Yoon,
+/// Liu and Noble, "Random waypoint considered harmful", INFOCOM 2003). The way of each robot is drawn once and for all: a
+/// point goes along it, beginning in the first place, and the robot goes where the point will be. Until it has caught up
+/// the robot moves as fast as its body allows.
+///
+/// # Validity
+///
+/// In the plane. As ever with this model, robots are denser in the middle than at the edge.
+#[derive(Debug, Deserialize)]
+struct RandomWaypoint {
+    side_m: f64,
+    slowest_mps: f64,
+    fastest_mps: f64,
+    pause_s: f64,
+}
+
+impl RandomWaypoint {
+    /// Place `k` of an agent (m), and the speed from there to the next (m/s).
+    fn leg(&self, draws: Draws, agent: usize, k: u64) -> ([f64; 3], f64) {
+        let [a, b, c, _] = draws.words(agent as u64, k, 0);
+        let [x_m, y_m] = [a, b].map(|word| self.side_m * (uniform(word) - 0.5));
+        let speed_mps = self.slowest_mps + uniform(c) * (self.fastest_mps - self.slowest_mps);
+        ([x_m, y_m, 0.0], speed_mps)
+    }
+
+    /// Where the point of an agent is at a time (m).
+    fn at(&self, draws: Draws, agent: usize, time_s: f64) -> [f64; 3] {
+        let mut left_s = time_s;
+        let (mut from_m, mut speed_mps) = self.leg(draws, agent, 0);
+        for k in 1.. {
+            let (to_m, next_mps) = self.leg(draws, agent, k);
+            let way = sub(to_m, from_m);
+            let duration_s = super::norm(way) / speed_mps;
+            if left_s < duration_s {
+                return super::add(from_m, scaled(way, left_s / duration_s));
+            }
+            left_s -= duration_s;
+            if left_s < self.pause_s {
+                return to_m;
+            }
+            left_s -= self.pause_s;
+            (from_m, speed_mps) = (to_m, next_mps);
+        }
+        from_m
+    }
+}
+
+impl Controller for RandomWaypoint {
+    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+        let own_m = view.states.position_m(agent);
+        let mut goal_m = self.at(view.draws, agent, view.time_s + view.dt_s);
+        goal_m[2] = own_m[2];
+        Command::Velocity(scaled(sub(goal_m, own_m), 1.0 / view.dt_s))
+    }
+}

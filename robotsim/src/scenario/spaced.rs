@@ -1,0 +1,110 @@
+//! At random, but not too close.
+
+use super::{LENGTH, Place, Registration, Scenario};
+use crate::config::field;
+use proto::config::Default;
+use proto::rng::{Draws, uniform};
+use serde::Deserialize;
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "spaced",
+    doc: "At random in a square around the origin, nobody closer to another than a least distance.",
+    fields: &[
+        field("side_m", "Side of the square (m).", LENGTH, Default::Required),
+        field("min_distance_m", "Least distance between robots (m).", LENGTH, Default::Required),
+    ],
+    build: |table, context, problems| {
+        let this: Spaced = table.clone().try_into().ok()?;
+        // Discs of half the distance, of which random placing fills 0.547 of the plane at most; half of that leaves room.
+        let area_m2 = (this.side_m + this.min_distance_m) * (this.side_m + this.min_distance_m);
+        let disc_m2 = std::f64::consts::PI / 4.0 * this.min_distance_m * this.min_distance_m;
+        let filled = context.n_agents as f64 * disc_m2 / area_m2;
+        if MOST_FILLED < filled {
+            let fits = libm::sqrt(MOST_FILLED / filled) * this.min_distance_m;
+            problems.push(
+                context
+                    .problem(
+                        "min_distance_m",
+                        format!(
+                            "leaves too little room for {} robots in a square of {} m",
+                            context.n_agents, this.side_m
+                        ),
+                    )
+                    .value(format!("{} m", this.min_distance_m))
+                    .nearest(format!("{:.3} m", 0.95 * fits)),
+            );
+        }
+        Some(Box::new(this))
+    },
+};
+
+/// Share of the plane that may be filled: half the saturation density of random sequential addition of discs (Feder 1980).
+const MOST_FILLED: f64 = 0.27;
+
+/// One after another, each uniform in the square, drawn again while it is too close to one before (random sequential
+/// addition). A robot's place depends on those of lower number alone.
+#[derive(Debug, Deserialize)]
+struct Spaced {
+    side_m: f64,
+    min_distance_m: f64,
+}
+
+impl Spaced {
+    /// Where `agent` begins, after those before it.
+    fn next(&self, agent: usize, before: &[Place], draws: Draws) -> Place {
+        let mut attempt = 0;
+        loop {
+            let [a, b, ..] = draws.words(agent as u64, 0, attempt);
+            let [x_m, y_m] = [a, b].map(|word| self.side_m * (uniform(word) - 0.5));
+            let is_free = before.iter().all(|place| {
+                let [x, y, _] = place.position_m;
+                self.min_distance_m <= libm::hypot(x - x_m, y - y_m)
+            });
+            // There is room: the configuration was checked.
+            if is_free || attempt == MOST_ATTEMPTS {
+                return Place { position_m: [x_m, y_m, 0.0], heading_rad: None };
+            }
+            attempt += 1;
+        }
+    }
+}
+
+/// With a quarter of the plane filled and three quarters of it barred, a place is found in four attempts on average.
+const MOST_ATTEMPTS: u64 = 1_000_000;
+
+impl Scenario for Spaced {
+    fn place(&self, agent: usize, _n_agents: usize, draws: Draws) -> Place {
+        self.places(agent + 1, draws).pop().unwrap_or_default()
+    }
+
+    fn places(&self, n_agents: usize, draws: Draws) -> Vec<Place> {
+        let mut places = Vec::with_capacity(n_agents);
+        for agent in 0..n_agents {
+            let next = self.next(agent, &places, draws);
+            places.push(next);
+        }
+        places
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::rng::Purpose;
+
+    #[test]
+    fn nobody_is_too_close_and_the_first_stay_where_they_are() {
+        let spaced = Spaced { side_m: 20.0, min_distance_m: 1.2 };
+        let draws = Draws::new(3, Purpose::Scenario);
+        let places = spaced.places(100, draws);
+        for (i, a) in places.iter().enumerate() {
+            assert!(a.position_m.iter().all(|x| x.abs() <= 10.0));
+            for b in &places[..i] {
+                let [x, y, _] = a.position_m;
+                assert!(1.2 <= (x - b.position_m[0]).hypot(y - b.position_m[1]));
+            }
+        }
+        assert_eq!(spaced.places(40, draws), places[..40]);
+        assert_eq!(spaced.place(39, 100, draws), places[39]);
+    }
+}
