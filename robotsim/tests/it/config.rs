@@ -181,7 +181,15 @@ velocity_term = false
 
 #[test]
 fn every_default_of_every_kind_is_valid() {
-    for controller in ["hold", "line-formation", "random-jump", "circle-formation", "consensus", "boids", "olfati-saber"] {
+    for controller in [
+        "hold",
+        "line-formation",
+        "random-jump",
+        "circle-formation",
+        "consensus",
+        "boids",
+        "olfati-saber",
+    ] {
         for scenario in ["line", "square", "grid"] {
             let toml = format!("scenario.kind = '{scenario}'\ncontroller.kind = '{controller}'");
             let (_, effective) = config::read(&setup(&toml, 1, 1)).unwrap();
