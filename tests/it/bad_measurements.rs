@@ -280,3 +280,13 @@ fn the_warnings_stand_beside_every_answer() {
     assert_eq!(account.warnings, sheet.check().unwrap().account.warnings);
     assert!(account.warnings[0].contains("channel is 26"));
 }
+
+#[test]
+fn motes_that_only_the_configuration_knows_are_named() {
+    let text = "[netsim.phy]\npropagation = \"friis\"\n\n[[netsim.phy.effect]]\nkind = \"battery-sag\"\ndb_per_hour = \
+                -0.5\nnodes = [3, 99]\n";
+    let config = Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap();
+    let (_, account) = open::links(&config, &Sheet::links().table()).unwrap();
+    let warnings = account.warnings.join("\n");
+    assert!(warnings.contains("never appear in the measurements: 99."), "{warnings}");
+}

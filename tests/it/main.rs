@@ -17,6 +17,7 @@ mod interrupts;
 mod power;
 mod reference;
 mod refusals;
+mod reports;
 mod simulate;
 mod sweeps;
 mod tidy;

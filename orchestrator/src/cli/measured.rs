@@ -17,7 +17,7 @@ use crate::study::view::{self, View};
 use clap::Args;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A configuration and measurements.
 #[derive(Args)]
@@ -77,6 +77,20 @@ impl AnswerArgs {
         Ok(())
     }
 
+    /// What was asked, as it would be typed.
+    fn command(&self, json: &Value) -> String {
+        let verb = if json["schema"] == "diagnose/1" { "diagnose" } else { "compare" };
+        let data = &self.data;
+        let set: String = data.set.iter().map(|key| format!(" --set '{key}'")).collect();
+        let report = self.report.as_deref().map(Path::display);
+        format!(
+            "orchestrator {verb} {} --data {}{set} --report {}",
+            data.config.display(),
+            data.data.display(),
+            report.map_or_else(String::new, |report| report.to_string())
+        )
+    }
+
     fn write(
         &self,
         config: &Compared,
@@ -87,8 +101,16 @@ impl AnswerArgs {
         let Some(path) = &self.report else { return Ok(()) };
         let Pictures { rows, before, after, covariates } = pictures();
         let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let contents =
-            Contents { config: name, json, site: &config.site, rows, before, after, covariates };
+        let contents = Contents {
+            config: name,
+            command: self.command(json),
+            json,
+            site: &config.site,
+            rows,
+            before,
+            after,
+            covariates,
+        };
         write_whole("--report", path, &page(&contents))?;
         say(format!("look at {}", path.display()));
         Ok(())

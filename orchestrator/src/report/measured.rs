@@ -66,6 +66,8 @@ pub enum Rows {
 pub struct Contents<'a> {
     /// Name of the configuration.
     pub config: String,
+    /// The command that makes this page again.
+    pub command: String,
     /// The answer: `compare/1` or `diagnose/1`, with what is told of the file.
     pub json: &'a Value,
     /// The site of the configuration.

@@ -12,6 +12,7 @@ use crate::measure::{DataError, Rejected};
 use crate::measure::{links, robots};
 use proto::config::Node;
 use proto::effect::Level;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Why measurements cannot be held against a configuration.
@@ -185,9 +186,35 @@ pub fn links(config: &Compared, table: &Table) -> Result<(LinkStudy, Account), O
         rejected: rows.links.rejected.clone(),
         warnings: rows.links.warnings.clone(),
     };
+    account.warnings.extend(absent(config, &rows));
     let study = LinkStudy::new(rows, fixed_sd_db);
     account.warnings.extend(too_few(&study));
     Ok((study, account))
+}
+
+/// Motes that effects of a configuration name, and that never appear in the measurements.
+fn absent(config: &Compared, rows: &Rows) -> Option<String> {
+    let motes: BTreeSet<i64> =
+        rows.links.rows.iter().flat_map(|row| [row.tx, row.rx]).map(i64::from).collect();
+    let effects = config.section("netsim", "phy").get("effect").map(Node::to_toml);
+    let named: BTreeSet<i64> = effects
+        .as_ref()
+        .and_then(toml::Value::as_array)
+        .into_iter()
+        .flatten()
+        .filter_map(|effect| effect.get("nodes")?.as_array())
+        .flatten()
+        .filter_map(toml::Value::as_integer)
+        .filter(|mote| !motes.contains(mote))
+        .collect();
+    let list: Vec<String> = named.iter().take(5).map(i64::to_string).collect();
+    (!list.is_empty()).then(|| {
+        format!(
+            "effects of the configuration name motes that never appear in the measurements: {}. Are motes numbered otherwise there? \
+             Then the effect acts on none, or on the wrong ones",
+            list.join(", ")
+        )
+    })
 }
 
 /// What cannot be told because too few parts of the data are independent of each other.

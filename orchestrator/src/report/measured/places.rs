@@ -13,6 +13,8 @@ const CLASSES: [&str; 5] = ["low2", "low1", "none", "high1", "high2"];
 const SPOTS: f64 = 24.0;
 /// Fewer rows of a link, or of a place, are not drawn.
 const FEWEST: f64 = 8.0;
+/// Links that are drawn.
+const MOST_PAIRS: usize = 3000;
 /// Tracks that are drawn, and places of each.
 const MOST_TRACKS: usize = 40;
 const MOST_PLACES: usize = 400;
@@ -231,7 +233,8 @@ fn pairs(
             }
         }
     }
-    means.all().map(|(key, _, mean)| (ends_of[key], mean)).collect()
+    let stride = means.0.len().div_ceil(MOST_PAIRS).max(1);
+    means.all().step_by(stride).map(|(key, _, mean)| (ends_of[key], mean)).collect()
 }
 
 fn tracks(

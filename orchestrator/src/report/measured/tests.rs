@@ -30,6 +30,7 @@ fn contents(json: &Value, site: &Site, after: Option<View>) -> String {
     };
     page(&Contents {
         config: "<model>.toml".to_owned(),
+        command: "orchestrator compare <model>.toml".to_owned(),
         json,
         site,
         rows: Rows::Links(rows),

@@ -264,12 +264,10 @@ pub(super) fn scores(page: &mut String, json: &Value) {
 
 pub(super) fn again(page: &mut String, contents: &Contents<'_>) {
     let json = contents.json;
-    let command = if json["schema"] == "diagnose/1" { "diagnose" } else { "compare" };
     let _ = write!(
         page,
-        "<h2>To do it again</h2>\n<pre>orchestrator {command} {} --data {} --report report.html</pre>\n<p class=\"soft\">SHA-256 of the data: <code>{}</code></p>\n",
-        escape(&contents.config),
-        escape(text(&json["data"]["file"])),
+        "<h2>To do it again</h2>\n<pre>{}</pre>\n<p class=\"soft\">SHA-256 of the data: <code>{}</code></p>\n",
+        escape(&contents.command),
         escape(text(&json["data"]["sha256"]))
     );
 }
