@@ -344,3 +344,35 @@ fn what_cannot_be_paired_is_said() {
         refused("a/s", "a")
     ));
 }
+
+#[test]
+fn a_sweep_that_is_asked_to_stop_says_how_far_it_came_and_goes_on() {
+    let folder = tests::folder();
+    experiment(folder.path(), TWO_BY_TWO);
+    for signals in [1, 2] {
+        let running = Command::new(tests::executable("orchestrator"))
+            .args(["sweep", "s.toml", "--set", "sweep.seeds=2000"])
+            .current_dir(folder.path())
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::thread::park_timeout(Duration::from_millis(700));
+        for _ in 0..signals {
+            let id = running.id().to_string();
+            assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+        }
+        let output = running.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains("stopped by SIGTERM after "), "{said}");
+        assert!(said.contains(" of 8000 trials: the same command goes on from there"), "{said}");
+    }
+    let journal = std::fs::read_to_string(folder.path().join("runs/s/trials.jsonl")).unwrap();
+    let n = journal.lines().count();
+    assert!(0 < n && n < 8000, "{n}");
+    // Fewer seeds than it began with: of those that are done, the ones that still count.
+    let said = sweep(folder.path(), &["--set", "sweep.seeds=2"]);
+    assert!(said.contains("8 trials, "), "{said}");
+}

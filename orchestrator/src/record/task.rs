@@ -25,7 +25,9 @@ impl Task {
         let of_controller = |key: &str| controller.and_then(|controller| controller.get(key));
         let kind = of_controller("kind").and_then(toml::Value::as_str);
         let velocity = of_controller("leader_velocity_mps").and_then(toml::Value::as_array);
-        let leads = kind == Some("flocking");
+        let is_leaderless =
+            of_controller("leaderless").and_then(toml::Value::as_bool) == Some(true);
+        let leads = kind == Some("flocking") && !is_leaderless;
         let number = |value: &toml::Value| {
             value.as_float().or_else(|| value.as_integer().map(|value| value as f64))
         };

@@ -109,8 +109,11 @@ impl Sides {
         };
         let driver = Driver::new(trial.plan, waits, records, &mut coupled, sink.steps()).quiet();
         let stopped = match driver.drive(&mut self.interrupt).await {
-            Ok(stopped) => coupled.confirm().await.map(|()| stopped).map_err(Failure::Side),
-            Err(failure) => Err(failure),
+            Ok(Stopped::Complete) => {
+                coupled.confirm().await.map(|()| Stopped::Complete).map_err(Failure::Side)
+            }
+            // In the middle of a step, maybe: nobody stands anywhere.
+            other => other,
         };
         let (ending, not_formed) = match stopped {
             Ok(Stopped::Complete) => (Ending { status: Status::Complete, reason: None }, None),

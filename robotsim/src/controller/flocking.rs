@@ -47,6 +47,24 @@ pub(super) const REGISTRATION: Registration = Registration {
             Default::Integer(0),
         ),
         field(
+            "leaderless",
+            "Nobody leads: the flock is to emerge. leader_velocity_mps and leader_weight have no part.",
+            Kind::Bool,
+            Default::Bool(false),
+        ),
+        field(
+            "input",
+            "What the law gives.",
+            Kind::Choice(&[
+                Choice { name: "velocity", doc: "The velocity, as in the BotNet paper." },
+                Choice {
+                    name: "acceleration",
+                    doc: "The acceleration of followers: double integrators, as in the original.",
+                },
+            ]),
+            Default::Text("velocity"),
+        ),
+        field(
             "leader_velocity_mps",
             "The leader's velocity (x, y in m/s). Default: [7, 0], the BotNet paper's experiments.",
             Kind::List { of: &SPEED, min: 2, max: 2 },
@@ -144,15 +162,20 @@ pub(super) const REGISTRATION: Registration = Registration {
 /// have kept it together falls with distance. `velocity_term` adds −Σ (v_i − v_j) of the paper's first
 /// equation, in which the published code takes v* for v_i.
 ///
+/// `leaderless` makes all of them followers. With `input = "acceleration"` a follower's command is v_i + u_i Δt, v_i being its
+/// velocity over the step before: a double integrator, by the semi-implicit Euler method.
+///
 /// # Validity
 ///
-/// A follower that knows of nobody stops. The exponent is limited to 200: further out the speed cap decides anyway.
+/// A follower that knows of nobody stops, or with `input = "acceleration"` goes straight on. The exponent is limited to 200: further out the speed cap decides anyway.
 #[derive(Debug, Deserialize)]
 struct Flocking {
     law: Law,
     flock_radius_m: f64,
     collision_radius_m: f64,
     leader: usize,
+    leaderless: bool,
+    input: Input,
     leader_velocity_mps: [f64; 2],
     leader_weight: f64,
     leader_weight_on: WeightOn,
@@ -167,6 +190,13 @@ enum Law {
     Botnet,
     Paper,
     Zavlanos,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Input {
+    Acceleration,
+    Velocity,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -210,7 +240,8 @@ impl Flocking {
     /// A follower's velocity (m/s) on account of one other robot.
     fn term(&self, own_m: [f64; 3], own_mps: [f64; 3], seen: &Seen) -> [f64; 3] {
         let weight = |on| {
-            let weighted = seen.agent as usize == self.leader && self.leader_weight_on == on;
+            let is_leader = seen.agent as usize == self.leader && !self.leaderless;
+            let weighted = is_leader && self.leader_weight_on == on;
             if weighted { self.leader_weight } else { 1.0 }
         };
         let away: [f64; 3] = std::array::from_fn(|i| own_m[i] - seen.motion.position_m[i]);
@@ -227,7 +258,7 @@ impl Controller for Flocking {
     fn command(&self, view: &View<'_>, agent: usize) -> Command {
         let [vx, vy] = self.leader_velocity_mps;
         let leading = [vx, vy, 0.0];
-        if agent == self.leader {
+        if agent == self.leader && !self.leaderless {
             return Command::Velocity(self.leading(view).unwrap_or(leading));
         }
         let states = view.states;
@@ -245,7 +276,13 @@ impl Controller for Flocking {
                 *sum += component;
             }
         });
-        Command::Velocity(velocity)
+        Command::Velocity(match self.input {
+            Input::Velocity => velocity,
+            Input::Acceleration => {
+                let now = [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]];
+                std::array::from_fn(|axis| now[axis] + velocity[axis] * view.dt_s)
+            }
+        })
     }
 }
 
@@ -260,6 +297,8 @@ mod tests {
             flock_radius_m,
             collision_radius_m: 0.8,
             leader: 0,
+            leaderless: false,
+            input: Input::Velocity,
             leader_velocity_mps: [7.0, 0.0],
             leader_weight: 1.0,
             leader_weight_on: WeightOn::Gradient,

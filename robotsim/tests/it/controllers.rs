@@ -236,3 +236,46 @@ fn who_remembers_and_reckons_keeps_up_with_whom_it_rarely_hears() {
     assert!((reckoned - ideal).abs() < 0.01, "{reckoned} against {ideal}");
     assert!(ideal + 0.1 < frozen && frozen + 0.1 < never, "{ideal}, {frozen}, {never}");
 }
+
+#[test]
+fn two_double_integrators_swing_about_their_rest_at_the_frequency_of_the_potential() {
+    // Leaderless, at rest, displaced from where the pull vanishes; r_flock 10 m: 1.80328 m apart. To first order the distance
+    // x swings with ω² = 2 · d(pull · d)/dd there: the relative acceleration is twice each one's.
+    let begin = |x: f64| {
+        format!(
+            "scenario = {{ kind = 'line', spacing_m = {x}, jitter_m = 0.0 }}\n\
+             controller = {{ kind = 'flocking', flock_radius_m = 10, leaderless = true, input = 'acceleration' }}"
+        )
+    };
+    let pull = |d: f64| {
+        2.0 * (10.0 / 100.0 * (d * d / 100.0).exp() - (0.64 + 10.0) / 0.64 * (-d * d / 0.64).exp())
+    };
+    let rest = 1.80328;
+    let slope = (pull(rest + 1e-4) * (rest + 1e-4) - pull(rest - 1e-4) * (rest - 1e-4)) / 2e-4;
+    let period_s = std::f64::consts::TAU / (2.0 * slope).sqrt();
+    let mut air = perfect(&begin(rest + 0.02), 2);
+    let mut crossings = Vec::new();
+    let mut before = 0.02;
+    for step in 1..=600 {
+        air.step();
+        let found = places(&air.states);
+        let off = distance(found[0], found[1]) - rest;
+        if before < 0.0 && 0.0 <= off {
+            crossings.push(f64::from(step));
+        }
+        before = off;
+        assert!(off.abs() < 0.05, "{off}: it grows");
+    }
+    let n = crossings.len();
+    assert!(3 <= n, "{crossings:?}");
+    let measured_s = 0.1 * (crossings[n - 1] - crossings[0]) / (n - 1) as f64;
+    // A step in several periods; the amplitude of a hundredth changes the period by less than that.
+    assert!((measured_s / period_s - 1.0).abs() < 0.05, "{measured_s} against {period_s}");
+    // At rest where the potential is least, they stay.
+    let mut still = perfect(&begin(rest), 2);
+    for _ in 0..100 {
+        still.step();
+    }
+    let found = places(&still.states);
+    assert!((distance(found[0], found[1]) - rest).abs() < 1e-3);
+}
