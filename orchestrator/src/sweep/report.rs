@@ -199,8 +199,12 @@ fn figure(page: &mut String, plan: &SweepPlan, view: &View, figures: &Figures<'_
     if is_share {
         y = y.percent();
     }
-    let width = if view.names.is_some() { view.places.len() as f64 } else { right - left };
-    let step = 0.012 * width.max(f64::MIN_POSITIVE);
+    // Lines stand side by side: within half the room of a name, or so little beside the number that it is not mistaken.
+    let (width, share) = match &view.names {
+        Some(names) => (names.len() as f64, 0.5 / names.len() as f64),
+        None => (right - left, 0.03),
+    };
+    let step = (share / (1.6 * view.lines.len() as f64)).min(0.012) * width.max(f64::MIN_POSITIVE);
     let mut chart = Chart::new(x, y, WIDTH, HEIGHT);
     for line in 0..view.lines.len() {
         let shift = (line as f64 - (view.lines.len() - 1) as f64 / 2.0) * 1.6 * step;
