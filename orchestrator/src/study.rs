@@ -94,6 +94,12 @@ pub trait Study: Sync {
         start: Option<&Self::Fit>,
     ) -> Self::Fit;
 
+    /// A quick fit to all rows of the last of `terms` on top of its parent: whether it is worth a fit. What the parent has is
+    /// held or taken for straight lines. None where there is no quick way.
+    fn screen(&self, _terms: &[usize], _level: Level, _parent: &Self::Fit) -> Option<Self::Fit> {
+        None
+    }
+
     /// Log likelihood of the rows to which it was fitted (nats), its penalties included.
     fn log_likelihood(&self, fit: &Self::Fit) -> f64;
 

@@ -1,12 +1,13 @@
 //! The search: which term makes the model predict data that it has not seen better; then which next; until none does.
 
 use crate::study::folds::N_FOLDS;
-use crate::study::{RowScore, Study};
+use crate::study::{Candidate, RowScore, Study};
 use proto::effect::Level;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
+use tracing::debug;
 
 /// All candidates together may accept wrongly with this probability (Holm).
 pub const FAMILY_ERROR: f64 = 0.005;
@@ -177,9 +178,9 @@ impl<'a, S: Study> Search<'a, S> {
         }
     }
 
-    /// A fit to all rows.
+    /// A fit to all rows, which starts from `parent` if it has not been made yet.
     pub fn full(&self, terms: &[usize], level: Level, parent: Option<&S::Fit>) -> Arc<S::Fit> {
-        let key = (terms.to_vec(), level);
+        let key = (terms.to_vec(), judged(level));
         if let Some(fit) = look(&self.full, &key) {
             return fit;
         }
@@ -190,6 +191,7 @@ impl<'a, S: Study> Search<'a, S> {
 
     /// Every row predicted by a fit to the other folds, in blocks of `level`.
     pub fn held_out(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
+        let level = judged(level);
         let key = (terms.to_vec(), level);
         if let Some(scores) = look(&self.held_out, &key) {
             return scores;
@@ -222,6 +224,24 @@ impl<'a, S: Study> Search<'a, S> {
         scores
     }
 
+    /// Fits to all rows at every level, from one at some level.
+    fn prepare(&self, terms: &[usize], from: &S::Fit) {
+        for level in self.levels() {
+            self.full(terms, level, Some(from));
+        }
+    }
+
+    /// Levels at which candidates are judged.
+    fn levels(&self) -> Vec<Level> {
+        let is_used = |level: &Level| {
+            let is_judged = |c: &Candidate| c.untestable.is_none() && judged(c.level) == *level;
+            *level == COMMON
+                || (self.study.candidates().iter().any(is_judged)
+                    && self.study.blocks(*level).suffices())
+        };
+        [Level::Time, Level::Place].into_iter().filter(is_used).collect()
+    }
+
     /// Gain of `terms` over `parent`, at a level.
     pub fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
         let blocks = self.study.blocks(level);
@@ -246,19 +266,32 @@ impl<'a, S: Study> Search<'a, S> {
         {
             return hopeless;
         }
+        let begun = std::time::Instant::now();
         let parent = self.full(accepted, level, None);
         let terms = with(accepted, term);
-        let fit = self.full(&terms, level, Some(&parent));
+        let start = self.study.screen(&terms, level, &parent);
+        let before = self.study.log_likelihood(&parent);
+        if start.as_ref().is_some_and(|start| {
+            self.study.log_likelihood(start) - before < HOPELESS_NATS / 2.0
+        }) {
+            debug!(name = candidate.name, took = ?begun.elapsed(), "screened out");
+            return hopeless;
+        }
+        debug!(name = candidate.name, took = ?begun.elapsed(), "screened");
+        let fit = self.full(&terms, level, Some(start.as_ref().unwrap_or(&parent)));
         let rise = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
+        debug!(name = candidate.name, rise, took = ?begun.elapsed(), "fitted");
         if rise < HOPELESS_NATS {
             return hopeless;
         }
         let gain = self.gain(&terms, accepted, level);
-        let common = if level == COMMON || FAMILY_ERROR < gain.p_value {
+        let common = if judged(level) == COMMON || FAMILY_ERROR < gain.p_value {
             gain
         } else {
+            self.full(&terms, COMMON, Some(&fit));
             self.gain(&terms, accepted, COMMON)
         };
+        debug!(name = candidate.name, gain = gain.gain, p = gain.p_value, took = ?begun.elapsed(), "scored");
         Trial { gain, common, ..hopeless }
     }
 
@@ -274,6 +307,9 @@ impl<'a, S: Study> Search<'a, S> {
         let mut last: Vec<Trial> = Vec::new();
         while too_little.is_none() && accepted.len() < MOST_TERMS {
             (self.report)(&format!("round {}: trying what may be missing", accepted.len() + 1));
+            for level in self.levels() {
+                self.held_out(&accepted, level);
+            }
             let mut trials: Vec<Trial> = (0..candidates.len())
                 .into_par_iter()
                 .map(|term| self.attempt(&accepted, term))
@@ -299,7 +335,10 @@ impl<'a, S: Study> Search<'a, S> {
             let mut trial = trials.swap_remove(best);
             trial.ties = ties;
             (self.report)(&format!("+ {}", candidates[trial.term].name));
-            accepted.push(trial.term);
+            let terms = with(&accepted, trial.term);
+            let fit = self.full(&terms, candidates[trial.term].level, None);
+            self.prepare(&terms, &fit);
+            accepted = terms;
             decided.push(trial);
             // What was accepted before may have stood in for what came now.
             let mut index = 0;
@@ -307,6 +346,8 @@ impl<'a, S: Study> Search<'a, S> {
                 let term = accepted[index];
                 let rest: Vec<usize> =
                     accepted.iter().copied().filter(|&other| other != term).collect();
+                let all = self.full(&accepted, candidates[term].level, None);
+                self.prepare(&rest, &all);
                 let gain = self.gain(&accepted, &rest, candidates[term].level);
                 if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
                     (self.report)(&format!("- {}", candidates[term].name));
@@ -319,6 +360,8 @@ impl<'a, S: Study> Search<'a, S> {
             }
             rungs.truncate(1);
             for n in 1..=accepted.len() {
+                let all = self.full(&accepted, COMMON, None);
+                self.prepare(&accepted[..n], &all);
                 rungs.push(self.rung(&accepted[..n]));
             }
         }
@@ -400,6 +443,9 @@ impl<'a, S: Study> Search<'a, S> {
         let both = with(&with(accepted, a.term), b.term);
         let adds = |first: &Trial, second: &Trial| {
             let level = self.study.candidates()[second.term].level;
+            let one = self.full(&with(accepted, first.term), COMMON, None);
+            self.full(&with(accepted, first.term), level, Some(&one));
+            self.full(&both, level, Some(&one));
             let gain = self.gain(&both, &with(accepted, first.term), level);
             gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain
         };
@@ -425,6 +471,11 @@ impl<'a, S: Study> Search<'a, S> {
 
 /// The split on which candidates are ordered and ladders are drawn.
 pub const COMMON: Level = Level::Time;
+
+/// The level that decides how rows are left out: what is random is judged on blocks of time.
+fn judged(level: Level) -> Level {
+    if level == Level::Random { Level::Time } else { level }
+}
 
 fn with(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().chain([term]).collect()

@@ -7,6 +7,7 @@
 //! | [`passing`] | the probability that a frame passes, noise averaged out |
 //! | [`terms`] | what may be added to the model |
 //! | [`fit`] | Newton's method on all of it |
+//! | [`basis`] | terms that are sums of columns |
 //! | [`cells`] | random levels of nodes, links and channels |
 //! | [`search`] | places, nodes and times that an effect needs and that no map shows |
 //! | `group` | blocks that are left out together, cells that share a level |
@@ -15,6 +16,7 @@
 //! | `view` | predictions row by row, for pictures |
 //! | [`testable`] | what the data lack for an effect to be tested |
 
+pub mod basis;
 pub mod cells;
 pub mod covariates;
 pub mod fit;
@@ -30,8 +32,9 @@ mod view;
 
 use super::folds::Blocks;
 use super::{Candidate, Estimate, RowScore, Study};
+use basis::Bases;
 use cells::{Cells, Deviations, Random};
-use fit::{Free, LinkFit, Problem};
+use fit::{Free, LinkFit, Problem, Steps};
 use likelihood::Instrument;
 use netsim::phy::effect;
 use netsim::phy::scatter::{Law, Renewal};
@@ -63,6 +66,7 @@ pub struct LinkStudy {
     cells: Vec<(f64, Cells)>,
     fixed_sd_db: Option<f64>,
     configured: Deviations,
+    bases: Bases,
 }
 
 /// How a random contribution varies from frame to frame.
@@ -97,7 +101,7 @@ impl LinkStudy {
             .collect();
         let configured = configured(&rows);
         let candidates = specs.iter().map(|spec| candidate(spec, &rows, &still)).collect();
-        Self { rows, candidates, specs, time, place, cells, fixed_sd_db, configured }
+        Self { rows, candidates, specs, time, place, cells, fixed_sd_db, configured, bases: Bases::default() }
     }
 
     /// What each term is made of.
@@ -175,34 +179,102 @@ impl LinkStudy {
             .unwrap_or(PLACE_M)
     }
 
-    fn run(&self, terms: &[usize], states: Vec<State>, train: &[u32], from: From) -> LinkFit {
-        let From { level, sd_db, random, most_steps } = from;
+    fn run(&self, terms: &[usize], states: Vec<State>, train: &[u32], from: From<'_>) -> LinkFit {
+        let From { level, parent, is_trial, most_steps } = from;
         let specs = self.specs_of(terms);
-        let (start, free) = self.deviations(&specs, level);
+        let (mut sd, free) = self.deviations(&specs, level);
         let cells = self.cells(Self::decorrelation_m(&specs, &states));
-        let problem =
-            Problem { rows: &self.rows, specs, cells, train, fixed_sd_db: self.fixed_sd_db, free };
-        let random = Random::new(random.unwrap_or(start), cells);
-        problem.fit(terms, states, sd_db, random, most_steps)
+        let mut random = Random::new(sd, cells);
+        if let Some(parent) = parent
+            && parent.random.fits(cells)
+        {
+            // Levels that the parent has start where it ended: low ones a little higher, so that they can rise again.
+            let warm = |parent: f64, cold: f64, is_free: bool| {
+                if cold == 0.0 || parent == 0.0 {
+                    cold
+                } else if is_free && !is_trial {
+                    parent.max(LEAST_START_DB)
+                } else {
+                    parent
+                }
+            };
+            let known = parent.random.sd;
+            sd = Deviations {
+                link_db: warm(known.link_db, sd.link_db, free.link),
+                channel_db: warm(known.channel_db, sd.channel_db, free.channel),
+                tx_db: warm(known.tx_db, sd.tx_db, free.nodes),
+                rx_db: warm(known.rx_db, sd.rx_db, free.nodes),
+            };
+            random = parent.random.with(sd);
+        }
+        let bases = |states: &[State], takes_lines: bool| {
+            terms
+                .iter()
+                .zip(&specs)
+                .zip(states)
+                .map(|((&term, spec), state)| {
+                    let keep = !self.is_searched(term);
+                    let exact = self.bases.exact(&self.rows, term, spec, state, keep);
+                    if exact.is_some() || !takes_lines {
+                        return exact;
+                    }
+                    // A trial looks for the place of what is new.
+                    let is_new = parent.is_none_or(|parent| !parent.terms.contains(&term));
+                    if is_trial && is_new {
+                        return None;
+                    }
+                    self.bases.tangent(&self.rows, term, spec, state)
+                })
+                .collect::<Vec<_>>()
+        };
+        let mut problem = Problem {
+            rows: &self.rows,
+            specs: specs.clone(),
+            cells,
+            train,
+            fixed_sd_db: self.fixed_sd_db,
+            free,
+            holds: is_trial,
+            bases: bases(&states, true),
+        };
+        let sd_db = parent.map(|parent| parent.instrument.sd_db);
+        let exact = bases(&states, false);
+        let is_exact = problem.bases.iter().map(Option::is_some).eq(exact.iter().map(Option::is_some));
+        // Who starts with the same terms has its spreads already.
+        let is_same = parent.is_some_and(|parent| parent.terms == terms);
+        let rounds = if is_same { WARM_ROUNDS } else { MOST_ROUNDS };
+        let steps = Steps { most_steps, rounds };
+        let fit = problem.fit(terms, states, sd_db, random, steps);
+        if is_trial || is_exact {
+            return fit;
+        }
+        problem.bases = exact;
+        let steps = Steps { most_steps, rounds: 1 };
+        problem.fit(terms, fit.states, Some(fit.instrument.sd_db), fit.random, steps)
     }
 }
 
 /// From where a fit starts, and how far it goes.
-#[derive(Clone, Copy, Debug)]
-struct From {
+#[derive(Clone, Copy)]
+struct From<'a> {
     /// At which level it will be judged.
     level: Level,
-    /// The noise (dB).
-    sd_db: Option<f64>,
-    /// Random levels.
-    random: Option<Deviations>,
+    /// A fit of fewer or other terms.
+    parent: Option<&'a LinkFit>,
+    /// A trial: the parent's terms are taken for straight lines, and spreads of random levels stay as they are.
+    is_trial: bool,
     /// Most steps.
     most_steps: usize,
 }
 
+/// Random levels start at least this wide (dB).
+const LEAST_START_DB: f64 = 0.3;
 /// Steps of a fit, and of a trial that only tells which start is best.
 const MOST_STEPS: usize = 40;
 const TRIAL_STEPS: usize = 5;
+/// Rounds in which the spreads of random levels are found, and found again with a few rows less.
+const MOST_ROUNDS: usize = 25;
+const WARM_ROUNDS: usize = 2;
 
 impl Study for LinkStudy {
     type Fit = LinkFit;
@@ -229,7 +301,6 @@ impl Study for LinkStudy {
         level: Level,
         start: Option<&LinkFit>,
     ) -> LinkFit {
-        let sd_db = start.map(|fit| fit.instrument.sd_db);
         let known = |term: usize| {
             let fit = start?;
             let index = fit.terms.iter().position(|&other| other == term)?;
@@ -253,27 +324,36 @@ impl Study for LinkStudy {
                 })
                 .collect();
         }
-        let is_same = start.is_some_and(|fit| fit.terms == terms);
-        let random = start.filter(|_| is_same).map(|fit| fit.random.sd);
-        let asks_for_links =
-            terms.iter().any(|&term| matches!(self.specs[term], Spec::Shadowing(_)));
+        let asks_for_links = terms.iter().any(|&term| self.asks_for_links(term));
         let best = if starts.len() == 1 {
             starts.swap_remove(0)
         } else {
-            // Where nothing is random but what is asked for, trials are cheap.
-            let trial_level = if asks_for_links { level } else { Level::Time };
             let steps = if asks_for_links { MOST_STEPS } else { TRIAL_STEPS };
-            let mut best: Option<(f64, Vec<State>)> = None;
-            for states in starts {
-                let from = From { level: trial_level, sd_db, random: None, most_steps: steps };
-                let fit = self.run(terms, states, train, from);
-                if best.as_ref().is_none_or(|(log, _)| *log < fit.log_likelihood) {
-                    best = Some((fit.log_likelihood, fit.states));
-                }
-            }
-            best.map(|(_, states)| states).unwrap_or_default()
+            let from =
+                From { level, parent: start, is_trial: !asks_for_links, most_steps: steps };
+            self.best_of(terms, starts, train, from).map(|fit| fit.states).unwrap_or_default()
         };
-        self.run(terms, best, train, From { level, sd_db, random, most_steps: MOST_STEPS })
+        let from = From { level, parent: start, is_trial: false, most_steps: MOST_STEPS };
+        self.run(terms, best, train, from)
+    }
+
+    fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
+        let (&term, _) = terms.split_last()?;
+        if matches!(
+            self.specs[term],
+            Spec::Shadowing(_) | Spec::Multipath(_) | Spec::NodeOffset(_)
+        ) {
+            return None;
+        }
+        let all: Vec<u32> = (0..self.rows.len() as u32).collect();
+        let starts = self
+            .starts_of(term, terms, &all, level, Some(parent))
+            .into_iter()
+            .map(|state| parent.states.iter().cloned().chain([state]).collect())
+            .collect();
+        let from =
+            From { level, parent: Some(parent), is_trial: true, most_steps: TRIAL_STEPS };
+        self.best_of(terms, starts, &all, from)
     }
 
     fn log_likelihood(&self, fit: &LinkFit) -> f64 {
@@ -399,6 +479,29 @@ const NINETY: f64 = 1.645;
 const CONFUSABLE: f64 = 0.97;
 
 impl LinkStudy {
+    /// The best of short fits from several starts.
+    fn best_of(
+        &self,
+        terms: &[usize],
+        starts: Vec<Vec<State>>,
+        train: &[u32],
+        from: From<'_>,
+    ) -> Option<LinkFit> {
+        let mut best: Option<LinkFit> = None;
+        for states in starts {
+            let fit = self.run(terms, states, train, from);
+            if best.as_ref().is_none_or(|best| best.log_likelihood < fit.log_likelihood) {
+                best = Some(fit);
+            }
+        }
+        best
+    }
+
+    /// Whether a term has a spread of links, over one of several lengths.
+    fn asks_for_links(&self, term: usize) -> bool {
+        matches!(self.specs[term], Spec::Shadowing(_))
+    }
+
     /// Whether the term has places or nodes that a search finds.
     fn is_searched(&self, term: usize) -> bool {
         let name = self.specs[term].entry().map(|entry| entry.variant.name);

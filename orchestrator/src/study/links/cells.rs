@@ -79,6 +79,31 @@ impl Random {
         }
     }
 
+    /// The same levels with other spreads; none where a spread is 0.
+    #[must_use]
+    pub fn with(&self, sd: Deviations) -> Self {
+        let mut other = Self { sd, ..self.clone() };
+        let (tx, rx) = other.node_db.split_at_mut(self.node_db.len() / 2);
+        let levels = [
+            (sd.link_db, &mut other.link_db[..]),
+            (sd.channel_db, &mut other.channel_db[..]),
+            (sd.tx_db, tx),
+            (sd.rx_db, rx),
+        ];
+        for (_, levels) in levels.into_iter().filter(|(sd, _)| *sd == 0.0) {
+            levels.fill(0.0);
+        }
+        other
+    }
+
+    /// Whether these are levels of such cells.
+    #[must_use]
+    pub fn fits(&self, cells: &Cells) -> bool {
+        self.link_db.len() == cells.n_links
+            && self.channel_db.len() == cells.link_of_channel.len()
+            && self.node_db.len() == 2 * cells.n_nodes
+    }
+
     /// The random level of a row: its mode (dB).
     #[must_use]
     pub fn level_db(&self, cells: &Cells, row: usize) -> f64 {

@@ -1,5 +1,6 @@
 //! Fits a radio model with further terms to rows: Newton's method on the likelihood of the instrument.
 
+use super::basis::Basis;
 use super::cells::{Cells, Deviations, Random, Solver, Step};
 use super::likelihood::{Instrument, Level, Slope};
 use super::passing::{Sampled, Spread};
@@ -9,6 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use netsim::phy::effect::Effect;
 use netsim::phy::scatter::Renewal;
 use proto::rng::Purpose;
+use std::sync::Arc;
 
 /// A fitted model.
 #[derive(Clone, Debug)]
@@ -43,10 +45,14 @@ pub struct Problem<'a> {
     pub fixed_sd_db: Option<f64>,
     /// Which standard deviations of random levels the fit may change.
     pub free: Free,
+    /// The spreads of random levels stay as they are, and the noise with them.
+    pub holds: bool,
+    /// Terms that are sums of columns, or are taken for such.
+    pub bases: Vec<Option<Arc<Basis>>>,
 }
 
 /// Which standard deviations of random levels a fit may change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Free {
     /// Of links.
     pub link: bool,
@@ -56,10 +62,19 @@ pub struct Free {
     pub nodes: bool,
 }
 
+/// How far a fit goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Steps {
+    /// Most steps of Newton's method.
+    pub most_steps: usize,
+    /// Most rounds in which the spreads of random levels are found.
+    pub rounds: usize,
+}
+
 /// The noise lies within these (dB).
 const NOISE_DB: (f64, f64) = (0.1, 40.0);
 /// What is gained in the last step (nats).
-const CONVERGED_NATS: f64 = 1e-5;
+const CONVERGED_NATS: f64 = 1e-4;
 
 /// Levels of the rows that are fitted, and what terms add to them.
 #[derive(Clone)]
@@ -92,6 +107,10 @@ impl<'a> Problem<'a> {
 
     /// What a term adds to the rows.
     fn part(&self, term: usize, state: &State, effect: Option<&dyn Effect>) -> Vec<[f64; 3]> {
+        if let Some(basis) = &self.bases[term] {
+            let added = |&row: &u32| [basis.at(&state.values, row as usize), 0.0, 0.0];
+            return self.train.iter().map(added).collect();
+        }
         match (self.specs[term], effect) {
             (Spec::Curve { column, knots }, _) => {
                 let values = &self.rows.links.covariates[*column].1;
@@ -181,15 +200,15 @@ impl<'a> Problem<'a> {
         states: Vec<State>,
         sd_db: Option<f64>,
         random: Random,
-        most_steps: usize,
+        steps: Steps,
     ) -> LinkFit {
-        let is_random = random.sd != Deviations::default();
+        let is_random = random.sd != Deviations::default() && !self.holds;
         let sd_db = self.fixed_sd_db.or(sd_db).unwrap_or_else(|| self.rough_sd(&states));
         let mut here = self.here(states, sd_db, random);
-        let mut last = self.climb(&mut here, most_steps);
+        let mut last = self.climb(&mut here, steps.most_steps);
         if is_random {
-            let mut before = f64::NEG_INFINITY;
-            for _ in 0..most_steps.min(25) {
+            let mut before = here.log - last.half_log_determinant;
+            for _ in 0..steps.rounds {
                 let (sd, _) = here.random.suggested(self.cells);
                 let sd_db = if self.fixed_sd_db.is_some() {
                     here.instrument.sd_db
@@ -286,7 +305,12 @@ impl<'a> Problem<'a> {
                     last = Some(step);
                     break;
                 }
+                // At the top but for rounding.
+                let is_top = -CONVERGED_NATS < better;
                 last.get_or_insert(step);
+                if is_top {
+                    break;
+                }
                 damping *= 10.0;
             }
             if gained < CONVERGED_NATS {
@@ -346,6 +370,16 @@ impl<'a> Problem<'a> {
                     }
                 }
                 index += knots.len();
+                continue;
+            }
+            if let Some(basis) = &self.bases[term] {
+                for k in 0..state.values.len() {
+                    let column = basis.column(k);
+                    for (i, &row) in self.train.iter().enumerate() {
+                        jacobian[i * p + index] = column[row as usize];
+                    }
+                    index += 1;
+                }
                 continue;
             }
             for (k, parameter) in spec.parameters().iter().enumerate() {
@@ -423,7 +457,7 @@ impl<'a> Problem<'a> {
 /// An effect at certain values of its parameters.
 #[derive(Clone, Debug)]
 struct Active {
-    effect: std::sync::Arc<dyn Effect>,
+    effect: Arc<dyn Effect>,
     /// Registers read otherwise with it.
     reads_otherwise: bool,
 }
@@ -436,7 +470,7 @@ impl Active {
                 let dbm = 2.0 * f64::from(step);
                 (rows.register_dbm(&*effect, 0, dbm) - dbm).abs() > 0.0
             });
-        Self { effect: std::sync::Arc::from(effect), reads_otherwise }
+        Self { effect: Arc::from(effect), reads_otherwise }
     }
 
     fn get(&self) -> &dyn Effect {
