@@ -401,10 +401,16 @@ impl<'a, S: Study> Search<'a, S> {
         let curve = best_of(&is_curve);
         let effect = best_of(&|trial| !is_curve(trial));
         let Some(mut best) = effect else { return curve };
-        // A special case that is there by its own right goes before what generalises it.
+        // A special case that is there by its own right goes before what generalises it; a random one, whose levels fit
+        // anything a little, only if it explains as much.
         while let Some(special) = best_of(&|trial| {
-            let name = &candidates[trial.term].name;
-            candidates[trials[best].term].generalises.iter().any(|other| other == name)
+            let special = &candidates[trial.term];
+            let is_special = candidates[trials[best].term].generalises.contains(&special.name);
+            if !is_special || special.level != Level::Random {
+                return is_special;
+            }
+            let over = self.between(&trials[best], trial, accepted);
+            over.gain <= 2.0 * over.standard_error
         }) {
             best = special;
         }

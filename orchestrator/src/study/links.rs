@@ -95,8 +95,9 @@ impl LinkStudy {
         let place = group::place_blocks(&rows, &still);
         let moving = still.values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
+        let finest = [group::HALF_WAVE_M];
+        let lengths = lengths.iter().chain(finest.iter().filter(|_| moving));
         let cells = lengths
-            .iter()
             .map(|&length| (length, group::cells_of(&rows, &still, length)))
             .collect();
         let configured = configured(&rows);
@@ -130,9 +131,10 @@ impl LinkStudy {
     fn deviations(&self, specs: &[&Spec], level: Level) -> (Deviations, Free) {
         let has = |wanted: fn(&Spec) -> bool| specs.iter().any(|spec| wanted(spec));
         let carried = level == Level::Place;
-        let link = has(|spec| matches!(spec, Spec::Shadowing(_))) || carried;
         let nodes = has(|spec| matches!(spec, Spec::NodeOffset(_))) || carried;
         let channel = has(|spec| matches!(spec, Spec::Multipath(_)));
+        // Channels that are near each other fade alike: what a link's channels share belongs to them.
+        let link = has(|spec| matches!(spec, Spec::Shadowing(_))) || carried || channel;
         let of = |configured: f64, wanted: bool, start: f64| {
             if 0.0 < configured {
                 configured
@@ -168,22 +170,25 @@ impl LinkStudy {
         &nearest.1
     }
 
-    /// The length over which shadowing changes, in the states of a fit.
-    fn decorrelation_m(specs: &[&Spec], states: &[State]) -> f64 {
-        specs
-            .iter()
-            .zip(states)
-            .find(|(spec, _)| matches!(spec, Spec::Shadowing(_)))
-            .and_then(|(_, state)| state.table.get("decorrelation_m"))
-            .and_then(toml::Value::as_float)
-            .unwrap_or(PLACE_M)
+    /// The length over which levels of links change, in the states of a fit.
+    fn decorrelation_m(specs: &[&Spec], states: &[State], level: Level) -> f64 {
+        let of = |wanted: fn(&Spec) -> bool| {
+            specs.iter().zip(states).find(move |(spec, _)| wanted(spec)).map(|(_, state)| state)
+        };
+        if let Some(shadowing) = of(|spec| matches!(spec, Spec::Shadowing(_))) {
+            let length = shadowing.table.get("decorrelation_m").and_then(toml::Value::as_float);
+            return length.unwrap_or(PLACE_M);
+        }
+        let fades = of(|spec| matches!(spec, Spec::Multipath(_))).is_some();
+        if fades && level != Level::Place { group::HALF_WAVE_M } else { PLACE_M }
     }
 
     fn run(&self, terms: &[usize], states: Vec<State>, train: &[u32], from: From<'_>) -> LinkFit {
         let From { level, parent, is_trial, most_steps } = from;
         let specs = self.specs_of(terms);
         let (mut sd, free) = self.deviations(&specs, level);
-        let cells = self.cells(Self::decorrelation_m(&specs, &states));
+        let decorrelation_m = Self::decorrelation_m(&specs, &states, level);
+        let cells = self.cells(decorrelation_m);
         let mut random = Random::new(sd, cells);
         if let Some(parent) = parent
             && parent.random.fits(cells)
@@ -231,6 +236,7 @@ impl LinkStudy {
             rows: &self.rows,
             specs: specs.clone(),
             cells,
+            decorrelation_m,
             train,
             fixed_sd_db: self.fixed_sd_db,
             free,
@@ -362,7 +368,7 @@ impl Study for LinkStudy {
 
     fn scores(&self, fit: &LinkFit, test: &[u32]) -> Vec<RowScore> {
         let specs = self.specs_of(&fit.terms);
-        let cells = self.cells(Self::decorrelation_m(&specs, &fit.states));
+        let cells = self.cells(fit.decorrelation_m);
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         test.iter()
             .map(|&row| {
@@ -380,7 +386,7 @@ impl Study for LinkStudy {
         let Some(place) = fit.terms.iter().position(|&other| other == term) else {
             return (Vec::new(), None);
         };
-        let cells = self.cells(Self::decorrelation_m(&specs, &fit.states));
+        let cells = self.cells(fit.decorrelation_m);
         let (_, determined) = fit.random.suggested(cells);
         let sd = fit.random.sd;
         let spread = |name: &str, value: f64, n: f64| {
@@ -397,7 +403,7 @@ impl Study for LinkStudy {
             Spec::Shadowing(_) => {
                 let mut all = vec![spread("sd_db", sd.link_db, determined[0])];
                 if 1 < self.cells.len() {
-                    let length = Self::decorrelation_m(&specs, &fit.states);
+                    let length = fit.decorrelation_m;
                     all.push(Estimate {
                         name: "decorrelation_m".to_owned(),
                         value: length,
@@ -409,7 +415,18 @@ impl Study for LinkStudy {
                 return (all, None);
             }
             Spec::Multipath(_) => {
-                return (vec![spread("sd_db", sd.channel_db, determined[1])], None);
+                let (sd_db, coherence_mhz) = Self::fading(&specs, sd);
+                let mut all = vec![spread("sd_db", sd_db, determined[1])];
+                if let Some(value) = coherence_mhz {
+                    all.push(Estimate {
+                        name: "coherence_mhz".to_owned(),
+                        value,
+                        unit: "MHz".to_owned(),
+                        low: value / 2.0,
+                        high: value * 2.0,
+                    });
+                }
+                return (all, None);
             }
             Spec::NodeOffset(_) => {
                 let all = vec![
@@ -460,14 +477,18 @@ impl Study for LinkStudy {
         keys.insert("kind".to_owned(), toml::Value::String(entry.variant.name.to_owned()));
         keys.extend(fit.states[place].keys(spec));
         let sd = fit.random.sd;
-        let spreads: &[(&str, f64)] = match spec {
-            Spec::Shadowing(_) => &[("sd_db", sd.link_db)],
-            Spec::Multipath(_) => &[("sd_db", sd.channel_db)],
-            Spec::NodeOffset(_) => &[("tx_sd_db", sd.tx_db), ("rx_sd_db", sd.rx_db)],
-            Spec::Effect(_) | Spec::Curve { .. } => &[],
+        let spreads: Vec<(&str, f64)> = match spec {
+            Spec::Shadowing(_) => vec![("sd_db", sd.link_db)],
+            Spec::Multipath(_) => {
+                let (sd_db, coherence_mhz) = Self::fading(&self.specs_of(&fit.terms), sd);
+                let coherence_mhz = coherence_mhz.map(|value| ("coherence_mhz", value));
+                [("sd_db", sd_db)].into_iter().chain(coherence_mhz).collect()
+            }
+            Spec::NodeOffset(_) => vec![("tx_sd_db", sd.tx_db), ("rx_sd_db", sd.rx_db)],
+            Spec::Effect(_) | Spec::Curve { .. } => Vec::new(),
         };
         for (key, value) in spreads {
-            keys.insert((*key).to_owned(), toml::Value::Float(*value));
+            keys.insert(key.to_owned(), toml::Value::Float(value));
         }
         serde_json::to_value(keys).unwrap_or_default()
     }
@@ -497,6 +518,16 @@ impl LinkStudy {
         best
     }
 
+    /// Spread of multipath fading (dB) and, where nothing else makes a link's channels alike, its coherence (MHz).
+    fn fading(specs: &[&Spec], sd: Deviations) -> (f64, Option<f64>) {
+        if specs.iter().any(|spec| matches!(spec, Spec::Shadowing(_))) {
+            return (sd.channel_db, None);
+        }
+        let sd_db = sd.channel_db.hypot(sd.link_db);
+        let shared = (sd.link_db / sd_db) * (sd.link_db / sd_db);
+        (sd_db, Some(coherence_mhz(shared)))
+    }
+
     /// Whether a term has a spread of links, over one of several lengths.
     fn asks_for_links(&self, term: usize) -> bool {
         matches!(self.specs[term], Spec::Shadowing(_))
@@ -505,7 +536,7 @@ impl LinkStudy {
     /// Whether the term has places or nodes that a search finds.
     fn is_searched(&self, term: usize) -> bool {
         let name = self.specs[term].entry().map(|entry| entry.variant.name);
-        matches!(name, Some("hidden-obstacle" | "battery-sag"))
+        matches!(name, Some("antenna-pattern" | "battery-sag" | "hidden-obstacle"))
     }
 
     /// The states from which a search for a term starts, `parent` being the fit without it.
@@ -532,10 +563,13 @@ impl LinkStudy {
                 .collect();
             let parent = self.fit(&terms, train, level, parent);
             let specs = self.specs_of(&terms);
-            let cells = self.cells(Self::decorrelation_m(&specs, &parent.states));
+            let cells = self.cells(parent.decorrelation_m);
             let left = search::left_over(&self.rows, &parent, &specs, cells, train);
             let name = spec.entry().map_or("", |entry| entry.variant.name);
             return match name {
+                "antenna-pattern" => {
+                    search::headings::patterns(&self.rows, train, &left, &states)
+                }
                 "hidden-obstacle" => search::obstacles(&self.rows, train, &left, &states[0]),
                 _ => search::sagging(&self.rows, train, &left, &states[0]),
             };
@@ -545,6 +579,7 @@ impl LinkStudy {
         }
         self.cells
             .iter()
+            .filter(|(length, _)| *length != group::HALF_WAVE_M)
             .flat_map(|(length, _)| {
                 states.iter().map(|state| {
                     let mut state = state.clone();
@@ -590,6 +625,24 @@ impl LinkStudy {
         }
         None
     }
+}
+
+/// The coherence (MHz) with which the sixteen channels have this mean correlation with each other.
+fn coherence_mhz(mean_correlation: f64) -> f64 {
+    let mean = |coherence_mhz: f64| {
+        let pairs = (1..16).map(|apart| f64::from(16 - apart) * (-5.0 * f64::from(apart) / coherence_mhz).exp());
+        pairs.sum::<f64>() / 120.0
+    };
+    let (mut low, mut high) = (0.1f64, 1e3f64);
+    for _ in 0..40 {
+        let middle = (low * high).sqrt();
+        if mean(middle) < mean_correlation {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }
 
 /// Random levels that the configuration itself has.

@@ -3,8 +3,8 @@
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::keys;
 use crate::phy::link::{End, Link, Side};
-use proto::config::{Default, Field, Kind, Range, Variant};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::config::{Choice, Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
 /// `kind = "motion-fading"`.
@@ -25,15 +25,32 @@ pub const ENTRY: Entry = Entry {
                 kind: Kind::Number(Range::above(0.0, 1000.0)),
                 default: Default::Number(4.256),
             },
+            Field {
+                key: "law",
+                doc: "Which change loses a frame.",
+                kind: Kind::Choice(&[
+                    Choice {
+                        name: "coherence-time",
+                        doc: "The scattered power that has decorrelated by the frame's end: 1 - e^(-T/Tc), Tc = 0.423 / f_d.",
+                    },
+                    Choice {
+                        name: "correlation",
+                        doc: "A phase turned by more than a right angle since the frame's beginning: by Clarke's J0.",
+                    },
+                ]),
+                default: Default::Text("coherence-time"),
+            },
         ],
     },
     about: About {
         mechanism: "A receiver learns phase and strength of the channel from a frame's beginning. While the ends move, reflected \
                     waves change before the frame has ended, the faster the faster they move.",
-        equation: "P(lost) = 1/2 (1 - J0(2 pi f_d T)) e^-K, f_d = v/lambda, v the relative speed, T = frame_ms, K = 10^(rician_k_db/10)",
+        equation: "coherence-time: P(lost) = (1 - e^(-T f_d / 0.423)) / (K + 1); correlation: P(lost) = 1/2 (1 - J0(2 pi f_d T)) e^-K; \
+                   f_d = v/lambda, v the relative speed, T = frame_ms, K = 10^(rician_k_db/10)",
         source: "R. H. Clarke, A statistical theory of mobile-radio reception, Bell System Technical Journal 47 (1968) 957 (J0); P. A. \
                  Bello, B. D. Nelin, IRE Trans. Communications Systems CS-10 (1962) 160, and A. Goldsmith, Wireless Communications, § \
-                 6.4 (error floor of differential detection in Rician fading).",
+                 6.4 (error floor of differential detection in Rician fading); T. S. Rappaport, Wireless Communications, 2nd ed., § 5.4.3 \
+                 (coherence time 0.423 / f_d).",
         validity: "A receiver that does not follow the channel within a frame: an upper bound for others. The Doppler shift itself, \
                    240 Hz at 30 m/s, is nothing against 40 ppm of the crystals. Nothing where no speed is known.",
         trace: "Losses follow the relative speed, whatever the RSSI.",
@@ -48,15 +65,22 @@ pub const ENTRY: Entry = Entry {
             starts: &[-10.0, 0.0, 5.0],
             step: 0.05,
         }],
-        variants: &[],
+        variants: &[
+            &[("law", Fixed::Text("coherence-time"))],
+            &[("law", Fixed::Text("correlation"))],
+        ],
         level: Level::Time,
         generalises: &[],
     },
     check: UNCHECKED,
     build: |table, _| {
-        let Keys { rician_k_db, frame_ms } = keys(table)?;
+        let Keys { rician_k_db, frame_ms, law } = keys(table)?;
         let k = libm::pow(10.0, rician_k_db / 10.0);
-        Some(Box::new(MotionFading { frame_s: frame_ms / 1000.0, scattered: libm::exp(-k) }))
+        let scattered = match law {
+            Law::CoherenceTime => 1.0 / (k + 1.0),
+            Law::Correlation => libm::exp(-k),
+        };
+        Some(Box::new(MotionFading { frame_s: frame_ms / 1000.0, scattered, law }))
     },
 };
 
@@ -64,12 +88,31 @@ pub const ENTRY: Entry = Entry {
 struct Keys {
     rician_k_db: f64,
     frame_ms: f64,
+    law: Law,
+}
+
+/// Which change of the channel loses a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Law {
+    /// What has decorrelated by its end.
+    CoherenceTime,
+    /// A phase that has turned by more than a right angle.
+    Correlation,
 }
 
 /// Losses to a channel that changes.
 ///
 /// # Model
 ///
+/// `coherence-time`: of the power that arrives scattered, 1/(K + 1), the share 1 − e^(−T/Tc) has decorrelated by the end of a frame of
+/// length T, with the coherence time Tc = 0.423/f_d, f_d = v/λ, of Clarke's model (Rappaport, § 5.4.3); so much is lost:
+///
+/// ```text
+/// P(lost) = (1 − e^(−T f_d / 0.423)) / (K + 1)
+/// ```
+///
+/// `correlation`: the least that is lost.
 /// Clarke (1968): where waves arrive evenly from all sides, the channel's correlation after the time τ is J0(2π f_d τ), f_d = v/λ.
 /// A receiver that compares what it hears with a reference τ old errs, however strong the signal, with the probability
 /// ½ (1 − ρ) e^(−K) (Bello and Nelin 1962; Goldsmith, eq. 6.92, for Rician K): the phase has turned by more than a right angle.
@@ -90,9 +133,14 @@ struct Keys {
 pub struct MotionFading {
     /// Length of a frame (s).
     pub frame_s: f64,
-    /// e^(−K): how much the steady wave leaves to chance.
+    /// How much the steady wave leaves to chance.
     pub scattered: f64,
+    /// Which change loses a frame.
+    pub law: Law,
 }
+
+/// A channel stays what it is for so many turns of the greatest Doppler shift (Rappaport, § 5.4.3).
+const COHERENCE_TURNS: f64 = 0.423;
 
 fn relative_speed_mps(link: &Link<'_>) -> Option<f64> {
     let velocity = |end: &End| end.velocity_mps;
@@ -125,7 +173,11 @@ impl Effect for MotionFading {
         let speed_mps = relative_speed_mps(link).filter(|speed_mps| speed_mps.is_finite());
         let Some(speed_mps) = speed_mps.filter(|&speed_mps| speed_mps != 0.0) else { return 0.0 };
         let turns = speed_mps / link.wavelength_m() * self.frame_s;
-        0.5 * (1.0 - libm::j0(std::f64::consts::TAU * turns)) * self.scattered
+        let changed = match self.law {
+            Law::CoherenceTime => 1.0 - libm::exp(-turns / COHERENCE_TURNS),
+            Law::Correlation => 0.5 * (1.0 - libm::j0(std::f64::consts::TAU * turns)),
+        };
+        changed * self.scattered
     }
 }
 
@@ -150,7 +202,8 @@ mod tests {
             let mut moving = link;
             moving.sender.velocity_mps = Some([0.6 * speed_mps, 0.0, 0.0]);
             moving.receiver.velocity_mps = Some([-0.4 * speed_mps, 0.0, 0.0]);
-            let effect = made("motion-fading", &format!("rician_k_db = {k_db:?}\nframe_ms = 4.0"));
+            let keys = format!("rician_k_db = {k_db:?}\nframe_ms = 4.0\nlaw = 'correlation'");
+            let effect = made("motion-fading", &keys);
             let got = effect.loss(&moving);
             // K of -60 dB is 10^-6, the zeros have seven digits.
             assert!((got - expected).abs() < 2e-6, "{x} {k_db}: {got}");
@@ -162,8 +215,22 @@ mod tests {
     }
 
     #[test]
+    fn in_a_coherence_time_the_scattered_power_falls_to_a_part_in_e() {
+        let scene = Scene::default();
+        let mut link = along_x(10.0, 1.0, None, &scene);
+        // 0.423 turns in 4 ms; at 0 dB half of the power is scattered.
+        let speed_mps = 0.423 / 0.004 * link.wavelength_m();
+        link.sender.velocity_mps = Some([speed_mps, 0.0, 0.0]);
+        for (k_db, scattered) in [(-60.0, 1.0), (0.0, 0.5)] {
+            let keys = format!("rician_k_db = {k_db:?}\nframe_ms = 4.0");
+            let got = made("motion-fading", &keys).loss(&link);
+            assert!((got - scattered * 0.632_121).abs() < 2e-6, "{k_db}: {got}");
+        }
+    }
+
+    #[test]
     fn speeds_may_be_columns() {
-        let effect = made("motion-fading", "rician_k_db = -20");
+        let effect = made("motion-fading", "rician_k_db = -20\nlaw = 'correlation'");
         let at = |row: &[(&str, f64)]| {
             let row: Vec<_> = row.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
             let scene = Scene { covariates: Covariates::Row(&row), ..Scene::default() };

@@ -23,6 +23,8 @@ pub struct LinkFit {
     pub instrument: Instrument,
     /// Random levels.
     pub random: Random,
+    /// The length over which levels of links change (m).
+    pub decorrelation_m: f64,
     /// Log likelihood of the rows it was fitted to: random levels integrated out (Laplace).
     pub log_likelihood: f64,
     /// Information about the parameters of all terms in their order, then the logarithm of the noise.
@@ -39,6 +41,8 @@ pub struct Problem<'a> {
     pub specs: Vec<&'a Spec>,
     /// Cells of all rows.
     pub cells: &'a Cells,
+    /// The length over which levels of links change in them (m).
+    pub decorrelation_m: f64,
     /// Rows to fit to.
     pub train: &'a [u32],
     /// The noise, where the configuration gives it.
@@ -234,6 +238,7 @@ impl<'a> Problem<'a> {
         }
         LinkFit {
             terms: terms.to_vec(),
+            decorrelation_m: self.decorrelation_m,
             log_likelihood: here.log - last.half_log_determinant,
             information: last.information,
             states: here.states,

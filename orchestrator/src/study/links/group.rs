@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 /// Blocks of time.
 const TIME_BLOCKS: usize = 60;
 /// Half a wavelength at 2.44 GHz (m).
-const HALF_WAVE_M: f64 = 0.0614;
+pub(super) const HALF_WAVE_M: f64 = 0.0614;
 
 /// Rows by time in blocks of equal numbers; by pair where time is unknown or constant.
 pub(super) fn time_blocks(rows: &Rows) -> Blocks {

@@ -47,7 +47,7 @@ impl LinkStudy {
     #[must_use]
     pub fn predictions(&self, fit: &LinkFit) -> Vec<(f64, f64, f64)> {
         let specs = self.specs_of(&fit.terms);
-        let cells = self.cells(Self::decorrelation_m(&specs, &fit.states));
+        let cells = self.cells(fit.decorrelation_m);
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         (0..self.rows.len())
             .map(|row| {

@@ -4,6 +4,8 @@
 //! slope over the level, I that of c² times the weight (the score test). So thousands of places are compared at the price
 //! of one pass each; the best are then fitted in full.
 
+pub mod headings;
+
 use super::cells::Cells;
 use super::fit::LinkFit;
 use super::likelihood::Slope;

@@ -1,0 +1,195 @@
+//! Headings of nodes that stand still and tell none: found together with the pattern of their antennas.
+
+use super::super::likelihood::Slope;
+use super::super::rows::Rows;
+use super::super::terms::State;
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// Directions that are tried first, around the circle.
+const DIRECTIONS: u32 = 12;
+/// Steps of the search.
+const STEPS: usize = 25;
+/// What is gained in the last step (nats).
+const CONVERGED_NATS: f64 = 1e-3;
+
+/// One end of a row: where the other one lies (rad), less the own heading where it is known; else which direction is sought.
+#[derive(Clone, Copy)]
+struct Sight {
+    bearing_rad: f64,
+    unknown: Option<usize>,
+}
+
+/// A row: its two ends, and what the likelihood says about a change of its level.
+struct Seen {
+    ends: [Option<Sight>; 2],
+    slope: f64,
+    weight: f64,
+}
+
+/// The nodes without a heading, in the order of their numbers.
+fn nodes_without(rows: &Rows, train: &[u32]) -> Vec<u32> {
+    let mut known: BTreeMap<u32, bool> = BTreeMap::new();
+    for &row in train {
+        let (tx, rx) = rows.ends(row as usize);
+        for end in [tx, rx] {
+            *known.entry(end.id).or_insert(false) |= end.heading_rad.is_some();
+        }
+    }
+    known.into_iter().filter(|(_, known)| !known).map(|(id, _)| id).collect()
+}
+
+fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> {
+    train
+        .iter()
+        .zip(left)
+        .map(|(&row, slope)| {
+            let (tx, rx) = rows.ends(row as usize);
+            let sight = |own: &netsim::phy::link::End, other: &netsim::phy::link::End| {
+                let [dx, dy] = [0, 1].map(|k| other.position_m[k] - own.position_m[k]);
+                if dx == 0.0 && dy == 0.0 {
+                    return None;
+                }
+                let bearing_rad = dy.atan2(dx);
+                match own.heading_rad {
+                    Some(heading) => {
+                        Some(Sight { bearing_rad: bearing_rad - heading, unknown: None })
+                    }
+                    None => nodes
+                        .binary_search(&own.id)
+                        .ok()
+                        .map(|index| Sight { bearing_rad, unknown: Some(index) }),
+                }
+            };
+            Seen {
+                ends: [sight(tx, rx), sight(rx, tx)],
+                slope: slope.over_level,
+                weight: slope.weight,
+            }
+        })
+        .collect()
+}
+
+/// What is sought: the difference between front and back (dB), then where the front is (rad): of the body, of each node.
+type Sought = DVector<f64>;
+
+fn front(sought: &Sought, sight: &Sight) -> (usize, f64) {
+    let index = 1 + sight.unknown.map_or(0, |node| 1 + node);
+    (index, sight.bearing_rad - sought[index])
+}
+
+/// What the likelihood gains (nats, a parabola about the fit without the pattern).
+fn gain(all: &[Seen], sought: &Sought) -> f64 {
+    all.iter()
+        .map(|seen| {
+            let added: f64 = seen
+                .ends
+                .iter()
+                .flatten()
+                .map(|sight| -0.5 * sought[0] * (1.0 - front(sought, sight).1.cos()))
+                .sum();
+            added * (seen.slope - 0.5 * seen.weight * added)
+        })
+        .sum()
+}
+
+/// A step of Gauss's and Newton's method.
+fn step(all: &[Seen], sought: &Sought, damping: f64) -> Option<Sought> {
+    let n = sought.len();
+    let mut information = DMatrix::zeros(n, n);
+    let mut gradient = DVector::zeros(n);
+    for seen in all {
+        let mut entries = [(0, 0.0); 4];
+        let mut added = 0.0;
+        for (k, sight) in seen.ends.iter().flatten().enumerate() {
+            let (index, angle) = front(sought, sight);
+            let shape = -0.5 * (1.0 - angle.cos());
+            added += sought[0] * shape;
+            entries[2 * k] = (0, shape);
+            entries[2 * k + 1] = (index, 0.5 * sought[0] * angle.sin());
+        }
+        let slope = seen.slope - seen.weight * added;
+        for &(i, a) in &entries {
+            gradient[i] += a * slope;
+            for &(j, b) in &entries {
+                information[(i, j)] += seen.weight * a * b;
+            }
+        }
+    }
+    for i in 0..n {
+        information[(i, i)] += damping * information[(i, i)] + 1e-6;
+    }
+    information.cholesky().map(|factor| factor.solve(&gradient))
+}
+
+fn climbed(all: &[Seen], mut sought: Sought) -> (f64, Sought) {
+    let mut best = gain(all, &sought);
+    let mut damping = 1e-2;
+    for _ in 0..STEPS {
+        let Some(change) = step(all, &sought, damping) else { break };
+        let mut there = &sought + change;
+        there[0] = there[0].clamp(0.0, 40.0);
+        let now = gain(all, &there);
+        if best < now {
+            let gained = now - best;
+            (best, sought) = (now, there);
+            damping *= 0.3;
+            if gained < CONVERGED_NATS {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+        }
+    }
+    (best, sought)
+}
+
+/// States of a cardioid pattern, with headings for the nodes that tell none: from each of `starts` the best.
+#[must_use]
+pub fn patterns(rows: &Rows, train: &[u32], left: &[Slope], starts: &[State]) -> Vec<State> {
+    let nodes = nodes_without(rows, train);
+    if nodes.is_empty() {
+        return starts.to_vec();
+    }
+    let all = seen(rows, train, left, &nodes);
+    let found = starts.iter().map(|start| {
+        let mut sought = DVector::zeros(2 + nodes.len());
+        sought[0] = start.values[0];
+        sought[1] = start.values[1];
+        // Each node by itself first.
+        for node in 0..nodes.len() {
+            let own: Vec<Seen> = all
+                .iter()
+                .filter_map(|seen| {
+                    let mut ends = seen.ends;
+                    for end in &mut ends {
+                        *end = end.filter(|sight| sight.unknown == Some(node));
+                    }
+                    ends.iter().any(Option::is_some).then_some(Seen { ends, ..*seen })
+                })
+                .collect();
+            let tried = (0..DIRECTIONS).map(|k| {
+                let mut there = sought.clone();
+                there[2 + node] = TAU * f64::from(k) / f64::from(DIRECTIONS);
+                (gain(&own, &there), there[2 + node])
+            });
+            let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, angle)| angle);
+            sought[2 + node] = best;
+        }
+        climbed(&all, sought)
+    });
+    let best = found.max_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((_, sought)) = best else { return starts.to_vec() };
+    let wrapped = |angle: f64| angle - TAU * (angle / TAU).round();
+    let boresight = wrapped(sought[1]);
+    let mut headings = vec![0.0; nodes.last().map_or(0, |&last| last as usize + 1)];
+    for (index, &node) in nodes.iter().enumerate() {
+        headings[node as usize] = wrapped(sought[2 + index] - boresight);
+    }
+    let mut state = starts[0].clone();
+    let headings = headings.into_iter().map(toml::Value::Float).collect();
+    state.table.insert("headings_rad".to_owned(), toml::Value::Array(headings));
+    state.values = vec![sought[0].max(0.1), boresight];
+    vec![state]
+}
