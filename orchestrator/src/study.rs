@@ -34,7 +34,7 @@ impl Candidate {
     /// The covariate of a curve.
     #[must_use]
     pub fn curve_over(&self) -> Option<&str> {
-        self.name.strip_prefix("curve:")
+        self.name.strip_prefix("curve:").or_else(|| self.name.strip_prefix("loss-curve:"))
     }
 }
 

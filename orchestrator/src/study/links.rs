@@ -7,18 +7,22 @@
 //! | [`passing`] | the probability that a frame passes, noise averaged out |
 //! | [`terms`] | what may be added to the model |
 //! | [`fit`] | Newton's method on all of it |
+//! | `candidates` | what may be missing |
 //! | [`basis`] | terms that are sums of columns |
 //! | [`cells`] | random levels of nodes, links and channels |
 //! | [`search`] | places, nodes and times that an effect needs and that no map shows |
 //! | `group` | blocks that are left out together, cells that share a level |
+//! | `estimates` | numbers with intervals |
 //! | [`predict`] | what a fit predicts, and what is left over |
 //! | [`covariates`] | what an error may depend on, given or derived |
 //! | `view` | predictions row by row, for pictures |
 //! | [`testable`] | what the data lack for an effect to be tested |
 
 pub mod basis;
+mod candidates;
 pub mod cells;
 pub mod covariates;
+mod estimates;
 pub mod fit;
 mod group;
 pub mod likelihood;
@@ -36,16 +40,13 @@ use basis::Bases;
 use cells::{Cells, Deviations, Random};
 use fit::{Free, LinkFit, Problem, Steps};
 use likelihood::Instrument;
-use netsim::phy::effect;
 use netsim::phy::scatter::{Law, Renewal};
 use passing::Spread;
-use proto::effect::{Level, Need};
+use proto::effect::Level;
 use rows::Rows;
 use std::collections::BTreeMap;
 use terms::{Spec, State};
 
-/// Number of knots of a curve over a covariate.
-const KNOTS: usize = 7;
 /// Lengths (m) over which shadowing may change.
 const DECORRELATION_M: [f64; 4] = [1.0, 3.0, 8.0, 20.0];
 /// The length of places where shadowing is carried along without being asked about (m).
@@ -79,17 +80,7 @@ impl LinkStudy {
     /// candidates.
     #[must_use]
     pub fn new(rows: Rows, fixed_sd_db: Option<f64>) -> Self {
-        let mut specs: Vec<Spec> = effect::LIST
-            .iter()
-            .filter(|entry| entry.variant.name != "formula")
-            .map(|entry| match entry.variant.name {
-                "node-offset" => Spec::NodeOffset(entry),
-                "shadowing" => Spec::Shadowing(entry),
-                "multipath" => Spec::Multipath(entry),
-                _ => Spec::Effect(entry),
-            })
-            .collect();
-        specs.extend((0..rows.links.covariates.len()).filter_map(|column| curve(&rows, column)));
+        let specs = candidates::specs(&rows);
         let still = testable::still(&rows);
         let time = group::time_blocks(&rows);
         let place = group::place_blocks(&rows, &still);
@@ -101,7 +92,7 @@ impl LinkStudy {
             .map(|&length| (length, group::cells_of(&rows, &still, length)))
             .collect();
         let configured = configured(&rows);
-        let candidates = specs.iter().map(|spec| candidate(spec, &rows, &still)).collect();
+        let candidates = specs.iter().map(|spec| candidates::candidate(spec, &rows, &still)).collect();
         Self { rows, candidates, specs, time, place, cells, fixed_sd_db, configured, bases: Bases::default() }
     }
 
@@ -121,6 +112,15 @@ impl LinkStudy {
     #[must_use]
     pub fn covariates(&self) -> Vec<(String, Vec<f64>)> {
         covariates::of(&self.rows)
+    }
+
+    /// How many unordered pairs of nodes there are.
+    fn n_pairs(&self) -> usize {
+        let mut pairs: Vec<(u32, u32)> =
+            self.rows.links.rows.iter().map(|row| (row.tx.min(row.rx), row.tx.max(row.rx))).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs.len()
     }
 
     fn specs_of(&self, terms: &[usize]) -> Vec<&Spec> {
@@ -184,7 +184,7 @@ impl LinkStudy {
     }
 
     fn run(&self, terms: &[usize], states: Vec<State>, train: &[u32], from: From<'_>) -> LinkFit {
-        let From { level, parent, is_trial, most_steps } = from;
+        let From { level, parent, is_trial, held, most_steps } = from;
         let specs = self.specs_of(terms);
         let (mut sd, free) = self.deviations(&specs, level);
         let decorrelation_m = Self::decorrelation_m(&specs, &states, level);
@@ -217,7 +217,8 @@ impl LinkStudy {
                 .iter()
                 .zip(&specs)
                 .zip(states)
-                .map(|((&term, spec), state)| {
+                .enumerate()
+                .map(|(place, ((&term, spec), state))| {
                     let keep = !self.is_searched(term);
                     let exact = self.bases.exact(&self.rows, term, spec, state, keep);
                     if exact.is_some() || !takes_lines {
@@ -225,7 +226,8 @@ impl LinkStudy {
                     }
                     // A trial looks for the place of what is new.
                     let is_new = parent.is_none_or(|parent| !parent.terms.contains(&term));
-                    if is_trial && is_new {
+                    let is_held = held.is_some_and(|(other, _)| other == place);
+                    if is_trial && (is_new || is_held) {
                         return None;
                     }
                     self.bases.tangent(&self.rows, term, spec, state)
@@ -241,6 +243,7 @@ impl LinkStudy {
             fixed_sd_db: self.fixed_sd_db,
             free,
             holds: is_trial,
+            held,
             bases: bases(&states, true),
         };
         let sd_db = parent.map(|parent| parent.instrument.sd_db);
@@ -269,6 +272,8 @@ struct From<'a> {
     parent: Option<&'a LinkFit>,
     /// A trial: the parent's terms are taken for straight lines, and spreads of random levels stay as they are.
     is_trial: bool,
+    /// A parameter that stays where it is: its term, and its place there.
+    held: Option<(usize, usize)>,
     /// Most steps.
     most_steps: usize,
 }
@@ -336,10 +341,10 @@ impl Study for LinkStudy {
         } else {
             let steps = if asks_for_links { MOST_STEPS } else { TRIAL_STEPS };
             let from =
-                From { level, parent: start, is_trial: !asks_for_links, most_steps: steps };
+                From { level, parent: start, is_trial: !asks_for_links, held: None, most_steps: steps };
             self.best_of(terms, starts, train, from).map(|fit| fit.states).unwrap_or_default()
         };
-        let from = From { level, parent: start, is_trial: false, most_steps: MOST_STEPS };
+        let from = From { level, parent: start, is_trial: false, held: None, most_steps: MOST_STEPS };
         self.run(terms, best, train, from)
     }
 
@@ -358,7 +363,7 @@ impl Study for LinkStudy {
             .map(|state| parent.states.iter().cloned().chain([state]).collect())
             .collect();
         let from =
-            From { level, parent: Some(parent), is_trial: true, most_steps: TRIAL_STEPS };
+            From { level, parent: Some(parent), is_trial: true, held: None, most_steps: TRIAL_STEPS };
         self.best_of(terms, starts, &all, from)
     }
 
@@ -382,122 +387,13 @@ impl Study for LinkStudy {
     }
 
     fn estimates(&self, fit: &LinkFit, term: usize) -> (Vec<Estimate>, Option<String>) {
-        let specs = self.specs_of(&fit.terms);
-        let Some(place) = fit.terms.iter().position(|&other| other == term) else {
-            return (Vec::new(), None);
-        };
-        let cells = self.cells(fit.decorrelation_m);
-        let (_, determined) = fit.random.suggested(cells);
-        let sd = fit.random.sd;
-        let spread = |name: &str, value: f64, n: f64| {
-            let relative = 1.0 / (2.0 * n.max(0.5)).sqrt();
-            Estimate {
-                name: name.to_owned(),
-                value,
-                unit: "dB".to_owned(),
-                low: value * (-NINETY * relative).exp(),
-                high: value * (NINETY * relative).exp(),
-            }
-        };
-        match specs[place] {
-            Spec::Shadowing(_) => {
-                let mut all = vec![spread("sd_db", sd.link_db, determined[0])];
-                if 1 < self.cells.len() {
-                    let length = fit.decorrelation_m;
-                    all.push(Estimate {
-                        name: "decorrelation_m".to_owned(),
-                        value: length,
-                        unit: "m".to_owned(),
-                        low: length / 2.0,
-                        high: length * 2.0,
-                    });
-                }
-                return (all, None);
-            }
-            Spec::Multipath(_) => {
-                let (sd_db, coherence_mhz) = Self::fading(&specs, sd);
-                let mut all = vec![spread("sd_db", sd_db, determined[1])];
-                if let Some(value) = coherence_mhz {
-                    all.push(Estimate {
-                        name: "coherence_mhz".to_owned(),
-                        value,
-                        unit: "MHz".to_owned(),
-                        low: value / 2.0,
-                        high: value * 2.0,
-                    });
-                }
-                return (all, None);
-            }
-            Spec::NodeOffset(_) => {
-                let all = vec![
-                    spread("tx_sd_db", sd.tx_db, determined[2]),
-                    spread("rx_sd_db", sd.rx_db, determined[3]),
-                ];
-                return (all, None);
-            }
-            Spec::Effect(_) | Spec::Curve { .. } => {}
-        }
-        let before: usize = fit.states[..place].iter().map(|state| state.values.len()).sum();
-        let parameters = specs[place].parameters();
-        let inverse = fit.information.clone().try_inverse();
-        let mut warning = None;
-        let estimates = parameters
-            .iter()
-            .enumerate()
-            .map(|(k, parameter)| {
-                let value = fit.states[place].values[k];
-                let error = inverse.as_ref().map_or(f64::INFINITY, |inverse| {
-                    inverse[(before + k, before + k)].max(0.0).sqrt()
-                });
-                if !error.is_finite() || parameter.max - parameter.min < error {
-                    warning = Some(format!("{} is hardly determined by these data", parameter.key));
-                }
-                Estimate {
-                    name: parameter.key.to_owned(),
-                    value,
-                    unit: parameter.unit.to_owned(),
-                    low: (value - NINETY * error).max(parameter.min),
-                    high: (value + NINETY * error).min(parameter.max),
-                }
-            })
-            .collect();
-        if let Some(inverse) = inverse {
-            warning = warning.or_else(|| self.confusable(fit, &specs, &inverse, place));
-        }
-        (estimates, warning)
+        self.estimates_of(fit, term)
     }
 
     fn settings(&self, fit: &LinkFit, term: usize) -> serde_json::Value {
-        let Some(place) = fit.terms.iter().position(|&other| other == term) else {
-            return serde_json::Value::Null;
-        };
-        let spec = &self.specs[term];
-        let Some(entry) = spec.entry() else { return serde_json::Value::Null };
-        let mut keys = toml::Table::new();
-        keys.insert("kind".to_owned(), toml::Value::String(entry.variant.name.to_owned()));
-        keys.extend(fit.states[place].keys(spec));
-        let sd = fit.random.sd;
-        let spreads: Vec<(&str, f64)> = match spec {
-            Spec::Shadowing(_) => vec![("sd_db", sd.link_db)],
-            Spec::Multipath(_) => {
-                let (sd_db, coherence_mhz) = Self::fading(&self.specs_of(&fit.terms), sd);
-                let coherence_mhz = coherence_mhz.map(|value| ("coherence_mhz", value));
-                [("sd_db", sd_db)].into_iter().chain(coherence_mhz).collect()
-            }
-            Spec::NodeOffset(_) => vec![("tx_sd_db", sd.tx_db), ("rx_sd_db", sd.rx_db)],
-            Spec::Effect(_) | Spec::Curve { .. } => Vec::new(),
-        };
-        for (key, value) in spreads {
-            keys.insert(key.to_owned(), toml::Value::Float(value));
-        }
-        serde_json::to_value(keys).unwrap_or_default()
+        self.settings_of(fit, term)
     }
 }
-
-/// Standard errors to either side of a 90 % interval.
-const NINETY: f64 = 1.645;
-/// Estimates that are correlated beyond this cannot be told apart.
-const CONFUSABLE: f64 = 0.97;
 
 impl LinkStudy {
     /// The best of short fits from several starts.
@@ -516,16 +412,6 @@ impl LinkStudy {
             }
         }
         best
-    }
-
-    /// Spread of multipath fading (dB) and, where nothing else makes a link's channels alike, its coherence (MHz).
-    fn fading(specs: &[&Spec], sd: Deviations) -> (f64, Option<f64>) {
-        if specs.iter().any(|spec| matches!(spec, Spec::Shadowing(_))) {
-            return (sd.channel_db, None);
-        }
-        let sd_db = sd.channel_db.hypot(sd.link_db);
-        let shared = (sd.link_db / sd_db) * (sd.link_db / sd_db);
-        (sd_db, Some(coherence_mhz(shared)))
     }
 
     /// Whether a term has a spread of links, over one of several lengths.
@@ -589,60 +475,6 @@ impl LinkStudy {
             })
             .collect()
     }
-
-    /// Two parameters of which one hides the other.
-    fn confusable(
-        &self,
-        fit: &LinkFit,
-        specs: &[&Spec],
-        inverse: &nalgebra::DMatrix<f64>,
-        place: usize,
-    ) -> Option<String> {
-        let names: Vec<(usize, String)> = specs
-            .iter()
-            .enumerate()
-            .flat_map(|(index, spec)| {
-                let term = &self.candidates[fit.terms[index]].name;
-                (0..fit.states[index].values.len()).map(move |k| {
-                    let key = spec.parameters().get(k).map_or("a knot", |parameter| parameter.key);
-                    (index, format!("{key} of {term}"))
-                })
-            })
-            .collect();
-        for i in 0..names.len() {
-            for j in 0..i {
-                if names[i].0 != place && names[j].0 != place {
-                    continue;
-                }
-                let r = inverse[(i, j)] / (inverse[(i, i)] * inverse[(j, j)]).sqrt();
-                if CONFUSABLE < r.abs() {
-                    return Some(format!(
-                        "{} and {} can hardly be told apart on these data",
-                        names[j].1, names[i].1
-                    ));
-                }
-            }
-        }
-        None
-    }
-}
-
-/// The coherence (MHz) with which the sixteen channels have this mean correlation with each other.
-fn coherence_mhz(mean_correlation: f64) -> f64 {
-    let mean = |coherence_mhz: f64| {
-        let pairs = (1..16).map(|apart| f64::from(16 - apart) * (-5.0 * f64::from(apart) / coherence_mhz).exp());
-        pairs.sum::<f64>() / 120.0
-    };
-    let (mut low, mut high) = (0.1f64, 1e3f64);
-    for _ in 0..40 {
-        let middle = (low * high).sqrt();
-        if mean(middle) < mean_correlation {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
 }
 
 /// Random levels that the configuration itself has.
@@ -663,52 +495,4 @@ fn configured(rows: &Rows) -> Deviations {
         }
     }
     known
-}
-
-fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -> Candidate {
-    match spec {
-        Spec::Curve { column, knots } => {
-            let (name, values) = &rows.links.covariates[*column];
-            Candidate {
-                name: format!("curve:{name}"),
-                about: None,
-                level: testable::level_of(rows, values),
-                n_parameters: knots.len(),
-                generalises: Vec::new(),
-                untestable: None,
-            }
-        }
-        _ => {
-            let entry = spec.entry().expect("everything but a curve is in the catalogue");
-            let lacking: Vec<String> = entry
-                .about
-                .needs
-                .iter()
-                .filter(|need| !testable::has(rows, still, **need))
-                .map(|need: &Need| need.describe())
-                .collect();
-            Candidate {
-                name: entry.variant.name.to_owned(),
-                about: Some(&entry.about),
-                level: entry.fit.level,
-                n_parameters: entry.fit.parameters.len(),
-                generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
-                untestable: (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", "))),
-            }
-        }
-    }
-}
-
-/// A curve over a covariate with knots at its quantiles; none where too few values differ.
-fn curve(rows: &Rows, column: usize) -> Option<Spec> {
-    let mut values: Vec<f64> =
-        rows.links.covariates[column].1.iter().copied().filter(|v| v.is_finite()).collect();
-    values.sort_by(f64::total_cmp);
-    let at = |k: usize| values[k * (values.len() - 1) / (KNOTS - 1)];
-    if values.len() < rows.len() / 2 {
-        return None;
-    }
-    let mut knots: Vec<f64> = (0..KNOTS).map(at).collect();
-    knots.dedup();
-    (2 <= knots.len()).then_some(Spec::Curve { column, knots })
 }

@@ -3,6 +3,7 @@
 //! Most effects are such sums exactly. Others are near a point of interest, which is enough to tell whether a further term
 //! is worth a fit.
 
+use super::fit::Active;
 use super::rows::Rows;
 use super::terms::{Spec, State};
 use netsim::phy::effect::Effect;
@@ -50,7 +51,8 @@ fn means(rows: &Rows, effect: &dyn Effect, which: &[usize]) -> Option<Vec<f64>> 
 }
 
 fn added(rows: &Rows, spec: &Spec, state: &State, which: &[usize]) -> Option<Vec<f64>> {
-    means(rows, &*state.build(spec)?, which)
+    let effect = Active::new(state.build(spec)?, rows);
+    effect.is_plain().then(|| means(rows, effect.get(), which))?
 }
 
 /// Columns by differences of `share` of each parameter's small step.

@@ -5,7 +5,7 @@ use super::cells::{Cells, Deviations, Random, Solver, Step};
 use super::likelihood::{Instrument, Level, Slope};
 use super::passing::{Sampled, Spread};
 use super::rows::Rows;
-use super::terms::{Spec, State, hat};
+use super::terms::{Spec, State};
 use nalgebra::{DMatrix, DVector};
 use netsim::phy::effect::Effect;
 use netsim::phy::scatter::Renewal;
@@ -51,6 +51,8 @@ pub struct Problem<'a> {
     pub free: Free,
     /// The spreads of random levels stay as they are, and the noise with them.
     pub holds: bool,
+    /// A parameter that stays where it is: its term, and its place there.
+    pub held: Option<(usize, usize)>,
     /// Terms that are sums of columns, or are taken for such.
     pub bases: Vec<Option<Arc<Basis>>>,
 }
@@ -65,6 +67,9 @@ pub struct Free {
     /// Of nodes.
     pub nodes: bool,
 }
+
+/// By how much a value at a knot is changed for a derivative.
+const CURVE_STEP: f64 = 1e-3;
 
 /// How far a fit goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,19 +121,8 @@ impl<'a> Problem<'a> {
             return self.train.iter().map(added).collect();
         }
         match (self.specs[term], effect) {
-            (Spec::Curve { column, knots }, _) => {
-                let values = &self.rows.links.covariates[*column].1;
-                self.train
-                    .iter()
-                    .map(|&row| {
-                        let x = values[row as usize];
-                        if x.is_nan() {
-                            return [0.0; 3];
-                        }
-                        let at = hat(knots, x);
-                        [at.iter().map(|&(k, part)| part * state.values[k]).sum(), 0.0, 0.0]
-                    })
-                    .collect()
+            (Spec::Curve(curve), _) => {
+                self.train.iter().map(|&row| curve.at(&state.values, row as usize)).collect()
             }
             (_, Some(effect)) => {
                 self.train.iter().map(|&row| self.rows.effect(effect, row as usize)).collect()
@@ -364,21 +358,23 @@ impl<'a> Problem<'a> {
         let mut scores: Vec<(usize, Vec<f64>)> = Vec::new();
         let mut index = 0;
         for (term, (spec, state)) in self.specs.iter().zip(&here.states).enumerate() {
-            if let Spec::Curve { column, knots } = spec {
-                let values = &self.rows.links.covariates[*column].1;
+            if let Spec::Curve(curve) = spec
+                && !curve.is_loss
+            {
                 for (i, &row) in self.train.iter().enumerate() {
-                    let x = values[row as usize];
-                    if !x.is_nan() {
-                        for (k, part) in hat(knots, x) {
-                            jacobian[i * p + index + k] += part;
-                        }
+                    for (k, part) in curve.shares(row as usize) {
+                        jacobian[i * p + index + k] += part;
                     }
                 }
-                index += knots.len();
+                index += curve.knots.len();
                 continue;
             }
             if let Some(basis) = &self.bases[term] {
                 for k in 0..state.values.len() {
+                    if self.held == Some((term, k)) {
+                        index += 1;
+                        continue;
+                    }
                     let column = basis.column(k);
                     for (i, &row) in self.train.iter().enumerate() {
                         jacobian[i * p + index] = column[row as usize];
@@ -387,17 +383,26 @@ impl<'a> Problem<'a> {
                 }
                 continue;
             }
-            for (k, parameter) in spec.parameters().iter().enumerate() {
+            for k in 0..state.values.len() {
+                if self.held == Some((term, k)) {
+                    index += 1;
+                    continue;
+                }
                 let mut there = state.clone();
-                let mut step = 1e-3 * parameter.step;
-                if parameter.max < state.values[k] + step {
-                    step = -step;
+                let mut step = CURVE_STEP;
+                if let Some(parameter) = spec.parameters().get(k) {
+                    step = 1e-3 * parameter.step;
+                    if parameter.max < state.values[k] + step {
+                        step = -step;
+                    }
                 }
                 there.values[k] += step;
-                let Some(effect) = there.build(spec) else { continue };
-                let effect = Active::new(effect, self.rows);
-                let part = self.part(term, &there, Some(effect.get()));
-                let is_mean = effect.is_plain()
+                let effect = there.build(spec).map(|effect| Active::new(effect, self.rows));
+                if effect.is_none() && !matches!(spec, Spec::Curve(_)) {
+                    continue;
+                }
+                let part = self.part(term, &there, effect.as_ref().map(Active::get));
+                let is_mean = effect.as_ref().is_some_and(Active::is_plain)
                     && part
                         .iter()
                         .zip(&here.levels.parts[term])
@@ -408,8 +413,8 @@ impl<'a> Problem<'a> {
                     }
                 } else {
                     let mut effects = here.effects.clone();
-                    let has_curve = effect.is_instrument();
-                    effects[term] = Some(effect);
+                    let has_curve = effect.as_ref().is_some_and(Active::is_instrument);
+                    effects[term] = effect;
                     let mut parts = here.levels.parts.clone();
                     parts[term] = part;
                     let levels = self.levels(parts, &effects);
@@ -461,14 +466,14 @@ impl<'a> Problem<'a> {
 
 /// An effect at certain values of its parameters.
 #[derive(Clone, Debug)]
-struct Active {
+pub(super) struct Active {
     effect: Arc<dyn Effect>,
     /// Registers read otherwise with it.
     reads_otherwise: bool,
 }
 
 impl Active {
-    fn new(effect: Box<dyn Effect>, rows: &Rows) -> Self {
+    pub(super) fn new(effect: Box<dyn Effect>, rows: &Rows) -> Self {
         // Readings over the whole range tell whether it touches them at all.
         let reads_otherwise = !rows.is_empty()
             && (-60..=10).any(|step| {
@@ -478,7 +483,7 @@ impl Active {
         Self { effect: Arc::from(effect), reads_otherwise }
     }
 
-    fn get(&self) -> &dyn Effect {
+    pub(super) fn get(&self) -> &dyn Effect {
         &*self.effect
     }
 
@@ -488,7 +493,7 @@ impl Active {
     }
 
     /// Whether it changes nothing but means.
-    fn is_plain(&self) -> bool {
+    pub(super) fn is_plain(&self) -> bool {
         !self.reads_otherwise && !self.is_instrument()
     }
 }
@@ -517,12 +522,9 @@ impl LinkFit {
         let mut added = [0.0; 3];
         for ((spec, state), effect) in specs.iter().zip(&self.states).zip(&self.effects) {
             match (spec, effect) {
-                (Spec::Curve { column, knots }, _) => {
-                    let x = rows.links.covariates[*column].1[row];
-                    if !x.is_nan() {
-                        let at = hat(knots, x);
-                        added[0] += at.iter().map(|&(k, part)| part * state.values[k]).sum::<f64>();
-                    }
+                (Spec::Curve(curve), _) => {
+                    let part = curve.at(&state.values, row);
+                    added = std::array::from_fn(|k| added[k] + part[k]);
                 }
                 (_, Some(effect)) => {
                     let part = rows.effect(effect.get(), row);

@@ -3,19 +3,15 @@
 use netsim::phy::effect::{Effect, Entry};
 use proto::config::Default;
 use proto::effect::Parameter;
+use std::sync::Arc;
 
 /// What a term is made of.
 #[derive(Clone, Debug)]
 pub enum Spec {
     /// An effect of the catalogue.
     Effect(&'static Entry),
-    /// A smooth curve over a covariate, in its column, linear between knots.
-    Curve {
-        /// The column among the covariates of the rows.
-        column: usize,
-        /// The knots, ascending.
-        knots: Vec<f64>,
-    },
+    /// A smooth curve over a covariate.
+    Curve(Curve),
     /// A random level per node.
     NodeOffset(&'static Entry),
     /// A random level per link and place.
@@ -33,7 +29,7 @@ impl Spec {
             | Self::NodeOffset(entry)
             | Self::Shadowing(entry)
             | Self::Multipath(entry) => Some(entry),
-            Self::Curve { .. } => None,
+            Self::Curve(_) => None,
         }
     }
 
@@ -43,6 +39,51 @@ impl Spec {
         match self {
             Self::Effect(entry) => entry.fit.parameters,
             _ => &[],
+        }
+    }
+}
+
+/// A smooth curve over a covariate, linear between knots: of the mean level (dB), or of the share of frames lost.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// The covariate.
+    pub covariate: String,
+    /// Its value in every row; NaN where it is unknown: there the curve adds nothing.
+    pub values: Arc<[f64]>,
+    /// The knots, ascending.
+    pub knots: Vec<f64>,
+    /// It says how many frames are lost, not how strong they are.
+    pub is_loss: bool,
+}
+
+/// A curve of losses starts here: at none it could not fall.
+const SMALL_LOSS: f64 = 0.02;
+/// No curve loses more.
+const MOST_LOST: f64 = 0.95;
+
+impl Curve {
+    /// The name of the candidate.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let of = if self.is_loss { "loss-curve" } else { "curve" };
+        format!("{of}:{}", self.covariate)
+    }
+
+    /// The shares of the knots in a row.
+    #[must_use]
+    pub fn shares(&self, row: usize) -> [(usize, f64); 2] {
+        let x = self.values[row];
+        if x.is_nan() { [(0, 0.0); 2] } else { hat(&self.knots, x) }
+    }
+
+    /// What it adds to a row with these values at the knots: power, shift of the curve, logarithm of survival.
+    #[must_use]
+    pub fn at(&self, values: &[f64], row: usize) -> [f64; 3] {
+        let value = self.shares(row).iter().map(|&(k, part)| part * values[k]).sum::<f64>();
+        if self.is_loss {
+            [0.0, 0.0, (1.0 - value.clamp(0.0, MOST_LOST)).ln()]
+        } else {
+            [value, 0.0, 0.0]
         }
     }
 }
@@ -77,8 +118,9 @@ impl State {
     #[must_use]
     pub fn starts(spec: &Spec) -> Vec<Self> {
         match spec {
-            Spec::Curve { knots, .. } => {
-                vec![Self { table: toml::Table::new(), values: vec![0.0; knots.len()] }]
+            Spec::Curve(curve) => {
+                let start = if curve.is_loss { SMALL_LOSS } else { 0.0 };
+                vec![Self { table: toml::Table::new(), values: vec![start; curve.knots.len()] }]
             }
             Spec::NodeOffset(entry) | Spec::Shadowing(entry) | Spec::Multipath(entry) => {
                 vec![Self { table: defaults(entry), values: Vec::new() }]

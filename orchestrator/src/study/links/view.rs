@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 impl Viewed for LinkStudy {
     fn view(&self, fit: &LinkFit) -> View {
         let specs = self.specs_of(&fit.terms);
-        let cells = self.cells(Self::decorrelation_m(&specs, &fit.states));
+        let cells = self.cells(fit.decorrelation_m);
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         let mut view = View::default();
         for (row, measured) in self.rows.links.rows.iter().enumerate() {

@@ -1,0 +1,85 @@
+//! What may be missing: every effect of the catalogue, and a smooth curve over every covariate.
+
+use super::rows::Rows;
+use super::terms::{Curve, Spec};
+use super::testable;
+use crate::study::Candidate;
+use netsim::phy::effect;
+use proto::effect::Need;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Number of knots of a curve over a covariate.
+const KNOTS: usize = 7;
+/// Covariates that follow from the columns and may be a cause by themselves.
+const DERIVED: [&str; 3] = ["time_s", "midpoint_x_m", "midpoint_y_m"];
+
+/// Every term that may be added.
+pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
+    let effects =
+        effect::LIST.iter().filter(|entry| entry.variant.name != "formula").map(|entry| {
+            match entry.variant.name {
+                "node-offset" => Spec::NodeOffset(entry),
+                "shadowing" => Spec::Shadowing(entry),
+                "multipath" => Spec::Multipath(entry),
+                _ => Spec::Effect(entry),
+            }
+        });
+    let given = rows.links.covariates.iter().cloned();
+    let derived = super::covariates::of(rows)
+        .into_iter()
+        .filter(|(name, _)| DERIVED.contains(&name.as_str()));
+    let covariates: Vec<Curve> =
+        given.chain(derived).filter_map(|(name, values)| curve(rows, name, values)).collect();
+    let of_losses = covariates
+        .iter()
+        .filter(|_| rows.links.has_losses)
+        .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }));
+    effects.chain(covariates.iter().cloned().map(Spec::Curve)).chain(of_losses).collect()
+}
+
+/// How a term stands among the others.
+pub(super) fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -> Candidate {
+    match spec {
+        Spec::Curve(curve) => Candidate {
+            name: curve.name(),
+            about: None,
+            level: testable::level_of(rows, &curve.values),
+            n_parameters: curve.knots.len(),
+            generalises: Vec::new(),
+            untestable: None,
+        },
+        _ => {
+            let entry = spec.entry().expect("everything but a curve is in the catalogue");
+            let lacking: Vec<String> = entry
+                .about
+                .needs
+                .iter()
+                .filter(|need| !testable::has(rows, still, **need))
+                .map(|need: &Need| need.describe())
+                .collect();
+            Candidate {
+                name: entry.variant.name.to_owned(),
+                about: Some(&entry.about),
+                level: entry.fit.level,
+                n_parameters: entry.fit.parameters.len(),
+                generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
+                untestable: (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", "))),
+            }
+        }
+    }
+}
+
+/// A curve over a covariate with knots at its quantiles; none where too few values are known or differ.
+fn curve(rows: &Rows, covariate: String, values: Vec<f64>) -> Option<Curve> {
+    let mut known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    known.sort_by(f64::total_cmp);
+    if known.len() < rows.len() / 2 || known.is_empty() {
+        return None;
+    }
+    let at = |k: usize| known[k * (known.len() - 1) / (KNOTS - 1)];
+    let mut knots: Vec<f64> = (0..KNOTS).map(at).collect();
+    knots.dedup();
+    let values = Arc::from(values);
+    (2 <= knots.len()).then_some(Curve { covariate, values, knots, is_loss: false })
+}
