@@ -65,10 +65,11 @@ pub fn answer<S: Study>(
         let (before, after) = (&ladder.rungs[step].scores, &ladder.rungs[step + 1].scores);
         structure.push(json!({
             "covariate": covariate,
+            "of": if name(term).starts_with("loss-") { "losses" } else { "readings" },
             "explained": number((1.0 - (after.rmse / before.rmse).powi(2)).max(0.0)),
             "p_value": number(trial.gain.p_value),
-            "formula": formulas.get(covariate).map(|(text, _)| text),
-            "rmse_after": number(formulas.get(covariate).map_or(after.rmse, |(_, rmse)| *rmse)),
+            "formula": formulas.get(name(term)).map(|(text, _)| text),
+            "rmse_after": number(formulas.get(name(term)).map_or(after.rmse, |(_, rmse)| *rmse)),
         }));
     }
     if let Some(left) = left {

@@ -246,20 +246,20 @@ impl LinkStudy {
             held,
             bases: bases(&states, true),
         };
-        let sd_db = parent.map(|parent| parent.instrument.sd_db);
+        let noise = parent.map(|parent| parent.instrument.noise());
         let exact = bases(&states, false);
         let is_exact = problem.bases.iter().map(Option::is_some).eq(exact.iter().map(Option::is_some));
         // Who starts with the same terms has its spreads already.
         let is_same = parent.is_some_and(|parent| parent.terms == terms);
         let rounds = if is_same { WARM_ROUNDS } else { MOST_ROUNDS };
         let steps = Steps { most_steps, rounds };
-        let fit = problem.fit(terms, states, sd_db, random, steps);
+        let fit = problem.fit(terms, states, noise, random, steps);
         if is_trial || is_exact {
             return fit;
         }
         problem.bases = exact;
         let steps = Steps { most_steps, rounds: 1 };
-        problem.fit(terms, fit.states, Some(fit.instrument.sd_db), fit.random, steps)
+        problem.fit(terms, fit.states, Some(fit.instrument.noise()), fit.random, steps)
     }
 }
 

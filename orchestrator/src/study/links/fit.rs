@@ -2,7 +2,7 @@
 
 use super::basis::Basis;
 use super::cells::{Cells, Deviations, Random, Solver, Step};
-use super::likelihood::{Instrument, Level, Slope};
+use super::likelihood::{Instrument, Level, Noise, Slope};
 use super::passing::{Sampled, Spread};
 use super::rows::Rows;
 use super::terms::{Spec, State};
@@ -146,8 +146,9 @@ impl<'a> Problem<'a> {
         Levels { parts, levels }
     }
 
-    /// The instrument with the noise `sd_db`: with the curve and the spread of the terms that have one.
-    fn instrument(&self, effects: &[Option<Active>], sd_db: f64) -> Instrument {
+    /// The instrument with this noise: with the curve and the spread of the terms that have one.
+    fn instrument(&self, effects: &[Option<Active>], noise: Noise) -> Instrument {
+        let Noise { sd_db, link_sd_db } = noise;
         let curve = effects.iter().rev().flatten().find_map(|active| active.effect.curve());
         let curve = Sampled::of(curve.unwrap_or_else(|| self.rows.model.reception_curve()));
         let mut spread = self.rows.base_spread();
@@ -155,14 +156,18 @@ impl<'a> Problem<'a> {
             spread = spread.and(&super::spread_of(&scatter.law));
         }
         let averaged = curve.averaged(sd_db, &spread);
-        Instrument {
+        let instrument = Instrument {
             sd_db,
             spread,
             curve,
             averaged,
             quantum_db: self.rows.links.quantum_db,
             has_losses: self.rows.links.has_losses,
-        }
+            is_aggregated: self.rows.links.is_aggregated,
+            link_sd_db,
+            wider: None,
+        };
+        if instrument.is_aggregated { instrument.with_wider() } else { instrument }
     }
 
     fn slopes(&self, instrument: &Instrument, levels: &Levels, random: &Random) -> Vec<Slope> {
@@ -177,13 +182,13 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    fn here(&self, states: Vec<State>, sd_db: f64, random: Random) -> Here {
+    fn here(&self, states: Vec<State>, noise: Noise, random: Random) -> Here {
         let effects = self.effects(&states);
         let parts = (0..self.specs.len())
             .map(|term| self.part(term, &states[term], effects[term].as_ref().map(Active::get)))
             .collect();
         let levels = self.levels(parts, &effects);
-        let instrument = self.instrument(&effects, sd_db);
+        let instrument = self.instrument(&effects, noise);
         let slopes = self.slopes(&instrument, &levels, &random);
         let log =
             slopes.iter().map(|slope| slope.log).sum::<f64>() + random.penalty(self.cells.n_nodes);
@@ -196,23 +201,20 @@ impl<'a> Problem<'a> {
         &self,
         terms: &[usize],
         states: Vec<State>,
-        sd_db: Option<f64>,
+        noise: Option<Noise>,
         random: Random,
         steps: Steps,
     ) -> LinkFit {
         let is_random = random.sd != Deviations::default() && !self.holds;
-        let sd_db = self.fixed_sd_db.or(sd_db).unwrap_or_else(|| self.rough_sd(&states));
-        let mut here = self.here(states, sd_db, random);
+        let mut noise = noise.unwrap_or_else(|| self.rough_noise(&states));
+        noise.sd_db = self.fixed_sd_db.unwrap_or(noise.sd_db);
+        let mut here = self.here(states, noise, random);
         let mut last = self.climb(&mut here, steps.most_steps);
         if is_random {
             let mut before = here.log - last.half_log_determinant;
             for _ in 0..steps.rounds {
                 let (sd, _) = here.random.suggested(self.cells);
-                let sd_db = if self.fixed_sd_db.is_some() {
-                    here.instrument.sd_db
-                } else {
-                    self.suggested_sd(&here)
-                };
+                let noise = self.suggested_noise(&here);
                 let old = here.random.sd;
                 here.random.sd = Deviations {
                     link_db: if self.free.link { sd.link_db } else { old.link_db },
@@ -221,7 +223,7 @@ impl<'a> Problem<'a> {
                     rx_db: if self.free.nodes { sd.rx_db } else { old.rx_db },
                 };
                 let random = here.random.clone();
-                here = self.here(here.states, sd_db, random);
+                here = self.here(here.states, noise, random);
                 last = self.climb(&mut here, 6);
                 let now = here.log - last.half_log_determinant;
                 if (now - before).abs() < 0.02 {
@@ -243,17 +245,35 @@ impl<'a> Problem<'a> {
     }
 
     /// The noise that the rows suggest, levels of cells counted as what they are worth.
-    fn suggested_sd(&self, here: &Here) -> f64 {
+    fn suggested_noise(&self, here: &Here) -> Noise {
+        let Noise { sd_db, link_sd_db } = here.instrument.noise();
         let n_received =
             self.train.iter().filter(|&&row| self.rows.is_received(row as usize)).count() as f64;
-        let slope: f64 = here.slopes.iter().map(|slope| slope.over_ln_sd).sum();
         let worth = here.random.n_determined(self.cells);
-        let step = (slope + worth) / (2.0 * (n_received - 0.5 * worth).max(1.0));
-        (here.instrument.sd_db * step.clamp(-0.5, 0.5).exp()).clamp(NOISE_DB.0, NOISE_DB.1)
+        let moved = |sd_db: f64, slope: f64, information: f64| {
+            let step = (slope + worth) / information.max(1.0);
+            (sd_db * step.clamp(-0.5, 0.5).exp()).clamp(NOISE_DB.0, NOISE_DB.1)
+        };
+        let over_ln_sd: f64 = here.slopes.iter().map(|slope| slope.over_ln_sd).sum();
+        let information = 2.0 * (n_received - 0.5 * worth);
+        if !self.rows.links.is_aggregated {
+            let is_fixed = self.fixed_sd_db.is_some();
+            let moved = moved(sd_db, over_ln_sd, information);
+            return Noise { sd_db: if is_fixed { sd_db } else { moved }, link_sd_db };
+        }
+        // Levels of cells take from what rows vary; how frames vary about them is another matter.
+        let over_link: f64 = here.slopes.iter().map(|slope| slope.over_ln_link_sd).sum();
+        let squares: f64 = here.slopes.iter().map(|slope| slope.over_ln_sd.powi(2)).sum();
+        let step = (over_ln_sd / squares.max(1e-9)).clamp(-0.5, 0.5);
+        let frames = (sd_db * step.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
+        Noise {
+            sd_db: if self.fixed_sd_db.is_some() { sd_db } else { frames },
+            link_sd_db: moved(link_sd_db, over_link, information),
+        }
     }
 
     /// A first guess of the noise: the spread of what was received about the mean level.
-    fn rough_sd(&self, states: &[State]) -> f64 {
+    fn rough_noise(&self, states: &[State]) -> Noise {
         let effects = self.effects(states);
         let parts = (0..self.specs.len())
             .map(|term| self.part(term, &states[term], effects[term].as_ref().map(Active::get)))
@@ -268,7 +288,9 @@ impl<'a> Problem<'a> {
                 n += 1.0;
             }
         }
-        if n < 1.0 { 3.0 } else { (sum / n).sqrt().clamp(0.3, 20.0) }
+        let sd_db = if n < 1.0 { 3.0 } else { f64::sqrt(sum / n).clamp(0.3, 20.0) };
+        let is_aggregated = self.rows.links.is_aggregated;
+        Noise { sd_db: if is_aggregated { 2.0 } else { sd_db }, link_sd_db: sd_db }
     }
 
     fn n_parameters(&self, here: &Here) -> usize {
@@ -338,21 +360,27 @@ impl<'a> Problem<'a> {
                 index += 1;
             }
         }
-        let mut sd_db = here.instrument.sd_db;
+        let mut noise = here.instrument.noise();
         if index < step.parameters.len() {
             let change = step.parameters[index].clamp(-0.7, 0.7);
-            sd_db = (sd_db * change.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
+            noise.sd_db = (noise.sd_db * change.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
+        }
+        if index + 1 < step.parameters.len() {
+            let change = step.parameters[index + 1].clamp(-0.7, 0.7);
+            noise.link_sd_db = (noise.link_sd_db * change.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
         }
         let random = here.random.moved(&step.random);
-        self.here(states, sd_db, random)
+        self.here(states, noise, random)
     }
 
     /// Derivatives of the levels over the parameters, row by row; then information and gradient of everything that is not
     /// a mean: shifts, losses, curves, noise.
     fn derivatives(&self, here: &Here) -> (Vec<f64>, DMatrix<f64>, DVector<f64>) {
-        let fits_noise = self.fixed_sd_db.is_none() && here.random.sd == Deviations::default();
+        let fits_noise = here.random.sd == Deviations::default()
+            && (self.fixed_sd_db.is_none() || self.rows.links.is_aggregated);
         let n_terms = self.n_parameters(here);
-        let p = n_terms + usize::from(fits_noise);
+        let fits_rows = fits_noise && self.rows.links.is_aggregated;
+        let p = n_terms + usize::from(fits_noise) + usize::from(fits_rows);
         let n = self.train.len();
         let mut jacobian = vec![0.0; n * p];
         let mut scores: Vec<(usize, Vec<f64>)> = Vec::new();
@@ -419,7 +447,7 @@ impl<'a> Problem<'a> {
                     parts[term] = part;
                     let levels = self.levels(parts, &effects);
                     let slopes = if has_curve {
-                        let instrument = self.instrument(&effects, here.instrument.sd_db);
+                        let instrument = self.instrument(&effects, here.instrument.noise());
                         self.slopes(&instrument, &levels, &here.random)
                     } else {
                         self.slopes(&here.instrument, &levels, &here.random)
@@ -435,7 +463,13 @@ impl<'a> Problem<'a> {
             }
         }
         if fits_noise {
-            scores.push((n_terms, here.slopes.iter().map(|slope| slope.over_ln_sd).collect()));
+            let is_free = f64::from(u8::from(self.fixed_sd_db.is_none()));
+            let of_noise = here.slopes.iter().map(|slope| is_free * slope.over_ln_sd);
+            scores.push((n_terms, of_noise.collect()));
+        }
+        if fits_rows {
+            let of_rows = here.slopes.iter().map(|slope| slope.over_ln_link_sd);
+            scores.push((n_terms + 1, of_rows.collect()));
         }
         // Information by the outer product of scores where a parameter is no mean.
         let mut extra = DMatrix::zeros(p, p);

@@ -30,6 +30,8 @@ pub struct Slope {
     pub weight: f64,
     /// Its derivative over the logarithm of the noise's standard deviation.
     pub over_ln_sd: f64,
+    /// Its derivative over the logarithm of the standard deviation of rows of several frames about their mean level.
+    pub over_ln_link_sd: f64,
 }
 
 /// How frames vary about the mean level, and which of them pass.
@@ -47,12 +49,35 @@ pub struct Instrument {
     pub quantum_db: f64,
     /// It is known which frames were lost.
     pub has_losses: bool,
+    /// Rows sum up several frames of a link and channel.
+    pub is_aggregated: bool,
+    /// Standard deviation (dB) of the level that such frames share; without meaning for single frames.
+    pub link_sd_db: f64,
+    /// The same with frames that vary a little more, where derivatives are asked for.
+    pub wider: Option<Box<Instrument>>,
+}
+
+mod aggregated;
+
+/// What varies beside everything that has a cause (standard deviations).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// From frame to frame (dB).
+    pub sd_db: f64,
+    /// From row to row, where rows sum up several frames (dB).
+    pub link_sd_db: f64,
 }
 
 /// Stated probabilities are not taken for more certain than this.
 const STRAY: f64 = 1e-3;
 
 impl Instrument {
+    /// Its noise.
+    #[must_use]
+    pub fn noise(&self) -> Noise {
+        Noise { sd_db: self.sd_db, link_sd_db: self.link_sd_db }
+    }
+
     /// With another noise.
     #[must_use]
     pub fn with_sd(&self, sd_db: f64) -> Self {
@@ -80,6 +105,7 @@ impl Instrument {
                 over_level: d / variance,
                 weight: 1.0 / variance,
                 over_ln_sd: share * (z2 - 1.0),
+                over_ln_link_sd: 0.0,
             };
         }
         let exponent = |level: f64| {
@@ -103,12 +129,16 @@ impl Instrument {
             weight: (1.0 / variance - (square - mean * mean) / (variance * variance))
                 .max(0.1 / variance),
             over_ln_sd: share * (square / variance - 1.0),
+            over_ln_link_sd: 0.0,
         }
     }
 
     /// Log likelihood of a sample: one frame, received or lost. `lift_db` is added to the level.
     #[must_use]
     pub fn sample(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
+        if self.is_aggregated {
+            return self.summed(row, level, lift_db);
+        }
         let is_received = row.received == 1.0;
         let mut slope = Slope::default();
         if is_received {

@@ -3,18 +3,37 @@
 use super::LinkStudy;
 use super::fit::LinkFit;
 use super::likelihood::{Instrument, Level};
+use super::terms::Spec;
 use crate::diagnose::ladder::{COMMON, Ladder, Search};
 use crate::diagnose::scan::{self, Structure};
 use crate::study::RowScore;
 use std::collections::BTreeMap;
 
+/// Losses are looked at where at least this share of frames should pass.
+const LEAST_PASSES: f64 = 0.3;
+
 /// What is left when the ladder has ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOver {
-    /// Formulas of the covariates that were taken as curves, and the rmse after each (dB).
+    /// Formulas of the curves that were taken, by their names, and what is left after each (dB, or share of frames; rms).
     pub formulas: BTreeMap<String, (String, f64)>,
     /// The strongest structure that nothing in the model explains.
     pub structure: Option<Structure>,
+}
+
+/// What a model predicts for a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Predicted {
+    /// What a received row should read (dBm).
+    pub rssi_dbm: f64,
+    /// Standard deviation of that (dB).
+    pub sd_db: f64,
+    /// Probability of reception, or the share of frames.
+    pub passes: f64,
+    /// Standard deviation of what is received about that.
+    pub passes_sd: f64,
+    /// The mean level that decides over reception (dBm).
+    pub level_dbm: f64,
 }
 
 /// The instrument of a fit where the level has a variance (dB²) of its own: made in steps of 2 % of the noise.
@@ -39,26 +58,37 @@ impl LinkStudy {
         extra: f64,
         tables: &mut BTreeMap<i64, Instrument>,
     ) -> RowScore {
-        instrument_for(fit, extra, tables).score(&self.rows.links.rows[row], level, lift)
+        let measured = &self.rows.links.rows[row];
+        if fit.instrument.is_aggregated {
+            return fit.instrument.score_row(measured, level, lift, extra);
+        }
+        instrument_for(fit, extra, tables).score(measured, level, lift)
     }
 
-    /// What a fit predicts for every row: the mean reading of a received frame (dBm), its standard deviation (dB), and the
-    /// probability of reception.
+    /// What a fit predicts for every row.
     #[must_use]
-    pub fn predictions(&self, fit: &LinkFit) -> Vec<(f64, f64, f64)> {
+    pub fn predictions(&self, fit: &LinkFit) -> Vec<Predicted> {
         let specs = self.specs_of(&fit.terms);
         let cells = self.cells(fit.decorrelation_m);
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
-        (0..self.rows.len())
-            .map(|row| {
-                let level = fit.level(&self.rows, &specs, row);
-                let lift = fit.random.level_db(cells, row);
-                let extra = fit.random.variance(cells, row);
-                let instrument = instrument_for(fit, extra, &mut tables);
-                let (mean, sd) = instrument.reading(&level, lift);
-                (mean, sd, instrument.reception(&level, lift))
-            })
-            .collect()
+        let one = |row: usize| {
+            let level = fit.level(&self.rows, &specs, row);
+            let lift = fit.random.level_db(cells, row);
+            let extra = fit.random.variance(cells, row);
+            let level_dbm = level.power_dbm + lift - level.shift_db;
+            if fit.instrument.is_aggregated {
+                let measured = &self.rows.links.rows[row];
+                let [rssi_dbm, sd_db, passes, passes_sd] =
+                    fit.instrument.row_of(measured, &level, lift, extra);
+                return Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm };
+            }
+            let instrument = instrument_for(fit, extra, &mut tables);
+            let (rssi_dbm, sd_db) = instrument.reading(&level, lift);
+            let passes = instrument.reception(&level, lift);
+            let passes_sd = (passes * (1.0 - passes)).max(1e-6).sqrt();
+            Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm }
+        };
+        (0..self.rows.len()).map(one).collect()
     }
 
     /// What is left of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
@@ -66,18 +96,28 @@ impl LinkStudy {
     #[must_use]
     pub fn residuals(&self, fit: &LinkFit) -> [Vec<f64>; 3] {
         let mut all = [(); 3].map(|()| vec![f64::NAN; self.rows.len()]);
-        for (row, (mean, sd, passes)) in self.predictions(fit).into_iter().enumerate() {
+        for (row, predicted) in self.predictions(fit).into_iter().enumerate() {
             let measured = &self.rows.links.rows[row];
             if measured.rssi_dbm.is_finite() {
-                all[0][row] = measured.rssi_dbm - mean;
-                all[1][row] = all[0][row] / sd;
+                all[0][row] = measured.rssi_dbm - predicted.rssi_dbm;
+                all[1][row] = all[0][row] / predicted.sd_db;
             }
             if self.rows.links.has_losses && measured.received.is_finite() {
                 let share = measured.received / measured.frames;
-                all[2][row] = (share - passes) / (passes * (1.0 - passes)).max(1e-6).sqrt();
+                all[2][row] = (share - predicted.passes) / predicted.passes_sd;
             }
         }
         all
+    }
+
+    /// The share of frames that was lost of those that should have passed, row by row; NaN where hardly one should.
+    fn losses_left(&self, fit: &LinkFit) -> Vec<f64> {
+        let lost = |(row, predicted): (usize, Predicted)| {
+            let measured = &self.rows.links.rows[row];
+            let share = 1.0 - measured.received / measured.frames / predicted.passes;
+            if predicted.passes < LEAST_PASSES { f64::NAN } else { share }
+        };
+        self.predictions(fit).into_iter().enumerate().map(lost).collect()
     }
 
     /// What is left over a covariate when the ladder has ended: for what was taken as a curve its formula, and the strongest
@@ -86,15 +126,19 @@ impl LinkStudy {
     pub fn left_over(&self, search: &Search<'_, Self>, ladder: &Ladder) -> LeftOver {
         let mut formulas = BTreeMap::new();
         for &term in &ladder.accepted {
-            let Some(covariate) = self.candidates[term].curve_over() else { continue };
+            let Spec::Curve(curve) = &self.specs[term] else { continue };
             let rest: Vec<usize> =
                 ladder.accepted.iter().copied().filter(|&other| other != term).collect();
-            let [deviation, ..] = self.residuals(&search.full(&rest, COMMON, None));
-            let values = self.rows.links.covariates.iter().find(|(name, _)| name == covariate);
-            if let Some(found) = values
-                .and_then(|(name, values)| scan::formula(name, values, &deviation, &self.time))
-            {
-                formulas.insert(covariate.to_owned(), found);
+            let fit = search.full(&rest, COMMON, None);
+            let deviation = if curve.is_loss {
+                self.losses_left(&fit)
+            } else {
+                let [deviation, ..] = self.residuals(&fit);
+                deviation
+            };
+            let found = scan::formula(&curve.covariate, &curve.values, &deviation, &self.time);
+            if let Some(found) = found {
+                formulas.insert(curve.name(), found);
             }
         }
         let [deviation, scaled, surprise] =

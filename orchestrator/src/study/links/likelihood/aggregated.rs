@@ -1,0 +1,326 @@
+//! How likely a row of several frames is: their number received and their mean reading, the level of the link integrated out.
+//!
+//! Frames of one link and channel share a level. With the level u ~ N(μ, τ²), k frames sent and r received, p(u) the probability
+//! that a frame passes, and the mean reading m normal about u + lift(u) with a variance of v(u)/r:
+//!
+//! ```text
+//! L(μ) = ∫ N(u; μ, τ²) · Binomial(r; k, p(u)) · N(m; u + lift(u), v(u)/r) du
+//! ```
+//!
+//! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
+
+use super::{Instrument, Level, STRAY, Slope};
+use crate::measure::links::Row;
+use crate::study::RowScore;
+
+/// The mean of any number of readings is not known better than this (dB).
+const LEAST_SD_DB: f64 = 0.1;
+/// Points of an integral, and how far it reaches (standard deviations).
+const POINTS: i32 = 12;
+const REACH: f64 = 5.0;
+/// Steps to the top of an integrand.
+const TOP_STEPS: usize = 8;
+/// By how much the spread of frames is changed for a derivative.
+const WIDER: f64 = 1.02;
+
+/// What is seen of a row.
+struct Seen {
+    sent: f64,
+    received: f64,
+    reading_dbm: f64,
+    readings: f64,
+    knows_losses: bool,
+}
+
+impl Seen {
+    fn of(row: &Row, instrument: &Instrument) -> Self {
+        let knows_losses = instrument.has_losses && row.received.is_finite();
+        let sent = if row.frames.is_finite() { row.frames.max(1.0) } else { 1.0 };
+        let received = if knows_losses { row.received } else { sent };
+        Self {
+            sent,
+            received,
+            reading_dbm: row.rssi_dbm,
+            readings: received.max(1.0),
+            knows_losses,
+        }
+    }
+}
+
+impl Instrument {
+    /// Chance that a frame passes at a level, how much stronger those that pass are in the mean (dB), and their variance (dB²).
+    fn frames(&self, level: &Level, u: f64) -> (f64, f64, f64) {
+        let chance = self.averaged.at(u - level.shift_db);
+        let survival = level.ln_survival.exp();
+        match level.stated {
+            Some(stated) => {
+                let passes = (stated * survival).clamp(STRAY, 1.0 - STRAY);
+                (passes, 0.0, self.sd_db * self.sd_db)
+            }
+            None if !self.has_losses => (1.0, 0.0, self.sd_db * self.sd_db),
+            None => {
+                let z = chance.lift_db / self.sd_db;
+                let share = (1.0 + chance.over_ln_sd / chance.passes - z * z).clamp(0.05, 2.0);
+                (survival * chance.passes, chance.lift_db, self.sd_db * self.sd_db * share)
+            }
+        }
+    }
+
+    /// Log likelihood of what was seen at a level.
+    fn seen_at(&self, seen: &Seen, level: &Level, u: f64) -> f64 {
+        let (passes, lift, variance) = self.frames(level, u);
+        let mut log = 0.0;
+        if seen.knows_losses {
+            log += seen.received * passes.ln() + (seen.sent - seen.received) * (1.0 - passes).ln();
+        }
+        if seen.reading_dbm.is_finite() {
+            let variance = self.mean_variance(variance, seen.readings);
+            let deviation = seen.reading_dbm - level.register_db - u - lift;
+            log -= 0.5 * (deviation * deviation / variance + (std::f64::consts::TAU * variance).ln());
+        }
+        log
+    }
+
+    /// Variance of the mean of readings whose own variance is given (dB²).
+    fn mean_variance(&self, variance: f64, readings: f64) -> f64 {
+        ((variance + self.quantum_db * self.quantum_db / 12.0) / readings)
+            .max(LEAST_SD_DB * LEAST_SD_DB)
+    }
+
+    /// Logarithm of the integral, and mean and variance of the level given what was seen. `variance`: of the level before.
+    fn integral(&self, seen: &Seen, level: &Level, mean: f64, variance: f64) -> (f64, f64, f64) {
+        let at = |u: f64| {
+            self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance
+        };
+        let mut top = mean;
+        if seen.reading_dbm.is_finite() {
+            let read = seen.reading_dbm - level.register_db;
+            let (_, lift, own) = self.frames(level, read);
+            let own = self.mean_variance(own, seen.readings);
+            top = (variance * (read - lift) + own * mean) / (variance + own);
+        }
+        let mut width = variance.sqrt();
+        for _ in 0..TOP_STEPS {
+            let h = 0.05;
+            let (below, here, above) = (at(top - h), at(top), at(top + h));
+            let (slope, bend) = ((above - below) / (2.0 * h), (2.0 * here - above - below) / (h * h));
+            let bend = bend.max(1.0 / variance);
+            width = bend.sqrt().recip();
+            let step = (slope / bend).clamp(-2.0 * width - 1.0, 2.0 * width + 1.0);
+            top += step;
+            if step.abs() < 0.05 * width {
+                break;
+            }
+        }
+        let best = at(top);
+        let step = REACH * width / f64::from(POINTS);
+        let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
+        for k in -POINTS..=POINTS {
+            let away = f64::from(k) * step;
+            let part = (at(top + away) - best).exp();
+            total += part;
+            first += part * away;
+            second += part * away * away;
+        }
+        let (shift, square) = (first / total, second / total);
+        let log = best + (total * step).ln() - 0.5 * (std::f64::consts::TAU * variance).ln();
+        (log, top + shift, (square - shift * shift).max(1e-12))
+    }
+
+    /// Log likelihood of a row of several frames. `lift_db` is added to the level.
+    pub(super) fn summed(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
+        let seen = Seen::of(row, self);
+        let mean = level.power_dbm + lift_db;
+        let variance = self.link_sd_db * self.link_sd_db;
+        let (log, posterior, left) = self.integral(&seen, level, mean, variance);
+        let away = posterior - mean;
+        let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
+            let (other, ..) = wider.integral(&seen, level, mean, variance);
+            (other - log) / WIDER.ln()
+        });
+        Slope {
+            log: log + ways(&seen),
+            over_level: away / variance,
+            weight: ((1.0 - left / variance) / variance).max(0.0),
+            over_ln_sd,
+            over_ln_link_sd: (away * away + left) / variance - 1.0,
+        }
+    }
+
+    /// With another instrument beside, whose frames vary a little more: for derivatives.
+    #[must_use]
+    pub fn with_wider(self) -> Self {
+        let wider = Self { wider: None, ..self.with_sd(WIDER * self.sd_db) };
+        Self { wider: Some(Box::new(wider)), ..self }
+    }
+
+    /// What the mean reading of a row should be (dBm), its standard deviation (dB), the share of frames that should be received
+    /// and the standard deviation of that. `extra`: further variance of the level (dB²).
+    #[must_use]
+    pub fn row_of(&self, row: &Row, level: &Level, lift_db: f64, extra: f64) -> [f64; 4] {
+        let seen = Seen::of(row, self);
+        let mean = level.power_dbm + lift_db;
+        let sd = (self.link_sd_db * self.link_sd_db + extra).sqrt();
+        let mut sums = [0.0; 6];
+        for k in -POINTS..=POINTS {
+            let z = 4.0 * f64::from(k) / f64::from(POINTS);
+            let u = mean + z * sd;
+            let (passes, lift, variance) = self.frames(level, u);
+            let weight = (-0.5 * z * z).exp();
+            // Rows without a single frame received show no reading.
+            let shows = weight * (1.0 - (seen.sent * (1.0 - passes).max(1e-300).ln()).exp());
+            let readings = (seen.sent * passes).max(1.0);
+            let reading = u + level.register_db + lift;
+            sums[0] += weight;
+            sums[1] += weight * passes;
+            sums[2] += weight * (passes * passes + passes * (1.0 - passes) / seen.sent);
+            sums[3] += shows;
+            sums[4] += shows * reading;
+            sums[5] += shows * (reading * reading + self.mean_variance(variance, readings));
+        }
+        let (share, reading) = (sums[1] / sums[0], sums[4] / sums[3]);
+        let sd_of = |square: f64, mean: f64| (square - mean * mean).max(1e-9).sqrt();
+        [reading, sd_of(sums[5] / sums[3], reading), share, sd_of(sums[2] / sums[0], share)]
+    }
+
+    /// Scores the prediction of a row of several frames.
+    #[must_use]
+    pub fn score_row(&self, row: &Row, level: &Level, lift_db: f64, extra: f64) -> RowScore {
+        let seen = Seen::of(row, self);
+        let variance = self.link_sd_db * self.link_sd_db + extra;
+        let (log, ..) = self.integral(&seen, level, level.power_dbm + lift_db, variance);
+        let [reading, sd, share, _] = self.row_of(row, level, lift_db, extra);
+        let mut score = RowScore {
+            log: log + ways(&seen),
+            squared_error: f64::NAN,
+            crps: f64::NAN,
+            reception_log_loss: f64::NAN,
+        };
+        if row.rssi_dbm.is_finite() {
+            let deviation = row.rssi_dbm - reading;
+            score.squared_error = deviation * deviation;
+            score.crps = super::normal_crps(deviation, sd);
+        }
+        if seen.knows_losses {
+            let share = share.clamp(1e-9, 1.0 - 1e-9);
+            let measured = seen.received / seen.sent;
+            score.reception_log_loss = -measured * share.ln() - (1.0 - measured) * (1.0 - share).ln();
+        }
+        score
+    }
+}
+
+/// Logarithm of the number of ways in which so many of the frames are received.
+fn ways(seen: &Seen) -> f64 {
+    if !seen.knows_losses {
+        return 0.0;
+    }
+    let factorial = |n: f64| libm::lgamma(n + 1.0);
+    factorial(seen.sent) - factorial(seen.received) - factorial(seen.sent - seen.received)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::links::passing::{Sampled, Spread};
+    use netsim::phy::reception::Curve;
+
+    /// Half of all frames at −90 dBm, 1.5 dB wide.
+    #[derive(Debug)]
+    struct Normal;
+
+    impl Curve for Normal {
+        fn reception_probability(&self, rssi_dbm: f64) -> f64 {
+            0.5 * libm::erfc(-(rssi_dbm + 90.0) / 1.5 / std::f64::consts::SQRT_2)
+        }
+        fn floor_dbm(&self) -> f64 {
+            -99.0
+        }
+        fn ceiling_dbm(&self) -> f64 {
+            -81.0
+        }
+    }
+
+    fn instrument(sd_db: f64, link_sd_db: f64) -> Instrument {
+        let curve = Sampled::of(&Normal);
+        let averaged = curve.averaged(sd_db, &Spread::none());
+        let spread = Spread::none();
+        let (quantum_db, has_losses, is_aggregated) = (0.0, true, true);
+        let wider = None;
+        Instrument {
+            sd_db,
+            spread,
+            curve,
+            averaged,
+            quantum_db,
+            has_losses,
+            is_aggregated,
+            link_sd_db,
+            wider,
+        }
+        .with_wider()
+    }
+
+    fn row(frames: f64, received: f64, rssi_dbm: f64) -> Row {
+        let place = [0.0; 3];
+        Row {
+            line: 2,
+            time_s: f64::NAN,
+            run: 0,
+            tx: 1,
+            rx: 2,
+            channel: None,
+            tx_m: place,
+            rx_m: place,
+            tx_heading_rad: f64::NAN,
+            rx_heading_rad: f64::NAN,
+            rssi_dbm,
+            frames,
+            received,
+        }
+    }
+
+    fn level(power_dbm: f64) -> Level {
+        Level { power_dbm, register_db: 0.0, shift_db: 0.0, ln_survival: 0.0, stated: None }
+    }
+
+    #[test]
+    fn far_above_the_curve_it_is_the_normal_density_of_the_mean() {
+        let slope = instrument(2.0, 3.0).summed(&row(100.0, 100.0, -52.0), &level(-50.0), 0.0);
+        // A stray loss in a thousand; the mean varies by 3 dB and by 2/10.
+        let variance: f64 = 9.0 + 0.04;
+        let expected = 100.0 * (1.0f64 - STRAY).ln()
+            - 0.5 * (4.0 / variance + (std::f64::consts::TAU * variance).ln());
+        assert!((slope.log - expected).abs() < 1e-6, "{} {expected}", slope.log);
+        assert!((slope.over_level + 2.0 / variance).abs() < 1e-6);
+        assert!((slope.weight - 1.0 / variance).abs() < 1e-6);
+        assert!((slope.over_ln_link_sd - (9.0 * 4.0 / variance / variance - 9.0 / variance)).abs() < 1e-5);
+    }
+
+    #[test]
+    fn slopes_are_those_of_the_likelihood() {
+        for (received, rssi) in [(0.0, f64::NAN), (7.0, -88.5), (35.0, -88.0), (50.0, -86.0)] {
+            let seen = row(50.0, received, rssi);
+            let at = |power: f64, sd: f64, link_sd: f64| {
+                instrument(sd, link_sd).summed(&seen, &level(power), 0.0)
+            };
+            let (h, here) = (1e-3, at(-89.0, 2.0, 1.5));
+            let by_level = (at(-89.0 + h, 2.0, 1.5).log - at(-89.0 - h, 2.0, 1.5).log) / (2.0 * h);
+            let by_link = (at(-89.0, 2.0, 1.5 * (1.0 + h)).log - at(-89.0, 2.0, 1.5 * (1.0 - h)).log)
+                / (2.0 * h);
+            let by_sd =
+                (at(-89.0, 2.0 * 1.02, 1.5).log - here.log) / 1.02f64.ln();
+            assert!((here.over_level - by_level).abs() < 5e-3, "{received}: {} {by_level}", here.over_level);
+            assert!((here.over_ln_link_sd - by_link).abs() < 1e-2, "{received}: {} {by_link}", here.over_ln_link_sd);
+            assert!((here.over_ln_sd - by_sd).abs() < 1e-6, "{received}: {} {by_sd}", here.over_ln_sd);
+        }
+    }
+
+    #[test]
+    fn a_row_that_nobody_received_says_that_the_level_is_low() {
+        let weak = instrument(2.0, 2.0).summed(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0);
+        assert!(weak.over_level < -0.5, "{weak:?}");
+        let [_, _, share, sd] = instrument(2.0, 2.0).row_of(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0, 0.0);
+        assert!((share - 0.5).abs() < 0.01 && 0.1 < sd, "{share} {sd}");
+    }
+}
