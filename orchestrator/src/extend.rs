@@ -1,10 +1,12 @@
 //! Writes a configuration with a missing effect added, fitted.
 
+use crate::diagnose::answer::of_all;
 use crate::diagnose::ladder::{COMMON, Scores, Search};
 use crate::measure::config::Compared;
 use crate::study::Study;
 use crate::study::open::Account;
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 /// Why nothing can be added.
 #[derive(Debug, thiserror::Error)]
@@ -73,6 +75,7 @@ pub fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> 
 /// The configuration with terms added: the text as it was, then the new sections with the fit's provenance.
 ///
 /// * `section`: of an effect, `netsim.phy.effect`.
+/// * `whole`: all rows, where the search looked at some of them.
 /// * `noise_key`: where the noise of the model stands, if it is to be written: section, key, value.
 ///
 /// # Errors
@@ -85,6 +88,7 @@ pub fn extend<S: Study>(
     search: &Search<'_, S>,
     terms: &[usize],
     section: &str,
+    whole: Option<&S>,
 ) -> Result<Extended, ExtendError> {
     let candidates = study.candidates();
     let terms: Vec<usize> =
@@ -92,7 +96,11 @@ pub fn extend<S: Study>(
     if terms.is_empty() {
         return Err(ExtendError::Nothing);
     }
-    let fit = search.full(&terms, COMMON, None);
+    let mut fit = search.full(&terms, COMMON, None);
+    let numbers = whole.unwrap_or(study);
+    if let Some(whole) = whole {
+        fit = Arc::new(of_all(whole, &terms, &fit));
+    }
     let before = Scores::of(&search.held_out(&[], COMMON));
     let after = Scores::of(&search.held_out(&terms, COMMON));
     let mut text = config.text.trim_end().to_owned();
@@ -101,7 +109,7 @@ pub fn extend<S: Study>(
     for &term in &terms {
         let name = &candidates[term].name;
         names.push(name.clone());
-        let (estimates, warning) = study.estimates(&fit, term);
+        let (estimates, warning) = numbers.estimates(&fit, term);
         let _ = write!(
             text,
             "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Held out, log score {:.4} before and {:.4} with all \
@@ -126,7 +134,7 @@ pub fn extend<S: Study>(
             let _ = writeln!(text, "# warning: {warning}");
         }
         let _ = writeln!(text, "[[{section}]]");
-        if let Some(keys) = study.settings(&fit, term).as_object() {
+        if let Some(keys) = numbers.settings(&fit, term).as_object() {
             let table: toml::Table =
                 serde_json::from_value(keys.clone().into()).unwrap_or_default();
             text.push_str(&table.to_string());

@@ -26,6 +26,8 @@ pub struct Candidate {
     pub n_parameters: usize,
     /// Effects that it generalises.
     pub generalises: Vec<String>,
+    /// A curve over a covariate that was not given, but follows from time and places.
+    pub is_derived: bool,
     /// Why it cannot be tested on these data: `needs positive antenna heights`.
     pub untestable: Option<String>,
 }

@@ -38,7 +38,7 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     let kind = Kind { name: "link", unit: "dB" };
     let left = study.left_over(&search, &ladder);
     let structure = left.structure.as_ref();
-    let json = answer::answer(&study, &search, &ladder, kind, &left.formulas, structure).json;
+    let json = answer::answer(&study, &search, &ladder, kind, &left.formulas, structure, None).json;
     (names(&study, &ladder), ladder, json)
 }
 
@@ -132,7 +132,7 @@ fn extending_brings_the_promised_fall() {
     let search = Search::new(&study, QUIET);
     let term = extend::candidate(&study, "temperature").unwrap();
     let extended =
-        extend::extend(&config, &account, &study, &search, &[term], "netsim.phy.effect").unwrap();
+        extend::extend(&config, &account, &study, &search, &[term], "netsim.phy.effect", None).unwrap();
     let better = Campaign { config_toml: extended.text.clone(), ..campaign };
     let again = tempfile::tempdir().unwrap();
     let (_, study, _) = opened(again.path(), &better);

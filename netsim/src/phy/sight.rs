@@ -194,20 +194,44 @@ pub fn bodies_on_path<'a>(
     body_radius_m: f64,
 ) -> impl Iterator<Item = &'a End> + use<'a> {
     let path = Path::of(link);
+    agents_near(link, body_radius_m).filter(move |agent| {
+        path.distance_squared_m2(agent.position_m) <= body_radius_m * body_radius_m
+    })
+}
+
+/// Bodies that reach into the first Fresnel zone of a link, seen from above: upright, of this radius, between the ends.
+pub fn bodies_in_first_zone<'a>(
+    link: &Link<'a>,
+    body_radius_m: f64,
+) -> impl Iterator<Item = &'a End> + use<'a> {
+    let wavelength_m = link.wavelength_m();
+    let (from, to) = (link.sender.position_m, link.receiver.position_m);
+    let way = [to[0] - from[0], to[1] - from[1]];
+    let length_squared = way[0] * way[0] + way[1] * way[1];
+    let length_m = length_squared.sqrt();
+    let widest_m = 0.5 * (wavelength_m * length_m).sqrt();
+    agents_near(link, body_radius_m + widest_m).filter(move |agent| {
+        let point = [agent.position_m[0] - from[0], agent.position_m[1] - from[1]];
+        let along = (point[0] * way[0] + point[1] * way[1]) / length_squared;
+        let off = [point[0] - along * way[0], point[1] - along * way[1]];
+        let zone_m = (wavelength_m * length_m * along * (1.0 - along)).max(0.0).sqrt();
+        let reach_m = body_radius_m + zone_m;
+        (0.0..=1.0).contains(&along) && off[0] * off[0] + off[1] * off[1] <= reach_m * reach_m
+    })
+}
+
+/// Agents other than the ends that may lie within a distance of the straight path in the plane, and some that do not.
+fn agents_near<'a>(link: &Link<'a>, reach_m: f64) -> impl Iterator<Item = &'a End> + use<'a> {
     let (sender, receiver) = (link.sender.id, link.receiver.id);
-    let touches = move |agent: &&End| {
-        agent.id != sender
-            && agent.id != receiver
-            && path.distance_squared_m2(agent.position_m) <= body_radius_m * body_radius_m
-    };
+    let is_other = move |agent: &&End| agent.id != sender && agent.id != receiver;
     let agents = link.scene.agents;
     let grid = link.scene.grid.as_ref();
     let all = if grid.is_none() { agents } else { &[] };
-    let (a, b) = (path.from_m, path.to_m);
-    let low = [a[0].min(b[0]) - body_radius_m, a[1].min(b[1]) - body_radius_m];
-    let high = [a[0].max(b[0]) + body_radius_m, a[1].max(b[1]) + body_radius_m];
+    let (a, b) = (link.sender.position_m, link.receiver.position_m);
+    let low = [a[0].min(b[0]) - reach_m, a[1].min(b[1]) - reach_m];
+    let high = [a[0].max(b[0]) + reach_m, a[1].max(b[1]) + reach_m];
     let near = grid.map(|grid| grid.in_box(low, high).map(|place| &agents[place as usize]));
-    all.iter().chain(near.into_iter().flatten()).filter(touches)
+    all.iter().chain(near.into_iter().flatten()).filter(is_other)
 }
 
 /// Sorts the agents by place, where there are so many that this helps to find bodies.

@@ -237,20 +237,22 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
-            extend_with(args, &config, &account, &study, ("netsim.phy.effect", "dB"))
+            let thin = study.thinned();
+            let (searched, whole) = thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
+            extend_with(args, (&config, &account), searched, whole, ("netsim.phy.effect", "dB"))
         }
         Subject::Robots => {
             let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
-            extend_with(args, &config, &account, &study, ("robotsim.dynamics.effect", "m"))
+            extend_with(args, (&config, &account), &study, None, ("robotsim.dynamics.effect", "m"))
         }
     }
 }
 
 fn extend_with<S: Study>(
     args: &ExtendArgs,
-    config: &Compared,
-    account: &Account,
+    (config, account): (&Compared, &Account),
     study: &S,
+    whole: Option<&S>,
     (section, unit): (&str, &str),
 ) -> Result<(), Failure> {
     account_text(account);
@@ -263,7 +265,7 @@ fn extend_with<S: Study>(
         found.map_err(Failure::request)?
     };
     let extended =
-        extend::extend(config, account, study, &search, &terms, section).map_err(Failure::work)?;
+        extend::extend(config, account, study, &search, &terms, section, whole).map_err(Failure::work)?;
     write_whole("--output", &args.output, &extended.text)?;
     say(format!(
         "{}: added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
@@ -293,14 +295,31 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
         Subject::Links => {
             let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
             account_text(&account);
-            let search = Search::new(&study, &progress);
+            let thin = study.thinned();
+            let (searched, whole) = thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
+            let search = Search::new(searched, &progress);
             let ladder = search.climb();
-            let left = study.left_over(&search, &ladder);
+            let left = searched.left_over(&search, &ladder);
             let kind = Kind { name: "link", unit: "dB" };
             let structure = left.structure.as_ref();
-            let answer = answer::answer(&study, &search, &ladder, kind, &left.formulas, structure);
+            let mut answer = answer::answer(
+                searched,
+                &search,
+                &ladder,
+                kind,
+                &left.formulas,
+                structure,
+                whole,
+            );
+            answer.json["searched"] = json!(searched.n_rows());
+            if whole.is_some() {
+                say(format!(
+                    "searched in {} rows, spread evenly over all; numbers fitted to all",
+                    searched.n_rows()
+                ));
+            }
             let found = diagnosed(&account, answer);
-            args.write(&config, &found, || Pictures::of_links(&study, &search, &ladder.accepted))
+            args.write(&config, &found, || Pictures::of_links(searched, &search, &ladder.accepted))
         }
         Subject::Robots => {
             let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
@@ -309,7 +328,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let ladder = search.climb();
             let kind = Kind { name: "robot", unit: "m" };
             let none = BTreeMap::new();
-            let answer = answer::answer(&study, &search, &ladder, kind, &none, None);
+            let answer = answer::answer(&study, &search, &ladder, kind, &none, None, None);
             let found = diagnosed(&account, answer);
             args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))
         }

@@ -5,6 +5,7 @@ use super::scan::Structure;
 use crate::study::Study;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::fmt::Write as _;
 
 /// Names of what a kind of measurements is scored by.
@@ -40,7 +41,13 @@ fn rung(name: &str, scores: &Scores) -> Value {
     })
 }
 
-/// Says what a search found.
+/// The terms that a search in some of the rows found, fitted to all of them.
+pub fn of_all<S: Study>(whole: &S, terms: &[usize], found: &S::Fit) -> S::Fit {
+    let all: Vec<u32> = (0..whole.n_rows() as u32).collect();
+    whole.fit(terms, &all, COMMON, Some(found))
+}
+
+/// Says what a search found. `whole`: all rows, where the search looked at some of them.
 pub fn answer<S: Study>(
     study: &S,
     search: &Search<'_, S>,
@@ -48,6 +55,7 @@ pub fn answer<S: Study>(
     kind: Kind,
     formulas: &BTreeMap<String, (String, f64)>,
     left: Option<&Structure>,
+    whole: Option<&S>,
 ) -> Answer {
     let candidates = study.candidates();
     let name = |term: usize| candidates[term].name.as_str();
@@ -91,6 +99,10 @@ pub fn answer<S: Study>(
         "missing-effects"
     };
     let full = search.full(&ladder.accepted, COMMON, None);
+    let (numbers, full) = match whole {
+        None => (study, full),
+        Some(whole) => (whole, Arc::new(of_all(whole, &ladder.accepted, &full))),
+    };
     let mut text = String::new();
     let mut rungs = Vec::new();
     let has_losses = !ladder.rungs[0].scores.reception_log_loss.is_nan();
@@ -140,7 +152,7 @@ pub fn answer<S: Study>(
             "indistinguishable_from": ties,
         });
         if accepted {
-            let (estimates, warning) = study.estimates(&full, term);
+            let (estimates, warning) = numbers.estimates(&full, term);
             let mut shown = Vec::new();
             for estimate in &estimates {
                 parameters.insert(
@@ -175,7 +187,7 @@ pub fn answer<S: Study>(
             }
         }
         entry["parameters"] = Value::Object(parameters);
-        entry["settings"] = study.settings(&full, term);
+        entry["settings"] = numbers.settings(&full, term);
         if let Some(reason) = &candidate.untestable {
             entry["untestable"] = json!(reason);
         }

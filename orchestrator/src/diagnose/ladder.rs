@@ -398,7 +398,15 @@ impl<'a, S: Study> Search<'a, S> {
                 })
         };
         let is_curve = |trial: &Trial| candidates[trial.term].curve_over().is_some();
-        let curve = best_of(&is_curve);
+        let is_given = |trial: &Trial| is_curve(trial) && !candidates[trial.term].is_derived;
+        let mut curve = best_of(&is_curve);
+        // What was measured beside is a better name for a cause than time or place, if it explains as much.
+        if let (Some(best), Some(given)) = (curve, best_of(&is_given)) {
+            let over = self.between(&trials[best], &trials[given], accepted);
+            if over.gain <= 2.0 * over.standard_error {
+                curve = Some(given);
+            }
+        }
         let effect = best_of(&|trial| !is_curve(trial));
         let Some(mut best) = effect else { return curve };
         // A special case that is there by its own right goes before what generalises it; a random one, whose levels fit
@@ -428,7 +436,10 @@ impl<'a, S: Study> Search<'a, S> {
         }
         if let Some(curve) = curve {
             let over = self.between(&trials[curve], &trials[best], accepted);
-            if 2.0 * over.standard_error < over.gain {
+            // A level of its own for every node or link follows any curve: there it need not be much better.
+            let is_random = candidates[trials[best].term].level == Level::Random;
+            let margin = if is_random { 0.0 } else { 2.0 * over.standard_error };
+            if margin < over.gain {
                 return Some(curve);
             }
         }

@@ -51,6 +51,8 @@ use terms::{Spec, State};
 const DECORRELATION_M: [f64; 4] = [1.0, 3.0, 8.0, 20.0];
 /// The length of places where shadowing is carried along without being asked about (m).
 const PLACE_M: f64 = 3.0;
+/// Rows that a search looks at.
+const MOST_SEARCHED: usize = 20_000;
 /// A mote that stays within this (m) stands still.
 const STILL_M: f64 = 0.05;
 
@@ -94,6 +96,21 @@ impl LinkStudy {
         let configured = configured(&rows);
         let candidates = specs.iter().map(|spec| candidates::candidate(spec, &rows, &still)).collect();
         Self { rows, candidates, specs, time, place, cells, fixed_sd_db, configured, bases: Bases::default() }
+    }
+
+    /// A study of about as many rows as a search needs, spread evenly; none where there are hardly more. Nothing that is worth
+    /// having in so many rows escapes; the numbers are then fitted to all.
+    #[must_use]
+    pub fn thinned(&self) -> Option<Self> {
+        if self.rows.len() < MOST_SEARCHED + MOST_SEARCHED / 4 {
+            return None;
+        }
+        let rows = self.rows.some(&group::spread_evenly(&self.rows, MOST_SEARCHED));
+        let thin = Self::new(rows, self.fixed_sd_db);
+        let names = |study: &Self| -> Vec<String> {
+            study.candidates.iter().map(|candidate| candidate.name.clone()).collect()
+        };
+        (names(&thin) == names(self)).then_some(thin)
     }
 
     /// What each term is made of.
@@ -283,6 +300,8 @@ const LEAST_START_DB: f64 = 0.3;
 /// Steps of a fit, and of a trial that only tells which start is best.
 const MOST_STEPS: usize = 40;
 const TRIAL_STEPS: usize = 5;
+/// Rounds in which a pattern and the headings of still nodes are found in turn.
+const HEADING_ROUNDS: usize = 3;
 /// Rounds in which the spreads of random levels are found, and found again with a few rows less.
 const MOST_ROUNDS: usize = 25;
 const WARM_ROUNDS: usize = 2;
@@ -454,7 +473,31 @@ impl LinkStudy {
             let name = spec.entry().map_or("", |entry| entry.variant.name);
             return match name {
                 "antenna-pattern" => {
-                    search::headings::patterns(&self.rows, train, &left, &states)
+                    let mut found =
+                        search::headings::patterns(&self.rows, train, &left, &states);
+                    if let [state] = &mut found[..] {
+                        for _ in 0..HEADING_ROUNDS {
+                            let terms: Vec<usize> =
+                                parent.terms.iter().copied().chain([term]).collect();
+                            let states =
+                                parent.states.iter().cloned().chain([state.clone()]).collect();
+                            let from = From {
+                                level,
+                                parent: Some(&parent),
+                                is_trial: true,
+                                held: None,
+                                most_steps: TRIAL_STEPS,
+                            };
+                            let fit = self.run(&terms, states, train, from);
+                            let specs = self.specs_of(&terms);
+                            let cells = self.cells(fit.decorrelation_m);
+                            let left = search::left_over(&self.rows, &fit, &specs, cells, train);
+                            if let Some(last) = fit.states.last() {
+                                *state = search::headings::again(&self.rows, train, &left, last);
+                            }
+                        }
+                    }
+                    found
                 }
                 "hidden-obstacle" => search::obstacles(&self.rows, train, &left, &states[0]),
                 _ => search::sagging(&self.rows, train, &left, &states[0]),

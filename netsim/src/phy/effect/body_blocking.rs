@@ -3,7 +3,7 @@
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::keys;
 use crate::phy::link::{Link, Scene};
-use crate::phy::sight::{bodies_on_path, prepare_bodies};
+use crate::phy::sight::{bodies_in_first_zone, prepare_bodies};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
@@ -31,11 +31,11 @@ pub const ENTRY: Entry = Entry {
     about: About {
         mechanism: "A robot, or a person, between two others takes part of the wave out of its path, within about the first \
                     Fresnel zone.",
-        equation: "RSSI' = RSSI - loss_db * (other agents within blocker_radius_m of the straight path)",
+        equation: "RSSI' = RSSI - loss_db * (other agents between the ends, nearer to the straight path than blocker_radius_m + sqrt(lambda \
+                   d1 d2/(d1 + d2)), seen from above)",
         source: "ITU-R P.526 (obstruction of the first Fresnel zone, radius sqrt(lambda d1 d2/(d1 + d2))); a fixed loss to a body as \
                  measured for people, e.g. ITU-R P.1238.",
-        validity: "A body blocks fully or not at all, and as much near an end as in the middle. Only agents with a radio that is on \
-                   are known.",
+        validity: "A body blocks fully or not at all, whatever its height. Only agents with a radio that is on are known.",
         trace: "Links are low while a third robot stands between their ends, and well again when it has gone.",
         needs: &[Need::Positions, Need::Readings, Need::OtherAgents],
     },
@@ -73,12 +73,13 @@ pub const ENTRY: Entry = Entry {
 ///
 /// # Model
 ///
-/// RSSI′ = RSSI − L k, k the number of other agents whose bodies, balls about their antennas, touch the straight path.
+/// RSSI′ = RSSI − L k, k the number of other agents whose bodies, upright and round about their antennas, reach into the first Fresnel zone of
+/// the path between the ends: nearer to it than their radius and the zone's, √(λ d1 d2/(d1 + d2)), seen from above.
 ///
 /// # Validity
 ///
 /// A body blocks fully or not at all. In truth the loss grows with the part of the first Fresnel zone that is covered, whose
-/// radius in the middle of a link is √(λd)/2: 0.55 m at 10 m.
+/// radius in the middle of a link is √(λd)/2: 0.55 m at 10 m. Heights are not looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct BodyBlocking {
     /// What one body takes away (dB).
@@ -93,7 +94,7 @@ impl Effect for BodyBlocking {
     }
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
-        -self.loss_db * bodies_on_path(link, self.blocker_radius_m).count() as f64
+        -self.loss_db * bodies_in_first_zone(link, self.blocker_radius_m).count() as f64
     }
 
     fn prepare(&self, scene: &mut Scene<'_>) {
@@ -122,11 +123,14 @@ mod tests {
         };
         assert_eq!(at(&[]), 0.0);
         assert_eq!(at(&[[5.0, 0.5]]), -4.0);
-        assert_eq!(at(&[[5.0, 0.6], [12.0, 0.0]]), 0.0);
+        // The zone is 0.55 m wide in the middle of 10 m, and nothing at the ends.
+        assert_eq!(at(&[[5.0, 1.03]]), -4.0);
+        assert_eq!(at(&[[5.0, 1.08], [0.5, 0.9], [10.2, 0.0]]), 0.0);
         assert_eq!(at(&[[2.0, 0.1], [7.0, -0.3], [7.0, 3.0]]), -8.0);
         // Enough of them for the grid.
         let many: Vec<[f64; 2]> =
             (0..40).map(|i| [f64::from(i) / 4.0 + 0.1, f64::from(i % 4)]).collect();
-        assert_eq!(at(&many), -40.0);
+        // All ten on the path, and those 1 m off it where the zone is wider than half a metre: at 3.35 to 6.35 m.
+        assert_eq!(at(&many), -56.0);
     }
 }

@@ -126,8 +126,8 @@ pub enum Law {
 ///
 /// # Validity
 ///
-/// An upper bound for receivers that follow the channel within a frame. The relative speed is that of the ends' velocities; where
-/// no velocity is known, of the covariate `relative_speed_mps`, or √(v_tx² + v_rx²) of `speed_mps` at both ends (directions
+/// An upper bound for receivers that follow the channel within a frame. The relative speed is that of the ends' velocities, as fast
+/// as the covariate `speed_mps` of either end says, if there is one; where no velocity is known, of the covariate `relative_speed_mps`, or √(v_tx² + v_rx²) of `speed_mps` at both ends (directions
 /// unknown); where none is, nothing is lost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionFading {
@@ -143,8 +143,18 @@ pub struct MotionFading {
 const COHERENCE_TURNS: f64 = 0.423;
 
 fn relative_speed_mps(link: &Link<'_>) -> Option<f64> {
-    let velocity = |end: &End| end.velocity_mps;
-    match (velocity(&link.sender), velocity(&link.receiver)) {
+    // How fast an end goes, if the measurements say so, is known better than from its places.
+    let velocity = |end: &End, side: Side| {
+        let velocity = end.velocity_mps?;
+        let speed = velocity.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let share = match link.covariate("speed_mps", side) {
+            Some(measured) if 0.0 < speed => measured / speed,
+            _ => 1.0,
+        };
+        Some(velocity.map(|v| v * share))
+    };
+    let both = (velocity(&link.sender, Side::Sender), velocity(&link.receiver, Side::Receiver));
+    match both {
         (None, None) => {}
         (a, b) => {
             let (a, b) = (a.unwrap_or_default(), b.unwrap_or_default());

@@ -11,8 +11,10 @@ use std::sync::Arc;
 
 /// Number of knots of a curve over a covariate.
 const KNOTS: usize = 7;
-/// Covariates that follow from the columns and may be a cause by themselves.
+/// Covariates that follow from time and places and may be a cause by themselves.
 const DERIVED: [&str; 3] = ["time_s", "midpoint_x_m", "midpoint_y_m"];
+/// Of losses: beside what is given, only time.
+const OF_LOSSES: &str = "time_s";
 
 /// Every term that may be added.
 pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
@@ -25,15 +27,25 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
                 _ => Spec::Effect(entry),
             }
         });
-    let given = rows.links.covariates.iter().cloned();
+    let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
+    let measured = &rows.links.rows;
+    let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
+        let of = |row: &crate::measure::links::Row| if end == "tx" { row.tx_m } else { row.rx_m };
+        let values: Vec<f64> = measured.iter().map(|row| of(row)[axis]).collect();
+        (format!("{end}_{}_m", ["x", "y"][axis]), values, true)
+    });
     let derived = super::covariates::of(rows)
         .into_iter()
-        .filter(|(name, _)| DERIVED.contains(&name.as_str()));
-    let covariates: Vec<Curve> =
-        given.chain(derived).filter_map(|(name, values)| curve(rows, name, values)).collect();
+        .filter(|(name, _)| DERIVED.contains(&name.as_str()))
+        .map(|(name, values)| (name, values, true));
+    let covariates: Vec<Curve> = given
+        .chain(derived)
+        .chain(places)
+        .filter_map(|(name, values, is_derived)| curve(rows, name, values, is_derived))
+        .collect();
     let of_losses = covariates
         .iter()
-        .filter(|_| rows.links.has_losses)
+        .filter(|curve| rows.links.has_losses && (!curve.is_derived || curve.covariate == OF_LOSSES))
         .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }));
     effects.chain(covariates.iter().cloned().map(Spec::Curve)).chain(of_losses).collect()
 }
@@ -47,6 +59,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -
             level: testable::level_of(rows, &curve.values),
             n_parameters: curve.knots.len(),
             generalises: Vec::new(),
+            is_derived: curve.is_derived,
             untestable: None,
         },
         _ => {
@@ -64,6 +77,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -
                 level: entry.fit.level,
                 n_parameters: entry.fit.parameters.len(),
                 generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
+                is_derived: false,
                 untestable: (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", "))),
             }
         }
@@ -71,7 +85,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -
 }
 
 /// A curve over a covariate with knots at its quantiles; none where too few values are known or differ.
-fn curve(rows: &Rows, covariate: String, values: Vec<f64>) -> Option<Curve> {
+fn curve(rows: &Rows, covariate: String, values: Vec<f64>, is_derived: bool) -> Option<Curve> {
     let mut known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     known.sort_by(f64::total_cmp);
     if known.len() < rows.len() / 2 || known.is_empty() {
@@ -81,5 +95,5 @@ fn curve(rows: &Rows, covariate: String, values: Vec<f64>) -> Option<Curve> {
     let mut knots: Vec<f64> = (0..KNOTS).map(at).collect();
     knots.dedup();
     let values = Arc::from(values);
-    (2 <= knots.len()).then_some(Curve { covariate, values, knots, is_loss: false })
+    (2 <= knots.len()).then_some(Curve { covariate, values, knots, is_loss: false, is_derived })
 }

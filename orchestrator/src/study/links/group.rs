@@ -128,3 +128,24 @@ fn numbered<T: Ord + Clone>(keys: &[T]) -> (Vec<u32>, usize) {
     let number = |key: &T| sorted.binary_search(key).unwrap_or_default() as u32;
     (keys.iter().map(number).collect(), sorted.len())
 }
+
+/// Rows of one pair that follow each other stay together where rows are left out: so many.
+const RUN_ROWS: u64 = 8;
+
+/// Marks about `most` of the rows: short runs of each pair's, spread evenly over everything.
+pub(super) fn spread_evenly(rows: &Rows, most: usize) -> Vec<bool> {
+    let mut seen: BTreeMap<(u32, u32), u64> = BTreeMap::new();
+    let share = most as f64 / rows.len() as f64;
+    let limit = (share * u64::MAX as f64) as u64;
+    rows.links
+        .rows
+        .iter()
+        .map(|row| {
+            let key = pair(row.tx, row.rx);
+            let n = seen.entry((row.tx.min(row.rx), row.tx.max(row.rx))).or_insert(0);
+            let run = *n / RUN_ROWS;
+            *n += 1;
+            scramble(key ^ scramble(run)) <= limit
+        })
+        .collect()
+}

@@ -8,6 +8,7 @@ use netsim::phy::link::{Covariates, End, Link, Scene};
 use netsim::phy::propagation::Reception;
 use proto::site::Site;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Measured links, and the model that is held against them.
 #[derive(Debug)]
@@ -15,15 +16,15 @@ pub struct Rows {
     /// The measurements. Rows that the model cannot say anything about have been taken out.
     pub links: Links,
     /// The model as configured.
-    pub model: Model,
+    pub model: Arc<Model>,
     /// Walls, obstacles, ground.
-    pub site: Site,
+    pub site: Arc<Site>,
     /// What the model as configured says about each row.
     pub base: Vec<Base>,
     names: Vec<String>,
     values: Vec<f64>,
     ends: Vec<(End, End)>,
-    agents: Vec<End>,
+    agents: Arc<[End]>,
     agents_of_row: Vec<(u32, u32)>,
 }
 
@@ -79,13 +80,13 @@ impl Rows {
             .collect();
         let mut rows = Self {
             links,
-            model,
-            site,
+            model: Arc::new(model),
+            site: Arc::new(site),
             base: Vec::new(),
             names,
             values,
             ends,
-            agents,
+            agents: agents.into(),
             agents_of_row,
         };
         rows.base = (0..rows.links.rows.len()).map(|row| rows.base_of(row)).collect();
@@ -193,21 +194,41 @@ impl Rows {
             rejections.add("the place of an end is unknown: the model predicts nothing", row.line);
         }
         self.links.rejected.extend(rejections.into_list());
-        let n = self.names.len();
-        let mut at = known.iter();
-        self.links.rows.retain(|_| at.next().is_some_and(|known| *known));
+        self.keep(&known);
+    }
+
+    /// Only some of the rows; what is known of other agents at their time stays.
+    #[must_use]
+    pub fn some(&self, kept: &[bool]) -> Self {
+        let mut some = Self {
+            links: self.links.clone(),
+            model: self.model.clone(),
+            site: self.site.clone(),
+            base: self.base.clone(),
+            names: self.names.clone(),
+            values: self.values.clone(),
+            ends: self.ends.clone(),
+            agents: self.agents.clone(),
+            agents_of_row: self.agents_of_row.clone(),
+        };
+        some.keep(kept);
+        some
+    }
+
+    fn keep(&mut self, kept: &[bool]) {
+        for_kept(&mut self.links.rows, kept);
         for (_, column) in &mut self.links.covariates {
-            let mut at = known.iter();
-            column.retain(|_| at.next().is_some_and(|known| *known));
+            for_kept(column, kept);
         }
+        let n = self.names.len();
         let mut index = 0;
         self.values.retain(|_| {
             index += 1;
-            known[(index - 1) / n]
+            kept[(index - 1) / n]
         });
-        for_kept(&mut self.base, &known);
-        for_kept(&mut self.ends, &known);
-        for_kept(&mut self.agents_of_row, &known);
+        for_kept(&mut self.base, kept);
+        for_kept(&mut self.ends, kept);
+        for_kept(&mut self.agents_of_row, kept);
     }
 }
 

@@ -54,6 +54,8 @@ pub struct Curve {
     pub knots: Vec<f64>,
     /// It says how many frames are lost, not how strong they are.
     pub is_loss: bool,
+    /// The covariate follows from time and places.
+    pub is_derived: bool,
 }
 
 /// A curve of losses starts here: at none it could not fall.

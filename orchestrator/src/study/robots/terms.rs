@@ -143,6 +143,7 @@ pub(super) fn all(
                 level: entry.fit.level,
                 n_parameters: parameters.len(),
                 generalises: entry.fit.generalises.iter().map(|s| (*s).to_owned()).collect(),
+                is_derived: false,
                 untestable: untestable(entry, on, tracks, dynamics, is_noise_given),
             });
             if entry.variant.name == NOISE {
@@ -165,6 +166,7 @@ pub(super) fn all(
                 level: Level::Time,
                 n_parameters: N_CURVE,
                 generalises: Vec::new(),
+                is_derived: false,
                 untestable: None,
             });
             terms.push(Term::Curve(curve));

@@ -26,6 +26,8 @@ struct Seen {
     ends: [Option<Sight>; 2],
     slope: f64,
     weight: f64,
+    /// What the pattern of the fit adds already (dB).
+    known_db: f64,
 }
 
 /// The nodes without a heading, in the order of their numbers.
@@ -66,6 +68,7 @@ fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> 
                 ends: [sight(tx, rx), sight(rx, tx)],
                 slope: slope.over_level,
                 weight: slope.weight,
+                known_db: 0.0,
             }
         })
         .collect()
@@ -74,22 +77,26 @@ fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> 
 /// What is sought: the difference between front and back (dB), then where the front is (rad): of the body, of each node.
 type Sought = DVector<f64>;
 
+/// What a pattern adds to a row (dB).
+fn added(seen: &Seen, sought: &Sought) -> f64 {
+    seen.ends
+        .iter()
+        .flatten()
+        .map(|sight| -0.5 * sought[0] * (1.0 - front(sought, sight).1.cos()))
+        .sum()
+}
+
 fn front(sought: &Sought, sight: &Sight) -> (usize, f64) {
     let index = 1 + sight.unknown.map_or(0, |node| 1 + node);
     (index, sight.bearing_rad - sought[index])
 }
 
-/// What the likelihood gains (nats, a parabola about the fit without the pattern).
+/// What the likelihood gains (nats, a parabola about the fit).
 fn gain(all: &[Seen], sought: &Sought) -> f64 {
     all.iter()
         .map(|seen| {
-            let added: f64 = seen
-                .ends
-                .iter()
-                .flatten()
-                .map(|sight| -0.5 * sought[0] * (1.0 - front(sought, sight).1.cos()))
-                .sum();
-            added * (seen.slope - 0.5 * seen.weight * added)
+            let more = added(seen, sought) - seen.known_db;
+            more * (seen.slope - 0.5 * seen.weight * more)
         })
         .sum()
 }
@@ -109,7 +116,7 @@ fn step(all: &[Seen], sought: &Sought, damping: f64) -> Option<Sought> {
             entries[2 * k] = (0, shape);
             entries[2 * k + 1] = (index, 0.5 * sought[0] * angle.sin());
         }
-        let slope = seen.slope - seen.weight * added;
+        let slope = seen.slope - seen.weight * (added - seen.known_db);
         for &(i, a) in &entries {
             gradient[i] += a * slope;
             for &(j, b) in &entries {
@@ -180,16 +187,40 @@ pub fn patterns(rows: &Rows, train: &[u32], left: &[Slope], starts: &[State]) ->
         climbed(&all, sought)
     });
     let best = found.max_by(|a, b| a.0.total_cmp(&b.0));
-    let Some((_, sought)) = best else { return starts.to_vec() };
+    best.map_or_else(|| starts.to_vec(), |(_, sought)| vec![state_of(&sought, &nodes, &starts[0])])
+}
+
+/// A pattern once more, about the fit with it: the parabola was one about the fit without.
+#[must_use]
+pub fn again(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> State {
+    let nodes = nodes_without(rows, train);
+    let headings = state.table.get("headings_rad").and_then(toml::Value::as_array);
+    let heading = |node: &u32| headings?.get(*node as usize)?.as_float();
+    let mut sought = DVector::zeros(2 + nodes.len());
+    sought[0] = state.values[0];
+    sought[1] = state.values[1];
+    for (index, node) in nodes.iter().enumerate() {
+        sought[2 + index] = heading(node).unwrap_or_default() + state.values[1];
+    }
+    let mut all = seen(rows, train, left, &nodes);
+    for seen in &mut all {
+        seen.known_db = added(seen, &sought);
+    }
+    let (_, sought) = climbed(&all, sought);
+    state_of(&sought, &nodes, state)
+}
+
+/// The state of a pattern and headings.
+fn state_of(sought: &Sought, nodes: &[u32], start: &State) -> State {
     let wrapped = |angle: f64| angle - TAU * (angle / TAU).round();
     let boresight = wrapped(sought[1]);
     let mut headings = vec![0.0; nodes.last().map_or(0, |&last| last as usize + 1)];
     for (index, &node) in nodes.iter().enumerate() {
         headings[node as usize] = wrapped(sought[2 + index] - boresight);
     }
-    let mut state = starts[0].clone();
+    let mut state = start.clone();
     let headings = headings.into_iter().map(toml::Value::Float).collect();
     state.table.insert("headings_rad".to_owned(), toml::Value::Array(headings));
     state.values = vec![sought[0].max(0.1), boresight];
-    vec![state]
+    state
 }
