@@ -82,6 +82,11 @@ pub trait Study: Sync {
     /// Which rows are independent of which, where a covariate varies at this level.
     fn blocks(&self, level: Level) -> &Blocks;
 
+    /// The level that decides how rows are left out: what is random is judged on blocks of time, unless told otherwise.
+    fn judged(&self, level: Level) -> Level {
+        if level == Level::Random { Level::Time } else { level }
+    }
+
     /// Fits the configured model, its noise, and the terms (indices of candidates) together, to convergence.
     ///
     /// * `train`: the rows.

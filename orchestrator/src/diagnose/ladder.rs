@@ -180,7 +180,7 @@ impl<'a, S: Study> Search<'a, S> {
 
     /// A fit to all rows, which starts from `parent` if it has not been made yet.
     pub fn full(&self, terms: &[usize], level: Level, parent: Option<&S::Fit>) -> Arc<S::Fit> {
-        let key = (terms.to_vec(), judged(level));
+        let key = (terms.to_vec(), self.study.judged(level));
         if let Some(fit) = look(&self.full, &key) {
             return fit;
         }
@@ -191,7 +191,7 @@ impl<'a, S: Study> Search<'a, S> {
 
     /// Every row predicted by a fit to the other folds, in blocks of `level`.
     pub fn held_out(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
-        let level = judged(level);
+        let level = self.study.judged(level);
         let key = (terms.to_vec(), level);
         if let Some(scores) = look(&self.held_out, &key) {
             return scores;
@@ -234,18 +234,18 @@ impl<'a, S: Study> Search<'a, S> {
     /// Levels at which candidates are judged.
     fn levels(&self) -> Vec<Level> {
         let is_used = |level: &Level| {
-            let is_judged = |c: &Candidate| c.untestable.is_none() && judged(c.level) == *level;
+            let is_judged = |c: &Candidate| c.untestable.is_none() && self.study.judged(c.level) == *level;
             *level == COMMON
                 || (self.study.candidates().iter().any(is_judged)
                     && self.study.blocks(*level).suffices())
         };
-        [Level::Time, Level::Place].into_iter().filter(is_used).collect()
+        [Level::Time, Level::Place, Level::Random].into_iter().filter(is_used).collect()
     }
 
     /// Gain of `terms` over `parent`, at a level.
     pub fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
         let blocks = self.study.blocks(level);
-        Gain::of(&self.held_out(terms, level), &self.held_out(parent, level), &blocks.of_row)
+        Gain::of(&self.held_out(terms, level), &self.held_out(parent, level), &blocks.clusters)
     }
 
     /// Tries a candidate on top of `accepted`.
@@ -285,7 +285,7 @@ impl<'a, S: Study> Search<'a, S> {
             return hopeless;
         }
         let gain = self.gain(&terms, accepted, level);
-        let common = if judged(level) == COMMON || FAMILY_ERROR < gain.p_value {
+        let common = if self.study.judged(level) == COMMON || FAMILY_ERROR < gain.p_value {
             gain
         } else {
             self.full(&terms, COMMON, Some(&fit));
@@ -488,11 +488,6 @@ impl<'a, S: Study> Search<'a, S> {
 
 /// The split on which candidates are ordered and ladders are drawn.
 pub const COMMON: Level = Level::Time;
-
-/// The level that decides how rows are left out: what is random is judged on blocks of time.
-fn judged(level: Level) -> Level {
-    if level == Level::Random { Level::Time } else { level }
-}
 
 fn with(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().chain([term]).collect()

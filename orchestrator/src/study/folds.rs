@@ -14,6 +14,8 @@ pub struct Blocks {
     pub of_row: Vec<u32>,
     /// The fold of each block.
     pub fold_of_block: Vec<u8>,
+    /// Which rows depend on each other, where that is more than a block: by number, for each row.
+    pub clusters: Vec<u32>,
     /// Rows that a fold's training leaves out beside its own: they lie too near. None for most kinds of blocks. As
     /// (row, fold), sorted.
     pub gaps: Vec<(u32, u8)>,
@@ -43,7 +45,8 @@ impl Blocks {
             filled[fold] += n_rows[block];
             fold_of_block[block] = fold as u8;
         }
-        Self { unit, of_row, fold_of_block, gaps: Vec::new() }
+        let clusters = of_row.clone();
+        Self { unit, of_row, fold_of_block, clusters, gaps: Vec::new() }
     }
 
     /// Number of blocks.
@@ -55,7 +58,8 @@ impl Blocks {
     /// Whether there are enough blocks to tell anything.
     #[must_use]
     pub fn suffices(&self) -> bool {
-        FEWEST_BLOCKS <= self.n_blocks()
+        let n_clusters = self.clusters.iter().max().map_or(0, |&last| last as usize + 1);
+        FEWEST_BLOCKS <= self.n_blocks().min(n_clusters)
     }
 
     /// The fold of a row.

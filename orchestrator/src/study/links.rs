@@ -65,6 +65,8 @@ pub struct LinkStudy {
     specs: Vec<Spec>,
     time: Blocks,
     place: Blocks,
+    /// Links and channels, where nothing was measured twice.
+    once: Option<Blocks>,
     /// Cells by decorrelation length; the second is used where nothing is said.
     cells: Vec<(f64, Cells)>,
     fixed_sd_db: Option<f64>,
@@ -86,6 +88,7 @@ impl LinkStudy {
         let still = testable::still(&rows);
         let time = group::time_blocks(&rows);
         let place = group::place_blocks(&rows, &still);
+        let once = (!group::has_times(&rows)).then(|| group::link_channel_blocks(&rows));
         let moving = still.values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
         let finest = [group::HALF_WAVE_M];
@@ -95,7 +98,7 @@ impl LinkStudy {
             .collect();
         let configured = configured(&rows);
         let candidates = specs.iter().map(|spec| candidates::candidate(spec, &rows, &still)).collect();
-        Self { rows, candidates, specs, time, place, cells, fixed_sd_db, configured, bases: Bases::default() }
+        Self { rows, candidates, specs, time, place, once, cells, fixed_sd_db, configured, bases: Bases::default() }
     }
 
     /// A study of about as many rows as a search needs, spread evenly; none where there are hardly more. Nothing that is worth
@@ -320,8 +323,13 @@ impl Study for LinkStudy {
     fn blocks(&self, level: Level) -> &Blocks {
         match level {
             Level::Place => &self.place,
-            Level::Time | Level::Random => &self.time,
+            Level::Random => self.once.as_ref().unwrap_or(&self.time),
+            Level::Time => &self.time,
         }
+    }
+
+    fn judged(&self, level: Level) -> Level {
+        if level == Level::Random && self.once.is_none() { Level::Time } else { level }
     }
 
     fn fit(

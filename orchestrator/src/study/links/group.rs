@@ -2,7 +2,7 @@
 
 use super::cells::Cells;
 use super::rows::Rows;
-use crate::study::folds::{Blocks, scramble};
+use crate::study::folds::{Blocks, FEWEST_BLOCKS, scramble};
 use std::collections::BTreeMap;
 
 /// Blocks of time.
@@ -18,10 +18,7 @@ pub(super) fn time_blocks(rows: &Rows) -> Blocks {
     order.sort_by(|&a, &b| {
         time(a).0.cmp(&time(b).0).then(time(a).1.total_cmp(&time(b).1)).then(a.cmp(&b))
     });
-    let differs = order.first().zip(order.last()).is_some_and(|(&a, &b)| {
-        time(a).1.is_finite() && time(b).1.is_finite() && time(a) != time(b)
-    });
-    if !differs {
+    if !has_times(rows) {
         let keys: Vec<u64> = measured.iter().map(|row| pair(row.tx, row.rx)).collect();
         return Blocks::of_keys("pairs of nodes", &keys);
     }
@@ -36,6 +33,31 @@ pub(super) fn time_blocks(rows: &Rows) -> Blocks {
         keys[row] = block as u64;
     }
     Blocks::of_keys("blocks of time", &keys)
+}
+
+/// Whether the rows were measured at so many times that blocks of time can be left out.
+pub(super) fn has_times(rows: &Rows) -> bool {
+    let mut times: Vec<(u32, u64)> =
+        rows.links.rows.iter().map(|row| (row.run, row.time_s.to_bits())).collect();
+    times.sort_unstable();
+    times.dedup();
+    FEWEST_BLOCKS <= times.len() && rows.links.rows.iter().all(|row| row.time_s.is_finite())
+}
+
+/// Rows of links that were measured once: a link and channel is predicted from other channels and from the other direction.
+/// Those of one pair of nodes depend on each other.
+pub(super) fn link_channel_blocks(rows: &Rows) -> Blocks {
+    let measured = &rows.links.rows;
+    let keys: Vec<u64> = measured
+        .iter()
+        .map(|row| {
+            let link = (u64::from(row.tx) << 32) | u64::from(row.rx);
+            scramble(link ^ scramble(u64::from(row.channel.unwrap_or(0))))
+        })
+        .collect();
+    let pairs: Vec<u64> = measured.iter().map(|row| pair(row.tx, row.rx)).collect();
+    let clusters = Blocks::of_keys("pairs of nodes", &pairs).of_row;
+    Blocks { clusters, ..Blocks::of_keys("links and channels", &keys) }
 }
 
 fn pair(a: u32, b: u32) -> u64 {

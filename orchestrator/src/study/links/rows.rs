@@ -185,7 +185,15 @@ impl Rows {
 
     /// Takes out rows about which the model says nothing: where a place is unknown.
     fn leave_out_unknown(&mut self) {
-        let known: Vec<bool> = self.base.iter().map(|base| base.power_dbm.is_finite()).collect();
+        // Where nobody's place is known, distances are nobody's matter.
+        let placed = |row: &Row| row.tx_m[0].is_finite() && row.rx_m[0].is_finite();
+        let is_placed = self.links.rows.iter().any(placed);
+        let known: Vec<bool> = self
+            .base
+            .iter()
+            .zip(&self.links.rows)
+            .map(|(base, row)| base.power_dbm.is_finite() && (!is_placed || placed(row)))
+            .collect();
         if known.iter().all(|&known| known) {
             return;
         }

@@ -13,8 +13,11 @@ use super::{Instrument, Level, STRAY, Slope};
 use crate::measure::links::Row;
 use crate::study::RowScore;
 
-/// The mean of any number of readings is not known better than this (dB).
-const LEAST_SD_DB: f64 = 0.1;
+/// The mean of any number of readings is not known better than this (dB): registers read in steps, and drift.
+const LEAST_SD_DB: f64 = 0.3;
+/// Frames of one row fare a little alike, since whatever disturbs them comes and goes: so much they are correlated, and k frames say
+/// as much as k / (1 + (k − 1) ρ) independent ones.
+const ALIKE: f64 = 0.01;
 /// Points of an integral, and how far it reaches (standard deviations).
 const POINTS: i32 = 12;
 const REACH: f64 = 5.0;
@@ -25,7 +28,9 @@ const WIDER: f64 = 1.02;
 
 /// What is seen of a row.
 struct Seen {
+    /// Frames sent, as many as were worth as much if they were independent.
     sent: f64,
+    /// Of these received.
     received: f64,
     reading_dbm: f64,
     readings: f64,
@@ -37,9 +42,10 @@ impl Seen {
         let knows_losses = instrument.has_losses && row.received.is_finite();
         let sent = if row.frames.is_finite() { row.frames.max(1.0) } else { 1.0 };
         let received = if knows_losses { row.received } else { sent };
+        let worth = 1.0 / (1.0 + (sent - 1.0) * ALIKE);
         Self {
-            sent,
-            received,
+            sent: sent * worth,
+            received: received * worth,
             reading_dbm: row.rssi_dbm,
             readings: received.max(1.0),
             knows_losses,
@@ -93,11 +99,19 @@ impl Instrument {
             self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance
         };
         let mut top = mean;
+        let mut start = |there: f64| {
+            if at(top) < at(there) {
+                top = there;
+            }
+        };
         if seen.reading_dbm.is_finite() {
             let read = seen.reading_dbm - level.register_db;
             let (_, lift, own) = self.frames(level, read);
             let own = self.mean_variance(own, seen.readings);
-            top = (variance * (read - lift) + own * mean) / (variance + own);
+            start((variance * (read - lift) + own * mean) / (variance + own));
+        }
+        for k in -3..=3 {
+            start(mean + f64::from(k) * variance.sqrt());
         }
         let mut width = variance.sqrt();
         for _ in 0..TOP_STEPS {
@@ -112,12 +126,14 @@ impl Instrument {
                 break;
             }
         }
-        let best = at(top);
         let step = REACH * width / f64::from(POINTS);
+        let logs: [f64; 2 * POINTS as usize + 1] =
+            std::array::from_fn(|k| at(top + (k as f64 - f64::from(POINTS)) * step));
+        let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
-        for k in -POINTS..=POINTS {
+        for (k, log) in (-POINTS..=POINTS).zip(&logs) {
             let away = f64::from(k) * step;
-            let part = (at(top + away) - best).exp();
+            let part = (log - best).exp();
             total += part;
             first += part * away;
             second += part * away * away;
@@ -287,9 +303,9 @@ mod tests {
     #[test]
     fn far_above_the_curve_it_is_the_normal_density_of_the_mean() {
         let slope = instrument(2.0, 3.0).summed(&row(100.0, 100.0, -52.0), &level(-50.0), 0.0);
-        // A stray loss in a thousand; the mean varies by 3 dB and by 2/10.
-        let variance: f64 = 9.0 + 0.04;
-        let expected = 100.0 * (1.0f64 - STRAY).ln()
+        // A stray loss in a thousand; the mean varies by 3 dB and by the least.
+        let variance: f64 = 9.0 + 0.09;
+        let expected = 100.0 / (1.0 + 99.0 * ALIKE) * (1.0f64 - STRAY).ln()
             - 0.5 * (4.0 / variance + (std::f64::consts::TAU * variance).ln());
         assert!((slope.log - expected).abs() < 1e-6, "{} {expected}", slope.log);
         assert!((slope.over_level + 2.0 / variance).abs() < 1e-6);
