@@ -51,7 +51,7 @@ use terms::{Spec, State};
 const DECORRELATION_M: [f64; 4] = [1.0, 3.0, 8.0, 20.0];
 /// The length of places where shadowing is carried along without being asked about (m).
 const PLACE_M: f64 = 3.0;
-/// Rows that a search looks at.
+/// Rows that a search looks at; of several frames each, a third.
 const MOST_SEARCHED: usize = 20_000;
 /// A mote that stays within this (m) stands still.
 const STILL_M: f64 = 0.05;
@@ -105,10 +105,12 @@ impl LinkStudy {
     /// having in so many rows escapes; the numbers are then fitted to all.
     #[must_use]
     pub fn thinned(&self) -> Option<Self> {
-        if self.rows.len() < MOST_SEARCHED + MOST_SEARCHED / 4 {
+        let is_aggregated = self.rows.links.is_aggregated;
+        let most = if is_aggregated { MOST_SEARCHED / 3 } else { MOST_SEARCHED };
+        if self.rows.len() < most + most / 4 {
             return None;
         }
-        let rows = self.rows.some(&group::spread_evenly(&self.rows, MOST_SEARCHED));
+        let rows = self.rows.some(&group::spread_evenly(&self.rows, most));
         let thin = Self::new(rows, self.fixed_sd_db);
         let names = |study: &Self| -> Vec<String> {
             study.candidates.iter().map(|candidate| candidate.name.clone()).collect()

@@ -19,7 +19,7 @@ const LEAST_SD_DB: f64 = 0.3;
 /// as much as k / (1 + (k − 1) ρ) independent ones.
 const ALIKE: f64 = 0.01;
 /// Points of an integral, and how far it reaches (standard deviations).
-const POINTS: i32 = 12;
+const POINTS: i32 = 7;
 const REACH: f64 = 5.0;
 /// Steps to the top of an integrand.
 const TOP_STEPS: usize = 8;
@@ -53,11 +53,23 @@ impl Seen {
     }
 }
 
+/// What an integral over the level gives.
+struct Integral {
+    /// Its logarithm.
+    log: f64,
+    /// The mean of the level, given what was seen (dBm).
+    level: f64,
+    /// Its variance (dB²).
+    left: f64,
+    /// Logarithm of the same with frames that vary a little more.
+    wider: Option<f64>,
+}
+
 impl Instrument {
     /// Chance that a frame passes at a level, how much stronger those that pass are in the mean (dB), and their variance (dB²).
     fn frames(&self, level: &Level, u: f64) -> (f64, f64, f64) {
         let chance = self.averaged.at(u - level.shift_db);
-        let survival = level.ln_survival.exp();
+        let survival = if level.ln_survival == 0.0 { 1.0 } else { level.ln_survival.exp() };
         match level.stated {
             Some(stated) => {
                 let passes = (stated * survival).clamp(STRAY, 1.0 - STRAY);
@@ -82,7 +94,8 @@ impl Instrument {
         if seen.reading_dbm.is_finite() {
             let variance = self.mean_variance(variance, seen.readings);
             let deviation = seen.reading_dbm - level.register_db - u - lift;
-            log -= 0.5 * (deviation * deviation / variance + (std::f64::consts::TAU * variance).ln());
+            log -= 0.5
+                * (deviation * deviation / variance + (std::f64::consts::TAU * variance).ln());
         }
         log
     }
@@ -93,8 +106,8 @@ impl Instrument {
             .max(LEAST_SD_DB * LEAST_SD_DB)
     }
 
-    /// Logarithm of the integral, and mean and variance of the level given what was seen. `variance`: of the level before.
-    fn integral(&self, seen: &Seen, level: &Level, mean: f64, variance: f64) -> (f64, f64, f64) {
+    /// The integral over the level, `variance` being its variance before anything is seen.
+    fn integral(&self, seen: &Seen, level: &Level, mean: f64, variance: f64) -> Integral {
         let at = |u: f64| {
             self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance
         };
@@ -110,8 +123,10 @@ impl Instrument {
             let own = self.mean_variance(own, seen.readings);
             start((variance * (read - lift) + own * mean) / (variance + own));
         }
-        for k in -3..=3 {
-            start(mean + f64::from(k) * variance.sqrt());
+        if !seen.reading_dbm.is_finite() {
+            for k in [-3.0, -2.0, -1.0, 1.0] {
+                start(mean + k * variance.sqrt());
+            }
         }
         let mut width = variance.sqrt();
         for _ in 0..TOP_STEPS {
@@ -140,7 +155,15 @@ impl Instrument {
         }
         let (shift, square) = (first / total, second / total);
         let log = best + (total * step).ln() - 0.5 * (std::f64::consts::TAU * variance).ln();
-        (log, top + shift, (square - shift * shift).max(1e-12))
+        // The same integral with frames that vary a little more, at the same points.
+        let wider = self.wider.as_ref().map(|wider| {
+            let parts = (-POINTS..=POINTS).zip(&logs).map(|(k, log)| {
+                let u = top + f64::from(k) * step;
+                (log - best + wider.seen_at(seen, level, u) - self.seen_at(seen, level, u)).exp()
+            });
+            log + (parts.sum::<f64>() / total).ln()
+        });
+        Integral { log, level: top + shift, left: (square - shift * shift).max(1e-12), wider }
     }
 
     /// Log likelihood of a row of several frames. `lift_db` is added to the level.
@@ -148,12 +171,10 @@ impl Instrument {
         let seen = Seen::of(row, self);
         let mean = level.power_dbm + lift_db;
         let variance = self.link_sd_db * self.link_sd_db;
-        let (log, posterior, left) = self.integral(&seen, level, mean, variance);
+        let Integral { log, level: posterior, left, wider } =
+            self.integral(&seen, level, mean, variance);
         let away = posterior - mean;
-        let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
-            let (other, ..) = wider.integral(&seen, level, mean, variance);
-            (other - log) / WIDER.ln()
-        });
+        let over_ln_sd = wider.map_or(0.0, |wider| (wider - log) / WIDER.ln());
         Slope {
             log: log + ways(&seen),
             over_level: away / variance,
@@ -204,7 +225,8 @@ impl Instrument {
     pub fn score_row(&self, row: &Row, level: &Level, lift_db: f64, extra: f64) -> RowScore {
         let seen = Seen::of(row, self);
         let variance = self.link_sd_db * self.link_sd_db + extra;
-        let (log, ..) = self.integral(&seen, level, level.power_dbm + lift_db, variance);
+        let Integral { log, .. } =
+            self.integral(&seen, level, level.power_dbm + lift_db, variance);
         let [reading, sd, share, _] = self.row_of(row, level, lift_db, extra);
         let mut score = RowScore {
             log: log + ways(&seen),
