@@ -132,7 +132,8 @@ fn extending_brings_the_promised_fall() {
     let search = Search::new(&study, QUIET);
     let term = extend::candidate(&study, "temperature").unwrap();
     let extended =
-        extend::extend(&config, &account, &study, &search, &[term], "netsim.phy.effect", None).unwrap();
+        extend::extend(&config, &account, &study, &search, &[term], "netsim.phy.effect", None)
+            .unwrap();
     let better = Campaign { config_toml: extended.text.clone(), ..campaign };
     let again = tempfile::tempdir().unwrap();
     let (_, study, _) = opened(again.path(), &better);

@@ -238,7 +238,8 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
         Subject::Links => {
             let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
             let thin = study.thinned();
-            let (searched, whole) = thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
+            let (searched, whole) =
+                thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
             extend_with(args, (&config, &account), searched, whole, ("netsim.phy.effect", "dB"))
         }
         Subject::Robots => {
@@ -264,8 +265,8 @@ fn extend_with<S: Study>(
             args.effect.iter().map(|name| extend::candidate(study, name)).collect();
         found.map_err(Failure::request)?
     };
-    let extended =
-        extend::extend(config, account, study, &search, &terms, section, whole).map_err(Failure::work)?;
+    let extended = extend::extend(config, account, study, &search, &terms, section, whole)
+        .map_err(Failure::work)?;
     write_whole("--output", &args.output, &extended.text)?;
     say(format!(
         "{}: added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
@@ -296,21 +297,15 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
             account_text(&account);
             let thin = study.thinned();
-            let (searched, whole) = thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
+            let (searched, whole) =
+                thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
             let search = Search::new(searched, &progress);
             let ladder = search.climb();
             let left = searched.left_over(&search, &ladder);
             let kind = Kind { name: "link", unit: "dB" };
             let structure = left.structure.as_ref();
-            let mut answer = answer::answer(
-                searched,
-                &search,
-                &ladder,
-                kind,
-                &left.formulas,
-                structure,
-                whole,
-            );
+            let mut answer =
+                answer::answer(searched, &search, &ladder, kind, &left.formulas, structure, whole);
             answer.json["searched"] = json!(searched.n_rows());
             if whole.is_some() {
                 say(format!(

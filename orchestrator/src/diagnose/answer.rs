@@ -5,8 +5,8 @@ use super::scan::Structure;
 use crate::study::Study;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 /// Names of what a kind of measurements is scored by.
 #[derive(Clone, Copy, Debug)]

@@ -234,7 +234,8 @@ impl<'a, S: Study> Search<'a, S> {
     /// Levels at which candidates are judged.
     fn levels(&self) -> Vec<Level> {
         let is_used = |level: &Level| {
-            let is_judged = |c: &Candidate| c.untestable.is_none() && self.study.judged(c.level) == *level;
+            let is_judged =
+                |c: &Candidate| c.untestable.is_none() && self.study.judged(c.level) == *level;
             *level == COMMON
                 || (self.study.candidates().iter().any(is_judged)
                     && self.study.blocks(*level).suffices())
@@ -271,9 +272,10 @@ impl<'a, S: Study> Search<'a, S> {
         let terms = with(accepted, term);
         let start = self.study.screen(&terms, level, &parent);
         let before = self.study.log_likelihood(&parent);
-        if start.as_ref().is_some_and(|start| {
-            self.study.log_likelihood(start) - before < HOPELESS_NATS / 2.0
-        }) {
+        if start
+            .as_ref()
+            .is_some_and(|start| self.study.log_likelihood(start) - before < HOPELESS_NATS / 2.0)
+        {
             debug!(name = candidate.name, took = ?begun.elapsed(), "screened out");
             return hopeless;
         }

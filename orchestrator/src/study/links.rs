@@ -93,12 +93,23 @@ impl LinkStudy {
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
         let finest = [group::HALF_WAVE_M];
         let lengths = lengths.iter().chain(finest.iter().filter(|_| moving));
-        let cells = lengths
-            .map(|&length| (length, group::cells_of(&rows, &still, length)))
-            .collect();
+        let cells =
+            lengths.map(|&length| (length, group::cells_of(&rows, &still, length))).collect();
         let configured = configured(&rows);
-        let candidates = specs.iter().map(|spec| candidates::candidate(spec, &rows, &still)).collect();
-        Self { rows, candidates, specs, time, place, once, cells, fixed_sd_db, configured, bases: Bases::default() }
+        let candidates =
+            specs.iter().map(|spec| candidates::candidate(spec, &rows, &still)).collect();
+        Self {
+            rows,
+            candidates,
+            specs,
+            time,
+            place,
+            once,
+            cells,
+            fixed_sd_db,
+            configured,
+            bases: Bases::default(),
+        }
     }
 
     /// A study of about as many rows as a search needs, spread evenly; none where there are hardly more. Nothing that is worth
@@ -138,8 +149,13 @@ impl LinkStudy {
 
     /// How many unordered pairs of nodes there are.
     fn n_pairs(&self) -> usize {
-        let mut pairs: Vec<(u32, u32)> =
-            self.rows.links.rows.iter().map(|row| (row.tx.min(row.rx), row.tx.max(row.rx))).collect();
+        let mut pairs: Vec<(u32, u32)> = self
+            .rows
+            .links
+            .rows
+            .iter()
+            .map(|row| (row.tx.min(row.rx), row.tx.max(row.rx)))
+            .collect();
         pairs.sort_unstable();
         pairs.dedup();
         pairs.len()
@@ -270,7 +286,8 @@ impl LinkStudy {
         };
         let noise = parent.map(|parent| parent.instrument.noise());
         let exact = bases(&states, false);
-        let is_exact = problem.bases.iter().map(Option::is_some).eq(exact.iter().map(Option::is_some));
+        let is_exact =
+            problem.bases.iter().map(Option::is_some).eq(exact.iter().map(Option::is_some));
         // Who starts with the same terms has its spreads already.
         let is_same = parent.is_some_and(|parent| parent.terms == terms);
         let rounds = if is_same { WARM_ROUNDS } else { MOST_ROUNDS };
@@ -369,20 +386,24 @@ impl Study for LinkStudy {
             starts.swap_remove(0)
         } else {
             let steps = if asks_for_links { MOST_STEPS } else { TRIAL_STEPS };
-            let from =
-                From { level, parent: start, is_trial: !asks_for_links, held: None, most_steps: steps };
+            let from = From {
+                level,
+                parent: start,
+                is_trial: !asks_for_links,
+                held: None,
+                most_steps: steps,
+            };
             self.best_of(terms, starts, train, from).map(|fit| fit.states).unwrap_or_default()
         };
-        let from = From { level, parent: start, is_trial: false, held: None, most_steps: MOST_STEPS };
+        let from =
+            From { level, parent: start, is_trial: false, held: None, most_steps: MOST_STEPS };
         self.run(terms, best, train, from)
     }
 
     fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
         let (&term, _) = terms.split_last()?;
-        if matches!(
-            self.specs[term],
-            Spec::Shadowing(_) | Spec::Multipath(_) | Spec::NodeOffset(_)
-        ) {
+        if matches!(self.specs[term], Spec::Shadowing(_) | Spec::Multipath(_) | Spec::NodeOffset(_))
+        {
             return None;
         }
         let all: Vec<u32> = (0..self.rows.len() as u32).collect();
@@ -391,8 +412,13 @@ impl Study for LinkStudy {
             .into_iter()
             .map(|state| parent.states.iter().cloned().chain([state]).collect())
             .collect();
-        let from =
-            From { level, parent: Some(parent), is_trial: true, held: None, most_steps: TRIAL_STEPS };
+        let from = From {
+            level,
+            parent: Some(parent),
+            is_trial: true,
+            held: None,
+            most_steps: TRIAL_STEPS,
+        };
         self.best_of(terms, starts, &all, from)
     }
 
@@ -483,8 +509,7 @@ impl LinkStudy {
             let name = spec.entry().map_or("", |entry| entry.variant.name);
             return match name {
                 "antenna-pattern" => {
-                    let mut found =
-                        search::headings::patterns(&self.rows, train, &left, &states);
+                    let mut found = search::headings::patterns(&self.rows, train, &left, &states);
                     if let [state] = &mut found[..] {
                         for _ in 0..HEADING_ROUNDS {
                             let terms: Vec<usize> =
@@ -518,7 +543,7 @@ impl LinkStudy {
         }
         self.cells
             .iter()
-            .filter(|(length, _)| *length != group::HALF_WAVE_M)
+            .filter(|(length, _)| group::HALF_WAVE_M < *length)
             .flat_map(|(length, _)| {
                 states.iter().map(|state| {
                     let mut state = state.clone();

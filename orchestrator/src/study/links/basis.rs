@@ -78,7 +78,11 @@ fn columns(
     let offset = (0..which.len())
         .map(|row| {
             here[row]
-                - all.iter().zip(&state.values).map(|(c, v): (&Vec<f64>, _)| c[row] * v).sum::<f64>()
+                - all
+                    .iter()
+                    .zip(&state.values)
+                    .map(|(c, v): (&Vec<f64>, _)| c[row] * v)
+                    .sum::<f64>()
         })
         .collect();
     Some((offset, all))
@@ -115,9 +119,12 @@ fn exact(rows: &Rows, spec: &Spec, state: &State, which: &[usize]) -> Option<Bas
 /// Bases of terms, each computed when it is first asked for.
 #[derive(Debug, Default)]
 pub struct Bases {
-    exact: Mutex<BTreeMap<(usize, String), Option<Arc<Basis>>>>,
-    tangents: Mutex<BTreeMap<(usize, String), Option<Arc<Basis>>>>,
+    exact: Known,
+    tangents: Known,
 }
+
+/// By term and state: none where the term is no sum of columns.
+type Known = Mutex<BTreeMap<(usize, String), Option<Arc<Basis>>>>;
 
 impl Bases {
     /// The columns of a term in a state, whatever its values; none where it is no sum of columns. `keep`: for the next who
@@ -164,8 +171,6 @@ impl Bases {
         })
     }
 }
-
-type Known = Mutex<BTreeMap<(usize, String), Option<Arc<Basis>>>>;
 
 fn looked_up(
     known: &Known,

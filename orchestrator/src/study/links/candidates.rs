@@ -18,15 +18,14 @@ const OF_LOSSES: &str = "time_s";
 
 /// Every term that may be added.
 pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
-    let effects =
-        effect::LIST.iter().filter(|entry| entry.variant.name != "formula").map(|entry| {
-            match entry.variant.name {
-                "node-offset" => Spec::NodeOffset(entry),
-                "shadowing" => Spec::Shadowing(entry),
-                "multipath" => Spec::Multipath(entry),
-                _ => Spec::Effect(entry),
-            }
-        });
+    let effects = effect::LIST.iter().filter(|entry| entry.variant.name != "formula").map(
+        |entry| match entry.variant.name {
+            "node-offset" => Spec::NodeOffset(entry),
+            "shadowing" => Spec::Shadowing(entry),
+            "multipath" => Spec::Multipath(entry),
+            _ => Spec::Effect(entry),
+        },
+    );
     let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
     let measured = &rows.links.rows;
     let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
@@ -45,7 +44,9 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
         .collect();
     let of_losses = covariates
         .iter()
-        .filter(|curve| rows.links.has_losses && (!curve.is_derived || curve.covariate == OF_LOSSES))
+        .filter(|curve| {
+            rows.links.has_losses && (!curve.is_derived || curve.covariate == OF_LOSSES)
+        })
         .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }));
     effects.chain(covariates.iter().cloned().map(Spec::Curve)).chain(of_losses).collect()
 }

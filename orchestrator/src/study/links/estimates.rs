@@ -1,9 +1,9 @@
 //! The numbers of a fit: with intervals, and as a section of a configuration.
 
-use super::{From, LinkStudy};
 use super::cells::Deviations;
 use super::fit::LinkFit;
 use super::terms::Spec;
+use super::{From, LinkStudy};
 use crate::diagnose::ladder::COMMON;
 use crate::study::Estimate;
 
@@ -13,7 +13,11 @@ const NINETY: f64 = 1.645;
 const CONFUSABLE: f64 = 0.97;
 
 impl LinkStudy {
-    pub(super) fn estimates_of(&self, fit: &LinkFit, term: usize) -> (Vec<Estimate>, Option<String>) {
+    pub(super) fn estimates_of(
+        &self,
+        fit: &LinkFit,
+        term: usize,
+    ) -> (Vec<Estimate>, Option<String>) {
         let specs = self.specs_of(&fit.terms);
         let Some(place) = fit.terms.iter().position(|&other| other == term) else {
             return (Vec::new(), None);
@@ -184,7 +188,8 @@ impl LinkStudy {
 /// The coherence (MHz) with which the sixteen channels have this mean correlation with each other.
 fn coherence_mhz(mean_correlation: f64) -> f64 {
     let mean = |coherence_mhz: f64| {
-        let pairs = (1..16).map(|apart| f64::from(16 - apart) * (-5.0 * f64::from(apart) / coherence_mhz).exp());
+        let pairs = (1..16)
+            .map(|apart| f64::from(16 - apart) * (-5.0 * f64::from(apart) / coherence_mhz).exp());
         pairs.sum::<f64>() / 120.0
     };
     let (mut low, mut high) = (0.1f64, 1e3f64);
@@ -234,7 +239,8 @@ impl LinkStudy {
             let reach = (bound - best).abs();
             // The root of the fall is nearly a straight line: regula falsi, between what is too near and what too far.
             let (mut near, mut far) = (0.0, f64::INFINITY);
-            let first = if error.is_finite() && 0.0 < error { NINETY * error } else { parameter.step };
+            let first =
+                if error.is_finite() && 0.0 < error { NINETY * error } else { parameter.step };
             let mut step = first.min(reach);
             for _ in 0..END_STEPS {
                 let now = fall(best + sign * step, top);

@@ -54,7 +54,7 @@ pub struct Instrument {
     /// Standard deviation (dB) of the level that such frames share; without meaning for single frames.
     pub link_sd_db: f64,
     /// The same with frames that vary a little more, where derivatives are asked for.
-    pub wider: Option<Box<Instrument>>,
+    pub wider: Option<Box<Self>>,
 }
 
 mod aggregated;

@@ -94,8 +94,8 @@ impl Instrument {
         if seen.reading_dbm.is_finite() {
             let variance = self.mean_variance(variance, seen.readings);
             let deviation = seen.reading_dbm - level.register_db - u - lift;
-            log -= 0.5
-                * (deviation * deviation / variance + (std::f64::consts::TAU * variance).ln());
+            log -=
+                0.5 * (deviation * deviation / variance + (std::f64::consts::TAU * variance).ln());
         }
         log
     }
@@ -108,9 +108,7 @@ impl Instrument {
 
     /// The integral over the level, `variance` being its variance before anything is seen.
     fn integral(&self, seen: &Seen, level: &Level, mean: f64, variance: f64) -> Integral {
-        let at = |u: f64| {
-            self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance
-        };
+        let at = |u: f64| self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance;
         let mut top = mean;
         let mut start = |there: f64| {
             if at(top) < at(there) {
@@ -132,7 +130,8 @@ impl Instrument {
         for _ in 0..TOP_STEPS {
             let h = 0.05;
             let (below, here, above) = (at(top - h), at(top), at(top + h));
-            let (slope, bend) = ((above - below) / (2.0 * h), (2.0 * here - above - below) / (h * h));
+            let (slope, bend) =
+                ((above - below) / (2.0 * h), (2.0 * here - above - below) / (h * h));
             let bend = bend.max(1.0 / variance);
             width = bend.sqrt().recip();
             let step = (slope / bend).clamp(-2.0 * width - 1.0, 2.0 * width + 1.0);
@@ -225,8 +224,7 @@ impl Instrument {
     pub fn score_row(&self, row: &Row, level: &Level, lift_db: f64, extra: f64) -> RowScore {
         let seen = Seen::of(row, self);
         let variance = self.link_sd_db * self.link_sd_db + extra;
-        let Integral { log, .. } =
-            self.integral(&seen, level, level.power_dbm + lift_db, variance);
+        let Integral { log, .. } = self.integral(&seen, level, level.power_dbm + lift_db, variance);
         let [reading, sd, share, _] = self.row_of(row, level, lift_db, extra);
         let mut score = RowScore {
             log: log + ways(&seen),
@@ -242,7 +240,8 @@ impl Instrument {
         if seen.knows_losses {
             let share = share.clamp(1e-9, 1.0 - 1e-9);
             let measured = seen.received / seen.sent;
-            score.reception_log_loss = -measured * share.ln() - (1.0 - measured) * (1.0 - share).ln();
+            score.reception_log_loss =
+                -measured * share.ln() - (1.0 - measured) * (1.0 - share).ln();
         }
         score
     }
@@ -332,7 +331,10 @@ mod tests {
         assert!((slope.log - expected).abs() < 1e-6, "{} {expected}", slope.log);
         assert!((slope.over_level + 2.0 / variance).abs() < 1e-6);
         assert!((slope.weight - 1.0 / variance).abs() < 1e-6);
-        assert!((slope.over_ln_link_sd - (9.0 * 4.0 / variance / variance - 9.0 / variance)).abs() < 1e-5);
+        assert!(
+            (slope.over_ln_link_sd - (9.0 * 4.0 / variance / variance - 9.0 / variance)).abs()
+                < 1e-5
+        );
     }
 
     #[test]
@@ -344,13 +346,25 @@ mod tests {
             };
             let (h, here) = (1e-3, at(-89.0, 2.0, 1.5));
             let by_level = (at(-89.0 + h, 2.0, 1.5).log - at(-89.0 - h, 2.0, 1.5).log) / (2.0 * h);
-            let by_link = (at(-89.0, 2.0, 1.5 * (1.0 + h)).log - at(-89.0, 2.0, 1.5 * (1.0 - h)).log)
+            let by_link = (at(-89.0, 2.0, 1.5 * (1.0 + h)).log
+                - at(-89.0, 2.0, 1.5 * (1.0 - h)).log)
                 / (2.0 * h);
-            let by_sd =
-                (at(-89.0, 2.0 * 1.02, 1.5).log - here.log) / 1.02f64.ln();
-            assert!((here.over_level - by_level).abs() < 5e-3, "{received}: {} {by_level}", here.over_level);
-            assert!((here.over_ln_link_sd - by_link).abs() < 1e-2, "{received}: {} {by_link}", here.over_ln_link_sd);
-            assert!((here.over_ln_sd - by_sd).abs() < 1e-6, "{received}: {} {by_sd}", here.over_ln_sd);
+            let by_sd = (at(-89.0, 2.0 * 1.02, 1.5).log - here.log) / 1.02f64.ln();
+            assert!(
+                (here.over_level - by_level).abs() < 5e-3,
+                "{received}: {} {by_level}",
+                here.over_level
+            );
+            assert!(
+                (here.over_ln_link_sd - by_link).abs() < 1e-2,
+                "{received}: {} {by_link}",
+                here.over_ln_link_sd
+            );
+            assert!(
+                (here.over_ln_sd - by_sd).abs() < 1e-6,
+                "{received}: {} {by_sd}",
+                here.over_ln_sd
+            );
         }
     }
 
@@ -358,7 +372,8 @@ mod tests {
     fn a_row_that_nobody_received_says_that_the_level_is_low() {
         let weak = instrument(2.0, 2.0).summed(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0);
         assert!(weak.over_level < -0.5, "{weak:?}");
-        let [_, _, share, sd] = instrument(2.0, 2.0).row_of(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0, 0.0);
+        let [_, _, share, sd] =
+            instrument(2.0, 2.0).row_of(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0, 0.0);
         assert!((share - 0.5).abs() < 0.01 && 0.1 < sd, "{share} {sd}");
     }
 }
