@@ -3,9 +3,11 @@
 //! | module | what |
 //! |---|---|
 //! | [`ladder`] | the search |
+//! | [`next`] | the measurement that would break a tie |
 //! | [`scan`] | structure that is left over, and formulas for it |
 //! | [`answer`] | what was found, as JSON and as a table |
 
 pub mod answer;
 pub mod ladder;
+pub mod next;
 pub mod scan;

@@ -9,6 +9,7 @@ pub mod open;
 pub mod robots;
 pub mod view;
 
+use crate::diagnose::next::Apart;
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};
 use serde::Serialize;
@@ -104,6 +105,11 @@ pub trait Study: Sync {
     /// A quick fit to all rows of the last of `terms` on top of its parent: whether it is worth a fit. What the parent has is
     /// held or taken for straight lines. None where there is no quick way.
     fn screen(&self, _terms: &[usize], _level: Level, _parent: &Self::Fit) -> Option<Self::Fit> {
+        None
+    }
+
+    /// How far two fits are apart in what they predict, row by row; none where that cannot be said.
+    fn apart(&self, _one: &Self::Fit, _other: &Self::Fit) -> Option<Apart> {
         None
     }
 

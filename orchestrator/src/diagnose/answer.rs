@@ -1,5 +1,6 @@
 //! What a diagnosis found: for programs as JSON, for people as a table and a sentence.
 
+use super::next;
 use super::ladder::{COMMON, Gain, Ladder, Scores, Search};
 use super::scan::Structure;
 use crate::study::Study;
@@ -228,6 +229,10 @@ pub fn answer<S: Study>(
             format!("there is structure in {} that no known effect explains{also}", over.join(", "))
         }
     };
+    let next = next::measurements(study, search, ladder);
+    for sentence in next.iter().filter_map(|entry| entry["sentence"].as_str()) {
+        let _ = writeln!(text, "{sentence}");
+    }
     let _ = writeln!(text, "\n{sentence}");
     let mut json = json!({
         "schema": "diagnose/1",
@@ -238,7 +243,7 @@ pub fn answer<S: Study>(
         "ladder": rungs,
         "candidates": listed,
         "unexplained": structure,
-        "next_measurement": [],
+        "next_measurement": next,
     });
     if let Some(why) = &ladder.too_little {
         json["too_little"] = json!(why);

@@ -35,6 +35,7 @@ pub mod testable;
 mod view;
 
 use super::folds::Blocks;
+use crate::diagnose::next::Apart;
 use super::{Candidate, Estimate, RowScore, Study};
 use basis::Bases;
 use cells::{Cells, Deviations, Random};
@@ -420,6 +421,12 @@ impl Study for LinkStudy {
             most_steps: TRIAL_STEPS,
         };
         self.best_of(terms, starts, &all, from)
+    }
+
+    fn apart(&self, one: &LinkFit, other: &LinkFit) -> Option<Apart> {
+        let (one, other) = (self.predictions(one), self.predictions(other));
+        let by_row = one.iter().zip(&other).map(|(a, b)| (a.rssi_dbm - b.rssi_dbm).abs()).collect();
+        Some(Apart { by_row, unit: "dB", covariates: self.covariates() })
     }
 
     fn log_likelihood(&self, fit: &LinkFit) -> f64 {

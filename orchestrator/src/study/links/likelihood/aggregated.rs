@@ -18,9 +18,9 @@ const LEAST_SD_DB: f64 = 0.3;
 /// Frames of one row fare a little alike, since whatever disturbs them comes and goes: so much they are correlated, and k frames say
 /// as much as k / (1 + (k − 1) ρ) independent ones.
 const ALIKE: f64 = 0.01;
-/// Points of an integral, and how far it reaches (standard deviations).
-const POINTS: i32 = 7;
-const REACH: f64 = 5.0;
+/// Points of an integral. It reaches on both sides to where the integrand has fallen by so much (nats).
+const POINTS: usize = 21;
+const REACH_NATS: f64 = 10.0;
 /// Steps to the top of an integrand.
 const TOP_STEPS: usize = 8;
 /// By how much the spread of frames is changed for a derivative.
@@ -140,13 +140,23 @@ impl Instrument {
                 break;
             }
         }
-        let step = REACH * width / f64::from(POINTS);
-        let logs: [f64; 2 * POINTS as usize + 1] =
-            std::array::from_fn(|k| at(top + (k as f64 - f64::from(POINTS)) * step));
+        // A wall of losses on one side leaves a long slope on the other.
+        let here = at(top);
+        let reach = |sign: f64| {
+            let mut reach = 2.0 * width;
+            while reach < 20.0 * variance.sqrt() && here - REACH_NATS < at(top + sign * reach) {
+                reach *= 1.5;
+            }
+            sign * reach
+        };
+        let (low, high) = (reach(-1.0), reach(1.0));
+        let step = (high - low) / (POINTS - 1) as f64;
+        let away = |k: usize| low + k as f64 * step;
+        let logs: [f64; POINTS] = std::array::from_fn(|k| at(top + away(k)));
         let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
-        for (k, log) in (-POINTS..=POINTS).zip(&logs) {
-            let away = f64::from(k) * step;
+        for (k, log) in logs.iter().enumerate() {
+            let away = away(k);
             let part = (log - best).exp();
             total += part;
             first += part * away;
@@ -156,8 +166,8 @@ impl Instrument {
         let log = best + (total * step).ln() - 0.5 * (std::f64::consts::TAU * variance).ln();
         // The same integral with frames that vary a little more, at the same points.
         let wider = self.wider.as_ref().map(|wider| {
-            let parts = (-POINTS..=POINTS).zip(&logs).map(|(k, log)| {
-                let u = top + f64::from(k) * step;
+            let parts = logs.iter().enumerate().map(|(k, log)| {
+                let u = top + away(k);
                 (log - best + wider.seen_at(seen, level, u) - self.seen_at(seen, level, u)).exp()
             });
             log + (parts.sum::<f64>() / total).ln()
@@ -198,8 +208,8 @@ impl Instrument {
         let mean = level.power_dbm + lift_db;
         let sd = (self.link_sd_db * self.link_sd_db + extra).sqrt();
         let mut sums = [0.0; 6];
-        for k in -POINTS..=POINTS {
-            let z = 4.0 * f64::from(k) / f64::from(POINTS);
+        for k in 0..POINTS {
+            let z = 8.0 * k as f64 / (POINTS - 1) as f64 - 4.0;
             let u = mean + z * sd;
             let (passes, lift, variance) = self.frames(level, u);
             let weight = (-0.5 * z * z).exp();

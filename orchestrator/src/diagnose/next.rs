@@ -1,0 +1,114 @@
+//! The next measurement: where two models that the data cannot tell apart differ most.
+
+use super::ladder::{COMMON, Ladder, Search};
+use crate::study::Study;
+use serde_json::{Value, json};
+
+/// Bins of a covariate.
+const BINS: usize = 10;
+/// A bin with fewer rows says nothing.
+const FEWEST_ROWS: usize = 20;
+
+/// What two models say about the rows: how far they are apart, in units of people, and the covariates by which rows differ.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Apart {
+    /// Absolute difference of the two predictions of each row.
+    pub by_row: Vec<f64>,
+    /// Its unit.
+    pub unit: &'static str,
+    /// What rows differ by: a name, and a value per row.
+    pub covariates: Vec<(String, Vec<f64>)>,
+}
+
+/// Conditions under which models differ: a range of one covariate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condition {
+    /// The covariate.
+    pub covariate: String,
+    /// Least value.
+    pub from: f64,
+    /// Greatest value.
+    pub to: f64,
+    /// Mean difference there.
+    pub inside: f64,
+    /// Mean difference of all other rows.
+    pub outside: f64,
+}
+
+/// The tenth of the rows, by one covariate, in which two models differ most.
+#[must_use]
+pub fn greatest(apart: &Apart) -> Option<Condition> {
+    let total: f64 = apart.by_row.iter().sum();
+    let n = apart.by_row.len();
+    let mut best: Option<Condition> = None;
+    for (name, values) in &apart.covariates {
+        let mut order: Vec<usize> = (0..n).filter(|&row| values[row].is_finite()).collect();
+        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]).then(a.cmp(&b)));
+        for part in order.chunks(order.len().div_ceil(BINS).max(FEWEST_ROWS)) {
+            let (Some(&first), Some(&last)) = (part.first(), part.last()) else { continue };
+            let sum: f64 = part.iter().map(|&row| apart.by_row[row]).sum();
+            if part.len() < FEWEST_ROWS || n <= part.len() {
+                continue;
+            }
+            let inside = sum / part.len() as f64;
+            if best.as_ref().is_none_or(|best| best.inside < inside) {
+                best = Some(Condition {
+                    covariate: name.clone(),
+                    from: values[first],
+                    to: values[last],
+                    inside,
+                    outside: (total - sum) / (n - part.len()) as f64,
+                });
+            }
+        }
+    }
+    best
+}
+
+/// For each tie, where the rivals differ most.
+pub fn measurements<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> Vec<Value> {
+    let candidates = study.candidates();
+    let chosen = search.full(&ladder.accepted, COMMON, None);
+    let mut all = Vec::new();
+    for (place, &term) in ladder.accepted.iter().enumerate() {
+        let Some(trial) = ladder.trials.iter().find(|trial| trial.term == term) else { continue };
+        for &rival in trial.ties.iter().filter(|tie| !ladder.accepted.contains(tie)) {
+            let mut terms = ladder.accepted.clone();
+            terms[place] = rival;
+            let other = search.full(&terms, COMMON, Some(&chosen));
+            let Some(apart) = study.apart(&chosen, &other) else { continue };
+            let Some(at) = greatest(&apart) else { continue };
+            let (a, b) = (&candidates[term].name, &candidates[rival].name);
+            all.push(json!({
+                "between": [a, b],
+                "covariate": at.covariate,
+                "from": at.from,
+                "to": at.to,
+                "difference": at.inside,
+                "elsewhere": at.outside,
+                "unit": apart.unit,
+                "sentence": format!(
+                    "to tell {a} from {b}, measure where {} is {:.3} to {:.3}: there they differ by {:.2} {}, elsewhere by {:.2} {}",
+                    at.covariate, at.from, at.to, at.inside, apart.unit, at.outside, apart.unit
+                ),
+            }));
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tenth_with_the_greatest_difference_is_named() {
+        let x: Vec<f64> = (0..1000).map(|row| f64::from(row * 7 % 1000)).collect();
+        let by_row = x.iter().map(|x| if (300.0..400.0).contains(x) { 2.0 } else { 0.5 }).collect();
+        let other = (0..1000).map(|row| f64::from(row % 13)).collect();
+        let covariates = vec![("other".to_owned(), other), ("x".to_owned(), x)];
+        let found = greatest(&Apart { by_row, unit: "dB", covariates }).unwrap();
+        assert_eq!((found.covariate.as_str(), found.from, found.to), ("x", 300.0, 399.0));
+        assert_eq!((found.inside, found.outside), (2.0, 0.5));
+    }
+}
