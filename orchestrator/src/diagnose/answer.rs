@@ -1,7 +1,7 @@
 //! What a diagnosis found: for programs as JSON, for people as a table and a sentence.
 
-use super::next;
 use super::ladder::{COMMON, Gain, Ladder, Scores, Search};
+use super::next;
 use super::scan::Structure;
 use crate::study::Study;
 use serde_json::{Value, json};

@@ -35,8 +35,8 @@ pub mod testable;
 mod view;
 
 use super::folds::Blocks;
-use crate::diagnose::next::Apart;
 use super::{Candidate, Estimate, RowScore, Study};
+use crate::diagnose::next::Apart;
 use basis::Bases;
 use cells::{Cells, Deviations, Random};
 use fit::{Free, LinkFit, Problem, Steps};

@@ -145,7 +145,12 @@ impl Averaged {
         let index = (place as usize).min(last - 1);
         let part = (place - index as f64).min(1.0);
         let (a, b) = (&self.values[index], &self.values[index + 1]);
-        let [m0, m1, m2] = std::array::from_fn(|k| a[k] + part * (b[k] - a[k]));
+        let [_, m1, m2] = std::array::from_fn(|k| a[k] + part * (b[k] - a[k]));
+        // A cubic through both values with both slopes.
+        let width = self.step / self.sd_db;
+        let (rise, rest) = (b[0] - a[0], 1.0 - part);
+        let bend = rest * (a[1] * width - rise) - part * (b[1] * width - rise);
+        let m0 = a[0] + part * rise + part * rest * bend;
         Chance {
             passes: m0,
             slope: m1 / self.sd_db,
