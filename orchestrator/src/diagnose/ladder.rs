@@ -19,6 +19,8 @@ pub(crate) const WORTH_SHARE: f64 = 0.01;
 const LEAST_SHARE: f64 = 0.001;
 /// A term that raises the likelihood of all rows together by less (nats) cannot gain on rows left out.
 const HOPELESS_NATS: f64 = 5.0;
+/// A rival raises the likelihood by at least this share of what the chosen one does.
+const NEARLY: f64 = 0.8;
 /// No ladder has more rungs.
 const MOST_TERMS: usize = 8;
 
@@ -471,6 +473,28 @@ impl<'a, S: Study> Search<'a, S> {
         !(adds(a, b) || adds(b, a))
     }
 
+    /// Whether a candidate that is not beyond chance by its own measure, places and nodes left out, explains the rows nearly as
+    /// well as the chosen one where these are known.
+    fn rivals(&self, best: &Trial, trial: &Trial, accepted: &[usize]) -> bool {
+        let candidate = &self.study.candidates()[trial.term];
+        if candidate.untestable.is_some()
+            || accepted.contains(&trial.term)
+            || self.study.judged(candidate.level) == COMMON
+        {
+            return false;
+        }
+        let parent = self.full(accepted, COMMON, None);
+        let before = self.study.log_likelihood(&parent);
+        let rise = |fit: &S::Fit| self.study.log_likelihood(fit) - before;
+        let enough = NEARLY * rise(&self.full(&with(accepted, best.term), COMMON, None));
+        let terms = with(accepted, trial.term);
+        let start = self.study.screen(&terms, COMMON, &parent);
+        if start.as_ref().is_some_and(|start| rise(start) < enough) {
+            return false;
+        }
+        rise(&self.full(&terms, COMMON, Some(start.as_ref().unwrap_or(&parent)))) >= enough
+    }
+
     /// Candidates that cannot be told from the chosen one.
     fn ties(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Vec<usize> {
         let candidates = self.study.candidates();
@@ -479,8 +503,8 @@ impl<'a, S: Study> Search<'a, S> {
             .enumerate()
             .filter(|&(index, trial)| {
                 index != best
-                    && trial.is_significant
                     && candidates[trial.term].curve_over().is_none()
+                    && (trial.is_significant || self.rivals(&trials[best], trial, accepted))
                     && self.is_tied(&trials[best], trial, accepted)
             })
             .map(|(_, trial)| trial.term)

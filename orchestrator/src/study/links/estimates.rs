@@ -3,7 +3,7 @@
 use super::cells::Deviations;
 use super::fit::LinkFit;
 use super::terms::Spec;
-use super::{From, LinkStudy};
+use super::{From, LinkStudy, search};
 use crate::diagnose::ladder::COMMON;
 use crate::study::Estimate;
 
@@ -79,7 +79,7 @@ impl LinkStudy {
         let parameters = specs[place].parameters();
         let inverse = fit.information.clone().try_inverse();
         let mut warning = None;
-        let estimates = parameters
+        let mut estimates: Vec<Estimate> = parameters
             .iter()
             .enumerate()
             .map(|(k, parameter)| {
@@ -106,10 +106,42 @@ impl LinkStudy {
                 }
             })
             .collect();
+        self.add_searched(fit, place, &mut estimates);
         if let Some(inverse) = inverse {
             warning = warning.or_else(|| self.confusable(fit, &specs, &inverse, place));
         }
         (estimates, warning)
+    }
+
+    /// What a search found beside the numbers of a fit: places, with how well they are known; and numbers that were found
+    /// together with headings are known less well than the fit, which holds the headings, says.
+    fn add_searched(&self, fit: &LinkFit, place: usize, estimates: &mut Vec<Estimate>) {
+        let specs = self.specs_of(&fit.terms);
+        let state = &fit.states[place];
+        let has_headings = state.table.contains_key("headings_rad");
+        let name = specs[place].entry().map_or("", |entry| entry.variant.name);
+        if !has_headings && name != "hidden-obstacle" {
+            return;
+        }
+        let all: Vec<u32> = (0..self.rows.len() as u32).collect();
+        let cells = self.cells(fit.decorrelation_m);
+        let left = search::left_over(&self.rows, fit, &specs, cells, &all);
+        if has_headings {
+            let errors = search::headings::errors(&self.rows, &all, &left, state);
+            for (estimate, error) in estimates.iter_mut().zip(errors.into_iter().flatten()) {
+                estimate.low = estimate.low.min(estimate.value - NINETY * error);
+                estimate.high = estimate.high.max(estimate.value + NINETY * error);
+            }
+            return;
+        }
+        let places = search::places::coordinates(&self.rows, &all, &left, state, FALL_NATS);
+        estimates.extend(places.into_iter().map(|at| Estimate {
+            name: at.name.to_owned(),
+            value: at.value_m,
+            unit: "m".to_owned(),
+            low: at.low_m,
+            high: at.high_m,
+        }));
     }
 
     pub(super) fn settings_of(&self, fit: &LinkFit, term: usize) -> serde_json::Value {

@@ -5,6 +5,7 @@
 //! of one pass each; the best are then fitted in full.
 
 pub mod headings;
+pub mod places;
 
 use super::cells::Cells;
 use super::fit::LinkFit;

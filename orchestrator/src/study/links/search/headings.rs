@@ -101,8 +101,8 @@ fn gain(all: &[Seen], sought: &Sought) -> f64 {
         .sum()
 }
 
-/// A step of Gauss's and Newton's method.
-fn step(all: &[Seen], sought: &Sought, damping: f64) -> Option<Sought> {
+/// Information and gradient of what is sought.
+fn derivatives(all: &[Seen], sought: &Sought) -> (DMatrix<f64>, Sought) {
     let n = sought.len();
     let mut information = DMatrix::zeros(n, n);
     let mut gradient = DVector::zeros(n);
@@ -124,7 +124,13 @@ fn step(all: &[Seen], sought: &Sought, damping: f64) -> Option<Sought> {
             }
         }
     }
-    for i in 0..n {
+    (information, gradient)
+}
+
+/// A step of Gauss's and Newton's method.
+fn step(all: &[Seen], sought: &Sought, damping: f64) -> Option<Sought> {
+    let (mut information, gradient) = derivatives(all, sought);
+    for i in 0..sought.len() {
         information[(i, i)] += damping * information[(i, i)] + 1e-6;
     }
     information.cholesky().map(|factor| factor.solve(&gradient))
@@ -190,9 +196,14 @@ pub fn patterns(rows: &Rows, train: &[u32], left: &[Slope], starts: &[State]) ->
     best.map_or_else(|| starts.to_vec(), |(_, sought)| vec![state_of(&sought, &nodes, &starts[0])])
 }
 
-/// A pattern once more, about the fit with it: the parabola was one about the fit without.
-#[must_use]
-pub fn again(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> State {
+/// A pattern that a fit has, and what its rows say.
+struct Known {
+    nodes: Vec<u32>,
+    sought: Sought,
+    all: Vec<Seen>,
+}
+
+fn known(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> Known {
     let nodes = nodes_without(rows, train);
     let headings = state.table.get("headings_rad").and_then(toml::Value::as_array);
     let heading = |node: &u32| headings?.get(*node as usize)?.as_float();
@@ -206,6 +217,24 @@ pub fn again(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> State
     for seen in &mut all {
         seen.known_db = added(seen, &sought);
     }
+    Known { nodes, sought, all }
+}
+
+/// Standard errors of the difference between front and back (dB) and of the boresight (rad), headings unknown. `left`: slopes
+/// under the fit with the pattern. None where they are not determined.
+#[must_use]
+pub fn errors(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> Option<[f64; 2]> {
+    let Known { sought, all, .. } = known(rows, train, left, state);
+    let (information, _) = derivatives(&all, &sought);
+    let inverse = information.try_inverse()?;
+    let error = |k: usize| inverse[(k, k)].max(0.0).sqrt();
+    Some([error(0), error(1)])
+}
+
+/// A pattern once more, about the fit with it: the parabola was one about the fit without.
+#[must_use]
+pub fn again(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> State {
+    let Known { nodes, sought, all } = known(rows, train, left, state);
     let (_, sought) = climbed(&all, sought);
     state_of(&sought, &nodes, state)
 }
