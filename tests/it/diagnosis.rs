@@ -124,8 +124,22 @@ fn a_clear_effect_is_named_first_and_fitted() {
         );
         let entries = json["candidates"].as_array().unwrap();
         let entry = entries.iter().find(|entry| entry["effect"] == hidden.effect()).unwrap();
+        // A screen has no first end.
+        let of = |name: &str| {
+            campaign.truth[0].parameters.iter().find(|(other, _)| *other == name).map(|(_, v)| *v)
+        };
+        let found = entry["parameters"]["from_x_m"]["value"].as_f64();
+        let is_turned = match (found, of("from_x_m"), of("to_x_m")) {
+            (Some(found), Some(from), Some(to)) => (found - to).abs() < (found - from).abs(),
+            _ => false,
+        };
         for (name, truth) in &campaign.truth[0].parameters {
-            let parameter = &entry["parameters"][*name];
+            let key = match (is_turned, name.strip_prefix("from_"), name.strip_prefix("to_")) {
+                (true, Some(axis), _) => format!("to_{axis}"),
+                (true, _, Some(axis)) => format!("from_{axis}"),
+                _ => (*name).to_owned(),
+            };
+            let parameter = &entry["parameters"][&key];
             let (Some(value), Some(low), Some(high)) = (
                 parameter["value"].as_f64(),
                 parameter["low"].as_f64(),

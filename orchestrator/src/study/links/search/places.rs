@@ -5,9 +5,12 @@ use crate::study::links::likelihood::Slope;
 use crate::study::links::rows::Rows;
 use crate::study::links::terms::State;
 
-/// Smallest and greatest step of a coordinate (m).
-const STEP_M: f64 = 0.05;
+/// First and greatest move of a coordinate (m), and to what the others are fitted again.
+const STEP_M: f64 = 0.1;
 const FARTHEST_M: f64 = 30.0;
+const FIRST_M: f64 = 1.0;
+/// An end of an interval is halved so often.
+const HALVES: usize = 4;
 
 /// A coordinate of a place with its interval (m).
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +48,7 @@ fn lost(ways: &[Way], here: &Shape, there: &Shape, loss_db: f64) -> f64 {
         .sum()
 }
 
-/// The coordinates of a hidden obstacle, each moved by itself until the likelihood has fallen by `fall_nats`. `left`: slopes
+/// The coordinates of a hidden obstacle, each moved, the others fitted again, until the likelihood has fallen by `fall_nats`. `left`: slopes
 /// under the fit with it.
 #[must_use]
 pub fn coordinates(
@@ -64,20 +67,47 @@ pub fn coordinates(
         Shape::Segment(..) => &["from_x_m", "from_y_m", "to_x_m", "to_y_m"],
         Shape::Disc(..) => &["centre_x_m", "centre_y_m", "radius_m"],
     };
-    let end = |k: usize, sign: f64| {
-        let mut reach = 0.0;
-        while reach < FARTHEST_M {
-            let mut there = numbers.clone();
-            there[k] += sign * (reach + STEP_M);
-            if names[k] == "radius_m" && there[k] <= 0.0 {
-                break;
+    // All other coordinates fitted again.
+    let fallen = |k: usize, value: f64| {
+        let mut best = numbers.clone();
+        best[k] = value;
+        let mut least = lost(&ways, &here, &here.of(&best), loss_db);
+        let mut step = FIRST_M;
+        while STEP_M < step && fall_nats < least {
+            let moved = (0..best.len())
+                .filter(|&other| other != k)
+                .flat_map(|other| [(other, -step), (other, step)])
+                .map(|(other, by)| {
+                    let mut there = best.clone();
+                    there[other] += by;
+                    (lost(&ways, &here, &here.of(&there), loss_db), there)
+                })
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            match moved {
+                Some((now, there)) if now < least => (least, best) = (now, there),
+                _ => step /= 2.0,
             }
-            if fall_nats < lost(&ways, &here, &here.of(&there), loss_db) {
-                break;
-            }
-            reach += STEP_M;
         }
-        numbers[k] + sign * reach
+        least
+    };
+    let end = |k: usize, sign: f64| {
+        let is_near = |reach: f64| {
+            let there = numbers[k] + sign * reach;
+            (names[k] != "radius_m" || 0.0 < there) && fallen(k, there) <= fall_nats
+        };
+        let (mut near, mut far) = (0.0, STEP_M);
+        while far < FARTHEST_M && is_near(far) {
+            (near, far) = (far, 1.6 * far);
+        }
+        for _ in 0..HALVES {
+            let middle = 0.5 * (near + far);
+            if is_near(middle) {
+                near = middle;
+            } else {
+                far = middle;
+            }
+        }
+        numbers[k] + sign * far
     };
     names
         .iter()
