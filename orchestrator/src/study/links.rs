@@ -278,6 +278,7 @@ impl LinkStudy {
             specs: specs.clone(),
             cells,
             decorrelation_m,
+            level,
             train,
             fixed_sd_db: self.fixed_sd_db,
             free,
@@ -362,8 +363,10 @@ impl Study for LinkStudy {
         let known = |term: usize| {
             let fit = start?;
             let index = fit.terms.iter().position(|&other| other == term)?;
-            // What was searched with all rows is searched again without those left out.
-            let again = self.is_searched(term) && train.len() < self.rows.len();
+            // What was searched with all rows is searched again without those left out, and at another level, where links have
+            // levels of their own or none.
+            let again =
+                self.is_searched(term) && (train.len() < self.rows.len() || fit.level != level);
             (!again).then(|| fit.states[index].clone())
         };
         // One term at a time may be new: the others start where they were.

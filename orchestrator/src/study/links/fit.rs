@@ -9,6 +9,7 @@ use super::terms::{Spec, State};
 use nalgebra::{DMatrix, DVector};
 use netsim::phy::effect::Effect;
 use netsim::phy::scatter::Renewal;
+use proto::effect;
 use proto::rng::Purpose;
 use std::sync::Arc;
 
@@ -25,6 +26,8 @@ pub struct LinkFit {
     pub random: Random,
     /// The length over which levels of links change (m).
     pub decorrelation_m: f64,
+    /// The level at which it is judged.
+    pub level: effect::Level,
     /// Log likelihood of the rows it was fitted to: random levels integrated out (Laplace).
     pub log_likelihood: f64,
     /// Information about the parameters of all terms in their order, then the logarithm of the noise.
@@ -43,6 +46,8 @@ pub struct Problem<'a> {
     pub cells: &'a Cells,
     /// The length over which levels of links change in them (m).
     pub decorrelation_m: f64,
+    /// The level at which the fit will be judged.
+    pub level: effect::Level,
     /// Rows to fit to.
     pub train: &'a [u32],
     /// The noise, where the configuration gives it.
@@ -235,6 +240,7 @@ impl<'a> Problem<'a> {
         LinkFit {
             terms: terms.to_vec(),
             decorrelation_m: self.decorrelation_m,
+            level: self.level,
             log_likelihood: here.log - last.half_log_determinant,
             information: last.information,
             states: here.states,
