@@ -1,12 +1,11 @@
 //! Writes a configuration with a missing effect added, fitted.
 
-use crate::diagnose::answer::of_all;
+use crate::diagnose::answer::numbers;
 use crate::diagnose::ladder::{COMMON, Scores, Search};
 use crate::measure::config::Compared;
 use crate::study::Study;
 use crate::study::open::Account;
 use std::fmt::Write as _;
-use std::sync::Arc;
 
 /// Why nothing can be added.
 #[derive(Debug, thiserror::Error)]
@@ -96,11 +95,7 @@ pub fn extend<S: Study>(
     if terms.is_empty() {
         return Err(ExtendError::Nothing);
     }
-    let mut fit = search.full(&terms, COMMON, None);
-    let numbers = whole.unwrap_or(study);
-    if let Some(whole) = whole {
-        fit = Arc::new(of_all(whole, &terms, &fit));
-    }
+    let (measured, fit) = numbers(search, study, whole, &terms);
     let before = Scores::of(&search.held_out(&[], COMMON));
     let after = Scores::of(&search.held_out(&terms, COMMON));
     let mut text = config.text.trim_end().to_owned();
@@ -109,7 +104,7 @@ pub fn extend<S: Study>(
     for &term in &terms {
         let name = &candidates[term].name;
         names.push(name.clone());
-        let (estimates, warning) = numbers.estimates(&fit, term);
+        let (estimates, warning) = measured.estimates(&fit, term);
         let _ = write!(
             text,
             "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Held out, log score {:.4} before and {:.4} with all \
@@ -134,7 +129,7 @@ pub fn extend<S: Study>(
             let _ = writeln!(text, "# warning: {warning}");
         }
         let _ = writeln!(text, "[[{section}]]");
-        if let Some(keys) = numbers.settings(&fit, term).as_object() {
+        if let Some(keys) = measured.settings(&fit, term).as_object() {
             let table: toml::Table =
                 serde_json::from_value(keys.clone().into()).unwrap_or_default();
             text.push_str(&table.to_string());

@@ -69,6 +69,14 @@ pub struct Estimate {
     pub high: f64,
 }
 
+impl Estimate {
+    /// A number with its 90 % interval, from its lower to its upper end.
+    #[must_use]
+    pub fn new(name: &str, unit: &str, value: f64, (low, high): (f64, f64)) -> Self {
+        Self { name: name.to_owned(), value, unit: unit.to_owned(), low, high }
+    }
+}
+
 /// Measurements held against a configuration.
 pub trait Study: Sync {
     /// A model fitted to some rows.

@@ -42,10 +42,17 @@ fn rung(name: &str, scores: &Scores) -> Value {
     })
 }
 
-/// The terms that a search in some of the rows found, fitted to all of them.
-pub fn of_all<S: Study>(whole: &S, terms: &[usize], found: &S::Fit) -> S::Fit {
+/// The study and the fit of some terms that numbers are taken from: all rows, where the search looked at some of them.
+pub fn numbers<'a, S: Study>(
+    search: &Search<'a, S>,
+    study: &'a S,
+    whole: Option<&'a S>,
+    terms: &[usize],
+) -> (&'a S, Arc<S::Fit>) {
+    let found = search.full(terms, COMMON, None);
+    let Some(whole) = whole else { return (study, found) };
     let all: Vec<u32> = (0..whole.n_rows() as u32).collect();
-    whole.fit(terms, &all, COMMON, Some(found))
+    (whole, Arc::new(whole.fit(terms, &all, COMMON, Some(&found))))
 }
 
 /// Says what a search found. `whole`: all rows, where the search looked at some of them.
@@ -99,11 +106,7 @@ pub fn answer<S: Study>(
     } else {
         "missing-effects"
     };
-    let full = search.full(&ladder.accepted, COMMON, None);
-    let (numbers, full) = match whole {
-        None => (study, full),
-        Some(whole) => (whole, Arc::new(of_all(whole, &ladder.accepted, &full))),
-    };
+    let (measured, full) = numbers(search, study, whole, &ladder.accepted);
     let mut text = String::new();
     let mut rungs = Vec::new();
     let has_losses = !ladder.rungs[0].scores.reception_log_loss.is_nan();
@@ -153,7 +156,7 @@ pub fn answer<S: Study>(
             "indistinguishable_from": ties,
         });
         if accepted {
-            let (estimates, warning) = numbers.estimates(&full, term);
+            let (estimates, warning) = measured.estimates(&full, term);
             let mut shown = Vec::new();
             for estimate in &estimates {
                 parameters.insert(
@@ -188,7 +191,7 @@ pub fn answer<S: Study>(
             }
         }
         entry["parameters"] = Value::Object(parameters);
-        entry["settings"] = numbers.settings(&full, term);
+        entry["settings"] = measured.settings(&full, term);
         if let Some(reason) = &candidate.untestable {
             entry["untestable"] = json!(reason);
         }

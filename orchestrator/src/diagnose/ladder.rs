@@ -248,7 +248,24 @@ impl<'a, S: Study> Search<'a, S> {
     /// Gain of `terms` over `parent`, at a level.
     pub fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
         let blocks = self.study.blocks(level);
-        Gain::of(&self.held_out(terms, level), &self.held_out(parent, level), &blocks.clusters)
+        Gain::of(&self.held_out(terms, level), &self.held_out(parent, level), blocks.dependent())
+    }
+
+    /// A fit to all rows with one term more than `parent`; none where a quick one raises the likelihood by less than `least`
+    /// (nats).
+    fn promising(
+        &self,
+        terms: &[usize],
+        level: Level,
+        parent: &S::Fit,
+        least: f64,
+    ) -> Option<Arc<S::Fit>> {
+        let start = self.study.screen(terms, level, parent);
+        let before = self.study.log_likelihood(parent);
+        if start.as_ref().is_some_and(|start| self.study.log_likelihood(start) - before < least) {
+            return None;
+        }
+        Some(self.full(terms, level, Some(start.as_ref().unwrap_or(parent))))
     }
 
     /// Tries a candidate on top of `accepted`.
@@ -272,17 +289,10 @@ impl<'a, S: Study> Search<'a, S> {
         let begun = std::time::Instant::now();
         let parent = self.full(accepted, level, None);
         let terms = with(accepted, term);
-        let start = self.study.screen(&terms, level, &parent);
-        let before = self.study.log_likelihood(&parent);
-        if start
-            .as_ref()
-            .is_some_and(|start| self.study.log_likelihood(start) - before < HOPELESS_NATS / 2.0)
-        {
+        let Some(fit) = self.promising(&terms, level, &parent, HOPELESS_NATS / 2.0) else {
             debug!(name = candidate.name, took = ?begun.elapsed(), "screened out");
             return hopeless;
-        }
-        debug!(name = candidate.name, took = ?begun.elapsed(), "screened");
-        let fit = self.full(&terms, level, Some(start.as_ref().unwrap_or(&parent)));
+        };
         let rise = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
         debug!(name = candidate.name, rise, took = ?begun.elapsed(), "fitted");
         if rise < HOPELESS_NATS {
@@ -488,11 +498,7 @@ impl<'a, S: Study> Search<'a, S> {
         let rise = |fit: &S::Fit| self.study.log_likelihood(fit) - before;
         let enough = NEARLY * rise(&self.full(&with(accepted, best.term), COMMON, None));
         let terms = with(accepted, trial.term);
-        let start = self.study.screen(&terms, COMMON, &parent);
-        if start.as_ref().is_some_and(|start| rise(start) < enough) {
-            return false;
-        }
-        rise(&self.full(&terms, COMMON, Some(start.as_ref().unwrap_or(&parent)))) >= enough
+        self.promising(&terms, COMMON, &parent, enough).is_some_and(|fit| rise(&fit) >= enough)
     }
 
     /// Candidates that cannot be told from the chosen one.

@@ -18,7 +18,7 @@ mod packets;
 mod samples;
 
 pub(crate) use packets::Account;
-pub(crate) use samples::Samples;
+pub(crate) use samples::{Samples, quantile};
 
 use super::period::Period;
 use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};

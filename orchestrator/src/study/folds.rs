@@ -15,7 +15,7 @@ pub struct Blocks {
     /// The fold of each block.
     pub fold_of_block: Vec<u8>,
     /// Which rows depend on each other, where that is more than a block: by number, for each row.
-    pub clusters: Vec<u32>,
+    pub clusters: Option<Vec<u32>>,
     /// Rows that a fold's training leaves out beside its own: they lie too near. None for most kinds of blocks. As
     /// (row, fold), sorted.
     pub gaps: Vec<(u32, u8)>,
@@ -45,8 +45,7 @@ impl Blocks {
             filled[fold] += n_rows[block];
             fold_of_block[block] = fold as u8;
         }
-        let clusters = of_row.clone();
-        Self { unit, of_row, fold_of_block, clusters, gaps: Vec::new() }
+        Self { unit, of_row, fold_of_block, clusters: None, gaps: Vec::new() }
     }
 
     /// Number of blocks.
@@ -55,10 +54,16 @@ impl Blocks {
         self.fold_of_block.len()
     }
 
+    /// Which rows depend on each other: by number, for each row.
+    #[must_use]
+    pub fn dependent(&self) -> &[u32] {
+        self.clusters.as_deref().unwrap_or(&self.of_row)
+    }
+
     /// Whether there are enough blocks to tell anything.
     #[must_use]
     pub fn suffices(&self) -> bool {
-        let n_clusters = self.clusters.iter().max().map_or(0, |&last| last as usize + 1);
+        let n_clusters = self.dependent().iter().max().map_or(0, |&last| last as usize + 1);
         FEWEST_BLOCKS <= self.n_blocks().min(n_clusters)
     }
 

@@ -37,15 +37,16 @@ mod view;
 use super::folds::Blocks;
 use super::{Candidate, Estimate, RowScore, Study};
 use crate::diagnose::next::Apart;
-use basis::Bases;
+use basis::{Bases, Basis};
 use cells::{Cells, Deviations, Random};
 use fit::{Free, LinkFit, Problem, Steps};
-use likelihood::Instrument;
+use likelihood::{Instrument, Slope};
 use netsim::phy::scatter::{Law, Renewal};
 use passing::Spread;
 use proto::effect::Level;
 use rows::Rows;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use terms::{Spec, State};
 
 /// Lengths (m) over which shadowing may change.
@@ -148,20 +149,6 @@ impl LinkStudy {
         covariates::of(&self.rows)
     }
 
-    /// How many unordered pairs of nodes there are.
-    fn n_pairs(&self) -> usize {
-        let mut pairs: Vec<(u32, u32)> = self
-            .rows
-            .links
-            .rows
-            .iter()
-            .map(|row| (row.tx.min(row.rx), row.tx.max(row.rx)))
-            .collect();
-        pairs.sort_unstable();
-        pairs.dedup();
-        pairs.len()
-    }
-
     fn specs_of(&self, terms: &[usize]) -> Vec<&Spec> {
         terms.iter().map(|&term| &self.specs[term]).collect()
     }
@@ -251,28 +238,30 @@ impl LinkStudy {
             };
             random = parent.random.with(sd);
         }
-        let bases = |states: &[State], takes_lines: bool| {
-            terms
-                .iter()
-                .zip(&specs)
-                .zip(states)
-                .enumerate()
-                .map(|(place, ((&term, spec), state))| {
-                    let keep = !self.is_searched(term);
-                    let exact = self.bases.exact(&self.rows, term, spec, state, keep);
-                    if exact.is_some() || !takes_lines {
-                        return exact;
-                    }
-                    // A trial looks for the place of what is new.
-                    let is_new = parent.is_none_or(|parent| !parent.terms.contains(&term));
-                    let is_held = held.is_some_and(|(other, _)| other == place);
-                    if is_trial && (is_new || is_held) {
-                        return None;
-                    }
-                    self.bases.tangent(&self.rows, term, spec, state)
-                })
-                .collect::<Vec<_>>()
+        let exact: Vec<Option<Arc<Basis>>> = terms
+            .iter()
+            .zip(&specs)
+            .zip(&states)
+            .map(|((&term, spec), state)| {
+                self.bases.exact(&self.rows, term, spec, state, !self.is_searched(term))
+            })
+            .collect();
+        // What is no sum of columns is taken for one at first, but where a trial looks for the place of what is new or held.
+        let line = |place: usize| {
+            let term = terms[place];
+            let is_new = parent.is_none_or(|parent| !parent.terms.contains(&term));
+            let is_held = held.is_some_and(|(other, _)| other == place);
+            if is_trial && (is_new || is_held) {
+                return None;
+            }
+            self.bases.tangent(&self.rows, term, specs[place], &states[place])
         };
+        let bases: Vec<Option<Arc<Basis>>> = exact
+            .iter()
+            .enumerate()
+            .map(|(place, exact)| exact.clone().or_else(|| line(place)))
+            .collect();
+        let is_exact = bases.iter().map(Option::is_some).eq(exact.iter().map(Option::is_some));
         let mut problem = Problem {
             rows: &self.rows,
             specs: specs.clone(),
@@ -284,12 +273,9 @@ impl LinkStudy {
             free,
             holds: is_trial,
             held,
-            bases: bases(&states, true),
+            bases,
         };
         let noise = parent.map(|parent| parent.instrument.noise());
-        let exact = bases(&states, false);
-        let is_exact =
-            problem.bases.iter().map(Option::is_some).eq(exact.iter().map(Option::is_some));
         // Who starts with the same terms has its spreads already.
         let is_same = parent.is_some_and(|parent| parent.terms == terms);
         let rounds = if is_same { WARM_ROUNDS } else { MOST_ROUNDS };
@@ -317,6 +303,18 @@ struct From<'a> {
     held: Option<(usize, usize)>,
     /// Most steps.
     most_steps: usize,
+}
+
+impl<'a> From<'a> {
+    /// A trial on top of a parent, if there is one.
+    fn trial(level: Level, parent: Option<&'a LinkFit>) -> Self {
+        Self { level, parent, is_trial: true, held: None, most_steps: TRIAL_STEPS }
+    }
+
+    /// A fit to convergence.
+    fn whole(level: Level, parent: Option<&'a LinkFit>) -> Self {
+        Self { level, parent, is_trial: false, held: None, most_steps: MOST_STEPS }
+    }
 }
 
 /// Random levels start at least this wide (dB).
@@ -389,19 +387,11 @@ impl Study for LinkStudy {
         let best = if starts.len() == 1 {
             starts.swap_remove(0)
         } else {
-            let steps = if asks_for_links { MOST_STEPS } else { TRIAL_STEPS };
-            let from = From {
-                level,
-                parent: start,
-                is_trial: !asks_for_links,
-                held: None,
-                most_steps: steps,
-            };
+            let from =
+                if asks_for_links { From::whole(level, start) } else { From::trial(level, start) };
             self.best_of(terms, starts, train, from).map(|fit| fit.states).unwrap_or_default()
         };
-        let from =
-            From { level, parent: start, is_trial: false, held: None, most_steps: MOST_STEPS };
-        self.run(terms, best, train, from)
+        self.run(terms, best, train, From::whole(level, start))
     }
 
     fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
@@ -416,14 +406,7 @@ impl Study for LinkStudy {
             .into_iter()
             .map(|state| parent.states.iter().cloned().chain([state]).collect())
             .collect();
-        let from = From {
-            level,
-            parent: Some(parent),
-            is_trial: true,
-            held: None,
-            most_steps: TRIAL_STEPS,
-        };
-        self.best_of(terms, starts, &all, from)
+        self.best_of(terms, starts, &all, From::trial(level, Some(parent)))
     }
 
     fn apart(&self, one: &LinkFit, other: &LinkFit) -> Option<Apart> {
@@ -490,6 +473,33 @@ impl LinkStudy {
         matches!(name, Some("antenna-pattern" | "battery-sag" | "hidden-obstacle"))
     }
 
+    /// What the rows say about their levels under a fit.
+    fn slopes_left(&self, fit: &LinkFit, train: &[u32]) -> Vec<Slope> {
+        let specs = self.specs_of(&fit.terms);
+        search::left_over(&self.rows, fit, &specs, self.cells(fit.decorrelation_m), train)
+    }
+
+    /// A pattern with headings of still nodes, on top of `parent`: pattern and headings are found in turn.
+    fn heading(
+        &self,
+        term: usize,
+        mut state: State,
+        train: &[u32],
+        level: Level,
+        parent: &LinkFit,
+    ) -> State {
+        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
+        for _ in 0..HEADING_ROUNDS {
+            let states = parent.states.iter().cloned().chain([state.clone()]).collect();
+            let fit = self.run(&terms, states, train, From::trial(level, Some(parent)));
+            let left = self.slopes_left(&fit, train);
+            if let Some(last) = fit.states.last() {
+                state = search::headings::again(&self.rows, train, &left, last);
+            }
+        }
+        state
+    }
+
     /// The states from which a search for a term starts, `parent` being the fit without it.
     fn starts_of(
         &self,
@@ -513,36 +523,15 @@ impl LinkStudy {
                 .map(|(_, &other)| other)
                 .collect();
             let parent = self.fit(&terms, train, level, parent);
-            let specs = self.specs_of(&terms);
-            let cells = self.cells(parent.decorrelation_m);
-            let left = search::left_over(&self.rows, &parent, &specs, cells, train);
+            let left = self.slopes_left(&parent, train);
             let name = spec.entry().map_or("", |entry| entry.variant.name);
             return match name {
                 "antenna-pattern" => {
-                    let mut found = search::headings::patterns(&self.rows, train, &left, &states);
-                    if let [state] = &mut found[..] {
-                        for _ in 0..HEADING_ROUNDS {
-                            let terms: Vec<usize> =
-                                parent.terms.iter().copied().chain([term]).collect();
-                            let states =
-                                parent.states.iter().cloned().chain([state.clone()]).collect();
-                            let from = From {
-                                level,
-                                parent: Some(&parent),
-                                is_trial: true,
-                                held: None,
-                                most_steps: TRIAL_STEPS,
-                            };
-                            let fit = self.run(&terms, states, train, from);
-                            let specs = self.specs_of(&terms);
-                            let cells = self.cells(fit.decorrelation_m);
-                            let left = search::left_over(&self.rows, &fit, &specs, cells, train);
-                            if let Some(last) = fit.states.last() {
-                                *state = search::headings::again(&self.rows, train, &left, last);
-                            }
-                        }
+                    let found = search::headings::patterns(&self.rows, train, &left, &states);
+                    match <[State; 1]>::try_from(found) {
+                        Ok([state]) => vec![self.heading(term, state, train, level, &parent)],
+                        Err(found) => found,
                     }
-                    found
                 }
                 "hidden-obstacle" => search::obstacles(&self.rows, train, &left, &states[0]),
                 _ => search::sagging(&self.rows, train, &left, &states[0]),

@@ -341,13 +341,7 @@ impl RobotStudy {
         // Four windows overlap; each has as many residuals as positions have components.
         let n = (self.n_rows() as f64 / 4.0 * fit.density.n_parts as f64).max(1.0);
         let half = 1.645 * value / (2.0 * n).sqrt();
-        Estimate {
-            name: "sd_m".to_owned(),
-            value,
-            unit: "m".to_owned(),
-            low: value - half,
-            high: value + half,
-        }
+        Estimate::new("sd_m", "m", value, (value - half, value + half))
     }
 
     /// A car's wheelbase (m), where it is fitted.
@@ -450,13 +444,7 @@ impl Study for RobotStudy {
                 } else {
                     (parameter.min, parameter.max)
                 };
-                Estimate {
-                    name: parameter.key.to_owned(),
-                    value,
-                    unit: parameter.unit.to_owned(),
-                    low,
-                    high,
-                }
+                Estimate::new(parameter.key, parameter.unit, value, (low, high))
             })
             .collect();
         (estimates, warning.or_else(|| self.confounded(fit, first, covariance.as_ref())))

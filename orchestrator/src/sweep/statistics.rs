@@ -1,5 +1,6 @@
 //! Medians with intervals, of samples and of differences between pairs.
 
+use crate::record::quantile;
 use proto::rng::{Draws, Purpose};
 
 /// What a sample tells.
@@ -52,15 +53,6 @@ impl Spread {
             interval_95: interval(&ascending),
         })
     }
-}
-
-/// The quantile of an ascending list that is not empty, interpolated (Hyndman and Fan's type 7).
-pub(crate) fn quantile(ascending: &[f64], share: f64) -> f64 {
-    let last = ascending.len() - 1;
-    let place = share * last as f64;
-    let below = (place as usize).min(last);
-    let above = (below + 1).min(last);
-    ascending[below] + (ascending[above] - ascending[below]) * (place - below as f64)
 }
 
 /// Percentile bootstrap interval of the median (Efron 1979): the 2.5 % and 97.5 % quantiles of the medians of resamples. The

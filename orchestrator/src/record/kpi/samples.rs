@@ -77,15 +77,24 @@ impl Samples {
     pub(crate) fn quantiles<const N: usize>(&self, shares: [f64; N]) -> [Option<f64>; N] {
         let values = self.ascending();
         shares.map(|share| {
-            let last = values.len().checked_sub(1)?;
+            if values.is_empty() {
+                return None;
+            }
             if share <= 0.0 || 1.0 <= share {
                 return Some(self.ends[usize::from(1.0 <= share)]);
             }
-            let place = share * last as f64;
-            let (below, above) = (place as usize, (place as usize + 1).min(last));
-            Some(values[below] + (values[above] - values[below]) * (place - below as f64))
+            Some(quantile(&values, share))
         })
     }
+}
+
+/// The quantile of an ascending list that is not empty, interpolated (Hyndman and Fan's type 7).
+pub(crate) fn quantile(ascending: &[f64], share: f64) -> f64 {
+    let last = ascending.len() - 1;
+    let place = share * last as f64;
+    let below = (place as usize).min(last);
+    let above = (below + 1).min(last);
+    ascending[below] + (ascending[above] - ascending[below]) * (place - below as f64)
 }
 
 /// Most samples kept: 8 MB.

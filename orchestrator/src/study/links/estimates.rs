@@ -3,7 +3,7 @@
 use super::cells::Deviations;
 use super::fit::LinkFit;
 use super::terms::Spec;
-use super::{From, LinkStudy, search};
+use super::{From, LinkStudy, group, search};
 use crate::diagnose::ladder::COMMON;
 use crate::study::Estimate;
 
@@ -27,28 +27,26 @@ impl LinkStudy {
         let sd = fit.random.sd;
         let spread = |name: &str, value: f64, n: f64| {
             let relative = 1.0 / (2.0 * n.max(0.5)).sqrt();
-            Estimate {
-                name: name.to_owned(),
+            Estimate::new(
+                name,
+                "dB",
                 value,
-                unit: "dB".to_owned(),
-                low: value * (-NINETY * relative).exp(),
-                high: value * (NINETY * relative).exp(),
-            }
+                (value * (-NINETY * relative).exp(), value * (NINETY * relative).exp()),
+            )
         };
         match specs[place] {
             Spec::Shadowing(_) => {
                 // Levels of neighbouring places are not independent of each other.
-                let n = determined[0].min(self.n_pairs() as f64);
+                let n = determined[0].min(group::n_pairs(&self.rows) as f64);
                 let mut all = vec![spread("sd_db", sd.link_db, n)];
                 if 1 < self.cells.len() {
                     let length = fit.decorrelation_m;
-                    all.push(Estimate {
-                        name: "decorrelation_m".to_owned(),
-                        value: length,
-                        unit: "m".to_owned(),
-                        low: length / 2.0,
-                        high: length * 2.0,
-                    });
+                    all.push(Estimate::new(
+                        "decorrelation_m",
+                        "m",
+                        length,
+                        (length / 2.0, length * 2.0),
+                    ));
                 }
                 return (all, None);
             }
@@ -56,13 +54,12 @@ impl LinkStudy {
                 let (sd_db, coherence_mhz) = Self::fading(&specs, sd);
                 let mut all = vec![spread("sd_db", sd_db, determined[1])];
                 if let Some(value) = coherence_mhz {
-                    all.push(Estimate {
-                        name: "coherence_mhz".to_owned(),
+                    all.push(Estimate::new(
+                        "coherence_mhz",
+                        "MHz",
                         value,
-                        unit: "MHz".to_owned(),
-                        low: value / 2.0,
-                        high: value * 2.0,
-                    });
+                        (value / 2.0, value * 2.0),
+                    ));
                 }
                 return (all, None);
             }
@@ -97,13 +94,7 @@ impl LinkStudy {
                 if parameter.max - parameter.min <= high - low {
                     warning = Some(format!("{} is not determined by these data", parameter.key));
                 }
-                Estimate {
-                    name: parameter.key.to_owned(),
-                    value,
-                    unit: parameter.unit.to_owned(),
-                    low,
-                    high,
-                }
+                Estimate::new(parameter.key, parameter.unit, value, (low, high))
             })
             .collect();
         self.add_searched(fit, place, &mut estimates);
@@ -124,8 +115,7 @@ impl LinkStudy {
             return;
         }
         let all: Vec<u32> = (0..self.rows.len() as u32).collect();
-        let cells = self.cells(fit.decorrelation_m);
-        let left = search::left_over(&self.rows, fit, &specs, cells, &all);
+        let left = self.slopes_left(fit, &all);
         if has_headings {
             let errors = search::headings::errors(&self.rows, &all, &left, state);
             for (estimate, error) in estimates.iter_mut().zip(errors.into_iter().flatten()) {
@@ -135,13 +125,11 @@ impl LinkStudy {
             return;
         }
         let places = search::places::coordinates(&self.rows, &all, &left, state, FALL_NATS);
-        estimates.extend(places.into_iter().map(|at| Estimate {
-            name: at.name.to_owned(),
-            value: at.value_m,
-            unit: "m".to_owned(),
-            low: at.low_m,
-            high: at.high_m,
-        }));
+        estimates.extend(
+            places
+                .into_iter()
+                .map(|at| Estimate::new(at.name, "m", at.value_m, (at.low_m, at.high_m))),
+        );
     }
 
     pub(super) fn settings_of(&self, fit: &LinkFit, term: usize) -> serde_json::Value {
@@ -251,13 +239,7 @@ impl LinkStudy {
         let parameter = &specs[place].parameters()[k];
         let best = fit.states[place].values[k];
         let all: Vec<u32> = (0..self.rows.len() as u32).collect();
-        let from = |held| From {
-            level: COMMON,
-            parent: Some(fit),
-            is_trial: true,
-            held,
-            most_steps: super::TRIAL_STEPS,
-        };
+        let from = |held| From { held, ..From::trial(COMMON, Some(fit)) };
         let fall = |value: f64, top: f64| {
             let mut states = fit.states.clone();
             states[place].values[k] = value;

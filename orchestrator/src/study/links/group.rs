@@ -3,7 +3,7 @@
 use super::cells::Cells;
 use super::rows::Rows;
 use crate::study::folds::{Blocks, FEWEST_BLOCKS, scramble};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Blocks of time.
 const TIME_BLOCKS: usize = 60;
@@ -12,16 +12,15 @@ pub(super) const HALF_WAVE_M: f64 = 0.0614;
 
 /// Rows by time in blocks of equal numbers; by pair where time is unknown or constant.
 pub(super) fn time_blocks(rows: &Rows) -> Blocks {
+    if !has_times(rows) {
+        return Blocks::of_keys("pairs of nodes", &pairs(rows));
+    }
     let measured = &rows.links.rows;
     let mut order: Vec<usize> = (0..rows.len()).collect();
     let time = |row: usize| (measured[row].run, measured[row].time_s);
     order.sort_by(|&a, &b| {
         time(a).0.cmp(&time(b).0).then(time(a).1.total_cmp(&time(b).1)).then(a.cmp(&b))
     });
-    if !has_times(rows) {
-        let keys: Vec<u64> = measured.iter().map(|row| pair(row.tx, row.rx)).collect();
-        return Blocks::of_keys("pairs of nodes", &keys);
-    }
     let n_blocks = TIME_BLOCKS.min(rows.len() / 8).max(1);
     let mut keys = vec![0u64; rows.len()];
     let mut block = 0;
@@ -55,8 +54,7 @@ pub(super) fn link_channel_blocks(rows: &Rows) -> Blocks {
             scramble(link ^ scramble(u64::from(row.channel.unwrap_or(0))))
         })
         .collect();
-    let pairs: Vec<u64> = measured.iter().map(|row| pair(row.tx, row.rx)).collect();
-    let clusters = Blocks::of_keys("pairs of nodes", &pairs).of_row;
+    let clusters = Some(Blocks::of_keys("pairs of nodes", &pairs(rows)).of_row);
     Blocks { clusters, ..Blocks::of_keys("links and channels", &keys) }
 }
 
@@ -64,10 +62,19 @@ fn pair(a: u32, b: u32) -> u64 {
     (u64::from(a.min(b)) << 32) | u64::from(a.max(b))
 }
 
+/// The unordered pair of nodes of each row, as a key.
+fn pairs(rows: &Rows) -> Vec<u64> {
+    rows.links.rows.iter().map(|row| pair(row.tx, row.rx)).collect()
+}
+
+/// How many unordered pairs of nodes there are.
+pub(super) fn n_pairs(rows: &Rows) -> usize {
+    pairs(rows).into_iter().collect::<BTreeSet<_>>().len()
+}
+
 /// Rows by unordered pair of nodes; by place where there are too few pairs.
 pub(super) fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
-    let keys: Vec<u64> = rows.links.rows.iter().map(|row| pair(row.tx, row.rx)).collect();
-    let by_pair = Blocks::of_keys("pairs of nodes", &keys);
+    let by_pair = Blocks::of_keys("pairs of nodes", &pairs(rows));
     if by_pair.suffices() || still.values().all(|&still| still) {
         return by_pair;
     }
@@ -156,15 +163,13 @@ const RUN_ROWS: u64 = 8;
 
 /// Marks about `most` of the rows: short runs of each pair's, spread evenly over everything.
 pub(super) fn spread_evenly(rows: &Rows, most: usize) -> Vec<bool> {
-    let mut seen: BTreeMap<(u32, u32), u64> = BTreeMap::new();
+    let mut seen: BTreeMap<u64, u64> = BTreeMap::new();
     let share = most as f64 / rows.len() as f64;
     let limit = (share * u64::MAX as f64) as u64;
-    rows.links
-        .rows
-        .iter()
-        .map(|row| {
-            let key = pair(row.tx, row.rx);
-            let n = seen.entry((row.tx.min(row.rx), row.tx.max(row.rx))).or_insert(0);
+    pairs(rows)
+        .into_iter()
+        .map(|key| {
+            let n = seen.entry(key).or_insert(0);
             let run = *n / RUN_ROWS;
             *n += 1;
             scramble(key ^ scramble(run)) <= limit
