@@ -3,12 +3,14 @@
 //! | module | what |
 //! |---|---|
 //! | `admission` | the way into the network |
+//! | `announce` | what motes tell their neighbours of slots |
 //! | [`down`] | from a datagram to frames in the queue |
 //! | [`up`] | from a received frame to the layer it is for |
 //! | [`pump`] | what the layers have to say to each other after something happened |
 //! | [`tally`] | what is counted of a mote |
 
 mod admission;
+mod announce;
 pub mod down;
 pub mod pump;
 pub mod tally;
@@ -299,6 +301,7 @@ impl Mote {
             sequence: 0,
             ack_request: false,
             pending: false,
+            slots: None,
             content: Content::Beacon(BeaconRepr {
                 asn,
                 join_metric,

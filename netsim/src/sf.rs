@@ -7,6 +7,7 @@
 //! | [`minimal`] | one cell for everything | RFC 8180 |
 //! | [`msf`] | cells negotiated with the parent | RFC 9033 |
 //! | [`rrsf`] | one slot for every mote | BotNet |
+//! | [`sotdma`] | slots taken where nobody within two hops has them | this simulator |
 //! | [`orchestra`] | cells that follow from addresses | Duquennoy et al., SenSys 2015; Contiki-NG |
 //! | [`static_schedule`] | cells as they are configured | |
 //!
@@ -19,12 +20,14 @@ pub mod minimal;
 pub mod msf;
 pub mod orchestra;
 pub mod rrsf;
+pub mod sotdma;
 pub mod static_schedule;
 
 use crate::dice::Dice;
 use crate::mac::{CellRef, Schedule};
 use crate::sixtop::{Event, Sixtop};
 use crate::wire::Eui64;
+use crate::wire::slots::SlotsRepr;
 use proto::config::{Problem, TableSpec, Tag, Variant};
 use serde::{Deserialize, Serialize};
 
@@ -116,6 +119,28 @@ pub trait SchedulingFunction {
 
     /// A frame from a neighbour was received in a cell.
     fn handle_received(&mut self, _cx: &mut Context<'_>, _at: &CellRef, _from: Eui64) {}
+
+    /// What a frame for everyone that is sent in a cell shall announce of slots.
+    fn announcement(&self, _own: Eui64, _at: &CellRef, _asn: u64) -> Option<SlotsRepr> {
+        None
+    }
+
+    /// The handle of a slotframe in which a frame for everyone shall go out for the sake of what it announces, whether or not
+    /// there is anything else to say. Asked once.
+    fn poll_announcement(&mut self) -> Option<u8> {
+        None
+    }
+
+    /// A neighbour has announced what it knows of slots. Nothing that is scheduled may change, nor when
+    /// [`SchedulingFunction::handle_timeout`] is called.
+    fn handle_announcement(
+        &mut self,
+        _cx: &mut Context<'_>,
+        _at: &CellRef,
+        _from: Eui64,
+        _announced: &SlotsRepr,
+    ) {
+    }
 
     /// When [`SchedulingFunction::handle_timeout`] wants to be called (ns).
     fn poll_timeout(&self) -> Option<u64> {
@@ -224,6 +249,8 @@ scheduling_functions! {
     Msf: msf, Msf, MsfConfig;
     /// One slot for every mote.
     Rrsf: rrsf, Rrsf, RrsfConfig;
+    /// Slots that nobody within two hops has.
+    Sotdma: sotdma, Sotdma, SotdmaConfig;
     /// Cells that follow from addresses.
     Orchestra: orchestra, Orchestra, OrchestraConfig;
     /// Cells as they are configured.
@@ -286,6 +313,24 @@ impl SchedulingFunction for AnySf {
 
     fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64) {
         self.get_mut().handle_received(cx, at, from);
+    }
+
+    fn announcement(&self, own: Eui64, at: &CellRef, asn: u64) -> Option<SlotsRepr> {
+        self.get().announcement(own, at, asn)
+    }
+
+    fn poll_announcement(&mut self) -> Option<u8> {
+        self.get_mut().poll_announcement()
+    }
+
+    fn handle_announcement(
+        &mut self,
+        cx: &mut Context<'_>,
+        at: &CellRef,
+        from: Eui64,
+        announced: &SlotsRepr,
+    ) {
+        self.get_mut().handle_announcement(cx, at, from, announced);
     }
 
     fn poll_timeout(&self) -> Option<u64> {
@@ -365,6 +410,7 @@ mod tests {
         "kind = \"msf\"",
         "kind = \"rrsf\"\nshared_slots = 2",
         "kind = \"rrsf\" # compat.shared_slot_0",
+        "kind = \"sotdma\"",
         "kind = \"orchestra\"",
         "kind = \"orchestra\"\nrules = [\"eb-per-time-source\", \"unicast-storing\", \"special-for-root\", \"default-common\"]",
         "kind = \"static\"\nslotframe_slots = 3\n[[cell]]\nslot = 1\nfrom = \"any\"\nto = \"all\"\nadvertising = true",
@@ -394,6 +440,10 @@ mod tests {
             let config = built(text, 9);
             let mut bench = Bench::start(&config, 4);
             bench.set_parent(Some(Eui64::of_mote(2)));
+            if text.contains("sotdma") {
+                // It listens before it takes a slot.
+                (0..3).for_each(|_| bench.pass_time());
+            }
             for neighbour in [2, 3] {
                 let neighbour = Eui64::of_mote(neighbour);
                 bench.tell(|sf, cx| sf.handle_queue(cx, neighbour, true));

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`address`] | EUI-64, IPv6 addresses derived from it | RFC 4291, appendix A |
 //! | [`frame`] | MAC frames, information elements, enhanced acknowledgments | IEEE Std 802.15.4-2015, clause 7 |
+//! | [`slots`] | which slots are taken, as neighbours tell each other | this simulator |
 //! | [`sixp`] | 6P messages | RFC 8480, § 3.2 |
 //! | [`datagram`] | IPv6 datagrams and their compressed form | RFC 6282, RFC 8138 |
 //! | [`fragment`] | fragments of them | RFC 4944, § 5.3 |
@@ -22,6 +23,7 @@ pub mod frame;
 pub mod rpl;
 mod sink;
 pub mod sixp;
+pub mod slots;
 pub mod tap;
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ def test_nothing_is_malformed_and_every_frame_check_sequence_is_right(capture):
     assert troubles(capture) == []
     frames = dissect(capture, "wpan.fcs_ok", "wpan.frame_type", "wpan.version")
     kinds = Counter(frame["wpan.frame_type"][0] for frame in frames)
-    assert kinds[BEACON] == 1 and kinds[DATA] > 30 and kinds[ACK] > 25
+    assert kinds[BEACON] == 2 and kinds[DATA] > 30 and kinds[ACK] > 25
     assert all(frame["wpan.fcs_ok"] == [GOOD] for frame in frames)
     assert all(frame["wpan.version"] == ["2"] for frame in frames)
 
@@ -59,6 +59,14 @@ def test_the_beacon_tells_a_joining_mote_the_schedule(capture):
     assert list(frames[0].values()) == [
         ["0x007e"], ["0x0001"], ["0x001a", "0x001c", "0x001b", "0x0009"], ["101"], ["0x0f"], ["0"], ["0x00"], ["0x00"],
     ]  # fmt: skip
+
+
+def test_what_is_announced_of_slots_is_a_vendor_s_and_ends_before_the_payload(capture):
+    frames = dissect(capture, "wpan.payload_ie.id", "wpan.payload_ie.vendor.oui", "udp.dstport")
+    announcing = [frame for frame in frames if "0x0002" in frame["wpan.payload_ie.id"]]
+    assert [frame["wpan.payload_ie.id"] for frame in announcing] == [["0x0001", "0x0002"], ["0x0002"], ["0x0002", "0x000f"]]
+    assert all(len(frame["wpan.payload_ie.vendor.oui"]) == 1 for frame in announcing)
+    assert announcing[2]["udp.dstport"] == ["61617"]
 
 
 def test_acknowledgments_correct_the_time(capture):

@@ -11,6 +11,7 @@ use netsim::wire::sixp::{
     AnswerContent, CellOptions, CellRequest, ReturnCode, SixpAnswer, SixpBody, SixpCell, SixpRepr,
     SixpRequest,
 };
+use netsim::wire::slots::{SlotSet, SlotsRepr};
 use netsim::wire::{Eui64, address};
 use std::sync::Arc;
 
@@ -23,7 +24,20 @@ pub(crate) fn frames() -> Vec<FrameRepr> {
     frames.extend(rpl());
     frames.extend(join());
     frames.extend(data());
+    frames.extend(announcements());
     frames
+}
+
+/// A beacon, a frame with nothing else in it, and a datagram, each with what mote 2 knows of slots.
+fn announcements() -> impl Iterator<Item = FrameRepr> {
+    let mut taken = SlotSet::default();
+    [0, 9, 57].into_iter().for_each(|slot| taken.insert(slot));
+    let slots = SlotsRepr { n_slots: 58, taken, first: 1, tags: vec![1, 2, 3] };
+    let said = data().into_iter().find(|frame| frame.destination.is_none());
+    let said = said.map_or(Content::KeepAlive, |frame| frame.content);
+    [Content::Beacon(beacon()), Content::KeepAlive, said].into_iter().map(move |content| {
+        FrameRepr { slots: Some(Box::new(slots.clone())), ..frame(2, None, content) }
+    })
 }
 
 fn frame(from: u32, to: Option<u32>, content: Content) -> FrameRepr {
@@ -33,6 +47,7 @@ fn frame(from: u32, to: Option<u32>, content: Content) -> FrameRepr {
         sequence: 1,
         ack_request: to.is_some(),
         pending: false,
+        slots: None,
         content,
     }
 }

@@ -10,7 +10,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         Field {
             key: "transport",
             doc: "In which cells. Absent: own-cell where the scheduling function gives each mote a cell for itself (rrsf, \
-                  static), otherwise broadcast-slotframe.",
+                  sotdma, static), otherwise broadcast-slotframe.",
             kind: Kind::Choice(&[
                 Choice { name: "none", doc: "They do not: a sensor network." },
                 Choice {
@@ -71,7 +71,7 @@ pub(super) struct Given<'a> {
 pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
     let Some(sf) = given.sf else { return Transport::None };
     let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
-    let has_own_cells = matches!(sf, "rrsf" | "static");
+    let has_own_cells = matches!(sf, "rrsf" | "sotdma" | "static");
     let default = if has_own_cells { "own-cell" } else { "broadcast-slotframe" };
     let transport = table.get("transport").and_then(toml::Value::as_str).unwrap_or(default);
     let mut refuse = |why: &str, nearest: &str| {
@@ -92,7 +92,7 @@ pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
             Transport::OwnCell
         }
         "shared-cell" => {
-            if sf == "rrsf" {
+            if matches!(sf, "rrsf" | "sotdma") {
                 refuse("every mote has its own cell", "own-cell");
             }
             Transport::SharedCell

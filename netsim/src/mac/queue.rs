@@ -103,6 +103,7 @@ impl Queue {
     /// # Errors
     ///
     /// The queue is full: the frame comes back. Otherwise the frame that had to go, if one had.
+    #[expect(clippy::result_large_err, reason = "the refused frame returns to whoever had it")]
     pub fn push(&mut self, frame: Queued, n_in_flight: usize) -> Result<Option<Queued>, Queued> {
         if frame.is_latest_only
             && let Some(place) = self.frames.iter().position(|other| other.is_latest_only)
@@ -197,6 +198,7 @@ mod tests {
                 sequence: 0,
                 ack_request: true,
                 pending: false,
+                slots: None,
                 content: Content::KeepAlive,
             },
             priority,

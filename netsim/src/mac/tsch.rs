@@ -213,6 +213,7 @@ impl Tsch {
     /// # Errors
     ///
     /// The queue is full: the frame comes back. Otherwise a frame that had to make room, if one had.
+    #[expect(clippy::result_large_err, reason = "the refused frame returns to whoever had it")]
     pub fn enqueue(&mut self, frame: Queued) -> Result<Option<Queued>, Queued> {
         self.queue.push(frame, usize::from(self.in_flight))
     }

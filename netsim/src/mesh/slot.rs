@@ -142,17 +142,28 @@ impl Mesh {
         self.scratch.sending.clear();
         for &mote in awake {
             let of = &mut self.state.motes[mote as usize];
-            let Some(transmission) = of.mac.poll_slot(&self.settings.mac, &of.schedule, asn) else {
+            let Some(mut transmission) = of.mac.poll_slot(&self.settings.mac, &of.schedule, asn)
+            else {
                 continue;
             };
             let mut payload = None;
-            let (beacon, psdu_bytes) = match &transmission.outgoing {
+            let at = transmission.at;
+            let announce = |frame: &mut FrameRepr| {
+                at.and_then(|at| of.announce(&self.settings, &at, asn, frame))
+            };
+            let (beacon, psdu_bytes) = match &mut transmission.outgoing {
                 Outgoing::Beacon => {
-                    let beacon = of.beacon(asn);
-                    let bytes = self.settings.psdu_bytes(&beacon);
+                    let mut beacon = of.beacon(asn);
+                    let bytes = announce(&mut beacon);
+                    let bytes = bytes.unwrap_or_else(|| self.settings.psdu_bytes(&beacon));
                     (Some(beacon), bytes)
                 }
                 Outgoing::Frame(queued) => {
+                    if queued.destination().is_none()
+                        && let Some(bytes) = announce(&mut queued.frame)
+                    {
+                        queued.psdu_bytes = bytes;
+                    }
                     if let Some(bytes) = swarm_payload(&queued.frame) {
                         let sent_ns = asn * self.config.slot_ns;
                         payload = Some(self.inbox.send(Sent {
@@ -356,6 +367,10 @@ impl Mesh {
             );
             if let (Some(at), false) = (&listening.at, listening.is_background) {
                 of.schedule.count_rx(at);
+            }
+            if let (Some(at), true) = (&listening.at, frame.slots.is_some()) {
+                let (of, mut world) = self.at(mote, asn);
+                of.handle_announcement(&mut world, at, frame);
             }
             let end_ns = now_ns + self.config.slot_ns;
             self.inbox.hear(mote, payload, end_ns, rssi_dbm as f32, 1);

@@ -193,6 +193,7 @@ impl Mote {
             sequence: 0,
             ack_request: destination.is_some(),
             pending: false,
+            slots: None,
             content,
         };
         let frame = Queued {

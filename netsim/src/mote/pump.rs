@@ -75,6 +75,7 @@ impl Mote {
                 break;
             }
         }
+        self.send_announcement(world);
         self.judge_readiness(world);
     }
 

@@ -65,6 +65,7 @@ impl Mote {
         if let Some(at) = &arrived.at {
             self.schedule.count_rx(at);
             self.with_sf(world, |sf, cx| sf.handle_received(cx, at, from));
+            self.handle_announcement(world, at, frame);
         }
         if verdict.acknowledge && frame.pending {
             self.mac.follow(world.asn, arrived.channel);

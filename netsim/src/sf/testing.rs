@@ -42,6 +42,7 @@ pub(super) struct Bench {
     pub(super) sf: AnySf,
     pub(super) schedule: Schedule,
     pub(super) parent: Option<Eui64>,
+    pub(super) asn: u64,
     is_root: bool,
     sixtop: Sixtop,
     dice: Dice,
@@ -56,6 +57,7 @@ impl Bench {
             sf: config.create(mote),
             schedule: Schedule::new(),
             parent: None,
+            asn: 0,
             is_root: mote == 0,
             sixtop: Sixtop::default(),
             dice: Dice::new(1, Purpose::Scheduling, mote),
@@ -73,8 +75,8 @@ impl Bench {
         let mut cx = Context {
             own: self.own,
             is_root: self.is_root,
-            asn: 0,
-            now_ns: 0,
+            asn: self.asn,
+            now_ns: self.asn * 10_000_000,
             slot_ns: 10_000_000,
             n_channels: 16,
             parent: self.parent,
@@ -84,6 +86,13 @@ impl Bench {
             unusable: &mut self.unusable,
         };
         what(&mut self.sf, &mut cx);
+    }
+
+    /// Time goes on to when the scheduling function wants to be called, and it is.
+    pub(super) fn pass_time(&mut self) {
+        let next_ns = self.sf.poll_timeout().expect("it waits for something");
+        self.asn = next_ns.div_ceil(10_000_000);
+        self.tell(|sf, cx| sf.handle_timeout(cx));
     }
 
     /// The preferred parent changes.

@@ -10,6 +10,7 @@ use super::sixp::{
     AnswerContent, CellOptions, CellRequest, ReturnCode, SixpAnswer, SixpBody, SixpCell, SixpRepr,
     SixpRequest,
 };
+use super::slots::{SlotSet, SlotsRepr};
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
@@ -239,6 +240,16 @@ pub(crate) fn datagram(payload: usize) -> impl Strategy<Value = (Datagram, Eui64
     )
 }
 
+fn slots() -> impl Strategy<Value = SlotsRepr> {
+    (1_u16..=256, vec(any::<u16>(), 0..9), any::<u8>(), vec(any::<u8>(), 0..9)).prop_map(
+        |(n_slots, slots, first, tags)| {
+            let mut taken = SlotSet::default();
+            slots.iter().for_each(|slot| taken.insert(slot % n_slots));
+            SlotsRepr { n_slots, taken, first, tags }
+        },
+    )
+}
+
 fn slotframe() -> impl Strategy<Value = BeaconSlotframe> {
     (any::<u8>(), any::<u16>(), vec(any::<(u16, u16, u8)>(), 0..4))
         .prop_map(|(handle, slots, links)| BeaconSlotframe { handle, slots, links })
@@ -261,11 +272,14 @@ pub(crate) fn frame() -> impl Strategy<Value = (FrameRepr, Option<Ipv6Addr>)> {
             (content, source, destination, root)
         }),
     ];
-    (link, any::<(u8, bool, bool)>()).prop_map(|((content, source, destination, root), flags)| {
-        let (sequence, ack_request, pending) = flags;
-        let frame = FrameRepr { source, destination, sequence, ack_request, pending, content };
-        (frame, root)
-    })
+    (link, any::<(u8, bool, bool)>(), option::of(slots())).prop_map(
+        |((content, source, destination, root), (sequence, ack_request, pending), slots)| {
+            let slots = slots.map(Box::new);
+            let frame =
+                FrameRepr { source, destination, sequence, ack_request, pending, slots, content };
+            (frame, root)
+        },
+    )
 }
 
 pub(crate) fn ack() -> impl Strategy<Value = AckRepr> {

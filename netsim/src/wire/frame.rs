@@ -9,6 +9,7 @@ pub use parse::Envelope;
 use super::address::Eui64;
 use super::fragment::LowpanRepr;
 use super::sixp::SixpRepr;
+use super::slots::SlotsRepr;
 use serde::{Deserialize, Serialize};
 
 /// A MAC frame.
@@ -24,6 +25,8 @@ pub struct FrameRepr {
     pub ack_request: bool,
     /// Whether another frame follows in the next slot (the pending bit).
     pub pending: bool,
+    /// What it announces of slots, in an information element.
+    pub slots: Option<Box<SlotsRepr>>,
     /// What it carries.
     pub content: Content,
 }

@@ -244,6 +244,11 @@ fn what_always_holds_under_a_static_schedule() {
 }
 
 #[test]
+fn what_always_holds_under_sotdma() {
+    what_always_holds(FUNCTIONS[6], 7_000_000);
+}
+
+#[test]
 fn what_always_holds_under_rrsf_as_botnet_has_it() {
     what_always_holds(FUNCTIONS[5], 6_000_000);
 }

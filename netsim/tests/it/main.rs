@@ -13,3 +13,4 @@ mod pinned;
 mod pinned_mesh;
 mod refusals;
 mod snapshot;
+mod sotdma;

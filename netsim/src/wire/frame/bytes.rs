@@ -38,6 +38,7 @@ pub(super) const TERMINATION_1: u16 = 0x7e;
 pub(super) const TERMINATION_2: u16 = 0x7f;
 /// Payload information elements (7.4.3), by group.
 pub(super) const MLME: u16 = 1;
+pub(super) const VENDOR: u16 = 2;
 pub(super) const IETF: u16 = 5;
 pub(super) const PAYLOAD_TERMINATION: u16 = 0xf;
 /// Nested in the MLME's (7.4.4): short ones, and one long one.
@@ -121,7 +122,8 @@ pub fn fcs(bytes: &[u8]) -> u16 {
 impl Put for FrameRepr {
     fn put<S: Sink>(&self, sink: &mut S) {
         let kind = if matches!(self.content, Content::Beacon(_)) { BEACON } else { DATA };
-        let has_elements = matches!(self.content, Content::Beacon(_) | Content::Sixp(_));
+        let has_elements =
+            self.slots.is_some() || matches!(self.content, Content::Beacon(_) | Content::Sixp(_));
         let flag = |set: bool, flag: u16| if set { flag } else { 0 };
         // Table 7-2: the destination's PAN identifier is there, the source's is not.
         let addressing = match self.destination {
@@ -143,22 +145,30 @@ impl Put for FrameRepr {
             None => sink.put_u16_le(BROADCAST),
         }
         put_address(self.source, sink);
+        if has_elements {
+            put_header_element(TERMINATION_1, 0, sink);
+        }
         match &self.content {
-            Content::KeepAlive => {}
+            Content::KeepAlive | Content::Lowpan(_) => {}
             Content::Beacon(beacon) => {
-                put_header_element(TERMINATION_1, 0, sink);
                 put_payload_element(MLME, length_of(beacon), sink);
                 beacon.put(sink);
             }
             Content::Sixp(message) => {
-                put_header_element(TERMINATION_1, 0, sink);
                 put_payload_element(IETF, 1 + length_of(message), sink);
                 sink.put_u8(SIXTOP);
                 message.put(sink);
             }
-            Content::Lowpan(payload) => {
-                Payload(payload, Hop::Between(self.source, self.destination)).put(sink);
+        }
+        if let Some(slots) = &self.slots {
+            put_payload_element(VENDOR, length_of(&**slots), sink);
+            slots.put(sink);
+        }
+        if let Content::Lowpan(payload) = &self.content {
+            if has_elements {
+                put_payload_element(PAYLOAD_TERMINATION, 0, sink);
             }
+            Payload(payload, Hop::Between(self.source, self.destination)).put(sink);
         }
     }
 }

@@ -4,13 +4,14 @@ use super::bytes::{
     ACK, ACK_REQUEST, BEACON, BROADCAST, DATA, DESTINATION, ELEMENTS, EXTENDED, FCS_LEN, IETF,
     MLME, NETWORK_PAN, NO_SEQUENCE, PAN_COMPRESSION, PAYLOAD_TERMINATION, PENDING, SECURED, SHORT,
     SIXTOP, SLOTFRAME_AND_LINK, SOURCE, TERMINATION_1, TERMINATION_2, TIME_CORRECTION,
-    TSCH_SYNCHRONIZATION, VERSION, fcs,
+    TSCH_SYNCHRONIZATION, VENDOR, VERSION, fcs,
 };
 use super::{AckRepr, BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use crate::wire::datagram::Datagram;
 use crate::wire::fragment::{FragmentHeader, LowpanRepr};
 use crate::wire::sink::Reader;
 use crate::wire::sixp::SixpRepr;
+use crate::wire::slots::SlotsRepr;
 use crate::wire::{Eui64, Malformed};
 use std::net::Ipv6Addr;
 use std::sync::Arc;
@@ -27,8 +28,10 @@ pub struct Envelope<'a> {
     pub source: Option<Eui64>,
     /// Time correction (µs), if it has one.
     time_correction_us: Option<i16>,
-    /// First payload information element: group and content.
+    /// First payload information element that is no vendor's: group and content.
     element: Option<(u16, &'a [u8])>,
+    /// Content of the first vendor-specific one.
+    vendor: Option<&'a [u8]>,
     /// MAC payload: in data frames 6LoWPAN's, whole datagrams or fragments ([`FragmentHeader::parse`]).
     pub payload: &'a [u8],
 }
@@ -63,15 +66,24 @@ impl<'a> Envelope<'a> {
             0 => None,
             _ => return Err(reader.malformed("a short source address")),
         };
-        let (mut time_correction_us, mut element) = (None, None);
+        let (mut time_correction_us, mut element, mut vendor) = (None, None, None);
         if control & ELEMENTS != 0 {
             let payload_follows = parse_header_elements(&mut reader, &mut time_correction_us)?;
             if payload_follows {
-                element = parse_payload_elements(&mut reader)?;
+                (element, vendor) = parse_payload_elements(&mut reader)?;
             }
         }
         let payload = reader.rest();
-        Ok(Self { control, sequence, destination, source, time_correction_us, element, payload })
+        Ok(Self {
+            control,
+            sequence,
+            destination,
+            source,
+            time_correction_us,
+            element,
+            vendor,
+            payload,
+        })
     }
 
     fn kind(&self) -> u16 {
@@ -102,10 +114,11 @@ fn parse_header_elements(
     Ok(false)
 }
 
-fn parse_payload_elements<'a>(
-    reader: &mut Reader<'a>,
-) -> Result<Option<(u16, &'a [u8])>, Malformed> {
-    let mut first = None;
+/// The first payload information element that is no vendor's, and the first one that is.
+type PayloadElements<'a> = (Option<(u16, &'a [u8])>, Option<&'a [u8]>);
+
+fn parse_payload_elements<'a>(reader: &mut Reader<'a>) -> Result<PayloadElements<'a>, Malformed> {
+    let (mut first, mut vendor) = (None, None);
     while !reader.is_empty() {
         let descriptor = reader.u16_le()?;
         let content = reader.take(usize::from(descriptor & 0x7ff))?;
@@ -113,9 +126,13 @@ fn parse_payload_elements<'a>(
         if group == PAYLOAD_TERMINATION {
             break;
         }
-        first = first.or(Some((group, content)));
+        if group == VENDOR {
+            vendor = vendor.or(Some(content));
+        } else {
+            first = first.or(Some((group, content)));
+        }
     }
-    Ok(first)
+    Ok((first, vendor))
 }
 
 impl FrameRepr {
@@ -144,9 +161,10 @@ impl FrameRepr {
             }
             _ => return Err(Malformed { what: "neither beacon nor data of a known kind", at: 0 }),
         };
+        let slots = envelope.vendor.map(SlotsRepr::parse).transpose()?.flatten().map(Box::new);
         let ack_request = control & ACK_REQUEST != 0;
         let pending = control & PENDING != 0;
-        Ok(Self { source, destination, sequence, ack_request, pending, content })
+        Ok(Self { source, destination, sequence, ack_request, pending, slots, content })
     }
 }
 

@@ -1,7 +1,11 @@
 use super::*;
 use crate::wire::arbitrary;
+use crate::wire::datagram::{Datagram, Upper};
+use crate::wire::rpl::{DisRepr, RplMessage};
 use crate::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr};
+use crate::wire::slots::SlotSet;
 use proptest::prelude::*;
+use std::sync::Arc;
 
 proptest! {
     #[test]
@@ -42,7 +46,15 @@ proptest! {
 
 fn frame(destination: Option<Eui64>, content: Content) -> FrameRepr {
     let source = Eui64::of_mote(1);
-    FrameRepr { source, destination, sequence: 9, ack_request: false, pending: false, content }
+    FrameRepr {
+        source,
+        destination,
+        sequence: 9,
+        ack_request: false,
+        pending: false,
+        slots: None,
+        content,
+    }
 }
 
 #[test]
@@ -84,6 +96,34 @@ fn rfc8480_6_1_6p_goes_in_an_ietf_information_element() {
     // Group 5, five bytes: the subtype and an empty response.
     assert_eq!(bytes[1], 0xee);
     assert_eq!(bytes[21..30], [0x00, 0x3f, 0x05, 0xa8, 0xc9, 0x10, 0, 0, 1]);
+}
+
+#[test]
+fn ieee802154_7_4_1_what_is_announced_of_slots_ends_before_the_payload() {
+    let slots = SlotsRepr { n_slots: 8, taken: SlotSet::default(), first: 0, tags: vec![] };
+    let slots = Some(Box::new(slots));
+    // Header termination 1; group 2, six bytes.
+    let announced = [0x00, 0x3f, 0x06, 0x90, 0x00, 0x00, 0x02, 7, 0, 0];
+    let alone = FrameRepr { slots: slots.clone(), ..frame(None, Content::KeepAlive) }.to_vec();
+    assert_eq!(alone[1], 0xea);
+    assert_eq!(alone[15..alone.len() - 2], announced);
+    let datagram = Datagram {
+        packet: 0,
+        source: Eui64::of_mote(1).link_local(),
+        destination: Eui64::of_mote(2).link_local(),
+        hop_limit: 255,
+        rpi: None,
+        route: None,
+        upper: Upper::Rpl(RplMessage::Dis(DisRepr {})),
+    };
+    let content = Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)));
+    let without = frame(Some(Eui64::of_mote(2)), content);
+    let with = FrameRepr { slots, ..without.clone() }.to_vec();
+    let without = without.to_vec();
+    assert_eq!(with[21..31], announced);
+    // Payload termination.
+    assert_eq!(with[31..33], [0x00, 0xf8]);
+    assert_eq!(with[33..with.len() - 2], without[21..without.len() - 2]);
 }
 
 #[test]

@@ -127,6 +127,7 @@ fn frame_to(neighbour: Eui64, packet: u64) -> Queued {
             sequence: 0,
             ack_request: true,
             pending: false,
+            slots: None,
             content: Content::KeepAlive,
         },
         priority: false,

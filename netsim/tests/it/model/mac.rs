@@ -342,6 +342,7 @@ impl Pair {
                 sequence: 0,
                 ack_request: to.is_some(),
                 pending: false,
+                slots: None,
                 content: Content::KeepAlive,
             },
             priority: frame.urgent,

@@ -308,10 +308,13 @@ impl Plain {
         for (mote, of) in (0..).zip(&mut self.motes) {
             let transmission = of.mac.poll_slot(&self.settings.mac, &of.schedule, asn);
             let Some(transmission) = transmission else { continue };
-            let frame = match &transmission.outgoing {
+            let mut frame = match &transmission.outgoing {
                 Outgoing::Beacon => of.beacon(asn),
                 Outgoing::Frame(queued) => queued.frame.clone(),
             };
+            if let (Some(at), None) = (&transmission.at, frame.destination) {
+                of.announce(&self.settings, at, asn, &mut frame);
+            }
             sending.push(Sending {
                 sender: mote,
                 bytes: self.settings.psdu_bytes(&frame),
@@ -423,6 +426,9 @@ impl Plain {
             of.mac.handle_frame(&self.settings.mac, source, None, Some(sequence), asn, source_ns);
             if let Some(at) = &listening.at {
                 of.schedule.count_rx(at);
+                self.with(mote, asn, asn + 1, |mote, world| {
+                    mote.handle_announcement(world, at, &sent.frame);
+                });
             }
             self.heard.push((mote, sent.sender, asn));
             return SlotUse::RxBroadcast { bytes };

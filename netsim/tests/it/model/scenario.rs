@@ -12,7 +12,7 @@ use proto::types::{
 };
 
 /// Scheduling functions, with settings under which small networks form soon.
-pub(crate) const FUNCTIONS: [&str; 6] = [
+pub(crate) const FUNCTIONS: [&str; 7] = [
     "kind = \"minimal\"\nslotframe_slots = 11",
     "kind = \"msf\"\nslotframe_slots = 23",
     "kind = \"rrsf\"\nshared_slots = 3",
@@ -23,6 +23,7 @@ pub(crate) const FUNCTIONS: [&str; 6] = [
      [[sf.cell]]\nslot = 4\nfrom = 0\nto = \"all\"\n\
      [[sf.cell]]\nslot = 5\nfrom = \"any\"\nto = 0\n",
     "kind = \"rrsf\"\n[compat]\nshared_slot_0 = true",
+    "kind = \"sotdma\"\nslotframe_slots = 20\nshared_slots = 4",
 ];
 
 /// Radios: everyone hears everyone, only near ones, some by chance, some by power.
@@ -267,7 +268,11 @@ fn config(function: &str, radio: &str, n: usize, dice: &mut Dice) -> String {
     } else {
         "own-cell"
     };
-    let shared_cell = if function.contains("rrsf") { "none" } else { "shared-cell" };
+    let shared_cell = if function.contains("rrsf") || function.contains("sotdma") {
+        "none"
+    } else {
+        "shared-cell"
+    };
     let transport = pick(&["none", "none", own_cell, shared_cell, "unicast-neighbours"]);
     let app = pick(&[
         "",
