@@ -142,6 +142,9 @@ pub(crate) fn build(
 fn all_within(view: &View<'_>, commands: &[Command], distance_m: f64) -> bool {
     commands.iter().all(|command| match command {
         Command::Velocity(velocity_mps) => norm(*velocity_mps) * view.dt_s <= distance_m,
+        Command::Acceleration(acceleration_mps2) => {
+            norm(*acceleration_mps2) * view.dt_s * view.dt_s <= distance_m
+        }
         Command::Jump(way_m) => norm(*way_m) <= distance_m,
     })
 }

@@ -1,18 +1,20 @@
 //! From command to motion.
 //!
-//! A command is a velocity. The body turns it into motion, by way of the effects of real robots (lag, slip, drift, …) that
+//! A command is a velocity, or an acceleration. The body turns it into motion, by way of the effects of real robots (lag, slip, drift, …) that
 //! `[[robotsim.dynamics.effect]]` lists. [`physics`] advances one robot under its commands, in runs and in fits alike; this
 //! file advances the swarm. A bare point mass has the commanded velocity at once, and its position follows exactly, since
 //! that velocity holds over the whole control period: x += v Δt.
 
 mod body;
 pub mod effect;
+mod inertial;
 pub mod physics;
 mod point_mass;
 mod response;
 pub mod surroundings;
 
 pub use body::{Drive, Part, Shape, wrapped};
+pub use inertial::GRAVITY_MPS2;
 pub use response::Response;
 
 use crate::config::field;
@@ -31,6 +33,9 @@ use surroundings::{Other, Surroundings};
 pub enum Command {
     /// Move with this velocity (m/s).
     Velocity([f64; 3]),
+    /// Accelerate like this (m/s²). Bodies that do not keep their velocity come to that velocity which they would have at the
+    /// end of the period.
+    Acceleration([f64; 3]),
     /// Be displaced by this (m), at once and without limit. No robot can: it is for workloads, not for physics.
     Jump([f64; 3]),
 }
@@ -88,6 +93,46 @@ pub(crate) const LOCALIZATION: TableSpec = TableSpec {
 const VARIANTS: &[Variant] = &[
     Variant { name: "point-mass", doc: "Has the commanded velocity at once.", fields: &[] },
     Variant {
+        name: "double-integrator",
+        doc: "Keeps its velocity, and is accelerated.",
+        fields: &[field(
+            "acceleration_cap_mps2",
+            "Greatest acceleration (m/s²).",
+            Kind::Number(Range::above(0.0, 1e4)),
+            Default::Number(10.0),
+        )],
+    },
+    Variant {
+        name: "quadrotor",
+        doc: "Keeps its velocity, and is accelerated by its thrust, which it turns with a lag.",
+        fields: &[
+            field(
+                "velocity_gain_per_s",
+                "Acceleration asked for, for each metre per second that is missing (1/s).",
+                Kind::Number(Range::above(0.0, 1e3)),
+                Default::Number(2.0),
+            ),
+            field(
+                "tilt_cap_rad",
+                "Greatest angle between thrust and the vertical (rad). Default: 30°.",
+                Kind::Number(Range::above(0.0, 1.5)),
+                Default::Number(0.5236),
+            ),
+            field(
+                "thrust_cap_weights",
+                "Greatest thrust, as a multiple of the weight.",
+                Kind::Number(Range::above(1.0, 100.0)),
+                Default::Number(2.0),
+            ),
+            field(
+                "attitude_lag_s",
+                "Time constant with which thrust follows (s). 0: none.",
+                Kind::Number(Range::closed(0.0, 100.0)),
+                Default::Number(0.15),
+            ),
+        ],
+    },
+    Variant {
         name: "unicycle",
         doc: "Drives along its heading, and turns at any rate.",
         fields: &[field(
@@ -128,6 +173,8 @@ pub struct Dynamics {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory {
     drive: Drive,
+    /// How bodies that keep their velocity are accelerated (m/s²).
+    push_mps2: [f64; 3],
     /// Commands that may still have to act, oldest first.
     orders: Vec<Order>,
     /// Where it was, oldest first, as long as positions are measured late.
@@ -153,6 +200,8 @@ impl Dynamics {
         let keys = || table.clone();
         let body = match table.get("kind")?.as_str()? {
             "point-mass" => Body::PointMass(keys().try_into().ok()?),
+            "double-integrator" => Body::DoubleIntegrator(keys().try_into().ok()?),
+            "quadrotor" => Body::Quadrotor(keys().try_into().ok()?),
             "unicycle" => Body::Unicycle(keys().try_into().ok()?),
             "car" => Body::Car(keys().try_into().ok()?),
             _ => return None,
@@ -205,7 +254,8 @@ impl Dynamics {
     /// What robots at rest carry. Nothing, where nothing reaches back in time.
     #[must_use]
     pub fn memory(&self, n_agents: usize) -> Vec<Memory> {
-        let is_needed = !self.physics.is_bare() || self.localization.is_some();
+        let physics = &self.physics;
+        let is_needed = !physics.is_bare() || physics.is_inertial() || self.localization.is_some();
         if is_needed { vec![Memory::default(); n_agents] } else { Vec::new() }
     }
 
@@ -237,23 +287,42 @@ impl Dynamics {
         let draws = Some(Draws::new(step.seed, Purpose::Gust));
         let base = Surroundings { terrain: step.terrain, draws, others_at_s: from_s, others: &[] };
         let turning = self.physics.shape().is_turning();
+        let inertial = self.physics.is_inertial();
+        let is_plain = self.physics.is_bare() && !turning && !inertial;
         for agent in states.alive.clone().iter_ones() {
             let before_m = states.position_m(agent);
-            let (velocity, displacement) = match commands[agent] {
+            let command = match commands[agent] {
+                Command::Acceleration(acceleration_mps2) if !inertial => {
+                    let own_mps =
+                        [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]];
+                    Command::Velocity(std::array::from_fn(|i| {
+                        own_mps[i] + acceleration_mps2[i] * dt_s
+                    }))
+                }
+                command => command,
+            };
+            let (velocity, displacement) = match command {
                 Command::Jump(displacement) => {
                     (displacement.map(|component| component / dt_s), displacement)
                 }
-                Command::Velocity(velocity) if self.physics.is_bare() && !turning => {
+                Command::Velocity(velocity) if is_plain => {
                     let velocity = self.physics.target(velocity);
                     (velocity, velocity.map(|component| component * dt_s))
                 }
-                Command::Velocity(velocity) => {
+                Command::Velocity(_) | Command::Acceleration(_) => {
                     let heading_rad = states.heading_rad.get(agent).copied().unwrap_or(0.0);
-                    let demand = self.physics.body().follow(velocity, heading_rad, dt_s);
                     let mut bare = Memory::default();
                     let memory = memory.get_mut(agent).unwrap_or(&mut bare);
-                    let mut robot =
-                        Robot { position_m: before_m, heading_rad, drive: memory.drive };
+                    let mut robot = Robot {
+                        position_m: before_m,
+                        heading_rad,
+                        drive: memory.drive,
+                        push_mps2: memory.push_mps2,
+                    };
+                    let demand = match command {
+                        Command::Velocity(velocity) => self.physics.follow(velocity, &robot, dt_s),
+                        Command::Acceleration(asked) | Command::Jump(asked) => asked,
+                    };
                     memory.order(from_s, demand, self.physics.delay_s());
                     let near: Vec<Other> = near(&others, agent);
                     let surroundings = Surroundings { others: &near, ..base };
@@ -267,6 +336,7 @@ impl Dynamics {
                         &surroundings,
                     );
                     memory.drive = robot.drive;
+                    memory.push_mps2 = robot.push_mps2;
                     if turning {
                         states.heading_rad[agent] = wrapped(robot.heading_rad);
                     }
@@ -296,6 +366,7 @@ impl Dynamics {
     pub fn stand_still(&self, memory: &mut [Memory]) {
         for memory in memory {
             memory.drive = [0.0; 3];
+            memory.push_mps2 = [0.0; 3];
             memory.orders.clear();
         }
     }

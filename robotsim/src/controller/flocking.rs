@@ -162,7 +162,7 @@ pub(super) const REGISTRATION: Registration = Registration {
 /// have kept it together falls with distance. `velocity_term` adds −Σ (v_i − v_j) of the paper's first
 /// equation, in which the published code takes v* for v_i.
 ///
-/// `leaderless` makes all of them followers. With `input = "acceleration"` a follower's command is v_i + u_i Δt, v_i being its
+/// `leaderless` makes all of them followers. With `input = "acceleration"` a follower is asked to accelerate like that: a body that does not keep its velocity comes to v_i + u_i Δt, v_i being its
 /// velocity over the step before: a double integrator, by the semi-implicit Euler method.
 ///
 /// # Validity
@@ -276,13 +276,10 @@ impl Controller for Flocking {
                 *sum += component;
             }
         });
-        Command::Velocity(match self.input {
-            Input::Velocity => velocity,
-            Input::Acceleration => {
-                let now = [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]];
-                std::array::from_fn(|axis| now[axis] + velocity[axis] * view.dt_s)
-            }
-        })
+        match self.input {
+            Input::Velocity => Command::Velocity(velocity),
+            Input::Acceleration => Command::Acceleration(velocity),
+        }
     }
 }
 

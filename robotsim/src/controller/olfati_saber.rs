@@ -140,7 +140,7 @@ impl Controller for OlfatiSaber {
         let pull = scaled(sub(target_m, own_m), self.target_gain_per_s2);
         let damp = scaled(sub([vx, vy, 0.0], own_mps), self.target_damping_per_s);
         acceleration = add(acceleration, add(pull, damp));
-        Command::Velocity(add(own_mps, scaled(acceleration, view.dt_s)))
+        Command::Acceleration(acceleration)
     }
 }
 

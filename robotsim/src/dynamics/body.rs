@@ -1,11 +1,12 @@
 //! Bodies: what a robot can be asked for, and how that moves it.
 
+use super::inertial::{DoubleIntegrator, Inertial, Quadrotor, within};
 use super::point_mass::PointMass;
 use serde::{Deserialize, Serialize};
 
 /// What a robot is asked for, or does.
 ///
-/// `Velocity` bodies: velocity east, north, up (m/s). `Turning` bodies: speed along the heading (m/s), then the yaw rate
+/// `Velocity` bodies: velocity east, north, up (m/s); those that keep their velocity are asked for an acceleration (m/s²). `Turning` bodies: speed along the heading (m/s), then the yaw rate
 /// (rad/s, unicycle) or the steering angle (rad, car), then nothing.
 pub type Drive = [f64; 3];
 
@@ -42,6 +43,8 @@ impl Shape {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Body {
     PointMass(PointMass),
+    DoubleIntegrator(DoubleIntegrator),
+    Quadrotor(Quadrotor),
     Unicycle(Unicycle),
     Car(Car),
 }
@@ -84,7 +87,7 @@ pub(super) struct Car {
 impl Body {
     pub(super) fn shape(&self) -> Shape {
         match self {
-            Self::PointMass(_) => Shape::Velocity,
+            Self::PointMass(_) | Self::DoubleIntegrator(_) | Self::Quadrotor(_) => Shape::Velocity,
             Self::Unicycle(_) => Shape::Unicycle,
             Self::Car(_) => Shape::Car,
         }
@@ -93,6 +96,8 @@ impl Body {
     pub(super) fn speed_cap_mps(&self) -> f64 {
         match self {
             Self::PointMass(body) => body.speed_cap_mps,
+            Self::DoubleIntegrator(body) => body.speed_cap_mps,
+            Self::Quadrotor(body) => body.speed_cap_mps,
             Self::Unicycle(body) => body.speed_cap_mps,
             Self::Car(body) => body.speed_cap_mps,
         }
@@ -103,6 +108,9 @@ impl Body {
         let clamp = |number: f64, cap: f64| number.clamp(-cap, cap);
         match self {
             Self::PointMass(body) => body.velocity_mps([speed_mps, turn, rest]),
+            Self::DoubleIntegrator(_) | Self::Quadrotor(_) => {
+                within([speed_mps, turn, rest], self.speed_cap_mps())
+            }
             Self::Unicycle(body) => {
                 [clamp(speed_mps, body.speed_cap_mps), clamp(turn, body.yaw_rate_cap_radps), 0.0]
             }
@@ -112,11 +120,20 @@ impl Body {
         }
     }
 
+    /// How it is pushed, if it keeps its velocity.
+    pub(super) fn inertial(&self) -> Option<&dyn Inertial> {
+        match self {
+            Self::DoubleIntegrator(body) => Some(body),
+            Self::Quadrotor(body) => Some(body),
+            Self::PointMass(_) | Self::Unicycle(_) | Self::Car(_) => None,
+        }
+    }
+
     /// Yaw rate (rad/s) of a turning body.
     #[inline]
     pub(super) fn yaw_rate_radps(&self, speed_mps: f64, turn: f64) -> f64 {
         match self {
-            Self::PointMass(_) => 0.0,
+            Self::PointMass(_) | Self::DoubleIntegrator(_) | Self::Quadrotor(_) => 0.0,
             Self::Unicycle(_) => turn,
             Self::Car(body) => speed_mps * libm::tan(turn) / body.wheelbase_m,
         }
@@ -124,7 +141,7 @@ impl Body {
 
     /// What to ask of the body so that it moves with this velocity (m/s), as well as it can within `dt_s`.
     pub(super) fn follow(&self, velocity_mps: [f64; 3], heading_rad: f64, dt_s: f64) -> Drive {
-        if let Self::PointMass(_) = self {
+        if self.shape() == Shape::Velocity {
             return velocity_mps;
         }
         let [vx, vy, _] = velocity_mps;
@@ -134,7 +151,10 @@ impl Body {
         }
         let error_rad = wrapped(libm::atan2(vy, vx) - heading_rad);
         match self {
-            Self::PointMass(_) | Self::Unicycle(_) => {
+            Self::PointMass(_)
+            | Self::DoubleIntegrator(_)
+            | Self::Quadrotor(_)
+            | Self::Unicycle(_) => {
                 [(speed_mps * libm::cos(error_rad)).max(0.0), error_rad / dt_s, 0.0]
             }
             Self::Car(body) => {

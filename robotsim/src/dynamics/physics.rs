@@ -2,6 +2,7 @@
 
 use super::body::{Body, Drive, Part};
 use super::effect::{Effect, Situation};
+use super::inertial::{Push, within};
 use super::response::Response;
 use super::surroundings::Surroundings;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,8 @@ pub struct Robot {
     pub heading_rad: f64,
     /// What its actuators do.
     pub drive: Drive,
+    /// How a body that keeps its velocity is accelerated (m/s²).
+    pub push_mps2: [f64; 3],
 }
 
 /// A command and since when it is in force.
@@ -110,6 +113,20 @@ impl Physics {
         !(self.varies || self.shape().is_turning() && drifts())
     }
 
+    /// Whether bodies keep their velocity.
+    #[must_use]
+    pub fn is_inertial(&self) -> bool {
+        self.body.inertial().is_some()
+    }
+
+    /// What to ask of a robot so that it moves with this velocity (m/s), as well as it can within `dt_s`.
+    pub(super) fn follow(&self, velocity_mps: [f64; 3], robot: &Robot, dt_s: f64) -> Drive {
+        match self.body.inertial() {
+            Some(body) => body.towards(self.target(velocity_mps), robot.drive, dt_s),
+            None => self.body.follow(velocity_mps, robot.heading_rad, dt_s),
+        }
+    }
+
     /// Advances a robot from `from_s` to `until_s` under orders, sorted by time. Before the first of them nothing was asked
     /// for. `next` is a place to begin to search in the orders, and is left where the next call may begin.
     pub fn advance(
@@ -174,6 +191,9 @@ impl Physics {
         dt_s: f64,
         surroundings: &Surroundings<'_>,
     ) {
+        if self.is_inertial() {
+            return self.push(robot, demand, from_s, dt_s, surroundings);
+        }
         let target = self.target(demand);
         let turning = self.shape().is_turning();
         let longest_s = match (self.varies, turning) {
@@ -193,6 +213,32 @@ impl Physics {
             } else {
                 self.shift(robot, mean, time_s, h_s, surroundings);
             }
+        }
+    }
+
+    /// Advances a robot that keeps its velocity by `dt_s`, asked for an acceleration (m/s²).
+    fn push(
+        &self,
+        robot: &mut Robot,
+        asked_mps2: [f64; 3],
+        from_s: f64,
+        dt_s: f64,
+        surroundings: &Surroundings<'_>,
+    ) {
+        let body = self.body.inertial().expect("it keeps its velocity");
+        let Response { lag_s, limit } = self.response[0];
+        let asked_mps2 = body.limited(within(asked_mps2, limit));
+        let lag_s = lag_s + body.lag_s();
+        let longest_s = if self.varies { LOCAL_STEP_S } else { f64::INFINITY };
+        let n = (dt_s / longest_s).ceil().max(1.0) as usize;
+        let h_s = dt_s / n as f64;
+        for step in 0..n {
+            let mut push = Push { velocity_mps: robot.drive, acceleration_mps2: robot.push_mps2 };
+            let mean_mps = push.advance(asked_mps2, lag_s, h_s);
+            let time_s = from_s + (step as f64 + 0.5) * h_s;
+            self.shift(robot, mean_mps, time_s, h_s, surroundings);
+            robot.drive = push.velocity_mps;
+            robot.push_mps2 = push.acceleration_mps2;
         }
     }
 

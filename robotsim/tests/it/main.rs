@@ -1,6 +1,7 @@
 //! The swarm as its host sees it: configured, stepped, saved and restored.
 
 mod air;
+mod bodies;
 mod config;
 mod controllers;
 mod effects;

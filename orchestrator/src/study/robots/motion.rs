@@ -174,7 +174,8 @@ impl Tracks {
     fn begin(&self, track: usize, physics: &Physics) -> Robot {
         let first = &self.robots.samples[self.robots.tracks[track].start];
         let heading_rad = if first.heading_rad.is_nan() { 0.0 } else { first.heading_rad };
-        Robot { position_m: first.position_m, heading_rad, drive: physics.target(first.command) }
+        let drive = physics.target(first.command);
+        Robot { position_m: first.position_m, heading_rad, drive, ..Robot::default() }
     }
 
     /// Goes along a track by the model alone, once, and lets estimates follow: for motion that is alike everywhere, so that
