@@ -46,6 +46,8 @@ pub struct RobotStart {
     pub states: AgentStates,
     /// What each has to say at time 0.
     pub payloads: Payloads,
+    /// What they want to know of each delivery.
+    pub columns: Vec<DeliveryColumn>,
 }
 
 /// What the robots are given for a step.

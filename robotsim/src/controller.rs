@@ -1,7 +1,7 @@
 //! What the robots want: one file per controller, one list.
 //!
-//! A controller is the same program on every robot. It sees the robot's own state and what that robot knows of others,
-//! and gives a command for the period that begins. It keeps nothing between steps. To add one: write its file, and add
+//! A controller is the same program on every robot. It sees the robot's own state, what that robot knows of others and how
+//! its mote stands in the network, and gives a command for the period that begins. It keeps nothing between steps. To add one: write its file, and add
 //! its registration to the list.
 
 mod boids;
@@ -9,6 +9,7 @@ mod circle_formation;
 mod consensus;
 mod constant_velocity;
 mod coverage;
+mod dispersion;
 mod flocking;
 mod hold;
 mod line_formation;
@@ -22,7 +23,7 @@ use crate::dynamics::Command;
 use crate::knowledge::Knowledge;
 use proto::config::{Field, Problem, TableSpec, Tag, Variant};
 use proto::rng::Draws;
-use proto::types::AgentStates;
+use proto::types::{AgentStates, MoteStates};
 use rayon::prelude::*;
 
 /// The one list.
@@ -34,6 +35,7 @@ const ALL: &[Registration] = &[
     circle_formation::REGISTRATION,
     consensus::REGISTRATION,
     coverage::REGISTRATION,
+    dispersion::REGISTRATION,
     random_waypoint::REGISTRATION,
     random_jump::REGISTRATION,
     constant_velocity::REGISTRATION,
@@ -84,8 +86,61 @@ pub struct View<'a> {
     pub states: &'a AgentStates,
     /// What they know of each other.
     pub knowledge: &'a Knowledge<'a>,
+    /// Their motes: how each stands in the network.
+    pub links: Links<'a>,
     /// Draws for the controller, whose entity is the agent.
     pub draws: Draws,
+}
+
+/// How motes stand in the network, after the period that just ended. `None`: the network does not report it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Links<'a> {
+    motes: Option<&'a MoteStates>,
+}
+
+impl<'a> Links<'a> {
+    /// What the network reports, if it does.
+    #[must_use]
+    pub fn new(motes: Option<&'a MoteStates>) -> Self {
+        Self { motes }
+    }
+
+    /// Whether a robot's radio works.
+    #[must_use]
+    pub fn is_alive(&self, agent: usize) -> Option<bool> {
+        self.motes.map(|motes| motes.alive.get(agent))
+    }
+
+    /// Whether it keeps the network's time.
+    #[must_use]
+    pub fn is_synced(&self, agent: usize) -> Option<bool> {
+        self.motes?.synced.as_ref().map(|synced| synced.get(agent))
+    }
+
+    /// Whether it has been admitted.
+    #[must_use]
+    pub fn has_joined(&self, agent: usize) -> Option<bool> {
+        self.motes?.joined.as_ref().map(|joined| joined.get(agent))
+    }
+
+    /// Its rank in routing.
+    #[must_use]
+    pub fn rank(&self, agent: usize) -> Option<u32> {
+        self.motes?.rank.get(agent).copied()
+    }
+
+    /// Its preferred parent in routing; `Some(None)`: it has none.
+    #[must_use]
+    pub fn parent(&self, agent: usize) -> Option<Option<u32>> {
+        let parent = self.motes?.parent.get(agent).copied()?;
+        Some((parent != u32::MAX).then_some(parent))
+    }
+
+    /// Packets that wait in its queue.
+    #[must_use]
+    pub fn queue_length(&self, agent: usize) -> Option<u32> {
+        self.motes?.queue_length.get(agent).copied()
+    }
 }
 
 impl View<'_> {
@@ -100,6 +155,11 @@ impl View<'_> {
 pub trait Controller: std::fmt::Debug + Send + Sync {
     /// The command for one robot.
     fn command(&self, view: &View<'_>, agent: usize) -> Command;
+
+    /// Whether it asks how strong frames were.
+    fn wants_rssi(&self) -> bool {
+        false
+    }
 
     /// Whether the robots, seen together, regard their task as done, given their commands. Most tasks have no end.
     fn is_done(&self, _view: &View<'_>, _commands: &[Command]) -> bool {

@@ -29,6 +29,8 @@ pub struct Seen {
     pub sent_ns: u64,
     /// Where it was, and how it moved.
     pub motion: Motion,
+    /// How strong the frame was that told it (dBm), where that was asked for.
+    pub rssi_dbm: Option<f32>,
 }
 
 /// How long robots count on what they have heard.
@@ -88,6 +90,8 @@ pub struct Knowledge<'a> {
     seen: Vec<Option<Seen>>,
     /// Who knows which of them. `None`: everyone all.
     deliveries: Option<&'a Deliveries>,
+    /// By receiver, where its strengths of frames begin. Empty: there are none.
+    rssi_begins: Vec<usize>,
     /// Some sender was on the air more than once.
     repeated: bool,
     n_foreign: u64,
@@ -113,10 +117,18 @@ impl<'a> Knowledge<'a> {
         {
             let motion = payload::decode(bytes);
             n_foreign += u64::from(motion.is_none());
-            seen.push(motion.map(|motion| Seen { agent, sent_ns, motion }));
+            seen.push(motion.map(|motion| Seen { agent, sent_ns, motion, rssi_dbm: None }));
             repeated |= std::mem::replace(&mut on_air[agent as usize], true);
         }
-        Self { seen, deliveries: Some(deliveries), repeated, n_foreign, memory: None }
+        let mut rssi_begins = Vec::new();
+        if !deliveries.rssi_dbm.is_empty() {
+            let mut begin = 0;
+            rssi_begins.extend((0..n_agents).map(|agent| {
+                let end = begin + deliveries.heard_by(agent).count();
+                std::mem::replace(&mut begin, end)
+            }));
+        }
+        Self { seen, deliveries: Some(deliveries), rssi_begins, repeated, n_foreign, memory: None }
     }
 
     /// The truth at `now_ns`.
@@ -132,15 +144,22 @@ impl<'a> Knowledge<'a> {
                         states.vz_mps[agent],
                     ],
                 };
-                let seen = Seen { agent: agent as u32, sent_ns: now_ns, motion };
+                let seen = Seen { agent: agent as u32, sent_ns: now_ns, motion, rssi_dbm: None };
                 states.alive.get(agent).then_some(seen)
             })
             .collect();
-        Self { seen, deliveries: None, repeated: false, n_foreign: 0, memory: None }
+        Self { seen, ..Self::nothing() }
     }
 
     fn nothing() -> Self {
-        Self { seen: Vec::new(), deliveries: None, repeated: false, n_foreign: 0, memory: None }
+        Self {
+            seen: Vec::new(),
+            deliveries: None,
+            rssi_begins: Vec::new(),
+            repeated: false,
+            n_foreign: 0,
+            memory: None,
+        }
     }
 
     /// What robots remember, in place of what they know by themselves.
@@ -163,21 +182,25 @@ impl<'a> Knowledge<'a> {
         };
         match self.deliveries {
             None => self.seen.iter().flatten().for_each(visit_other),
-            Some(deliveries) if !self.repeated => deliveries
+            Some(deliveries) if !self.repeated && self.rssi_begins.is_empty() => deliveries
                 .heard_by(agent)
                 .filter_map(|index| self.seen[index].as_ref())
                 .for_each(visit_other),
             Some(deliveries) => {
+                let rssi_dbm =
+                    self.rssi_begins.get(agent).map(|&begin| &deliveries.rssi_dbm[begin..]);
                 // Transmissions are in order of time: of a sender, the largest index is the last frame.
-                let mut latest: Vec<(u32, usize)> = deliveries
-                    .heard_by(agent)
-                    .filter_map(|index| self.seen[index].map(|seen| (seen.agent, index)))
+                let mut latest: Vec<(u32, usize, usize)> = (0..)
+                    .zip(deliveries.heard_by(agent))
+                    .filter_map(|(place, index)| {
+                        self.seen[index].map(|seen| (seen.agent, index, place))
+                    })
                     .collect();
                 latest.sort_unstable();
-                for (position, &(sender, index)) in latest.iter().enumerate() {
+                for (position, &(sender, index, place)) in latest.iter().enumerate() {
                     let is_last = latest.get(position + 1).is_none_or(|next| next.0 != sender);
                     if let (true, Some(seen)) = (is_last, &self.seen[index]) {
-                        visit_other(seen);
+                        visit_other(&Seen { rssi_dbm: rssi_dbm.map(|all| all[place]), ..*seen });
                     }
                 }
             }

@@ -1,7 +1,7 @@
 //! The swarm: owns the state; each step turns knowledge into commands, commands into motion, motion into payloads.
 
 use crate::config::{self, Behaviour};
-use crate::controller::{self, View};
+use crate::controller::{self, Links, View};
 use crate::dynamics::{Command, Memory, Step};
 use crate::knowledge::{Knowledge, Remembered, Source};
 use crate::{payload, scenario};
@@ -9,7 +9,7 @@ use proto::config::Problem;
 use proto::rng::{Draws, Purpose};
 use proto::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator, RobotStart, Setup};
 use proto::site::Hill;
-use proto::types::{AgentOrder, AgentStates, seconds};
+use proto::types::{AgentOrder, AgentStates, DeliveryColumn, seconds};
 use serde::{Deserialize, Serialize};
 
 /// The robots of an experiment.
@@ -64,6 +64,8 @@ impl RobotSimulator for Swarm {
 
     fn configure(&mut self, setup: &Setup) -> Result<RobotStart, Vec<Problem>> {
         let (config, effective) = config::read(setup)?;
+        let wants_rssi = config.behaviour.controller.wants_rssi();
+        let columns = if wants_rssi { vec![DeliveryColumn::RssiDbm] } else { Vec::new() };
         let (seed, n_agents) = (setup.experiment.seed, setup.experiment.agent_count);
         let mut states = scenario::states(&*config.scenario, n_agents, seed);
         let dynamics = &config.behaviour.dynamics;
@@ -94,7 +96,7 @@ impl RobotSimulator for Swarm {
             ],
         };
         self.running = Some(Running { behaviour: config.behaviour, state });
-        Ok(RobotStart { effective, states, payloads })
+        Ok(RobotStart { effective, states, payloads, columns })
     }
 
     fn step(&mut self, input: &RobotInput<'_>) -> RobotOutput {
@@ -130,6 +132,7 @@ impl RobotSimulator for Swarm {
             dt_s,
             states: state.believed(),
             knowledge: &knowledge,
+            links: Links::new(input.motes),
             draws: Draws::new(state.seed, Purpose::Control),
         };
         let mut commands = controller::commands(&*behaviour.controller, &view);

@@ -8,7 +8,7 @@ use crate::record::{Configured, RunHeader, is_column_of_motes};
 use proto::config::{Node, Problem, Value};
 use proto::types::{Coupling, DeliveryColumn, NetRecord};
 use proto::{convert, v1};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 use tonic::Code;
@@ -288,6 +288,13 @@ fn starts(
     Ok(start)
 }
 
+/// The numbers of the columns of deliveries that the record and the robots want, each once, ascending.
+fn asked_columns(recorded: &[DeliveryColumn], by_robots: &[i32]) -> impl Iterator<Item = i32> {
+    let recorded = recorded.iter().map(|&column| v1::DeliveryColumn::from(column).into());
+    let all: BTreeSet<i32> = recorded.chain(by_robots.iter().copied()).collect();
+    all.into_iter()
+}
+
 /// Configures both sides with the plan.
 async fn configure(
     plan: &Plan,
@@ -322,6 +329,10 @@ async fn configure(
         Wanted::Measures => (&[DeliveryColumn::ReceivedNs], MEASURED.to_vec()),
         Wanted::Record => (plan.output.columns(), plan.output.records()),
     };
+    let robots_response = robots
+        .configure(robots_request.clone())
+        .await
+        .map_err(|error| refused(plan, Robots::SIDE, error))?;
     let network_request = v1::NetSimServiceConfigureRequest {
         seed,
         agent_count,
@@ -329,9 +340,7 @@ async fn configure(
         coupling,
         site_toml: plan.site_toml.clone(),
         config_toml: sent(network, &plan.netsim),
-        columns: columns
-            .iter()
-            .map(|&column| v1::DeliveryColumn::from(column).into())
+        columns: asked_columns(columns, &robots_response.columns)
             .filter(|column| network.described().columns.contains(column))
             .collect(),
         files: files(&plan.netsim),
@@ -341,10 +350,6 @@ async fn configure(
             .filter(|record| network.described().records.contains(record))
             .collect(),
     };
-    let robots_response = robots
-        .configure(robots_request.clone())
-        .await
-        .map_err(|error| refused(plan, Robots::SIDE, error))?;
     let network_response = network
         .configure(network_request.clone())
         .await

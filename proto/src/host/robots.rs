@@ -114,6 +114,11 @@ impl<S: RobotSimulator> Lifecycle<S> {
             effective_config_toml: start.effective.to_string(),
             states: Some(start.states.into()),
             payloads: Some(start.payloads.into()),
+            columns: start
+                .columns
+                .iter()
+                .map(|&column| v1::DeliveryColumn::from(column).into())
+                .collect(),
         })
     }
 

@@ -307,7 +307,8 @@ mod tests {
 
     /// A leader (agent 0) at the origin.
     fn leader(velocity_mps: [f64; 3]) -> Seen {
-        Seen { agent: 0, sent_ns: 0, motion: Motion { position_m: [0.0; 3], velocity_mps } }
+        let motion = Motion { position_m: [0.0; 3], velocity_mps };
+        Seen { agent: 0, sent_ns: 0, motion, rssi_dbm: None }
     }
 
     #[test]
