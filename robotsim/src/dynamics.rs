@@ -114,9 +114,9 @@ const VARIANTS: &[Variant] = &[
             ),
             field(
                 "tilt_cap_rad",
-                "Greatest angle between thrust and the vertical (rad). Default: 30°.",
+                "Greatest angle between thrust and the vertical (rad).",
                 Kind::Number(Range::above(0.0, 1.5)),
-                Default::Number(0.5236),
+                Default::Number(0.5),
             ),
             field(
                 "thrust_cap_weights",

@@ -62,7 +62,7 @@ fn an_acceleration_takes_a_double_integrator_half_as_far_in_its_first_period_as_
 
 /// A quadrotor that is ordered to a velocity every 0.1 s, by Euler steps of 10 µs: place after `t_s`.
 fn plain_quadrotor(order_mps: [f64; 3], t_s: f64) -> [f64; 3] {
-    let (gain, lag_s, tilt, most, g) = (2.0, 0.15, 0.5236_f64, 2.0 * 9.80665, 9.80665);
+    let (gain, lag_s, tilt, most, g) = (2.0, 0.15, 0.5_f64, 2.0 * 9.80665, 9.80665);
     let h = 1e-5;
     let (mut x, mut v, mut thrust) = ([0.0; 3], [0.0; 3], [0.0, 0.0, g]);
     let mut wanted = thrust;
