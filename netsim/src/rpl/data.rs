@@ -174,7 +174,7 @@ impl Rpl {
     }
 
     /// Own rank in whole hops, as it travels with datagrams (RFC 6550, § 11.2: DAGRank). In a rank's place rather than
-    /// as a small number, so that one octet of it is zero and can be left out (RFC 8138, § 6.3).
+    /// as a small number, so that one octet of it is zero and can be left out (RFC 8138, § 6.2).
     fn sender_rank(&self) -> Option<u16> {
         let dodag = self.dodag.as_ref()?;
         let hop = dodag.configuration.min_hop_rank_increase.max(1);

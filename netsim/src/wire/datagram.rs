@@ -56,7 +56,7 @@ pub struct RpiRepr {
 
 /// Source route: the hops still to visit, next one first, the final destination last.
 ///
-/// Every hop takes itself off (RFC 8138, § 6.5), so that the header shrinks on its way.
+/// Every hop takes itself off (RFC 8138, § 5.5), so that the header shrinks on its way.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SourceRoute {
     /// The root, which put the route into the datagram. Unless the datagram is its own, it did so by encapsulating

@@ -9,7 +9,7 @@ use std::net::Ipv6Addr;
 
 /// Dispatch of page 1 (RFC 8025, § 3), where routing headers are.
 pub(super) const PAGE_1: u8 = 0xf1;
-/// A routing header that must be understood, and one that may be skipped (RFC 8138, § 5.1).
+/// A routing header that must be understood, and one that may be skipped (RFC 8138, § 4).
 pub(super) const CRITICAL: u8 = 0x80;
 pub(super) const ELECTIVE: u8 = 0xa0;
 /// Types of routing headers: 0 to 4 are source routes with addresses of 1, 2, 4, 8, 16 bytes (§ 6.1).
@@ -134,7 +134,7 @@ impl Put for Headers<'_> {
             put_rpi(rpi, hop, sink);
         }
         if datagram.is_encapsulated() {
-            // The encapsulator is the root, and thereby left out (RFC 8138, § 8).
+            // The encapsulator is the root, and thereby left out (RFC 8138, § 7).
             sink.put(&[ELECTIVE | 1, IP_IN_IP, datagram.hop_limit]);
         }
         put_iphc(datagram, hop, sink);
@@ -157,7 +157,7 @@ fn srh_type(reference: Ipv6Addr, address: Ipv6Addr) -> usize {
     SRH_BYTES.iter().position(|&room| bytes <= room).unwrap_or(SRH_BYTES.len() - 1)
 }
 
-/// Each address relative to the one before it, the first to the root (RFC 8138, § 6.4). Neighbours of equal type share
+/// Each address relative to the one before it, the first to the root (RFC 8138, § 5.4). Neighbours of equal type share
 /// a header.
 fn put_route<S: Sink>(route: &SourceRoute, sink: &mut S) {
     let mut reference = route.root;

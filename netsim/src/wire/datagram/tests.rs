@@ -125,7 +125,7 @@ fn rfc6282_3_1_1_multicast_to_the_link_takes_a_byte() {
 }
 
 #[test]
-fn rfc8138_7_rpi_without_instance_and_with_a_short_rank_takes_three_bytes() {
+fn rfc8138_6_rpi_without_instance_and_with_a_short_rank_takes_three_bytes() {
     let datagram = Datagram { rpi: Some(UP), ..udp(5, 0) };
     assert_eq!(bytes(&datagram, 5, 0)[..5], [0xf1, 0x83, 5, 3, 0x7e]);
     let rpi = RpiRepr { down: true, instance: 7, sender_rank: 769, ..UP };
@@ -134,7 +134,7 @@ fn rfc8138_7_rpi_without_instance_and_with_a_short_rank_takes_three_bytes() {
 }
 
 #[test]
-fn rfc8138_6_4_each_hop_is_relative_to_the_one_before_it() {
+fn rfc8138_5_4_each_hop_is_relative_to_the_one_before_it() {
     let hops = vec![mote(1), mote(2), mote(3)];
     let route = Some(SourceRoute { root: mote(0), hops });
     let datagram = Datagram { rpi: Some(UP), route, ..udp(0, 3) };
@@ -145,7 +145,7 @@ fn rfc8138_6_4_each_hop_is_relative_to_the_one_before_it() {
 }
 
 #[test]
-fn rfc8138_6_1_a_header_holds_at_most_32_addresses() {
+fn rfc8138_5_1_a_header_holds_at_most_32_addresses() {
     let hops: Vec<_> = (1..=40).map(mote).collect();
     let route = Some(SourceRoute { root: mote(100), hops });
     let datagram = Datagram { route, ..udp(100, 40) };

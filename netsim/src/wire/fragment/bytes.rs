@@ -103,7 +103,7 @@ impl Put for Payload<'_> {
 
 impl Fragment {
     /// What compression leaves alone, within the part's range. Where that begins in the datagram is told from the size
-    /// as first cut: the headers of a forwarded datagram may have shrunk since (RFC 8138, § 6.5).
+    /// as first cut: the headers of a forwarded datagram may have shrunk since (RFC 8138, § 5.5).
     fn put_tail<S: Sink>(&self, sink: &mut S) {
         let tail = self.datagram.upper.tail_len();
         let headers = usize::from(self.size).saturating_sub(tail);
