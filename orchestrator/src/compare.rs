@@ -1,6 +1,7 @@
 //! How wrong is a model as configured, and where.
 
-use crate::diagnose::ladder::{COMMON, Scores, Search};
+use crate::diagnose::gain::Scores;
+use crate::diagnose::ladder::{COMMON, Search};
 use crate::study::links::LinkStudy;
 use crate::study::robots::RobotStudy;
 use crate::study::view::Viewed as _;

@@ -3,11 +3,13 @@
 //! | module | what |
 //! |---|---|
 //! | [`ladder`] | the search |
+//! | [`gain`] | how much better one model predicts than another |
 //! | [`next`] | the measurement that would break a tie |
 //! | [`scan`] | structure that is left over, and formulas for it |
 //! | [`answer`] | what was found, as JSON and as a table |
 
 pub mod answer;
+pub mod gain;
 pub mod ladder;
 pub mod next;
 pub mod scan;

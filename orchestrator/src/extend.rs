@@ -1,7 +1,8 @@
 //! Writes a configuration with a missing effect added, fitted.
 
 use crate::diagnose::answer::numbers;
-use crate::diagnose::ladder::{COMMON, Scores, Search};
+use crate::diagnose::gain::Scores;
+use crate::diagnose::ladder::{COMMON, Search};
 use crate::measure::config::Compared;
 use crate::study::Study;
 use crate::study::open::Account;

@@ -5,7 +5,8 @@
 //! candidates counted (the first step of Holm's rule), and worth having. Whether rivals would be named in its place is not
 //! asked.
 
-use crate::diagnose::ladder::{FAMILY_ERROR, Scores, Search, WORTH_NATS, WORTH_SHARE};
+use crate::diagnose::gain::Scores;
+use crate::diagnose::ladder::{FAMILY_ERROR, Search, WORTH_NATS, WORTH_SHARE};
 use crate::extend::{self, ExtendError};
 use crate::measure::config::Compared;
 use crate::measure::table::Table;

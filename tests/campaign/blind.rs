@@ -167,6 +167,7 @@ impl Cell {
             "missing": missing,
             "unexplained": unexplained,
             "right_first": right_first,
+            "tied": known.iter().all(|truth| is_tied(truth, diagnosis)),
             "all_found": found == known.len() && (!known.is_empty() || right_first),
             "false_alarms": false_alarms,
             "rank": known.first().and_then(|truth| rank(truth, diagnosis)),
@@ -187,6 +188,15 @@ fn link_name(kind: Hidden, size: Size) -> String {
 
 fn texts(list: &Value) -> Vec<&str> {
     list.as_array().into_iter().flatten().filter_map(Value::as_str).collect()
+}
+
+/// Whether an effect is named, or cannot be told from one that is.
+fn is_tied(truth: &Truth, diagnosis: &Value) -> bool {
+    let accepted = diagnosis["candidates"].as_array().into_iter().flatten();
+    accepted.filter(|candidate| candidate["accepted"] == true).any(|candidate| {
+        candidate["effect"] == truth.effect
+            || texts(&candidate["indistinguishable_from"]).contains(&truth.effect)
+    })
 }
 
 /// Whether a covariate, perhaps with its curve's prefix or without its unit, is one of those.
@@ -225,9 +235,8 @@ fn intervals(truth: &Truth, diagnosis: &Value) -> Vec<Value> {
     let own =
         candidates.and_then(|all| all.iter().find(|candidate| candidate["effect"] == truth.effect));
     let Some(own) = own else { return Vec::new() };
-    truth
-        .parameters
-        .iter()
+    parameters(truth, own)
+        .into_iter()
         .filter_map(|(name, value)| {
             let found = &own["parameters"][name];
             let [low, high] = [found["low"].as_f64()?, found["high"].as_f64()?];
@@ -237,10 +246,30 @@ fn intervals(truth: &Truth, diagnosis: &Value) -> Vec<Value> {
                 "value": found["value"],
                 "low": low,
                 "high": high,
-                "covers": low <= *value && *value <= high,
+                "covers": low <= value && value <= high,
             }))
         })
         .collect()
+}
+
+/// The true parameters, with the ends of a screen named as they were found: either may be called the first.
+fn parameters(truth: &Truth, own: &Value) -> Vec<(&'static str, f64)> {
+    let given = truth.parameters.clone();
+    let swapped: Vec<(&'static str, f64)> = given
+        .iter()
+        .map(|&(name, value)| match name {
+            "from_x_m" => ("to_x_m", value),
+            "from_y_m" => ("to_y_m", value),
+            "to_x_m" => ("from_x_m", value),
+            "to_y_m" => ("from_y_m", value),
+            _ => (name, value),
+        })
+        .collect();
+    let off = |parameters: &[(&str, f64)]| -> f64 {
+        let found = |name: &str| own["parameters"][name]["value"].as_f64();
+        parameters.iter().filter_map(|(name, value)| Some((found(name)? - value).abs())).sum()
+    };
+    if off(&swapped) < off(&given) { swapped } else { given }
 }
 
 /// The tables, as Markdown, from the lines kept; sorted by group.

@@ -1,6 +1,7 @@
 //! What a diagnosis found: for programs as JSON, for people as a table and a sentence.
 
-use super::ladder::{COMMON, Gain, Ladder, Scores, Search};
+use super::gain::{Gain, Scores};
+use super::ladder::{COMMON, Ladder, Search};
 use super::next;
 use super::scan::Structure;
 use crate::study::Study;

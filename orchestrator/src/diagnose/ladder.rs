@@ -1,10 +1,10 @@
 //! The search: which term makes the model predict data that it has not seen better; then which next; until none does.
 
+use super::gain::{Gain, Scores};
 use crate::study::folds::N_FOLDS;
 use crate::study::{Candidate, RowScore, Study};
 use proto::effect::Level;
 use rayon::prelude::*;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use tracing::debug;
@@ -24,91 +24,6 @@ const NEARLY: f64 = 0.8;
 /// No ladder has more rungs.
 const MOST_TERMS: usize = 8;
 
-/// Means of the scores over all rows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scores {
-    /// Log predictive density (nats per row).
-    pub log_score: f64,
-    /// Root of the mean squared error (dB or m).
-    pub rmse: f64,
-    /// Continuous ranked probability score (dB or m).
-    pub crps: f64,
-    /// Log loss of reception (nats per frame); NaN where reception is unknown.
-    pub reception_log_loss: f64,
-}
-
-/// Means of what is a number.
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = values
-        .filter(|value| !value.is_nan())
-        .fold((0.0, 0usize), |(sum, n), value| (sum + value, n + 1));
-    sum / n as f64
-}
-
-impl Scores {
-    /// Of rows.
-    #[must_use]
-    pub fn of(rows: &[RowScore]) -> Self {
-        Self {
-            log_score: mean(rows.iter().map(|row| row.log)),
-            rmse: mean(rows.iter().map(|row| row.squared_error)).sqrt(),
-            crps: mean(rows.iter().map(|row| row.crps)),
-            reception_log_loss: mean(rows.iter().map(|row| row.reception_log_loss)),
-        }
-    }
-
-    /// The greatest share of an error that `self` has less than `parent`.
-    pub(crate) fn share_removed(&self, parent: &Self) -> f64 {
-        let share = |now: f64, before: f64| {
-            let share = 1.0 - now / before;
-            if share.is_finite() { share } else { 0.0 }
-        };
-        share(self.rmse * self.rmse, parent.rmse * parent.rmse)
-            .max(share(self.crps, parent.crps))
-            .max(share(self.reception_log_loss, parent.reception_log_loss))
-    }
-}
-
-/// What adding a term gains on rows left out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gain {
-    /// Nats per row.
-    pub gain: f64,
-    /// Its standard error, over blocks.
-    pub standard_error: f64,
-    /// Probability of as great a gain by chance.
-    pub p_value: f64,
-    /// Number of blocks.
-    pub n_blocks: usize,
-}
-
-impl Gain {
-    /// No gain at all.
-    pub const NONE: Self = Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, n_blocks: 0 };
-
-    /// Of rows in blocks: scores of the candidate less those of its parent.
-    #[must_use]
-    pub fn of(candidate: &[RowScore], parent: &[RowScore], block_of_row: &[u32]) -> Self {
-        let n_blocks = block_of_row.iter().max().map_or(0, |&last| last as usize + 1);
-        let mut sums = vec![(0.0, 0usize); n_blocks];
-        for ((a, b), &block) in candidate.iter().zip(parent).zip(block_of_row) {
-            sums[block as usize].0 += a.log - b.log;
-            sums[block as usize].1 += 1;
-        }
-        let n = candidate.len() as f64;
-        let gain = sums.iter().map(|(sum, _)| sum).sum::<f64>() / n;
-        let blocks = n_blocks as f64;
-        let spread: f64 =
-            sums.iter().map(|&(sum, n)| (sum - n as f64 * gain) * (sum - n as f64 * gain)).sum();
-        let standard_error = (blocks / (blocks - 1.0) * spread).sqrt() / n;
-        let p_value = match StudentsT::new(0.0, 1.0, blocks - 1.0) {
-            Ok(t) if 0.0 < standard_error => t.sf(gain / standard_error),
-            _ => 1.0,
-        };
-        Self { gain, standard_error, p_value, n_blocks }
-    }
-}
-
 /// What was found about a candidate when it was last tried.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
@@ -120,6 +35,8 @@ pub struct Trial {
     pub common: Gain,
     /// Beyond chance with all candidates counted.
     pub is_significant: bool,
+    /// Beyond chance if it were the only candidate, and worth having.
+    pub is_plausible: bool,
     /// Significant, and worth having.
     pub is_acceptable: bool,
     /// Candidates that these data cannot tell from it.
@@ -276,6 +193,7 @@ impl<'a, S: Study> Search<'a, S> {
             gain: Gain::NONE,
             common: Gain::NONE,
             is_significant: false,
+            is_plausible: false,
             is_acceptable: false,
             ties: Vec::new(),
         };
@@ -330,16 +248,17 @@ impl<'a, S: Study> Search<'a, S> {
                 .collect();
             holm(&mut trials, candidates.iter().filter(|c| c.untestable.is_none()).count());
             let parent = rungs[rungs.len() - 1].scores;
-            for trial in trials.iter_mut().filter(|trial| trial.is_significant) {
+            for trial in trials.iter_mut().filter(|trial| trial.gain.p_value < FAMILY_ERROR) {
                 let level = candidates[trial.term].level;
                 let terms = with(&accepted, trial.term);
                 let now = Scores::of(&self.held_out(&terms, level));
                 let before = Scores::of(&self.held_out(&accepted, level));
                 let share = now.share_removed(&before);
                 let floor = LEAST_SHARE * share_scale(&configured, &parent);
-                trial.is_acceptable = (WORTH_NATS <= trial.gain.gain
+                trial.is_plausible = (WORTH_NATS <= trial.gain.gain
                     || WORTH_SHARE.max(floor) <= share)
                     && !removed.contains(&trial.term);
+                trial.is_acceptable = trial.is_significant && trial.is_plausible;
             }
             let Some(best) = self.choose(&trials, &accepted) else {
                 last = trials;
@@ -423,18 +342,11 @@ impl<'a, S: Study> Search<'a, S> {
         }
         let effect = best_of(&|trial| !is_curve(trial));
         let Some(mut best) = effect else { return curve };
-        // A special case that is there by its own right goes before what generalises it; a random one, whose levels fit
-        // anything a little, only if it explains as much.
-        while let Some(special) = best_of(&|trial| {
-            let special = &candidates[trial.term];
-            let is_special = candidates[trials[best].term].generalises.contains(&special.name);
-            if !is_special || special.level != Level::Random {
-                return is_special;
-            }
-            let over = self.between(&trials[best], trial, accepted);
-            over.gain <= 2.0 * over.standard_error
-        }) {
+        while let Some(special) = self.special_case(best, trials, accepted) {
             best = special;
+        }
+        if let Some(law) = self.law_under(best, trials, accepted) {
+            best = law;
         }
         // Of rivals that cannot be told apart, the one with fewer parameters.
         let n_parameters = |index: usize| candidates[trials[index].term].n_parameters;
@@ -449,10 +361,12 @@ impl<'a, S: Study> Search<'a, S> {
             }
         }
         if let Some(curve) = curve {
-            let over = self.between(&trials[curve], &trials[best], accepted);
+            let level = self.common_to(&trials[curve], &trials[best]);
+            let over = self.between_at(&trials[curve], &trials[best], accepted, level);
             // A level of its own for every node or link follows any curve: there it need not be much better.
             let is_random = candidates[trials[best].term].level == Level::Random;
-            let margin = if is_random { 0.0 } else { 2.0 * over.standard_error };
+            let margin =
+                if is_random { 0.0 } else { (2.0 * over.standard_error).max(WORTH_NATS / 2.0) };
             if margin < over.gain {
                 return Some(curve);
             }
@@ -460,15 +374,80 @@ impl<'a, S: Study> Search<'a, S> {
         Some(best)
     }
 
+    /// A special case of the best that goes before it. One that is there by its own right does; what is random, whose levels
+    /// fit anything a little, only if it explains as much. That something is missing is beyond doubt, so that one which is
+    /// beyond chance by itself need not be so with all candidates counted, if it explains more.
+    fn special_case(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
+        let candidates = self.study.candidates();
+        let general = &candidates[trials[best].term].generalises;
+        let goes_before = |trial: &Trial| {
+            let special = &candidates[trial.term];
+            if !trial.is_plausible || !general.contains(&special.name) {
+                return false;
+            }
+            if trial.is_acceptable && special.level != Level::Random {
+                return true;
+            }
+            let over = self.between(&trials[best], trial, accepted);
+            let margin = if trial.is_acceptable { 2.0 * over.standard_error } else { 0.0 };
+            over.gain <= margin
+        };
+        (0..trials.len()).filter(|&index| goes_before(&trials[index])).max_by(|&a, &b| {
+            trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a))
+        })
+    }
+
+    /// Where the best is random, which fits any pattern of known links and nodes: the law that predicts unknown ones best, beyond
+    /// chance with everything random carried along.
+    fn law_under(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
+        let candidates = self.study.candidates();
+        if candidates[trials[best].term].level != Level::Random {
+            return None;
+        }
+        let is_law = |trial: &&Trial| {
+            let candidate = &candidates[trial.term];
+            trial.is_acceptable
+                && candidate.level != Level::Random
+                && candidate.curve_over().is_none()
+        };
+        trials
+            .iter()
+            .enumerate()
+            .filter(|(_, trial)| is_law(trial))
+            .map(|(index, trial)| {
+                let parent = self.full(accepted, Level::Place, None);
+                let terms = with(accepted, trial.term);
+                self.full(&terms, Level::Place, Some(&parent));
+                (index, self.gain(&terms, accepted, Level::Place))
+            })
+            .filter(|(_, gain)| gain.p_value < FAMILY_ERROR && WORTH_NATS <= gain.gain)
+            .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
+            .map(|(index, _)| index)
+    }
+
     /// What one candidate gains over another on the common split.
     fn between(&self, a: &Trial, b: &Trial, accepted: &[usize]) -> Gain {
-        self.gain(&with(accepted, a.term), &with(accepted, b.term), COMMON)
+        self.between_at(a, b, accepted, COMMON)
+    }
+
+    /// What one candidate gains over another.
+    fn between_at(&self, a: &Trial, b: &Trial, accepted: &[usize], level: Level) -> Gain {
+        self.gain(&with(accepted, a.term), &with(accepted, b.term), level)
+    }
+
+    /// The level at which both are judged; the common split, if they differ.
+    fn common_to(&self, a: &Trial, b: &Trial) -> Level {
+        let [a, b] =
+            [a, b].map(|trial| self.study.judged(self.study.candidates()[trial.term].level));
+        if a == b { a } else { COMMON }
     }
 
     /// Whether two candidates predict alike, and neither adds anything to the other.
     fn is_tied(&self, a: &Trial, b: &Trial, accepted: &[usize]) -> bool {
         let difference = self.between(a, b, accepted);
-        if 2.0 * difference.standard_error < difference.gain.abs() {
+        // What is not beyond chance by its own measure may well explain more where places and nodes are known.
+        let apart = if b.is_significant { difference.gain.abs() } else { difference.gain };
+        if 2.0 * difference.standard_error < apart {
             return false;
         }
         let both = with(&with(accepted, a.term), b.term);
@@ -480,7 +459,7 @@ impl<'a, S: Study> Search<'a, S> {
             let gain = self.gain(&both, &with(accepted, first.term), level);
             gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain
         };
-        !(adds(a, b) || adds(b, a))
+        !((b.is_significant && adds(a, b)) || adds(b, a))
     }
 
     /// Whether a candidate that is not beyond chance by its own measure, places and nodes left out, explains the rows nearly as
@@ -498,7 +477,9 @@ impl<'a, S: Study> Search<'a, S> {
         let rise = |fit: &S::Fit| self.study.log_likelihood(fit) - before;
         let enough = NEARLY * rise(&self.full(&with(accepted, best.term), COMMON, None));
         let terms = with(accepted, trial.term);
-        self.promising(&terms, COMMON, &parent, enough).is_some_and(|fit| rise(&fit) >= enough)
+        let fit = self.promising(&terms, COMMON, &parent, enough);
+        debug!(name = candidate.name, rise = ?fit.as_ref().map(|fit| rise(fit)), enough, "rival");
+        fit.is_some_and(|fit| rise(&fit) >= enough)
     }
 
     /// Candidates that cannot be told from the chosen one.

@@ -37,7 +37,7 @@ pub const ENTRY: Entry = Entry {
                  measured for people, e.g. ITU-R P.1238.",
         validity: "A body blocks fully or not at all, whatever its height. Only agents with a radio that is on are known.",
         trace: "Links are low while a third robot stands between their ends, and well again when it has gone.",
-        needs: &[Need::Positions, Need::Readings, Need::OtherAgents],
+        needs: &[Need::Positions, Need::Readings, Need::OtherAgents, Need::Movement],
     },
     fit: Fit {
         parameters: &[

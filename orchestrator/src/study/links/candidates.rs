@@ -5,16 +5,16 @@ use super::terms::{Curve, Spec};
 use super::testable;
 use crate::study::Candidate;
 use netsim::phy::effect;
-use proto::effect::Need;
+use proto::effect::{Level, Need};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Number of knots of a curve over a covariate.
 const KNOTS: usize = 7;
 /// Covariates that follow from time and places and may be a cause by themselves.
-const DERIVED: [&str; 3] = ["time_s", "midpoint_x_m", "midpoint_y_m"];
-/// Of losses: beside what is given, only time.
-const OF_LOSSES: &str = "time_s";
+const DERIVED: [&str; 3] = [TIME, "midpoint_x_m", "midpoint_y_m"];
+/// Beside what is given, losses have a curve only over this.
+const TIME: &str = "time_s";
 
 /// Every term that may be added.
 pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
@@ -44,9 +44,7 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
         .collect();
     let of_losses = covariates
         .iter()
-        .filter(|curve| {
-            rows.links.has_losses && (!curve.is_derived || curve.covariate == OF_LOSSES)
-        })
+        .filter(|curve| rows.links.has_losses && (!curve.is_derived || curve.covariate == TIME))
         .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }));
     effects.chain(covariates.iter().cloned().map(Spec::Curve)).chain(of_losses).collect()
 }
@@ -57,7 +55,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -
         Spec::Curve(curve) => Candidate {
             name: curve.name(),
             about: None,
-            level: testable::level_of(rows, &curve.values),
+            level: level_of(rows, curve),
             n_parameters: curve.knots.len(),
             generalises: Vec::new(),
             is_derived: curve.is_derived,
@@ -83,6 +81,14 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -
             }
         }
     }
+}
+
+/// At which level a curve is judged: what follows from places, on places left out.
+fn level_of(rows: &Rows, curve: &Curve) -> Level {
+    if curve.is_derived && curve.covariate != TIME {
+        return Level::Place;
+    }
+    testable::level_of(rows, &curve.values)
 }
 
 /// A curve over a covariate with knots at its quantiles; none where too few values are known or differ.

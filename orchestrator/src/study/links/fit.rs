@@ -160,17 +160,19 @@ impl<'a> Problem<'a> {
         for scatter in effects.iter().flatten().filter_map(|active| active.effect.scatter()) {
             spread = spread.and(&super::spread_of(&scatter.law));
         }
+        let links = &self.rows.links;
         let averaged = curve.averaged(sd_db, &spread);
         let instrument = Instrument {
             sd_db,
             spread,
             curve,
             averaged,
-            quantum_db: self.rows.links.quantum_db,
-            has_losses: self.rows.links.has_losses,
-            is_aggregated: self.rows.links.is_aggregated,
+            quantum_db: links.quantum_db,
+            has_losses: links.has_losses,
+            is_aggregated: links.is_aggregated,
             link_sd_db,
             wider: None,
+            tabulated: None,
         };
         if instrument.is_aggregated { instrument.with_wider() } else { instrument }
     }

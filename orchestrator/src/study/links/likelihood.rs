@@ -55,6 +55,8 @@ pub struct Instrument {
     pub link_sd_db: f64,
     /// The same with frames that vary a little more, where derivatives are asked for.
     pub wider: Option<Box<Self>>,
+    /// What frames do at every level, where rows sum them up and losses are known.
+    pub tabulated: Option<aggregated::Frames>,
 }
 
 mod aggregated;
@@ -67,6 +69,9 @@ pub struct Noise {
     /// From row to row, where rows sum up several frames (dB).
     pub link_sd_db: f64,
 }
+
+/// Where strengths that are rounded to one reading are looked at (steps of the readings).
+const OFFSETS: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
 
 /// Stated probabilities are not taken for more certain than this.
 const STRAY: f64 = 1e-3;
@@ -133,6 +138,38 @@ impl Instrument {
         }
     }
 
+    /// As [`Self::density`], of all strengths about `power_dbm` that are rounded to the same reading, each by the probability
+    /// that such a frame passes.
+    fn rounded(&self, power_dbm: f64, deviation_db: f64) -> Slope {
+        let not_rounded = -self.quantum_db * self.quantum_db / 12.0;
+        let parts = OFFSETS.map(|offset| {
+            let offset_db = offset * self.quantum_db;
+            let mut part = self.density(deviation_db + offset_db, not_rounded);
+            part.log += (self.curve.at(power_dbm + offset_db) / OFFSETS.len() as f64).ln();
+            part
+        });
+        let greatest =
+            parts.iter().fold(f64::NEG_INFINITY, |greatest, part| greatest.max(part.log));
+        let (mut total, mut sum, mut squares) = (0.0, Slope::default(), 0.0);
+        for part in &parts {
+            let share = (part.log - greatest).exp();
+            total += share;
+            sum.over_level += share * part.over_level;
+            squares += share * part.over_level * part.over_level;
+            sum.weight += share * part.weight;
+            sum.over_ln_sd += share * part.over_ln_sd;
+        }
+        let (over_level, weight) = (sum.over_level / total, sum.weight / total);
+        let spread = squares / total - over_level * over_level;
+        Slope {
+            log: greatest + total.ln(),
+            over_level,
+            weight: (weight - spread).max(0.1 * weight),
+            over_ln_sd: sum.over_ln_sd / total,
+            over_ln_link_sd: 0.0,
+        }
+    }
+
     /// Log likelihood of a sample: one frame, received or lost. `lift_db` is added to the level.
     #[must_use]
     pub fn sample(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
@@ -140,9 +177,16 @@ impl Instrument {
             return self.summed(row, level, lift_db);
         }
         let is_received = row.received == 1.0;
+        let deviation = row.rssi_dbm - level.power_dbm - level.register_db - lift_db;
         let mut slope = Slope::default();
         if is_received {
-            let deviation = row.rssi_dbm - level.power_dbm - level.register_db - lift_db;
+            let by_curve = self.has_losses && level.stated.is_none();
+            let power_dbm = row.rssi_dbm - level.register_db - level.shift_db;
+            if by_curve && !self.curve.is_level(power_dbm, 0.5 * self.quantum_db) {
+                let mut slope = self.rounded(power_dbm, deviation);
+                slope.log += level.ln_survival;
+                return slope;
+            }
             slope = self.density(deviation, 0.0);
         }
         if !self.has_losses {
@@ -238,4 +282,85 @@ pub fn normal_crps(deviation: f64, sd: f64) -> f64 {
     let density = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
     let below = 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
     sd * (z * (2.0 * below - 1.0) + 2.0 * density - 1.0 / std::f64::consts::PI.sqrt())
+}
+
+#[cfg(test)]
+pub(in crate::study::links) mod tests {
+    use super::*;
+    use netsim::phy::reception::table::Table;
+
+    fn instrument(sd_db: f64) -> Instrument {
+        let curve = Sampled::of(&Table::dust());
+        let spread = Spread::none();
+        Instrument {
+            sd_db,
+            averaged: curve.averaged(sd_db, &spread),
+            spread,
+            curve,
+            quantum_db: 1.0,
+            has_losses: true,
+            is_aggregated: false,
+            link_sd_db: 0.0,
+            wider: None,
+            tabulated: None,
+        }
+    }
+
+    pub(in crate::study::links) fn row(frames: f64, received: f64, rssi_dbm: f64) -> Row {
+        let place = [0.0; 3];
+        Row {
+            line: 2,
+            time_s: f64::NAN,
+            run: 0,
+            tx: 1,
+            rx: 2,
+            channel: None,
+            tx_m: place,
+            rx_m: place,
+            tx_heading_rad: f64::NAN,
+            rx_heading_rad: f64::NAN,
+            rssi_dbm,
+            frames,
+            received,
+        }
+    }
+
+    fn level(power_dbm: f64) -> Level {
+        Level { power_dbm, register_db: 0.0, shift_db: 1.3, ln_survival: -0.2, stated: None }
+    }
+
+    #[test]
+    fn readings_sum_to_what_is_received() {
+        for power_dbm in [-98.0, -95.3, -90.0, -80.0] {
+            let (instrument, level) = (instrument(2.0), level(power_dbm));
+            let readings = (-120..-60).map(f64::from);
+            let sum: f64 = readings
+                .map(|rssi| instrument.sample(&row(1.0, 1.0, rssi), &level, 0.0).log.exp())
+                .sum();
+            let passes = instrument.reception(&level, 0.0);
+            assert!((sum - passes).abs() < 2e-3 * passes.max(0.1), "{power_dbm}: {sum} {passes}");
+        }
+    }
+
+    #[test]
+    fn slopes_of_rounded_readings_are_those_of_the_likelihood() {
+        for rssi_dbm in [-96.0, -95.0, -91.0, -79.0] {
+            let at = |power_dbm: f64, sd_db: f64| {
+                instrument(sd_db).sample(&row(1.0, 1.0, rssi_dbm), &level(power_dbm), 0.0)
+            };
+            let (here, h) = (at(-94.0, 2.0), 1e-3);
+            let by_level = (at(-94.0 + h, 2.0).log - at(-94.0 - h, 2.0).log) / (2.0 * h);
+            let by_sd = (at(-94.0, 2.0 + h).log - at(-94.0, 2.0 - h).log) / h;
+            let bend = (at(-94.0 + h, 2.0).over_level - at(-94.0 - h, 2.0).over_level) / (2.0 * h);
+            for (slope, difference) in
+                [(here.over_level, by_level), (here.over_ln_sd, by_sd), (here.weight, -bend)]
+            {
+                let tolerance = 1e-5 * difference.abs().max(1.0);
+                assert!(
+                    (slope - difference).abs() < tolerance,
+                    "{rssi_dbm}: {difference} {here:?}"
+                );
+            }
+        }
+    }
 }

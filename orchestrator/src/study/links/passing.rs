@@ -74,6 +74,12 @@ impl Sampled {
         self.values[index] + part * (self.values[index + 1] - self.values[index])
     }
 
+    /// Whether frames about as strong as this, by `reach_db`, pass alike.
+    #[must_use]
+    pub fn is_level(&self, dbm: f64, reach_db: f64) -> bool {
+        self.at(dbm - reach_db) == self.at(dbm + reach_db)
+    }
+
     /// Averages over normal noise about the mean.
     #[must_use]
     pub fn averaged(&self, sd_db: f64, spread: &Spread) -> Averaged {
@@ -115,8 +121,10 @@ impl Sampled {
 /// The probability that a frame passes as a function of its mean level, noise averaged out, with derivatives.
 #[derive(Clone, Debug)]
 pub struct Averaged {
-    from_dbm: f64,
-    step: f64,
+    /// The first mean level at which it was computed (dBm).
+    pub from_dbm: f64,
+    /// The step from one to the next (dB).
+    pub step: f64,
     sd_db: f64,
     values: Vec<[f64; 3]>,
 }
@@ -137,6 +145,11 @@ pub struct Chance {
 }
 
 impl Averaged {
+    /// The mean levels (dBm) at which it was computed.
+    pub fn points(&self) -> impl Iterator<Item = f64> + use<'_> {
+        (0..self.values.len()).map(|i| self.from_dbm + i as f64 * self.step)
+    }
+
     /// At a mean level.
     #[must_use]
     pub fn at(&self, dbm: f64) -> Chance {

@@ -21,6 +21,8 @@ const ALIKE: f64 = 0.01;
 /// Points of an integral. It reaches on both sides to where the integrand has fallen by so much (nats).
 const POINTS: usize = 25;
 const REACH_NATS: f64 = 14.0;
+/// The mean of what changes slowly needs only every so many of them.
+const EVERY: usize = 3;
 /// Steps to the top of an integrand.
 const TOP_STEPS: usize = 8;
 /// By how much the spread of frames is changed for a derivative.
@@ -50,6 +52,33 @@ impl Seen {
             readings: received.max(1.0),
             knows_losses,
         }
+    }
+}
+
+/// What frames do by their level, tabulated at equal steps: logarithms of the probabilities that one passes and that it does
+/// not, each with its slope, how much stronger those that pass are in the mean (dB), and their variance (dB²).
+#[derive(Clone, Debug)]
+pub struct Frames {
+    from_dbm: f64,
+    step: f64,
+    rows: Vec<[f64; 6]>,
+}
+
+impl Frames {
+    /// At a level: cubic between points where slopes are known, else linear.
+    fn at(&self, dbm: f64) -> (f64, f64, f64, f64) {
+        let last = self.rows.len() - 1;
+        let place = ((dbm - self.from_dbm) / self.step).clamp(0.0, last as f64);
+        let index = (place as usize).min(last - 1);
+        let (part, rest) = (place - index as f64, 1.0 - (place - index as f64));
+        let (a, b) = (&self.rows[index], &self.rows[index + 1]);
+        let cubic = |k: usize| {
+            let rise = b[k] - a[k];
+            let bend = rest * (a[k + 1] * self.step - rise) - part * (b[k + 1] * self.step - rise);
+            a[k] + part * rise + part * rest * bend
+        };
+        let linear = |k: usize| a[k] + part * (b[k] - a[k]);
+        (cubic(0), cubic(2), linear(4), linear(5))
     }
 }
 
@@ -84,12 +113,48 @@ impl Instrument {
         }
     }
 
+    /// What frames do at every level, where losses are known.
+    fn table(&self) -> Frames {
+        let level = Level {
+            power_dbm: 0.0,
+            register_db: 0.0,
+            shift_db: 0.0,
+            ln_survival: 0.0,
+            stated: None,
+        };
+        let rows = self
+            .averaged
+            .points()
+            .map(|u| {
+                let (passes, lift_db, variance) = self.frames(&level, u);
+                let slope = self.averaged.at(u).slope;
+                let fails = 1.0 - passes;
+                [passes.ln(), slope / passes, fails.ln(), -slope / fails, lift_db, variance]
+            })
+            .collect();
+        Frames { from_dbm: self.averaged.from_dbm, step: self.averaged.step, rows }
+    }
+
     /// Log likelihood of what was seen at a level.
     fn seen_at(&self, seen: &Seen, level: &Level, u: f64) -> f64 {
-        let (passes, lift, variance) = self.frames(level, u);
+        let (ln_passes, ln_fails, lift, variance) = match &self.tabulated {
+            Some(frames) if level.stated.is_none() => {
+                let (ln_passes, ln_fails, lift, variance) = frames.at(u - level.shift_db);
+                if level.ln_survival == 0.0 {
+                    (ln_passes, ln_fails, lift, variance)
+                } else {
+                    let ln_passes = ln_passes + level.ln_survival;
+                    (ln_passes, (-ln_passes.exp_m1()).ln(), lift, variance)
+                }
+            }
+            _ => {
+                let (passes, lift, variance) = self.frames(level, u);
+                (passes.ln(), (1.0 - passes).ln(), lift, variance)
+            }
+        };
         let mut log = 0.0;
         if seen.knows_losses {
-            log += seen.received * passes.ln() + (seen.sent - seen.received) * (1.0 - passes).ln();
+            log += seen.received * ln_passes + (seen.sent - seen.received) * ln_fails;
         }
         if seen.reading_dbm.is_finite() {
             let variance = self.mean_variance(variance, seen.readings);
@@ -164,15 +229,20 @@ impl Instrument {
         }
         let (shift, square) = (first / total, second / total);
         let log = best + (total * step).ln() - 0.5 * (std::f64::consts::TAU * variance).ln();
-        // The same integral with frames that vary a little more, at the same points.
+        let left = (square - shift * shift).max(1e-12);
+        // The same integral with frames that vary a little more, as a ratio: at some of the points.
         let wider = self.wider.as_ref().map(|wider| {
-            let parts = logs.iter().enumerate().map(|(k, log)| {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for k in (0..POINTS).step_by(EVERY) {
                 let u = top + away(k);
-                (log - best + wider.seen_at(seen, level, u) - self.seen_at(seen, level, u)).exp()
-            });
-            log + (parts.sum::<f64>() / total).ln()
+                let prior = -0.5 * (u - mean) * (u - mean) / variance;
+                let part = (logs[k] - best).exp();
+                sum += part * (wider.seen_at(seen, level, u) + prior - logs[k]).exp();
+                total += part;
+            }
+            log + (sum / total).ln()
         });
-        Integral { log, level: top + shift, left: (square - shift * shift).max(1e-12), wider }
+        Integral { log, level: top + shift, left, wider }
     }
 
     /// Log likelihood of a row of several frames. `lift_db` is added to the level.
@@ -196,8 +266,9 @@ impl Instrument {
     /// With another instrument beside, whose frames vary a little more: for derivatives.
     #[must_use]
     pub fn with_wider(self) -> Self {
-        let wider = Self { wider: None, ..self.with_sd(WIDER * self.sd_db) };
-        Self { wider: Some(Box::new(wider)), ..self }
+        let tabulated = |one: Self| Self { tabulated: one.has_losses.then(|| one.table()), ..one };
+        let wider = tabulated(Self { wider: None, ..self.with_sd(WIDER * self.sd_db) });
+        Self { wider: Some(Box::new(wider)), ..tabulated(self) }
     }
 
     /// What the mean reading of a row should be (dBm), its standard deviation (dB), the share of frames that should be received
@@ -269,6 +340,7 @@ fn ways(seen: &Seen) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::links::likelihood::tests::row;
     use crate::study::links::passing::{Sampled, Spread};
     use netsim::phy::reception::Curve;
 
@@ -293,7 +365,6 @@ mod tests {
         let averaged = curve.averaged(sd_db, &Spread::none());
         let spread = Spread::none();
         let (quantum_db, has_losses, is_aggregated) = (0.0, true, true);
-        let wider = None;
         Instrument {
             sd_db,
             spread,
@@ -303,28 +374,10 @@ mod tests {
             has_losses,
             is_aggregated,
             link_sd_db,
-            wider,
+            wider: None,
+            tabulated: None,
         }
         .with_wider()
-    }
-
-    fn row(frames: f64, received: f64, rssi_dbm: f64) -> Row {
-        let place = [0.0; 3];
-        Row {
-            line: 2,
-            time_s: f64::NAN,
-            run: 0,
-            tx: 1,
-            rx: 2,
-            channel: None,
-            tx_m: place,
-            rx_m: place,
-            tx_heading_rad: f64::NAN,
-            rx_heading_rad: f64::NAN,
-            rssi_dbm,
-            frames,
-            received,
-        }
     }
 
     fn level(power_dbm: f64) -> Level {
