@@ -3,9 +3,10 @@
 use crate::measure::config::Compared;
 use crate::measure::links::Row;
 use crate::measure::table::Table;
+use crate::study::choices::Choices;
 use crate::study::links::LinkStudy;
 use crate::study::open::{self, Account, OpenError, Subject};
-use crate::study::robots::RobotStudy;
+use crate::study::robots::{RobotStudy, WINDOW_S};
 use crate::study::{Candidate, Study};
 use proto::effect::Level;
 use robotsim::dynamics::Shape;
@@ -30,7 +31,11 @@ pub struct Checked {
 /// # Errors
 ///
 /// What is wrong with either file, in words for its author.
-pub fn data(config: Option<Compared>, table: &Table) -> Result<Checked, OpenError> {
+pub fn data(
+    config: Option<Compared>,
+    table: &Table,
+    choices: &Choices,
+) -> Result<Checked, OpenError> {
     let is_bare = config.is_none();
     let subject = open::subject(table)?;
     let config = match config {
@@ -39,12 +44,12 @@ pub fn data(config: Option<Compared>, table: &Table) -> Result<Checked, OpenErro
     };
     let mut checked = match subject {
         Subject::Links => {
-            let (study, account) = open::links(&config, table)?;
+            let (study, account) = open::links(&config, table, choices)?;
             links(&study, account)
         }
         Subject::Robots => {
-            let (study, account) = open::robots(&config, table)?;
-            robots(&study, account)
+            let (study, account) = open::robots(&config, table, choices)?;
+            robots(&study, account, choices.window_s.unwrap_or(WINDOW_S))
         }
     };
     if is_bare {
@@ -167,7 +172,7 @@ fn links(study: &LinkStudy, account: Account) -> Checked {
     finished(shape, facts, study, account)
 }
 
-fn robots(study: &RobotStudy, account: Account) -> Checked {
+fn robots(study: &RobotStudy, account: Account, window_s: f64) -> Checked {
     let robots = study.robots();
     let samples = &robots.samples;
     let agents: BTreeSet<u32> = samples.iter().map(|sample| sample.agent).collect();
@@ -198,7 +203,12 @@ fn robots(study: &RobotStudy, account: Account) -> Checked {
         from_to("x", "x_m", "m", place(0)),
         from_to("y", "y_m", "m", place(1)),
         from_to("speed", "speed_mps", "m/s", at(0.01).zip(at(0.99)).map(<[f64; 2]>::from)),
-        Fact("windows", format!("{} of 1 s", study.n_rows()), "windows", json!(study.n_rows())),
+        Fact(
+            "windows",
+            format!("{} of {window_s} s", study.n_rows()),
+            "windows",
+            json!(study.n_rows()),
+        ),
     ];
     if let Some(speed) = facts.iter_mut().find(|fact| fact.0 == "speed") {
         speed.1.push_str(" (1 % to 99 %, as measured)");
@@ -240,7 +250,7 @@ fn finished<S: Study>(
     let blocks: Vec<String> = [Level::Time, Level::Place]
         .map(|level| study.blocks(level))
         .iter()
-        .map(|blocks| format!("{} {}", blocks.n_blocks(), blocks.unit))
+        .map(|blocks| format!("{} {}", blocks.n_scored(), blocks.unit))
         .collect();
     let _ = writeln!(text, "  {:<12} {}", "left out in", blocks.join("; "));
     json["blocks"] = json!(blocks);
@@ -252,7 +262,7 @@ fn finished<S: Study>(
             let blocks = study.blocks(candidate.level);
             (!blocks.suffices()).then(|| {
                 let few = crate::study::folds::FEWEST_BLOCKS;
-                format!("has {} {}, needs at least {few}", blocks.n_blocks(), blocks.unit)
+                format!("has {} {}, needs at least {few}", blocks.n_scored(), blocks.unit)
             })
         }
     };

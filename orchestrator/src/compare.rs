@@ -2,6 +2,7 @@
 
 use crate::diagnose::gain::Scores;
 use crate::diagnose::ladder::{COMMON, Search};
+use crate::study::folds::Blocks;
 use crate::study::links::LinkStudy;
 use crate::study::robots::RobotStudy;
 use crate::study::view::Viewed as _;
@@ -38,7 +39,6 @@ struct Interval {
 pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     let scores = search.held_out(&[], COMMON);
     let fit = search.full(&[], COMMON, None);
-    let n = study.n_rows();
     let [deviation, scaled, surprise] = study.residuals(&fit);
     let inside: Vec<f64> = scaled
         .iter()
@@ -71,9 +71,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
         }
         list
     };
-    let all: Vec<usize> = (0..n).collect();
-    let values = of(&all);
-    let intervals = bootstrap(&values, blocks.n_blocks(), &blocks.of_row, &of);
+    let intervals = bootstrap(&of(&scored(blocks)), blocks, &of);
     let places = ranked(&study.covariates(), &deviation, &surprise);
     finished("link", blocks.unit, &intervals, &places)
 }
@@ -137,24 +135,26 @@ pub fn robots(study: &RobotStudy, search: &Search<'_, RobotStudy>) -> Comparison
             ("coverage_90", inside / n),
         ]
     };
-    let all: Vec<usize> = (0..study.n_rows()).collect();
-    let intervals = bootstrap(&of(&all), blocks.n_blocks(), &blocks.of_row, &of);
+    let intervals = bootstrap(&of(&scored(blocks)), blocks, &of);
     let nothing = vec![f64::NAN; along.len()];
     let places = ranked(&study.covariates(), &along, &nothing);
     finished("robot", blocks.unit, &intervals, &places)
 }
 
+/// Rows that are scored.
+fn scored(blocks: &Blocks) -> Vec<usize> {
+    let is_scored = |row: &usize| blocks.scored.as_ref().is_none_or(|scored| scored[*row]);
+    (0..blocks.of_row.len()).filter(is_scored).collect()
+}
+
 /// 90 % intervals by resampling blocks. The draws are fixed: the same file gives the same interval.
-fn bootstrap(
-    values: &Named,
-    n_blocks: usize,
-    block_of_row: &[u32],
-    of: &dyn Fn(&[usize]) -> Named,
-) -> Vec<Interval> {
-    let mut rows_of_block: Vec<Vec<usize>> = vec![Vec::new(); n_blocks];
-    for (row, &block) in block_of_row.iter().enumerate() {
-        rows_of_block[block as usize].push(row);
+fn bootstrap(values: &Named, blocks: &Blocks, of: &dyn Fn(&[usize]) -> Named) -> Vec<Interval> {
+    let mut rows_of_block: Vec<Vec<usize>> = vec![Vec::new(); blocks.n_blocks()];
+    for row in scored(blocks) {
+        rows_of_block[blocks.of_row[row] as usize].push(row);
     }
+    rows_of_block.retain(|rows| !rows.is_empty());
+    let n_blocks = rows_of_block.len();
     let draws = proto::rng::Draws::new(1, proto::rng::Purpose::Resample);
     let mut resampled: Vec<Vec<f64>> = vec![Vec::new(); values.len()];
     for resample in 0..RESAMPLES {

@@ -3,12 +3,14 @@
 //! The search itself ([`crate::diagnose`]) knows neither radio nor robots: it adds terms to a model, fits, and compares how
 //! well data that were left out are predicted. A [`Study`] is one file of measurements held against one configuration.
 
+pub mod choices;
 pub mod folds;
 pub mod links;
 pub mod open;
 pub mod robots;
 pub mod view;
 
+use crate::diagnose::ladder::COMMON;
 use crate::diagnose::next::Apart;
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};
@@ -87,6 +89,11 @@ pub trait Study: Sync {
 
     /// How many rows there are: frames, sums of frames, or windows of motion.
     fn n_rows(&self) -> usize;
+
+    /// Rows that fits may see: all, but those that are only scored.
+    fn fitted_rows(&self) -> Vec<u32> {
+        self.blocks(COMMON).fitted()
+    }
 
     /// Which rows are independent of which, where a covariate varies at this level.
     fn blocks(&self, level: Level) -> &Blocks;

@@ -5,6 +5,9 @@
 //! [`MOST_DEEP`] deep. It is read here, so that what is wrong is pointed at, and compiled once by the crate exmex, with
 //! functions from `libm`, so that every processor computes the same.
 //!
+//! A condition ([`Formula::condition`]) compares such expressions by `< <= > >= == !=`, joined by `and`, `or`, `not`. It is 1
+//! where it holds, 0 where it does not, and not a number where a missing value decides.
+//!
 //! `-x^2` is −(x²), `2^3^2` is 2⁹, `a - b - c` is (a − b) − c.
 
 mod operators;
@@ -13,6 +16,7 @@ mod written;
 
 use exmex::{Express, FlatEx};
 use operators::{Numbers, Operators};
+use reader::Want;
 use std::fmt;
 
 pub use operators::FUNCTIONS;
@@ -61,12 +65,42 @@ impl Formula {
         known: &[&str],
         accepts: &dyn Fn(&str) -> bool,
     ) -> Result<Self, FormulaError> {
+        Self::of(text, Want::Number, known, accepts)
+    }
+
+    /// Reads a condition over the names of `known`.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong, and where.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use proto::formula::Formula;
+    ///
+    /// let formula = Formula::condition("x > 2 and not y == 1", &["x", "y"]).unwrap();
+    /// assert_eq!(formula.evaluate(&[3.0, 1.0]), 0.0);
+    /// assert_eq!(formula.evaluate(&[3.0, 0.5]), 1.0);
+    /// assert!(formula.evaluate(&[3.0, f64::NAN]).is_nan());
+    /// assert_eq!(formula.evaluate(&[1.0, f64::NAN]), 0.0);
+    /// ```
+    pub fn condition(text: &str, known: &[&str]) -> Result<Self, FormulaError> {
+        Self::of(text, Want::Truth, known, &|_| false)
+    }
+
+    fn of(
+        text: &str,
+        want: Want,
+        known: &[&str],
+        accepts: &dyn Fn(&str) -> bool,
+    ) -> Result<Self, FormulaError> {
         let error =
             |at: usize, message: String| FormulaError { text: text.to_owned(), at, message };
         if MOST_BYTES < text.len() {
             return Err(error(MOST_BYTES, format!("longer than {MOST_BYTES} bytes")));
         }
-        let read = reader::read(text, known, accepts)
+        let read = reader::read(text, want, known, accepts)
             .map_err(|(at, message)| error(text[..at].chars().count(), message))?;
         let compiled = FlatEx::parse(&read.expression)
             .map_err(|problem| error(0, format!("cannot be compiled: {problem}")))?;
@@ -163,6 +197,55 @@ mod tests {
             let got = value(text, &[]);
             assert!((got - expected).abs() < 1e-12, "{text}: {got}");
         }
+    }
+
+    #[test]
+    fn a_condition_holds_or_not_or_is_unknown() {
+        let (x, y) = (2.0, f64::NAN);
+        for (text, expected) in [
+            ("x > 1", 1.0),
+            ("x >= 2 and x <= 2", 1.0),
+            ("x < 2 or x == 3", 0.0),
+            ("not x < 2 and x != 3", 1.0),
+            ("not (x < 2 and x != 3)", 1.0),
+            ("(x + 1) * 2 > 5", 1.0),
+            ("((x > 1))", 1.0),
+            ("x > 3 or x > 1 and x < 3", 1.0),
+            ("-x < -1 and abs(-x) > 1", 1.0),
+            ("x < 1 and y > 0", 0.0),
+            ("x > 1 or y > 0", 1.0),
+            ("x > 1 and y > 0", f64::NAN),
+            ("not y > 0", f64::NAN),
+        ] {
+            let formula = Formula::condition(text, KNOWN).unwrap();
+            let values: Vec<f64> =
+                formula.names().iter().map(|name| if name == "x" { x } else { y }).collect();
+            let got = formula.evaluate(&values);
+            assert!(got == expected || got.is_nan() && expected.is_nan(), "{text}: {got}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_condition_is_refused_at_its_place() {
+        for (text, at, part) in [
+            ("x", 1, "compare it with another"),
+            ("x = 3", 2, "equality is =="),
+            ("x > 1 & y > 2", 6, "it is and"),
+            ("x > 1 | y > 2", 6, "it is or"),
+            ("!(x > 1)", 0, "it is not"),
+            ("1 < x < 3", 6, "join two comparisons by and"),
+            ("x and y > 1", 2, "a number stands beside it"),
+            ("(x > 1) + 2 > 1", 0, "a number is needed"),
+            ("not x", 4, "a condition"),
+            ("x > ", 4, "missing at the end"),
+            ("> x", 0, "missing before >"),
+            ("temperature_f > 2", 0, "did you mean temperature_c?"),
+        ] {
+            let error = Formula::condition(text, KNOWN).unwrap_err();
+            assert!(error.message.contains(part) && error.at == at, "{text}: {error:?}");
+        }
+        // Conditions are no numbers: formulas have none.
+        assert!(refusal("x > 1").starts_with("unexpected >"));
     }
 
     #[test]

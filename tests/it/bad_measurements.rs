@@ -4,6 +4,7 @@
 use orchestrator::check::{self, Checked};
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
+use orchestrator::study::choices::Choices;
 use orchestrator::study::open::{self, OpenError};
 use std::path::Path;
 use tests::campaign::{Campaign, Layout};
@@ -79,7 +80,7 @@ impl Sheet {
     }
 
     fn check(&self) -> Result<Checked, OpenError> {
-        check::data(None, &self.table())
+        check::data(None, &self.table(), &Choices::default())
     }
 
     fn warnings(&self) -> String {
@@ -276,7 +277,7 @@ fn the_warnings_stand_beside_every_answer() {
     let sheet = Sheet::links().change("channel", |_, _| "26".into());
     let config = "[netsim.phy]\npropagation = \"friis\"\n".to_owned();
     let config = Compared::of_text(Path::new("model.toml"), config, &[]).unwrap();
-    let (_, account) = open::links(&config, &sheet.table()).unwrap();
+    let (_, account) = open::links(&config, &sheet.table(), &Choices::default()).unwrap();
     assert_eq!(account.warnings, sheet.check().unwrap().account.warnings);
     assert!(account.warnings[0].contains("channel is 26"));
 }
@@ -286,7 +287,7 @@ fn motes_that_only_the_configuration_knows_are_named() {
     let text = "[netsim.phy]\npropagation = \"friis\"\n\n[[netsim.phy.effect]]\nkind = \"battery-sag\"\ndb_per_hour = \
                 -0.5\nnodes = [3, 99]\n";
     let config = Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap();
-    let (_, account) = open::links(&config, &Sheet::links().table()).unwrap();
+    let (_, account) = open::links(&config, &Sheet::links().table(), &Choices::default()).unwrap();
     let warnings = account.warnings.join("\n");
     assert!(warnings.contains("never appear in the measurements: 99."), "{warnings}");
 }

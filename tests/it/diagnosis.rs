@@ -7,6 +7,7 @@ use orchestrator::extend;
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
 use orchestrator::study::Study as _;
+use orchestrator::study::choices::Choices;
 use orchestrator::study::links::LinkStudy;
 use orchestrator::study::open::{self, Account};
 use serde_json::Value;
@@ -22,7 +23,8 @@ fn opened(folder: &Path, campaign: &Campaign) -> (Compared, LinkStudy, Account) 
     std::fs::write(&config, &campaign.config_toml).unwrap();
     std::fs::write(&data, &campaign.csv).unwrap();
     let config = Compared::load(&config, &[]).unwrap();
-    let (study, account) = open::links(&config, &Table::read(&data).unwrap()).unwrap();
+    let (study, account) =
+        open::links(&config, &Table::read(&data).unwrap(), &Choices::default()).unwrap();
     (config, study, account)
 }
 
@@ -220,13 +222,14 @@ fn data_that_cannot_carry_an_answer_are_refused_in_words() {
     let config = Compared::load(&config, &[]).unwrap();
     for (rows, part) in cases {
         let table = Table::of_csv(Path::new("links.csv"), format!("{header}{rows}").as_bytes());
-        let error = open::links(&config, &table.unwrap()).unwrap_err().to_string();
+        let error =
+            open::links(&config, &table.unwrap(), &Choices::default()).unwrap_err().to_string();
         assert!(error.contains(part), "{part}: {error}");
     }
     // A handful of rows are used, but carry no verdict.
     let handful: String = (0..12).map(|time| row(time, "-70", "1")).collect();
     let table = Table::of_csv(Path::new("links.csv"), format!("{header}{handful}").as_bytes());
-    let (study, _) = open::links(&config, &table.unwrap()).unwrap();
+    let (study, _) = open::links(&config, &table.unwrap(), &Choices::default()).unwrap();
     let ladder = Search::new(&study, QUIET).climb();
     assert!(ladder.too_little.unwrap().contains("too few independent blocks"));
 }

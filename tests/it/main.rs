@@ -5,6 +5,7 @@
 mod anchors;
 mod bad_measurements;
 mod catalogue;
+mod choices;
 mod configs;
 mod conformance;
 mod contract;

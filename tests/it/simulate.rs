@@ -5,6 +5,7 @@ use orchestrator::diagnose::ladder::Search;
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
 use orchestrator::simulate::simulate;
+use orchestrator::study::choices::Choices;
 use orchestrator::study::open;
 use orchestrator::study::{Candidate, Study};
 use std::path::Path;
@@ -40,7 +41,7 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
     assert!(!simulated.is_noise_estimated && simulated.noise == 2.0);
     let made = table(&csv);
 
-    let (study, _) = open::links(&config(&truth), &made).unwrap();
+    let (study, _) = open::links(&config(&truth), &made, &Choices::default()).unwrap();
     assert_eq!(study.rows.links.quantum_db, 1.0, "readings are rounded like the file's");
     let found = compare::links(&study, &Search::new(&study, QUIET)).json;
     let score = |name: &str| found["scores"][name].as_f64().unwrap();
@@ -49,7 +50,7 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
     // The noise is 2 dB; four standard errors of the mean are 0.13 dB.
     assert!(score("bias_db").abs() < 0.13, "{found:#}");
 
-    let (study, _) = open::links(&config(&plain), &made).unwrap();
+    let (study, _) = open::links(&config(&plain), &made, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
     let ladder = search.climb();
     let names: Vec<&str> =
@@ -80,13 +81,13 @@ fn an_effect_of_robots_that_is_put_in_is_found_and_the_true_model_knows_what_it_
     assert_eq!(csv.lines().next(), campaign.csv.lines().next());
     let made = table(&csv);
 
-    let (study, _) = open::robots(&config(&truth), &made).unwrap();
+    let (study, _) = open::robots(&config(&truth), &made, &Choices::default()).unwrap();
     let found = compare::robots(&study, &Search::new(&study, QUIET)).json;
     let coverage = found["scores"]["coverage_90"].as_f64().unwrap();
     // Windows overlap: some 1200 independent residuals, four standard errors are 0.035.
     assert!((coverage - 0.9).abs() < 0.035, "{found:#}");
 
-    let (study, _) = open::robots(&config(&plain), &made).unwrap();
+    let (study, _) = open::robots(&config(&plain), &made, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
     let slip = named(study.candidates(), "slip");
     let level = study.candidates()[slip].level;
@@ -141,7 +142,7 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
 
     let made = Table::read(&folder.path().join("runs/measured")).unwrap();
     let score = |text: &str, name: &str| {
-        let (study, _) = open::links(&config(text), &made).unwrap();
+        let (study, _) = open::links(&config(text), &made, &Choices::default()).unwrap();
         assert!(study.rows.links.has_losses, "links that were not heard are there");
         let json = compare::links(&study, &Search::new(&study, QUIET)).json;
         json["scores"][name].as_f64().unwrap()

@@ -1,6 +1,6 @@
 //! `orchestrator check`: an experiment file, or a file of measurements, without running or fitting anything.
 
-use super::measured::{account_json, account_text};
+use super::measured::{ChoiceArgs, account_json, account_text};
 use super::{Failure, OverrideArgs, write_json};
 use crate::check;
 use crate::config;
@@ -19,6 +19,8 @@ pub(super) struct CheckArgs {
     /// Measurements: says what they hold, what is odd about them, and which effects they can show
     #[arg(long, value_name = "FILE")]
     data: Option<PathBuf>,
+    #[command(flatten)]
+    choices: ChoiceArgs,
     #[command(flatten)]
     change: OverrideArgs,
     /// Write what was found as JSON
@@ -40,7 +42,8 @@ fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     let config = args.config.as_deref().map(|path| Compared::load(path, &args.change.set));
     let config = config.transpose().map_err(Failure::request)?;
     let table = Table::read(data).map_err(Failure::request)?;
-    let mut checked = check::data(config, &table).map_err(Failure::request)?;
+    let mut checked =
+        check::data(config, &table, &args.choices.choices()).map_err(Failure::request)?;
     account_text(&checked.account);
     account_json(&checked.account, &mut checked.json);
     say(checked.text.trim_end());

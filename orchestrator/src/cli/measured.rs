@@ -10,6 +10,7 @@ use crate::measure::config::Compared;
 use crate::measure::robots::Sample;
 use crate::report::measured::{Contents, LinkRows, RobotRows, Rows, page};
 use crate::study::Study;
+use crate::study::choices::{Choices, Split};
 use crate::study::links::LinkStudy;
 use crate::study::open::{self, Account, Subject};
 use crate::study::robots::RobotStudy;
@@ -30,9 +31,60 @@ pub(super) struct DataArgs {
     /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    choices: ChoiceArgs,
     /// Write what was found as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+/// Which rows are used, which are left out together, how far robots are predicted.
+#[derive(Args, Clone)]
+pub(super) struct ChoiceArgs {
+    /// Use only rows on which a condition over columns and derived covariates holds: 'pdr > 0.5 and distance_m < 30'. Of
+    /// robots, windows when they begin
+    #[arg(long = "where", value_name = "CONDITION")]
+    condition: Option<String>,
+    /// What is left out together, in place of the unit that suits each effect
+    #[arg(long, value_name = "UNIT")]
+    split: Option<Split>,
+    /// Fit to these runs only, numbers of the column run: 1,2. Scored are those of --score-runs, or all others
+    #[arg(long, value_name = "RUNS", value_delimiter = ',')]
+    fit_runs: Vec<u32>,
+    /// Score these runs only, by a fit to those of --fit-runs, or to all others
+    #[arg(long, value_name = "RUNS", value_delimiter = ',')]
+    score_runs: Vec<u32>,
+    /// How far ahead robots are predicted (s) [default: 1]
+    #[arg(long, value_name = "S")]
+    window: Option<f64>,
+}
+
+impl ChoiceArgs {
+    pub(super) fn choices(&self) -> Choices {
+        Choices {
+            condition: self.condition.clone(),
+            split: self.split,
+            fit_runs: self.fit_runs.clone(),
+            score_runs: self.score_runs.clone(),
+            window_s: self.window,
+        }
+    }
+
+    /// As they would be typed.
+    fn words(&self) -> String {
+        let runs = |option: &str, runs: &[u32]| {
+            let list: Vec<String> = runs.iter().map(u32::to_string).collect();
+            if runs.is_empty() { String::new() } else { format!(" --{option} {}", list.join(",")) }
+        };
+        [
+            self.condition.as_ref().map_or_else(String::new, |text| format!(" --where '{text}'")),
+            self.split.map_or_else(String::new, |split| format!(" --split {split}")),
+            runs("fit-runs", &self.fit_runs),
+            runs("score-runs", &self.score_runs),
+            self.window.map_or_else(String::new, |window_s| format!(" --window {window_s}")),
+        ]
+        .concat()
+    }
 }
 
 pub(super) fn account_json(account: &Account, json: &mut Value) {
@@ -84,9 +136,10 @@ impl AnswerArgs {
         let set: String = data.set.iter().map(|key| format!(" --set '{key}'")).collect();
         let report = self.report.as_deref().map(Path::display);
         format!(
-            "orchestrator {verb} {} --data {}{set} --report {}",
+            "orchestrator {verb} {} --data {}{set}{} --report {}",
             data.config.display(),
             data.data.display(),
+            data.choices.words(),
             report.map_or_else(String::new, |report| report.to_string())
         )
     }
@@ -204,13 +257,15 @@ pub(super) fn compare(args: &AnswerArgs) -> Result<(), Failure> {
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
-            let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+            let (study, account) =
+                open::links(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
             let search = Search::new(&study, &progress);
             let found = compared(&account, compare::links(&study, &search));
             args.write(&config, &found, || Pictures::of_links(&study, &search, &[]))
         }
         Subject::Robots => {
-            let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
+            let (study, account) =
+                open::robots(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
             let search = Search::new(&study, &progress);
             let found = compared(&account, compare::robots(&study, &search));
             args.write(&config, &found, || Pictures::of_robots(&study, &search, &[]))
@@ -236,14 +291,16 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
-            let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+            let (study, account) =
+                open::links(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
             let thin = study.thinned();
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
             extend_with(args, (&config, &account), searched, whole, ("netsim.phy.effect", "dB"))
         }
         Subject::Robots => {
-            let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
+            let (study, account) =
+                open::robots(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
             extend_with(args, (&config, &account), &study, None, ("robotsim.dynamics.effect", "m"))
         }
     }
@@ -294,7 +351,8 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
-            let (study, account) = open::links(&config, &table).map_err(Failure::request)?;
+            let (study, account) =
+                open::links(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
             account_text(&account);
             let thin = study.thinned();
             let (searched, whole) =
@@ -317,7 +375,8 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             args.write(&config, &found, || Pictures::of_links(searched, &search, &ladder.accepted))
         }
         Subject::Robots => {
-            let (study, account) = open::robots(&config, &table).map_err(Failure::request)?;
+            let (study, account) =
+                open::robots(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
             account_text(&account);
             let search = Search::new(&study, &progress);
             let ladder = search.climb();

@@ -52,8 +52,7 @@ pub fn numbers<'a, S: Study>(
 ) -> (&'a S, Arc<S::Fit>) {
     let found = search.full(terms, COMMON, None);
     let Some(whole) = whole else { return (study, found) };
-    let all: Vec<u32> = (0..whole.n_rows() as u32).collect();
-    (whole, Arc::new(whole.fit(terms, &all, COMMON, Some(&found))))
+    (whole, Arc::new(whole.fit(terms, &whole.fitted_rows(), COMMON, Some(&found))))
 }
 
 /// Says what a search found. `whole`: all rows, where the search looked at some of them.

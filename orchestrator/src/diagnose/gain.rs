@@ -71,10 +71,16 @@ impl Gain {
         let n_blocks = block_of_row.iter().max().map_or(0, |&last| last as usize + 1);
         let mut sums = vec![(0.0, 0usize); n_blocks];
         for ((a, b), &block) in candidate.iter().zip(parent).zip(block_of_row) {
-            sums[block as usize].0 += a.log - b.log;
-            sums[block as usize].1 += 1;
+            let difference = a.log - b.log;
+            if !difference.is_nan() {
+                sums[block as usize].0 += difference;
+                sums[block as usize].1 += 1;
+            }
         }
-        let n = candidate.len() as f64;
+        // Rows that are not scored have no part in it.
+        sums.retain(|&(_, n)| 0 < n);
+        let n_blocks = sums.len();
+        let n = sums.iter().map(|&(_, n)| n).sum::<usize>() as f64;
         let gain = sums.iter().map(|(sum, _)| sum).sum::<f64>() / n;
         let blocks = n_blocks as f64;
         let spread: f64 =

@@ -1,7 +1,6 @@
 //! The search: which term makes the model predict data that it has not seen better; then which next; until none does.
 
 use super::gain::{Gain, Scores};
-use crate::study::folds::N_FOLDS;
 use crate::study::{Candidate, RowScore, Study};
 use proto::effect::Level;
 use rayon::prelude::*;
@@ -90,7 +89,7 @@ impl<'a, S: Study> Search<'a, S> {
     pub fn new(study: &'a S, report: &'a (dyn Fn(&str) + Sync)) -> Self {
         Self {
             study,
-            all: (0..study.n_rows() as u32).collect(),
+            all: study.fitted_rows(),
             held_out: Mutex::default(),
             full: Mutex::default(),
             report,
@@ -117,22 +116,30 @@ impl<'a, S: Study> Search<'a, S> {
         }
         let start = self.full(terms, level, None);
         let blocks = self.study.blocks(level);
-        let parts: Vec<(Vec<u32>, Vec<RowScore>)> = (0..N_FOLDS)
+        let n_folds = blocks.n_folds();
+        let parts: Vec<(Vec<u32>, Vec<RowScore>)> = (0..n_folds)
             .into_par_iter()
             .map(|fold| {
                 let (train, test) = blocks.split(fold);
-                let fit = self.study.fit(terms, &train, level, Some(&start));
-                let scores = self.study.scores(&fit, &test);
+                if train.is_empty() || test.is_empty() {
+                    return (Vec::new(), Vec::new());
+                }
+                let scores = if n_folds == 1 {
+                    self.study.scores(&start, &test)
+                } else {
+                    let fit = self.study.fit(terms, &train, level, Some(&start));
+                    self.study.scores(&fit, &test)
+                };
                 (test, scores)
             })
             .collect();
         let nothing = RowScore {
-            log: 0.0,
+            log: f64::NAN,
             squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
         };
-        let mut scores = vec![nothing; self.all.len()];
+        let mut scores = vec![nothing; self.study.n_rows()];
         for (rows, part) in parts {
             for (row, score) in rows.into_iter().zip(part) {
                 scores[row as usize] = score;
@@ -309,7 +316,7 @@ impl<'a, S: Study> Search<'a, S> {
         (!blocks.suffices()).then(|| {
             format!(
                 "too few independent blocks to tell: {} {}, at least {} are needed",
-                blocks.n_blocks(),
+                blocks.n_scored(),
                 blocks.unit,
                 crate::study::folds::FEWEST_BLOCKS
             )

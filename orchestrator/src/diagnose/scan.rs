@@ -1,6 +1,6 @@
 //! What is left over when no effect gains any more: structure over a covariate, and a short formula for it.
 
-use crate::study::folds::{Blocks, N_FOLDS};
+use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -193,8 +193,8 @@ pub fn formula(
     }
     let mut best: Option<(f64, String)> = None;
     for shape in shapes(name, &known) {
-        let mut squares = 0.0;
-        for fold in 0..N_FOLDS {
+        let (mut squares, mut n_scored) = (0.0, 0usize);
+        for fold in 0..blocks.n_folds() {
             let is_test = |row: usize| blocks.fold(row as u32) == fold;
             let train = rows.iter().copied().filter(|&row| !is_test(row));
             let Some(factors) = least_squares(&shape, values, deviation_db, train) else {
@@ -204,9 +204,10 @@ pub fn formula(
             for &row in rows.iter().filter(|&&row| is_test(row)) {
                 let left = deviation_db[row] - value(&shape, &factors, values[row]);
                 squares += left * left;
+                n_scored += 1;
             }
         }
-        let rmse = (squares / rows.len() as f64).sqrt();
+        let rmse = (squares / n_scored as f64).sqrt();
         // A longer formula must earn its length.
         if rmse.is_finite() && best.as_ref().is_none_or(|(least, _)| rmse < 0.998 * least) {
             let factors = least_squares(&shape, values, deviation_db, rows.iter().copied())?;

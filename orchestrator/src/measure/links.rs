@@ -212,10 +212,7 @@ pub fn read(table: &Table) -> Result<Links, String> {
             Some(_) => covariates.push((name.clone(), values)),
         }
     }
-    let received: f64 = rows.iter().map(|row| row.received).filter(|r| r.is_finite()).sum();
-    let frames: f64 =
-        rows.iter().filter(|row| row.received.is_finite()).map(|row| row.frames).sum();
-    let has_losses = 0.0 < frames && received < frames && 0.0 < received;
+    let (frames, received) = counts(&rows);
     if !rows.is_empty() && 0.0 < frames && frames <= received {
         warnings.push(
             "every frame was received: what decides reception cannot be tested, and weak readings may be missing \
@@ -230,13 +227,13 @@ pub fn read(table: &Table) -> Result<Links, String> {
     }
     let links = Links {
         quantum_db: quantum(&rows, is_aggregated),
-        rows,
         covariates,
         rejected: rejections.into_list(),
         warnings,
         n_rows,
         is_aggregated,
-        has_losses,
+        has_losses: has_losses(&rows),
+        rows,
     };
     if links.rows.iter().all(|row| row.rssi_dbm.is_nan()) {
         return Err(format!(
@@ -249,6 +246,20 @@ pub fn read(table: &Table) -> Result<Links, String> {
         ));
     }
     Ok(links)
+}
+
+/// Frames sent and received, of rows that say both.
+fn counts(rows: &[Row]) -> (f64, f64) {
+    rows.iter()
+        .filter(|row| row.received.is_finite())
+        .fold((0.0, 0.0), |(frames, received), row| (frames + row.frames, received + row.received))
+}
+
+/// Whether rows say which frames were lost, and some were and some were not.
+#[must_use]
+pub fn has_losses(rows: &[Row]) -> bool {
+    let (frames, received) = counts(rows);
+    0.0 < received && received < frames
 }
 
 /// A whole number that fits.

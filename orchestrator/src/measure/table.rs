@@ -9,6 +9,9 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read};
 use std::path::{Path, PathBuf};
 
+/// Nanoseconds of a day: runs of a K7 trace.
+const NS_PER_DAY: u64 = 86_400_000_000_000;
+
 /// A table of numbers. A missing value is NaN.
 #[derive(Clone, Debug)]
 pub struct Table {
@@ -84,8 +87,10 @@ impl Table {
     /// The rows of a K7 trace as an aggregated link table.
     fn of_k7(trace: &netsim::k7::K7) -> Self {
         let of = |value: &dyn Fn(&netsim::k7::Row) -> f64| trace.rows.iter().map(value).collect();
-        let columns: [(&str, Vec<f64>); 7] = [
+        let columns: [(&str, Vec<f64>); 8] = [
             ("time_s", of(&|row| row.from_ns as f64 * 1e-9)),
+            // Days from the first row on, so that one can be told from another.
+            ("run", of(&|row| 1.0 + (row.from_ns / NS_PER_DAY) as f64)),
             ("tx", of(&|row| f64::from(row.src))),
             ("rx", of(&|row| f64::from(row.dst))),
             ("channel", of(&|row| row.channel.map_or(f64::NAN, f64::from))),

@@ -1,6 +1,8 @@
 //! Blocks of rows that depend on each other, dealt to folds that are left out in turn.
 
-/// Number of folds.
+use std::collections::BTreeSet;
+
+/// Number of folds, where rows are left out in turn.
 pub const N_FOLDS: usize = 5;
 /// With fewer blocks nothing can be told.
 pub const FEWEST_BLOCKS: usize = 20;
@@ -19,6 +21,8 @@ pub struct Blocks {
     /// Rows that a fold's training leaves out beside its own: they lie too near. None for most kinds of blocks. As
     /// (row, fold), sorted.
     pub gaps: Vec<(u32, u8)>,
+    /// Which rows are scored, by a fit to all others: one split by hand, and no folds.
+    pub scored: Option<Vec<bool>>,
 }
 
 impl Blocks {
@@ -45,7 +49,7 @@ impl Blocks {
             filled[fold] += n_rows[block];
             fold_of_block[block] = fold as u8;
         }
-        Self { unit, of_row, fold_of_block, clusters: None, gaps: Vec::new() }
+        Self { unit, of_row, fold_of_block, clusters: None, gaps: Vec::new(), scored: None }
     }
 
     /// Number of blocks.
@@ -60,16 +64,46 @@ impl Blocks {
         self.clusters.as_deref().unwrap_or(&self.of_row)
     }
 
+    /// Number of blocks that rows are scored in.
+    #[must_use]
+    pub fn n_scored(&self) -> usize {
+        self.distinct(&self.of_row)
+    }
+
+    fn distinct(&self, numbers: &[u32]) -> usize {
+        let Some(scored) = &self.scored else {
+            return numbers.iter().max().map_or(0, |&last| last as usize + 1);
+        };
+        let of_scored = numbers.iter().zip(scored).filter(|(_, scored)| **scored);
+        of_scored.map(|(number, _)| number).collect::<BTreeSet<_>>().len()
+    }
+
     /// Whether there are enough blocks to tell anything.
     #[must_use]
     pub fn suffices(&self) -> bool {
-        let n_clusters = self.dependent().iter().max().map_or(0, |&last| last as usize + 1);
-        FEWEST_BLOCKS <= self.n_blocks().min(n_clusters)
+        FEWEST_BLOCKS <= self.n_scored().min(self.distinct(self.dependent()))
     }
 
-    /// The fold of a row.
+    /// How many folds are left out in turn.
+    #[must_use]
+    pub fn n_folds(&self) -> usize {
+        if self.scored.is_some() { 1 } else { N_FOLDS }
+    }
+
+    /// Rows that a fit may see: all, but those that are only scored.
+    #[must_use]
+    pub fn fitted(&self) -> Vec<u32> {
+        let is_only_scored =
+            |row: &u32| self.scored.as_ref().is_some_and(|scored| scored[*row as usize]);
+        (0..self.of_row.len() as u32).filter(|row| !is_only_scored(row)).collect()
+    }
+
+    /// The fold of a row: of one split by hand, 0 where it is scored and 1 where it is not.
     #[must_use]
     pub fn fold(&self, row: u32) -> usize {
+        if let Some(scored) = &self.scored {
+            return usize::from(!scored[row as usize]);
+        }
         usize::from(self.fold_of_block[self.of_row[row as usize] as usize])
     }
 
@@ -81,7 +115,8 @@ impl Blocks {
         for row in 0..self.of_row.len() as u32 {
             if self.fold(row) == fold {
                 test.push(row);
-            } else if self.gaps.binary_search(&(row, fold as u8)).is_err() {
+            } else if self.scored.is_some() || self.gaps.binary_search(&(row, fold as u8)).is_err()
+            {
                 train.push(row);
             }
         }
@@ -119,5 +154,18 @@ mod tests {
             }
         }
         assert!(out.iter().all(|&times| times == 1));
+    }
+
+    #[test]
+    fn of_one_split_by_hand_what_is_scored_is_not_fitted_to() {
+        let keys: Vec<u64> = (0..100).map(|row| row / 2).collect();
+        let mut blocks = Blocks::of_keys("blocks", &keys);
+        assert!(blocks.suffices());
+        blocks.scored = Some((0..100).map(|row| row < 30).collect());
+        let (train, test) = blocks.split(0);
+        assert_eq!((train.clone(), test), ((30..100).collect(), (0..30).collect()));
+        assert_eq!(blocks.fitted(), train);
+        assert_eq!((blocks.n_folds(), blocks.n_scored()), (1, 15));
+        assert!(!blocks.suffices(), "only what is scored counts");
     }
 }

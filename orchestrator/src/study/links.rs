@@ -34,6 +34,7 @@ pub mod terms;
 pub mod testable;
 mod view;
 
+use super::choices::{ChoiceError, Choices};
 use super::folds::Blocks;
 use super::{Candidate, Estimate, RowScore, Study};
 use crate::diagnose::next::Apart;
@@ -74,6 +75,10 @@ pub struct LinkStudy {
     fixed_sd_db: Option<f64>,
     configured: Deviations,
     bases: Bases,
+    /// What was chosen by hand.
+    choices: Choices,
+    /// How many rows fits may see.
+    n_fitted: usize,
 }
 
 /// How a random contribution varies from frame to frame.
@@ -84,13 +89,34 @@ pub(super) fn spread_of(law: &Law) -> Spread {
 impl LinkStudy {
     /// Holds the rows against their model, with every effect of the catalogue and a curve over every covariate as
     /// candidates.
-    #[must_use]
-    pub fn new(rows: Rows, fixed_sd_db: Option<f64>) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// Rows cannot be left out as chosen.
+    pub fn new(
+        rows: Rows,
+        fixed_sd_db: Option<f64>,
+        choices: &Choices,
+    ) -> Result<Self, ChoiceError> {
         let specs = candidates::specs(&rows);
         let still = testable::still(&rows);
-        let time = group::time_blocks(&rows);
-        let place = group::place_blocks(&rows, &still);
-        let once = (!group::has_times(&rows)).then(|| group::link_channel_blocks(&rows));
+        let runs: Vec<u32> = rows.links.rows.iter().map(|row| row.run).collect();
+        let folded = |blocks| choices.folded(blocks, &runs);
+        let (time, place, once) = match choices.split {
+            Some(split) => {
+                let blocks = group::split_blocks(&rows, &still, split)?;
+                (blocks.clone(), blocks, None)
+            }
+            None => {
+                let once = !group::has_times(&rows);
+                (
+                    group::time_blocks(&rows),
+                    group::place_blocks(&rows, &still),
+                    once.then(|| group::link_channel_blocks(&rows)),
+                )
+            }
+        };
+        let (time, place, once) = (folded(time), folded(place), once.map(folded));
         let moving = still.values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
         let finest = [group::HALF_WAVE_M];
@@ -100,7 +126,9 @@ impl LinkStudy {
         let configured = configured(&rows);
         let candidates =
             specs.iter().map(|spec| candidates::candidate(spec, &rows, &still)).collect();
-        Self {
+        Ok(Self {
+            n_fitted: time.fitted().len(),
+            choices: choices.clone(),
             rows,
             candidates,
             specs,
@@ -111,7 +139,7 @@ impl LinkStudy {
             fixed_sd_db,
             configured,
             bases: Bases::default(),
-        }
+        })
     }
 
     /// A study of about as many rows as a search needs, spread evenly; none where there are hardly more. Nothing that is worth
@@ -124,7 +152,7 @@ impl LinkStudy {
             return None;
         }
         let rows = self.rows.some(&group::spread_evenly(&self.rows, most));
-        let thin = Self::new(rows, self.fixed_sd_db);
+        let thin = Self::new(rows, self.fixed_sd_db, &self.choices).ok()?;
         let names = |study: &Self| -> Vec<String> {
             study.candidates.iter().map(|candidate| candidate.name.clone()).collect()
         };
@@ -363,8 +391,8 @@ impl Study for LinkStudy {
             let index = fit.terms.iter().position(|&other| other == term)?;
             // What was searched with all rows is searched again without those left out, and at another level, where links have
             // levels of their own or none.
-            let again =
-                self.is_searched(term) && (train.len() < self.rows.len() || fit.level != level);
+            let is_part = train.len() < self.n_fitted;
+            let again = self.is_searched(term) && (is_part || fit.level != level);
             (!again).then(|| fit.states[index].clone())
         };
         // One term at a time may be new: the others start where they were.
@@ -400,7 +428,7 @@ impl Study for LinkStudy {
         {
             return None;
         }
-        let all: Vec<u32> = (0..self.rows.len() as u32).collect();
+        let all = self.fitted_rows();
         let starts = self
             .starts_of(term, terms, &all, level, Some(parent))
             .into_iter()

@@ -1,10 +1,12 @@
 //! From two files, measurements and a configuration, to a study.
 
 use super::Study;
+use super::choices::{ChoiceError, Choices, Seen};
 use super::folds::FEWEST_BLOCKS;
 use super::links::LinkStudy;
+use super::links::covariates;
 use super::links::rows::Rows;
-use super::robots::{RobotStudy, WINDOW_S};
+use super::robots::{Given, RobotStudy, RobotStudyError};
 use crate::config::Refusal;
 use crate::measure::config::Compared;
 use crate::measure::table::Table;
@@ -24,6 +26,9 @@ pub enum OpenError {
     /// The data cannot be read.
     #[error(transparent)]
     Data(#[from] DataError),
+    /// What was chosen by hand cannot be.
+    #[error(transparent)]
+    Choice(#[from] ChoiceError),
     /// The data can be read, but not used.
     #[error("{file}: {reason}")]
     Useless {
@@ -96,7 +101,11 @@ fn hinted(lacking: &[String], table: &Table) -> String {
 /// # Errors
 ///
 /// What is wrong with either, in words for its author.
-pub fn robots(config: &Compared, table: &Table) -> Result<(RobotStudy, Account), OpenError> {
+pub fn robots(
+    config: &Compared,
+    table: &Table,
+    choices: &Choices,
+) -> Result<(RobotStudy, Account), OpenError> {
     let file = table.path.display().to_string();
     let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
     let robots = robots::read(table).map_err(useless)?;
@@ -120,16 +129,19 @@ pub fn robots(config: &Compared, table: &Table) -> Result<(RobotStudy, Account),
         rejected: robots.rejected.clone(),
         warnings: robots.warnings.clone(),
     };
-    let study = RobotStudy::new(
-        robots,
-        &dynamics,
-        written.get("wheelbase_m").is_some(),
-        localization_sd_m(config),
-        config.site.terrain.clone(),
-        WINDOW_S,
-        false,
-    )
-    .map_err(|error| useless(error.to_string()))?;
+    let given = Given {
+        is_wheelbase_given: written.get("wheelbase_m").is_some(),
+        sd_m: localization_sd_m(config),
+        terrain: config.site.terrain.clone(),
+    };
+    let study =
+        RobotStudy::new(robots, &dynamics, given, (choices, table)).map_err(
+            |error| match error {
+                RobotStudyError::Choice(error) => error.into(),
+                other => useless(other.to_string()),
+            },
+        )?;
+    account.rejected.extend_from_slice(study.rejected());
     account.warnings.extend(too_few(&study));
     Ok((study, account))
 }
@@ -154,7 +166,14 @@ fn name_of(table: &Table) -> String {
 /// # Errors
 ///
 /// What is wrong with either, in words for its author.
-pub fn links(config: &Compared, table: &Table) -> Result<(LinkStudy, Account), OpenError> {
+pub fn links(
+    config: &Compared,
+    table: &Table,
+    choices: &Choices,
+) -> Result<(LinkStudy, Account), OpenError> {
+    if choices.window_s.is_some() {
+        return Err(ChoiceError::NoWindows.into());
+    }
     let file = table.path.display().to_string();
     let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
     let links = links::read(table).map_err(useless)?;
@@ -178,6 +197,7 @@ pub fn links(config: &Compared, table: &Table) -> Result<(LinkStudy, Account), O
             ),
         });
     }
+    let (rows, choices) = chosen(rows, table, choices)?;
     let mut account = Account {
         file: name_of(table),
         sha256: table.sha256.clone(),
@@ -187,9 +207,31 @@ pub fn links(config: &Compared, table: &Table) -> Result<(LinkStudy, Account), O
         warnings: rows.links.warnings.clone(),
     };
     account.warnings.extend(absent(config, &rows));
-    let study = LinkStudy::new(rows, fixed_sd_db);
+    let study = LinkStudy::new(rows, fixed_sd_db, &choices)?;
     account.warnings.extend(too_few(&study));
     Ok((study, account))
+}
+
+/// The rows that are used by choice, and the choices with all campaigns named.
+fn chosen(rows: Rows, table: &Table, choices: &Choices) -> Result<(Rows, Choices), ChoiceError> {
+    let measured = &rows.links.rows;
+    let runs: Vec<u32> = measured.iter().map(|row| row.run).collect();
+    let choices = choices.resolved(&runs)?;
+    let seen = Seen {
+        table,
+        lines: measured.iter().map(|row| row.line).collect(),
+        runs,
+        derived: if choices.condition.is_some() { covariates::of(&rows) } else { Vec::new() },
+        when: "",
+    };
+    let kept = choices.kept(&seen)?;
+    if !kept.rows.contains(&false) {
+        return Ok((rows, choices));
+    }
+    let mut rows = rows.some(&kept.rows);
+    rows.links.rejected.extend(kept.rejected);
+    rows.links.has_losses = links::has_losses(&rows.links.rows);
+    Ok((rows, choices))
 }
 
 /// Motes that effects of a configuration name, and that never appear in the measurements.
@@ -233,7 +275,7 @@ fn too_few<S: Study>(study: &S) -> Vec<String> {
     if !blocks.suffices() {
         warnings.push(format!(
             "{} {}, at least {FEWEST_BLOCKS} are needed: too few to tell anything. No effect is accepted",
-            blocks.n_blocks(),
+            blocks.n_scored(),
             blocks.unit
         ));
         return warnings;
@@ -242,7 +284,7 @@ fn too_few<S: Study>(study: &S) -> Vec<String> {
     if !blocks.suffices() {
         warnings.push(format!(
             "{} {}, at least {FEWEST_BLOCKS} are needed: too few to tell what differs from place to place. Not tried: {}",
-            blocks.n_blocks(),
+            blocks.n_scored(),
             blocks.unit,
             names(Level::Place)
         ));

@@ -15,9 +15,12 @@ mod terms;
 mod tests;
 mod view;
 
+use super::choices::{ChoiceError, Choices, Seen};
 use super::folds::Blocks;
 use super::{Candidate, Estimate, RowScore, Study, is_at_bound};
+use crate::measure::Rejected;
 use crate::measure::robots::Robots;
+use crate::measure::table::Table;
 use density::{Density, Residual};
 use fit::Number;
 use motion::{Gains, Tracks};
@@ -52,6 +55,10 @@ pub struct RobotStudy {
     in_time: Blocks,
     in_place: Blocks,
     configured: RobotFit,
+    /// Windows that are left out by choice.
+    rejected: Vec<Rejected>,
+    /// How many windows fits may see.
+    n_fitted: usize,
     cache: Mutex<BTreeMap<Vec<usize>, RobotFit>>,
 }
 
@@ -68,6 +75,37 @@ struct Model {
     terms: Vec<Term>,
     /// Directions in which windows go by the configured model: cosine and sine.
     directions: Vec<[f64; 2]>,
+}
+
+/// What a configuration says beside the dynamics.
+#[derive(Clone, Debug, Default)]
+pub struct Given {
+    /// It says a car's wheelbase; otherwise that is fitted with the noise.
+    pub is_wheelbase_given: bool,
+    /// Standard deviation of the noise of measured positions (m), where it says that.
+    pub sd_m: Option<f64>,
+    /// The ground.
+    pub terrain: Vec<Hill>,
+}
+
+/// Refuses windows that are shorter than the time between samples, or longer than every track.
+fn check_window(robots: &Robots, window_s: f64) -> Result<(), ChoiceError> {
+    let spacing_s = robots.spacing_s();
+    let length_s = |track: &std::ops::Range<usize>| {
+        robots.samples[track.end - 1].time_s - robots.samples[track.start].time_s
+    };
+    let longest_s = robots.tracks.iter().map(length_s).fold(0.0, f64::max);
+    let refused = |reason: String, nearest_s: f64| {
+        let nearest_s = (nearest_s * 1e6).round() * 1e-6;
+        Err(ChoiceError::Window { window_s, reason, nearest_s })
+    };
+    if !(0.5 * spacing_s..).contains(&window_s) {
+        return refused(format!("samples of a robot are {spacing_s:.6} s apart"), spacing_s);
+    }
+    if longest_s + 0.5 * spacing_s < window_s {
+        return refused(format!("the longest track lasts {longest_s:.6} s"), longest_s);
+    }
+    Ok(())
 }
 
 /// A model fitted to some windows.
@@ -92,9 +130,12 @@ pub enum RobotStudyError {
         /// What the configuration has.
         kind: String,
     },
+    /// What was chosen by hand cannot be.
+    #[error(transparent)]
+    Choice(#[from] ChoiceError),
     /// No two samples are a window apart.
     #[error(
-        "no two samples of a robot are {window_s} s apart: windows of that length cannot be scored"
+        "no two samples of a robot are {window_s} s apart: windows of that length cannot be scored. --window sets another"
     )]
     NoWindow {
         /// Length of a window (s).
@@ -199,23 +240,19 @@ impl Model {
 impl RobotStudy {
     /// Holds robot samples against a checked `[robotsim.dynamics]`.
     ///
-    /// * `is_wheelbase_given`: the configuration says it; otherwise it is fitted with the noise.
-    /// * `given_sd_m`: standard deviation of the noise of measured positions, where the configuration says it.
-    /// * `window_s`: length of the windows that are scored.
-    /// * `by_run`: blocks are whole campaigns.
+    /// * `given`: what the configuration says beside the dynamics.
+    /// * `choices`, `table`: what is chosen by hand, and the file that the samples come from.
     ///
     /// # Errors
     ///
-    /// The configured body takes other commands, or no window fits into the samples.
+    /// The configured body takes other commands, no window fits into the samples, or a choice cannot be.
     pub fn new(
         robots: Robots,
         dynamics: &toml::Table,
-        is_wheelbase_given: bool,
-        given_sd_m: Option<f64>,
-        terrain: Vec<Hill>,
-        window_s: f64,
-        by_run: bool,
+        given: Given,
+        (choices, table): (&Choices, &Table),
     ) -> Result<Self, RobotStudyError> {
+        let Given { is_wheelbase_given, sd_m: given_sd_m, terrain } = given;
         let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
         let needed = match robots.shape {
             Shape::Velocity => "point-mass",
@@ -227,10 +264,24 @@ impl RobotStudy {
         }
         let shape = robots.shape;
         let n_parts = if robots.is_spatial { 3 } else { 2 };
-        let tracks = Tracks::new(robots, window_s, terrain);
+        let window_s = choices.window_s.unwrap_or(WINDOW_S);
+        if choices.window_s.is_some() {
+            check_window(&robots, window_s)?;
+        }
+        let mut tracks = Tracks::new(robots, window_s, terrain);
         if tracks.windows.is_empty() {
             return Err(RobotStudyError::NoWindow { window_s });
         }
+        let choices = choices.resolved(&tracks.runs())?;
+        let seen = Seen {
+            table,
+            lines: tracks.lines(),
+            runs: tracks.runs(),
+            derived: if choices.condition.is_some() { tracks.covariates() } else { Vec::new() },
+            when: " when a window begins",
+        };
+        let kept = choices.kept(&seen)?;
+        tracks.keep(&kept.rows);
         let is_wheelbase_free = shape == Shape::Car && !is_wheelbase_given;
         let gain = Number { min: -6.0, max: 0.0, step: 0.5 };
         let mut base = vec![gain];
@@ -245,8 +296,15 @@ impl RobotStudy {
                 .push(dynamics.get("wheelbase_m").and_then(toml::Value::as_float).unwrap_or(0.33));
         }
         let (candidates, terms) = terms::all(&tracks, dynamics, given_sd_m.is_some());
-        let in_time = tracks.blocks_in_time(window_s, by_run);
-        let in_place = if by_run { in_time.clone() } else { tracks.blocks_in_place() };
+        let (in_time, in_place) = match choices.split {
+            Some(split) => {
+                let blocks = tracks.split_blocks(window_s, split)?;
+                (blocks.clone(), blocks)
+            }
+            None => (tracks.blocks_in_time(window_s), tracks.blocks_in_place()),
+        };
+        let runs = tracks.runs();
+        let [in_time, in_place] = [in_time, in_place].map(|blocks| choices.folded(blocks, &runs));
         let mut model = Model {
             tracks,
             dynamics: dynamics.clone(),
@@ -268,9 +326,24 @@ impl RobotStudy {
         };
         let (physics, gains) = model.physics(&start).ok_or(RobotStudyError::Dynamics)?;
         model.directions = model.tracks.directions(&physics, gains);
-        let all: Vec<u32> = (0..model.tracks.windows.len() as u32).collect();
+        let all = in_time.fitted();
         let configured = model.fitted(&[], &all, &start);
-        Ok(Self { model, candidates, in_time, in_place, configured, cache: Mutex::default() })
+        Ok(Self {
+            model,
+            candidates,
+            in_time,
+            in_place,
+            configured,
+            rejected: kept.rejected,
+            n_fitted: all.len(),
+            cache: Mutex::default(),
+        })
+    }
+
+    /// Windows that are left out by choice, by reason.
+    #[must_use]
+    pub fn rejected(&self) -> &[Rejected] {
+        &self.rejected
     }
 
     /// The samples.
@@ -339,7 +412,7 @@ impl RobotStudy {
     fn noise(&self, fit: &RobotFit) -> Estimate {
         let value = fit.density.sd_m;
         // Four windows overlap; each has as many residuals as positions have components.
-        let n = (self.n_rows() as f64 / 4.0 * fit.density.n_parts as f64).max(1.0);
+        let n = (self.n_fitted as f64 / 4.0 * fit.density.n_parts as f64).max(1.0);
         let half = 1.645 * value / (2.0 * n).sqrt();
         Estimate::new("sd_m", "m", value, (value - half, value + half))
     }
@@ -376,7 +449,7 @@ impl Study for RobotStudy {
         _level: Level,
         start: Option<&RobotFit>,
     ) -> RobotFit {
-        let is_all = train.len() == self.n_rows();
+        let is_all = train.len() == self.n_fitted;
         let sorted = {
             let mut sorted = terms.to_vec();
             sorted.sort_unstable();
@@ -420,7 +493,7 @@ impl Study for RobotStudy {
         for &other in fit.terms.iter().take_while(|&&other| other != term) {
             first += self.model.n_numbers(other);
         }
-        let covariance = self.model.covariance(fit, &self.in_time.of_row);
+        let covariance = self.model.covariance(fit, &self.in_time);
         let freedom = (self.in_time.n_blocks() as f64 - 1.0).max(1.0);
         let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(1.645, |t| t.inverse_cdf(0.95));
         let mut warning = None;

@@ -1,7 +1,6 @@
 //! What a model says of rows that it has not seen, beside what was measured: as pictures need it.
 
 use super::Study;
-use super::folds::N_FOLDS;
 use crate::diagnose::ladder::{COMMON, Search};
 use rayon::prelude::*;
 
@@ -84,7 +83,7 @@ pub trait Viewed: Study {
 pub fn held_out<S: Viewed>(study: &S, search: &Search<'_, S>, terms: &[usize]) -> View {
     let start = search.full(terms, COMMON, None);
     let blocks = study.blocks(COMMON);
-    let parts: Vec<(Vec<u32>, View)> = (0..N_FOLDS)
+    let parts: Vec<(Vec<u32>, View)> = (0..blocks.n_folds())
         .into_par_iter()
         .map(|fold| {
             let (train, test) = blocks.split(fold);

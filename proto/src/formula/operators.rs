@@ -40,6 +40,11 @@ pub(super) fn is_taken(name: &str) -> bool {
 #[derive(Clone, Debug)]
 pub(super) struct Operators;
 
+/// 1 where a comparison holds, 0 where it does not, not a number where a side is not one.
+fn truth(a: f64, b: f64, holds: bool) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { f64::from(u8::from(holds)) }
+}
+
 fn two(name: &str, apply: fn(f64, f64) -> f64) -> Operator<'_, f64> {
     Operator::make_bin(name, BinOp { apply, prio: 0, is_commutative: false })
 }
@@ -56,6 +61,14 @@ impl MakeOperators<f64> for Operators {
             two("max", f64::max),
             two("atan2", libm::atan2),
             two("hypot", libm::hypot),
+            two("<", |a, b| truth(a, b, a < b)),
+            two("<=", |a, b| truth(a, b, a <= b)),
+            two("==", |a, b| truth(a, b, a == b)),
+            two("!=", |a, b| truth(a, b, a != b)),
+            // What is unknown matters only where the other side does not decide.
+            two("&&", |a, b| if a == 0.0 || b == 0.0 { 0.0 } else { a * b }),
+            two("||", |a, b| if a == 1.0 || b == 1.0 { 1.0 } else { a + b }),
+            Operator::make_unary("not", |x| 1.0 - x),
             Operator::make_unary("abs", f64::abs),
             Operator::make_unary("acos", libm::acos),
             Operator::make_unary("asin", libm::asin),

@@ -4,6 +4,15 @@ use super::MOST_DEEP;
 use super::operators::{CONSTANTS, FUNCTIONS};
 use std::fmt::Write as _;
 
+/// What an expression must be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Want {
+    /// A number.
+    Number,
+    /// True or false: a comparison, or several joined by `and`, `or`, `not`.
+    Truth,
+}
+
 /// An expression that was read.
 pub(super) struct Read {
     /// With parentheses around every operation, and `v000`, `v001`, … in place of names.
@@ -18,10 +27,11 @@ type Problem = (usize, String);
 /// Reads an expression.
 pub(super) fn read(
     text: &str,
+    want: Want,
     known: &[&str],
     accepts: &dyn Fn(&str) -> bool,
 ) -> Result<Read, Problem> {
-    let tokens = tokens(text)?;
+    let tokens = tokens(text, want)?;
     if tokens.is_empty() {
         return Err((0, "is empty".to_owned()));
     }
@@ -31,13 +41,21 @@ pub(super) fn read(
         end: text.len(),
         depth: 0,
         names: Vec::new(),
+        want,
         known,
         accepts,
     };
-    let expression = reader.sum()?;
+    let Piece { text: expression, is_truth, .. } = reader.whole()?;
     match reader.peek() {
+        None if want == Want::Truth && !is_truth => Err((
+            text.len(),
+            "is a number, not a condition: compare it with another, by < <= > >= == or !="
+                .to_owned(),
+        )),
         None => Ok(Read { expression, names: reader.names }),
-        Some(Token { kind: Kind::Mark(_), text, at }) => Err((*at, format!("unexpected {text}"))),
+        Some(Token { kind: Kind::Mark(_) | Kind::Comparison, text, at }) => {
+            Err((*at, format!("unexpected {text}")))
+        }
         Some(token) => Err((token.at, format!("an operator is missing before {}", token.text))),
     }
 }
@@ -47,6 +65,15 @@ enum Kind {
     Number(f64),
     Name,
     Mark(char),
+    Comparison,
+}
+
+/// A part of an expression, written with all parentheses.
+struct Piece {
+    text: String,
+    is_truth: bool,
+    /// Where it begins.
+    at: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +84,7 @@ struct Token<'a> {
 }
 
 /// The words of an expression.
-fn tokens(text: &str) -> Result<Vec<Token<'_>>, Problem> {
+fn tokens(text: &str, want: Want) -> Result<Vec<Token<'_>>, Problem> {
     let mut tokens = Vec::new();
     let mut at = 0;
     while let Some(first) = text[at..].chars().next() {
@@ -87,6 +114,20 @@ fn tokens(text: &str) -> Result<Vec<Token<'_>>, Problem> {
                 (Kind::Name, while_in(&|c| c.is_ascii_alphanumeric() || c == '_'))
             }
             '+' | '-' | '*' | '/' | '^' | '(' | ')' | ',' => (Kind::Mark(first), 1),
+            '<' | '>' | '=' | '!' if want == Want::Truth => {
+                let length = if rest[1..].starts_with('=') { 2 } else { 1 };
+                match &rest[..length] {
+                    "=" => return Err((at, "unexpected =: equality is ==".to_owned())),
+                    "!" => {
+                        return Err((at, "unexpected !: it is not, or != of numbers".to_owned()));
+                    }
+                    _ => (Kind::Comparison, length),
+                }
+            }
+            '&' | '|' if want == Want::Truth => {
+                let word = if first == '&' { "and" } else { "or" };
+                return Err((at, format!("unexpected {first}: it is {word}")));
+            }
             _ => return Err((at, format!("unexpected {first}"))),
         };
         tokens.push(Token { kind, text: &rest[..length], at });
@@ -102,6 +143,7 @@ struct Reader<'a> {
     end: usize,
     depth: usize,
     names: Vec<String>,
+    want: Want,
     known: &'a [&'a str],
     accepts: &'a dyn Fn(&str) -> bool,
 }
@@ -137,58 +179,129 @@ impl<'a> Reader<'a> {
         result
     }
 
-    fn sum(&mut self) -> Result<String, Problem> {
+    /// Takes one of these words, if it is next, where conditions are read.
+    fn take_word(&mut self, word: &str) -> Option<usize> {
+        let token = self.peek()?;
+        let is_it = self.want == Want::Truth && token.kind == Kind::Name && token.text == word;
+        is_it.then(|| {
+            self.next += 1;
+            token.at
+        })
+    }
+
+    /// Where the next token begins.
+    fn at(&self) -> usize {
+        self.peek().map_or(self.end, |token| token.at)
+    }
+
+    /// All that may stand between parentheses.
+    fn whole(&mut self) -> Result<Piece, Problem> {
+        let mut left = self.both()?;
+        while let Some(at) = self.take_word("or") {
+            left = joined(left, "||", self.both()?, at)?;
+        }
+        Ok(left)
+    }
+
+    fn both(&mut self) -> Result<Piece, Problem> {
+        let mut left = self.inverted()?;
+        while let Some(at) = self.take_word("and") {
+            left = joined(left, "&&", self.inverted()?, at)?;
+        }
+        Ok(left)
+    }
+
+    fn inverted(&mut self) -> Result<Piece, Problem> {
+        let Some(at) = self.take_word("not") else { return self.comparison() };
+        let inner = self.nested(Self::inverted)?;
+        if !inner.is_truth {
+            return Err((inner.at, "a number stands where not needs a condition".to_owned()));
+        }
+        Ok(Piece { text: format!("(not({}))", inner.text), is_truth: true, at })
+    }
+
+    fn comparison(&mut self) -> Result<Piece, Problem> {
+        let left = self.sum()?;
+        let Some(Token { kind: Kind::Comparison, text, .. }) = self.peek() else {
+            return Ok(left);
+        };
+        self.next += 1;
+        let right = self.sum()?;
+        let (at, a, b) = (left.at, number(left)?, number(right)?);
+        if let Some(Token { kind: Kind::Comparison, text, at }) = self.peek() {
+            let message = format!("unexpected {text}: join two comparisons by and");
+            return Err((*at, message));
+        }
+        let text = match *text {
+            ">" => format!("({b}<{a})"),
+            ">=" => format!("({b}<={a})"),
+            other => format!("({a}{other}{b})"),
+        };
+        Ok(Piece { text, is_truth: true, at })
+    }
+
+    fn sum(&mut self) -> Result<Piece, Problem> {
         let mut left = self.product()?;
         while let Some(mark) = self.take(&['+', '-']) {
-            left = format!("({left}{mark}{})", self.product()?);
+            left = computed(left, mark, self.product()?)?;
         }
         Ok(left)
     }
 
-    fn product(&mut self) -> Result<String, Problem> {
+    fn product(&mut self) -> Result<Piece, Problem> {
         let mut left = self.signed()?;
         while let Some(mark) = self.take(&['*', '/']) {
-            left = format!("({left}{mark}{})", self.signed()?);
+            left = computed(left, mark, self.signed()?)?;
         }
         Ok(left)
     }
 
-    fn signed(&mut self) -> Result<String, Problem> {
+    fn signed(&mut self) -> Result<Piece, Problem> {
+        let at = self.at();
         match self.take(&['+', '-']) {
-            Some('-') => Ok(format!("(neg({}))", self.nested(Self::signed)?)),
-            Some(_) => self.nested(Self::signed),
+            Some('-') => {
+                let inner = number(self.nested(Self::signed)?)?;
+                Ok(Piece { text: format!("(neg({inner}))"), is_truth: false, at })
+            }
+            Some(_) => {
+                let text = number(self.nested(Self::signed)?)?;
+                Ok(Piece { text, is_truth: false, at })
+            }
             None => self.power(),
         }
     }
 
-    fn power(&mut self) -> Result<String, Problem> {
+    fn power(&mut self) -> Result<Piece, Problem> {
         let base = self.primary()?;
         match self.take(&['^']) {
-            Some(_) => Ok(format!("({base}^{})", self.nested(Self::signed)?)),
+            Some(_) => computed(base, '^', self.nested(Self::signed)?),
             None => Ok(base),
         }
     }
 
-    fn primary(&mut self) -> Result<String, Problem> {
+    fn primary(&mut self) -> Result<Piece, Problem> {
         let Some(token) = self.peek() else {
             return Err((self.end, "a number, a name or ( is missing at the end".to_owned()));
         };
+        let at = token.at;
+        let value = |text: String| Piece { text, is_truth: false, at };
         match token.kind {
             Kind::Number(number) => {
                 self.next += 1;
-                Ok(format!("{number}"))
+                Ok(value(format!("{number}")))
             }
             Kind::Name => {
                 self.next += 1;
-                if self.take(&['(']).is_some() { self.call(token) } else { self.name(token) }
+                let is_call = self.take(&['(']).is_some();
+                Ok(value(if is_call { self.call(token)? } else { self.name(token)? }))
             }
             Kind::Mark('(') => {
                 self.next += 1;
-                let inner = self.nested(Self::sum)?;
+                let inner = self.nested(Self::whole)?;
                 self.close(token)?;
-                Ok(format!("({inner})"))
+                Ok(Piece { text: format!("({})", inner.text), is_truth: inner.is_truth, at })
             }
-            Kind::Mark(_) => {
+            Kind::Mark(_) | Kind::Comparison => {
                 Err((token.at, format!("a number, a name or ( is missing before {}", token.text)))
             }
         }
@@ -201,7 +314,7 @@ impl<'a> Reader<'a> {
         }
         match self.peek() {
             None => Err((opened.at, format!("{} is not closed", opened.text))),
-            Some(Token { kind: Kind::Mark(_), text, at }) => {
+            Some(Token { kind: Kind::Mark(_) | Kind::Comparison, text, at }) => {
                 Err((*at, format!("unexpected {text}")))
             }
             Some(token) => Err((token.at, format!("an operator is missing before {}", token.text))),
@@ -214,9 +327,9 @@ impl<'a> Reader<'a> {
             let hint = hint(name, FUNCTIONS.iter().map(|(known, _)| *known));
             return Err((function.at, format!("unknown function {name}{hint}")));
         };
-        let mut values = vec![self.nested(Self::sum)?];
+        let mut values = vec![number(self.nested(Self::sum)?)?];
         while self.take(&[',']).is_some() {
-            values.push(self.nested(Self::sum)?);
+            values.push(number(self.nested(Self::sum)?)?);
         }
         self.close(function)?;
         match &values[..] {
@@ -256,6 +369,29 @@ impl<'a> Reader<'a> {
         let _ = write!(variable, "v{place:03}");
         Ok(variable)
     }
+}
+
+/// The text of a part that must be a number.
+fn number(piece: Piece) -> Result<String, Problem> {
+    if piece.is_truth {
+        return Err((piece.at, "a condition stands where a number is needed".to_owned()));
+    }
+    Ok(piece.text)
+}
+
+/// Two numbers with a mark between them.
+fn computed(left: Piece, mark: char, right: Piece) -> Result<Piece, Problem> {
+    let at = left.at;
+    Ok(Piece { text: format!("({}{mark}{})", number(left)?, number(right)?), is_truth: false, at })
+}
+
+/// Two conditions with `and` or `or`, which stands at `word_at`, between them.
+fn joined(left: Piece, mark: &str, right: Piece, word_at: usize) -> Result<Piece, Problem> {
+    if !(left.is_truth && right.is_truth) {
+        let message = "joins conditions, but a number stands beside it";
+        return Err((word_at, message.to_owned()));
+    }
+    Ok(Piece { text: format!("({}{mark}{})", left.text, right.text), is_truth: true, at: left.at })
 }
 
 /// `; did you mean …?` where a known name is near.

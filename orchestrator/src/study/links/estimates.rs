@@ -5,7 +5,7 @@ use super::fit::LinkFit;
 use super::terms::Spec;
 use super::{From, LinkStudy, group, search};
 use crate::diagnose::ladder::COMMON;
-use crate::study::Estimate;
+use crate::study::{Estimate, Study as _};
 
 /// Standard errors to either side of a 90 % interval.
 const NINETY: f64 = 1.645;
@@ -114,7 +114,7 @@ impl LinkStudy {
         if !has_headings && name != "hidden-obstacle" {
             return;
         }
-        let all: Vec<u32> = (0..self.rows.len() as u32).collect();
+        let all = self.fitted_rows();
         let left = self.slopes_left(fit, &all);
         if has_headings {
             let errors = search::headings::errors(&self.rows, &all, &left, state);
@@ -238,7 +238,7 @@ impl LinkStudy {
         let specs = self.specs_of(&fit.terms);
         let parameter = &specs[place].parameters()[k];
         let best = fit.states[place].values[k];
-        let all: Vec<u32> = (0..self.rows.len() as u32).collect();
+        let all = self.fitted_rows();
         let from = |held| From { held, ..From::trial(COMMON, Some(fit)) };
         let fall = |value: f64, top: f64| {
             let mut states = fit.states.clone();

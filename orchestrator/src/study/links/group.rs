@@ -2,6 +2,7 @@
 
 use super::cells::Cells;
 use super::rows::Rows;
+use crate::study::choices::{ChoiceError, Split};
 use crate::study::folds::{Blocks, FEWEST_BLOCKS, scramble};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -78,8 +79,13 @@ pub(super) fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
     if by_pair.suffices() || still.values().all(|&still| still) {
         return by_pair;
     }
-    // Places of the nodes that move: squares as large as leaves at least 40 of them.
-    let mut best = by_pair;
+    let places = blocks_of_squares(rows, still);
+    if by_pair.n_blocks() < places.n_blocks() { places } else { by_pair }
+}
+
+/// Rows by the places of the nodes that move: squares as large as leaves at least 40 of them.
+fn blocks_of_squares(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
+    let mut best: Option<Blocks> = None;
     for side_m in [8.0, 4.0, 2.0, 1.0] {
         let keys: Vec<u64> = (0..rows.len())
             .map(|row| {
@@ -95,14 +101,75 @@ pub(super) fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
             .collect();
         let blocks = Blocks::of_keys("places", &keys);
         let enough = 40 <= blocks.n_blocks();
-        if best.n_blocks() < blocks.n_blocks() {
-            best = blocks;
+        if best.as_ref().is_none_or(|best| best.n_blocks() < blocks.n_blocks()) {
+            best = Some(blocks);
         }
         if enough {
             break;
         }
     }
-    best
+    best.unwrap_or_else(|| Blocks::of_keys("places", &vec![0; rows.len()]))
+}
+
+/// Rows by one of their ends: with a fold, every row that one of its nodes takes part in is kept from training.
+fn node_blocks(rows: &Rows) -> Blocks {
+    let measured = &rows.links.rows;
+    // One end of each pair, each as often as the other.
+    let keys: Vec<u64> = measured
+        .iter()
+        .map(|row| {
+            let (low, high) = (row.tx.min(row.rx), row.tx.max(row.rx));
+            let is_low = scramble(pair(low, high)) & 1 == 0;
+            u64::from(if is_low { low } else { high })
+        })
+        .collect();
+    let mut blocks = Blocks::of_keys("nodes", &keys);
+    let mut fold_of_node: BTreeMap<u32, usize> = BTreeMap::new();
+    for (row, &key) in keys.iter().enumerate() {
+        fold_of_node.insert(key as u32, blocks.fold(row as u32));
+    }
+    let gaps = measured.iter().enumerate().flat_map(|(row, ends)| {
+        let own = blocks.fold(row as u32);
+        let folds = [ends.tx, ends.rx].map(|node| fold_of_node.get(&node).copied());
+        let others: BTreeSet<usize> =
+            folds.into_iter().flatten().filter(|&fold| fold != own).collect();
+        others.into_iter().map(move |fold| (row as u32, fold as u8))
+    });
+    blocks.gaps = gaps.collect();
+    blocks
+}
+
+/// Rows that are left out together by choice.
+pub(super) fn split_blocks(
+    rows: &Rows,
+    still: &BTreeMap<u32, bool>,
+    split: Split,
+) -> Result<Blocks, ChoiceError> {
+    let refused =
+        |reason: &str, nearest| ChoiceError::Split { split, reason: reason.to_owned(), nearest };
+    let blocks = match split {
+        Split::Time if !has_times(rows) => {
+            let reason = "rows have no times, or fewer than 20 different ones";
+            return Err(refused(reason, Split::Pair));
+        }
+        Split::Time => time_blocks(rows),
+        Split::Pair => Blocks::of_keys("pairs of nodes", &pairs(rows)),
+        Split::Node => node_blocks(rows),
+        Split::Place if still.values().all(|&still| still) => {
+            return Err(refused("no node moves, or no places are known", Split::Pair));
+        }
+        Split::Place => blocks_of_squares(rows, still),
+        Split::Run => {
+            let runs = rows.links.rows.iter().map(|row| u64::from(row.run));
+            Blocks::of_keys("campaigns", &runs.collect::<Vec<_>>())
+        }
+    };
+    if blocks.n_blocks() < 2 {
+        let nearest = if has_times(rows) { Split::Time } else { Split::Pair };
+        let reason = format!("all rows are of one of the {}", blocks.unit);
+        return Err(refused(&reason, nearest));
+    }
+    Ok(blocks)
 }
 
 /// The square (or cube) of a place.

@@ -2,6 +2,8 @@
 
 use super::motion::Tracks;
 use super::{MEMORY_S, WANTED_BLOCKS};
+use crate::measure::robots::Sample;
+use crate::study::choices::{ChoiceError, Split};
 use crate::study::folds::{Blocks, N_FOLDS};
 use std::collections::BTreeMap;
 
@@ -11,8 +13,31 @@ const SHORTEST: f64 = 2.0;
 const LONGEST: f64 = 20.0;
 
 impl Tracks {
-    /// Blocks of time: parts of a robot's track, or whole campaigns.
-    pub(super) fn blocks_in_time(&self, window_s: f64, by_run: bool) -> Blocks {
+    /// Blocks of windows that are left out together by choice.
+    pub(super) fn split_blocks(&self, window_s: f64, split: Split) -> Result<Blocks, ChoiceError> {
+        let whole = |unit, key: &dyn Fn(&Sample) -> u32| {
+            let keys = self.windows.iter().map(|window| u64::from(key(self.start(window))));
+            Blocks::of_keys(unit, &keys.collect::<Vec<_>>())
+        };
+        let refused = |reason: String, nearest| Err(ChoiceError::Split { split, reason, nearest });
+        let blocks = match split {
+            Split::Time => self.blocks_in_time(window_s),
+            Split::Place => self.blocks_in_place(),
+            Split::Run => whole("campaigns", &|sample| sample.run),
+            Split::Node => whole("robots", &|sample| sample.agent),
+            Split::Pair => {
+                return refused("robots are measured one by one".to_owned(), Split::Node);
+            }
+        };
+        if blocks.n_blocks() < 2 {
+            let reason = format!("all windows are of one of the {}", blocks.unit);
+            return refused(reason, Split::Time);
+        }
+        Ok(blocks)
+    }
+
+    /// Blocks of time: parts of a robot's track.
+    pub(super) fn blocks_in_time(&self, window_s: f64) -> Blocks {
         let begins: Vec<f64> = self
             .robots
             .tracks
@@ -31,17 +56,13 @@ impl Tracks {
         let key = |window: &super::motion::Window| {
             let track = window.track as usize;
             let sample = &self.robots.samples[window.start as usize];
-            if by_run {
-                return u64::from(sample.run);
-            }
             // Parts of equal length, so that none is a scrap.
             let n = (lengths[track] / block_s).round().max(1.0);
             let part = (sample.time_s - begins[track]) / lengths[track] * n;
             (track as u64) << 32 | part.min(n - 1.0) as u64
         };
         let keys: Vec<u64> = self.windows.iter().map(key).collect();
-        let unit = if by_run { "campaigns" } else { "parts of tracks" };
-        let mut blocks = Blocks::of_keys(unit, &keys);
+        let mut blocks = Blocks::of_keys("parts of tracks", &keys);
         blocks.gaps = self.gaps(&blocks, window_s + MEMORY_S);
         blocks
     }

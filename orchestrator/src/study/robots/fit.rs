@@ -4,6 +4,7 @@
 use super::density::{Density, Residual};
 use super::terms::N_CURVE;
 use super::{Model, RobotFit};
+use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
 
 /// Most steps of a fit.
@@ -299,22 +300,23 @@ impl Model {
 
     /// Covariance of the numbers of a fit to all windows, blocks of windows being independent; and the correlations by which
     /// some cannot be told apart.
-    pub(super) fn covariance(&self, fit: &RobotFit, block_of_row: &[u32]) -> Option<DMatrix<f64>> {
-        let all: Vec<u32> = (0..self.tracks.windows.len() as u32).collect();
+    pub(super) fn covariance(&self, fit: &RobotFit, blocks: &Blocks) -> Option<DMatrix<f64>> {
+        let all = blocks.fitted();
         let numbers = self.numbers_of(&fit.terms);
         let point = self.point(fit, &all)?;
         let columns = self.jacobian(fit, &point.residuals, &all, &numbers)?;
         let (mut information, _) = self.normal_equations(fit, &point, &all, &numbers)?;
         let n = numbers.len();
-        let n_blocks = block_of_row.iter().max().map_or(0, |last| *last as usize + 1);
+        let n_blocks = blocks.n_blocks();
         let mut scores = DMatrix::zeros(n_blocks, n);
-        for (row, residual) in point.residuals.iter().enumerate() {
+        for (row, (residual, &window)) in point.residuals.iter().zip(&all).enumerate() {
             let weight = point.density.log(residual).1;
             let sd_m = point.density.sd_m(residual);
             for part in 0..point.density.n_parts {
                 let pull = weight * residual.parts_m[part] / (sd_m[part] * sd_m[part]);
                 for i in 0..n {
-                    scores[(block_of_row[row] as usize, i)] -= pull * columns[i][row][part];
+                    scores[(blocks.of_row[window as usize] as usize, i)] -=
+                        pull * columns[i][row][part];
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! From positions and commands up to a moment, and the commands after it, to where the robot will be.
 
 use super::density::Residual;
-use crate::measure::robots::Robots;
+use crate::measure::robots::{Robots, Sample};
 use proto::rng::Draws;
 use proto::site::Hill;
 use robotsim::dynamics::physics::{Order, Physics, Robot};
@@ -85,6 +85,33 @@ impl Tracks {
         }
         let others = others(&robots);
         Self { robots, windows, windows_of, orders, others, terrain }
+    }
+
+    /// Only some of the windows. All samples stay: what is known when a window begins follows from those before.
+    pub(super) fn keep(&mut self, kept: &[bool]) {
+        let mut first = 0;
+        for range in &mut self.windows_of {
+            let n = kept[range.clone()].iter().filter(|kept| **kept).count();
+            *range = first..first + n;
+            first += n;
+        }
+        let mut at = kept.iter();
+        self.windows.retain(|_| at.next().is_some_and(|kept| *kept));
+    }
+
+    /// The sample at which a window begins.
+    pub(super) fn start(&self, window: &Window) -> &Sample {
+        &self.robots.samples[window.start as usize]
+    }
+
+    /// The campaign of each window.
+    pub(super) fn runs(&self) -> Vec<u32> {
+        self.windows.iter().map(|window| self.start(window).run).collect()
+    }
+
+    /// The line of the file on which each window begins.
+    pub(super) fn lines(&self) -> Vec<usize> {
+        self.windows.iter().map(|window| self.start(window).line).collect()
     }
 
     /// Length of a window (s).

@@ -57,7 +57,7 @@ fn study(table: &Table) -> RobotStudy {
     let spec = &robotsim::dynamics::SPEC;
     let dynamics = proto::config::check(&node, "", spec, &mut Vec::new()).table;
     let robots = robots::read(table).unwrap();
-    RobotStudy::new(robots, &dynamics, false, None, Vec::new(), WINDOW_S, false).unwrap()
+    RobotStudy::new(robots, &dynamics, Given::default(), (&Choices::default(), table)).unwrap()
 }
 
 fn index(study: &RobotStudy, name: &str) -> usize {
@@ -137,8 +137,10 @@ fn a_body_that_takes_other_commands_is_refused() {
     let node = proto::config::parse("kind = 'car'").unwrap();
     let spec = &robotsim::dynamics::SPEC;
     let dynamics = proto::config::check(&node, "", spec, &mut Vec::new()).table;
-    let robots = robots::read(&lagging(100, 0.2)).unwrap();
-    let error = RobotStudy::new(robots, &dynamics, false, None, Vec::new(), WINDOW_S, false);
+    let table = lagging(100, 0.2);
+    let robots = robots::read(&table).unwrap();
+    let chosen = (&Choices::default(), &table);
+    let error = RobotStudy::new(robots, &dynamics, Given::default(), chosen);
     let text = error.unwrap_err().to_string();
     assert!(text.contains("\"point-mass\"") && text.contains("\"car\""), "{text}");
 }

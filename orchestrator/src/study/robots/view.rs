@@ -61,8 +61,15 @@ impl RobotStudy {
     /// What an error may depend on, at the start of each window: the columns of the file, and what follows from them.
     #[must_use]
     pub fn covariates(&self) -> Vec<(String, Vec<f64>)> {
-        let robots = self.robots();
-        let (samples, windows) = (&robots.samples, &self.model.tracks.windows);
+        self.model.tracks.covariates()
+    }
+}
+
+impl Tracks {
+    /// What an error may depend on, at the start of each window: the columns of the file, and what follows from them.
+    pub(super) fn covariates(&self) -> Vec<(String, Vec<f64>)> {
+        let robots = &self.robots;
+        let (samples, windows) = (&robots.samples, &self.windows);
         let is_turning = robots.shape.is_turning();
         let mut all: Vec<(String, Vec<f64>)> = Vec::new();
         let mut add = |name: &str, value: &dyn Fn(usize) -> f64| {
