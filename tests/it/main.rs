@@ -15,6 +15,7 @@ mod faults;
 mod flocking;
 mod formation;
 mod interrupts;
+mod links;
 mod power;
 mod reference;
 mod refusals;
