@@ -13,6 +13,7 @@ mod directory;
 mod distances;
 mod error;
 mod kpi;
+mod lines;
 mod log;
 mod measurer;
 mod measures;

@@ -3,6 +3,7 @@
 use super::counts::heard;
 use super::distances::{DistanceBin, Distances};
 use super::kpi::Kpis;
+use super::lines;
 use super::period::{Period, distance_m};
 use super::swarm::{self, Swarm};
 use super::task::Task;
@@ -227,6 +228,12 @@ impl Measures {
             residual * residual
         };
         Some(alive.iter().map(square).sum())
+    }
+
+    /// How many straight lines it takes so that every alive agent is within this distance (m) of one, at the end.
+    #[must_use]
+    pub fn n_lines(&self, within_m: f64) -> usize {
+        lines::n_lines(&self.last_states, within_m)
     }
 
     /// Sum of the squared distances (m²) of alive agents at the end across the line that makes it least.

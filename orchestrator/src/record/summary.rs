@@ -87,6 +87,7 @@ fn task(measures: &Measures) -> Value {
             task["line_residual_across_m2"] = json!(across_m2);
             task["line_residual_across_log10"] = json!(log10(across_m2));
             task["line_rms_m"] = json!(rms_m);
+            task["lines"] = json!(measures.n_lines(FORMED_WITHIN_M));
             task["false_completion"] = json!(false_completion(measures, rms_m));
         }
         Some("circle-formation") => {
@@ -105,7 +106,8 @@ fn false_completion(measures: &Measures, rms_m: Option<f64>) -> Option<bool> {
     rms_m.map(|rms_m| FORMED_WITHIN_M < rms_m)
 }
 
-/// A shape whose robots are farther from it than this, r.m.s. (m), is not formed: BotNet's step.
+/// A shape whose robots are farther from it than this, r.m.s. (m), is not formed, and a robot farther from a line is not in it:
+/// BotNet's step.
 const FORMED_WITHIN_M: f64 = 0.1;
 
 fn network(measures: &Measures) -> Value {

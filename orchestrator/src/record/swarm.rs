@@ -21,6 +21,9 @@ pub(super) struct Swarm {
     n_collisions: u64,
     min_distance_m: Option<f64>,
     age: Mean,
+    neighbour_error: Mean,
+    /// What was sent in the period before: by whom, from where (m), and how many heard it.
+    said: Vec<(u32, [f64; 3], u32)>,
 }
 
 /// A mean with weights.
@@ -50,6 +53,7 @@ impl Swarm {
         let states = period.states;
         let alive: Vec<usize> = states.alive.iter_ones().collect();
         self.age(period);
+        self.neighbour_error(period);
         if alive.is_empty() {
             return;
         }
@@ -163,6 +167,23 @@ impl Swarm {
         }
     }
 
+    /// How far neighbours are at the end of the step in which robots act on what they heard from where they said it.
+    fn neighbour_error(&mut self, period: &Period<'_>) {
+        for &(sender, said_m, n_heard) in &self.said {
+            let sender = sender as usize;
+            if period.states.alive.get(sender) {
+                let way = sub(period.states.position_m(sender), said_m);
+                self.neighbour_error.add(Some(norm(way)), f64::from(n_heard));
+            }
+        }
+        let senders = period.deliveries.transmissions.sender.iter();
+        let heard = senders.zip(&period.counts.receivers).map(|(&sender, &n_heard)| {
+            (sender, period.states_on_air.position_m(sender as usize), n_heard)
+        });
+        self.said.clear();
+        self.said.extend(heard);
+    }
+
     /// Mean age of what was heard (s).
     pub(super) fn age_s(&self) -> Option<f64> {
         self.age.value()
@@ -186,6 +207,7 @@ impl Swarm {
         add("final_fragments", json!(self.final_fragments));
         add("collisions", json!(task.diameter_m.map(|_| self.n_collisions)));
         add("min_distance_m", json!(self.min_distance_m));
+        add("neighbour_error_m", json!(self.neighbour_error.value()));
         figures
     }
 }
@@ -443,6 +465,19 @@ mod tests {
         }
         assert!((number(&swarm, "collisions") - 2.0).abs() < 1e-12);
         assert!((number(&swarm, "min_distance_m") - 0.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn neighbours_are_off_by_what_they_have_moved_since_they_spoke() {
+        let mut swarm = Swarm::default();
+        // 1 moves by 3 m, then by 4 m across; two hear it, one hears 2, which stays.
+        let heard = [(0, 1), (2, 1), (0, 2)];
+        for place in [[1.0, 0.0], [4.0, 0.0], [4.0, 4.0]] {
+            let states = at(&[[0.0, 0.0], place, [9.0, 9.0]]);
+            after(&leader(), &mut swarm, &states, |r, s| heard.contains(&(r, s)));
+        }
+        let expected = (2.0 * 3.0 + 2.0 * 4.0) / 6.0;
+        assert!((number(&swarm, "neighbour_error_m") - expected).abs() < 1e-12);
     }
 
     #[test]
