@@ -5,7 +5,7 @@ use crate::diagnose::ladder::{COMMON, Search};
 use crate::study::folds::Blocks;
 use crate::study::links::LinkStudy;
 use crate::study::robots::RobotStudy;
-use crate::study::view::Viewed as _;
+use crate::study::view::{self, Viewed as _};
 use crate::study::{RowScore, Study};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -45,6 +45,13 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
         .map(|z| if z.is_nan() { f64::NAN } else { f64::from(u8::from(z.abs() <= 1.645)) })
         .collect();
     let blocks = study.blocks(COMMON);
+    // Of rows of several frames, how far the share received lies from what is predicted.
+    let links = &study.rows.links;
+    let pdr_errors: Option<Vec<f64>> = (links.is_aggregated && links.has_losses).then(|| {
+        let passes = view::held_out(study, search, &[]).passes;
+        let rows = links.rows.iter().zip(passes);
+        rows.map(|(row, passes)| (row.received / row.frames - passes).powi(2)).collect()
+    });
     let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
         let all = Scores::of(&part);
@@ -68,6 +75,9 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
         if study.rows.links.has_losses {
             list.push(("reception_log_loss", all.reception_log_loss));
             list.push(("reception_brier", rows.iter().map(brier).sum::<f64>() / rows.len() as f64));
+        }
+        if let Some(errors) = &pdr_errors {
+            list.push(("rmse_pdr", mean(errors).sqrt()));
         }
         list
     };

@@ -11,6 +11,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = ROOT / (os.environ.get("CARGO_TARGET_DIR") or "target") / "release"
 
+# Real measurements are not part of the repository: what needs them runs where this names their folder.
+REAL = "MURMURATION_DATA"
+collect_ignore = [] if os.environ.get(REAL) else ["test_real_measurements.py"]
+
 # A run of a ready experiment takes seconds; a hang must not take the whole of CI with it.
 RUN_DEADLINE_S = 120
 
@@ -79,6 +83,8 @@ def pytest_terminal_summary(terminalreporter):
     """The last line of the suite: what passed, what did not. A skipped test has not passed."""
     outcomes = terminalreporter.stats
     failed = sum(len(outcomes.get(kind, [])) for kind in ("failed", "error", "skipped", "xfailed"))
+    if collect_ignore:
+        terminalreporter.write_line(f"real measurements: NOT RUN. Set {REAL} to the folder that holds them (tests/external/README.md)")
     terminalreporter.write_line(f"external: {len(outcomes.get('passed', []))} passed, {failed} failed")
 
 

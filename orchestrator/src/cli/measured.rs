@@ -382,7 +382,8 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let ladder = search.climb();
             let kind = Kind { name: "robot", unit: "m" };
             let none = BTreeMap::new();
-            let answer = answer::answer(&study, &search, &ladder, kind, &none, None, None);
+            let left = study.left_over(&search, &ladder);
+            let answer = answer::answer(&study, &search, &ladder, kind, &none, left.as_ref(), None);
             let found = diagnosed(&account, answer);
             args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))
         }

@@ -1,6 +1,5 @@
 //! What is chosen by hand: which rows are used, which of them are left out together, how far robots are predicted.
 
-use super::folds::Blocks;
 use crate::measure::Rejected;
 use crate::measure::table::Table;
 use proto::formula::{Formula, FormulaError};
@@ -225,14 +224,11 @@ impl Choices {
         Ok(kept)
     }
 
-    /// Blocks of rows of these campaigns: left out in turn, or, where campaigns are told apart by hand, scored once.
+    /// Which rows are scored, by a fit to all others, of rows of these campaigns; none where rows are left out in turn.
     #[must_use]
-    pub fn folded(&self, mut blocks: Blocks, runs: &[u32]) -> Blocks {
-        if !self.score_runs.is_empty() {
-            let scored = runs.iter().map(|run| self.score_runs.contains(run));
-            blocks.scored = Some(scored.collect());
-        }
-        blocks
+    pub fn scored(&self, runs: &[u32]) -> Option<Vec<bool>> {
+        let of_runs = || runs.iter().map(|run| self.score_runs.contains(run)).collect();
+        (!self.score_runs.is_empty()).then(of_runs)
     }
 }
 

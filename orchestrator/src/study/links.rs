@@ -100,23 +100,7 @@ impl LinkStudy {
     ) -> Result<Self, ChoiceError> {
         let specs = candidates::specs(&rows);
         let still = testable::still(&rows);
-        let runs: Vec<u32> = rows.links.rows.iter().map(|row| row.run).collect();
-        let folded = |blocks| choices.folded(blocks, &runs);
-        let (time, place, once) = match choices.split {
-            Some(split) => {
-                let blocks = group::split_blocks(&rows, &still, split)?;
-                (blocks.clone(), blocks, None)
-            }
-            None => {
-                let once = !group::has_times(&rows);
-                (
-                    group::time_blocks(&rows),
-                    group::place_blocks(&rows, &still),
-                    once.then(|| group::link_channel_blocks(&rows)),
-                )
-            }
-        };
-        let (time, place, once) = (folded(time), folded(place), once.map(folded));
+        let group::Grouped { time, place, once } = group::grouped(&rows, &still, choices)?;
         let moving = still.values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
         let finest = [group::HALF_WAVE_M];

@@ -9,6 +9,7 @@ mod blocks;
 mod density;
 mod driven;
 mod fit;
+mod left;
 mod motion;
 mod terms;
 #[cfg(test)]
@@ -22,7 +23,7 @@ use crate::measure::Rejected;
 use crate::measure::robots::Robots;
 use crate::measure::table::Table;
 use density::{Density, Residual};
-use fit::Number;
+use fit::{Columns, Number};
 use motion::{Gains, Tracks};
 use nalgebra::DMatrix;
 use proto::effect::Level;
@@ -31,7 +32,7 @@ use robotsim::dynamics::physics::Physics;
 use robotsim::dynamics::{Dynamics, Shape};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use terms::{N_CURVE, Term};
 
 /// Length of the windows that decide (s).
@@ -115,6 +116,8 @@ pub struct RobotFit {
     values: Vec<f64>,
     density: Density,
     log_likelihood: f64,
+    /// Derivatives of all residuals at these numbers, once somebody asked for them.
+    columns: Arc<OnceLock<Option<Columns>>>,
 }
 
 /// The model does not suit the file.
@@ -218,6 +221,11 @@ impl Model {
         self.tracks.robots.shape.is_turning()
     }
 
+    /// How many numbers, the first ones, say how much measurements count.
+    fn n_gains(&self) -> usize {
+        if self.has_direction() { 2 } else { 1 }
+    }
+
     /// What a fit says of the robot, and of how much measurements count.
     fn physics(&self, fit: &RobotFit) -> Option<(Physics, Gains)> {
         let mut table = self.dynamics.clone();
@@ -303,8 +311,9 @@ impl RobotStudy {
             }
             None => (tracks.blocks_in_time(window_s), tracks.blocks_in_place()),
         };
-        let runs = tracks.runs();
-        let [in_time, in_place] = [in_time, in_place].map(|blocks| choices.folded(blocks, &runs));
+        let scored = choices.scored(&tracks.runs());
+        let [in_time, in_place] =
+            [in_time, in_place].map(|blocks| Blocks { scored: scored.clone(), ..blocks });
         let mut model = Model {
             tracks,
             dynamics: dynamics.clone(),
@@ -323,6 +332,7 @@ impl RobotStudy {
                 n_parts,
             },
             log_likelihood: f64::NEG_INFINITY,
+            columns: Arc::default(),
         };
         let (physics, gains) = model.physics(&start).ok_or(RobotStudyError::Dynamics)?;
         model.directions = model.tracks.directions(&physics, gains);
@@ -459,6 +469,13 @@ impl Study for RobotStudy {
             return self.model.carried(terms, &fit);
         }
         let start = start.unwrap_or(&self.configured);
+        // A fold's fit starts where all rows lead.
+        if !is_all && start.terms == terms {
+            let columns = start.columns.get_or_init(|| self.model.columns(start));
+            if let Some(columns) = columns {
+                return self.model.refitted(start, columns, train);
+            }
+        }
         let fit = self.model.fitted(terms, train, start);
         if is_all {
             let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);

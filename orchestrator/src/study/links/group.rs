@@ -2,7 +2,7 @@
 
 use super::cells::Cells;
 use super::rows::Rows;
-use crate::study::choices::{ChoiceError, Split};
+use crate::study::choices::{ChoiceError, Choices, Split};
 use crate::study::folds::{Blocks, FEWEST_BLOCKS, scramble};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,8 +11,9 @@ const TIME_BLOCKS: usize = 60;
 /// Half a wavelength at 2.44 GHz (m).
 pub(super) const HALF_WAVE_M: f64 = 0.0614;
 
-/// Rows by time in blocks of equal numbers; by pair where time is unknown or constant.
-pub(super) fn time_blocks(rows: &Rows) -> Blocks {
+/// Rows by time in blocks of equal numbers; by pair where time is unknown or constant. Rows that are `scored` by a fit to the
+/// others are in blocks of their own, as many as else of all.
+fn time_blocks(rows: &Rows, scored: Option<&[bool]>) -> Blocks {
     if !has_times(rows) {
         return Blocks::of_keys("pairs of nodes", &pairs(rows));
     }
@@ -22,21 +23,25 @@ pub(super) fn time_blocks(rows: &Rows) -> Blocks {
     order.sort_by(|&a, &b| {
         time(a).0.cmp(&time(b).0).then(time(a).1.total_cmp(&time(b).1)).then(a.cmp(&b))
     });
-    let n_blocks = TIME_BLOCKS.min(rows.len() / 8).max(1);
+    let is_scored = |row: &usize| scored.is_some_and(|scored| scored[*row]);
+    let parts: (Vec<usize>, Vec<usize>) = order.into_iter().partition(is_scored);
     let mut keys = vec![0u64; rows.len()];
-    let mut block = 0;
-    for (rank, &row) in order.iter().enumerate() {
-        // Rows of one moment stay together.
-        if rank * n_blocks / rows.len() != block && time(row) != time(order[rank - 1]) {
-            block = rank * n_blocks / rows.len();
+    for (first, part) in [(0, parts.0), (TIME_BLOCKS as u64, parts.1)] {
+        let n_blocks = TIME_BLOCKS.min(part.len() / 8).max(1);
+        let mut block = 0;
+        for (rank, &row) in part.iter().enumerate() {
+            // Rows of one moment stay together.
+            if rank * n_blocks / part.len() != block && time(row) != time(part[rank - 1]) {
+                block = rank * n_blocks / part.len();
+            }
+            keys[row] = first + block as u64;
         }
-        keys[row] = block as u64;
     }
     Blocks::of_keys("blocks of time", &keys)
 }
 
 /// Whether the rows were measured at so many times that blocks of time can be left out.
-pub(super) fn has_times(rows: &Rows) -> bool {
+fn has_times(rows: &Rows) -> bool {
     let mut times: Vec<(u32, u64)> =
         rows.links.rows.iter().map(|row| (row.run, row.time_s.to_bits())).collect();
     times.sort_unstable();
@@ -46,7 +51,7 @@ pub(super) fn has_times(rows: &Rows) -> bool {
 
 /// Rows of links that were measured once: a link and channel is predicted from other channels and from the other direction.
 /// Those of one pair of nodes depend on each other.
-pub(super) fn link_channel_blocks(rows: &Rows) -> Blocks {
+fn link_channel_blocks(rows: &Rows) -> Blocks {
     let measured = &rows.links.rows;
     let keys: Vec<u64> = measured
         .iter()
@@ -74,7 +79,7 @@ pub(super) fn n_pairs(rows: &Rows) -> usize {
 }
 
 /// Rows by unordered pair of nodes; by place where there are too few pairs.
-pub(super) fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
+fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
     let by_pair = Blocks::of_keys("pairs of nodes", &pairs(rows));
     if by_pair.suffices() || still.values().all(|&still| still) {
         return by_pair;
@@ -139,11 +144,46 @@ fn node_blocks(rows: &Rows) -> Blocks {
     blocks
 }
 
+/// Blocks by what varies: in time, with places, and, where nothing was measured twice, links and channels.
+pub(super) struct Grouped {
+    pub(super) time: Blocks,
+    pub(super) place: Blocks,
+    pub(super) once: Option<Blocks>,
+}
+
+/// Rows in blocks, as chosen or as suits them.
+pub(super) fn grouped(
+    rows: &Rows,
+    still: &BTreeMap<u32, bool>,
+    choices: &Choices,
+) -> Result<Grouped, ChoiceError> {
+    let runs: Vec<u32> = rows.links.rows.iter().map(|row| row.run).collect();
+    let scored = choices.scored(&runs);
+    let grouped = match choices.split {
+        Some(split) => {
+            let blocks = split_blocks(rows, still, split, scored.as_deref())?;
+            Grouped { time: blocks.clone(), place: blocks, once: None }
+        }
+        None => Grouped {
+            time: time_blocks(rows, scored.as_deref()),
+            place: place_blocks(rows, still),
+            once: (!has_times(rows)).then(|| link_channel_blocks(rows)),
+        },
+    };
+    let folded = |blocks: Blocks| Blocks { scored: scored.clone(), ..blocks };
+    Ok(Grouped {
+        time: folded(grouped.time),
+        place: folded(grouped.place),
+        once: grouped.once.map(folded),
+    })
+}
+
 /// Rows that are left out together by choice.
-pub(super) fn split_blocks(
+fn split_blocks(
     rows: &Rows,
     still: &BTreeMap<u32, bool>,
     split: Split,
+    scored: Option<&[bool]>,
 ) -> Result<Blocks, ChoiceError> {
     let refused =
         |reason: &str, nearest| ChoiceError::Split { split, reason: reason.to_owned(), nearest };
@@ -152,7 +192,7 @@ pub(super) fn split_blocks(
             let reason = "rows have no times, or fewer than 20 different ones";
             return Err(refused(reason, Split::Pair));
         }
-        Split::Time => time_blocks(rows),
+        Split::Time => time_blocks(rows, scored),
         Split::Pair => Blocks::of_keys("pairs of nodes", &pairs(rows)),
         Split::Node => node_blocks(rows),
         Split::Place if still.values().all(|&still| still) => {

@@ -2,10 +2,12 @@
 //! that makes them likeliest.
 
 use super::density::{Density, Residual};
+use super::motion::Paths;
 use super::terms::N_CURVE;
 use super::{Model, RobotFit};
 use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 /// Most steps of a fit.
 const MOST_STEPS: usize = 60;
@@ -13,6 +15,11 @@ const MOST_STEPS: usize = 60;
 const CONVERGED_NATS: f64 = 1e-8;
 /// … twice in a row.
 const CONVERGED_TIMES: usize = 2;
+/// A fit to some of the windows, which starts where all of them lead, has converged when a step gains less (nats): what a
+/// fold's fit lacks of its optimum shows in its scores in second order only.
+const NEAR_NATS: f64 = 1e-4;
+/// Most steps of such a fit with the derivatives at its start, before they are computed anew.
+const CHORD_STEPS: usize = 8;
 /// Steps of a first look at each of several starts.
 const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
@@ -28,12 +35,26 @@ pub(super) struct Number {
     pub(super) step: f64,
 }
 
+/// Derivatives of each component of each residual by each number: by columns.
+pub(super) type Columns = Vec<Vec<[f64; 3]>>;
+
 /// The state of a fit.
 struct Point {
     values: Vec<f64>,
+    paths: Paths,
     residuals: Vec<Residual>,
     density: Density,
     total: f64,
+}
+
+/// Numbers after a step, each within its range.
+fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -> Vec<f64> {
+    values
+        .iter()
+        .zip(step.iter())
+        .zip(numbers)
+        .map(|((value, step), number)| (value + step).clamp(number.min, number.max))
+        .collect()
 }
 
 impl Model {
@@ -56,7 +77,7 @@ impl Model {
         for term in terms {
             values.extend_from_slice(fit.numbers(self, *term));
         }
-        RobotFit { terms: terms.to_vec(), values, ..fit.clone() }
+        RobotFit { terms: terms.to_vec(), values, columns: Arc::default(), ..fit.clone() }
     }
 
     /// A fit with one more term: from the best of its starts.
@@ -66,6 +87,7 @@ impl Model {
         let begin = |start: &[f64]| RobotFit {
             terms: terms.clone(),
             values: parent.values.iter().chain(start).copied().collect(),
+            columns: Arc::default(),
             ..parent.clone()
         };
         let mut looks: Vec<(f64, RobotFit)> = starts
@@ -79,7 +101,7 @@ impl Model {
         looks.truncate(N_FOLLOWED);
         let followed = looks
             .into_iter()
-            .map(|(_, fit)| self.descended(fit, train, LOOK_STEPS))
+            .map(|(_, fit)| self.descended(fit, train, LOOK_STEPS, CONVERGED_NATS))
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
         let best = followed.unwrap_or_else(|| parent.clone());
         self.polished(best, train)
@@ -87,13 +109,86 @@ impl Model {
 
     /// A fit that has converged.
     fn polished(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
-        self.descended(fit, train, MOST_STEPS)
+        self.descended(fit, train, MOST_STEPS, CONVERGED_NATS)
+    }
+
+    /// A fit to some of the windows by one whose derivatives at all windows are known: by steps with these (the chord method),
+    /// and by Newton's method where they do not lead uphill.
+    pub(super) fn refitted(&self, start: &RobotFit, columns: &Columns, train: &[u32]) -> RobotFit {
+        let mut fit = start.clone();
+        let Some(mut at) = self.point(&fit, train) else { return self.polished(fit, train) };
+        self.settle(&fit, &mut at);
+        let numbers = self.numbers_of(&fit.terms);
+        let columns: Columns = columns
+            .iter()
+            .map(|column| train.iter().map(|&row| column[row as usize]).collect())
+            .collect();
+        for _ in 0..CHORD_STEPS {
+            fit.density = at.density;
+            let (mut matrix, slope) = self.normal_equations(&fit, &at, &columns);
+            for i in 0..numbers.len() {
+                matrix[(i, i)] += 1e-9 * matrix[(i, i)] + 1e-12;
+            }
+            let Some(step) = matrix.cholesky().map(|factors| factors.solve(&slope)) else { break };
+            fit.values = stepped(&at.values, &step, &numbers);
+            let Some(mut next) = self.point(&fit, train) else { break };
+            self.settle(&fit, &mut next);
+            let gained = next.total - at.total;
+            if 0.0 < gained {
+                at = next;
+            }
+            if gained.abs() < NEAR_NATS {
+                return self.ended(fit, at);
+            }
+            if gained < 0.0 {
+                break;
+            }
+        }
+        fit.density = at.density;
+        fit.values.clone_from(&at.values);
+        self.descended(fit, train, MOST_STEPS, NEAR_NATS)
+    }
+
+    /// A fit where it came to.
+    fn ended(&self, fit: RobotFit, at: Point) -> RobotFit {
+        RobotFit {
+            terms: fit.terms,
+            values: at.values,
+            density: at.density,
+            log_likelihood: at.total,
+            columns: Arc::default(),
+        }
+    }
+
+    /// Derivatives at all windows under a fit.
+    pub(super) fn columns(&self, fit: &RobotFit) -> Option<Columns> {
+        let all: Vec<u32> = (0..self.tracks.windows.len() as u32).collect();
+        let (residuals, paths) = self.residuals_and_paths(fit, &all, None)?;
+        self.jacobian(fit, &residuals, &paths, &all, &self.numbers_of(&fit.terms))
     }
 
     /// Residuals of some windows under a fit's numbers.
     pub(super) fn residuals(&self, fit: &RobotFit, rows: &[u32]) -> Option<Vec<Residual>> {
+        self.residuals_and_paths(fit, rows, None).map(|(residuals, _)| residuals)
+    }
+
+    /// Residuals of some windows under a fit's numbers, and the paths of the model alone. `known`: these paths, if they have
+    /// been computed.
+    fn residuals_and_paths(
+        &self,
+        fit: &RobotFit,
+        rows: &[u32],
+        known: Option<&Paths>,
+    ) -> Option<(Vec<Residual>, Paths)> {
         let (physics, gains) = self.physics(fit)?;
-        let all = self.tracks.residuals(&physics, gains);
+        let (paths, all) = match known {
+            Some(known) => (Paths::new(), self.tracks.residuals(&physics, known, gains)),
+            None => {
+                let paths = self.tracks.paths(&physics);
+                let all = self.tracks.residuals(&physics, &paths, gains);
+                (paths, all)
+            }
+        };
         let mut residuals: Vec<Residual> = rows.iter().map(|&row| all[row as usize]).collect();
         for &term in &fit.terms {
             if let Some(curve) = self.curve(term) {
@@ -107,7 +202,7 @@ impl Model {
                 }
             }
         }
-        Some(residuals)
+        Some((residuals, paths))
     }
 
     /// What one unit of each number of a curve adds to a window's motion (m), along and across.
@@ -140,11 +235,12 @@ impl Model {
 
     /// The fit's numbers with their likeliest noise; the ratio of its scatters stays as it is.
     fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<Point> {
-        let residuals = self.residuals(fit, train)?;
+        let (residuals, paths) = self.residuals_and_paths(fit, train, None)?;
         let is_noise_free = self.is_noise_free(&fit.terms);
         let density = fit.density.fitted(&residuals, is_noise_free, false);
         let total = density.total(&residuals) - self.penalty(fit);
-        total.is_finite().then(|| Point { values: fit.values.clone(), residuals, density, total })
+        let values = fit.values.clone();
+        total.is_finite().then_some(Point { values, paths, residuals, density, total })
     }
 
     /// Searches the ratio of the scatters at a point, where directions scatter.
@@ -156,8 +252,14 @@ impl Model {
         }
     }
 
-    /// Climbs the likelihood for at most so many steps.
-    fn descended(&self, mut fit: RobotFit, train: &[u32], most_steps: usize) -> RobotFit {
+    /// Climbs the likelihood for at most so many steps, until one gains less than `converged` (nats).
+    fn descended(
+        &self,
+        mut fit: RobotFit,
+        train: &[u32],
+        most_steps: usize,
+        converged: f64,
+    ) -> RobotFit {
         let Some(mut at) = self.point(&fit, train) else {
             fit.log_likelihood = f64::NEG_INFINITY;
             return fit;
@@ -168,10 +270,11 @@ impl Model {
         let mut quiet = 0;
         for _ in 0..most_steps {
             fit.density = at.density;
-            let Some((information, slope)) = self.normal_equations(&fit, &at, train, &numbers)
+            let Some(columns) = self.jacobian(&fit, &at.residuals, &at.paths, train, &numbers)
             else {
                 break;
             };
+            let (information, slope) = self.normal_equations(&fit, &at, &columns);
             let mut gained = 0.0;
             for _ in 0..8 {
                 let mut matrix = information.clone();
@@ -183,13 +286,7 @@ impl Model {
                     damping *= 10.0;
                     continue;
                 };
-                fit.values = at
-                    .values
-                    .iter()
-                    .zip(step.iter())
-                    .zip(&numbers)
-                    .map(|((value, step), number)| (value + step).clamp(number.min, number.max))
-                    .collect();
+                fit.values = stepped(&at.values, &step, &numbers);
                 match self.point(&fit, train) {
                     Some(mut next) if at.total < next.total => {
                         self.settle(&fit, &mut next);
@@ -202,25 +299,23 @@ impl Model {
                 }
             }
             fit.values.clone_from(&at.values);
-            quiet = if gained < CONVERGED_NATS { quiet + 1 } else { 0 };
+            quiet = if gained < converged { quiet + 1 } else { 0 };
             if gained == 0.0 || quiet == CONVERGED_TIMES {
                 break;
             }
         }
-        fit.values = at.values;
-        fit.density = at.density;
-        fit.log_likelihood = at.total;
-        fit
+        self.ended(fit, at)
     }
 
-    /// Derivatives of each whitened component of each residual by each number: rows × components, by columns.
+    /// Derivatives of residuals that are `at` under a fit, `paths` being those of its model alone.
     fn jacobian(
         &self,
         fit: &RobotFit,
         at: &[Residual],
+        paths: &Paths,
         train: &[u32],
         numbers: &[Number],
-    ) -> Option<Vec<Vec<[f64; 3]>>> {
+    ) -> Option<Columns> {
         let mut columns = Vec::with_capacity(numbers.len());
         let mut curves = vec![None; numbers.len()];
         let mut first = self.base.len();
@@ -245,7 +340,9 @@ impl Model {
             let h = 0.02 * number.step;
             let h = if number.max < fit.values[index] + h { -h } else { h };
             moved.values[index] += h;
-            let there = self.residuals(&moved, train)?;
+            // How much measurements count does not change what the model does alone.
+            let known = (index < self.n_gains() && !paths.is_empty()).then_some(paths);
+            let (there, _) = self.residuals_and_paths(&moved, train, known)?;
             let column = there.iter().zip(at).map(|(there, here)| {
                 std::array::from_fn(|i| (there.parts_m[i] - here.parts_m[i]) / h)
             });
@@ -259,11 +356,9 @@ impl Model {
         &self,
         fit: &RobotFit,
         at: &Point,
-        train: &[u32],
-        numbers: &[Number],
-    ) -> Option<(DMatrix<f64>, DVector<f64>)> {
-        let columns = self.jacobian(fit, &at.residuals, train, numbers)?;
-        let n = numbers.len();
+        columns: &Columns,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let n = columns.len();
         let mut information = DMatrix::zeros(n, n);
         let mut slope = DVector::zeros(n);
         for (row, residual) in at.residuals.iter().enumerate() {
@@ -295,7 +390,7 @@ impl Model {
                 information[(j, i)] = information[(i, j)];
             }
         }
-        Some((information, slope))
+        (information, slope)
     }
 
     /// Covariance of the numbers of a fit to all windows, blocks of windows being independent; and the correlations by which
@@ -304,8 +399,8 @@ impl Model {
         let all = blocks.fitted();
         let numbers = self.numbers_of(&fit.terms);
         let point = self.point(fit, &all)?;
-        let columns = self.jacobian(fit, &point.residuals, &all, &numbers)?;
-        let (mut information, _) = self.normal_equations(fit, &point, &all, &numbers)?;
+        let columns = self.jacobian(fit, &point.residuals, &point.paths, &all, &numbers)?;
+        let (mut information, _) = self.normal_equations(fit, &point, &columns);
         let n = numbers.len();
         let n_blocks = blocks.n_blocks();
         let mut scores = DMatrix::zeros(n_blocks, n);

@@ -37,6 +37,10 @@ pub(super) struct Tracks {
     terrain: Vec<Hill>,
 }
 
+/// Where the model alone takes each robot, sample by sample: for motion that is alike everywhere, whatever measurements
+/// count. Empty where motion depends on the place.
+pub(super) type Paths = Vec<Vec<Robot>>;
+
 /// What is known of a robot when a window begins.
 #[derive(Clone, Copy, Debug, Default)]
 struct Known {
@@ -122,10 +126,25 @@ impl Tracks {
 
     /// Directions (cosine, sine) in which the windows are predicted to go.
     pub(super) fn directions(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 2]> {
-        self.predictions(physics, gains)
+        self.predictions(physics, &self.paths(physics), gains)
             .into_iter()
             .map(|(_, moved_m)| direction(moved_m))
             .collect()
+    }
+
+    /// Whether positions are counted from where each campaign began: a direction or a place of the plane is then another one
+    /// in every campaign.
+    pub(super) fn is_relative(&self) -> bool {
+        let first = |track: &std::ops::Range<usize>| &self.robots.samples[track.start];
+        let mut runs: Vec<u32> = self.robots.tracks.iter().map(|track| first(track).run).collect();
+        runs.dedup();
+        let [begin, rest @ ..] = &self.robots.tracks[..] else { return false };
+        let place_m = first(begin).position_m;
+        let is_same = |track: &std::ops::Range<usize>| {
+            let other_m = first(track).position_m;
+            (0..2).all(|axis| (other_m[axis] - place_m[axis]).abs() < SAME_M)
+        };
+        FEWEST_ALIKE <= runs.len() && rest.iter().all(is_same)
     }
 
     /// Whether the height of the ground is known.
@@ -143,24 +162,50 @@ impl Tracks {
         self.others.iter().any(|others| !others.is_empty())
     }
 
-    /// Predicts all windows, and says how far measurements lie from that.
-    pub(super) fn residuals(&self, physics: &Physics, gains: Gains) -> Vec<Residual> {
-        let predictions = self.predictions(physics, gains);
+    /// Goes along every track by the model alone, where that tells what it does from any estimate.
+    pub(super) fn paths(&self, physics: &Physics) -> Paths {
+        if !physics.is_alike_everywhere() {
+            return Paths::new();
+        }
+        (0..self.robots.tracks.len())
+            .map(|track| {
+                if self.windows_of[track].is_empty() {
+                    Vec::new()
+                } else {
+                    self.path(track, physics)
+                }
+            })
+            .collect()
+    }
+
+    /// Predicts all windows, and says how far measurements lie from that. `paths`: those of this physics.
+    pub(super) fn residuals(
+        &self,
+        physics: &Physics,
+        paths: &Paths,
+        gains: Gains,
+    ) -> Vec<Residual> {
+        let predictions = self.predictions(physics, paths, gains);
         let both = self.windows.iter().zip(predictions);
         both.map(|(window, (begin, moved_m))| self.residual(window, &begin, moved_m)).collect()
     }
 
     /// What is known when each window begins, and what the robot is predicted to move in it (m).
-    fn predictions(&self, physics: &Physics, gains: Gains) -> Vec<(Known, [f64; 3])> {
+    fn predictions(
+        &self,
+        physics: &Physics,
+        paths: &Paths,
+        gains: Gains,
+    ) -> Vec<(Known, [f64; 3])> {
         let mut predictions = Vec::with_capacity(self.windows.len());
-        let is_alike = physics.is_alike_everywhere();
+        let is_alike = !paths.is_empty();
         for (track, range) in self.robots.tracks.iter().enumerate() {
             let windows = &self.windows[self.windows_of[track].clone()];
             if windows.is_empty() {
                 continue;
             }
             let known = if is_alike {
-                self.follow(track, physics, gains)
+                self.follow(track, &paths[track], physics.shape().is_turning(), gains)
             } else {
                 self.correct(track, physics, gains)
             };
@@ -205,25 +250,32 @@ impl Tracks {
         Robot { position_m: first.position_m, heading_rad, drive, ..Robot::default() }
     }
 
-    /// Goes along a track by the model alone, once, and lets estimates follow: for motion that is alike everywhere, so that
-    /// what the model does from an estimate is what it does by itself, moved and turned.
-    fn follow(&self, track: usize, physics: &Physics, gains: Gains) -> Vec<Known> {
+    /// Goes along a track by the model alone.
+    fn path(&self, track: usize, physics: &Physics) -> Vec<Robot> {
+        let samples = &self.robots.samples[self.robots.tracks[track].clone()];
+        let mut robot = self.begin(track, physics);
+        let mut path = Vec::with_capacity(samples.len());
+        path.push(robot);
+        let (mut next, surroundings) = (0, Surroundings::default());
+        for pair in samples.windows(2) {
+            let (from_s, until_s) = (pair[0].time_s, pair[1].time_s);
+            let orders = &self.orders[track];
+            physics.advance(&mut robot, orders, &mut next, from_s, until_s, &surroundings);
+            path.push(robot);
+        }
+        path
+    }
+
+    /// Lets estimates follow the path of the model alone: for motion that is alike everywhere, so that what the model does
+    /// from an estimate is what it does by itself, moved and turned.
+    fn follow(&self, track: usize, path: &[Robot], is_turning: bool, gains: Gains) -> Vec<Known> {
         let range = self.robots.tracks[track].clone();
         let samples = &self.robots.samples[range];
-        let mut robot = self.begin(track, physics);
+        let robot = path[0];
         let mut known = Vec::with_capacity(samples.len());
         let mut at = Known { robot, variance: 1.0, path_m: robot.position_m, turned_rad: 0.0 };
         known.push(at);
-        let (mut next, surroundings) = (0, Surroundings::default());
-        for (index, pair) in samples.windows(2).enumerate() {
-            physics.advance(
-                &mut robot,
-                &self.orders[track],
-                &mut next,
-                pair[0].time_s,
-                pair[1].time_s,
-                &surroundings,
-            );
+        for (index, (pair, robot)) in samples.windows(2).zip(&path[1..]).enumerate() {
             let step_m: [f64; 3] = std::array::from_fn(|i| robot.position_m[i] - at.path_m[i]);
             let step_m = rotated(step_m, at.turned_rad);
             let (gain, heading_gain) = weights(gains, index);
@@ -232,7 +284,7 @@ impl Tracks {
                 let expected = at.robot.position_m[i] + step_m[i];
                 expected + gain * (measured_m[i] - expected)
             });
-            if physics.shape().is_turning() {
+            if is_turning {
                 let expected = robot.heading_rad + at.turned_rad;
                 at.turned_rad += heading_gain * wrapped(pair[1].heading_rad - expected);
             }
@@ -312,6 +364,11 @@ impl Tracks {
         }
     }
 }
+
+/// Measured positions do not agree so closely (m), unless they are counted from there.
+const SAME_M: f64 = 1e-6;
+/// So many campaigns that all begin at one place are no accident.
+const FEWEST_ALIKE: usize = 5;
 
 /// Weights of the measurement after step `index`: the first ones count in full, as a mean of all so far does.
 fn weights(gains: Gains, index: usize) -> (f64, f64) {

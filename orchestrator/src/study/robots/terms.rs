@@ -157,7 +157,9 @@ pub(super) fn all(
             }));
         }
     }
-    for (name, values) in tracks.robots.covariates.iter().chain(&tracks.own_covariates()) {
+    let own = tracks.own_covariates();
+    let is_known = |(name, _): &&(String, Vec<f64>)| name == "time_s" || !tracks.is_relative();
+    for (name, values) in tracks.robots.covariates.iter().chain(own.iter().filter(is_known)) {
         let at_start = tracks.windows.iter().map(|window| values[window.start as usize]).collect();
         if let Some(curve) = Curve::new(at_start) {
             candidates.push(Candidate {
@@ -197,6 +199,14 @@ fn untestable(
     });
     if is_there {
         return Some("is in the model already".to_owned());
+    }
+    let is_of_the_plane = ["wind", "rough-ground", "slope"].contains(&entry.variant.name);
+    if is_of_the_plane && tracks.is_relative() {
+        return Some(
+            "needs positions in one frame: here every campaign begins at the same place to the last digit, so that positions \
+             are counted from there, and directions and places of one campaign are not those of another"
+                .to_owned(),
+        );
     }
     let shape = tracks.robots.shape;
     entry

@@ -46,7 +46,7 @@ impl RobotStudy {
             .filter_map(|horizon_s| {
                 let terrain = self.model.tracks.terrain().to_vec();
                 let tracks = Tracks::new(self.robots().clone(), horizon_s, terrain);
-                let residuals = tracks.residuals(&physics, gains);
+                let residuals = tracks.residuals(&physics, &tracks.paths(&physics), gains);
                 let squares: f64 = residuals
                     .iter()
                     .flat_map(|residual| residual.parts_m)
