@@ -124,7 +124,7 @@ struct Neighbour {
 ///
 /// # Cost
 ///
-/// A radio that is never off, as in the round robin. The element takes 9 bytes in the frame and 5 of its own, one for every 8 slots and one for each tag;
+/// A radio that is never off, as in the round robin. The element and what sets it off take 11 bytes, one for every 8 slots and one for each tag;
 /// where a frame has no room for all tags each gives others, at random, and conflicts are noticed later. A mote sends in
 /// (`check_slotframes` − 1) of `check_slotframes` slotframes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
