@@ -268,8 +268,22 @@ impl<'a, S: Study> Search<'a, S> {
                 trial.is_acceptable = trial.is_significant && trial.is_plausible;
             }
             let Some(best) = self.choose(&trials, &accepted) else {
-                last = trials;
-                break;
+                let Some((old, new)) = self.exchange(&trials, &accepted) else {
+                    last = trials;
+                    break;
+                };
+                let rest = without(&accepted, old);
+                let ties = self.ties(new, &trials, &rest);
+                let mut trial = trials.swap_remove(new);
+                trial.ties = ties;
+                let names = [old, trial.term].map(|term| candidates[term].name.as_str());
+                (self.report)(&format!("{} in place of {}", names[1], names[0]));
+                accepted = with(&rest, trial.term);
+                decided.retain(|decided| decided.term != old);
+                decided.push(trial);
+                removed.push(old);
+                rungs = self.rungs(&accepted);
+                continue;
             };
             let ties = self.ties(best, &trials, &accepted);
             let mut trial = trials.swap_remove(best);
@@ -284,8 +298,7 @@ impl<'a, S: Study> Search<'a, S> {
             let mut index = 0;
             while 1 < accepted.len() && index + 1 < accepted.len() {
                 let term = accepted[index];
-                let rest: Vec<usize> =
-                    accepted.iter().copied().filter(|&other| other != term).collect();
+                let rest = without(&accepted, term);
                 let all = self.full(&accepted, candidates[term].level, None);
                 self.prepare(&rest, &all);
                 let gain = self.gain(&accepted, &rest, candidates[term].level);
@@ -298,12 +311,7 @@ impl<'a, S: Study> Search<'a, S> {
                     index += 1;
                 }
             }
-            rungs.truncate(1);
-            for n in 1..=accepted.len() {
-                let all = self.full(&accepted, COMMON, None);
-                self.prepare(&accepted[..n], &all);
-                rungs.push(self.rung(&accepted[..n]));
-            }
+            rungs = self.rungs(&accepted);
         }
         let mut trials = decided;
         let is_decided: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
@@ -321,6 +329,42 @@ impl<'a, S: Study> Search<'a, S> {
                 crate::study::folds::FEWEST_BLOCKS
             )
         })
+    }
+
+    /// An accepted term, and the trial that had better stand in its place: it is beyond chance on top of all, and predicts more
+    /// without the other, or, as its special case, as much.
+    fn exchange(&self, trials: &[Trial], accepted: &[usize]) -> Option<(usize, usize)> {
+        let candidates = self.study.candidates();
+        for (index, trial) in trials.iter().enumerate() {
+            let new = &candidates[trial.term];
+            if !trial.is_plausible || new.curve_over().is_some() {
+                continue;
+            }
+            for &old in accepted {
+                let all = self.full(&with(accepted, trial.term), COMMON, None);
+                let terms = with(&without(accepted, old), trial.term);
+                self.prepare(&terms, &all);
+                let over = self.gain(&terms, accepted, COMMON);
+                let is_special = candidates[old].generalises.contains(&new.name);
+                let margin = if is_special { 0.0 } else { 2.0 * over.standard_error };
+                if margin < over.gain {
+                    return Some((old, index));
+                }
+            }
+        }
+        None
+    }
+
+    /// The model as configured, then with each term.
+    fn rungs(&self, accepted: &[usize]) -> Vec<Rung> {
+        let all = self.full(accepted, COMMON, None);
+        let upto = |n: usize| {
+            if 0 < n {
+                self.prepare(&accepted[..n], &all);
+            }
+            self.rung(&accepted[..n])
+        };
+        (0..=accepted.len()).map(upto).collect()
     }
 
     fn rung(&self, terms: &[usize]) -> Rung {
@@ -381,8 +425,8 @@ impl<'a, S: Study> Search<'a, S> {
         Some(best)
     }
 
-    /// A special case of the best that goes before it. One that is there by its own right does; what is random, whose levels
-    /// fit anything a little, only if it explains as much. That something is missing is beyond doubt, so that one which is
+    /// A special case of the best that goes before it. One that predicts unknown places, with everything random carried along,
+    /// does; any other only if it explains as much. That something is missing is beyond doubt, so that one which is
     /// beyond chance by itself need not be so with all candidates counted, if it explains more.
     fn special_case(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
         let candidates = self.study.candidates();
@@ -392,7 +436,7 @@ impl<'a, S: Study> Search<'a, S> {
             if !trial.is_plausible || !general.contains(&special.name) {
                 return false;
             }
-            if trial.is_acceptable && special.level != Level::Random {
+            if trial.is_acceptable && special.level == Level::Place {
                 return true;
             }
             let over = self.between(&trials[best], trial, accepted);
@@ -511,6 +555,10 @@ pub const COMMON: Level = Level::Time;
 
 fn with(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().chain([term]).collect()
+}
+
+fn without(accepted: &[usize], term: usize) -> Vec<usize> {
+    accepted.iter().copied().filter(|&other| other != term).collect()
 }
 
 /// How much greater the error of the model as configured is than that of the parent: shares of the one are so many times
