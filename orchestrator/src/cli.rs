@@ -4,6 +4,7 @@ mod check;
 mod measured;
 mod power;
 mod simulate;
+mod stop;
 mod sweeps;
 
 use crate::bench::{self, BenchOptions};

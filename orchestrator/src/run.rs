@@ -1,7 +1,7 @@
 //! One experiment, from file to results.
 
 mod drive;
-mod interrupt;
+pub(crate) mod interrupt;
 mod provenance;
 mod start;
 mod trial;

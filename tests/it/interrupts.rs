@@ -1,7 +1,9 @@
 //! Ctrl-C and SIGTERM end a run cleanly, with what was recorded kept.
 
+use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
+use tests::campaign::{Campaign, Hidden, Layout, Size};
 
 fn interrupted(signal: &str, name: &str) {
     let folder = tests::folder();
@@ -87,4 +89,40 @@ fn a_run_that_has_not_begun_can_be_stopped() {
         tests::said(&output)
     );
     assert!(!folder.path().join("runs").exists(), "something was written");
+}
+
+#[test]
+fn a_search_that_is_stopped_tells_what_it_has_found() {
+    let folder = tests::folder();
+    let hidden = [(Hidden::Temperature, Size::Clear), (Hidden::WallAttenuation, Size::Clear)];
+    let campaign = Campaign::link(0, &Layout::standard(), &hidden, 20_000);
+    std::fs::write(folder.path().join("model.toml"), &campaign.config_toml).unwrap();
+    std::fs::write(folder.path().join("data.csv"), &campaign.csv).unwrap();
+    let mut search = Command::new(tests::executable("orchestrator"))
+        .args(["diagnose", "model.toml", "--data", "data.csv", "--json", "found.json"])
+        .args(["--log", "info"])
+        .current_dir(folder.path())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(search.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains("round 2") {
+        line.clear();
+        assert!(0 < said.read_line(&mut line).unwrap(), "it has ended by itself");
+    }
+    let id = search.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    let output = search.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{rest}");
+    assert!(rest.contains("interrupted in round 2"), "{rest}");
+    let found: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("found.json")).unwrap()).unwrap();
+    assert_eq!(found["stopped_in_round"], 2, "{found}");
+    assert_eq!(found["missing"].as_array().unwrap().len(), 1, "{found}");
+    assert!(tests::said(&output).contains("stopped in round 2; until then: missing: "));
 }

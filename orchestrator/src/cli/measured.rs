@@ -1,10 +1,10 @@
 //! The commands that hold a model against measurements.
 
-use super::{Failure, place_for, write_json, write_whole};
+use super::{Failure, place_for, stop, write_json, write_whole};
 use crate::compare::{self, Comparison};
 use crate::console::{say, warn};
 use crate::diagnose::answer::{self, Answer, Kind};
-use crate::diagnose::ladder::{COMMON, Search};
+use crate::diagnose::ladder::{COMMON, Ladder, Search};
 use crate::extend;
 use crate::measure::config::Compared;
 use crate::measure::robots::Sample;
@@ -346,6 +346,7 @@ fn extend_with<S: Study>(
 /// `orchestrator diagnose`.
 pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
     args.check_places()?;
+    let stop = stop::listen()?;
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
@@ -357,7 +358,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let thin = study.thinned();
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
-            let search = Search::new(searched, &progress);
+            let search = Search::new(searched, &progress).until(stop);
             let ladder = search.climb();
             let left = searched.left_over(&search, &ladder);
             let kind = Kind { name: "link", unit: "dB" };
@@ -372,20 +373,24 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
                 ));
             }
             let found = diagnosed(&account, answer);
-            args.write(&config, &found, || Pictures::of_links(searched, &search, &ladder.accepted))
+            args.write(&config, &found, || {
+                Pictures::of_links(searched, &search, &ladder.accepted)
+            })?;
+            complete(&ladder)
         }
         Subject::Robots => {
             let (study, account) =
                 open::robots(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
             account_text(&account);
-            let search = Search::new(&study, &progress);
+            let search = Search::new(&study, &progress).until(stop);
             let ladder = search.climb();
             let kind = Kind { name: "robot", unit: "m" };
             let none = BTreeMap::new();
             let left = study.left_over(&search, &ladder);
             let answer = answer::answer(&study, &search, &ladder, kind, &none, left.as_ref(), None);
             let found = diagnosed(&account, answer);
-            args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))
+            args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))?;
+            complete(&ladder)
         }
     }
 }
@@ -394,4 +399,13 @@ fn diagnosed(account: &Account, mut answer: Answer) -> Value {
     account_json(account, &mut answer.json);
     say(&answer.text);
     answer.json
+}
+
+/// What was found before someone said stop is told and written; yet the search did not come to its end.
+fn complete(ladder: &Ladder) -> Result<(), Failure> {
+    ladder.stopped.map_or(Ok(()), |round| {
+        Err(Failure::work(format!(
+            "interrupted in round {round}: what was found until then is told"
+        )))
+    })
 }

@@ -232,6 +232,11 @@ pub fn answer<S: Study>(
             format!("there is structure in {} that no known effect explains{also}", over.join(", "))
         }
     };
+    let sentence = match ladder.stopped {
+        None => sentence,
+        Some(1) => "stopped before anything was found".to_owned(),
+        Some(round) => format!("stopped in round {round}; until then: {sentence}"),
+    };
     let next = next::measurements(study, search, ladder);
     for sentence in next.iter().filter_map(|entry| entry["sentence"].as_str()) {
         let _ = writeln!(text, "{sentence}");
@@ -250,6 +255,9 @@ pub fn answer<S: Study>(
     });
     if let Some(why) = &ladder.too_little {
         json["too_little"] = json!(why);
+    }
+    if let Some(round) = ladder.stopped {
+        json["stopped_in_round"] = json!(round);
     }
     Answer { json, text }
 }

@@ -1,11 +1,15 @@
 //! The search: which term makes the model predict data that it has not seen better; then which next; until none does.
 
+mod choice;
+
 use super::gain::{Gain, Scores};
 use crate::study::{Candidate, RowScore, Study};
 use proto::effect::Level;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use tracing::debug;
 
 /// All candidates together may accept wrongly with this probability (Holm).
@@ -20,6 +24,8 @@ const LEAST_SHARE: f64 = 0.001;
 const HOPELESS_NATS: f64 = 5.0;
 /// A rival raises the likelihood by at least this share of what the chosen one does.
 const NEARLY: f64 = 0.8;
+/// How often a search says how far it is.
+const TELL_EVERY: Duration = Duration::from_secs(5);
 /// No ladder has more rungs.
 const MOST_TERMS: usize = 8;
 
@@ -62,6 +68,16 @@ pub struct Ladder {
     pub trials: Vec<Trial>,
     /// Why nothing can be told, if so.
     pub too_little: Option<String>,
+    /// The round in which the search was stopped, if so: what was accepted before stands, nothing more was looked for.
+    pub stopped: Option<usize>,
+}
+
+impl Ladder {
+    /// Whether there was enough to tell something, and the search came to its end.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.too_little.is_none() && self.stopped.is_none()
+    }
 }
 
 /// Predictions of all rows by models that had not seen them, and fits to all rows: computed once.
@@ -71,6 +87,7 @@ pub struct Search<'a, S: Study> {
     held_out: Cache<Arc<Vec<RowScore>>>,
     full: Cache<Arc<S::Fit>>,
     report: &'a (dyn Fn(&str) + Sync),
+    stop: Option<&'a AtomicBool>,
 }
 
 type Key = (Vec<usize>, Level);
@@ -93,7 +110,18 @@ impl<'a, S: Study> Search<'a, S> {
             held_out: Mutex::default(),
             full: Mutex::default(),
             report,
+            stop: None,
         }
+    }
+
+    /// The same, but its climb ends as soon as this becomes true.
+    #[must_use]
+    pub fn until(self, stop: &'a AtomicBool) -> Self {
+        Self { stop: Some(stop), ..self }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// A fit to all rows, which starts from `parent` if it has not been made yet.
@@ -205,13 +233,14 @@ impl<'a, S: Study> Search<'a, S> {
             ties: Vec::new(),
         };
         let level = candidate.level;
-        if candidate.untestable.is_some()
+        if self.is_stopped()
+            || candidate.untestable.is_some()
             || accepted.contains(&term)
             || !self.study.blocks(level).suffices()
         {
             return hopeless;
         }
-        let begun = std::time::Instant::now();
+        let begun = Instant::now();
         let parent = self.full(accepted, level, None);
         let terms = with(accepted, term);
         let Some(fit) = self.promising(&terms, level, &parent, HOPELESS_NATS / 2.0) else {
@@ -244,15 +273,19 @@ impl<'a, S: Study> Search<'a, S> {
         let configured = rungs[0].scores;
         let mut removed: Vec<usize> = Vec::new();
         let mut last: Vec<Trial> = Vec::new();
+        let mut stopped = None;
+        let mut round = 0;
         while too_little.is_none() && accepted.len() < MOST_TERMS {
-            (self.report)(&format!("round {}: trying what may be missing", accepted.len() + 1));
+            round += 1;
+            (self.report)(&format!("round {round}: trying what may be missing"));
             for level in self.levels() {
                 self.held_out(&accepted, level);
             }
-            let mut trials: Vec<Trial> = (0..candidates.len())
-                .into_par_iter()
-                .map(|term| self.attempt(&accepted, term))
-                .collect();
+            let mut trials = self.trials(&accepted, round);
+            if self.is_stopped() {
+                stopped = Some(round);
+                break;
+            }
             holm(&mut trials, candidates.iter().filter(|c| c.untestable.is_none()).count());
             let parent = rungs[rungs.len() - 1].scores;
             for trial in trials.iter_mut().filter(|trial| trial.gain.p_value < FAMILY_ERROR) {
@@ -316,7 +349,27 @@ impl<'a, S: Study> Search<'a, S> {
         let mut trials = decided;
         let is_decided: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
         trials.extend(last.into_iter().filter(|trial| !is_decided.contains(&trial.term)));
-        Ladder { accepted, rungs, trials, too_little }
+        Ladder { accepted, rungs, trials, too_little, stopped }
+    }
+
+    /// Tries every candidate, and says now and then how many are left.
+    fn trials(&self, accepted: &[usize], round: usize) -> Vec<Trial> {
+        let n = self.study.candidates().len();
+        let begun = Instant::now();
+        let (done, told) = (AtomicUsize::new(0), Mutex::new(begun));
+        let try_one = |term| {
+            let trial = self.attempt(accepted, term);
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
+            if TELL_EVERY <= told.elapsed() {
+                *told = Instant::now();
+                let left_s = begun.elapsed().as_secs_f64() * (n - done) as f64 / done as f64;
+                let text = format!("round {round}: {done} of {n} tried, about {left_s:.0} s left");
+                (self.report)(&text);
+            }
+            trial
+        };
+        (0..n).into_par_iter().map(try_one).collect()
     }
 
     fn too_little(&self) -> Option<String> {
@@ -329,30 +382,6 @@ impl<'a, S: Study> Search<'a, S> {
                 crate::study::folds::FEWEST_BLOCKS
             )
         })
-    }
-
-    /// An accepted term, and the trial that had better stand in its place: it is beyond chance on top of all, and predicts more
-    /// without the other, or, as its special case, as much.
-    fn exchange(&self, trials: &[Trial], accepted: &[usize]) -> Option<(usize, usize)> {
-        let candidates = self.study.candidates();
-        for (index, trial) in trials.iter().enumerate() {
-            let new = &candidates[trial.term];
-            if !trial.is_plausible || new.curve_over().is_some() {
-                continue;
-            }
-            for &old in accepted {
-                let all = self.full(&with(accepted, trial.term), COMMON, None);
-                let terms = with(&without(accepted, old), trial.term);
-                self.prepare(&terms, &all);
-                let over = self.gain(&terms, accepted, COMMON);
-                let is_special = candidates[old].generalises.contains(&new.name);
-                let margin = if is_special { 0.0 } else { 2.0 * over.standard_error };
-                if margin < over.gain {
-                    return Some((old, index));
-                }
-            }
-        }
-        None
     }
 
     /// The model as configured, then with each term.
@@ -369,184 +398,6 @@ impl<'a, S: Study> Search<'a, S> {
 
     fn rung(&self, terms: &[usize]) -> Rung {
         Rung { terms: terms.to_vec(), scores: Scores::of(&self.held_out(terms, COMMON)) }
-    }
-
-    /// The acceptable trial to take, as an index.
-    fn choose(&self, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
-        let candidates = self.study.candidates();
-        let best_of = |wanted: &dyn Fn(&Trial) -> bool| {
-            (0..trials.len())
-                .filter(|&index| trials[index].is_acceptable && wanted(&trials[index]))
-                .max_by(|&a, &b| {
-                    trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a))
-                })
-        };
-        let is_curve = |trial: &Trial| candidates[trial.term].curve_over().is_some();
-        let is_given = |trial: &Trial| is_curve(trial) && !candidates[trial.term].is_derived;
-        let mut curve = best_of(&is_curve);
-        // What was measured beside is a better name for a cause than time or place, if it explains as much.
-        if let (Some(best), Some(given)) = (curve, best_of(&is_given)) {
-            let over = self.between(&trials[best], &trials[given], accepted);
-            if over.gain <= 2.0 * over.standard_error {
-                curve = Some(given);
-            }
-        }
-        let effect = best_of(&|trial| !is_curve(trial));
-        let Some(mut best) = effect else { return curve };
-        while let Some(special) = self.special_case(best, trials, accepted) {
-            best = special;
-        }
-        if let Some(law) = self.law_under(best, trials, accepted) {
-            best = law;
-        }
-        // Of rivals that cannot be told apart, the one with fewer parameters.
-        let n_parameters = |index: usize| candidates[trials[index].term].n_parameters;
-        for rival in 0..trials.len() {
-            if rival != best
-                && trials[rival].is_acceptable
-                && !is_curve(&trials[rival])
-                && n_parameters(rival) < n_parameters(best)
-                && self.is_tied(&trials[best], &trials[rival], accepted)
-            {
-                best = rival;
-            }
-        }
-        if let Some(curve) = curve {
-            let level = self.common_to(&trials[curve], &trials[best]);
-            let over = self.between_at(&trials[curve], &trials[best], accepted, level);
-            // A level of its own for every node or link follows any curve: there it need not be much better.
-            let is_random = candidates[trials[best].term].level == Level::Random;
-            let margin =
-                if is_random { 0.0 } else { (2.0 * over.standard_error).max(WORTH_NATS / 2.0) };
-            if margin < over.gain {
-                return Some(curve);
-            }
-        }
-        Some(best)
-    }
-
-    /// A special case of the best that goes before it. One that predicts unknown places, with everything random carried along,
-    /// does; any other only if it explains as much. That something is missing is beyond doubt, so that one which is
-    /// beyond chance by itself need not be so with all candidates counted, if it explains more.
-    fn special_case(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
-        let candidates = self.study.candidates();
-        let general = &candidates[trials[best].term].generalises;
-        let goes_before = |trial: &Trial| {
-            let special = &candidates[trial.term];
-            if !trial.is_plausible || !general.contains(&special.name) {
-                return false;
-            }
-            if trial.is_acceptable && special.level == Level::Place {
-                return true;
-            }
-            let over = self.between(&trials[best], trial, accepted);
-            let margin = if trial.is_acceptable { 2.0 * over.standard_error } else { 0.0 };
-            over.gain <= margin
-        };
-        (0..trials.len()).filter(|&index| goes_before(&trials[index])).max_by(|&a, &b| {
-            trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a))
-        })
-    }
-
-    /// Where the best is random, which fits any pattern of known links and nodes: the law that predicts unknown ones best, beyond
-    /// chance with everything random carried along.
-    fn law_under(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
-        let candidates = self.study.candidates();
-        if candidates[trials[best].term].level != Level::Random {
-            return None;
-        }
-        let is_law = |trial: &&Trial| {
-            let candidate = &candidates[trial.term];
-            trial.is_acceptable
-                && candidate.level != Level::Random
-                && candidate.curve_over().is_none()
-        };
-        trials
-            .iter()
-            .enumerate()
-            .filter(|(_, trial)| is_law(trial))
-            .map(|(index, trial)| {
-                let parent = self.full(accepted, Level::Place, None);
-                let terms = with(accepted, trial.term);
-                self.full(&terms, Level::Place, Some(&parent));
-                (index, self.gain(&terms, accepted, Level::Place))
-            })
-            .filter(|(_, gain)| gain.p_value < FAMILY_ERROR && WORTH_NATS <= gain.gain)
-            .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))
-            .map(|(index, _)| index)
-    }
-
-    /// What one candidate gains over another on the common split.
-    fn between(&self, a: &Trial, b: &Trial, accepted: &[usize]) -> Gain {
-        self.between_at(a, b, accepted, COMMON)
-    }
-
-    /// What one candidate gains over another.
-    fn between_at(&self, a: &Trial, b: &Trial, accepted: &[usize], level: Level) -> Gain {
-        self.gain(&with(accepted, a.term), &with(accepted, b.term), level)
-    }
-
-    /// The level at which both are judged; the common split, if they differ.
-    fn common_to(&self, a: &Trial, b: &Trial) -> Level {
-        let [a, b] =
-            [a, b].map(|trial| self.study.judged(self.study.candidates()[trial.term].level));
-        if a == b { a } else { COMMON }
-    }
-
-    /// Whether two candidates predict alike, and neither adds anything to the other.
-    fn is_tied(&self, a: &Trial, b: &Trial, accepted: &[usize]) -> bool {
-        let difference = self.between(a, b, accepted);
-        // What is not beyond chance by its own measure may well explain more where places and nodes are known.
-        let apart = if b.is_significant { difference.gain.abs() } else { difference.gain };
-        if 2.0 * difference.standard_error < apart {
-            return false;
-        }
-        let both = with(&with(accepted, a.term), b.term);
-        let adds = |first: &Trial, second: &Trial| {
-            let level = self.study.candidates()[second.term].level;
-            let one = self.full(&with(accepted, first.term), COMMON, None);
-            self.full(&with(accepted, first.term), level, Some(&one));
-            self.full(&both, level, Some(&one));
-            let gain = self.gain(&both, &with(accepted, first.term), level);
-            gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain
-        };
-        !((b.is_significant && adds(a, b)) || adds(b, a))
-    }
-
-    /// Whether a candidate that is not beyond chance by its own measure, places and nodes left out, explains the rows nearly as
-    /// well as the chosen one where these are known.
-    fn rivals(&self, best: &Trial, trial: &Trial, accepted: &[usize]) -> bool {
-        let candidate = &self.study.candidates()[trial.term];
-        if candidate.untestable.is_some()
-            || accepted.contains(&trial.term)
-            || self.study.judged(candidate.level) == COMMON
-        {
-            return false;
-        }
-        let parent = self.full(accepted, COMMON, None);
-        let before = self.study.log_likelihood(&parent);
-        let rise = |fit: &S::Fit| self.study.log_likelihood(fit) - before;
-        let enough = NEARLY * rise(&self.full(&with(accepted, best.term), COMMON, None));
-        let terms = with(accepted, trial.term);
-        let fit = self.promising(&terms, COMMON, &parent, enough);
-        debug!(name = candidate.name, rise = ?fit.as_ref().map(|fit| rise(fit)), enough, "rival");
-        fit.is_some_and(|fit| rise(&fit) >= enough)
-    }
-
-    /// Candidates that cannot be told from the chosen one.
-    fn ties(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Vec<usize> {
-        let candidates = self.study.candidates();
-        trials
-            .iter()
-            .enumerate()
-            .filter(|&(index, trial)| {
-                index != best
-                    && candidates[trial.term].curve_over().is_none()
-                    && (trial.is_significant || self.rivals(&trials[best], trial, accepted))
-                    && self.is_tied(&trials[best], trial, accepted)
-            })
-            .map(|(_, trial)| trial.term)
-            .collect()
     }
 }
 

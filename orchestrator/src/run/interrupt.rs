@@ -7,14 +7,14 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Listens for both signals.
-pub(super) struct Interrupt {
+pub(crate) struct Interrupt {
     interrupt: Option<Signal>,
     terminate: Option<Signal>,
     seen: Option<&'static str>,
 }
 
 impl Interrupt {
-    pub(super) fn listen() -> Self {
+    pub(crate) fn listen() -> Self {
         Self {
             interrupt: signal(SignalKind::interrupt()).ok(),
             terminate: signal(SignalKind::terminate()).ok(),
@@ -28,7 +28,7 @@ impl Interrupt {
     }
 
     /// Completes when a signal comes.
-    pub(super) async fn first(&mut self) -> &'static str {
+    pub(crate) async fn first(&mut self) -> &'static str {
         let name = next(&mut self.interrupt, &mut self.terminate).await;
         self.seen = Some(name);
         name

@@ -145,7 +145,7 @@ impl LinkStudy {
             self.residuals(&search.full(&ladder.accepted, COMMON, None));
         let covariates = self.covariates();
         let levels = [&self.time, &self.place];
-        let mut structure = if ladder.too_little.is_none() && levels.iter().all(|l| l.suffices()) {
+        let mut structure = if ladder.is_complete() && levels.iter().all(|l| l.suffices()) {
             scan::strongest(&covariates, &[&scaled, &surprise], &levels)
         } else {
             None

@@ -4,6 +4,9 @@ use super::rows::Rows;
 use proto::effect::{Level, Need};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// A heading and a pattern are three numbers: from fewer places nothing is left to test them on.
+const FEWEST_VIEWS: usize = 6;
+
 /// Which motes stand still throughout.
 #[must_use]
 pub fn still(rows: &Rows) -> BTreeMap<u32, bool> {
@@ -42,6 +45,7 @@ pub fn has(rows: &Rows, still: &BTreeMap<u32, bool>, need: Need) -> bool {
         }
         Need::Headings => {
             differs(&mut measured.iter().flat_map(|row| [row.tx_heading_rad, row.rx_heading_rad]))
+                || has_still_views(rows, still)
         }
         Need::Movement => still.values().any(|still| !still),
         Need::Time => differs(&mut measured.iter().map(|row| row.time_s)),
@@ -61,6 +65,21 @@ pub fn has(rows: &Rows, still: &BTreeMap<u32, bool>, need: Need) -> bool {
         Need::Foliage => !rows.site.foliage.is_empty(),
         Need::Terrain | Need::TurningCommands | Need::Steering => false,
     }
+}
+
+/// Whether a node that stands still, whose heading can be sought, is seen from so many places that a pattern would show.
+fn has_still_views(rows: &Rows, still: &BTreeMap<u32, bool>) -> bool {
+    let mut views: BTreeMap<u32, BTreeSet<[u64; 2]>> = BTreeMap::new();
+    for row in 0..rows.len() {
+        let (tx, rx) = rows.ends(row);
+        for (own, other) in [(tx, rx), (rx, tx)] {
+            if own.heading_rad.is_none() && still.get(&own.id).copied().unwrap_or(false) {
+                let place = [0, 1].map(|k| other.position_m[k].to_bits());
+                views.entry(own.id).or_default().insert(place);
+            }
+        }
+    }
+    views.values().any(|places| FEWEST_VIEWS <= places.len())
 }
 
 /// At which level a covariate varies: from place to place where it is constant for every pair of nodes, else in time.

@@ -17,7 +17,7 @@ impl RobotStudy {
             .into_iter()
             .filter(|blocks| blocks.suffices())
             .collect();
-        if ladder.too_little.is_some() || levels.is_empty() {
+        if !ladder.is_complete() || levels.is_empty() {
             return None;
         }
         let view = self.view(&search.full(&ladder.accepted, COMMON, None));

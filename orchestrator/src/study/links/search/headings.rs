@@ -3,6 +3,7 @@
 use super::super::likelihood::Slope;
 use super::super::rows::Rows;
 use super::super::terms::State;
+use super::super::testable;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -30,8 +31,9 @@ struct Seen {
     known_db: f64,
 }
 
-/// The nodes without a heading, in the order of their numbers.
+/// The nodes that stand still and tell no heading, in the order of their numbers.
 fn nodes_without(rows: &Rows, train: &[u32]) -> Vec<u32> {
+    let still = testable::still(rows);
     let mut known: BTreeMap<u32, bool> = BTreeMap::new();
     for &row in train {
         let (tx, rx) = rows.ends(row as usize);
@@ -39,7 +41,8 @@ fn nodes_without(rows: &Rows, train: &[u32]) -> Vec<u32> {
             *known.entry(end.id).or_insert(false) |= end.heading_rad.is_some();
         }
     }
-    known.into_iter().filter(|(_, known)| !known).map(|(id, _)| id).collect()
+    let is_sought = |id: &u32, known: bool| !known && still.get(id).copied().unwrap_or(false);
+    known.into_iter().filter(|(id, known)| is_sought(id, *known)).map(|(id, _)| id).collect()
 }
 
 fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> {

@@ -1,0 +1,28 @@
+//! Ctrl-C and SIGTERM while measurements are searched: what is under way is finished, and what was found until then is told.
+
+use super::{Failure, on_runtime};
+use crate::console::warn;
+use crate::run::interrupt::Interrupt;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static STOP: AtomicBool = AtomicBool::new(false);
+/// As a shell reports an end by Ctrl-C.
+const INTERRUPTED: i32 = 130;
+
+/// Listens from now on. It becomes true with the first signal; a second one ends the process.
+pub(super) fn listen() -> Result<&'static AtomicBool, Failure> {
+    let work = || {
+        let ended = on_runtime(async {
+            let mut interrupt = Interrupt::listen();
+            let name = interrupt.first().await;
+            STOP.store(true, Ordering::Relaxed);
+            warn(format!("{name}: what is under way is finished; once more to give up"));
+            interrupt.first().await;
+        });
+        if ended.is_ok() {
+            std::process::exit(INTERRUPTED);
+        }
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(work).map_err(Failure::work)?;
+    Ok(&STOP)
+}

@@ -1,0 +1,220 @@
+//! Which of the candidates that are acceptable is taken, and which cannot be told from it.
+
+use super::{COMMON, FAMILY_ERROR, NEARLY, Search, Trial, WORTH_NATS, with, without};
+use crate::diagnose::gain::Gain;
+use crate::study::Study;
+use proto::effect::Level;
+use tracing::debug;
+
+impl<S: Study> Search<'_, S> {
+    /// The acceptable trial to take, as an index.
+    pub(super) fn choose(&self, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
+        let candidates = self.study.candidates();
+        let best_of = |wanted: &dyn Fn(&Trial) -> bool| {
+            (0..trials.len())
+                .filter(|&index| trials[index].is_acceptable && wanted(&trials[index]))
+                .max_by(|&a, &b| {
+                    trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a))
+                })
+        };
+        let is_curve = |trial: &Trial| candidates[trial.term].curve_over().is_some();
+        let is_given = |trial: &Trial| is_curve(trial) && !candidates[trial.term].is_derived;
+        let mut curve = best_of(&is_curve);
+        // What was measured beside is a better name for a cause than time or place, if it explains as much.
+        if let (Some(best), Some(given)) = (curve, best_of(&is_given)) {
+            let over = self.between(&trials[best], &trials[given], accepted);
+            if over.gain <= 2.0 * over.standard_error {
+                curve = Some(given);
+            }
+        }
+        let effect = best_of(&|trial| !is_curve(trial));
+        let Some(mut best) = effect else { return curve };
+        while let Some(special) = self.special_case(best, trials, accepted) {
+            best = special;
+        }
+        if let Some(law) = self.law_under(best, trials, accepted) {
+            best = law;
+        }
+        // Of rivals that cannot be told apart, the one with fewer parameters.
+        let n_parameters = |index: usize| candidates[trials[index].term].n_parameters;
+        for rival in 0..trials.len() {
+            if rival != best
+                && trials[rival].is_acceptable
+                && !is_curve(&trials[rival])
+                && n_parameters(rival) < n_parameters(best)
+                && self.is_tied(&trials[best], &trials[rival], accepted)
+            {
+                best = rival;
+            }
+        }
+        if let Some(curve) = curve {
+            let level = self.common_to(&trials[curve], &trials[best]);
+            let over = self.between_at(&trials[curve], &trials[best], accepted, level);
+            // A level of its own for every node or link follows any curve: there it need not be much better.
+            let is_random = candidates[trials[best].term].level == Level::Random;
+            let margin =
+                if is_random { 0.0 } else { (2.0 * over.standard_error).max(WORTH_NATS / 2.0) };
+            if margin < over.gain {
+                return Some(curve);
+            }
+        }
+        Some(best)
+    }
+
+    /// A special case of the best that goes before it. One that predicts unknown places, with everything random carried along,
+    /// does; any other only if it explains as much. That something is missing is beyond doubt, so that one which is
+    /// beyond chance by itself need not be so with all candidates counted, if it explains more.
+    fn special_case(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
+        let candidates = self.study.candidates();
+        let general = &candidates[trials[best].term].generalises;
+        let goes_before = |trial: &Trial| {
+            let special = &candidates[trial.term];
+            if !trial.is_plausible || !general.contains(&special.name) {
+                return false;
+            }
+            if trial.is_acceptable && special.level == Level::Place {
+                return true;
+            }
+            let over = self.between(&trials[best], trial, accepted);
+            let margin = if trial.is_acceptable { 2.0 * over.standard_error } else { 0.0 };
+            over.gain <= margin
+        };
+        (0..trials.len()).filter(|&index| goes_before(&trials[index])).max_by(|&a, &b| {
+            trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a))
+        })
+    }
+
+    /// Where the best is random, which fits any pattern of known links and nodes: the law that predicts unknown ones best, beyond
+    /// chance with everything random carried along; else the simplest that explains nearly as much, for levels about a mean that
+    /// is wrong explain the mean, too.
+    fn law_under(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
+        let candidates = self.study.candidates();
+        if candidates[trials[best].term].level != Level::Random {
+            return None;
+        }
+        let is_law = |index: &usize| {
+            let candidate = &candidates[trials[*index].term];
+            trials[*index].is_acceptable
+                && candidate.level != Level::Random
+                && candidate.curve_over().is_none()
+        };
+        let laws: Vec<usize> = (0..trials.len()).filter(is_law).collect();
+        let on_places = |index: usize| {
+            let parent = self.full(accepted, Level::Place, None);
+            let terms = with(accepted, trials[index].term);
+            self.full(&terms, Level::Place, Some(&parent));
+            self.gain(&terms, accepted, Level::Place)
+        };
+        let beyond_links = laws
+            .iter()
+            .map(|&index| (index, on_places(index)))
+            .filter(|(_, gain)| gain.p_value < FAMILY_ERROR && WORTH_NATS <= gain.gain)
+            .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
+        if let Some((index, _)) = beyond_links {
+            return Some(index);
+        }
+        let enough = NEARLY * trials[best].common.gain;
+        let n_parameters = |index: usize| candidates[trials[index].term].n_parameters;
+        laws.into_iter().filter(|&index| enough <= trials[index].common.gain).min_by(|&a, &b| {
+            let gains = [b, a].map(|index| trials[index].common.gain);
+            n_parameters(a).cmp(&n_parameters(b)).then(gains[0].total_cmp(&gains[1]))
+        })
+    }
+
+    /// What one candidate gains over another on the common split.
+    fn between(&self, a: &Trial, b: &Trial, accepted: &[usize]) -> Gain {
+        self.between_at(a, b, accepted, COMMON)
+    }
+
+    /// What one candidate gains over another.
+    fn between_at(&self, a: &Trial, b: &Trial, accepted: &[usize], level: Level) -> Gain {
+        self.gain(&with(accepted, a.term), &with(accepted, b.term), level)
+    }
+
+    /// The level at which both are judged; the common split, if they differ.
+    fn common_to(&self, a: &Trial, b: &Trial) -> Level {
+        let [a, b] =
+            [a, b].map(|trial| self.study.judged(self.study.candidates()[trial.term].level));
+        if a == b { a } else { COMMON }
+    }
+
+    /// Whether two candidates predict alike, and neither adds anything to the other.
+    fn is_tied(&self, a: &Trial, b: &Trial, accepted: &[usize]) -> bool {
+        let difference = self.between(a, b, accepted);
+        // What is not beyond chance by its own measure may well explain more where places and nodes are known.
+        let apart = if b.is_significant { difference.gain.abs() } else { difference.gain };
+        if 2.0 * difference.standard_error < apart {
+            return false;
+        }
+        let both = with(&with(accepted, a.term), b.term);
+        let adds = |first: &Trial, second: &Trial| {
+            let level = self.study.candidates()[second.term].level;
+            let one = self.full(&with(accepted, first.term), COMMON, None);
+            self.full(&with(accepted, first.term), level, Some(&one));
+            self.full(&both, level, Some(&one));
+            let gain = self.gain(&both, &with(accepted, first.term), level);
+            gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain
+        };
+        !((b.is_significant && adds(a, b)) || adds(b, a))
+    }
+
+    /// Whether a candidate that is not beyond chance by its own measure, places and nodes left out, explains the rows nearly as
+    /// well as the chosen one where these are known.
+    fn rivals(&self, best: &Trial, trial: &Trial, accepted: &[usize]) -> bool {
+        let candidate = &self.study.candidates()[trial.term];
+        if candidate.untestable.is_some()
+            || accepted.contains(&trial.term)
+            || self.study.judged(candidate.level) == COMMON
+        {
+            return false;
+        }
+        let parent = self.full(accepted, COMMON, None);
+        let before = self.study.log_likelihood(&parent);
+        let rise = |fit: &S::Fit| self.study.log_likelihood(fit) - before;
+        let enough = NEARLY * rise(&self.full(&with(accepted, best.term), COMMON, None));
+        let terms = with(accepted, trial.term);
+        let fit = self.promising(&terms, COMMON, &parent, enough);
+        debug!(name = candidate.name, rise = ?fit.as_ref().map(|fit| rise(fit)), enough, "rival");
+        fit.is_some_and(|fit| rise(&fit) >= enough)
+    }
+
+    /// Candidates that cannot be told from the chosen one.
+    pub(super) fn ties(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Vec<usize> {
+        let candidates = self.study.candidates();
+        trials
+            .iter()
+            .enumerate()
+            .filter(|&(index, trial)| {
+                index != best
+                    && candidates[trial.term].curve_over().is_none()
+                    && (trial.is_significant || self.rivals(&trials[best], trial, accepted))
+                    && self.is_tied(&trials[best], trial, accepted)
+            })
+            .map(|(_, trial)| trial.term)
+            .collect()
+    }
+
+    /// An accepted term, and the trial that had better stand in its place: it is beyond chance on top of all, and predicts more
+    /// without the other, or, as its special case, as much.
+    pub(super) fn exchange(&self, trials: &[Trial], accepted: &[usize]) -> Option<(usize, usize)> {
+        let candidates = self.study.candidates();
+        for (index, trial) in trials.iter().enumerate() {
+            let new = &candidates[trial.term];
+            if !trial.is_plausible || new.curve_over().is_some() {
+                continue;
+            }
+            for &old in accepted {
+                let all = self.full(&with(accepted, trial.term), COMMON, None);
+                let terms = with(&without(accepted, old), trial.term);
+                self.prepare(&terms, &all);
+                let over = self.gain(&terms, accepted, COMMON);
+                let is_special = candidates[old].generalises.contains(&new.name);
+                let margin = if is_special { 0.0 } else { 2.0 * over.standard_error };
+                if margin < over.gain {
+                    return Some((old, index));
+                }
+            }
+        }
+        None
+    }
+}
