@@ -186,6 +186,15 @@ impl<'a> Knowledge<'a> {
                 .heard_by(agent)
                 .filter_map(|index| self.seen[index].as_ref())
                 .for_each(visit_other),
+            // The order in which others are visited is the same whether strengths are told or not: sums depend on it.
+            Some(deliveries) if !self.repeated => {
+                let rssi_dbm = &deliveries.rssi_dbm[self.rssi_begins[agent]..];
+                for (index, &rssi_dbm) in deliveries.heard_by(agent).zip(rssi_dbm) {
+                    if let Some(seen) = &self.seen[index] {
+                        visit_other(&Seen { rssi_dbm: Some(rssi_dbm), ..*seen });
+                    }
+                }
+            }
             Some(deliveries) => {
                 let rssi_dbm =
                     self.rssi_begins.get(agent).map(|&begin| &deliveries.rssi_dbm[begin..]);
@@ -282,6 +291,16 @@ mod tests {
         let deliveries = deliveries(&[(1, 10, Some(1.0)), (2, 20, Some(2.0)), (1, 30, Some(3.0))]);
         let knowledge = Knowledge::heard(Some(&deliveries), 4);
         assert_eq!(known_to_0(&knowledge), [(1, 30, 3.0), (2, 20, 2.0)]);
+    }
+
+    #[test]
+    fn others_are_visited_in_the_same_order_whether_strengths_are_told_or_not() {
+        let silent = deliveries(&[(3, 10, Some(1.0)), (1, 20, Some(2.0)), (2, 30, Some(3.0))]);
+        let told = Deliveries { rssi_dbm: vec![-50.0; 3], ..silent.clone() };
+        let expected = [(3, 10, 1.0), (1, 20, 2.0), (2, 30, 3.0)];
+        for deliveries in [&silent, &told] {
+            assert_eq!(known_to_0(&Knowledge::heard(Some(deliveries), 4)), expected);
+        }
     }
 
     #[test]
