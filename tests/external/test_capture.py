@@ -132,6 +132,8 @@ def test_addresses_that_were_left_out_are_found_again(capture):
         ("fd00::1", "fd00::3"),
         ("fe80::1", "ff02::1"),
         ("fd00::1", "fd00::1:0"),
+        # The one with an announcement of slots.
+        ("fe80::1", "ff02::1"),
     ]
 
 
