@@ -6,6 +6,9 @@ use crate::study::Study;
 use proto::effect::Level;
 use tracing::debug;
 
+/// A law that explains this share of what levels per link or node do goes before them.
+const MOSTLY: f64 = 0.85;
+
 impl<S: Study> Search<'_, S> {
     /// The acceptable trial to take, as an index.
     pub(super) fn choose(&self, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
@@ -53,7 +56,7 @@ impl<S: Study> Search<'_, S> {
             // A level of its own for every node or link follows any curve: there it need not be much better.
             let is_random = candidates[trials[best].term].level == Level::Random;
             let margin =
-                if is_random { 0.0 } else { (2.0 * over.standard_error).max(WORTH_NATS / 2.0) };
+                if is_random { 0.0 } else { (2.0 * over.standard_error).max(WORTH_NATS / 10.0) };
             if margin < over.gain {
                 return Some(curve);
             }
@@ -113,7 +116,7 @@ impl<S: Study> Search<'_, S> {
         if let Some((index, _)) = beyond_links {
             return Some(index);
         }
-        let enough = NEARLY * trials[best].common.gain;
+        let enough = MOSTLY * trials[best].common.gain;
         let n_parameters = |index: usize| candidates[trials[index].term].n_parameters;
         laws.into_iter().filter(|&index| enough <= trials[index].common.gain).min_by(|&a, &b| {
             let gains = [b, a].map(|index| trials[index].common.gain);
