@@ -1,23 +1,36 @@
 //! Ctrl-C and SIGTERM end a run cleanly, with what was recorded kept.
 
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tests::campaign::{Campaign, Hidden, Layout, Size};
 
-fn interrupted(signal: &str, name: &str) {
-    let folder = tests::folder();
-    let config = tests::repository().join("configs/flocking.toml");
-    let run = Command::new(tests::executable("orchestrator"))
-        .arg("run")
-        .arg(config)
-        .args(["--set", "experiment.duration_s=1e7"])
-        .current_dir(folder.path())
+/// The orchestrator with these arguments, whatever it says kept.
+fn started(args: &[&str], folder: &Path) -> Child {
+    Command::new(tests::executable("orchestrator"))
+        .args(args)
+        .current_dir(folder)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
-        .unwrap();
+        .unwrap()
+}
+
+/// A run of the flocking example.
+fn started_run(more: &[&str], folder: &Path) -> Child {
+    let config = tests::repository().join("configs/flocking.toml");
+    started(&[&["run", config.to_str().unwrap()], more].concat(), folder)
+}
+
+fn send(signal: &str, to: &Child) {
+    assert!(Command::new("kill").args([signal, &to.id().to_string()]).status().unwrap().success());
+}
+
+fn interrupted(signal: &str, name: &str) {
+    let folder = tests::folder();
+    let run = started_run(&["--set", "experiment.duration_s=1e7"], folder.path());
     // Until it records.
     let begun = Instant::now();
     let recording = || {
@@ -30,7 +43,7 @@ fn interrupted(signal: &str, name: &str) {
         std::thread::park_timeout(Duration::from_millis(10));
     }
     std::thread::park_timeout(Duration::from_millis(300));
-    assert!(Command::new("kill").args([signal, &run.id().to_string()]).status().unwrap().success());
+    send(signal, &run);
     let begun = Instant::now();
     let output = run.wait_with_output().unwrap();
     assert!(begun.elapsed() < Duration::from_secs(8), "{:?}", begun.elapsed());
@@ -65,20 +78,11 @@ fn a_run_that_has_not_begun_can_be_stopped() {
     let silent = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}", silent.local_addr().unwrap());
     let folder = tests::folder();
-    let run = Command::new(tests::executable("orchestrator"))
-        .arg("run")
-        .arg(tests::repository().join("configs/flocking.toml"))
-        .args(["--netsim", &url])
-        .current_dir(folder.path())
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let run = started_run(&["--netsim", &url], folder.path());
     // It has come to the point of connecting.
     let (connection, _) = silent.accept().unwrap();
     let begun = Instant::now();
-    assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
+    send("-INT", &run);
     let output = run.wait_with_output().unwrap();
     drop(connection);
     assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
@@ -98,23 +102,15 @@ fn a_search_that_is_stopped_tells_what_it_has_found() {
     let campaign = Campaign::link(0, &Layout::standard(), &hidden, 20_000);
     std::fs::write(folder.path().join("model.toml"), &campaign.config_toml).unwrap();
     std::fs::write(folder.path().join("data.csv"), &campaign.csv).unwrap();
-    let mut search = Command::new(tests::executable("orchestrator"))
-        .args(["diagnose", "model.toml", "--data", "data.csv", "--json", "found.json"])
-        .args(["--log", "info"])
-        .current_dir(folder.path())
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let asked = ["diagnose", "model.toml", "--data", "data.csv", "--json", "found.json"];
+    let mut search = started(&[&asked[..], &["--log", "info"]].concat(), folder.path());
     let mut said = BufReader::new(search.stderr.take().unwrap());
     let mut line = String::new();
     while !line.contains("round 2") {
         line.clear();
         assert!(0 < said.read_line(&mut line).unwrap(), "it has ended by itself");
     }
-    let id = search.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    send("-INT", &search);
     let mut rest = String::new();
     said.read_to_string(&mut rest).unwrap();
     let output = search.wait_with_output().unwrap();
