@@ -166,6 +166,16 @@ impl AgentStates {
         }
     }
 
+    /// Agents, all alive, at these places of the ground (m), at rest, without headings.
+    #[must_use]
+    pub fn at_rest(places_m: &[[f64; 2]]) -> Self {
+        Self {
+            x_m: places_m.iter().map(|place| place[0]).collect(),
+            y_m: places_m.iter().map(|place| place[1]).collect(),
+            ..Self::at_origin(places_m.len())
+        }
+    }
+
     /// Capacity: alive or not.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -42,13 +42,6 @@ fn between(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    fn at(places: &[[f64; 2]]) -> AgentStates {
-        let mut states = AgentStates::at_origin(places.len());
-        states.x_m = places.iter().map(|place| place[0]).collect();
-        states.y_m = places.iter().map(|place| place[1]).collect();
-        states
-    }
-
     #[test]
     fn lines_are_counted_whatever_their_order_and_small_errors() {
         let mut places = Vec::new();
@@ -59,20 +52,26 @@ mod tests {
             places.push([along, 7.0 - along + error_m]);
             places.push([3.0 + error_m, along - 9.0]);
         }
-        assert_eq!(n_lines(&at(&places), 0.1), 3);
+        assert_eq!(n_lines(&AgentStates::at_rest(&places), 0.1), 3);
         places.reverse();
-        assert_eq!(n_lines(&at(&places), 0.1), 3);
+        assert_eq!(n_lines(&AgentStates::at_rest(&places), 0.1), 3);
         places.truncate(1);
-        assert_eq!(n_lines(&at(&places), 0.1), 1);
-        assert_eq!(n_lines(&at(&[]), 0.1), 0);
+        assert_eq!(n_lines(&AgentStates::at_rest(&places), 0.1), 1);
+        assert_eq!(n_lines(&AgentStates::at_rest(&[]), 0.1), 0);
         // Two in one place, and one elsewhere.
-        assert_eq!(n_lines(&at(&[[1.0, 1.0], [1.0, 1.0], [5.0, 2.0]]), 0.1), 1);
+        assert_eq!(n_lines(&AgentStates::at_rest(&[[1.0, 1.0], [1.0, 1.0], [5.0, 2.0]]), 0.1), 1);
     }
 
     #[test]
     fn the_dead_stand_in_no_line_and_who_is_off_is_a_line_by_itself() {
-        let mut states =
-            at(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [1.5, 4.0], [9.0, 7.0]]);
+        let mut states = AgentStates::at_rest(&[
+            [0.0, 0.0],
+            [1.0, 0.0],
+            [2.0, 0.0],
+            [3.0, 0.0],
+            [1.5, 4.0],
+            [9.0, 7.0],
+        ]);
         assert_eq!(n_lines(&states, 0.1), 2);
         states.alive.set(4, false);
         assert_eq!(n_lines(&states, 0.1), 2);

@@ -350,13 +350,6 @@ mod tests {
     use crate::record::counts::Counts;
     use proto::types::{Deliveries, Heard, MoteStates, Payloads, Transmissions};
 
-    fn at(places: &[[f64; 2]]) -> AgentStates {
-        let mut states = AgentStates::at_origin(places.len());
-        states.x_m = places.iter().map(|place| place[0]).collect();
-        states.y_m = places.iter().map(|place| place[1]).collect();
-        states
-    }
-
     /// A step of one second in which everyone sends at its begin, and `hears` says who hears.
     fn after(
         task: &Task,
@@ -423,7 +416,7 @@ mod tests {
     #[test]
     fn following_is_measured_along_the_leaders_way() {
         // The leader goes north at 2 m/s; one follower south at 1, one east at 3, one stands.
-        let mut states = at(&[[0.0, 0.0], [3.0, 4.0], [0.0, 2.0], [6.0, 0.0]]);
+        let mut states = AgentStates::at_rest(&[[0.0, 0.0], [3.0, 4.0], [0.0, 2.0], [6.0, 0.0]]);
         states.vy_mps = vec![2.0, -1.0, 0.0, 0.0];
         states.vx_mps = vec![0.0, 0.0, 3.0, 0.0];
         let mut swarm = Swarm::default();
@@ -437,7 +430,7 @@ mod tests {
 
     #[test]
     fn what_spreads_has_a_positive_radial_speed_however_it_travels() {
-        let mut states = at(&[[-1.0, 0.0], [1.0, 0.0]]);
+        let mut states = AgentStates::at_rest(&[[-1.0, 0.0], [1.0, 0.0]]);
         states.vx_mps = vec![10.0 - 3.0, 10.0 + 3.0];
         let mut swarm = Swarm::default();
         after(&leader(), &mut swarm, &states, |_, _| true);
@@ -447,7 +440,8 @@ mod tests {
 
     #[test]
     fn fragments_are_groups_that_hear_each_other_even_by_way_of_others() {
-        let states = at(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [50.0, 0.0], [51.0, 0.0]]);
+        let states =
+            AgentStates::at_rest(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [50.0, 0.0], [51.0, 0.0]]);
         let mut swarm = Swarm::default();
         // 1 hears 0, 2 hears 1: one way suffices. 3 and 4 hear each other.
         let heard = [(1, 0), (2, 1), (3, 4), (4, 3)];
@@ -460,7 +454,7 @@ mod tests {
     fn a_collision_is_counted_once_until_they_have_parted() {
         let mut swarm = Swarm::default();
         for distance_m in [1.0, 0.4, 0.3, 0.7, 0.2] {
-            let states = at(&[[0.0, 0.0], [9.0, 0.0], [0.0, distance_m]]);
+            let states = AgentStates::at_rest(&[[0.0, 0.0], [9.0, 0.0], [0.0, distance_m]]);
             after(&leader(), &mut swarm, &states, |_, _| false);
         }
         assert!((number(&swarm, "collisions") - 2.0).abs() < 1e-12);
@@ -473,7 +467,7 @@ mod tests {
         // 1 moves by 3 m, then by 4 m across; two hear it, one hears 2, which stays.
         let heard = [(0, 1), (2, 1), (0, 2)];
         for place in [[1.0, 0.0], [4.0, 0.0], [4.0, 4.0]] {
-            let states = at(&[[0.0, 0.0], place, [9.0, 9.0]]);
+            let states = AgentStates::at_rest(&[[0.0, 0.0], place, [9.0, 9.0]]);
             after(&leader(), &mut swarm, &states, |r, s| heard.contains(&(r, s)));
         }
         let expected = (2.0 * 3.0 + 2.0 * 4.0) / 6.0;
@@ -483,15 +477,15 @@ mod tests {
     #[test]
     fn a_line_and_a_circle_are_told_from_what_is_near_them() {
         // On y = 2 x exactly, then one metre off it across: of a line through three points of four.
-        let on_line = at(&[[0.0, 0.0], [1.0, 2.0], [2.0, 4.0]]);
+        let on_line = AgentStates::at_rest(&[[0.0, 0.0], [1.0, 2.0], [2.0, 4.0]]);
         assert!(across_line_m2(&on_line).unwrap() < 1e-12);
         assert_eq!(off_circle_m(&on_line), None);
         // A rectangle 4 by 2: across its long axis each corner is 1 m away.
-        let corners = at(&[[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]);
+        let corners = AgentStates::at_rest(&[[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]);
         assert!((across_line_m2(&corners).unwrap() - 4.0).abs() < 1e-12);
         assert!(off_circle_m(&corners).unwrap() < 1e-12);
         // Two on a circle of 1.1 m, two on one of 0.9 m, crosswise: 0.1 m off to first order.
-        let crossed = at(&[[1.1, 0.0], [-1.1, 0.0], [0.0, 0.9], [0.0, -0.9]]);
+        let crossed = AgentStates::at_rest(&[[1.1, 0.0], [-1.1, 0.0], [0.0, 0.9], [0.0, -0.9]]);
         let off_m = off_circle_m(&crossed).unwrap();
         assert!((off_m - 0.1).abs() < 0.001, "{off_m}");
     }
