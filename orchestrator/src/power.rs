@@ -228,10 +228,13 @@ impl<'a> Plan<'a> {
         question: &'a Question<'a>,
         subject: Subject,
     ) -> Result<Self, PowerError> {
-        let all = Choices::default();
         let (n_candidates, n_blocks) = match subject {
-            Subject::Links => judged(&open::links(config, table, &all)?.0, question.effect)?,
-            Subject::Robots => judged(&open::robots(config, table, &all)?.0, question.effect)?,
+            Subject::Links => {
+                judged(&open::links(config, table, &Choices::NONE)?.0, question.effect)?
+            }
+            Subject::Robots => {
+                judged(&open::robots(config, table, &Choices::NONE)?.0, question.effect)?
+            }
         };
         let kind = question.effect.trim_end_matches(" (turn)");
         let (parameters, variants, section) = match subject {
@@ -324,8 +327,8 @@ impl<'a> Plan<'a> {
         let with = self.with_effect(key, value)?;
         Ok(match self.subject {
             Subject::Links => {
-                let (plain, _) = open::links(self.config, self.table, &Choices::default())?;
-                let (study, _) = open::links(&with, self.table, &Choices::default())?;
+                let (plain, _) = open::links(self.config, self.table, &Choices::NONE)?;
+                let (study, _) = open::links(&with, self.table, &Choices::NONE)?;
                 let of = |rows: &crate::study::links::rows::Rows, row: usize| {
                     rows.link(row, |link| rows.model.evaluate(link))
                 };
@@ -343,9 +346,8 @@ impl<'a> Plan<'a> {
             }
             Subject::Robots => {
                 let draws = Draws::new(1, Purpose::Gust);
-                let plain =
-                    open::robots(self.config, self.table, &Choices::default())?.0.driven(draws);
-                let driven = open::robots(&with, self.table, &Choices::default())?.0.driven(draws);
+                let plain = open::robots(self.config, self.table, &Choices::NONE)?.0.driven(draws);
+                let driven = open::robots(&with, self.table, &Choices::NONE)?.0.driven(draws);
                 let way: f64 = plain
                     .places_m
                     .iter()
@@ -412,14 +414,10 @@ impl<'a> Plan<'a> {
         let truth = self.with_effect(&knob.key, self.value(knob, size))?;
         let made = simulate::simulate(&truth, self.table, seed, Some(self.noise))?.to_table();
         match self.subject {
-            Subject::Links => self.tried(
-                &open::links(self.config, &made, &Choices::default())?.0,
-                self.question.effect,
-            ),
-            Subject::Robots => self.tried(
-                &open::robots(self.config, &made, &Choices::default())?.0,
-                self.question.effect,
-            ),
+            Subject::Links => self
+                .tried(&open::links(self.config, &made, &Choices::NONE)?.0, self.question.effect),
+            Subject::Robots => self
+                .tried(&open::robots(self.config, &made, &Choices::NONE)?.0, self.question.effect),
         }
     }
 

@@ -59,7 +59,7 @@ fn links(
     seed: u64,
     noise: Option<f64>,
 ) -> Result<Simulated, OpenError> {
-    let (study, _) = open::links(config, table, &Choices::default())?;
+    let (study, _) = open::links(config, table, &Choices::NONE)?;
     let given = configured_noise(config, &study)?;
     let sd_db = given
         .or(noise)
@@ -71,7 +71,7 @@ fn links(
     } else {
         let set = format!("netsim.phy.noise_sd_db={sd_db:?}");
         let config = config.with(&set)?;
-        with_noise = open::links(&config, table, &Choices::default())?.0;
+        with_noise = open::links(&config, table, &Choices::NONE)?.0;
         &with_noise.rows
     };
     let drawn = Frames::new(rows, seed).all();
@@ -234,7 +234,7 @@ fn robots(
     seed: u64,
     noise: Option<f64>,
 ) -> Result<Simulated, OpenError> {
-    let (study, account) = open::robots(config, table, &Choices::default())?;
+    let (study, account) = open::robots(config, table, &Choices::NONE)?;
     let given = open::localization_sd_m(config);
     let sd_m = given.or(noise).unwrap_or_else(|| study.configured().sd_m());
     let samples = &study.robots().samples;

@@ -20,6 +20,17 @@ pub struct Choices {
     pub window_s: Option<f64>,
 }
 
+impl Choices {
+    /// All rows, everything left to the study.
+    pub const NONE: Self = Self {
+        condition: None,
+        split: None,
+        fit_runs: Vec::new(),
+        score_runs: Vec::new(),
+        window_s: None,
+    };
+}
+
 /// What is left out together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Split {
