@@ -83,11 +83,18 @@ impl Instrument {
         Noise { sd_db: self.sd_db, link_sd_db: self.link_sd_db }
     }
 
-    /// With another noise.
+    /// With another noise, nothing tabulated.
     #[must_use]
     pub fn with_sd(&self, sd_db: f64) -> Self {
-        let averaged = self.curve.averaged(sd_db, &self.spread);
-        Self { sd_db, averaged, ..self.clone() }
+        Self {
+            sd_db,
+            averaged: self.curve.averaged(sd_db, &self.spread),
+            spread: self.spread.clone(),
+            curve: self.curve.clone(),
+            wider: None,
+            tabulated: None,
+            ..*self
+        }
     }
 
     /// Variance of a reading about its level beside the spread (dB²): noise and rounding.
