@@ -56,8 +56,6 @@ const DECORRELATION_M: [f64; 4] = [1.0, 3.0, 8.0, 20.0];
 const PLACE_M: f64 = 3.0;
 /// Rows that a search looks at; of several frames each, a third.
 const MOST_SEARCHED: usize = 20_000;
-/// A mote that stays within this (m) stands still.
-const STILL_M: f64 = 0.05;
 
 /// Measured links held against a radio model.
 #[derive(Debug)]
@@ -99,17 +97,14 @@ impl LinkStudy {
         choices: &Choices,
     ) -> Result<Self, ChoiceError> {
         let specs = candidates::specs(&rows);
-        let still = testable::still(&rows);
-        let group::Grouped { time, place, once } = group::grouped(&rows, &still, choices)?;
-        let moving = still.values().any(|still| !still);
+        let group::Grouped { time, place, once } = group::grouped(&rows, choices)?;
+        let moving = rows.still().values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
         let finest = [group::HALF_WAVE_M];
         let lengths = lengths.iter().chain(finest.iter().filter(|_| moving));
-        let cells =
-            lengths.map(|&length| (length, group::cells_of(&rows, &still, length))).collect();
+        let cells = lengths.map(|&length| (length, group::cells_of(&rows, length))).collect();
         let configured = configured(&rows);
-        let candidates =
-            specs.iter().map(|spec| candidates::candidate(spec, &rows, &still)).collect();
+        let candidates = specs.iter().map(|spec| candidates::candidate(spec, &rows)).collect();
         Ok(Self {
             n_fitted: time.fitted().len(),
             choices: choices.clone(),
@@ -152,7 +147,7 @@ impl LinkStudy {
     /// How many motes stand still throughout.
     #[must_use]
     pub fn still_motes(&self) -> usize {
-        testable::still(&self.rows).values().filter(|still| **still).count()
+        self.rows.still().values().filter(|still| **still).count()
     }
 
     /// What an error may depend on: a value per row.

@@ -6,7 +6,6 @@ use super::testable;
 use crate::study::Candidate;
 use netsim::phy::effect;
 use proto::effect::{Level, Need};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Number of knots of a curve over a covariate.
@@ -50,7 +49,7 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
 }
 
 /// How a term stands among the others.
-pub(super) fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -> Candidate {
+pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
     match spec {
         Spec::Curve(curve) => Candidate {
             name: curve.name(),
@@ -67,7 +66,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows, still: &BTreeMap<u32, bool>) -
                 .about
                 .needs
                 .iter()
-                .filter(|need| !testable::has(rows, still, **need))
+                .filter(|need| !testable::has(rows, **need))
                 .map(|need: &Need| need.describe())
                 .collect();
             Candidate {

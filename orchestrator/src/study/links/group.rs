@@ -79,17 +79,17 @@ pub(super) fn n_pairs(rows: &Rows) -> usize {
 }
 
 /// Rows by unordered pair of nodes; by place where there are too few pairs.
-fn place_blocks(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
+fn place_blocks(rows: &Rows) -> Blocks {
     let by_pair = Blocks::of_keys("pairs of nodes", &pairs(rows));
-    if by_pair.suffices() || still.values().all(|&still| still) {
+    if by_pair.suffices() || rows.still().values().all(|&still| still) {
         return by_pair;
     }
-    let places = blocks_of_squares(rows, still);
+    let places = blocks_of_squares(rows);
     if by_pair.n_blocks() < places.n_blocks() { places } else { by_pair }
 }
 
 /// Rows by the places of the nodes that move: squares as large as leaves at least 40 of them.
-fn blocks_of_squares(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
+fn blocks_of_squares(rows: &Rows) -> Blocks {
     let mut best: Option<Blocks> = None;
     for side_m in [8.0, 4.0, 2.0, 1.0] {
         let keys: Vec<u64> = (0..rows.len())
@@ -97,7 +97,7 @@ fn blocks_of_squares(rows: &Rows, still: &BTreeMap<u32, bool>) -> Blocks {
                 let (tx, rx) = rows.ends(row);
                 let mut key = 0u64;
                 for end in [tx, rx] {
-                    if !still.get(&end.id).copied().unwrap_or(true) {
+                    if !rows.still().get(&end.id).copied().unwrap_or(true) {
                         key = scramble(key ^ square(end.position_m, side_m));
                     }
                 }
@@ -152,21 +152,17 @@ pub(super) struct Grouped {
 }
 
 /// Rows in blocks, as chosen or as suits them.
-pub(super) fn grouped(
-    rows: &Rows,
-    still: &BTreeMap<u32, bool>,
-    choices: &Choices,
-) -> Result<Grouped, ChoiceError> {
+pub(super) fn grouped(rows: &Rows, choices: &Choices) -> Result<Grouped, ChoiceError> {
     let runs: Vec<u32> = rows.links.rows.iter().map(|row| row.run).collect();
     let scored = choices.scored(&runs);
     let grouped = match choices.split {
         Some(split) => {
-            let blocks = split_blocks(rows, still, split, scored.as_deref())?;
+            let blocks = split_blocks(rows, split, scored.as_deref())?;
             Grouped { time: blocks.clone(), place: blocks, once: None }
         }
         None => Grouped {
             time: time_blocks(rows, scored.as_deref()),
-            place: place_blocks(rows, still),
+            place: place_blocks(rows),
             once: (!has_times(rows)).then(|| link_channel_blocks(rows)),
         },
     };
@@ -179,12 +175,7 @@ pub(super) fn grouped(
 }
 
 /// Rows that are left out together by choice.
-fn split_blocks(
-    rows: &Rows,
-    still: &BTreeMap<u32, bool>,
-    split: Split,
-    scored: Option<&[bool]>,
-) -> Result<Blocks, ChoiceError> {
+fn split_blocks(rows: &Rows, split: Split, scored: Option<&[bool]>) -> Result<Blocks, ChoiceError> {
     let refused =
         |reason: &str, nearest| ChoiceError::Split { split, reason: reason.to_owned(), nearest };
     let blocks = match split {
@@ -195,10 +186,10 @@ fn split_blocks(
         Split::Time => time_blocks(rows, scored),
         Split::Pair => Blocks::of_keys("pairs of nodes", &pairs(rows)),
         Split::Node => node_blocks(rows),
-        Split::Place if still.values().all(|&still| still) => {
+        Split::Place if rows.still().values().all(|&still| still) => {
             return Err(refused("no node moves, or no places are known", Split::Pair));
         }
-        Split::Place => blocks_of_squares(rows, still),
+        Split::Place => blocks_of_squares(rows),
         Split::Run => {
             let runs = rows.links.rows.iter().map(|row| u64::from(row.run));
             Blocks::of_keys("campaigns", &runs.collect::<Vec<_>>())
@@ -220,14 +211,14 @@ fn square(place_m: [f64; 3], side_m: f64) -> u64 {
 }
 
 /// Cells of random levels.
-pub(super) fn cells_of(rows: &Rows, still: &BTreeMap<u32, bool>, decorrelation_m: f64) -> Cells {
-    let ids: Vec<u32> = still.keys().copied().collect();
+pub(super) fn cells_of(rows: &Rows, decorrelation_m: f64) -> Cells {
+    let ids: Vec<u32> = rows.still().keys().copied().collect();
     let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
     let places = |row: usize, side_m: f64| {
         let (tx, rx) = rows.ends(row);
         let (low, high) = if tx.id < rx.id { (tx, rx) } else { (rx, tx) };
         [low, high].iter().fold(0u64, |key, end| {
-            if still.get(&end.id).copied().unwrap_or(true) {
+            if rows.still().get(&end.id).copied().unwrap_or(true) {
                 key
             } else {
                 scramble(key ^ square(end.position_m, side_m))

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Measured links, and the model that is held against them.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Rows {
     /// The measurements. Rows that the model cannot say anything about have been taken out.
     pub links: Links,
@@ -26,6 +26,7 @@ pub struct Rows {
     ends: Vec<(End, End)>,
     agents: Arc<[End]>,
     agents_of_row: Vec<(u32, u32)>,
+    still: BTreeMap<u32, bool>,
 }
 
 /// What a model says about a row, scatter apart.
@@ -43,6 +44,8 @@ pub struct Base {
     pub stated: Option<f64>,
 }
 
+/// A mote that stays within this (m) stands still.
+const STILL_M: f64 = 0.05;
 /// More other agents than this, over all rows, are not looked at.
 const MOST_AGENTS: usize = 8_000_000;
 
@@ -88,9 +91,11 @@ impl Rows {
             ends,
             agents: agents.into(),
             agents_of_row,
+            still: BTreeMap::new(),
         };
         rows.base = (0..rows.links.rows.len()).map(|row| rows.base_of(row)).collect();
         rows.leave_out_unknown();
+        rows.still = stand_still(&rows.ends);
         rows
     }
 
@@ -104,6 +109,12 @@ impl Rows {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.base.is_empty()
+    }
+
+    /// Whether each mote stands still throughout.
+    #[must_use]
+    pub fn still(&self) -> &BTreeMap<u32, bool> {
+        &self.still
     }
 
     /// Describes a row as the physics wants it.
@@ -208,18 +219,9 @@ impl Rows {
     /// Only some of the rows; what is known of other agents at their time stays.
     #[must_use]
     pub fn some(&self, kept: &[bool]) -> Self {
-        let mut some = Self {
-            links: self.links.clone(),
-            model: self.model.clone(),
-            site: self.site.clone(),
-            base: self.base.clone(),
-            names: self.names.clone(),
-            values: self.values.clone(),
-            ends: self.ends.clone(),
-            agents: self.agents.clone(),
-            agents_of_row: self.agents_of_row.clone(),
-        };
+        let mut some = self.clone();
         some.keep(kept);
+        some.still = stand_still(&some.ends);
         some
     }
 
@@ -238,6 +240,20 @@ impl Rows {
         for_kept(&mut self.ends, kept);
         for_kept(&mut self.agents_of_row, kept);
     }
+}
+
+/// Which motes stand still throughout.
+fn stand_still(ends: &[(End, End)]) -> BTreeMap<u32, bool> {
+    let mut extents: BTreeMap<u32, ([f64; 3], [f64; 3])> = BTreeMap::new();
+    for end in ends.iter().flat_map(|(tx, rx)| [tx, rx]) {
+        let (low, high) = extents.entry(end.id).or_insert((end.position_m, end.position_m));
+        for k in 0..3 {
+            low[k] = low[k].min(end.position_m[k]);
+            high[k] = high[k].max(end.position_m[k]);
+        }
+    }
+    let stands = |low: [f64; 3], high: [f64; 3]| (0..3).all(|k| high[k] - low[k] < STILL_M);
+    extents.into_iter().map(|(id, (low, high))| (id, stands(low, high))).collect()
 }
 
 fn for_kept<T>(values: &mut Vec<T>, known: &[bool]) {

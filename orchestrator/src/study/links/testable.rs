@@ -7,29 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 /// A heading and a pattern are three numbers: from fewer places nothing is left to test them on.
 const FEWEST_VIEWS: usize = 6;
 
-/// Which motes stand still throughout.
-#[must_use]
-pub fn still(rows: &Rows) -> BTreeMap<u32, bool> {
-    let mut extents: BTreeMap<u32, ([f64; 3], [f64; 3])> = BTreeMap::new();
-    for row in 0..rows.len() {
-        let (tx, rx) = rows.ends(row);
-        for end in [tx, rx] {
-            let (low, high) = extents.entry(end.id).or_insert((end.position_m, end.position_m));
-            for k in 0..3 {
-                low[k] = low[k].min(end.position_m[k]);
-                high[k] = high[k].max(end.position_m[k]);
-            }
-        }
-    }
-    extents
-        .into_iter()
-        .map(|(id, (low, high))| (id, (0..3).all(|k| high[k] - low[k] < super::STILL_M)))
-        .collect()
-}
-
 /// Whether the data have what an effect needs.
 #[must_use]
-pub fn has(rows: &Rows, still: &BTreeMap<u32, bool>, need: Need) -> bool {
+pub fn has(rows: &Rows, need: Need) -> bool {
+    let still = rows.still();
     let measured = &rows.links.rows;
     let differs = |values: &mut dyn Iterator<Item = f64>| {
         let mut known = values.filter(|value| value.is_finite());
@@ -45,7 +26,7 @@ pub fn has(rows: &Rows, still: &BTreeMap<u32, bool>, need: Need) -> bool {
         }
         Need::Headings => {
             differs(&mut measured.iter().flat_map(|row| [row.tx_heading_rad, row.rx_heading_rad]))
-                || has_still_views(rows, still)
+                || has_still_views(rows)
         }
         Need::Movement => still.values().any(|still| !still),
         Need::Time => differs(&mut measured.iter().map(|row| row.time_s)),
@@ -68,7 +49,8 @@ pub fn has(rows: &Rows, still: &BTreeMap<u32, bool>, need: Need) -> bool {
 }
 
 /// Whether a node that stands still, whose heading can be sought, is seen from so many places that a pattern would show.
-fn has_still_views(rows: &Rows, still: &BTreeMap<u32, bool>) -> bool {
+fn has_still_views(rows: &Rows) -> bool {
+    let still = rows.still();
     let mut views: BTreeMap<u32, BTreeSet<[u64; 2]>> = BTreeMap::new();
     for row in 0..rows.len() {
         let (tx, rx) = rows.ends(row);

@@ -22,7 +22,7 @@ impl LinkStudy {
     /// Whether the sender and the receiver of each row move during the campaign.
     #[must_use]
     pub fn moving(&self) -> Vec<[bool; 2]> {
-        let still = super::testable::still(&self.rows);
+        let still = self.rows.still();
         let moves = |mote: u32| !still.get(&mote).copied().unwrap_or(true);
         self.rows.links.rows.iter().map(|row| [moves(row.tx), moves(row.rx)]).collect()
     }

@@ -3,7 +3,6 @@
 use super::super::likelihood::Slope;
 use super::super::rows::Rows;
 use super::super::terms::State;
-use super::super::testable;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -33,7 +32,7 @@ struct Seen {
 
 /// The nodes that stand still and tell no heading, in the order of their numbers.
 fn nodes_without(rows: &Rows, train: &[u32]) -> Vec<u32> {
-    let still = testable::still(rows);
+    let still = rows.still();
     let mut known: BTreeMap<u32, bool> = BTreeMap::new();
     for &row in train {
         let (tx, rx) = rows.ends(row as usize);
