@@ -286,70 +286,77 @@ impl<'a, S: Study> Search<'a, S> {
                 stopped = Some(round);
                 break;
             }
-            holm(&mut trials, candidates.iter().filter(|c| c.untestable.is_none()).count());
-            let parent = rungs[rungs.len() - 1].scores;
-            for trial in trials.iter_mut().filter(|trial| trial.gain.p_value < FAMILY_ERROR) {
-                let level = candidates[trial.term].level;
-                let terms = with(&accepted, trial.term);
-                let now = Scores::of(&self.held_out(&terms, level));
-                let before = Scores::of(&self.held_out(&accepted, level));
-                let share = now.share_removed(&before);
-                let floor = LEAST_SHARE * share_scale(&configured, &parent);
-                trial.is_plausible = (WORTH_NATS <= trial.gain.gain
-                    || WORTH_SHARE.max(floor) <= share)
-                    && !removed.contains(&trial.term);
-                trial.is_acceptable = trial.is_significant && trial.is_plausible;
-            }
-            let Some(best) = self.choose(&trials, &accepted) else {
-                let Some((old, new)) = self.exchange(&trials, &accepted) else {
-                    last = trials;
-                    break;
-                };
-                let rest = without(&accepted, old);
-                let ties = self.ties(new, &trials, &rest);
-                let mut trial = trials.swap_remove(new);
-                trial.ties = ties;
-                let names = [old, trial.term].map(|term| candidates[term].name.as_str());
-                (self.report)(&format!("{} in place of {}", names[1], names[0]));
-                accepted = with(&rest, trial.term);
-                decided.retain(|decided| decided.term != old);
-                decided.push(trial);
-                removed.push(old);
-                rungs = self.rungs(&accepted);
-                continue;
+            let floor = LEAST_SHARE * share_scale(&configured, &rungs[rungs.len() - 1].scores);
+            self.weigh(&mut trials, &accepted, &removed, floor);
+            let found = match self.choose(&trials, &accepted) {
+                Some(best) => Some((best, None)),
+                None => self.exchange(&trials, &accepted).map(|(old, new)| (new, Some(old))),
             };
-            let ties = self.ties(best, &trials, &accepted);
-            let mut trial = trials.swap_remove(best);
-            trial.ties = ties;
-            (self.report)(&format!("+ {}", candidates[trial.term].name));
-            let terms = with(&accepted, trial.term);
-            let fit = self.full(&terms, candidates[trial.term].level, None);
-            self.prepare(&terms, &fit);
-            accepted = terms;
-            decided.push(trial);
-            // What was accepted before may have stood in for what came now.
-            let mut index = 0;
-            while 1 < accepted.len() && index + 1 < accepted.len() {
-                let term = accepted[index];
-                let rest = without(&accepted, term);
-                let all = self.full(&accepted, candidates[term].level, None);
-                self.prepare(&rest, &all);
-                let gain = self.gain(&accepted, &rest, candidates[term].level);
-                if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
-                    (self.report)(&format!("- {}", candidates[term].name));
-                    accepted = rest;
-                    decided.retain(|trial| trial.term != term);
-                    removed.push(term);
-                } else {
-                    index += 1;
-                }
+            let Some((best, in_place_of)) = found else {
+                last = trials;
+                break;
+            };
+            let name = |term: usize| candidates[term].name.as_str();
+            if let Some(old) = in_place_of {
+                (self.report)(&format!("{} in place of {}", name(trials[best].term), name(old)));
+                accepted = without(&accepted, old);
+                removed.push(old);
+            } else {
+                (self.report)(&format!("+ {}", name(trials[best].term)));
             }
+            let ties = self.ties(best, &trials, &accepted);
+            let trial = Trial { ties, ..trials.swap_remove(best) };
+            accepted = with(&accepted, trial.term);
+            let fit = self.full(&accepted, candidates[trial.term].level, None);
+            self.prepare(&accepted, &fit);
+            decided.push(trial);
+            removed.extend(self.weed(&mut accepted));
+            decided.retain(|trial| accepted.contains(&trial.term));
             rungs = self.rungs(&accepted);
         }
         let mut trials = decided;
         let is_decided: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
         trials.extend(last.into_iter().filter(|trial| !is_decided.contains(&trial.term)));
         Ladder { accepted, rungs, trials, too_little, stopped }
+    }
+
+    /// Decides which trials are beyond chance, and worth having: by gain, or by the share of the error that is removed, at least
+    /// `floor`. What was removed once does not come back.
+    fn weigh(&self, trials: &mut [Trial], accepted: &[usize], removed: &[usize], floor: f64) {
+        let candidates = self.study.candidates();
+        holm(trials, candidates.iter().filter(|c| c.untestable.is_none()).count());
+        for trial in trials.iter_mut().filter(|trial| trial.gain.p_value < FAMILY_ERROR) {
+            let level = candidates[trial.term].level;
+            let now = Scores::of(&self.held_out(&with(accepted, trial.term), level));
+            let before = Scores::of(&self.held_out(accepted, level));
+            let is_worth_it = WORTH_NATS <= trial.gain.gain
+                || WORTH_SHARE.max(floor) <= now.share_removed(&before);
+            trial.is_plausible = is_worth_it && !removed.contains(&trial.term);
+            trial.is_acceptable = trial.is_significant && trial.is_plausible;
+        }
+    }
+
+    /// Takes out what gains nothing any more: what was accepted before may have stood in for what came last.
+    fn weed(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
+        let candidates = self.study.candidates();
+        let mut removed = Vec::new();
+        let mut index = 0;
+        while index + 1 < accepted.len() {
+            let term = accepted[index];
+            let level = candidates[term].level;
+            let rest = without(accepted, term);
+            let all = self.full(accepted, level, None);
+            self.prepare(&rest, &all);
+            let gain = self.gain(accepted, &rest, level);
+            if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
+                (self.report)(&format!("- {}", candidates[term].name));
+                *accepted = rest;
+                removed.push(term);
+            } else {
+                index += 1;
+            }
+        }
+        removed
     }
 
     /// Tries every candidate, and says now and then how many are left.

@@ -9,18 +9,26 @@ use tracing::debug;
 /// A law that explains this share of what levels per link or node do goes before them.
 const MOSTLY: f64 = 0.85;
 
+/// The trial wanted that gains most on the common split; the first of equals.
+fn greatest(trials: &[Trial], wanted: &dyn Fn(&Trial) -> bool) -> Option<usize> {
+    (0..trials.len())
+        .filter(|&index| wanted(&trials[index]))
+        .max_by(|&a, &b| trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a)))
+}
+
 impl<S: Study> Search<'_, S> {
+    /// Whether a trial's candidate is a free curve over something, which names no cause.
+    fn is_curve(&self, trial: &Trial) -> bool {
+        self.study.candidates()[trial.term].curve_over().is_some()
+    }
+
     /// The acceptable trial to take, as an index.
     pub(super) fn choose(&self, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
         let candidates = self.study.candidates();
         let best_of = |wanted: &dyn Fn(&Trial) -> bool| {
-            (0..trials.len())
-                .filter(|&index| trials[index].is_acceptable && wanted(&trials[index]))
-                .max_by(|&a, &b| {
-                    trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a))
-                })
+            greatest(trials, &|trial| trial.is_acceptable && wanted(trial))
         };
-        let is_curve = |trial: &Trial| candidates[trial.term].curve_over().is_some();
+        let is_curve = |trial: &Trial| self.is_curve(trial);
         let is_given = |trial: &Trial| is_curve(trial) && !candidates[trial.term].is_derived;
         let mut curve = best_of(&is_curve);
         // What was measured beside is a better name for a cause than time or place, if it explains as much.
@@ -82,9 +90,7 @@ impl<S: Study> Search<'_, S> {
             let margin = if trial.is_acceptable { 2.0 * over.standard_error } else { 0.0 };
             over.gain <= margin
         };
-        (0..trials.len()).filter(|&index| goes_before(&trials[index])).max_by(|&a, &b| {
-            trials[a].common.gain.total_cmp(&trials[b].common.gain).then(b.cmp(&a))
-        })
+        greatest(trials, &goes_before)
     }
 
     /// Where the best is random, which fits any pattern of known links and nodes: the law that predicts unknown ones best, beyond
@@ -95,13 +101,12 @@ impl<S: Study> Search<'_, S> {
         if candidates[trials[best].term].level != Level::Random {
             return None;
         }
-        let is_law = |index: &usize| {
-            let candidate = &candidates[trials[*index].term];
-            trials[*index].is_acceptable
-                && candidate.level != Level::Random
-                && candidate.curve_over().is_none()
+        let is_law = |trial: &Trial| {
+            trial.is_acceptable
+                && candidates[trial.term].level != Level::Random
+                && !self.is_curve(trial)
         };
-        let laws: Vec<usize> = (0..trials.len()).filter(is_law).collect();
+        let laws: Vec<usize> = (0..trials.len()).filter(|&index| is_law(&trials[index])).collect();
         let on_places = |index: usize| {
             let parent = self.full(accepted, Level::Place, None);
             let terms = with(accepted, trials[index].term);
@@ -183,13 +188,12 @@ impl<S: Study> Search<'_, S> {
 
     /// Candidates that cannot be told from the chosen one.
     pub(super) fn ties(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Vec<usize> {
-        let candidates = self.study.candidates();
         trials
             .iter()
             .enumerate()
             .filter(|&(index, trial)| {
                 index != best
-                    && candidates[trial.term].curve_over().is_none()
+                    && !self.is_curve(trial)
                     && (trial.is_significant || self.rivals(&trials[best], trial, accepted))
                     && self.is_tied(&trials[best], trial, accepted)
             })
@@ -203,7 +207,7 @@ impl<S: Study> Search<'_, S> {
         let candidates = self.study.candidates();
         for (index, trial) in trials.iter().enumerate() {
             let new = &candidates[trial.term];
-            if !trial.is_plausible || new.curve_over().is_some() {
+            if !trial.is_plausible || self.is_curve(trial) {
                 continue;
             }
             for &old in accepted {
