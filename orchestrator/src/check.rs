@@ -115,7 +115,8 @@ fn links(study: &LinkStudy, account: Account) -> Checked {
     let known = || rows.iter().filter(|row| row.received.is_finite());
     let sum = |value: fn(&Row) -> f64| known().map(value).sum::<f64>();
     let (frames, received) = (sum(|row| row.frames), sum(|row| row.received));
-    let rounding = if study.rows.links.quantum_db == 1.0 { "whole dB" } else { "not rounded" };
+    let rounding =
+        if study.rows.links.readings.quantum_db == 1.0 { "whole dB" } else { "not rounded" };
     let readings = range(rows.iter().map(|row| row.rssi_dbm));
     let n_readings = rows.iter().filter(|row| row.rssi_dbm.is_finite()).count();
     let mut rssi = from_to("RSSI", "rssi_dbm", "dBm", readings);
@@ -164,7 +165,7 @@ fn links(study: &LinkStudy, account: Account) -> Checked {
         ),
     ];
     facts.extend(covariates(&study.rows.links.covariates));
-    let shape = if study.rows.links.is_aggregated {
+    let shape = if study.rows.links.readings.is_aggregated {
         ("link table", "sums of frames of a link", "aggregated-link")
     } else {
         ("link samples", "a row per frame and possible receiver", "link")

@@ -47,11 +47,12 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     let blocks = study.blocks(COMMON);
     // Of rows of several frames, how far the share received lies from what is predicted.
     let links = &study.rows.links;
-    let pdr_errors: Option<Vec<f64>> = (links.is_aggregated && links.has_losses).then(|| {
-        let passes = view::held_out(study, search, &[]).passes;
-        let rows = links.rows.iter().zip(passes);
-        rows.map(|(row, passes)| (row.received / row.frames - passes).powi(2)).collect()
-    });
+    let pdr_errors: Option<Vec<f64>> = (links.readings.is_aggregated && links.readings.has_losses)
+        .then(|| {
+            let passes = view::held_out(study, search, &[]).passes;
+            let rows = links.rows.iter().zip(passes);
+            rows.map(|(row, passes)| (row.received / row.frames - passes).powi(2)).collect()
+        });
     let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
         let all = Scores::of(&part);
@@ -72,7 +73,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
             ("crps_db", all.crps),
             ("coverage_90", mean(&inside)),
         ];
-        if study.rows.links.has_losses {
+        if study.rows.links.readings.has_losses {
             list.push(("reception_log_loss", all.reception_log_loss));
             list.push(("reception_brier", rows.iter().map(brier).sum::<f64>() / rows.len() as f64));
         }

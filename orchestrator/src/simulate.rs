@@ -160,7 +160,7 @@ impl<'a> Frames<'a> {
     fn outcome(&self, row: usize, first_ns: u64, n_frames: u64) -> Outcome {
         let measured = &self.rows.links.rows[row];
         let (tx, rx) = (measured.tx, measured.rx);
-        let quantum_db = self.rows.links.quantum_db;
+        let quantum_db = self.rows.links.readings.quantum_db;
         let [tx_m, rx_m] = self.ways_m[row];
         let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
         self.rows.link(row, |link| {

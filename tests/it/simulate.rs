@@ -42,7 +42,7 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
     let made = table(&csv);
 
     let (study, _) = open::links(&config(&truth), &made, &Choices::default()).unwrap();
-    assert_eq!(study.rows.links.quantum_db, 1.0, "readings are rounded like the file's");
+    assert_eq!(study.rows.links.readings.quantum_db, 1.0, "readings are rounded like the file's");
     let found = compare::links(&study, &Search::new(&study, QUIET)).json;
     let score = |name: &str| found["scores"][name].as_f64().unwrap();
     // About 4000 readings: four standard errors are 0.019, and rounding to whole dB takes away up to 0.01.
@@ -143,7 +143,7 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
     let made = Table::read(&folder.path().join("runs/measured")).unwrap();
     let score = |text: &str, name: &str| {
         let (study, _) = open::links(&config(text), &made, &Choices::default()).unwrap();
-        assert!(study.rows.links.has_losses, "links that were not heard are there");
+        assert!(study.rows.links.readings.has_losses, "links that were not heard are there");
         let json = compare::links(&study, &Search::new(&study, QUIET)).json;
         json["scores"][name].as_f64().unwrap()
     };

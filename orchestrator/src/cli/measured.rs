@@ -192,7 +192,7 @@ impl Pictures {
                 .collect(),
             motes: measured.iter().map(|row| [row.tx, row.rx]).collect(),
             frames: measured.iter().map(|row| [row.frames, row.received]).collect(),
-            quantum_db: study.rows.links.quantum_db,
+            quantum_db: study.rows.links.readings.quantum_db,
         };
         Self {
             rows: Rows::Links(rows),

@@ -17,6 +17,13 @@ pub struct Links {
     pub warnings: Vec<String>,
     /// Rows in the file.
     pub n_rows: usize,
+    /// What rows are.
+    pub readings: Readings,
+}
+
+/// What the rows of a file have in common.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Readings {
     /// Rows sum up several frames.
     pub is_aggregated: bool,
     /// Readings are rounded to whole multiples of this (dB); 0: they are not.
@@ -225,16 +232,10 @@ pub fn read(table: &Table) -> Result<Links, String> {
     if let Some(reason) = oddities::stuck(&rows) {
         return Err(reason);
     }
-    let links = Links {
-        quantum_db: quantum(&rows, is_aggregated),
-        covariates,
-        rejected: rejections.into_list(),
-        warnings,
-        n_rows,
-        is_aggregated,
-        has_losses: has_losses(&rows),
-        rows,
-    };
+    let quantum_db = quantum(&rows, is_aggregated);
+    let readings = Readings { is_aggregated, quantum_db, has_losses: has_losses(&rows) };
+    let links =
+        Links { covariates, rejected: rejections.into_list(), warnings, n_rows, readings, rows };
     if links.rows.iter().all(|row| row.rssi_dbm.is_nan()) {
         return Err(format!(
             "no frame of {} usable rows was received: there is no reading to compare with{}",

@@ -162,6 +162,8 @@ pub struct Kept {
     pub rows: Vec<bool>,
     /// The others, by reason.
     pub rejected: Vec<Rejected>,
+    /// Columns and covariates that the condition asks for.
+    pub asked: Vec<String>,
 }
 
 impl Choices {
@@ -210,9 +212,10 @@ impl Choices {
     /// The condition cannot be read, or holds nowhere.
     pub fn kept(&self, seen: &Seen<'_>) -> Result<Kept, ChoiceError> {
         let n = seen.lines.len();
-        let mut kept = Kept { rows: vec![true; n], rejected: Vec::new() };
+        let mut kept = Kept { rows: vec![true; n], rejected: Vec::new(), asked: Vec::new() };
         if let Some(condition) = &self.condition {
-            let truths = truths(condition, seen)?;
+            let (truths, asked) = truths(condition, seen)?;
+            kept.asked = asked;
             let when = seen.when;
             kept.leave_out(seen, format!("--where {condition:?} does not hold{when}"), |row| {
                 truths[row] == 0.0
@@ -261,8 +264,8 @@ impl Kept {
     }
 }
 
-/// The value of a condition on each row.
-fn truths(condition: &str, seen: &Seen<'_>) -> Result<Vec<f64>, ChoiceError> {
+/// The value of a condition on each row, and what it asks for.
+fn truths(condition: &str, seen: &Seen<'_>) -> Result<(Vec<f64>, Vec<String>), ChoiceError> {
     let columns = seen.table.names().iter().map(String::as_str);
     let derived = seen.derived.iter().map(|(name, _)| name.as_str());
     let mut known: Vec<&str> = columns.chain(derived).collect();
@@ -282,14 +285,13 @@ fn truths(condition: &str, seen: &Seen<'_>) -> Result<Vec<f64>, ChoiceError> {
     };
     let columns: Vec<Vec<f64>> = formula.names().iter().map(of_name).collect();
     let mut values = vec![0.0; columns.len()];
-    Ok((0..seen.lines.len())
-        .map(|row| {
-            for (value, column) in values.iter_mut().zip(&columns) {
-                *value = column[row];
-            }
-            formula.evaluate(&values)
-        })
-        .collect())
+    let of_row = |row| {
+        for (value, column) in values.iter_mut().zip(&columns) {
+            *value = column[row];
+        }
+        formula.evaluate(&values)
+    };
+    Ok(((0..seen.lines.len()).map(of_row).collect(), formula.names().to_vec()))
 }
 
 #[cfg(test)]

@@ -125,7 +125,7 @@ impl LinkStudy {
     /// having in so many rows escapes; the numbers are then fitted to all.
     #[must_use]
     pub fn thinned(&self) -> Option<Self> {
-        let is_aggregated = self.rows.links.is_aggregated;
+        let is_aggregated = self.rows.links.readings.is_aggregated;
         let most = if is_aggregated { MOST_SEARCHED / 3 } else { MOST_SEARCHED };
         if self.rows.len() < most + most / 4 {
             return None;

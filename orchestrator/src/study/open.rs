@@ -212,6 +212,11 @@ pub fn links(
     Ok((study, account))
 }
 
+/// Whether a column says what became of frames.
+fn is_outcome(name: &str) -> bool {
+    ["received", "pdr", "rssi_dbm", "rssi_sd_db"].contains(&name)
+}
+
 /// The rows that are used by choice, and the choices with all campaigns named.
 fn chosen(rows: Rows, table: &Table, choices: &Choices) -> Result<(Rows, Choices), ChoiceError> {
     let measured = &rows.links.rows;
@@ -230,7 +235,16 @@ fn chosen(rows: Rows, table: &Table, choices: &Choices) -> Result<(Rows, Choices
     }
     let mut rows = rows.some(&kept.rows);
     rows.links.rejected.extend(kept.rejected);
-    rows.links.has_losses = links::has_losses(&rows.links.rows);
+    rows.links.readings.has_losses = links::has_losses(&rows.links.rows);
+    let by_outcome: Vec<&str> =
+        kept.asked.iter().map(String::as_str).filter(|name| is_outcome(name)).collect();
+    if rows.links.readings.has_losses && !by_outcome.is_empty() {
+        rows.links.readings.has_losses = false;
+        rows.links.warnings.push(format!(
+            "rows are chosen by {}, by what was received: what decides reception cannot be told from them, readings alone count",
+            by_outcome.join(" and ")
+        ));
+    }
     Ok((rows, choices))
 }
 

@@ -43,7 +43,9 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
         .collect();
     let of_losses = covariates
         .iter()
-        .filter(|curve| rows.links.has_losses && (!curve.is_derived || curve.covariate == TIME))
+        .filter(|curve| {
+            rows.links.readings.has_losses && (!curve.is_derived || curve.covariate == TIME)
+        })
         .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }));
     effects.chain(covariates.iter().cloned().map(Spec::Curve)).chain(of_losses).collect()
 }

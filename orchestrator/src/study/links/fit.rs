@@ -153,28 +153,18 @@ impl<'a> Problem<'a> {
 
     /// The instrument with this noise: with the curve and the spread of the terms that have one.
     fn instrument(&self, effects: &[Option<Active>], noise: Noise) -> Instrument {
-        let Noise { sd_db, link_sd_db } = noise;
         let curve = effects.iter().rev().flatten().find_map(|active| active.effect.curve());
         let curve = Sampled::of(curve.unwrap_or_else(|| self.rows.model.reception_curve()));
         let mut spread = self.rows.base_spread();
         for scatter in effects.iter().flatten().filter_map(|active| active.effect.scatter()) {
             spread = spread.and(&super::spread_of(&scatter.law));
         }
-        let links = &self.rows.links;
-        let averaged = curve.averaged(sd_db, &spread);
-        let instrument = Instrument {
-            sd_db,
-            spread,
-            curve,
-            averaged,
-            quantum_db: links.quantum_db,
-            has_losses: links.has_losses,
-            is_aggregated: links.is_aggregated,
-            link_sd_db,
-            wider: None,
-            tabulated: None,
-        };
-        if instrument.is_aggregated { instrument.with_wider() } else { instrument }
+        let instrument = Instrument::new(curve, spread, noise, self.rows.links.readings);
+        if instrument.readings.is_aggregated {
+            instrument.with_tables(self.rows.silent_frames())
+        } else {
+            instrument
+        }
     }
 
     fn slopes(&self, instrument: &Instrument, levels: &Levels, random: &Random) -> Vec<Slope> {
@@ -264,7 +254,7 @@ impl<'a> Problem<'a> {
         };
         let over_ln_sd: f64 = here.slopes.iter().map(|slope| slope.over_ln_sd).sum();
         let information = 2.0 * (n_received - 0.5 * worth);
-        if !self.rows.links.is_aggregated {
+        if !self.rows.links.readings.is_aggregated {
             let is_fixed = self.fixed_sd_db.is_some();
             let moved = moved(sd_db, over_ln_sd, information);
             return Noise { sd_db: if is_fixed { sd_db } else { moved }, link_sd_db };
@@ -297,7 +287,7 @@ impl<'a> Problem<'a> {
             }
         }
         let sd_db = if n < 1.0 { 3.0 } else { f64::sqrt(sum / n).clamp(0.3, 20.0) };
-        let is_aggregated = self.rows.links.is_aggregated;
+        let is_aggregated = self.rows.links.readings.is_aggregated;
         Noise { sd_db: if is_aggregated { 2.0 } else { sd_db }, link_sd_db: sd_db }
     }
 
@@ -385,9 +375,9 @@ impl<'a> Problem<'a> {
     /// a mean: shifts, losses, curves, noise.
     fn derivatives(&self, here: &Here) -> (Vec<f64>, DMatrix<f64>, DVector<f64>) {
         let fits_noise = here.random.sd == Deviations::default()
-            && (self.fixed_sd_db.is_none() || self.rows.links.is_aggregated);
+            && (self.fixed_sd_db.is_none() || self.rows.links.readings.is_aggregated);
         let n_terms = self.n_parameters(here);
-        let fits_rows = fits_noise && self.rows.links.is_aggregated;
+        let fits_rows = fits_noise && self.rows.links.readings.is_aggregated;
         let p = n_terms + usize::from(fits_noise) + usize::from(fits_rows);
         let n = self.train.len();
         let mut jacobian = vec![0.0; n * p];

@@ -1,7 +1,7 @@
 //! How likely a row is under a model: the likelihood of the instrument, lost frames and rounding included.
 
 use super::passing::{Averaged, Sampled, Spread};
-use crate::measure::links::Row;
+use crate::measure::links::{Readings, Row};
 use crate::study::RowScore;
 
 /// What a model says about a row.
@@ -45,21 +45,20 @@ pub struct Instrument {
     pub curve: Sampled,
     /// It averaged over the noise.
     pub averaged: Averaged,
-    /// Step of the readings (dB).
-    pub quantum_db: f64,
-    /// It is known which frames were lost.
-    pub has_losses: bool,
-    /// Rows sum up several frames of a link and channel.
-    pub is_aggregated: bool,
+    /// What rows are.
+    pub readings: Readings,
     /// Standard deviation (dB) of the level that such frames share; without meaning for single frames.
     pub link_sd_db: f64,
     /// The same with frames that vary a little more, where derivatives are asked for.
     pub wider: Option<Box<Self>>,
     /// What frames do at every level, where rows sum them up and losses are known.
-    pub tabulated: Option<aggregated::Frames>,
+    pub tabulated: Option<tables::Frames>,
+    /// What rows of which nothing was received say, for usual numbers of frames sent.
+    pub silent: Vec<tables::Silent>,
 }
 
 mod aggregated;
+mod tables;
 
 /// What varies beside everything that has a cause (standard deviations).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +76,24 @@ const OFFSETS: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
 const STRAY: f64 = 1e-3;
 
 impl Instrument {
+    /// Of a curve of reception and what varies, nothing tabulated.
+    #[must_use]
+    pub fn new(curve: Sampled, spread: Spread, noise: Noise, readings: Readings) -> Self {
+        let Noise { sd_db, link_sd_db } = noise;
+        let averaged = curve.averaged(sd_db, &spread);
+        Self {
+            sd_db,
+            spread,
+            curve,
+            averaged,
+            readings,
+            link_sd_db,
+            wider: None,
+            tabulated: None,
+            silent: Vec::new(),
+        }
+    }
+
     /// Its noise.
     #[must_use]
     pub fn noise(&self) -> Noise {
@@ -86,20 +103,13 @@ impl Instrument {
     /// With another noise, nothing tabulated.
     #[must_use]
     pub fn with_sd(&self, sd_db: f64) -> Self {
-        Self {
-            sd_db,
-            averaged: self.curve.averaged(sd_db, &self.spread),
-            spread: self.spread.clone(),
-            curve: self.curve.clone(),
-            wider: None,
-            tabulated: None,
-            ..*self
-        }
+        let noise = Noise { sd_db, ..self.noise() };
+        Self::new(self.curve.clone(), self.spread.clone(), noise, self.readings)
     }
 
     /// Variance of a reading about its level beside the spread (dB²): noise and rounding.
     fn reading_variance(&self) -> f64 {
-        self.sd_db * self.sd_db + self.quantum_db * self.quantum_db / 12.0
+        self.sd_db * self.sd_db + self.readings.quantum_db * self.readings.quantum_db / 12.0
     }
 
     /// Log density of a reading that lies `deviation_db` above its mean, its derivative over the mean, minus its second
@@ -148,9 +158,9 @@ impl Instrument {
     /// As [`Self::density`], of all strengths about `power_dbm` that are rounded to the same reading, each by the probability
     /// that such a frame passes.
     fn rounded(&self, power_dbm: f64, deviation_db: f64) -> Slope {
-        let not_rounded = -self.quantum_db * self.quantum_db / 12.0;
+        let not_rounded = -self.readings.quantum_db * self.readings.quantum_db / 12.0;
         let parts = OFFSETS.map(|offset| {
-            let offset_db = offset * self.quantum_db;
+            let offset_db = offset * self.readings.quantum_db;
             let mut part = self.density(deviation_db + offset_db, not_rounded);
             part.log += (self.curve.at(power_dbm + offset_db) / OFFSETS.len() as f64).ln();
             part
@@ -180,23 +190,23 @@ impl Instrument {
     /// Log likelihood of a sample: one frame, received or lost. `lift_db` is added to the level.
     #[must_use]
     pub fn sample(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
-        if self.is_aggregated {
+        if self.readings.is_aggregated {
             return self.summed(row, level, lift_db);
         }
         let is_received = row.received == 1.0;
         let deviation = row.rssi_dbm - level.power_dbm - level.register_db - lift_db;
         let mut slope = Slope::default();
         if is_received {
-            let by_curve = self.has_losses && level.stated.is_none();
+            let by_curve = self.readings.has_losses && level.stated.is_none();
             let power_dbm = row.rssi_dbm - level.register_db - level.shift_db;
-            if by_curve && !self.curve.is_level(power_dbm, 0.5 * self.quantum_db) {
+            if by_curve && !self.curve.is_level(power_dbm, 0.5 * self.readings.quantum_db) {
                 let mut slope = self.rounded(power_dbm, deviation);
                 slope.log += level.ln_survival;
                 return slope;
             }
             slope = self.density(deviation, 0.0);
         }
-        if !self.has_losses {
+        if !self.readings.has_losses {
             return slope;
         }
         if let Some(stated) = level.stated {
@@ -234,7 +244,7 @@ impl Instrument {
     #[must_use]
     pub fn reading(&self, level: &Level, lift_db: f64) -> (f64, f64) {
         let mean = level.power_dbm + level.register_db + lift_db;
-        if level.stated.is_some() || !self.has_losses {
+        if level.stated.is_some() || !self.readings.has_losses {
             let shift: f64 = self.spread.0.iter().map(|(level, p)| level * p).sum();
             return (mean + shift, (self.reading_variance() + self.spread.variance()).sqrt());
         }
@@ -252,7 +262,8 @@ impl Instrument {
             }
         }
         let (lift, square) = (first / total, second / total);
-        let variance = (square - lift * lift).max(0.0) + self.quantum_db * self.quantum_db / 12.0;
+        let variance = (square - lift * lift).max(0.0)
+            + self.readings.quantum_db * self.readings.quantum_db / 12.0;
         (mean + lift, variance.sqrt())
     }
 }
@@ -273,7 +284,7 @@ impl Instrument {
             score.squared_error = deviation * deviation;
             score.crps = normal_crps(deviation, sd);
         }
-        if self.has_losses && row.received.is_finite() {
+        if self.readings.has_losses && row.received.is_finite() {
             let passes = self.reception(level, lift_db).clamp(1e-9, 1.0 - 1e-9);
             score.reception_log_loss =
                 if row.received == 1.0 { -passes.ln() } else { -(1.0 - passes).ln() };
@@ -299,18 +310,8 @@ pub(in crate::study::links) mod tests {
     fn instrument(sd_db: f64) -> Instrument {
         let curve = Sampled::of(&Table::dust());
         let spread = Spread::none();
-        Instrument {
-            sd_db,
-            averaged: curve.averaged(sd_db, &spread),
-            spread,
-            curve,
-            quantum_db: 1.0,
-            has_losses: true,
-            is_aggregated: false,
-            link_sd_db: 0.0,
-            wider: None,
-            tabulated: None,
-        }
+        let readings = Readings { quantum_db: 1.0, has_losses: true, is_aggregated: false };
+        Instrument::new(curve, spread, Noise { sd_db, link_sd_db: 0.0 }, readings)
     }
 
     pub(in crate::study::links) fn row(frames: f64, received: f64, rssi_dbm: f64) -> Row {

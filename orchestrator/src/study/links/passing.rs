@@ -150,6 +150,12 @@ impl Averaged {
         (0..self.values.len()).map(|i| self.from_dbm + i as f64 * self.step)
     }
 
+    /// From the first of them to the last (dB).
+    #[must_use]
+    pub fn width_db(&self) -> f64 {
+        (self.values.len() - 1) as f64 * self.step
+    }
+
     /// At a mean level.
     #[must_use]
     pub fn at(&self, dbm: f64) -> Chance {

@@ -59,7 +59,7 @@ impl LinkStudy {
         tables: &mut BTreeMap<i64, Instrument>,
     ) -> RowScore {
         let measured = &self.rows.links.rows[row];
-        if fit.instrument.is_aggregated {
+        if fit.instrument.readings.is_aggregated {
             return fit.instrument.score_row(measured, level, lift, extra);
         }
         instrument_for(fit, extra, tables).score(measured, level, lift)
@@ -76,7 +76,7 @@ impl LinkStudy {
             let lift = fit.random.level_db(cells, row);
             let extra = fit.random.variance(cells, row);
             let level_dbm = level.power_dbm + lift - level.shift_db;
-            if fit.instrument.is_aggregated {
+            if fit.instrument.readings.is_aggregated {
                 let measured = &self.rows.links.rows[row];
                 let [rssi_dbm, sd_db, passes, passes_sd] =
                     fit.instrument.row_of(measured, &level, lift, extra);
@@ -102,7 +102,7 @@ impl LinkStudy {
                 all[0][row] = measured.rssi_dbm - predicted.rssi_dbm;
                 all[1][row] = all[0][row] / predicted.sd_db;
             }
-            if self.rows.links.has_losses && measured.received.is_finite() {
+            if self.rows.links.readings.has_losses && measured.received.is_finite() {
                 let share = measured.received / measured.frames;
                 all[2][row] = (share - predicted.passes) / predicted.passes_sd;
             }

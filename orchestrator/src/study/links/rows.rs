@@ -27,6 +27,7 @@ pub struct Rows {
     agents: Arc<[End]>,
     agents_of_row: Vec<(u32, u32)>,
     still: BTreeMap<u32, bool>,
+    silent_frames: Vec<f64>,
 }
 
 /// What a model says about a row, scatter apart.
@@ -44,6 +45,9 @@ pub struct Base {
     pub stated: Option<f64>,
 }
 
+/// Numbers of frames sent are usual in rows of which nothing was received, if so many have them, and the most usual count.
+const FEWEST_SILENT: usize = 500;
+const MOST_SILENT: usize = 4;
 /// A mote that stays within this (m) stands still.
 const STILL_M: f64 = 0.05;
 /// More other agents than this, over all rows, are not looked at.
@@ -92,10 +96,11 @@ impl Rows {
             agents: agents.into(),
             agents_of_row,
             still: BTreeMap::new(),
+            silent_frames: Vec::new(),
         };
         rows.base = (0..rows.links.rows.len()).map(|row| rows.base_of(row)).collect();
         rows.leave_out_unknown();
-        rows.still = stand_still(&rows.ends);
+        rows.look_through();
         rows
     }
 
@@ -115,6 +120,12 @@ impl Rows {
     #[must_use]
     pub fn still(&self) -> &BTreeMap<u32, bool> {
         &self.still
+    }
+
+    /// Numbers of frames sent that are usual in rows of which nothing was received.
+    #[must_use]
+    pub fn silent_frames(&self) -> &[f64] {
+        &self.silent_frames
     }
 
     /// Describes a row as the physics wants it.
@@ -221,8 +232,14 @@ impl Rows {
     pub fn some(&self, kept: &[bool]) -> Self {
         let mut some = self.clone();
         some.keep(kept);
-        some.still = stand_still(&some.ends);
+        some.look_through();
         some
+    }
+
+    /// Finds what holds of all rows together.
+    fn look_through(&mut self) {
+        self.still = stand_still(&self.ends);
+        self.silent_frames = silent_frames(&self.links.rows);
     }
 
     fn keep(&mut self, kept: &[bool]) {
@@ -240,6 +257,19 @@ impl Rows {
         for_kept(&mut self.ends, kept);
         for_kept(&mut self.agents_of_row, kept);
     }
+}
+
+/// Numbers of frames sent of the most rows of which nothing was received.
+fn silent_frames(rows: &[Row]) -> Vec<f64> {
+    let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
+    for row in rows.iter().filter(|row| row.received == 0.0) {
+        *counts.entry(row.frames.to_bits()).or_insert(0) += 1;
+    }
+    let mut usual: Vec<(u64, usize)> =
+        counts.into_iter().filter(|&(_, n)| FEWEST_SILENT <= n).collect();
+    usual.sort_by_key(|&(bits, n)| (usize::MAX - n, bits));
+    usual.truncate(MOST_SILENT);
+    usual.into_iter().map(|(bits, _)| f64::from_bits(bits)).collect()
 }
 
 /// Which motes stand still throughout.

@@ -9,12 +9,16 @@
 //!
 //! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
 
+use super::tables::{Frame, Frames, Silent};
 use super::{Instrument, Level, STRAY, Slope};
 use crate::measure::links::Row;
 use crate::study::RowScore;
 
 /// The mean of any number of readings is not known better than this (dB): registers read in steps, and drift.
 const LEAST_SD_DB: f64 = 0.3;
+/// The logarithm of its square.
+const LN_LEAST_VARIANCE: f64 = -2.407_945_608_651_872;
+const LN_TAU: f64 = 1.837_877_066_409_345_5;
 /// Frames of one row fare a little alike, since whatever disturbs them comes and goes: so much they are correlated, and k frames say
 /// as much as k / (1 + (k − 1) ρ) independent ones.
 const ALIKE: f64 = 0.01;
@@ -23,12 +27,19 @@ const POINTS: usize = 25;
 const REACH_NATS: f64 = 14.0;
 /// The mean of what changes slowly needs only every so many of them.
 const EVERY: usize = 3;
+/// Frames of levels this many standard deviations below the likeliest must pass alike for an integral in closed form.
+const ALIKE_SD: f64 = 7.0;
+/// What rows of which nothing was received say is tabulated so many standard deviations of their level beyond the curve, at about so
+/// many points.
+const SILENT_SD: f64 = 5.0;
+const SILENT_POINTS: usize = 300;
 /// Steps to the top of an integrand.
 const TOP_STEPS: usize = 8;
 /// By how much the spread of frames is changed for a derivative.
 const WIDER: f64 = 1.02;
 
 /// What is seen of a row.
+#[derive(Clone, Copy)]
 struct Seen {
     /// Frames sent, as many as were worth as much if they were independent.
     sent: f64,
@@ -36,51 +47,41 @@ struct Seen {
     received: f64,
     reading_dbm: f64,
     readings: f64,
+    ln_readings: f64,
     knows_losses: bool,
 }
 
 impl Seen {
     fn of(row: &Row, instrument: &Instrument) -> Self {
-        let knows_losses = instrument.has_losses && row.received.is_finite();
+        let knows_losses = instrument.readings.has_losses && row.received.is_finite();
         let sent = if row.frames.is_finite() { row.frames.max(1.0) } else { 1.0 };
-        let received = if knows_losses { row.received } else { sent };
-        let worth = 1.0 / (1.0 + (sent - 1.0) * ALIKE);
+        let received = if row.received.is_finite() { row.received } else { sent };
+        let share = worth(sent) / sent;
         Self {
-            sent: sent * worth,
-            received: received * worth,
+            sent: worth(sent),
+            received: received * share,
             reading_dbm: row.rssi_dbm,
             readings: received.max(1.0),
+            ln_readings: received.max(1.0).ln(),
             knows_losses,
         }
     }
 }
 
-/// What frames do by their level, tabulated at equal steps: logarithms of the probabilities that one passes and that it does
-/// not, each with its slope, how much stronger those that pass are in the mean (dB), and their variance (dB²).
-#[derive(Clone, Debug)]
-pub struct Frames {
-    from_dbm: f64,
-    step: f64,
-    rows: Vec<[f64; 6]>,
-}
-
-impl Frames {
-    /// At a level: cubic between points where slopes are known, else linear.
-    fn at(&self, dbm: f64) -> (f64, f64, f64, f64) {
-        let last = self.rows.len() - 1;
-        let place = ((dbm - self.from_dbm) / self.step).clamp(0.0, last as f64);
-        let index = (place as usize).min(last - 1);
-        let (part, rest) = (place - index as f64, 1.0 - (place - index as f64));
-        let (a, b) = (&self.rows[index], &self.rows[index + 1]);
-        let cubic = |k: usize| {
-            let rise = b[k] - a[k];
-            let bend = rest * (a[k + 1] * self.step - rise) - part * (b[k + 1] * self.step - rise);
-            a[k] + part * rise + part * rest * bend
-        };
-        let linear = |k: usize| a[k] + part * (b[k] - a[k]);
-        (cubic(0), cubic(2), linear(4), linear(5))
+impl Seen {
+    fn is_silent(&self) -> bool {
+        self.knows_losses && self.received == 0.0
     }
 }
+
+/// As many independent frames say as much as so many of a row.
+fn worth(frames: f64) -> f64 {
+    frames / (1.0 + (frames - 1.0) * ALIKE)
+}
+
+/// A level that nothing but power makes.
+const PLAIN: Level =
+    Level { power_dbm: 0.0, register_db: 0.0, shift_db: 0.0, ln_survival: 0.0, stated: None };
 
 /// What an integral over the level gives.
 struct Integral {
@@ -90,8 +91,8 @@ struct Integral {
     level: f64,
     /// Its variance (dB²).
     left: f64,
-    /// Logarithm of the same with frames that vary a little more.
-    wider: Option<f64>,
+    /// Its derivative over the logarithm of the noise's standard deviation.
+    over_ln_sd: f64,
 }
 
 impl Instrument {
@@ -104,7 +105,7 @@ impl Instrument {
                 let passes = (stated * survival).clamp(STRAY, 1.0 - STRAY);
                 (passes, 0.0, self.sd_db * self.sd_db)
             }
-            None if !self.has_losses => (1.0, 0.0, self.sd_db * self.sd_db),
+            None if !self.readings.has_losses => (1.0, 0.0, self.sd_db * self.sd_db),
             None => {
                 let z = chance.lift_db / self.sd_db;
                 let share = (1.0 + chance.over_ln_sd / chance.passes - z * z).clamp(0.05, 2.0);
@@ -115,64 +116,111 @@ impl Instrument {
 
     /// What frames do at every level, where losses are known.
     fn table(&self) -> Frames {
-        let level = Level {
-            power_dbm: 0.0,
-            register_db: 0.0,
-            shift_db: 0.0,
-            ln_survival: 0.0,
-            stated: None,
-        };
-        let rows = self
+        let rows: Vec<[f64; 7]> = self
             .averaged
             .points()
             .map(|u| {
-                let (passes, lift_db, variance) = self.frames(&level, u);
+                let (passes, lift_db, variance) = self.frames(&PLAIN, u);
                 let slope = self.averaged.at(u).slope;
                 let fails = 1.0 - passes;
-                [passes.ln(), slope / passes, fails.ln(), -slope / fails, lift_db, variance]
+                let variance = self.rounded_variance(variance);
+                let (by_passes, by_fails) = (slope / passes, -slope / fails);
+                [passes.ln(), by_passes, fails.ln(), by_fails, lift_db, variance, variance.ln()]
             })
             .collect();
-        Frames { from_dbm: self.averaged.from_dbm, step: self.averaged.step, rows }
+        let top = rows[rows.len() - 1];
+        let is_alike = |row: &[f64; 7]| {
+            (row[0] - top[0]).abs() < 1e-9
+                && (row[2] - top[2]).abs() < 1e-6
+                && (row[5] / top[5] - 1.0).abs() < 1e-6
+        };
+        let n_below = rows.iter().rposition(|row| !is_alike(row)).map_or(0, |last| last + 1);
+        let (from_dbm, step) = (self.averaged.from_dbm, self.averaged.step);
+        Frames { from_dbm, step, rows, alike_from_dbm: from_dbm + n_below as f64 * step }
     }
 
     /// Log likelihood of what was seen at a level.
     fn seen_at(&self, seen: &Seen, level: &Level, u: f64) -> f64 {
-        let (ln_passes, ln_fails, lift, variance) = match &self.tabulated {
+        let frame = match &self.tabulated {
             Some(frames) if level.stated.is_none() => {
-                let (ln_passes, ln_fails, lift, variance) = frames.at(u - level.shift_db);
-                if level.ln_survival == 0.0 {
-                    (ln_passes, ln_fails, lift, variance)
-                } else {
-                    let ln_passes = ln_passes + level.ln_survival;
-                    (ln_passes, (-ln_passes.exp_m1()).ln(), lift, variance)
+                let mut frame = frames.at(u - level.shift_db);
+                if level.ln_survival != 0.0 {
+                    frame.ln_passes += level.ln_survival;
+                    frame.ln_fails = (-frame.ln_passes.exp_m1()).ln();
                 }
+                frame
             }
             _ => {
-                let (passes, lift, variance) = self.frames(level, u);
-                (passes.ln(), (1.0 - passes).ln(), lift, variance)
+                let (passes, lift_db, variance) = self.frames(level, u);
+                let variance = self.rounded_variance(variance);
+                let (ln_passes, ln_fails) = (passes.ln(), (1.0 - passes).ln());
+                Frame { ln_passes, ln_fails, lift_db, variance, ln_variance: variance.ln() }
             }
         };
         let mut log = 0.0;
         if seen.knows_losses {
-            log += seen.received * ln_passes + (seen.sent - seen.received) * ln_fails;
+            log += seen.received * frame.ln_passes + (seen.sent - seen.received) * frame.ln_fails;
         }
         if seen.reading_dbm.is_finite() {
-            let variance = self.mean_variance(variance, seen.readings);
-            let deviation = seen.reading_dbm - level.register_db - u - lift;
-            log -=
-                0.5 * (deviation * deviation / variance + (std::f64::consts::TAU * variance).ln());
+            let variance = mean_variance(frame.variance, seen.readings);
+            let ln_variance = (frame.ln_variance - seen.ln_readings).max(LN_LEAST_VARIANCE);
+            let deviation = seen.reading_dbm - level.register_db - u - frame.lift_db;
+            log -= 0.5 * (deviation * deviation / variance + ln_variance + LN_TAU);
         }
         log
     }
 
-    /// Variance of the mean of readings whose own variance is given (dB²).
-    fn mean_variance(&self, variance: f64, readings: f64) -> f64 {
-        ((variance + self.quantum_db * self.quantum_db / 12.0) / readings)
-            .max(LEAST_SD_DB * LEAST_SD_DB)
+    /// Variance of a reading (dB²), the frames' own given: they are rounded.
+    fn rounded_variance(&self, variance: f64) -> f64 {
+        variance + self.readings.quantum_db * self.readings.quantum_db / 12.0
+    }
+
+    /// The integral where frames of every level that is likely pass alike: that of a product of two normal densities.
+    fn integral_of_reading(
+        &self,
+        seen: &Seen,
+        level: &Level,
+        mean: f64,
+        variance: f64,
+    ) -> Option<Integral> {
+        let read = seen.reading_dbm - level.register_db;
+        let (lift, one, alike_from_dbm) = match &self.tabulated {
+            _ if !self.readings.has_losses => {
+                (0.0, self.rounded_variance(self.sd_db * self.sd_db), f64::NEG_INFINITY)
+            }
+            Some(frames) if level.stated.is_none() => {
+                let Frame { lift_db, variance, .. } = frames.at(read - level.shift_db);
+                (lift_db, variance, frames.alike_from_dbm)
+            }
+            _ => return None,
+        };
+        let own = mean_variance(one, seen.readings);
+        let both = variance + own;
+        let left = variance * own / both;
+        let deviation = read - lift - mean;
+        let posterior = mean + variance * deviation / both;
+        let lowest = (posterior - ALIKE_SD * left.sqrt()).min(read) - level.shift_db;
+        if read.is_nan() || lowest < alike_from_dbm {
+            return None;
+        }
+        let by_frames = self.seen_at(&Seen { reading_dbm: f64::NAN, ..*seen }, level, posterior);
+        let share = deviation * deviation / both;
+        let is_least = own <= LEAST_SD_DB * LEAST_SD_DB;
+        let own_over_ln_sd =
+            if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / seen.readings };
+        Some(Integral {
+            log: by_frames - 0.5 * (share + both.ln() + LN_TAU),
+            level: posterior,
+            left,
+            over_ln_sd: 0.5 * own_over_ln_sd * (share - 1.0) / both,
+        })
     }
 
     /// The integral over the level, `variance` being its variance before anything is seen.
     fn integral(&self, seen: &Seen, level: &Level, mean: f64, variance: f64) -> Integral {
+        if let Some(integral) = self.integral_of_reading(seen, level, mean, variance) {
+            return integral;
+        }
         let at = |u: f64| self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance;
         let mut top = mean;
         let mut start = |there: f64| {
@@ -183,7 +231,7 @@ impl Instrument {
         if seen.reading_dbm.is_finite() {
             let read = seen.reading_dbm - level.register_db;
             let (_, lift, own) = self.frames(level, read);
-            let own = self.mean_variance(own, seen.readings);
+            let own = mean_variance(self.rounded_variance(own), seen.readings);
             start((variance * (read - lift) + own * mean) / (variance + own));
         }
         if !seen.reading_dbm.is_finite() {
@@ -231,7 +279,7 @@ impl Instrument {
         let log = best + (total * step).ln() - 0.5 * (std::f64::consts::TAU * variance).ln();
         let left = (square - shift * shift).max(1e-12);
         // The same integral with frames that vary a little more, as a ratio: at some of the points.
-        let wider = self.wider.as_ref().map(|wider| {
+        let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
             let (mut sum, mut total) = (0.0, 0.0);
             for k in (0..POINTS).step_by(EVERY) {
                 let u = top + away(k);
@@ -240,22 +288,33 @@ impl Instrument {
                 sum += part * (wider.seen_at(seen, level, u) + prior - logs[k]).exp();
                 total += part;
             }
-            log + (sum / total).ln()
+            (sum / total).ln() / WIDER.ln()
         });
-        Integral { log, level: top + shift, left, wider }
+        Integral { log, level: top + shift, left, over_ln_sd }
     }
 
     /// Log likelihood of a row of several frames. `lift_db` is added to the level.
     pub(super) fn summed(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
         let seen = Seen::of(row, self);
         let mean = level.power_dbm + lift_db;
+        let is_plain = level.stated.is_none() && level.ln_survival == 0.0;
+        if is_plain && seen.is_silent() {
+            let known = self.silent.iter().find(|silent| silent.sent == seen.sent);
+            if let Some(slope) = known.and_then(|silent| silent.at(mean - level.shift_db)) {
+                return slope;
+            }
+        }
+        self.integrated(&seen, level, mean)
+    }
+
+    /// Log likelihood of what was seen, by an integral.
+    fn integrated(&self, seen: &Seen, level: &Level, mean: f64) -> Slope {
         let variance = self.link_sd_db * self.link_sd_db;
-        let Integral { log, level: posterior, left, wider } =
-            self.integral(&seen, level, mean, variance);
+        let Integral { log, level: posterior, left, over_ln_sd } =
+            self.integral(seen, level, mean, variance);
         let away = posterior - mean;
-        let over_ln_sd = wider.map_or(0.0, |wider| (wider - log) / WIDER.ln());
         Slope {
-            log: log + ways(&seen),
+            log: log + ways(seen),
             over_level: away / variance,
             weight: ((1.0 - left / variance) / variance).max(0.0),
             over_ln_sd,
@@ -263,12 +322,39 @@ impl Instrument {
         }
     }
 
-    /// With another instrument beside, whose frames vary a little more: for derivatives.
+    /// With what many rows ask for, computed once: what frames do at every level, the same with frames that vary a little more, for
+    /// derivatives, and rows of which nothing was received, for these numbers of frames sent.
     #[must_use]
-    pub fn with_wider(self) -> Self {
-        let tabulated = |one: Self| Self { tabulated: one.has_losses.then(|| one.table()), ..one };
-        let wider = tabulated(Self { wider: None, ..self.with_sd(WIDER * self.sd_db) });
-        Self { wider: Some(Box::new(wider)), ..tabulated(self) }
+    pub fn with_tables(self, silent_frames: &[f64]) -> Self {
+        let tabulated =
+            |one: Self| Self { tabulated: one.readings.has_losses.then(|| one.table()), ..one };
+        let wider = tabulated(self.with_sd(WIDER * self.sd_db));
+        let mut with = Self { wider: Some(Box::new(wider)), ..tabulated(self) };
+        if with.readings.has_losses {
+            with.silent = silent_frames.iter().map(|&frames| with.silent(frames)).collect();
+        }
+        with
+    }
+
+    /// What rows of so many frames, none of them received, say at every mean level.
+    fn silent(&self, frames: f64) -> Silent {
+        let sent = worth(frames);
+        let seen = Seen {
+            sent,
+            received: 0.0,
+            reading_dbm: f64::NAN,
+            readings: 1.0,
+            ln_readings: 0.0,
+            knows_losses: true,
+        };
+        let below = SILENT_SD * self.link_sd_db;
+        let from_dbm = self.averaged.from_dbm - below;
+        let width = self.averaged.width_db() + below + below;
+        let step = (width / SILENT_POINTS as f64).max(0.1 * self.link_sd_db);
+        let rows = (0..=(width / step) as usize)
+            .map(|i| self.integrated(&seen, &PLAIN, from_dbm + i as f64 * step))
+            .collect();
+        Silent { sent, from_dbm, step, rows }
     }
 
     /// What the mean reading of a row should be (dBm), its standard deviation (dB), the share of frames that should be received
@@ -293,7 +379,8 @@ impl Instrument {
             sums[2] += weight * (passes * passes + passes * (1.0 - passes) / seen.sent);
             sums[3] += shows;
             sums[4] += shows * reading;
-            sums[5] += shows * (reading * reading + self.mean_variance(variance, readings));
+            sums[5] += shows
+                * (reading * reading + mean_variance(self.rounded_variance(variance), readings));
         }
         let (share, reading) = (sums[1] / sums[0], sums[4] / sums[3]);
         let sd_of = |square: f64, mean: f64| (square - mean * mean).max(1e-9).sqrt();
@@ -328,6 +415,11 @@ impl Instrument {
     }
 }
 
+/// Variance of the mean of readings, the variance of one given (dB²).
+fn mean_variance(variance: f64, readings: f64) -> f64 {
+    (variance / readings).max(LEAST_SD_DB * LEAST_SD_DB)
+}
+
 /// Logarithm of the number of ways in which so many of the frames are received.
 fn ways(seen: &Seen) -> f64 {
     if !seen.knows_losses {
@@ -340,6 +432,8 @@ fn ways(seen: &Seen) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::links::Readings;
+    use crate::study::links::likelihood::Noise;
     use crate::study::links::likelihood::tests::row;
     use crate::study::links::passing::{Sampled, Spread};
     use netsim::phy::reception::Curve;
@@ -361,23 +455,9 @@ mod tests {
     }
 
     fn instrument(sd_db: f64, link_sd_db: f64) -> Instrument {
-        let curve = Sampled::of(&Normal);
-        let averaged = curve.averaged(sd_db, &Spread::none());
-        let spread = Spread::none();
-        let (quantum_db, has_losses, is_aggregated) = (0.0, true, true);
-        Instrument {
-            sd_db,
-            spread,
-            curve,
-            averaged,
-            quantum_db,
-            has_losses,
-            is_aggregated,
-            link_sd_db,
-            wider: None,
-            tabulated: None,
-        }
-        .with_wider()
+        let readings = Readings { quantum_db: 0.0, has_losses: true, is_aggregated: true };
+        let noise = Noise { sd_db, link_sd_db };
+        Instrument::new(Sampled::of(&Normal), Spread::none(), noise, readings).with_tables(&[])
     }
 
     fn level(power_dbm: f64) -> Level {
@@ -431,6 +511,30 @@ mod tests {
                 "{received}: {} {by_sd}",
                 here.over_ln_sd
             );
+        }
+    }
+
+    #[test]
+    fn tables_say_what_integrals_say() {
+        let plain = instrument(2.0, 3.0);
+        let tabled = plain.clone().with_tables(&[50.0]);
+        let silent = row(50.0, 0.0, f64::NAN);
+        for power in [-130.0, -95.3, -90.1, -87.7, -80.0, -74.2] {
+            let [a, b] = [&plain, &tabled].map(|one| one.summed(&silent, &level(power), 0.0));
+            assert!((a.log - b.log).abs() < 1e-4, "{power}: {a:?} {b:?}");
+            assert!((a.over_level - b.over_level).abs() < 1e-4, "{power}: {a:?} {b:?}");
+            // A ratio of two integrals over 2 %: errors of 1e-3 count for fifty times as much.
+            assert!((a.over_ln_sd - b.over_ln_sd).abs() < 5e-2, "{power}: {a:?} {b:?}");
+            assert!((a.over_ln_link_sd - b.over_ln_link_sd).abs() < 1e-2, "{power}: {a:?} {b:?}");
+        }
+        // In closed form above the curve, by an integral where anything can be lost for weakness.
+        let strong = row(50.0, 49.0, -70.0);
+        let without = Instrument { tabulated: None, ..plain.clone() };
+        for power in [-60.0, -72.0, -95.0] {
+            let [a, b] = [&without, &plain].map(|one| one.summed(&strong, &level(power), 0.0));
+            assert!((a.log - b.log).abs() < 2e-3, "{power}: {a:?} {b:?}");
+            assert!((a.over_level - b.over_level).abs() < 1e-3, "{power}: {a:?} {b:?}");
+            assert!((a.over_ln_sd - b.over_ln_sd).abs() < 1e-3, "{power}: {a:?} {b:?}");
         }
     }
 

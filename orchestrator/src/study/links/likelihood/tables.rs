@@ -1,0 +1,83 @@
+//! What many rows of several frames ask for, tabulated over the level.
+
+use super::Slope;
+
+/// What rows of which nothing was received say by their mean level, tabulated at equal steps.
+#[derive(Clone, Debug)]
+pub struct Silent {
+    pub(super) sent: f64,
+    pub(super) from_dbm: f64,
+    pub(super) step: f64,
+    pub(super) rows: Vec<Slope>,
+}
+
+impl Silent {
+    /// At a mean level; none above the table.
+    pub(super) fn at(&self, dbm: f64) -> Option<Slope> {
+        let place = ((dbm - self.from_dbm) / self.step).max(0.0);
+        let index = place as usize;
+        let (a, b) = (self.rows.get(index)?, self.rows.get(index + 1)?);
+        let part = place - index as f64;
+        let linear = |a: f64, b: f64| a + part * (b - a);
+        Some(Slope {
+            log: cubic(part, self.step, [a.log, a.over_level], [b.log, b.over_level]),
+            over_level: cubic(
+                part,
+                self.step,
+                [a.over_level, -a.weight],
+                [b.over_level, -b.weight],
+            ),
+            weight: linear(a.weight, b.weight),
+            over_ln_sd: linear(a.over_ln_sd, b.over_ln_sd),
+            over_ln_link_sd: linear(a.over_ln_link_sd, b.over_ln_link_sd),
+        })
+    }
+}
+
+/// Between two points a step apart, each with its value and slope.
+fn cubic(part: f64, step: f64, a: [f64; 2], b: [f64; 2]) -> f64 {
+    let (rise, rest) = (b[0] - a[0], 1.0 - part);
+    let bend = rest * (a[1] * step - rise) - part * (b[1] * step - rise);
+    a[0] + part * rise + part * rest * bend
+}
+
+/// What frames do by their level, tabulated at equal steps: logarithms of the probabilities that one passes and that it does
+/// not, each with its slope, how much stronger those that pass are in the mean (dB), the variance of their readings (dB²) and its
+/// logarithm.
+#[derive(Clone, Debug)]
+pub struct Frames {
+    pub(super) from_dbm: f64,
+    pub(super) step: f64,
+    pub(super) rows: Vec<[f64; 7]>,
+    /// From here on frames pass alike.
+    pub(super) alike_from_dbm: f64,
+}
+
+impl Frames {
+    /// At a level: cubic between points where slopes are known, else linear.
+    pub(super) fn at(&self, dbm: f64) -> Frame {
+        let last = self.rows.len() - 1;
+        let place = ((dbm - self.from_dbm) / self.step).clamp(0.0, last as f64);
+        let index = (place as usize).min(last - 1);
+        let part = place - index as f64;
+        let (a, b) = (&self.rows[index], &self.rows[index + 1]);
+        let cubic = |k: usize| cubic(part, self.step, [a[k], a[k + 1]], [b[k], b[k + 1]]);
+        let linear = |k: usize| a[k] + part * (b[k] - a[k]);
+        Frame {
+            ln_passes: cubic(0),
+            ln_fails: cubic(2),
+            lift_db: linear(4),
+            variance: linear(5),
+            ln_variance: linear(6),
+        }
+    }
+}
+
+/// What a frame does at a level.
+pub(super) struct Frame {
+    pub(super) ln_passes: f64,
+    pub(super) ln_fails: f64,
+    pub(super) lift_db: f64,
+    pub(super) variance: f64,
+    pub(super) ln_variance: f64,
+}
