@@ -1,14 +1,17 @@
 //! The `[robotsim]` section: its description, and what no description can check.
 
 use crate::controller::{self, Controller};
+use crate::dynamics::contacts::{self, Contacts};
 use crate::dynamics::{self, Dynamics};
 use crate::knowledge::{Memory, Source};
+use crate::obstacles::{self, Course};
 use crate::scenario::{self, Scenario};
 use bytes::Bytes;
 use proto::config::{
     self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, join,
 };
 use proto::side::Setup;
+use proto::site::Site;
 use std::collections::BTreeMap;
 
 /// Description of the section.
@@ -38,9 +41,21 @@ pub const SPEC: TableSpec = TableSpec {
         ),
         field(
             "diameter_m",
-            "Robots that come closer than this have collided (m). They are counted; robots do not push each other.",
+            "Robots that come closer than this have collided (m): what is counted, and, where contacts are resolved, prevented.",
             Kind::Number(Range::closed(0.0, 1e3)),
             Default::Number(0.3),
+        ),
+        field(
+            "contacts",
+            "What happens where robots meet each other, walls and obstacles. Absent: collisions are counted.",
+            Kind::Table(&contacts::SPEC),
+            Default::Absent,
+        ),
+        field(
+            "obstacle",
+            "Obstacles of `[site]` that move. Robots and radio see them where they are.",
+            Kind::Tables(&obstacles::SPEC),
+            Default::Absent,
         ),
         field("dynamics", "How the robots move.", Kind::Table(&dynamics::SPEC), Default::Table),
         field(
@@ -94,6 +109,8 @@ pub struct Behaviour {
     pub dynamics: Dynamics,
     /// What they want.
     pub controller: Box<dyn Controller>,
+    /// How obstacles of the place move.
+    pub courses: Vec<Course>,
 }
 
 /// What a part of a configuration is checked against.
@@ -126,7 +143,7 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table), Vec<Problem>> {
     let n_agents = setup.experiment.agent_count;
     let mut problems = Vec::new();
     let mut table = config::check(&setup.config, &setup.path, &SPEC, &mut problems).table;
-    let behaviour = build_behaviour(&mut table, &setup.path, n_agents, &mut problems);
+    let behaviour = build_behaviour(&mut table, &setup.path, n_agents, &setup.site, &mut problems);
     let context = Context {
         path: join(&setup.path, "scenario"),
         n_agents,
@@ -150,11 +167,12 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table), Vec<Problem>> {
 pub(crate) fn read_behaviour(
     effective: &toml::Table,
     n_agents: usize,
+    site: &Site,
 ) -> Result<Behaviour, Vec<Problem>> {
     let mut problems = Vec::new();
     let node = Node { value: (&toml::Value::Table(effective.clone())).into(), span: None };
     let mut table = config::check(&node, "", &SPEC, &mut problems).table;
-    build_behaviour(&mut table, "", n_agents, &mut problems)
+    build_behaviour(&mut table, "", n_agents, site, &mut problems)
         .filter(|_| problems.is_empty())
         .ok_or(problems)
 }
@@ -179,6 +197,7 @@ fn build_behaviour(
     table: &mut toml::Table,
     path: &str,
     n_agents: usize,
+    site: &Site,
     problems: &mut Vec<Problem>,
 ) -> Option<Behaviour> {
     let knowledge = table["knowledge"].clone().try_into().ok();
@@ -188,7 +207,9 @@ fn build_behaviour(
         .get("localization")
         .and_then(|localization| localization.get("sd_m"))
         .and_then(toml::Value::as_float);
-    let dynamics = dynamics.map(|dynamics| dynamics.with_noise(noise.unwrap_or(0.0)));
+    let contacts = build_contacts(table, path, problems);
+    let dynamics =
+        dynamics.map(|dynamics| dynamics.with_noise(noise.unwrap_or(0.0)).with_contacts(contacts));
     let context = Context {
         path: join(path, "controller"),
         n_agents,
@@ -196,7 +217,46 @@ fn build_behaviour(
         files: &BTreeMap::new(),
     };
     let controller = controller::build(part(table, "controller"), &context, problems);
-    Some(Behaviour { knowledge: knowledge?, memory, dynamics: dynamics?, controller: controller? })
+    let context = Context { path: join(path, "obstacle"), ..context };
+    let tables = table.get("obstacle").and_then(toml::Value::as_array).map_or(&[][..], |t| t);
+    let courses = obstacles::build(tables, site, &context, problems);
+    Some(Behaviour {
+        knowledge: knowledge?,
+        memory,
+        dynamics: dynamics?,
+        controller: controller?,
+        courses,
+    })
+}
+
+/// How contacts are resolved, if they are.
+fn build_contacts(
+    table: &toml::Table,
+    path: &str,
+    problems: &mut Vec<Problem>,
+) -> Option<Contacts> {
+    let diameter_m = table["diameter_m"].as_float()?;
+    let contacts = Contacts::build(table.get("contacts")?.as_table()?, diameter_m)?;
+    if diameter_m <= 0.0 {
+        problems.push(
+            Problem::new(
+                join(path, "diameter_m"),
+                "must be greater than 0 where contacts are resolved",
+            )
+            .value(format!("{diameter_m:?}")),
+        );
+    }
+    let controller = table.get("controller").and_then(|table| table.get("kind"));
+    if controller.and_then(toml::Value::as_str) == Some("random-jump") {
+        problems.push(
+            Problem::new(
+                join(&join(path, "contacts"), "kind"),
+                "must be \"count\" for random-jump, whose robots are not anywhere between two places",
+            )
+            .value("\"resolve\""),
+        );
+    }
+    Some(contacts)
 }
 
 /// A table within the checked section.

@@ -14,7 +14,6 @@ mod flocking;
 mod hold;
 mod line_formation;
 mod olfati_saber;
-mod path;
 mod random_jump;
 mod random_waypoint;
 

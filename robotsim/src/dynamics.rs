@@ -6,6 +6,7 @@
 //! that velocity holds over the whole control period: x += v Δt.
 
 mod body;
+pub(crate) mod contacts;
 pub mod effect;
 mod inertial;
 pub mod physics;
@@ -18,12 +19,14 @@ pub use inertial::GRAVITY_MPS2;
 pub use response::Response;
 
 use crate::config::field;
+use crate::obstacles::Course;
 use body::Body;
+use contacts::Contacts;
 use effect::Localization;
 use physics::{Order, Physics, Robot};
 use proto::config::{Choice, Default, Kind, Problem, Range, TableSpec, Tag, Variant, join};
 use proto::rng::{Draws, Purpose};
-use proto::site::Hill;
+use proto::site::Site;
 use proto::types::{AgentStates, seconds};
 use serde::{Deserialize, Serialize};
 use surroundings::{Other, Surroundings};
@@ -167,6 +170,7 @@ const VARIANTS: &[Variant] = &[
 pub struct Dynamics {
     physics: Physics,
     localization: Option<Localization>,
+    contacts: Option<Contacts>,
 }
 
 /// What one robot carries from step to step where effects reach back in time.
@@ -188,10 +192,23 @@ pub struct Step<'a> {
     pub from_ns: u64,
     /// When it ends (ns).
     pub until_ns: u64,
-    /// The ground: its hills.
-    pub terrain: &'a [Hill],
+    /// The place: its ground, walls and obstacles.
+    pub site: &'a Site,
+    /// How obstacles of the place move.
+    pub courses: &'a [Course],
     /// Seed of gusts and of noise.
     pub seed: u64,
+}
+
+/// What a robot does during a step.
+#[derive(Clone, Copy, Debug)]
+enum Motion {
+    /// Its body follows its orders, of which this is the last.
+    Body(Drive),
+    /// It is displaced by this (m).
+    Jump([f64; 3]),
+    /// It has this velocity (m/s).
+    Velocity([f64; 3]),
 }
 
 impl Dynamics {
@@ -226,7 +243,7 @@ impl Dynamics {
                 }
             }
         }
-        Some(Self { physics: Physics::new(body, effects), localization })
+        Some(Self { physics: Physics::new(body, effects), localization, contacts: None })
     }
 
     /// Adds noise (standard deviation in m) to how positions are measured.
@@ -237,6 +254,12 @@ impl Dynamics {
             localization.sd_m = libm::hypot(localization.sd_m, sd_m);
         }
         self
+    }
+
+    /// Resolves contacts, where there are rules for them.
+    #[must_use]
+    pub(crate) fn with_contacts(self, contacts: Option<Contacts>) -> Self {
+        Self { contacts, ..self }
     }
 
     /// The body and its effects, for fits.
@@ -283,83 +306,120 @@ impl Dynamics {
     ) {
         let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
         let dt_s = seconds(step.until_ns - step.from_ns);
-        let others = self.others(states);
         let draws = Some(Draws::new(step.seed, Purpose::Gust));
-        let base = Surroundings { terrain: step.terrain, draws, others_at_s: from_s, others: &[] };
-        let turning = self.physics.shape().is_turning();
-        let inertial = self.physics.is_inertial();
-        let is_plain = self.physics.is_bare() && !turning && !inertial;
-        for agent in states.alive.clone().iter_ones() {
-            let before_m = states.position_m(agent);
-            let command = match commands[agent] {
-                Command::Acceleration(acceleration_mps2) if !inertial => {
-                    let own_mps =
-                        [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]];
-                    Command::Velocity(std::array::from_fn(|i| {
-                        own_mps[i] + acceleration_mps2[i] * dt_s
-                    }))
-                }
-                command => command,
-            };
-            let (velocity, displacement) = match command {
-                Command::Jump(displacement) => {
-                    (displacement.map(|component| component / dt_s), displacement)
-                }
-                Command::Velocity(velocity) if is_plain => {
-                    let velocity = self.physics.target(velocity);
-                    (velocity, velocity.map(|component| component * dt_s))
-                }
-                Command::Velocity(_) | Command::Acceleration(_) => {
-                    let heading_rad = states.heading_rad.get(agent).copied().unwrap_or(0.0);
-                    let mut bare = Memory::default();
-                    let memory = memory.get_mut(agent).unwrap_or(&mut bare);
-                    let mut robot = Robot {
-                        position_m: before_m,
-                        heading_rad,
-                        drive: memory.drive,
-                        push_mps2: memory.push_mps2,
-                    };
-                    let demand = match command {
-                        Command::Velocity(velocity) => self.physics.follow(velocity, &robot, dt_s),
-                        Command::Acceleration(asked) | Command::Jump(asked) => asked,
-                    };
-                    memory.order(from_s, demand, self.physics.delay_s());
-                    let near: Vec<Other> = near(&others, agent);
-                    let surroundings = Surroundings { others: &near, ..base };
-                    let orders = &memory.orders;
-                    self.physics.advance(
-                        &mut robot,
-                        orders,
-                        &mut 0,
-                        from_s,
-                        until_s,
-                        &surroundings,
-                    );
-                    memory.drive = robot.drive;
-                    memory.push_mps2 = robot.push_mps2;
-                    if turning {
-                        states.heading_rad[agent] = wrapped(robot.heading_rad);
+        let terrain = &step.site.terrain;
+        let base = Surroundings { terrain, draws, others_at_s: from_s, others: &[] };
+        let alive = states.alive.clone();
+        if let Some(contacts) = &self.contacts {
+            self.advance_in_contact(contacts, step, &base, commands, states, memory);
+        } else {
+            let others = self.others(states);
+            for agent in alive.iter_ones() {
+                let motion = self.take_up(agent, commands[agent], from_s, dt_s, states, memory);
+                let near: Vec<Other> = near(&others, agent);
+                let surroundings = Surroundings { others: &near, ..base };
+                let (velocity, displacement) = match motion {
+                    Motion::Velocity(velocity) => (velocity, velocity.map(|part| part * dt_s)),
+                    Motion::Body(_) | Motion::Jump(_) => {
+                        let span_s = [from_s, until_s];
+                        let way_m = self.go(agent, motion, span_s, &surroundings, states, memory);
+                        (way_m.map(|part| part / dt_s), way_m)
                     }
-                    let displacement = std::array::from_fn(|i| robot.position_m[i] - before_m[i]);
-                    (displacement.map(|component| component / dt_s), displacement)
-                }
-            };
-            states.x_m[agent] += displacement[0];
-            states.y_m[agent] += displacement[1];
-            states.z_m[agent] += displacement[2];
-            [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] = velocity;
+                };
+                states.x_m[agent] += displacement[0];
+                states.y_m[agent] += displacement[1];
+                states.z_m[agent] += displacement[2];
+                [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] = velocity;
+            }
+        }
+        let turning = self.physics.shape().is_turning();
+        for agent in alive.iter_ones() {
             assert!(
                 states.position_m(agent).iter().all(|coordinate| coordinate.is_finite()),
                 "agent {agent} left the space of numbers: command {:?}",
                 commands[agent]
             );
-            if !turning
-                && !states.heading_rad.is_empty()
-                && (velocity[0] != 0.0 || velocity[1] != 0.0)
-            {
-                states.heading_rad[agent] = libm::atan2(velocity[1], velocity[0]);
+            let [vx, vy] = [states.vx_mps[agent], states.vy_mps[agent]];
+            if !turning && !states.heading_rad.is_empty() && (vx != 0.0 || vy != 0.0) {
+                states.heading_rad[agent] = libm::atan2(vy, vx);
             }
         }
+    }
+
+    /// What a command that is given at `from_s` for `dt_s` makes a robot do.
+    fn take_up(
+        &self,
+        agent: usize,
+        command: Command,
+        from_s: f64,
+        dt_s: f64,
+        states: &AgentStates,
+        memory: &mut [Memory],
+    ) -> Motion {
+        let inertial = self.physics.is_inertial();
+        let is_plain = self.physics.is_bare() && !self.physics.shape().is_turning() && !inertial;
+        let command = match command {
+            Command::Acceleration(acceleration_mps2) if !inertial => {
+                let own_mps = [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]];
+                Command::Velocity(std::array::from_fn(|i| own_mps[i] + acceleration_mps2[i] * dt_s))
+            }
+            command => command,
+        };
+        let demand = match command {
+            Command::Jump(displacement) => return Motion::Jump(displacement),
+            Command::Velocity(velocity) if is_plain => {
+                return Motion::Velocity(self.physics.target(velocity));
+            }
+            Command::Velocity(velocity) => {
+                let heading_rad = states.heading_rad.get(agent).copied().unwrap_or(0.0);
+                let drive = memory.get(agent).map_or([0.0; 3], |memory| memory.drive);
+                let robot = Robot { heading_rad, drive, ..Robot::default() };
+                self.physics.follow(velocity, &robot, dt_s)
+            }
+            Command::Acceleration(asked) => asked,
+        };
+        if let Some(memory) = memory.get_mut(agent) {
+            memory.order(from_s, demand, self.physics.delay_s());
+        }
+        Motion::Body(demand)
+    }
+
+    /// Moves a robot on and returns by how much (m) it would go.
+    fn go(
+        &self,
+        agent: usize,
+        motion: Motion,
+        [from_s, until_s]: [f64; 2],
+        surroundings: &Surroundings<'_>,
+        states: &mut AgentStates,
+        memory: &mut [Memory],
+    ) -> [f64; 3] {
+        let dt_s = until_s - from_s;
+        let demand = match motion {
+            Motion::Jump(displacement) => return displacement,
+            Motion::Velocity(velocity) => return velocity.map(|component| component * dt_s),
+            Motion::Body(demand) => demand,
+        };
+        let mut bare = Memory::default();
+        let memory = memory.get_mut(agent).unwrap_or(&mut bare);
+        if memory.orders.is_empty() {
+            memory.orders.push(Order { from_s, demand });
+        }
+        let before_m = states.position_m(agent);
+        let mut robot = Robot {
+            position_m: before_m,
+            heading_rad: states.heading_rad.get(agent).copied().unwrap_or(0.0),
+            drive: memory.drive,
+            push_mps2: memory.push_mps2,
+        };
+        let orders = &memory.orders;
+        self.physics.advance(&mut robot, orders, &mut 0, from_s, until_s, surroundings);
+        memory.drive = robot.drive;
+        memory.push_mps2 = robot.push_mps2;
+        if self.physics.shape().is_turning() {
+            states.heading_rad[agent] = wrapped(robot.heading_rad);
+        }
+        std::array::from_fn(|i| robot.position_m[i] - before_m[i])
     }
 
     /// Robots that are told to stand still: nothing that was asked for has an effect any more.

@@ -14,6 +14,7 @@
 //! | [`controller`] | who wants to go where: one file per controller, one list |
 //! | [`line_fit`] | the straight line nearest to some points, by two rules |
 //! | [`dynamics`] | from command to motion: bodies, and one file per effect of real robots |
+//! | [`obstacles`] | how obstacles of the place move |
 //! | [`scenario`] | where everyone begins: one file per scenario, one list |
 //! | [`config`] | the `[robotsim]` section: its description and its checks |
 
@@ -22,6 +23,8 @@ pub mod controller;
 pub mod dynamics;
 pub mod knowledge;
 pub mod line_fit;
+pub mod obstacles;
+mod path;
 pub mod payload;
 pub mod scenario;
 pub mod sim;

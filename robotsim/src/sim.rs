@@ -4,11 +4,11 @@ use crate::config::{self, Behaviour};
 use crate::controller::{self, Links, View};
 use crate::dynamics::{Command, Memory, Step};
 use crate::knowledge::{Knowledge, Remembered, Source};
-use crate::{payload, scenario};
+use crate::{obstacles, payload, scenario};
 use proto::config::Problem;
 use proto::rng::{Draws, Purpose};
 use proto::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator, RobotStart, Setup};
-use proto::site::Hill;
+use proto::site::Site;
 use proto::types::{AgentOrder, AgentStates, DeliveryColumn, seconds};
 use serde::{Deserialize, Serialize};
 
@@ -35,8 +35,8 @@ struct State {
     measured: Option<AgentStates>,
     /// What the agents' motion carries over from step to step. Empty: nothing.
     memory: Vec<Memory>,
-    /// The ground: its hills.
-    terrain: Vec<Hill>,
+    /// The place, as it was at the beginning.
+    site: Site,
     /// What each agent was ordered to do. `None`: its controller decides.
     orders: Vec<Option<AgentOrder>>,
     /// Transmissions so far whose payload was not one of ours.
@@ -71,8 +71,9 @@ impl RobotSimulator for Swarm {
         let dynamics = &config.behaviour.dynamics;
         dynamics.complete(&mut states);
         let mut memory = dynamics.memory(n_agents);
-        let terrain = setup.site.terrain.clone();
-        let start = Step { from_ns: 0, until_ns: 0, terrain: &terrain, seed };
+        let site = setup.site.clone();
+        dynamics.make_room(&site, &mut states);
+        let start = Step { from_ns: 0, until_ns: 0, site: &site, courses: &[], seed };
         let measured = dynamics.measured(&start, &states, &mut memory);
         if config.behaviour.knowledge == Source::Truth {
             tracing::info!(
@@ -86,7 +87,7 @@ impl RobotSimulator for Swarm {
             states: states.clone(),
             measured,
             memory,
-            terrain,
+            site,
             orders: vec![None; n_agents],
             n_foreign: 0,
             free_ns: 0,
@@ -108,9 +109,11 @@ impl RobotSimulator for Swarm {
                 order => Some(order),
             };
         }
+        let span_s = [seconds(input.from_ns), seconds(input.until_ns)];
+        let moved_obstacles = obstacles::moved(&behaviour.courses, &state.site, span_s);
         if input.hold {
             behaviour.dynamics.stand_still(&mut state.memory);
-            return state.stand_still();
+            return RobotOutput { moved_obstacles, ..state.stand_still() };
         }
         let knowledge = match behaviour.knowledge {
             Source::Heard => Knowledge::heard(input.deliveries, state.states.len()),
@@ -154,7 +157,8 @@ impl RobotSimulator for Swarm {
         let step = Step {
             from_ns: input.from_ns,
             until_ns: input.until_ns,
-            terrain: &state.terrain,
+            site: &state.site,
+            courses: &behaviour.courses,
             seed: state.seed,
         };
         state.free_ns += input.until_ns - input.from_ns;
@@ -163,6 +167,7 @@ impl RobotSimulator for Swarm {
         RobotOutput {
             states: state.states.clone(),
             payloads: payload::encode(state.believed()),
+            moved_obstacles,
             task_complete,
             ..RobotOutput::default()
         }
@@ -193,7 +198,7 @@ impl Running {
         state.check_lengths()?;
         let effective: toml::Table =
             state.effective.parse().map_err(|error| NotASnapshot(format!("{error}")))?;
-        let behaviour = config::read_behaviour(&effective, state.states.len())
+        let behaviour = config::read_behaviour(&effective, state.states.len(), &state.site)
             .map_err(|problems| NotASnapshot(format!("{}", Listed(&problems))))?;
         Ok(Self { behaviour, state })
     }

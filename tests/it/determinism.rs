@@ -5,10 +5,11 @@ use tests::recording::{assert_same, of};
 use tests::{Server, run};
 
 /// Configurations that differ in model, effects, coupling and size. Each runs in a second or two.
-const CONFIGS: [(&str, &[&str]); 6] = [
+const CONFIGS: [(&str, &[&str]); 7] = [
     ("flocking", &["experiment.duration_s=3.0"]),
     ("formation", &["experiment.duration_s=2.0"]),
     ("walls", &["experiment.duration_s=2.0"]),
+    ("rooms", &["experiment.duration_s=4.0"]),
     ("shadowing", &["experiment.duration_s=2.0"]),
     ("packet-control", &["experiment.duration_s=1.0"]),
     // Enough agents for every parallel loop and for the bitmap form.

@@ -11,7 +11,7 @@ use serde::Deserialize;
 ///
 /// # Validity
 ///
-/// No inertia, drag, slip, or collision. Not validated against hardware.
+/// No inertia, drag or slip. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub(super) struct PointMass {
     /// The cap (m/s).

@@ -3,6 +3,7 @@
 mod air;
 mod bodies;
 mod config;
+mod contacts;
 mod controllers;
 mod effects;
 mod flocking;

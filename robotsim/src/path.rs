@@ -2,7 +2,7 @@
 
 /// The point (m) at `length_m` along the straight lines from point to point; at the end of an open way its last point. A
 /// closed way goes on from the last point to the first. Of at least two points.
-pub(super) fn at(points: &[[f64; 2]], is_closed: bool, length_m: f64) -> [f64; 2] {
+pub(crate) fn at(points: &[[f64; 2]], is_closed: bool, length_m: f64) -> [f64; 2] {
     let n_lines = if is_closed { points.len() } else { points.len() - 1 };
     let line = |index: usize| (points[index], points[(index + 1) % points.len()]);
     let length_of = |index: usize| {

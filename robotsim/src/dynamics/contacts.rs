@@ -1,0 +1,538 @@
+//! Contacts: robots that cannot be where a wall, an obstacle or another robot is.
+
+use super::surroundings::Surroundings;
+use super::{Command, Dynamics, Memory, Motion, Step, near};
+use crate::config::field;
+use crate::obstacles::Course;
+use proto::config::{Default, Kind, Range, TableSpec, Tag, Variant};
+use proto::site::{Obstacle, Site, Wall};
+use proto::types::{AgentStates, seconds};
+
+/// Description of `[robotsim.contacts]`.
+pub(crate) const SPEC: TableSpec = TableSpec {
+    doc: "What happens where robots meet each other, walls and obstacles.",
+    fields: &[],
+    tag: Some(&Tag {
+        key: "kind",
+        doc: "What happens.",
+        default: None,
+        variants: || VARIANTS.to_vec(),
+    }),
+};
+
+const VARIANTS: &[Variant] = &[
+    Variant { name: "count", doc: "Nothing: collisions are counted.", fields: &[] },
+    Variant {
+        name: "resolve",
+        doc: "Robots, round, of `diameter_m`, push each other; walls and obstacles of `[site]` are solid.",
+        fields: &[field(
+            "restitution",
+            "Of bodies that keep their velocity: speed of parting, as a share of that of meeting.",
+            Kind::Number(Range::closed(0.0, 1.0)),
+            Default::Number(0.0),
+        )],
+    },
+];
+
+/// How contacts are resolved.
+///
+/// # Model
+///
+/// Robots are balls of equal mass without friction; walls and obstacles are upright and do not give way. A robot goes its
+/// way in pieces of at most half its radius. After each it is put back to where it touches whatever it would be in, along
+/// the normal, so that it slides along walls; two robots are put apart by half of what is missing each. No piece crosses the
+/// middle of a wall: where two walls leave no room, the robot stays where it was.
+///
+/// Bodies that keep their velocity change it by an impulse along the normal n of the contact, e being the restitution (the
+/// collision law of Newton, e.g. Goldsmith, Impact, § 2.2):
+///
+/// ```text
+/// wall:    v' = v − (1 + e) ((v − w) · n) n        w: velocity of a moving obstacle
+/// robots:  v_a' = v_a + j n,  v_b' = v_b − j n,    j = (1 + e)/2 ((v_b − v_a) · n),  n from a to b
+/// ```
+///
+/// Momentum of a pair is kept, and of its kinetic energy 1 − e² of what is in the motion towards each other is lost. Other
+/// bodies have no velocity to change: they are held up for as long as the contact lasts.
+///
+/// # Validity
+///
+/// No friction, no spin, one mass. A contact is found up to a quarter of the diameter late. In a crowd some overlap may be
+/// left: pairs are put apart in eight rounds. Height counts: robots pass over walls and obstacles that have a top. Not
+/// validated against hardware.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Contacts {
+    radius_m: f64,
+    restitution: f64,
+}
+
+/// A robot among others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Disc {
+    position_m: [f64; 3],
+    /// Of a body that keeps its velocity (m/s).
+    velocity_mps: Option<[f64; 3]>,
+}
+
+/// What robots cannot enter: everything within `radius_m` of a straight, upright wall, or of a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Solid {
+    from_m: [f64; 2],
+    to_m: [f64; 2],
+    radius_m: f64,
+    height_m: f64,
+    velocity_mps: [f64; 2],
+}
+
+/// Longest part (s) of a step after which contacts are looked for.
+const PART_S: f64 = 0.01;
+/// How often a robot is put out of what is solid, and robots are put apart, one after the other.
+const N_ROUNDS: usize = 8;
+/// By how much farther than where they touch robots are put, as a share of the radius: contacts end.
+const CLEARANCE: f64 = 1e-9;
+
+impl Contacts {
+    /// Of a checked table: `None` where they are only counted.
+    pub(crate) fn build(table: &toml::Table, diameter_m: f64) -> Option<Self> {
+        let restitution = table.get("restitution")?.as_float()?;
+        Some(Self { radius_m: 0.5 * diameter_m, restitution })
+    }
+
+    /// In how many parts robots that are at most this fast go on for `dt_s`.
+    fn n_parts(&self, dt_s: f64, fastest_mps: f64) -> usize {
+        let parts = (dt_s / PART_S).max(dt_s * fastest_mps / (0.5 * self.radius_m));
+        libm::ceil(parts).max(1.0) as usize
+    }
+
+    /// A robot that goes by `way_m`, as far as it can.
+    fn walk(&self, solids: &[Solid], disc: Disc, way_m: [f64; 3]) -> Disc {
+        let length_m = libm::hypot(way_m[0], way_m[1]);
+        let n = libm::ceil(length_m / (0.5 * self.radius_m)).max(1.0);
+        let piece_m = way_m.map(|part_m| part_m / n);
+        (0..n as usize).fold(disc, |disc, _| self.piece(solids, disc, piece_m))
+    }
+
+    /// A robot that goes by less than its radius.
+    fn piece(&self, solids: &[Solid], disc: Disc, way_m: [f64; 3]) -> Disc {
+        let begin_m = disc.position_m;
+        let mut disc = Disc { position_m: std::array::from_fn(|i| begin_m[i] + way_m[i]), ..disc };
+        let height_m = disc.position_m[2];
+        for _ in 0..N_ROUNDS {
+            let mut is_free = true;
+            for solid in solids.iter().filter(|solid| height_m < solid.height_m) {
+                is_free &= !self.leave(solid, begin_m, &mut disc);
+            }
+            if is_free {
+                break;
+            }
+        }
+        let is_through =
+            |solid: &Solid| height_m < solid.height_m && solid.is_crossed(begin_m, disc.position_m);
+        if solids.iter().any(is_through) {
+            disc.position_m = [begin_m[0], begin_m[1], height_m];
+        }
+        disc
+    }
+
+    /// Puts a robot that came from `begin_m` out of a solid. Whether it was in it.
+    fn leave(&self, solid: &Solid, begin_m: [f64; 3], disc: &mut Disc) -> bool {
+        let reach_m = self.radius_m + solid.radius_m;
+        let away = |from_m: [f64; 3]| {
+            let core_m = solid.nearest_m(from_m);
+            [from_m[0] - core_m[0], from_m[1] - core_m[1]]
+        };
+        let [x, y] = away(disc.position_m);
+        let distance_m = libm::hypot(x, y);
+        if reach_m <= distance_m {
+            return false;
+        }
+        // Where it came from says on which side it is.
+        let side = away(begin_m);
+        let is_behind = x * side[0] + y * side[1] < 0.0;
+        let normal = if is_behind || distance_m == 0.0 {
+            unit([side[0], side[1], 0.0]).unwrap_or([1.0, 0.0, 0.0])
+        } else {
+            [x / distance_m, y / distance_m, 0.0]
+        };
+        let core_m = [disc.position_m[0] - x, disc.position_m[1] - y];
+        for axis in 0..2 {
+            disc.position_m[axis] = core_m[axis] + reach_m * (1.0 + CLEARANCE) * normal[axis];
+        }
+        if let Some(velocity_mps) = &mut disc.velocity_mps {
+            let [wx, wy] = solid.velocity_mps;
+            let closing_mps =
+                (velocity_mps[0] - wx) * normal[0] + (velocity_mps[1] - wy) * normal[1];
+            if closing_mps < 0.0 {
+                for (component, part) in velocity_mps.iter_mut().zip(normal) {
+                    *component -= (1.0 + self.restitution) * closing_mps * part;
+                }
+            }
+        }
+        true
+    }
+
+    /// Puts robots apart that are in each other.
+    fn part(&self, solids: &[Solid], discs: &mut [Disc]) {
+        let diameter_m = 2.0 * self.radius_m;
+        let mut by_x: Vec<usize> = (0..discs.len()).collect();
+        by_x.sort_by(|&a, &b| {
+            discs[a].position_m[0].total_cmp(&discs[b].position_m[0]).then(a.cmp(&b))
+        });
+        // A robot that is put aside may meet one that was a little farther away.
+        let range_m = 1.5 * diameter_m;
+        let mut pairs = Vec::new();
+        for (place, &a) in by_x.iter().enumerate() {
+            for &b in &by_x[place + 1..] {
+                let [x, y, z]: [f64; 3] =
+                    std::array::from_fn(|i| discs[b].position_m[i] - discs[a].position_m[i]);
+                if range_m < x {
+                    break;
+                }
+                if x * x + y * y + z * z < range_m * range_m {
+                    pairs.push((a.min(b), a.max(b)));
+                }
+            }
+        }
+        pairs.sort_unstable();
+        for _ in 0..N_ROUNDS {
+            let mut is_free = true;
+            for &(a, b) in &pairs {
+                let between: [f64; 3] =
+                    std::array::from_fn(|i| discs[b].position_m[i] - discs[a].position_m[i]);
+                let missing_m = diameter_m - norm(between);
+                if missing_m <= 0.0 {
+                    continue;
+                }
+                is_free = false;
+                let normal = unit(between).unwrap_or([1.0, 0.0, 0.0]);
+                if let (Some(mut va_mps), Some(mut vb_mps)) =
+                    (discs[a].velocity_mps, discs[b].velocity_mps)
+                {
+                    let closing_mps: f64 =
+                        (0..3).map(|i| (vb_mps[i] - va_mps[i]) * normal[i]).sum();
+                    if closing_mps < 0.0 {
+                        let impulse_mps = 0.5 * (1.0 + self.restitution) * closing_mps;
+                        for i in 0..3 {
+                            va_mps[i] += impulse_mps * normal[i];
+                            vb_mps[i] -= impulse_mps * normal[i];
+                        }
+                        discs[a].velocity_mps = Some(va_mps);
+                        discs[b].velocity_mps = Some(vb_mps);
+                    }
+                }
+                let half_m = 0.5 * missing_m + CLEARANCE * self.radius_m;
+                discs[a] = self.walk(solids, discs[a], normal.map(|part| -half_m * part));
+                discs[b] = self.walk(solids, discs[b], normal.map(|part| half_m * part));
+            }
+            if is_free {
+                return;
+            }
+        }
+    }
+}
+
+impl Solid {
+    /// An obstacle at `centre_m` that moves with a velocity (m/s).
+    pub(crate) fn obstacle(
+        obstacle: &Obstacle,
+        centre_m: [f64; 2],
+        velocity_mps: [f64; 2],
+    ) -> Self {
+        Self {
+            from_m: centre_m,
+            to_m: centre_m,
+            radius_m: obstacle.radius_m,
+            height_m: obstacle.height_m.unwrap_or(f64::INFINITY),
+            velocity_mps,
+        }
+    }
+
+    fn wall(wall: &Wall) -> Self {
+        Self {
+            from_m: wall.from_m,
+            to_m: wall.to_m,
+            radius_m: 0.0,
+            height_m: wall.height_m.unwrap_or(f64::INFINITY),
+            velocity_mps: [0.0; 2],
+        }
+    }
+
+    /// The point of its middle line that is nearest.
+    fn nearest_m(&self, to_m: [f64; 3]) -> [f64; 2] {
+        let along: [f64; 2] = std::array::from_fn(|i| self.to_m[i] - self.from_m[i]);
+        let length_2 = along[0] * along[0] + along[1] * along[1];
+        if length_2 == 0.0 {
+            return self.from_m;
+        }
+        let way = (to_m[0] - self.from_m[0]) * along[0] + (to_m[1] - self.from_m[1]) * along[1];
+        let share = (way / length_2).clamp(0.0, 1.0);
+        std::array::from_fn(|i| self.from_m[i] + share * along[i])
+    }
+
+    /// Whether the straight way from one place to another crosses its middle line. A point is not crossed.
+    fn is_crossed(&self, begin_m: [f64; 3], end_m: [f64; 3]) -> bool {
+        let turn = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        };
+        let [begin, end] = [begin_m, end_m].map(|[x, y, _]| [x, y]);
+        let (from, to) = (self.from_m, self.to_m);
+        let side = turn(from, to, begin);
+        side != 0.0
+            && side * turn(from, to, end) <= 0.0
+            && turn(begin, end, from) * turn(begin, end, to) <= 0.0
+    }
+}
+
+/// Walls, then obstacles, of a place.
+fn solids(site: &Site) -> Vec<Solid> {
+    let still = |obstacle: &Obstacle| Solid::obstacle(obstacle, obstacle.centre_m, [0.0; 2]);
+    site.wall.iter().map(Solid::wall).chain(site.obstacle.iter().map(still)).collect()
+}
+
+fn norm(vector: [f64; 3]) -> f64 {
+    libm::sqrt(vector.iter().map(|part| part * part).sum())
+}
+
+fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
+    let length = norm(vector);
+    (0.0 < length).then(|| vector.map(|part| part / length))
+}
+
+impl Dynamics {
+    /// [`Self::advance`] in parts so short that robots cannot pass through each other, with contacts resolved after each.
+    pub(super) fn advance_in_contact(
+        &self,
+        contacts: &Contacts,
+        step: &Step<'_>,
+        base: &Surroundings<'_>,
+        commands: &[Command],
+        states: &mut AgentStates,
+        memory: &mut [Memory],
+    ) {
+        let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
+        let dt_s = seconds(step.until_ns - step.from_ns);
+        let inertial = self.physics.is_inertial();
+        let others = self.others(states);
+        let mut solids = solids(step.site);
+        let mut fastest_mps = step.courses.iter().map(Course::speed_mps).fold(0.0, f64::max);
+        let mut robots = Vec::new();
+        for agent in states.alive.clone().iter_ones() {
+            let command = commands[agent];
+            let own_mps = memory.get(agent).map_or([0.0; 3], |memory| memory.drive);
+            let asked_mps = match command {
+                Command::Acceleration(asked_mps2) => dt_s * norm(asked_mps2),
+                Command::Jump(_) => 0.0,
+                Command::Velocity(velocity_mps) => norm(self.physics.target(velocity_mps)),
+            };
+            fastest_mps = fastest_mps.max(norm(own_mps) + asked_mps);
+            let motion = self.take_up(agent, command, from_s, dt_s, states, memory);
+            robots.push((agent, motion, states.position_m(agent), near(&others, agent)));
+        }
+        let n = contacts.n_parts(dt_s, fastest_mps);
+        let mut discs: Vec<Disc> = Vec::with_capacity(robots.len());
+        for part in 0..n {
+            let at = |part: usize| from_s + dt_s * (part as f64 / n as f64);
+            let to_s = if part + 1 == n { until_s } else { at(part + 1) };
+            for course in step.courses {
+                solids[step.site.wall.len() + course.obstacle()] =
+                    course.solid(step.site, [at(part), to_s]);
+            }
+            discs.clear();
+            for (agent, motion, _, near) in &robots {
+                let surroundings = Surroundings { others: near, ..*base };
+                let motion = match *motion {
+                    Motion::Jump(way_m) => Motion::Jump(way_m.map(|part_m| part_m / n as f64)),
+                    motion => motion,
+                };
+                let from_m = states.position_m(*agent);
+                let span_s = [at(part), to_s];
+                let way_m = self.go(*agent, motion, span_s, &surroundings, states, memory);
+                let velocity_mps = inertial.then(|| memory[*agent].drive);
+                discs.push(contacts.walk(
+                    &solids,
+                    Disc { position_m: from_m, velocity_mps },
+                    way_m,
+                ));
+            }
+            contacts.part(&solids, &mut discs);
+            for ((agent, ..), disc) in robots.iter().zip(&discs) {
+                let [x_m, y_m, z_m] = disc.position_m;
+                (states.x_m[*agent], states.y_m[*agent], states.z_m[*agent]) = (x_m, y_m, z_m);
+                if let Some(velocity_mps) = disc.velocity_mps {
+                    memory[*agent].drive = velocity_mps;
+                }
+            }
+        }
+        for (agent, _, begin_m, _) in robots {
+            let end_m = states.position_m(agent);
+            [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] =
+                std::array::from_fn(|i| (end_m[i] - begin_m[i]) / dt_s);
+        }
+    }
+
+    /// Takes a robot that begins within a wall, an obstacle or another robot out of there, where contacts are resolved.
+    pub fn make_room(&self, site: &Site, states: &mut AgentStates) {
+        let Some(contacts) = &self.contacts else { return };
+        let solids = solids(site);
+        let alive = states.alive.clone();
+        let disc = |agent| Disc { position_m: states.position_m(agent), velocity_mps: None };
+        let mut discs: Vec<Disc> =
+            alive.iter_ones().map(|agent| contacts.walk(&solids, disc(agent), [0.0; 3])).collect();
+        contacts.part(&solids, &mut discs);
+        for (agent, disc) in alive.iter_ones().zip(discs) {
+            let [x_m, y_m, z_m] = disc.position_m;
+            (states.x_m[agent], states.y_m[agent], states.z_m[agent]) = (x_m, y_m, z_m);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const STEP_NS: u64 = 100_000_000;
+
+    /// Double integrators of 0.3 m in a place, left to themselves for some steps. Positions (m) and velocities (m/s).
+    fn drift(
+        start: &[([f64; 3], [f64; 3])],
+        restitution: f64,
+        site: &Site,
+        n_steps: u64,
+    ) -> Vec<([f64; 3], [f64; 3])> {
+        let body = "kind = 'double-integrator'\nspeed_cap_mps = 30.0\nacceleration_cap_mps2 = 10.0";
+        let contacts = Contacts { radius_m: 0.15, restitution };
+        let dynamics = Dynamics::build(&body.parse().unwrap(), "", &mut Vec::new())
+            .unwrap()
+            .with_contacts(Some(contacts));
+        let mut states = AgentStates::at_origin(start.len());
+        let mut memory = dynamics.memory(start.len());
+        for (agent, &(at_m, velocity_mps)) in start.iter().enumerate() {
+            [states.x_m[agent], states.y_m[agent], states.z_m[agent]] = at_m;
+            memory[agent].drive = velocity_mps;
+        }
+        let free = vec![Command::Acceleration([0.0; 3]); start.len()];
+        for step in 0..n_steps {
+            let (from_ns, until_ns) = (step * STEP_NS, (step + 1) * STEP_NS);
+            let step = Step { from_ns, until_ns, site, courses: &[], seed: 1 };
+            dynamics.advance(&step, &free, &mut states, &mut memory);
+        }
+        let end = |agent: usize| (states.position_m(agent), memory[agent].drive);
+        (0..start.len()).map(end).collect()
+    }
+
+    fn momentum(robots: &[([f64; 3], [f64; 3])]) -> [f64; 3] {
+        std::array::from_fn(|axis| robots.iter().map(|(_, velocity)| velocity[axis]).sum())
+    }
+
+    fn energy(robots: &[([f64; 3], [f64; 3])]) -> f64 {
+        robots.iter().flat_map(|(_, velocity)| velocity).map(|part| 0.5 * part * part).sum()
+    }
+
+    /// Two robots that meet off-centre after 1 m.
+    const MEETING: [([f64; 3], [f64; 3]); 2] =
+        [([0.0; 3], [3.0, 0.0, 0.0]), ([2.3, -0.1, 0.0], [-1.0, 0.5, 0.0])];
+
+    #[test]
+    fn two_robots_keep_their_momentum_and_lose_what_the_restitution_says() {
+        for restitution in [0.0, 0.5, 1.0] {
+            let end = drift(&MEETING, restitution, &Site::default(), 20);
+            assert!(end[0].1 != MEETING[0].1, "they met");
+            for (after, before) in momentum(&end).into_iter().zip(momentum(&MEETING)) {
+                // A few roundings of numbers below 4.
+                assert!((after - before).abs() < 1e-14, "{after} {before}");
+            }
+            // Lost is (1 − e²) of the energy along the normal, which is what the velocities changed along.
+            let change: [f64; 3] = std::array::from_fn(|i| end[0].1[i] - MEETING[0].1[i]);
+            let normal = unit(change).unwrap();
+            let closing: f64 =
+                (0..3).map(|i| (MEETING[1].1[i] - MEETING[0].1[i]) * normal[i]).sum();
+            let lost = (1.0 - restitution * restitution) * closing * closing / 4.0;
+            assert!((energy(&MEETING) - energy(&end) - lost).abs() < 1e-13, "e = {restitution}");
+        }
+    }
+
+    #[test]
+    fn head_on_equal_robots_exchange_their_velocities_or_go_on_as_one() {
+        let start = [([0.0; 3], [3.0, 0.0, 0.0]), ([2.0, 0.0, 0.0], [-1.0, 0.0, 0.0])];
+        let [a, b] = drift(&start, 1.0, &Site::default(), 20)[..] else { unreachable!() };
+        assert!((a.1[0] + 1.0).abs() < 1e-14 && (b.1[0] - 3.0).abs() < 1e-14, "{a:?} {b:?}");
+        // They touch after (2 − 0.3)/4 s, at 1.275 m; found at most a quarter of a diameter late.
+        let [x_a, x_b] = [1.275 - (2.0 - 0.425), 1.575 + 3.0 * (2.0 - 0.425)];
+        assert!((a.0[0] - x_a).abs() < 0.075 && (b.0[0] - x_b).abs() < 0.075, "{a:?} {b:?}");
+        let [a, b] = drift(&start, 0.0, &Site::default(), 20)[..] else { unreachable!() };
+        assert!((a.1[0] - 1.0).abs() < 1e-14 && (b.1[0] - 1.0).abs() < 1e-14, "{a:?} {b:?}");
+        assert!((b.0[0] - a.0[0] - 0.3).abs() < 1e-8, "{a:?} {b:?}");
+    }
+
+    #[test]
+    fn a_ball_in_a_room_keeps_its_energy_only_if_nothing_is_lost_at_the_walls() {
+        let site = room(2.0);
+        let start = [([0.3, -0.2, 0.0], [7.0, 4.0, 0.0])];
+        let after = drift(&start, 1.0, &site, 100);
+        assert!((energy(&after) - energy(&start)).abs() < 1e-12, "{after:?}");
+        // With e, a wall takes the part towards it to e of what it was.
+        let wall = Wall { to_m: [2.0, 9.0], ..site.wall[0].clone() };
+        let site = Site { wall: vec![wall], ..Site::default() };
+        let after = drift(&[([1.0, 0.0, 0.0], [2.0, 1.0, 0.0])], 0.25, &site, 10);
+        // The normal is rounded in numbers of the size of the place, over the radius.
+        let [vx, vy, _] = after[0].1;
+        assert!((vx + 0.5).abs() < 1e-13 && (vy - 1.0).abs() < 1e-13, "{after:?}");
+    }
+
+    /// Walls around the origin.
+    fn room(half_m: f64) -> Site {
+        let corners = [[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
+        let corners = corners.map(|corner| corner.map(|part: f64| half_m * part));
+        let wall = |ends: &[[f64; 2]]| Wall {
+            from_m: ends[0],
+            to_m: ends[1],
+            height_m: None,
+            material: None,
+        };
+        Site { wall: corners.windows(2).map(wall).collect(), ..Site::default() }
+    }
+
+    #[test]
+    fn a_robot_passes_over_what_is_lower_than_it_flies() {
+        let mut site = room(2.0);
+        for wall in &mut site.wall {
+            wall.height_m = Some(3.0);
+        }
+        for (height_m, x_m) in [(3.0, 5.0), (2.9, 1.85)] {
+            let end = drift(&[([0.0, 0.0, height_m], [5.0, 0.0, 0.0])], 0.0, &site, 10);
+            assert!((end[0].0[0] - x_m).abs() < 1e-8, "{end:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn nobody_leaves_a_room_and_no_energy_comes_from_nowhere(
+            robots in prop::collection::vec(
+                (prop::array::uniform2(-1.8f64..1.8), prop::array::uniform2(-20.0f64..20.0)), 1..12),
+            restitution in 0.0f64..=1.0,
+        ) {
+            let start: Vec<_> = robots
+                .iter()
+                .map(|([x, y], [vx, vy])| ([*x, *y, 0.0], [*vx, *vy, 0.0]))
+                .collect();
+            let end = drift(&start, restitution, &room(2.0), 20);
+            prop_assert!(energy(&end) <= energy(&start) * (1.0 + 1e-12));
+            for (at_m, _) in end {
+                prop_assert!(at_m[0].abs() < 2.0 && at_m[1].abs() < 2.0, "{:?}", at_m);
+            }
+        }
+
+        #[test]
+        fn robots_in_the_open_keep_their_momentum(
+            robots in prop::collection::vec(
+                (prop::array::uniform3(-0.6f64..0.6), prop::array::uniform3(-5.0f64..5.0)), 2..10),
+            restitution in 0.0f64..=1.0,
+        ) {
+            let end = drift(&robots, restitution, &Site::default(), 5);
+            for (after, before) in momentum(&end).into_iter().zip(momentum(&robots)) {
+                // Some hundred roundings of numbers below 50.
+                prop_assert!((after - before).abs() < 1e-11, "{} {}", after, before);
+            }
+        }
+    }
+}
