@@ -8,11 +8,15 @@
 //! | [`backoff`] | waiting after a failure in a shared cell |
 //! | [`neighbours`] | whom a mote has heard; duplicates |
 //! | [`clock`] | drift and correction |
+//! | [`effect`] | what burdens motes beyond what the protocols expect |
+//! | [`ration`] | airtime that is rationed |
 
 pub mod backoff;
 pub mod clock;
+pub mod effect;
 pub mod neighbours;
 pub mod queue;
+pub mod ration;
 pub mod schedule;
 pub mod tsch;
 

@@ -31,8 +31,10 @@ use crate::sixtop::Sixtop;
 use crate::wire::Eui64;
 use crate::wire::frame::{BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use bytes::Bytes;
-use proto::rng::Purpose;
+use down::Wanted;
+use proto::rng::{Draws, Purpose};
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 use tally::Tally;
 
 /// What a mote may see of the world when something happens to it.
@@ -118,6 +120,12 @@ pub struct Mote {
     pub wants_sync: Option<Eui64>,
     /// Neighbours that the scheduling function has given up, of which routing has not heard yet.
     unusable: Vec<Eui64>,
+    /// What the processor works on, and until when (ns), in order of time.
+    in_work: VecDeque<(u64, Wanted)>,
+    /// When it reboots of itself (ns), if ever.
+    reboots_ns: Option<u64>,
+    /// How often that was drawn.
+    n_reboots_drawn: u64,
 }
 
 /// Random choices, by layer.
@@ -171,7 +179,8 @@ impl Mote {
             id: mote,
             address,
             is_root,
-            mac: Tsch::new(&settings.mac, address, mote, is_root, seed),
+            mac: Tsch::new(&settings.mac, address, mote, is_root, seed)
+                .burdened(settings.burden(mote), seed),
             schedule: Schedule::new(),
             sixtop: Sixtop::new(settings.sixtop),
             sf: settings.sf.create(mote),
@@ -188,12 +197,21 @@ impl Mote {
             dice,
             wants_sync: None,
             unusable: Vec::new(),
+            in_work: VecDeque::new(),
+            reboots_ns: None,
+            n_reboots_drawn: 0,
         }
     }
 
     /// Is switched on: a root begins its network, any other mote looks for one.
     pub fn switch_on(&mut self, world: &mut World<'_>) {
         self.tally.switch_on(world.asn);
+        self.boot(world);
+    }
+
+    /// Begins with nothing.
+    fn boot(&mut self, world: &mut World<'_>) {
+        self.draw_reboot(world);
         if self.is_root {
             self.mac.start_root(world.now_ns);
             self.begin_synced(world, None);
@@ -208,7 +226,30 @@ impl Mote {
     pub fn switch_off(&mut self, world: &mut World<'_>) {
         let frames = self.mac.switch_off();
         self.leave(world, frames, DropReason::Killed);
+        self.reboots_ns = None;
         self.tally.switch_off(world.asn);
+    }
+
+    /// Reboots: whatever it holds is lost, and it begins anew.
+    fn reboot(&mut self, world: &mut World<'_>) {
+        let frames = self.mac.switch_off();
+        self.leave(world, frames, DropReason::Killed);
+        self.tally.stop_scanning(world.asn);
+        self.boot(world);
+    }
+
+    /// When it will reboot of itself: after a time that is exponentially distributed.
+    fn draw_reboot(&mut self, world: &World<'_>) {
+        let rate_per_s = world.settings.burden(self.id).reboots_per_s;
+        if rate_per_s == 0.0 {
+            return;
+        }
+        let draws = Draws::new(world.seed, Purpose::Reboot);
+        let draw = draws.uniform(u64::from(self.id), self.n_reboots_drawn, 0);
+        self.n_reboots_drawn += 1;
+        // 1 - u lies in (0, 1]: the logarithm is finite.
+        let wait_s = -libm::log(1.0 - draw) / rate_per_s;
+        self.reboots_ns = Some(world.now_ns + world.settings.mac.slot_ns + (wait_s * 1e9) as u64);
     }
 
     /// Takes over the time of a neighbour whose clock is off by `source_ns`.
@@ -262,6 +303,9 @@ impl Mote {
         }
         for (packet, reason) in self.lowpan.clear(reason) {
             self.lose(world, packet, reason);
+        }
+        for (_, wanted) in std::mem::take(&mut self.in_work) {
+            self.lose(world, wanted.packet, reason);
         }
         self.schedule.set_effective(world.effective_asn);
         let handles: Vec<u8> =

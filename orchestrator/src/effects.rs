@@ -17,7 +17,7 @@ use std::fmt::Write as _;
 /// An effect of the catalogue.
 #[derive(Clone, Copy, Debug)]
 pub struct Listed {
-    /// What it is about: `radio` or `robots`.
+    /// What it is about: `radio`, `robots` or `network`.
     pub of: &'static str,
     /// Where it is configured: `netsim.phy.effect`.
     pub section: &'static str,
@@ -29,7 +29,7 @@ pub struct Listed {
     pub fit: &'static Fit,
 }
 
-/// All effects: radio, then robots.
+/// All effects: radio, robots, then the network.
 #[must_use]
 pub fn all() -> Vec<Listed> {
     let radio = netsim::phy::effect::LIST.iter().map(|entry| Listed {
@@ -46,7 +46,14 @@ pub fn all() -> Vec<Listed> {
         about: &entry.about,
         fit: &entry.fit,
     });
-    radio.chain(robots).collect()
+    let network = netsim::mac::effect::LIST.iter().map(|entry| Listed {
+        of: "network",
+        section: "netsim.mac.effect",
+        variant: entry.variant,
+        about: &entry.about,
+        fit: &entry.fit,
+    });
+    radio.chain(robots).chain(network).collect()
 }
 
 /// Effects of this name: `formula` is the name of two.
@@ -175,7 +182,7 @@ impl Listed {
         text.trim_end().to_owned()
     }
 
-    /// What it looks like, with the parameters of the example. None for robots.
+    /// What it looks like, with the parameters of the example. For the radio only.
     #[must_use]
     pub fn picture(&self) -> Option<Picture> {
         Picture::of(self)
@@ -271,6 +278,7 @@ fn judged(level: Level) -> &'static str {
     match level {
         Level::Time => "on blocks of time that are left out",
         Level::Place => "on pairs of nodes, or places, that are left out",
+        Level::Run => "by simulation under many seeds",
         Level::Random => "on blocks of time that are left out, its values drawn towards zero",
     }
 }
@@ -325,11 +333,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_example_on_robots_is_accepted() {
-        for effect in all().iter().filter(|effect| effect.of == "robots") {
+    fn every_example_on_robots_and_the_network_is_accepted() {
+        for effect in all().iter().filter(|effect| effect.of != "radio") {
             let (name, mut problems) = (effect.variant.name, Vec::new());
             let node = proto::config::parse(&effect.keys()).unwrap();
-            proto::config::check(&node, "", &robotsim::dynamics::effect::SPEC, &mut problems);
+            let spec = match effect.of {
+                "robots" => &robotsim::dynamics::effect::SPEC,
+                _ => &netsim::mac::effect::SPEC,
+            };
+            proto::config::check(&node, "", spec, &mut problems);
             assert!(problems.is_empty(), "{name}: {problems:?}");
         }
     }

@@ -54,6 +54,10 @@ pub enum Need {
     TurningCommands,
     /// Commands of steering.
     Steering,
+    /// Packets from end to end, sent and received.
+    Packets,
+    /// As [`Need::Packets`], with the times at which they arrived.
+    Latencies,
 }
 
 impl Need {
@@ -77,6 +81,8 @@ impl Need {
             Self::Column(name) => format!("a column {name}"),
             Self::TurningCommands => "commands of speed and of yaw rate or steering".to_owned(),
             Self::Steering => "commands of steering".to_owned(),
+            Self::Packets => "packets from end to end".to_owned(),
+            Self::Latencies => "packets from end to end with times of arrival".to_owned(),
         }
     }
 }
@@ -144,4 +150,6 @@ pub enum Level {
     Place,
     /// Drawn at random for each node, link or frame: judged on blocks of time, with shrinkage.
     Random,
+    /// In a whole run of the network: judged by runs under many seeds.
+    Run,
 }

@@ -60,6 +60,14 @@ pub enum Purpose {
     Resample = 23,
     /// Samples of a sweep's ranges. Entity: range; time: sample.
     Sweep = 24,
+    /// Whether an acknowledgment is lost for `ack-loss`. Entity: ordered link; time: ASN.
+    AckLoss = 25,
+    /// The further error of a clock's rate (`clock-drift`). Entity: mote.
+    ClockDrift = 26,
+    /// When a mote reboots (`node-reboots`). Entity: mote; time: which of its reboots.
+    Reboot = 27,
+    /// Seeds under which measured packets are replayed. Entity: number of the seed.
+    Replay = 28,
 }
 
 /// The draws of one purpose under one seed.

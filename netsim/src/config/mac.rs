@@ -1,5 +1,6 @@
 //! `[netsim.mac]`.
 
+use crate::mac::effect;
 use crate::mac::tsch::Config;
 use proto::config::{Default, Field, Kind, Problem, Range, TableSpec, join};
 use proto::types::NS_PER_S;
@@ -95,6 +96,12 @@ pub(super) const SPEC: TableSpec = TableSpec {
             doc: "A frame announces that another one for the same neighbour follows in the next slot, if that is free.",
             kind: Kind::Bool,
             default: Default::Bool(false),
+        },
+        Field {
+            key: "effect",
+            doc: "Effects on what motes do.",
+            kind: Kind::Tables(&effect::SPEC),
+            default: Default::Absent,
         },
     ],
     tag: None,

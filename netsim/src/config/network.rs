@@ -2,7 +2,7 @@
 
 use super::{admission, compat, energy, lowpan, mac, rpl, swarm};
 use crate::app;
-use crate::mac::tsch;
+use crate::mac::{effect, tsch};
 use crate::medium::slot::timing;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
@@ -119,6 +119,12 @@ pub(super) fn build(
         probability,
         problems,
     );
+    let listed = section("mac").get("effect").and_then(toml::Value::as_array);
+    let effects = listed.map_or_else(Vec::new, |list| {
+        let is_time_kept = mac.keep_alive_ns != 0;
+        effect::build(list, &join(&mac_path, "effect"), given.agent_count, is_time_kept, problems)
+    });
+    let burdens = effect::burdens(&effects, given.agent_count, &roots);
     let mac = tsch::Config { contends_as_peer: compat.shared_slot_0, ..mac };
     let sf_path = at("sf");
     let mut context = sf::BuildContext {
@@ -178,6 +184,7 @@ pub(super) fn build(
     let settings = Settings {
         roots,
         mac,
+        burdens,
         sf,
         sixtop,
         rpl,

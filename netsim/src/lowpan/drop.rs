@@ -43,7 +43,7 @@ pub enum DropReason {
     JoinDenied,
     /// This mote has lost synchronisation, and its queues with it.
     Desynchronised,
-    /// This mote was switched off.
+    /// This mote was switched off, or has rebooted.
     Killed,
     /// A newer one for the same purpose has taken its place in the queue.
     Superseded,

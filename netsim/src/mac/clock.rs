@@ -32,6 +32,12 @@ impl Clock {
         Self { rate_ppb: 0, corrected_ns: 0, offset_ns: 0, tick_ns: 0 }
     }
 
+    /// The same crystal, faster by so much (ppm).
+    #[must_use]
+    pub fn faster(self, ppm: f64) -> Self {
+        Self { rate_ppb: self.rate_ppb + libm::round(ppm * 1e3) as i64, ..self }
+    }
+
     /// How far it is off (ns): its slots begin that much after true time.
     #[must_use]
     pub fn deviation_ns(&self, now_ns: u64) -> i64 {

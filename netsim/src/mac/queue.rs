@@ -55,6 +55,12 @@ impl Queue {
         Self { frames: Vec::new(), capacity }
     }
 
+    /// The same queue with room for no more than `frames`.
+    #[must_use]
+    pub fn at_most(self, frames: u16) -> Self {
+        Self { capacity: Some(self.capacity.map_or(frames, |most| most.min(frames))), ..self }
+    }
+
     /// How many wait.
     #[must_use]
     pub fn len(&self) -> usize {

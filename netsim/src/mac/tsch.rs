@@ -1,7 +1,9 @@
 //! The MAC of one mote: scanning, beacons, synchronisation, which frame goes in which cell, acknowledgments and retries.
 
+mod burden;
 mod channel;
 mod types;
+mod waiting;
 
 pub use channel::{channel_of, scan_channel};
 pub use types::{Config, Done, Due, Listening, Outgoing, State, Transmission, Verdict};
@@ -9,7 +11,8 @@ pub use types::{Config, Done, Due, Listening, Outgoing, State, Transmission, Ver
 use super::backoff::Backoff;
 use super::clock::Clock;
 use super::neighbours::Neighbours;
-use super::queue::{N_NEWER_MOST, Queue, Queued, may_use};
+use super::queue::{Queue, Queued, may_use};
+use super::ration::Ration;
 use super::schedule::{CellKind, CellRef, Schedule};
 use crate::dice::Dice;
 use crate::wire::Eui64;
@@ -43,6 +46,7 @@ pub struct Tsch {
     next_number: u32,
     beacons: Beacons,
     extra: Option<Extra>,
+    ration: Option<Ration>,
     dice: Dice,
 }
 
@@ -78,6 +82,7 @@ impl Tsch {
             next_number: 0,
             beacons: Beacons::default(),
             extra: None,
+            ration: None,
             dice,
         }
     }
@@ -113,18 +118,6 @@ impl Tsch {
     #[must_use]
     pub fn neighbours(&self) -> &Neighbours {
         &self.neighbours
-    }
-
-    /// Frames that wait.
-    #[must_use]
-    pub fn queue(&self) -> &Queue {
-        &self.queue
-    }
-
-    /// Packets that wait or are in flight.
-    #[must_use]
-    pub fn queue_len(&self) -> usize {
-        self.queue.len() + usize::from(self.in_flight)
     }
 
     /// How far its clock is off (ns).
@@ -208,35 +201,6 @@ impl Tsch {
         config.beacon_period_ns.max(crowd_ns)
     }
 
-    /// A frame is to be sent.
-    ///
-    /// # Errors
-    ///
-    /// The queue is full: the frame comes back. Otherwise a frame that had to make room, if one had.
-    #[expect(clippy::result_large_err, reason = "the refused frame returns to whoever had it")]
-    pub fn enqueue(&mut self, frame: Queued) -> Result<Option<Queued>, Queued> {
-        self.queue.push(frame, usize::from(self.in_flight))
-    }
-
-    /// Asks again which slotframe each frame that waits shall use. The swarm's payloads stay where they are.
-    pub fn place_anew(&mut self, slotframe_of: impl Fn(&Queued) -> Option<u8>) {
-        self.queue.place_anew(slotframe_of);
-    }
-
-    /// Takes frames that wait out of the queue.
-    pub fn take_where(&mut self, which: impl FnMut(&Queued) -> bool) -> Vec<Queued> {
-        self.queue.take_where(which)
-    }
-
-    /// Takes frames out of the queue that have been sent and must not be sent again: so many newer ones have gone out that
-    /// whoever has received them would take these, by their eight bits, for newer ones still.
-    pub fn take_outrun(&mut self) -> Vec<Queued> {
-        let newest = self.next_number.wrapping_sub(1);
-        self.queue.take_where(|frame| {
-            frame.n_attempts != 0 && N_NEWER_MOST < newest.wrapping_sub(frame.number)
-        })
-    }
-
     /// The first slot from `from_asn` on in which it may transmit.
     #[must_use]
     pub fn next_tx_asn(&self, config: &Config, schedule: &Schedule, from_asn: u64) -> Option<u64> {
@@ -285,6 +249,9 @@ impl Tsch {
         asn: u64,
     ) -> Option<Transmission> {
         if !self.is_synced() {
+            return None;
+        }
+        if self.is_silenced(asn * config.slot_ns) {
             return None;
         }
         if let Some(Extra { asn: at, channel, sends_to }) = self.extra

@@ -5,6 +5,7 @@ use crate::config::compat::Compat;
 use crate::energy;
 use crate::join;
 use crate::lowpan;
+use crate::mac::effect::{Burden, NO_BURDEN};
 use crate::mac::tsch;
 use crate::rpl;
 use crate::sf;
@@ -21,6 +22,8 @@ pub struct Settings {
     pub roots: Vec<u32>,
     /// The MAC.
     pub mac: tsch::Config,
+    /// What effects lay on each mote; empty without effects.
+    pub burdens: Vec<Burden>,
     /// The scheduling function.
     pub sf: sf::Config,
     /// 6P.
@@ -69,6 +72,13 @@ const PEER_FRAME_BYTES: usize = 90;
 const LEAST_PSDU: usize = 23;
 
 impl Settings {
+    /// What effects lay on a mote.
+    #[inline]
+    #[must_use]
+    pub fn burden(&self, mote: u32) -> &Burden {
+        self.burdens.get(mote as usize).unwrap_or(&NO_BURDEN)
+    }
+
     /// Length (bytes) of a frame on the air.
     #[must_use]
     pub fn psdu_bytes(&self, frame: &FrameRepr) -> u16 {

@@ -4,6 +4,7 @@ use super::hush::Known;
 use super::inbox::Sent;
 use super::network::Mesh;
 use super::records::ACK_BYTES;
+use super::settings::Settings;
 use crate::energy::SlotUse;
 use crate::mac::tsch::{Listening, Outgoing, Transmission, channel_of};
 use crate::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
@@ -12,6 +13,7 @@ use crate::wire::datagram::Upper;
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{AckRepr, Content, FrameRepr};
 use bytes::Bytes;
+use proto::rng::{Draws, Purpose, ordered_link};
 
 /// What a mote sends in the slot.
 #[derive(Debug)]
@@ -80,6 +82,13 @@ fn swarm_payload(frame: &FrameRepr) -> Option<&Bytes> {
         }
         Upper::Udp(_) | Upper::Rpl(_) => None,
     }
+}
+
+/// Whether an acknowledgment is lost for the burden of the mote that sends it.
+fn loses_acknowledgment(settings: &Settings, seed: u64, from: u32, to: u32, asn: u64) -> bool {
+    let loss = settings.burden(from).ack_loss;
+    let draw = || Draws::new(seed, Purpose::AckLoss).uniform(ordered_link(from, to), asn, 0);
+    loss != 0.0 && draw() < loss
 }
 
 impl Mesh {
@@ -449,11 +458,19 @@ impl Mesh {
         }
         self.capture.end_slot();
         let slot = Slot { asn, begins_ns: now_ns };
-        let Self { scratch, links, medium, .. } = self;
+        let Self { scratch, links, medium, settings, experiment, .. } = self;
         let verdicts = medium.acknowledge(links, slot, &scratch.on_air, &scratch.answers);
         for (answer, verdict) in scratch.answers.iter().zip(verdicts) {
-            sending[answer.transmission as usize].acknowledged =
-                matches!(verdict, Reception::Received { .. });
+            let is_heard = matches!(verdict, Reception::Received { .. });
+            let sent = &mut sending[answer.transmission as usize];
+            sent.acknowledged = is_heard
+                && !loses_acknowledgment(
+                    settings,
+                    experiment.seed,
+                    answer.receiver,
+                    sent.sender,
+                    asn,
+                );
         }
     }
 
@@ -473,6 +490,7 @@ impl Mesh {
         let at = transmission.at;
         let (of, mut world) = self.at(sender, asn);
         world.effective_asn = asn + 1;
+        of.mac.spend_airtime(bytes, now_ns);
         of.tally.n_tx += 1;
         of.tally.n_retransmissions += u64::from(is_retransmission);
         of.tally.usage.count(if is_unicast {

@@ -14,6 +14,7 @@ use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ use std::sync::Arc;
 pub const HOP_LIMIT: u8 = 64;
 
 /// A frame that wants to be sent.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Wanted {
     pub(super) destination: Option<Eui64>,
     pub(super) content: Content,
@@ -120,7 +121,23 @@ impl Mote {
         packet: u64,
     ) {
         let content = Content::Lowpan(part);
-        self.enqueue(world, Wanted { packet, ..Wanted::new(next_hop, content) });
+        let wanted = Wanted { packet, ..Wanted::new(next_hop, content) };
+        let works_ns = world.settings.burden(self.id).processing_ns;
+        if next_hop.is_none() || works_ns == 0 {
+            self.enqueue(world, wanted);
+        } else {
+            let begins_ns = world.effective_asn * world.settings.mac.slot_ns;
+            self.in_work.push_back((begins_ns + works_ns, wanted));
+        }
+    }
+
+    /// What the processor has finished by now goes into the queue.
+    pub(super) fn finish_work(&mut self, world: &mut World<'_>) {
+        while self.in_work.front().is_some_and(|(at_ns, _)| *at_ns <= world.now_ns) {
+            if let Some((_, wanted)) = self.in_work.pop_front() {
+                self.enqueue(world, wanted);
+            }
+        }
     }
 
     /// A packet of an application.

@@ -177,6 +177,8 @@ impl Mote {
             self.rpl.poll_timeout(),
             self.lowpan.poll_timeout(),
             self.pledge.poll_timeout(),
+            self.in_work.front().map(|(at_ns, _)| *at_ns),
+            self.reboots_ns,
         ]
         .into_iter()
         .flatten()
@@ -188,6 +190,10 @@ impl Mote {
     pub fn handle_timeout(&mut self, world: &mut World<'_>) {
         let now_ns = world.now_ns;
         let is_due = |deadline: Option<u64>| deadline.is_some_and(|deadline| deadline <= now_ns);
+        if is_due(self.reboots_ns) {
+            return self.reboot(world);
+        }
+        self.finish_work(world);
         if is_due(self.mac.poll_timeout(&world.settings.mac)) {
             match self.mac.handle_timeout(&world.settings.mac, now_ns) {
                 None => {}

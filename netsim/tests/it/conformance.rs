@@ -4,6 +4,7 @@
 mod application;
 mod bench;
 mod doc;
+mod effects;
 mod fragments;
 mod join;
 mod kernel;

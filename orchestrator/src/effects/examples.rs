@@ -53,10 +53,24 @@ const ROBOTS: &[(&str, &str)] = &[
     ("yaw-coupling", "gain = 0.1\n"),
 ];
 
+/// As [`RADIO`], for the network.
+const NETWORK: &[(&str, &str)] = &[
+    ("ack-loss", "probability = 0.2\n"),
+    ("clock-drift", "max_ppm = 100.0\n"),
+    ("duty-cycle-limit", "fraction = 0.002\nwindow_s = 60.0\n"),
+    ("node-reboots", "mean_interval_s = 3600.0\n"),
+    ("processing-delay", "delay_s = 0.5\n"),
+    ("queue-limit", "frames = 4\n"),
+];
+
 /// Keys for an example: those above, or, for an effect that is not among them, where its fit starts.
 pub(super) fn keys(effect: &Listed) -> String {
     let name = effect.variant.name;
-    let examples = if effect.of == "radio" { RADIO } else { ROBOTS };
+    let examples = match effect.of {
+        "radio" => RADIO,
+        "robots" => ROBOTS,
+        _ => NETWORK,
+    };
     if let Some((_, keys)) = examples.iter().find(|(known, _)| *known == name) {
         return (*keys).to_owned();
     }

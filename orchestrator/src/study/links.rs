@@ -350,7 +350,7 @@ impl Study for LinkStudy {
         match level {
             Level::Place => &self.place,
             Level::Random => self.once.as_ref().unwrap_or(&self.time),
-            Level::Time => &self.time,
+            Level::Time | Level::Run => &self.time,
         }
     }
 

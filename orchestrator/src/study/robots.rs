@@ -448,7 +448,7 @@ impl Study for RobotStudy {
     fn blocks(&self, level: Level) -> &Blocks {
         match level {
             Level::Place => &self.in_place,
-            Level::Time | Level::Random => &self.in_time,
+            Level::Time | Level::Random | Level::Run => &self.in_time,
         }
     }
 

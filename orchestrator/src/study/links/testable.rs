@@ -44,7 +44,11 @@ pub fn has(rows: &Rows, need: Need) -> bool {
                 || column.strip_prefix("rx_") == Some(name)
         }),
         Need::Foliage => !rows.site.foliage.is_empty(),
-        Need::Terrain | Need::TurningCommands | Need::Steering => false,
+        Need::Terrain
+        | Need::TurningCommands
+        | Need::Steering
+        | Need::Packets
+        | Need::Latencies => false,
     }
 }
 

@@ -1,0 +1,235 @@
+//! Effects on what motes do in the network, each `[[netsim.mac.effect]]` of the configuration one of them.
+//!
+//! One file per effect, one list: [`LIST`]. An effect that is not configured contributes exactly nothing, and draws nothing.
+//! What the radio does with frames is not here: that is [`crate::phy::effect`].
+
+pub mod ack_loss;
+pub mod clock_drift;
+pub mod duty_cycle_limit;
+pub mod node_reboots;
+pub mod processing_delay;
+pub mod queue_limit;
+
+use proto::config::{Default, Field, Kind, Problem, TableSpec, Tag, Variant, join};
+use proto::effect::{About, Fit};
+use std::fmt::Debug;
+
+/// What weighs on a mote beyond what the protocols expect.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Burden {
+    /// Probability that an acknowledgment it sends is lost, beside what the radio loses.
+    pub ack_loss: f64,
+    /// Greatest further error of its clock's rate (ppm).
+    pub max_drift_ppm: f64,
+    /// What limits its airtime.
+    pub duty: Option<Duty>,
+    /// Reboots per second, on average.
+    pub reboots_per_s: f64,
+    /// How long it works on a datagram before that is in the queue (ns).
+    pub processing_ns: u64,
+    /// Frames for which it has room, whatever is configured.
+    pub queue_frames: Option<u16>,
+}
+
+/// What burdens a mote without effects: nothing.
+pub const NO_BURDEN: Burden = Burden {
+    ack_loss: 0.0,
+    max_drift_ppm: 0.0,
+    duty: None,
+    reboots_per_s: 0.0,
+    processing_ns: 0,
+    queue_frames: None,
+};
+
+/// A limit of the airtime.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Duty {
+    /// Part of the time in which it may send.
+    pub fraction: f64,
+    /// Over which time that is reckoned (ns).
+    pub window_ns: u64,
+}
+
+/// A mote as an effect sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Node {
+    /// Its number.
+    pub mote: u32,
+    /// Whether it is a root.
+    pub is_root: bool,
+}
+
+/// One effect. Stateless: it says what it adds to the burden of a mote, and the mote's layers bear that.
+pub trait Effect: Send + Sync + Debug {
+    /// Its name in configurations, records and reports.
+    fn name(&self) -> &'static str;
+
+    /// Adds its part to the burden of a mote.
+    fn weigh(&self, node: Node, burden: &mut Burden);
+}
+
+/// Description of one `[[netsim.mac.effect]]`.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "An effect on what motes do in the network.",
+    fields: &[],
+    tag: Some(&Tag {
+        key: "kind",
+        doc: "Which effect.",
+        default: None,
+        variants: || LIST.iter().map(|entry| entry.variant).collect(),
+    }),
+};
+
+/// An effect that can be configured.
+#[derive(Debug)]
+pub struct Entry {
+    /// Its name and keys.
+    pub variant: Variant,
+    /// What people should know of it.
+    pub about: About,
+    /// Which values are tried against measurements.
+    pub fit: Fit,
+    /// Makes it of its checked table.
+    pub build: fn(&toml::Table) -> Option<Box<dyn Effect>>,
+}
+
+/// All effects.
+pub const LIST: &[Entry] = &[
+    ack_loss::ENTRY,
+    clock_drift::ENTRY,
+    duty_cycle_limit::ENTRY,
+    node_reboots::ENTRY,
+    processing_delay::ENTRY,
+    queue_limit::ENTRY,
+];
+
+/// The key with the motes that an effect concerns.
+const MOTES: Field = Field {
+    key: "motes",
+    doc: "Numbers of the motes that it concerns. Absent: all.",
+    kind: Kind::List {
+        of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
+        min: 1,
+        max: 1_000_000,
+    },
+    default: Default::Absent,
+};
+
+/// The motes that an effect concerns; `None`: all.
+type Motes = Option<Vec<u32>>;
+
+/// Whether an effect concerns a mote.
+fn concerns(motes: &Motes, mote: u32) -> bool {
+    motes.as_ref().is_none_or(|motes| motes.contains(&mote))
+}
+
+/// The effect of this name, if there is one.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static Entry> {
+    LIST.iter().find(|entry| entry.variant.name == name)
+}
+
+/// Makes the effects of checked tables, in their order, and adds what is wrong with them together with the rest: they
+/// stand at `path[0]`, `path[1]`, …
+///
+/// * `is_time_kept`: clocks are kept, so that they may drift.
+pub fn build(
+    tables: &[toml::Value],
+    path: &str,
+    agent_count: usize,
+    is_time_kept: bool,
+    problems: &mut Vec<Problem>,
+) -> Vec<Box<dyn Effect>> {
+    let mut effects = Vec::with_capacity(tables.len());
+    for (index, table) in tables.iter().enumerate() {
+        let at = format!("{path}[{index}]");
+        let kind = table.get("kind").and_then(toml::Value::as_str);
+        let (Some(entry), Some(keys)) = (kind.and_then(find), table.as_table()) else { continue };
+        let motes = keys.get(MOTES.key).and_then(toml::Value::as_array);
+        let numbers = motes.into_iter().flatten().filter_map(toml::Value::as_integer);
+        for (place, mote) in numbers.enumerate().filter(|(_, mote)| agent_count as i64 <= *mote) {
+            let last = agent_count as i64 - 1;
+            let key = join(&at, &format!("{}[{place}]", MOTES.key));
+            let problem = Problem::new(key, format!("must be a mote, 0 to {last}"));
+            problems.push(problem.value(mote).nearest(last));
+        }
+        if entry.variant.name == clock_drift::ENTRY.variant.name && !is_time_kept {
+            let message = "needs keep_alive_s other than 0: clocks that drift must be kept";
+            problems.push(Problem::new(join(&at, "kind"), message));
+        }
+        effects.extend((entry.build)(keys));
+    }
+    effects
+}
+
+/// What effects together lay on each mote; empty without effects.
+#[must_use]
+pub fn burdens(effects: &[Box<dyn Effect>], agent_count: usize, roots: &[u32]) -> Vec<Burden> {
+    if effects.is_empty() {
+        return Vec::new();
+    }
+    let of = |mote: u32| {
+        let node = Node { mote, is_root: roots.contains(&mote) };
+        let mut burden = NO_BURDEN;
+        effects.iter().for_each(|effect| effect.weigh(node, &mut burden));
+        burden
+    };
+    (0..agent_count as u32).map(of).collect()
+}
+
+#[cfg(test)]
+pub(crate) mod testing {
+    use super::*;
+
+    /// What a table of keys lays on motes 0, a root, and 1 to 3.
+    pub(crate) fn laid(tables: &str) -> Vec<Burden> {
+        let table: toml::Table = tables.parse().unwrap();
+        let text = toml::to_string(&table).unwrap();
+        let node = proto::config::parse(&text).unwrap();
+        let mut problems = Vec::new();
+        let spec = TableSpec {
+            doc: "",
+            fields: &[Field {
+                key: "effect",
+                doc: "",
+                kind: Kind::Tables(&SPEC),
+                default: Default::Absent,
+            }],
+            tag: None,
+        };
+        let checked = proto::config::check(&node, "", &spec, &mut problems).table;
+        let list = checked["effect"].as_array().unwrap();
+        let effects = build(list, "effect", 4, true, &mut problems);
+        assert!(problems.is_empty(), "{problems:?}");
+        burdens(&effects, 4, &[0])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::testing::laid;
+    use super::*;
+
+    #[test]
+    fn effects_add_up_and_concern_whom_they_name() {
+        let laid = laid(
+            "[[effect]]\nkind = \"ack-loss\"\nprobability = 0.5\n[[effect]]\nkind = \"ack-loss\"\nprobability = 0.5\n\
+             motes = [2]\n[[effect]]\nkind = \"queue-limit\"\nframes = 4\n[[effect]]\nkind = \"queue-limit\"\nframes = 7",
+        );
+        assert_eq!(laid[1].ack_loss, 0.5);
+        assert_eq!(laid[2].ack_loss, 0.75);
+        assert!(laid.iter().all(|burden| burden.queue_frames == Some(4)));
+        assert!(burdens(&[], 4, &[0]).is_empty());
+        assert_eq!(NO_BURDEN, Burden::default());
+    }
+
+    #[test]
+    fn motes_that_are_none_and_clocks_that_nobody_keeps_are_refused() {
+        let tables: toml::Table =
+            "[[effect]]\nkind = \"clock-drift\"\nmax_ppm = 50.0\nmotes = [1, 9]".parse().unwrap();
+        let mut problems = Vec::new();
+        build(tables["effect"].as_array().unwrap(), "mac.effect", 4, false, &mut problems);
+        let paths: Vec<&str> = problems.iter().map(|problem| problem.path.as_str()).collect();
+        assert_eq!(paths, ["mac.effect[0].motes[1]", "mac.effect[0].kind"]);
+    }
+}

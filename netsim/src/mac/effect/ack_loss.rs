@@ -1,0 +1,70 @@
+//! Acknowledgments that do not come.
+
+use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "ack-loss"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "ack-loss",
+        doc: "Acknowledgments are lost more often than frames: what has arrived is sent again.",
+        fields: &[
+            Field {
+                key: "probability",
+                doc: "Part of the acknowledgments that is lost, beside what the radio loses.",
+                kind: Kind::Number(Range::FRACTION),
+                default: Default::Required,
+            },
+            MOTES,
+        ],
+    },
+    about: About {
+        mechanism: "A receiver that turns from receiving to sending late, or whose acknowledgment falls outside the window in \
+                    which the sender listens, has the frame; its sender does not know, sends it again, and after enough \
+                    attempts gives it up.",
+        equation: "P(acknowledged)' = P(acknowledged) * (1 - probability); several effects: the product",
+        source: "IEEE Std 802.15.4-2015, 8.4.3.3 (macTsTxAckDelay, macTsAckWait); the asymmetry of data and acknowledgments: \
+                 K. Srinivasan et al., An empirical study of low-power wireless, ACM TOSN 6(2), 2010.",
+        validity: "Losses are independent of each other, of the neighbour and of the channel.",
+        trace: "More retransmissions and longer latency than the strength of links explains, copies that the next hop discards, \
+                queues that fill; delivery suffers last.",
+        needs: &[Need::Packets],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "probability",
+            unit: "",
+            min: 0.0,
+            max: 1.0,
+            starts: &[0.1, 0.25, 0.5],
+            step: 0.01,
+        }],
+        variants: &[],
+        level: Level::Run,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(table.clone().try_into::<AckLoss>().ok()?)),
+};
+
+/// Acknowledgments that do not come, though the frame did.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct AckLoss {
+    /// Part that is lost.
+    pub probability: f64,
+    /// Whose acknowledgments; none: everybody's.
+    pub motes: Motes,
+}
+
+impl Effect for AckLoss {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn weigh(&self, node: Node, burden: &mut Burden) {
+        if concerns(&self.motes, node.mote) {
+            burden.ack_loss = 1.0 - (1.0 - burden.ack_loss) * (1.0 - self.probability);
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Clocks worse than the guard time allows for.
+
+use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "clock-drift"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "clock-drift",
+        doc: "Clocks run faster or slower than their makers say: motes leave the guard time before they are put right.",
+        fields: &[
+            Field {
+                key: "max_ppm",
+                doc: "Greatest further error of a clock's rate (ppm), uniform up to it either way, on top of \
+                      netsim.mac.max_drift_ppm.",
+                kind: Kind::Number(Range::closed(0.0, 1e4)),
+                default: Default::Required,
+            },
+            MOTES,
+        ],
+    },
+    about: About {
+        mechanism: "A crystal that is cold, old or cheap runs off its rating. Between two corrections the mote then drifts beyond \
+                    half of the guard time: it listens when the frame has begun already, misses it, misses corrections as \
+                    well, and in the end looks for the network anew.",
+        equation: "offset(t) = -(rate + extra) * (t - t_corrected), extra uniform in +-max_ppm * 1e-6; a frame is heard where \
+                   |offset of sender - offset of receiver| <= macTsRxWait / 2",
+        source: "IEEE Std 802.15.4-2015, 8.4.3.3 (macTsRxWait); D. Stanislowski et al., Adaptive synchronization in IEEE802.15.4e \
+                 networks, IEEE Trans. Ind. Inf. 10(1), 2014.",
+        validity: "The rate is constant: it does not follow the temperature. A root's clock is the time, and never wrong. Needs \
+                   clocks that are kept: keep_alive_s other than 0.",
+        trace: "Losses that come some seconds after the last frame between two motes, motes that lose synchronisation and join \
+                again, join times with a long tail.",
+        needs: &[Need::Packets],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "max_ppm",
+            unit: "ppm",
+            min: 0.0,
+            max: 1e4,
+            starts: &[60.0, 120.0, 250.0],
+            step: 1.0,
+        }],
+        variants: &[],
+        level: Level::Run,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(table.clone().try_into::<ClockDrift>().ok()?)),
+};
+
+/// Clocks whose rates are further off.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct ClockDrift {
+    /// By how much at most (ppm).
+    pub max_ppm: f64,
+    /// Whose; none: everybody's.
+    pub motes: Motes,
+}
+
+impl Effect for ClockDrift {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn weigh(&self, node: Node, burden: &mut Burden) {
+        if !node.is_root && concerns(&self.motes, node.mote) {
+            burden.max_drift_ppm += self.max_ppm;
+        }
+    }
+}

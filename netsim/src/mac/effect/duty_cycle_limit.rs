@@ -1,0 +1,80 @@
+//! Airtime that is rationed.
+
+use super::{Burden, Duty, Effect, Entry, MOTES, Motes, Node, concerns};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "duty-cycle-limit"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "duty-cycle-limit",
+        doc: "A mote may send for a part of the time only, by rule or for want of energy; then it is silent.",
+        fields: &[
+            Field {
+                key: "fraction",
+                doc: "Part of the time in which a mote may send.",
+                kind: Kind::Number(Range::closed(1e-6, 1.0)),
+                default: Default::Required,
+            },
+            Field {
+                key: "window_s",
+                doc: "Over which time that is reckoned (s): so long a silence can be saved up for a burst.",
+                kind: Kind::Number(Range::closed(0.1, 86_400.0)),
+                default: Default::Number(60.0),
+            },
+            MOTES,
+        ],
+    },
+    about: About {
+        mechanism: "A regulation, or an energy harvester, grants so much airtime. A mote whose ration is used up keeps its frames \
+                    back, beacons and keep-alives among them, until some has come back. Those near the root, which forward \
+                    most, are silenced first.",
+        equation: "ration(t) = min(fraction * window_s, ration + fraction * dt - airtime); a mote sends while ration > 0",
+        source: "ETSI EN 300 220-2 (duty cycle below 1 GHz); 802.15.4 at 2.4 GHz is under no such rule (EN 300 328), only under \
+                 those of its power supply.",
+        validity: "Acknowledgments are not counted. A frame that has begun is finished: the ration may be overdrawn by one.",
+        trace: "Latency that grows with load and towards the root, queues that overflow, beacons that fail: motes join late or \
+                lose synchronisation. Nothing at low load.",
+        needs: &[Need::Packets],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "fraction",
+            unit: "",
+            min: 1e-6,
+            max: 1.0,
+            starts: &[0.0005, 0.001, 0.002],
+            step: 1e-4,
+        }],
+        variants: &[&[("window_s", Fixed::Number(60.0))]],
+        level: Level::Run,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(table.clone().try_into::<DutyCycleLimit>().ok()?)),
+};
+
+/// Airtime is rationed.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct DutyCycleLimit {
+    /// Part of the time in which a mote may send.
+    pub fraction: f64,
+    /// Over which time that is reckoned (s).
+    pub window_s: f64,
+    /// Whose; none: everybody's.
+    pub motes: Motes,
+}
+
+impl Effect for DutyCycleLimit {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn weigh(&self, node: Node, burden: &mut Burden) {
+        let window_ns = (self.window_s * 1e9).round() as u64;
+        let stricter = burden.duty.is_none_or(|duty| self.fraction < duty.fraction);
+        if stricter && concerns(&self.motes, node.mote) {
+            burden.duty = Some(Duty { fraction: self.fraction, window_ns });
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Motes that begin anew.
+
+use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "node-reboots"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "node-reboots",
+        doc: "Motes reboot now and then: what they hold is lost, and they look for the network anew.",
+        fields: &[
+            Field {
+                key: "mean_interval_s",
+                doc: "Mean time between two reboots of a mote (s).",
+                kind: Kind::Number(Range::closed(1.0, 1e9)),
+                default: Default::Required,
+            },
+            Field {
+                doc: "Numbers of the motes that it concerns. Absent: all but the roots.",
+                ..MOTES
+            },
+        ],
+    },
+    about: About {
+        mechanism: "A watchdog fires, a contact is loose, a battery gives way under a pulse. The mote loses its queue, its routes, \
+                    its cells and its time, and must hear beacons, be admitted and find a parent as on the first day; so must \
+                    those who sent through it find another way.",
+        equation: "times between the reboots of a mote: exponential with mean mean_interval_s; several effects: rates add up",
+        source: "G. Barrenetxea et al., The hitchhiker's guide to successful wireless sensor network deployments, SenSys 2008; a \
+                 constant rate is the simplest law, and an assumption.",
+        validity: "Reboots are independent of each other, of load and of time. To boot takes no time: finding the network takes far \
+                   longer.",
+        trace: "Whole stretches without packets of one mote, then a join like the first; losses at those who send through it.",
+        needs: &[Need::Packets],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "mean_interval_s",
+            unit: "s",
+            min: 1.0,
+            max: 1e9,
+            starts: &[600.0, 1800.0, 7200.0],
+            step: 10.0,
+        }],
+        variants: &[],
+        level: Level::Run,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(table.clone().try_into::<NodeReboots>().ok()?)),
+};
+
+/// Motes that begin anew.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct NodeReboots {
+    /// Mean time between two reboots of a mote (s).
+    pub mean_interval_s: f64,
+    /// Which; none: all but the roots.
+    pub motes: Motes,
+}
+
+impl Effect for NodeReboots {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn weigh(&self, node: Node, burden: &mut Burden) {
+        if concerns(&self.motes, node.mote) && (self.motes.is_some() || !node.is_root) {
+            burden.reboots_per_s += 1.0 / self.mean_interval_s;
+        }
+    }
+}

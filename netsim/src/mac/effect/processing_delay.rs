@@ -1,0 +1,70 @@
+//! Motes that take their time.
+
+use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "processing-delay"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "processing-delay",
+        doc: "A mote's processor works on every datagram before it can be sent: latency grows with each hop.",
+        fields: &[
+            Field {
+                key: "delay_s",
+                doc: "From the end of the slot in which a datagram comes until it is in the queue (s).",
+                kind: Kind::Number(Range::closed(0.0, 3600.0)),
+                default: Default::Required,
+            },
+            MOTES,
+        ],
+    },
+    about: About {
+        mechanism: "Decompressing headers, encrypting, copying between radio and processor take time. A datagram that misses the \
+                    cell for which it was meant waits for the next one.",
+        equation: "latency' = latency + (hops * delay_s, each rounded up to the next cell of the mote); control messages of routing \
+                   and admission that are for one mote are delayed alike",
+        source: "X. Vilajosana et al., A realistic energy consumption model for TSCH networks, IEEE Sensors J. 14(2), 2014 (what a \
+                 mote's processor does in and between slots); one constant time for it is an assumption.",
+        validity: "The same for every datagram, whatever its length and the load; many are worked on at once. MAC and 6P are not \
+                   delayed.",
+        trace: "Latency too long in proportion to the hops, delivery and join time hardly changed.",
+        needs: &[Need::Latencies],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "delay_s",
+            unit: "s",
+            min: 0.0,
+            max: 3600.0,
+            starts: &[0.25, 1.0, 4.0],
+            step: 0.01,
+        }],
+        variants: &[],
+        level: Level::Run,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(table.clone().try_into::<ProcessingDelay>().ok()?)),
+};
+
+/// Datagrams wait for the processor.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct ProcessingDelay {
+    /// How long (s).
+    pub delay_s: f64,
+    /// At which motes; none: at all.
+    pub motes: Motes,
+}
+
+impl Effect for ProcessingDelay {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn weigh(&self, node: Node, burden: &mut Burden) {
+        if concerns(&self.motes, node.mote) {
+            burden.processing_ns += (self.delay_s * 1e9).round() as u64;
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Queues with less room than thought.
+
+use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use proto::config::{Default, Field, Kind, Variant};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "queue-limit"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "queue-limit",
+        doc: "Motes have room for fewer frames than configured: under load packets are lost at full queues.",
+        fields: &[
+            Field {
+                key: "frames",
+                doc: "Frames for which there is room. The lesser of this and netsim.mac.queue_frames holds.",
+                kind: Kind::Integer { min: 1, max: 10_000 },
+                default: Default::Required,
+            },
+            MOTES,
+        ],
+    },
+    about: About {
+        mechanism: "Memory that other work has taken, or a pool of buffers shared by receiving and sending. A frame that comes while \
+                    all places are taken is dropped.",
+        equation: "capacity = min(queue_frames, frames)",
+        source: "Contiki-NG's pool of packet buffers (QUEUEBUF_CONF_NUM), which all neighbours share; IEEE Std 802.15.4-2015 leaves \
+                 the length open.",
+        validity: "Frames of all neighbours share the room. A frame that is being sent takes a place.",
+        trace: "Packets lost where traffic comes together, in bursts, and the survivors arrive sooner; links are as good as ever.",
+        needs: &[Need::Packets],
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "frames",
+            unit: "frames",
+            min: 1.0,
+            max: 1e4,
+            starts: &[1.0, 2.0, 4.0],
+            step: 1.0,
+        }],
+        variants: &[],
+        level: Level::Run,
+        generalises: &[],
+    },
+    build: |table| Some(Box::new(table.clone().try_into::<QueueLimit>().ok()?)),
+};
+
+/// Queues with less room.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct QueueLimit {
+    /// Frames for which there is room.
+    pub frames: u16,
+    /// Whose; none: everybody's.
+    pub motes: Motes,
+}
+
+impl Effect for QueueLimit {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn weigh(&self, node: Node, burden: &mut Burden) {
+        if concerns(&self.motes, node.mote) {
+            let most = burden.queue_frames.unwrap_or(u16::MAX);
+            burden.queue_frames = Some(most.min(self.frames));
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! What effects lay on the MAC of a mote.
+
+use super::Tsch;
+use crate::mac::effect::Burden;
+use crate::mac::ration::Ration;
+use crate::medium::slot::timing::airtime_ns;
+use proto::rng::{Draws, Purpose};
+
+impl Tsch {
+    /// The same MAC under a burden.
+    #[must_use]
+    pub fn burdened(mut self, burden: &Burden, seed: u64) -> Self {
+        if burden.max_drift_ppm != 0.0 {
+            let entity = u64::from(self.mote);
+            let draw = Draws::new(seed, Purpose::ClockDrift).uniform(entity, 0, 0);
+            self.clock = self.clock.faster((2.0 * draw - 1.0) * burden.max_drift_ppm);
+        }
+        if let Some(frames) = burden.queue_frames {
+            self.queue = self.queue.at_most(frames);
+        }
+        self.ration = burden.duty.map(Ration::new);
+        self
+    }
+
+    /// A frame of this length was on the air.
+    #[inline]
+    pub fn spend_airtime(&mut self, psdu_bytes: u16, now_ns: u64) {
+        if let Some(ration) = &mut self.ration {
+            ration.spend(airtime_ns(psdu_bytes).unsigned_abs(), now_ns);
+        }
+    }
+
+    /// Whether its airtime is used up.
+    #[inline]
+    pub(super) fn is_silenced(&self, now_ns: u64) -> bool {
+        self.ration.is_some_and(|ration| !ration.allows(now_ns))
+    }
+}
