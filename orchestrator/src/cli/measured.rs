@@ -293,7 +293,7 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
         Subject::Links => {
             let (study, account) =
                 open::links(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
-            let thin = study.thinned();
+            let thin = if args.all { study.thinned() } else { None };
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
             extend_with(args, (&config, &account), searched, whole, ("netsim.phy.effect", "dB"))

@@ -19,7 +19,7 @@ pub(crate) const WORTH_NATS: f64 = 0.01;
 /// … or from this share of the error removed.
 pub(crate) const WORTH_SHARE: f64 = 0.01;
 /// In any case it removes this share of the error of the model as configured.
-const LEAST_SHARE: f64 = 0.001;
+pub(crate) const LEAST_SHARE: f64 = 0.001;
 /// A term that raises the likelihood of all rows together by less (nats) cannot gain on rows left out.
 const HOPELESS_NATS: f64 = 5.0;
 /// A rival raises the likelihood by at least this share of what the chosen one does.
@@ -421,7 +421,7 @@ fn without(accepted: &[usize], term: usize) -> Vec<usize> {
 
 /// How much greater the error of the model as configured is than that of the parent: shares of the one are so many times
 /// smaller than shares of the other.
-fn share_scale(configured: &Scores, parent: &Scores) -> f64 {
+pub(crate) fn share_scale(configured: &Scores, parent: &Scores) -> f64 {
     let scale = configured.rmse * configured.rmse / (parent.rmse * parent.rmse);
     if scale.is_finite() { scale.max(1.0) } else { 1.0 }
 }

@@ -1,5 +1,6 @@
 //! What is left over when no effect gains any more: structure over a covariate, and a short formula for it.
 
+use super::ladder::{LEAST_SHARE, WORTH_NATS, WORTH_SHARE};
 use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
 use proto::rng::{Draws, Purpose};
@@ -7,8 +8,6 @@ use statrs::distribution::{ContinuousCDF, Gamma};
 
 /// All covariates together may be called structure wrongly with this probability.
 const FAMILY_ERROR: f64 = 0.005;
-/// Structure that explains less of what is left is not worth telling.
-const LEAST_EXPLAINED: f64 = 0.01;
 /// Bins of a covariate.
 const BINS: usize = 10;
 /// Flips of the signs of whole blocks.
@@ -27,12 +26,30 @@ pub struct Structure {
     pub formula: Option<(String, f64)>,
 }
 
-/// The strongest structure, if there is any: over `covariates`, in residuals that have a mean of 0 and a variance of 1 each
-/// where the model is right. Rows of one block of `levels` may depend on each other.
+/// Residuals that have a mean of 0 and a variance of 1 each where the model is right.
+#[derive(Clone, Copy, Debug)]
+pub struct Residuals<'a> {
+    /// Row by row.
+    pub values: &'a [f64],
+    /// How many times greater the mean square error of the model as configured is than what is left: shares of the one are so
+    /// many times smaller than shares of the other. At least 1.
+    pub configured: f64,
+}
+
+impl Residuals<'_> {
+    /// Whether structure that explains this share is worth telling: as for effects, by nats, or by the share of the error.
+    fn are_worth(&self, explained: f64) -> bool {
+        let nats = -0.5 * (1.0 - explained).ln();
+        WORTH_NATS <= nats || WORTH_SHARE.max(LEAST_SHARE * self.configured) <= explained
+    }
+}
+
+/// The strongest structure, if there is any, in these residuals over `covariates`. Rows of one block of `levels` may depend on
+/// each other.
 #[must_use]
 pub fn strongest(
     covariates: &[(String, Vec<f64>)],
-    residuals: &[&[f64]],
+    residuals: &[Residuals<'_>],
     levels: &[&Blocks],
 ) -> Option<Structure> {
     let tests = (covariates.len() * residuals.len()).max(1) as f64;
@@ -40,9 +57,11 @@ pub fn strongest(
     for (name, values) in covariates {
         let Some(bins) = binned(values) else { continue };
         for residual in residuals {
-            let Some((explained, p_value)) = weighed(&bins, residual, levels) else { continue };
+            let Some((explained, p_value)) = weighed(&bins, residual.values, levels) else {
+                continue;
+            };
             let found = p_value < FAMILY_ERROR / tests
-                && LEAST_EXPLAINED <= explained
+                && residual.are_worth(explained)
                 && best.as_ref().is_none_or(|best| best.explained < explained);
             if found {
                 best =
@@ -274,13 +293,14 @@ mod tests {
         let covariates = [("x".to_owned(), x.clone()), ("other".to_owned(), other)];
         let blocks = blocks(n);
         let plain = noise(n);
-        assert_eq!(strongest(&covariates, &[&plain], &[&blocks]), None);
+        let residuals = |values, configured| Residuals { values, configured };
+        assert_eq!(strongest(&covariates, &[residuals(&plain, 1.0)], &[&blocks]), None);
         let bent: Vec<f64> = plain
             .iter()
             .zip(&x)
             .map(|(z, x)| z + 4.0 * (x - 0.5) * (x - 0.5) - 1.0 / 3.0)
             .collect();
-        let found = strongest(&covariates, &[&bent], &[&blocks]).unwrap();
+        let found = strongest(&covariates, &[residuals(&bent, 1.0)], &[&blocks]).unwrap();
         assert_eq!(found.covariate, "x");
         let (text, rmse) = formula("x", &x, &bent, &blocks).unwrap();
         assert!(text.contains("x^2"), "{text}");

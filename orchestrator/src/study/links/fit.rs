@@ -336,11 +336,14 @@ impl<'a> Problem<'a> {
                 break;
             }
         }
-        last.unwrap_or_else(|| Step {
-            parameters: DVector::zeros(0),
-            random: here.random.clone(),
-            information: DMatrix::zeros(0, 0),
-            half_log_determinant: 0.0,
+        last.unwrap_or_else(|| {
+            let p = self.n_parameters(here);
+            Step {
+                parameters: DVector::zeros(p),
+                random: here.random.clone(),
+                information: DMatrix::zeros(p, p),
+                half_log_determinant: 0.0,
+            }
         })
     }
 

@@ -5,7 +5,7 @@ use super::fit::LinkFit;
 use super::likelihood::{Instrument, Level};
 use super::terms::Spec;
 use crate::diagnose::ladder::{COMMON, Ladder, Search};
-use crate::diagnose::scan::{self, Structure};
+use crate::diagnose::scan::{self, Residuals, Structure};
 use crate::study::RowScore;
 use std::collections::BTreeMap;
 
@@ -146,7 +146,16 @@ impl LinkStudy {
         let covariates = self.covariates();
         let levels = [&self.time, &self.place];
         let mut structure = if ladder.is_complete() && levels.iter().all(|l| l.suffices()) {
-            scan::strongest(&covariates, &[&scaled, &surprise], &levels)
+            let squares: Vec<f64> =
+                deviation.iter().map(|d| d * d).filter(|square| square.is_finite()).collect();
+            let left = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+            let rmse = ladder.rungs[0].scores.rmse;
+            let configured = (rmse * rmse / left).max(1.0);
+            let residuals = [
+                Residuals { values: &scaled, configured },
+                Residuals { values: &surprise, configured: 1.0 },
+            ];
+            scan::strongest(&covariates, &residuals, &levels)
         } else {
             None
         };

@@ -1,8 +1,8 @@
 //! What is left over when no effect gains any more.
 
 use super::RobotStudy;
-use crate::diagnose::ladder::{COMMON, Ladder, Search};
-use crate::diagnose::scan::{self, Structure};
+use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
+use crate::diagnose::scan::{self, Residuals, Structure};
 use crate::study::folds::Blocks;
 use crate::study::view::Viewed as _;
 
@@ -26,6 +26,9 @@ impl RobotStudy {
         let across: Vec<f64> = (0..n).map(|row| view.scaled_across(row)).collect();
         let mut covariates = self.covariates();
         covariates.retain(|(name, _)| name != SHARES_ITS_ERROR);
-        scan::strongest(&covariates, &[&along, &across], &levels)
+        let (first, last) = (ladder.rungs.first()?, ladder.rungs.last()?);
+        let configured = share_scale(&first.scores, &last.scores);
+        let residuals = [&along[..], &across].map(|values| Residuals { values, configured });
+        scan::strongest(&covariates, &residuals, &levels)
     }
 }

@@ -34,7 +34,7 @@ const ALIKE_SD: f64 = 7.0;
 const SILENT_SD: f64 = 5.0;
 const SILENT_POINTS: usize = 300;
 /// Steps to the top of an integrand.
-const TOP_STEPS: usize = 8;
+const TOP_STEPS: usize = 16;
 /// By how much the spread of frames is changed for a derivative.
 const WIDER: f64 = 1.02;
 
@@ -266,7 +266,8 @@ impl Instrument {
         let step = (high - low) / (POINTS - 1) as f64;
         let away = |k: usize| low + k as f64 * step;
         let logs: [f64; POINTS] = std::array::from_fn(|k| at(top + away(k)));
-        let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let highest = (0..POINTS).fold(0, |best, k| if logs[best] < logs[k] { k } else { best });
+        let best = logs[highest];
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
         for (k, log) in logs.iter().enumerate() {
             let away = away(k);
@@ -278,10 +279,10 @@ impl Instrument {
         let (shift, square) = (first / total, second / total);
         let log = best + (total * step).ln() - 0.5 * (std::f64::consts::TAU * variance).ln();
         let left = (square - shift * shift).max(1e-12);
-        // The same integral with frames that vary a little more, as a ratio: at some of the points.
+        // The same integral with frames that vary a little more, as a ratio: at some of the points, the highest among them.
         let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
             let (mut sum, mut total) = (0.0, 0.0);
-            for k in (0..POINTS).step_by(EVERY) {
+            for k in (highest % EVERY..POINTS).step_by(EVERY) {
                 let u = top + away(k);
                 let prior = -0.5 * (u - mean) * (u - mean) / variance;
                 let part = (logs[k] - best).exp();
@@ -535,6 +536,25 @@ mod tests {
             assert!((a.log - b.log).abs() < 2e-3, "{power}: {a:?} {b:?}");
             assert!((a.over_level - b.over_level).abs() < 1e-3, "{power}: {a:?} {b:?}");
             assert!((a.over_ln_sd - b.over_ln_sd).abs() < 1e-3, "{power}: {a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn a_level_far_from_what_was_seen_has_slopes() {
+        for (received, rssi, power) in
+            [(45.0, -90.09, -56.7), (40.0, -89.2, -59.4), (0.0, f64::NAN, 0.0)]
+        {
+            let slope =
+                instrument(2.0, 20.0).summed(&row(1000.0, received, rssi), &level(power), 0.0);
+            let all = [
+                slope.log,
+                slope.over_level,
+                slope.weight,
+                slope.over_ln_sd,
+                slope.over_ln_link_sd,
+            ];
+            assert!(all.iter().all(|value| value.is_finite()), "{slope:?}");
+            assert!(slope.over_level < 0.0, "{slope:?}");
         }
     }
 
