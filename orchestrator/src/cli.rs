@@ -2,6 +2,7 @@
 
 mod check;
 mod measured;
+mod packets;
 mod power;
 mod simulate;
 mod stop;

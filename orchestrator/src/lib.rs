@@ -13,6 +13,7 @@
 //! | [`peer`] | one simulator as the orchestrator sees it: process, connection, deadlines |
 //! | [`record`] | what a run leaves |
 //! | [`report`] | the page that shows it |
+//! | [`network`] | the network against measured packets |
 //! | [`measure`] | measurements, and the part of a configuration that is held against them |
 //! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
 //! | [`mod@compare`] | how wrong a model is as configured, and where |
@@ -39,6 +40,7 @@ pub mod diagnose;
 pub mod effects;
 pub mod extend;
 pub mod measure;
+pub mod network;
 pub mod peer;
 pub mod power;
 pub mod record;

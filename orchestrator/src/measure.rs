@@ -5,6 +5,7 @@
 //! | [`table`] | a file as named columns of numbers: CSV, gzipped CSV, Parquet |
 //! | [`links`] | link samples and aggregated link tables |
 //! | [`oddities`] | what is odd about measurements that can be used |
+//! | [`packets`] | packets from end to end |
 //! | [`robots`] | robot samples |
 //! | [`run`] | link samples of a run |
 //! | [`config`] | the part of a configuration that is held against them |
@@ -12,6 +13,7 @@
 pub mod config;
 pub mod links;
 pub mod oddities;
+pub mod packets;
 pub mod robots;
 pub mod run;
 pub mod table;

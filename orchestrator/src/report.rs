@@ -3,6 +3,7 @@
 mod figures;
 pub mod measured;
 mod network;
+pub mod packets;
 pub(crate) mod svg;
 pub(crate) mod text;
 

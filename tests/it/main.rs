@@ -16,6 +16,7 @@ mod flocking;
 mod formation;
 mod interrupts;
 mod links;
+mod packets;
 mod power;
 mod reference;
 mod refusals;

@@ -1,5 +1,6 @@
 //! The commands that hold a model against measurements.
 
+use super::packets::{Opened, ReplayArgs};
 use super::{Failure, place_for, stop, write_json, write_whole};
 use crate::compare::{self, Comparison};
 use crate::console::{say, warn};
@@ -7,7 +8,9 @@ use crate::diagnose::answer::{self, Answer, Kind};
 use crate::diagnose::ladder::{COMMON, Ladder, Search};
 use crate::extend;
 use crate::measure::config::Compared;
+use crate::measure::packets;
 use crate::measure::robots::Sample;
+use crate::measure::table::Table;
 use crate::report::measured::{Contents, LinkRows, RobotRows, Rows, page};
 use crate::study::Study;
 use crate::study::choices::{Choices, Split};
@@ -25,7 +28,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct DataArgs {
     /// The configuration (TOML): the part that is compared, everything else may be missing
     config: PathBuf,
-    /// The measurements: link samples as CSV, gzipped CSV or Parquet
+    /// The measurements: link samples, robot samples or packets, as CSV, gzipped CSV or Parquet
     #[arg(long, value_name = "FILE")]
     data: PathBuf,
     /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times
@@ -57,6 +60,20 @@ pub(super) struct ChoiceArgs {
     /// How far ahead robots are predicted (s) [default: 1]
     #[arg(long, value_name = "S")]
     window: Option<f64>,
+}
+
+impl DataArgs {
+    /// Packets and their experiment. What is chosen by rows is not for them.
+    fn open_packets(&self, replay: &ReplayArgs, table: &Table) -> Result<Opened, Failure> {
+        let words = self.choices.words();
+        if !words.is_empty() {
+            return Err(Failure::request(format!(
+                "{}: not for packets, which are compared as one run; there are --positions, --seeds and --from",
+                words.trim()
+            )));
+        }
+        replay.open(&self.config, &self.set, table)
+    }
 }
 
 impl ChoiceArgs {
@@ -113,6 +130,8 @@ pub(super) fn account_text(account: &Account) {
 pub(super) struct AnswerArgs {
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    replay: ReplayArgs,
     /// Write what was found as a page with pictures (HTML, one file, opens without a network)
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -135,13 +154,25 @@ impl AnswerArgs {
         let data = &self.data;
         let set: String = data.set.iter().map(|key| format!(" --set '{key}'")).collect();
         let report = self.report.as_deref().map(Path::display);
+        let is_network = json["kind"] == "network";
         format!(
             "orchestrator {verb} {} --data {}{set}{} --report {}",
             data.config.display(),
             data.data.display(),
-            data.choices.words(),
+            if is_network { self.replay.words() } else { data.choices.words() },
             report.map_or_else(String::new, |report| report.to_string())
         )
+    }
+
+    /// Writes what was found of a network.
+    fn write_network(&self, json: &Value) -> Result<(), Failure> {
+        write_json(self.data.json.as_deref(), json)?;
+        let Some(path) = &self.report else { return Ok(()) };
+        let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
+        let page = crate::report::packets::page(&name, &self.command(json), json);
+        write_whole("--report", path, &page)?;
+        say(format!("look at {}", path.display()));
+        Ok(())
     }
 
     fn write(
@@ -255,6 +286,10 @@ pub(super) fn compare(args: &AnswerArgs) -> Result<(), Failure> {
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
+    if packets::has_shape(&table).is_ok() {
+        let opened = data.open_packets(&args.replay, &table)?;
+        return args.write_network(&super::packets::compare(&opened)?);
+    }
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) =

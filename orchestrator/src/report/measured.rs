@@ -4,7 +4,7 @@
 mod errors;
 mod ladder;
 mod places;
-mod words;
+pub(crate) mod words;
 
 use super::svg::{Axis, Chart};
 use super::text::{count, escape};
@@ -14,18 +14,18 @@ use serde_json::Value;
 use std::fmt::Write as _;
 
 /// Marks of a key: class of the mark, words.
-type Key = Vec<(&'static str, String)>;
+pub(super) type Key = Vec<(&'static str, String)>;
 
 /// A picture with its words.
-struct Picture {
-    title: String,
+pub(super) struct Picture {
+    pub(super) title: String,
     /// What to look at.
-    look: String,
+    pub(super) look: String,
     /// What it means.
-    means: String,
-    key: Key,
-    svg: String,
-    is_wide: bool,
+    pub(super) means: String,
+    pub(super) key: Key,
+    pub(super) svg: String,
+    pub(super) is_wide: bool,
 }
 
 /// What the pictures of links need beside predictions.
@@ -115,13 +115,8 @@ pub fn page(contents: &Contents<'_>) -> String {
         contents.config,
         json["data"]["file"].as_str().unwrap_or("measurements")
     );
-    let title = escape(&title);
-    let mut page = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
-        include_str!("style.css"),
-        include_str!("measured/style.css")
-    );
-    words::heading(&mut page, contents, &title);
+    let mut page = begin(&title);
+    words::heading(&mut page, contents, &escape(&title));
     words::notices(&mut page, json);
     words::tiles(&mut page, contents);
     if is_diagnosis {
@@ -162,7 +157,17 @@ pub fn page(contents: &Contents<'_>) -> String {
     page
 }
 
-fn figures(page: &mut String, heading: &str, intro: &str, pictures: &[Picture]) {
+/// How a page begins.
+pub(super) fn begin(title: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{}</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
+        escape(title),
+        include_str!("style.css"),
+        include_str!("measured/style.css")
+    )
+}
+
+pub(super) fn figures(page: &mut String, heading: &str, intro: &str, pictures: &[Picture]) {
     if pictures.is_empty() {
         return;
     }
@@ -231,7 +236,7 @@ fn bin(edges: &[f64], value: f64) -> usize {
 }
 
 /// A chart of half the page's width.
-fn half(x: Axis, y: Axis) -> Chart {
+pub(super) fn half(x: Axis, y: Axis) -> Chart {
     Chart::new(x, y, super::figures::HALF, super::figures::HALF_HEIGHT)
 }
 

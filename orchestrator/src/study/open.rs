@@ -11,7 +11,7 @@ use crate::config::Refusal;
 use crate::measure::config::Compared;
 use crate::measure::table::Table;
 use crate::measure::{DataError, Rejected};
-use crate::measure::{links, robots};
+use crate::measure::{links, packets, robots};
 use proto::config::Node;
 use proto::effect::Level;
 use std::collections::BTreeSet;
@@ -71,15 +71,23 @@ pub enum Subject {
 ///
 /// It has neither shape: the columns it lacks for each.
 pub fn subject(table: &Table) -> Result<Subject, OpenError> {
+    if packets::has_shape(table).is_ok() {
+        return Err(OpenError::Useless {
+            file: table.path.display().to_string(),
+            reason: "packets from end to end are taken by compare, diagnose and extend only"
+                .to_owned(),
+        });
+    }
     match (links::has_shape(table), robots::has_shape(table)) {
         (Ok(()), _) => Ok(Subject::Links),
         (Err(_), Ok(_)) => Ok(Subject::Robots),
         (Err(link), Err(robot)) => Err(OpenError::Useless {
             file: table.path.display().to_string(),
             reason: format!(
-                "neither link samples (it lacks {}) nor robot samples (it lacks {})",
+                "neither link samples (it lacks {}) nor robot samples (it lacks {}) nor packets (it lacks {})",
                 hinted(&link, table),
-                hinted(&robot, table)
+                hinted(&robot, table),
+                hinted(&packets::has_shape(table).err().unwrap_or_default(), table)
             ),
         }),
     }
@@ -87,7 +95,9 @@ pub fn subject(table: &Table) -> Result<Subject, OpenError> {
 
 /// Columns that are lacking, each with the one that may be meant.
 fn hinted(lacking: &[String], table: &Table) -> String {
-    let is_known = |name: &str| links::KNOWN.contains(&name) || robots::KNOWN.contains(&name);
+    let is_known = |name: &str| {
+        [&links::KNOWN[..], &robots::KNOWN, &packets::KNOWN].iter().any(|list| list.contains(&name))
+    };
     let names = || table.names().iter().map(String::as_str).filter(|name| !is_known(name));
     let hint = |name: &String| match proto::config::most_similar(name, names()) {
         Some(nearest) => format!("{name}: is it {nearest}?"),
@@ -157,7 +167,8 @@ pub fn localization_sd_m(config: &Compared) -> Option<f64> {
     (0.0 < sd_m).then_some(sd_m)
 }
 
-fn name_of(table: &Table) -> String {
+/// The name of the file.
+pub(crate) fn name_of(table: &Table) -> String {
     table.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 

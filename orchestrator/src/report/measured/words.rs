@@ -29,12 +29,12 @@ pub(super) fn heading(page: &mut String, contents: &Contents<'_>, title: &str) {
 }
 
 /// With a capital letter.
-pub(super) fn upper(sentence: &str) -> String {
+pub(crate) fn upper(sentence: &str) -> String {
     let mut chars = sentence.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
 }
 
-pub(super) fn notices(page: &mut String, json: &Value) {
+pub(crate) fn notices(page: &mut String, json: &Value) {
     let mut notices: Vec<String> = list(&json["rejected"])
         .map(|rejected| {
             format!(

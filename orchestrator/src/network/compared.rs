@@ -1,0 +1,257 @@
+//! A comparison of a configured network with measured packets.
+
+use super::kpis::{Figures, KPIS, OfMote};
+use super::replay::{Replay, ReplayError};
+use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, place};
+use crate::compare::Comparison;
+use crate::measure::packets::Packet;
+use crate::record::quantile;
+use crate::report::measured::words::upper;
+use crate::report::text::number;
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+/// What is asked of a comparison.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    /// How many seeds the network is run under.
+    pub seeds: u64,
+    /// Packets made before (s) are not compared.
+    pub from_s: f64,
+}
+
+impl Default for Asked {
+    fn default() -> Self {
+        Self { seeds: 199, from_s: 0.0 }
+    }
+}
+
+/// A measurement among seeds, figures as they are and as they are placed.
+#[derive(Clone, Debug)]
+pub struct Among {
+    /// Of the measurement.
+    pub measured: Figures,
+    /// Of each seed.
+    pub seeds: Vec<Figures>,
+    /// Where the measurement stands.
+    pub placed: Placed,
+}
+
+impl Among {
+    /// A measurement among the runs of a model.
+    #[must_use]
+    pub fn of(measured: &[Packet], runs: &[Vec<Packet>], from_s: f64) -> Self {
+        let seeds = runs.iter().map(|run| Figures::of(run, from_s)).collect();
+        Self::of_figures(Figures::of(measured, from_s), seeds)
+    }
+
+    /// The figures of a measurement among those of seeds.
+    #[must_use]
+    pub fn of_figures(measured: Figures, seeds: Vec<Figures>) -> Self {
+        let scaled: Vec<Vec<f64>> = seeds.iter().map(|seed| seed.scaled().to_vec()).collect();
+        let placed = place(&measured.scaled(), &scaled);
+        Self { measured, seeds, placed }
+    }
+
+    /// A figure of the seeds: mean, and where the middle 90 % lie.
+    #[must_use]
+    pub fn model(&self, k: usize) -> (f64, [f64; 2]) {
+        spread(self.seeds.iter().map(|seed| seed.values[k]).collect())
+    }
+}
+
+/// Mean of the finite values, and where the middle 90 % lie.
+fn spread(mut values: Vec<f64>) -> (f64, [f64; 2]) {
+    values.retain(|value| value.is_finite());
+    if values.is_empty() {
+        return (f64::NAN, [f64::NAN; 2]);
+    }
+    values.sort_by(f64::total_cmp);
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (mean, [0.05, 0.95].map(|share| quantile(&values, share)))
+}
+
+/// Holds a network as configured against measured packets, nothing fitted.
+///
+/// # Errors
+///
+/// The network refuses its configuration.
+pub fn compare(
+    replay: &Replay,
+    measured: &[Packet],
+    asked: Asked,
+) -> Result<Comparison, ReplayError> {
+    let runs = replay.packets(&replay.network(), 0..asked.seeds)?;
+    Ok(told(&Among::of(measured, &runs, asked.from_s), asked))
+}
+
+/// A figure in words: `93.1 %`, `1.24 s`.
+fn shown(value: f64, unit: &str) -> String {
+    match unit {
+        "" => crate::report::text::percent(value),
+        unit => format!("{} {unit}", number(value)),
+    }
+}
+
+/// What came out, in a sentence.
+fn sentence(among: &Among) -> (&'static str, String) {
+    let n = among.seeds.len();
+    let p_value = among.placed.p_value;
+    if n < FEWEST_SEEDS {
+        let text = format!("{n} seeds are too few to tell: at least {FEWEST_SEEDS} are needed");
+        return ("too-few-seeds", text);
+    }
+    if LEVEL < p_value {
+        let text = format!(
+            "these packets could be one more run of the model: of {n} seeds {} lie as far out (p = {p_value:.3})",
+            (p_value * (n as f64 + 1.0)).round() as u64 - 1
+        );
+        return ("agrees", text);
+    }
+    let mut far: Vec<(usize, Standing)> =
+        among.placed.figures.iter().enumerate().filter_map(|(k, it)| Some((k, (*it)?))).collect();
+    far.sort_by(|a, b| b.1.z.abs().total_cmp(&a.1.z.abs()));
+    let parts: Vec<String> = far
+        .iter()
+        .enumerate()
+        .filter(|(place, (_, standing))| *place == 0 || standing.p_value <= LEVEL)
+        .take(3)
+        .map(|(_, (k, _))| {
+            let (_, [low, high]) = among.model(*k);
+            let unit = KPIS[*k].unit;
+            format!(
+                "{} is {} where the model has {} to {}",
+                KPIS[*k].name,
+                shown(among.measured.values[*k], unit),
+                shown(low, unit),
+                shown(high, unit)
+            )
+        })
+        .collect();
+    let text =
+        format!("these packets are no run of the model (p = {p_value:.3}): {}", parts.join("; "));
+    ("differs", text)
+}
+
+/// As JSON and as text.
+fn told(among: &Among, asked: Asked) -> Comparison {
+    let (verdict, sentence) = sentence(among);
+    let mut json = body(among, asked);
+    json["verdict"] = json!(verdict);
+    json["sentence"] = json!(sentence);
+    let mut text = format!(
+        "{:<20} {:>12}   {:<28} {:>8}\n",
+        "figure",
+        "measured",
+        format!("model, 90 % of {} seeds", asked.seeds),
+        "p"
+    );
+    for (k, kpi) in KPIS.iter().enumerate() {
+        let (_, [low, high]) = among.model(k);
+        let standing = among.placed.figures[k];
+        let p = standing.map_or("–".to_owned(), |standing| format!("{:.3}", standing.p_value));
+        let model = format!("{} to {}", shown(low, kpi.unit), shown(high, kpi.unit));
+        let measured = shown(among.measured.values[k], kpi.unit);
+        let _ = writeln!(text, "{:<20} {measured:>12}   {model:<28} {p:>8}", kpi.name);
+    }
+    let motes = json["motes"].as_array().into_iter().flatten();
+    let outside: Vec<String> = motes
+        .filter(|mote| mote["is_outside"] == true)
+        .map(|mote| mote["mote"].to_string())
+        .collect();
+    if !outside.is_empty() {
+        let _ = writeln!(
+            text,
+            "delivery of motes {} lies outside what 90 % of the seeds give",
+            outside.join(", ")
+        );
+    }
+    let _ = write!(text, "\n{}", upper(&sentence));
+    Comparison { json, text }
+}
+
+/// `compare/1` without a verdict.
+#[must_use]
+pub fn body(among: &Among, asked: Asked) -> Value {
+    let (mut kpis, mut scores, mut intervals) = (Vec::new(), json!({}), json!({}));
+    for (k, kpi) in KPIS.iter().enumerate() {
+        let measured = among.measured.values[k];
+        let (mean, [low, high]) = among.model(k);
+        let standing = among.placed.figures[k];
+        if standing.is_some() {
+            scores[kpi.name] = json!(measured - mean);
+            intervals[kpi.name] = json!([measured - high, measured - low]);
+        }
+        let seeds: Vec<f64> = among.seeds.iter().map(|seed| seed.values[k]).collect();
+        kpis.push(json!({
+            "name": kpi.name,
+            "unit": kpi.unit,
+            "doc": kpi.doc,
+            "measured": measured,
+            "model": { "mean": mean, "low": low, "high": high, "seeds": seeds },
+            "p_value": standing.map(|standing| standing.p_value),
+            "z": standing.map(|standing| standing.z),
+        }));
+    }
+    let (motes, by_source) = by_mote(among);
+    json!({
+        "schema": "compare/1",
+        "kind": "network",
+        "unit": "seed",
+        "seeds": asked.seeds,
+        "from_s": asked.from_s,
+        "scores": scores,
+        "intervals": intervals,
+        "kpis": kpis,
+        "motes": motes,
+        "where": [by_source],
+        "p_value": among.placed.p_value,
+    })
+}
+
+/// Delivery of each mote, and whether the error goes with the mote.
+fn by_mote(among: &Among) -> (Vec<Value>, Value) {
+    let runs = || among.seeds.iter().chain([&among.measured]);
+    let numbers: BTreeSet<u32> = runs().flat_map(|run| run.of_mote.keys().copied()).collect();
+    // A mote that sent nothing delivered nothing.
+    let share = |run: &Figures, mote: u32| run.of_mote.get(&mote).map_or(0.0, |of| of.share());
+    let scaled = |run: &Figures| -> Vec<f64> {
+        let of = |mote: &u32| run.of_mote.get(mote).copied().unwrap_or_default();
+        let odds =
+            |of: OfMote| (f64::from(of.arrived) + 0.5) / (f64::from(of.sent - of.arrived) + 0.5);
+        numbers.iter().map(|mote| libm::log(odds(of(mote)))).collect()
+    };
+    let seeds: Vec<Vec<f64>> = among.seeds.iter().map(scaled).collect();
+    let placed = place(&scaled(&among.measured), &seeds);
+    let mut motes = Vec::new();
+    let mut bins = Vec::new();
+    for &mote in &numbers {
+        let of = among.measured.of_mote.get(&mote).copied().unwrap_or_default();
+        let measured = share(&among.measured, mote);
+        let (mean, [low, high]) =
+            spread(among.seeds.iter().map(|seed| share(seed, mote)).collect());
+        motes.push(json!({
+            "mote": mote,
+            "sent": of.sent,
+            "arrived": of.arrived,
+            "delivery": measured,
+            "model": { "mean": mean, "low": low, "high": high },
+            "is_outside": measured < low || high < measured,
+        }));
+        bins.push(json!({
+            "from": mote,
+            "to": mote,
+            "n": of.sent,
+            "bias": measured - mean,
+            "rmse": (measured - mean).abs(),
+        }));
+    }
+    let by_source = json!({
+        "covariate": "source",
+        "explained": Value::Null,
+        "p_value": placed.p_value,
+        "bins": bins,
+    });
+    (motes, by_source)
+}

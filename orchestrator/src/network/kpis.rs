@@ -1,0 +1,194 @@
+//! The figures of packets that are compared.
+
+use crate::measure::packets::Packet;
+use crate::record::quantile;
+use std::collections::BTreeMap;
+
+/// How a figure is spread about its middle: on which scale differences are told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// A share: log odds.
+    Share,
+    /// A time, or a number above 0: logarithm.
+    Ratio,
+}
+
+/// A figure.
+#[derive(Clone, Copy, Debug)]
+pub struct Kpi {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit; empty for a share.
+    pub unit: &'static str,
+    /// What it is.
+    pub doc: &'static str,
+    /// Its scale.
+    pub scale: Scale,
+}
+
+const fn kpi(name: &'static str, unit: &'static str, doc: &'static str, scale: Scale) -> Kpi {
+    Kpi { name, unit, doc, scale }
+}
+
+/// All figures, in the order of [`Figures::values`].
+pub const KPIS: [Kpi; 11] = [
+    kpi("delivery", "", "packets that arrived, of all", Scale::Share),
+    kpi("delivery_worst", "", "the same, of the mote that fares worst", Scale::Share),
+    kpi(
+        "latency_p10_s",
+        "s",
+        "time under way that a tenth of the packets stays below",
+        Scale::Ratio,
+    ),
+    kpi("latency_p50_s", "s", "median of the time under way", Scale::Ratio),
+    kpi("latency_p90_s", "s", "time under way that a tenth of the packets exceeds", Scale::Ratio),
+    kpi("latency_per_hop_s", "s", "median of the time under way for each hop", Scale::Ratio),
+    kpi("hops_mean", "hops", "mean of the hops", Scale::Ratio),
+    kpi(
+        "join_p50_s",
+        "s",
+        "when the first packet of a mote arrived: median of motes",
+        Scale::Ratio,
+    ),
+    kpi("join_last_s", "s", "when the first packet of a mote arrived: the last mote", Scale::Ratio),
+    kpi("silence_s", "s", "longest time between two packets of a mote that arrived", Scale::Ratio),
+    kpi("packets", "packets", "packets that were made", Scale::Ratio),
+];
+
+/// What became of a mote's packets.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OfMote {
+    /// Packets it made.
+    pub sent: u32,
+    /// Those that arrived.
+    pub arrived: u32,
+}
+
+impl OfMote {
+    /// Share that arrived.
+    #[must_use]
+    pub fn share(self) -> f64 {
+        f64::from(self.arrived) / f64::from(self.sent)
+    }
+}
+
+/// The figures of one campaign, or of one seed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figures {
+    /// Those of [`KPIS`]; NaN where there is nothing to tell.
+    pub values: [f64; KPIS.len()],
+    /// By mote that sent.
+    pub of_mote: BTreeMap<u32, OfMote>,
+}
+
+/// A mote with fewer packets is no judge of delivery by itself.
+const FEWEST_OF_MOTE: u32 = 5;
+
+impl Figures {
+    /// Of packets, made from `from_s` on.
+    #[must_use]
+    pub fn of(packets: &[Packet], from_s: f64) -> Self {
+        let packets = || packets.iter().filter(|packet| from_s <= packet.time_s);
+        let mut of_mote: BTreeMap<u32, OfMote> = BTreeMap::new();
+        let mut arrivals: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
+        let (mut latencies, mut per_hop, mut hops) = (Vec::new(), Vec::new(), Vec::new());
+        for packet in packets() {
+            let of = of_mote.entry(packet.source).or_default();
+            of.sent += 1;
+            let Some(received_s) = packet.received_s else { continue };
+            of.arrived += 1;
+            arrivals.entry(packet.source).or_default().push(received_s);
+            latencies.push(received_s - packet.time_s);
+            if let Some(n) = packet.hops {
+                hops.push(f64::from(n));
+                per_hop.push((received_s - packet.time_s) / f64::from(n));
+            }
+        }
+        let joins: Vec<f64> = arrivals
+            .values()
+            .map(|times| times.iter().copied().fold(f64::INFINITY, f64::min))
+            .collect();
+        let silence = arrivals.values_mut().flat_map(|times| {
+            times.sort_by(f64::total_cmp);
+            times.windows(2).map(|pair| pair[1] - pair[0])
+        });
+        let silence_s = silence.fold(f64::NAN, f64::max);
+        let (sent, arrived) =
+            of_mote.values().fold((0, 0), |(a, b), of| (a + of.sent, b + of.arrived));
+        let judged = of_mote.values().filter(|of| FEWEST_OF_MOTE <= of.sent);
+        let worst = judged.map(|of| of.share()).fold(f64::NAN, f64::min);
+        let at = |values: &mut Vec<f64>, share: f64| {
+            values.sort_by(f64::total_cmp);
+            if values.is_empty() { f64::NAN } else { quantile(values, share) }
+        };
+        let mean_hops = hops.iter().sum::<f64>() / hops.len() as f64;
+        let mut joins = joins;
+        let values = [
+            f64::from(arrived) / f64::from(sent),
+            worst,
+            at(&mut latencies, 0.1),
+            at(&mut latencies, 0.5),
+            at(&mut latencies, 0.9),
+            at(&mut per_hop, 0.5),
+            mean_hops,
+            at(&mut joins, 0.5),
+            at(&mut joins, 1.0),
+            silence_s,
+            f64::from(sent),
+        ];
+        Self { values, of_mote }
+    }
+
+    /// The figures on their scales: for differences. `n`: packets, so that a share of all or none stays finite.
+    #[must_use]
+    pub fn scaled(&self) -> [f64; KPIS.len()] {
+        let n = f64::from(self.of_mote.values().map(|of| of.sent).sum::<u32>().max(1));
+        let mut scaled = self.values;
+        for (value, kpi) in scaled.iter_mut().zip(&KPIS) {
+            *value = match kpi.scale {
+                Scale::Share => {
+                    let share = (*value * n + 0.5) / (n + 1.0);
+                    libm::log(share / (1.0 - share))
+                }
+                // A hundredth of a second is a slot: finer differences are none.
+                Scale::Ratio => libm::log(*value + 0.01),
+            };
+        }
+        scaled
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn packet(time_s: f64, source: u32, received_s: Option<f64>, hops: u32) -> Packet {
+        let hops = received_s.map(|_| hops);
+        Packet { time_s, source, destination: 0, received_s, hops, payload_bytes: None }
+    }
+
+    #[test]
+    fn figures_are_those_of_the_packets() {
+        let mut packets = Vec::new();
+        for k in 0..10 {
+            let time_s = 10.0 * f64::from(k);
+            packets.push(packet(time_s, 1, Some(time_s + 1.0), 1));
+            // Every second one of mote 2 is lost.
+            packets.push(packet(time_s, 2, (k % 2 == 0).then_some(time_s + 4.0), 2));
+        }
+        let figures = Figures::of(&packets, 0.0);
+        let named =
+            |name: &str| figures.values[KPIS.iter().position(|kpi| kpi.name == name).unwrap()];
+        assert_eq!((named("delivery"), named("delivery_worst")), (0.75, 0.5));
+        assert_eq!((named("latency_p10_s"), named("latency_p90_s")), (1.0, 4.0));
+        assert_eq!(named("latency_per_hop_s"), 1.0);
+        assert!((named("hops_mean") - 4.0 / 3.0).abs() < 1e-12);
+        assert_eq!((named("join_p50_s"), named("join_last_s")), (2.5, 4.0));
+        assert_eq!(named("silence_s"), 20.0);
+        // Without the first half.
+        let later = Figures::of(&packets, 50.0);
+        assert_eq!(later.values[0], 0.7);
+        assert_eq!(later.of_mote[&2], OfMote { sent: 5, arrived: 2 });
+        assert!(figures.scaled().iter().all(|value| value.is_finite()));
+    }
+}

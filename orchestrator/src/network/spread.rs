@@ -1,0 +1,123 @@
+//! A measurement against the spread of seeds.
+//!
+//! If the model is right the measurement is one more run of it: among its figures and those of `S` seeds none is special. So
+//! the chance that it lies as far out as it does, or further, is its rank among all `S + 1`, whatever the figures'
+//! distributions. For all figures together, the one in which a run is furthest out counts, in units of the scatter of all
+//! `S + 1`: that rank is exact too, and needs no correction for several figures being looked at.
+
+use crate::record::quantile;
+
+/// A figure of a measurement among those of seeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standing {
+    /// Mean of the seeds.
+    pub mean: f64,
+    /// Where the middle 90 % of the seeds lie.
+    pub interval: [f64; 2],
+    /// Chance to be as far out, on either side.
+    pub p_value: f64,
+    /// How far out it is, in standard deviations of the whole.
+    pub z: f64,
+}
+
+/// A measurement among seeds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    /// By figure; `None`: it is not known of the measurement, or of a seed.
+    pub figures: Vec<Option<Standing>>,
+    /// Chance that one of the figures lies as far out as it does.
+    pub p_value: f64,
+}
+
+/// The chance below which a measurement is taken for none of the model's runs.
+pub const LEVEL: f64 = 0.05;
+/// Fewer seeds cannot tell at that level.
+pub const FEWEST_SEEDS: usize = 19;
+
+/// Places a measurement among seeds. Figures are given on scales on which differences mean the same everywhere.
+#[must_use]
+pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placed {
+    let n = seeds.len() as f64;
+    let is_known = |k: usize| {
+        !seeds.is_empty() && measured[k].is_finite() && seeds.iter().all(|seed| seed[k].is_finite())
+    };
+    let known: Vec<usize> = (0..measured.len()).filter(|&k| is_known(k)).collect();
+    let all = || seeds.iter().map(Vec::as_slice).chain([measured]);
+    let scatter: Vec<(f64, f64)> = (0..measured.len())
+        .map(|k| {
+            let mean = all().map(|run| run[k]).sum::<f64>() / (n + 1.0);
+            let squares: f64 = all().map(|run| (run[k] - mean).powi(2)).sum();
+            (mean, (squares / n.max(1.0)).sqrt())
+        })
+        .collect();
+    let out = |run: &[f64], k: usize| {
+        let (mean, sd) = scatter[k];
+        // What differs in nothing but rounding differs in nothing.
+        if sd <= 1e-9 * mean.abs().max(1e-9) { 0.0 } else { (run[k] - mean) / sd }
+    };
+    let furthest =
+        |run: &[f64]| known.iter().map(|&k| out(run, k).abs()).fold(0.0, f64::max) * (1.0 - 1e-12);
+    let here = furthest(measured);
+    let as_far = seeds.iter().filter(|seed| here <= furthest(seed) / (1.0 - 1e-12)).count();
+    let figures = (0..measured.len())
+        .map(|k| {
+            known.contains(&k).then(|| {
+                let mut values: Vec<f64> = seeds.iter().map(|seed| seed[k]).collect();
+                values.sort_by(f64::total_cmp);
+                let below = values.iter().filter(|&&value| value <= measured[k]).count() as f64;
+                let above = values.iter().filter(|&&value| measured[k] <= value).count() as f64;
+                Standing {
+                    mean: values.iter().sum::<f64>() / n,
+                    interval: [0.05, 0.95].map(|share| quantile(&values, share)),
+                    p_value: (2.0 * (1.0 + below.min(above)) / (n + 1.0)).min(1.0),
+                    z: out(measured, k),
+                }
+            })
+        })
+        .collect();
+    Placed { figures, p_value: (1.0 + as_far as f64) / (n + 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::rng::{Draws, Purpose};
+
+    /// Figures that depend on each other, with long tails.
+    fn run(number: u64, shift: f64) -> Vec<f64> {
+        let draws = Draws::new(7, Purpose::Resample);
+        let common = draws.normal(number, 0, 0);
+        (1..6)
+            .map(|k| {
+                libm::exp(draws.normal(number, k, 0) + common) + if k == 3 { shift } else { 0.0 }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_run_of_the_model_itself_is_far_out_as_often_as_said() {
+        let n = 400u64;
+        let mut false_alarms = 0;
+        for trial in 0..n {
+            let seeds: Vec<Vec<f64>> = (1..40).map(|seed| run(trial * 100 + seed, 0.0)).collect();
+            let placed = place(&run(trial * 100, 0.0), &seeds);
+            false_alarms += u64::from(placed.p_value <= LEVEL);
+        }
+        // 20 expected of 400, standard deviation 4.4.
+        assert!((7..=33).contains(&false_alarms), "{false_alarms}");
+    }
+
+    #[test]
+    fn what_no_seed_comes_near_is_found_and_named() {
+        let seeds: Vec<Vec<f64>> = (1..40).map(|seed| run(seed, 0.0)).collect();
+        let placed = place(&run(0, 100.0), &seeds);
+        assert_eq!(placed.p_value, 1.0 / 40.0);
+        let standing = placed.figures[2].unwrap();
+        assert_eq!(standing.p_value, 2.0 / 40.0);
+        assert!(standing.interval[1] < standing.mean + 100.0 && 5.0 < standing.z);
+        // A figure that nobody knows is left out.
+        let mut measured = run(0, 0.0);
+        measured[1] = f64::NAN;
+        assert_eq!(place(&measured, &seeds).figures[1], None);
+    }
+}
