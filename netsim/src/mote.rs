@@ -354,6 +354,12 @@ impl Mote {
         }
     }
 
+    /// Whether it is switched on.
+    #[must_use]
+    pub fn is_on(&self) -> bool {
+        self.tally.on_since_asn.is_some()
+    }
+
     /// What it still needs to take part; `None`: nothing.
     #[must_use]
     pub fn lacks(&self) -> Option<Lack> {

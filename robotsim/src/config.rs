@@ -1,5 +1,6 @@
 //! The `[robotsim]` section: its description, and what no description can check.
 
+use crate::absence::{self, Absence};
 use crate::controller::{self, Controller};
 use crate::dynamics::contacts::{self, Contacts};
 use crate::dynamics::{self, Dynamics};
@@ -57,6 +58,12 @@ pub const SPEC: TableSpec = TableSpec {
             Kind::Tables(&obstacles::SPEC),
             Default::Absent,
         ),
+        field(
+            "absence",
+            "Robots that come late, are lost, or are away for a time.",
+            Kind::Tables(&absence::SPEC),
+            Default::Absent,
+        ),
         field("dynamics", "How the robots move.", Kind::Table(&dynamics::SPEC), Default::Table),
         field(
             "localization",
@@ -111,6 +118,8 @@ pub struct Behaviour {
     pub controller: Box<dyn Controller>,
     /// How obstacles of the place move.
     pub courses: Vec<Course>,
+    /// Who is not there when.
+    pub absences: Vec<Absence>,
 }
 
 /// What a part of a configuration is checked against.
@@ -217,15 +226,18 @@ fn build_behaviour(
         files: &BTreeMap::new(),
     };
     let controller = controller::build(part(table, "controller"), &context, problems);
+    let tables = |key: &str| table.get(key).and_then(toml::Value::as_array).map_or(&[][..], |t| t);
     let context = Context { path: join(path, "obstacle"), ..context };
-    let tables = table.get("obstacle").and_then(toml::Value::as_array).map_or(&[][..], |t| t);
-    let courses = obstacles::build(tables, site, &context, problems);
+    let courses = obstacles::build(tables("obstacle"), site, &context, problems);
+    let context = Context { path: join(path, "absence"), ..context };
+    let absences = absence::build(tables("absence"), &context, problems);
     Some(Behaviour {
         knowledge: knowledge?,
         memory,
         dynamics: dynamics?,
         controller: controller?,
         courses,
+        absences,
     })
 }
 

@@ -14,10 +14,12 @@
 //! | [`controller`] | who wants to go where: one file per controller, one list |
 //! | [`line_fit`] | the straight line nearest to some points, by two rules |
 //! | [`dynamics`] | from command to motion: bodies, and one file per effect of real robots |
+//! | [`absence`] | robots that come late and robots that are lost |
 //! | [`obstacles`] | how obstacles of the place move |
 //! | [`scenario`] | where everyone begins: one file per scenario, one list |
 //! | [`config`] | the `[robotsim]` section: its description and its checks |
 
+pub mod absence;
 pub mod config;
 pub mod controller;
 pub mod dynamics;

@@ -4,7 +4,7 @@ use crate::config::{self, Behaviour};
 use crate::controller::{self, Links, View};
 use crate::dynamics::{Command, Memory, Step};
 use crate::knowledge::{Knowledge, Remembered, Source};
-use crate::{obstacles, payload, scenario};
+use crate::{absence, obstacles, payload, scenario};
 use proto::config::Problem;
 use proto::rng::{Draws, Purpose};
 use proto::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator, RobotStart, Setup};
@@ -72,6 +72,7 @@ impl RobotSimulator for Swarm {
         dynamics.complete(&mut states);
         let mut memory = dynamics.memory(n_agents);
         let site = setup.site.clone();
+        absence::mark(&config.behaviour.absences, 0, &mut states);
         dynamics.make_room(&site, &mut states);
         let start = Step { from_ns: 0, until_ns: 0, site: &site, courses: &[], seed };
         let measured = dynamics.measured(&start, &states, &mut memory);
@@ -163,6 +164,14 @@ impl RobotSimulator for Swarm {
         };
         state.free_ns += input.until_ns - input.from_ns;
         behaviour.dynamics.advance(&step, &commands, &mut state.states, &mut state.memory);
+        for gone in absence::mark(&behaviour.absences, state.free_ns, &mut state.states) {
+            if let Some(memory) = state.memory.get_mut(gone) {
+                behaviour.dynamics.stand_still(std::slice::from_mut(memory));
+            }
+            if let Some(remembered) = state.remembered.get_mut(gone) {
+                remembered.clear();
+            }
+        }
         state.measured = behaviour.dynamics.measured(&step, &state.states, &mut state.memory);
         RobotOutput {
             states: state.states.clone(),

@@ -14,8 +14,6 @@ impl Mesh {
             match &command.order {
                 MoteOrder::Kill(mote) => {
                     self.switch_off(*mote, asn);
-                    // It may have been the last one that was missing.
-                    self.readiness_changed = true;
                 }
                 MoteOrder::Revive(mote) | MoteOrder::Add(mote) => {
                     if self.state.place.is_alive(*mote as usize) {
@@ -65,6 +63,8 @@ impl Mesh {
         let (of, mut world) = self.at(mote, asn);
         if of.tally.on_since_asn.is_some() {
             of.switch_off(&mut world);
+            // It may have been the last one that was missing.
+            self.readiness_changed = true;
             self.hush.forget(mote);
             self.state.calendar.set(mote, None);
         }

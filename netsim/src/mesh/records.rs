@@ -86,9 +86,8 @@ impl Mesh {
             return;
         }
         let state = &mut self.state;
-        let all = (0..state.motes.len())
-            .filter(|&mote| state.place.is_alive(mote))
-            .all(|mote| state.motes[mote].ready);
+        let mut on = state.motes.iter().filter(|mote| mote.is_on());
+        let all = on.all(|mote| mote.ready);
         if all {
             state.formed.formed_ns = Some((asn + 1) * self.config.slot_ns);
         }
@@ -105,9 +104,7 @@ impl Mesh {
         };
         if formed_ns.is_none() {
             for mote in &self.state.motes {
-                if let (true, Some(lack)) =
-                    (self.state.place.is_alive(mote.id as usize), mote.lacks())
-                {
+                if let (true, Some(lack)) = (mote.is_on(), mote.lacks()) {
                     formation.missing.push(mote.id);
                     formation.reason.push(lack as u32);
                 }

@@ -1,5 +1,6 @@
 //! The swarm as its host sees it: configured, stepped, saved and restored.
 
+mod absence;
 mod air;
 mod bodies;
 mod config;

@@ -1,0 +1,102 @@
+//! Robots that come late and robots that are lost.
+
+use crate::config::{Context, field};
+use proto::config::{Default, Kind, Problem, Range, TableSpec};
+use proto::types::{AgentStates, Bitmap, NS_PER_S};
+use serde::Deserialize;
+
+/// Description of `[[robotsim.absence]]`.
+pub(crate) const SPEC: TableSpec = TableSpec {
+    doc: "Robots that are not there for a time. They do not move, send or hear, nothing meets them, and figures leave them out.",
+    fields: &[
+        field(
+            "robots",
+            "Which ones, counted from 0.",
+            Kind::List {
+                of: &Kind::Integer { min: 0, max: u32::MAX as i64 - 1 },
+                min: 1,
+                max: usize::MAX,
+            },
+            Default::Required,
+        ),
+        field(
+            "from_s",
+            "From when on (s), counted as duration_s is: from when the robots start. 0: from the beginning, while the network \
+             forms, too.",
+            Kind::Number(Range::closed(0.0, 1e9)),
+            Default::Number(0.0),
+        ),
+        field(
+            "until_s",
+            "Until when (s), counted as from_s. Then they are where they were last, or where the scenario put them. Absent: for good.",
+            Kind::Number(Range::above(0.0, 1e9)),
+            Default::Absent,
+        ),
+    ],
+    tag: None,
+};
+
+/// Some robots that are not there for a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Absence {
+    robots: Vec<u32>,
+    from_ns: u64,
+    until_ns: u64,
+}
+
+#[derive(Debug, Deserialize)]
+struct Raw {
+    robots: Vec<u32>,
+    from_s: f64,
+    until_s: Option<f64>,
+}
+
+/// Of checked tables, the first of which stands at the path of the context with an index of 0.
+pub(crate) fn build(
+    tables: &[toml::Value],
+    context: &Context<'_>,
+    problems: &mut Vec<Problem>,
+) -> Vec<Absence> {
+    let mut absences = Vec::new();
+    for (index, table) in tables.iter().enumerate() {
+        let Ok(Raw { robots, from_s, until_s }) = table.clone().try_into() else { continue };
+        let at = |key: &str| format!("{}[{index}].{key}", context.path);
+        for robot in &robots {
+            if context.n_agents <= *robot as usize {
+                let n = context.n_agents;
+                let problem =
+                    Problem::new(at("robots"), format!("must be below {n}, their number"));
+                problems.push(problem.value(robot.to_string()));
+            }
+        }
+        if let Some(until_s) = until_s.filter(|until_s| *until_s <= from_s) {
+            let problem =
+                Problem::new(at("until_s"), format!("must be later than from_s, {from_s:?}"));
+            problems.push(problem.value(format!("{until_s:?}")));
+        }
+        let ns = |time_s: f64| libm::round(time_s * NS_PER_S as f64) as u64;
+        let (from_ns, until_ns) = (ns(from_s), until_s.map_or(u64::MAX, ns));
+        absences.push(Absence { robots, from_ns, until_ns });
+    }
+    absences
+}
+
+/// Marks who is there at a time since the robots started; the others are at rest. Returns those who have just gone.
+pub(crate) fn mark(absences: &[Absence], time_ns: u64, states: &mut AgentStates) -> Vec<usize> {
+    if absences.is_empty() {
+        return Vec::new();
+    }
+    let before = std::mem::replace(&mut states.alive, Bitmap::filled(states.x_m.len(), true));
+    for absence in absences {
+        if (absence.from_ns..absence.until_ns).contains(&time_ns) {
+            for &robot in &absence.robots {
+                states.alive.set(robot as usize, false);
+            }
+        }
+    }
+    let gone: Vec<usize> = before.iter_ones().filter(|&robot| !states.alive.get(robot)).collect();
+    for &robot in &gone {
+        [states.vx_mps[robot], states.vy_mps[robot], states.vz_mps[robot]] = [0.0; 3];
+    }
+    gone
+}
