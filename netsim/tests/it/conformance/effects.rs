@@ -188,5 +188,6 @@ fn motes_reboot_as_often_as_said_and_lose_what_they_hold() {
     // 60,000 s: 200 expected, less those while it still looked for the network.
     assert!((140..=240).contains(&n_reboots), "{n_reboots}");
     let lost = bench.ended.iter().filter(|ended| ended.lost.is_some()).count();
-    assert!(0 < lost && lost < bench.ended.len() / 2, "{lost} of {}", bench.ended.len());
+    // Away for as long as a join takes, each time: neither nothing nor everything is lost.
+    assert!(0 < lost && lost < bench.ended.len(), "{lost} of {}", bench.ended.len());
 }
