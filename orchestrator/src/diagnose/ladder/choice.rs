@@ -40,6 +40,7 @@ impl<S: Study> Search<'_, S> {
         }
         let effect = best_of(&|trial| !is_curve(trial));
         let Some(mut best) = effect else { return curve };
+        let whole = best;
         while let Some(special) = self.special_case(best, trials, accepted) {
             best = special;
         }
@@ -65,7 +66,11 @@ impl<S: Study> Search<'_, S> {
             let is_random = candidates[trials[best].term].level == Level::Random;
             let margin =
                 if is_random { 0.0 } else { (2.0 * over.standard_error).max(WORTH_NATS / 10.0) };
-            if margin < over.gain {
+            // Levels of nodes and links that explain more of the same than the curve leave it to the law that goes before them.
+            let own = self.study.judged(candidates[trials[curve].term].level);
+            let is_beaten = whole != best
+                && self.between_at(&trials[curve], &trials[whole], accepted, own).gain <= 0.0;
+            if margin < over.gain && !is_beaten {
                 return Some(curve);
             }
         }

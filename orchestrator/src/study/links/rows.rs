@@ -282,8 +282,9 @@ fn stand_still(ends: &[(End, End)]) -> BTreeMap<u32, bool> {
             high[k] = high[k].max(end.position_m[k]);
         }
     }
-    let stands = |low: [f64; 3], high: [f64; 3]| (0..3).all(|k| high[k] - low[k] < STILL_M);
-    extents.into_iter().map(|(id, (low, high))| (id, stands(low, high))).collect()
+    // Of nodes whose places are unknown nothing says that they move.
+    let moves = |low: [f64; 3], high: [f64; 3]| (0..3).any(|k| STILL_M <= high[k] - low[k]);
+    extents.into_iter().map(|(id, (low, high))| (id, !moves(low, high))).collect()
 }
 
 fn for_kept<T>(values: &mut Vec<T>, known: &[bool]) {

@@ -25,8 +25,22 @@ const ALIKE: f64 = 0.01;
 /// Points of an integral. It reaches on both sides to where the integrand has fallen by so much (nats).
 const POINTS: usize = 25;
 const REACH_NATS: f64 = 14.0;
-/// The mean of what changes slowly needs only every so many of them.
-const EVERY: usize = 3;
+/// A part of an integrand less than this share of the greatest is taken not to change with the noise.
+const LEAST_PART: f64 = 1e-4;
+/// Integrands narrower than this (standard deviations of the noise, over which chances of reception change) are summed at few
+/// points: those of Gauss and Hermite with their weights (Abramowitz and Stegun, table 25.10), for unit width.
+const NARROW: f64 = 0.4;
+/// … if the outermost of them lie so much lower than the top (nats), as they do on a normal density: 7.
+const OUTERMOST_NATS: f64 = 5.0;
+const HERMITE: [(f64, f64); 7] = [
+    (-3.750_439_717_725_742_5, 1.557_516_854_473_175_2),
+    (-2.366_759_410_734_541_5, 1.268_810_629_590_737_8),
+    (-1.154_405_394_739_968_2, 1.171_940_823_270_109_2),
+    (0.0, 1.145_887_211_259_886_1),
+    (1.154_405_394_739_968_2, 1.171_940_823_270_109_2),
+    (2.366_759_410_734_541_5, 1.268_810_629_590_737_8),
+    (3.750_439_717_725_742_5, 1.557_516_854_473_175_2),
+];
 /// Frames of levels this many standard deviations below the likeliest must pass alike for an integral in closed form.
 const ALIKE_SD: f64 = 7.0;
 /// What rows of which nothing was received say is tabulated so many standard deviations of their level beyond the curve, at about so
@@ -253,7 +267,28 @@ impl Instrument {
                 break;
             }
         }
-        // A wall of losses on one side leaves a long slope on the other.
+        // Beside a reading nothing but a normal density is left of the integrand; without one a wall of losses on one side leaves a
+        // long slope on the other.
+        if seen.reading_dbm.is_finite() && width < NARROW * self.sd_db {
+            let few = HERMITE.map(|(z, weight)| (z * width, weight * width));
+            let logs = few.map(|(away, _)| at(top + away));
+            let is_normal = |log: &f64| *log < logs[3] - OUTERMOST_NATS;
+            if [&logs[0], &logs[6]].into_iter().all(is_normal) {
+                return self.sum_over(seen, level, (mean, variance), top, &few, &logs);
+            }
+        }
+        let points = Self::trapezia(&at, top, width, variance);
+        let logs = points.map(|(away, _)| at(top + away));
+        self.sum_over(seen, level, (mean, variance), top, &points, &logs)
+    }
+
+    /// Points about the top of an integrand at equal steps, to where it has fallen low, each with its weight.
+    fn trapezia(
+        at: &dyn Fn(f64) -> f64,
+        top: f64,
+        width: f64,
+        variance: f64,
+    ) -> [(f64, f64); POINTS] {
         let here = at(top);
         let reach = |sign: f64| {
             let mut reach = 2.0 * width;
@@ -264,30 +299,43 @@ impl Instrument {
         };
         let (low, high) = (reach(-1.0), reach(1.0));
         let step = (high - low) / (POINTS - 1) as f64;
-        let away = |k: usize| low + k as f64 * step;
-        let logs: [f64; POINTS] = std::array::from_fn(|k| at(top + away(k)));
-        let highest = (0..POINTS).fold(0, |best, k| if logs[best] < logs[k] { k } else { best });
-        let best = logs[highest];
+        std::array::from_fn(|k| (low + k as f64 * step, step))
+    }
+
+    /// The integral by points about the top of its integrand, each with its weight, and the logarithms of the integrand there.
+    fn sum_over<const N: usize>(
+        &self,
+        seen: &Seen,
+        level: &Level,
+        (mean, variance): (f64, f64),
+        top: f64,
+        points: &[(f64, f64); N],
+        logs: &[f64; N],
+    ) -> Integral {
+        let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
-        for (k, log) in logs.iter().enumerate() {
-            let away = away(k);
-            let part = (log - best).exp();
+        for (&(away, weight), log) in points.iter().zip(logs) {
+            let part = weight * (log - best).exp();
             total += part;
             first += part * away;
             second += part * away * away;
         }
         let (shift, square) = (first / total, second / total);
-        let log = best + (total * step).ln() - 0.5 * (std::f64::consts::TAU * variance).ln();
+        let log = best + total.ln() - 0.5 * (variance.ln() + LN_TAU);
         let left = (square - shift * shift).max(1e-12);
-        // The same integral with frames that vary a little more, as a ratio: at some of the points, the highest among them.
+        // The same integral with frames that vary a little more, as a ratio.
         let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
-            let (mut sum, mut total) = (0.0, 0.0);
-            for k in (highest % EVERY..POINTS).step_by(EVERY) {
-                let u = top + away(k);
-                let prior = -0.5 * (u - mean) * (u - mean) / variance;
-                let part = (logs[k] - best).exp();
-                sum += part * (wider.seen_at(seen, level, u) + prior - logs[k]).exp();
-                total += part;
+            let mut sum = 0.0;
+            for (&(away, weight), log) in points.iter().zip(logs) {
+                let part = (log - best).exp();
+                if LEAST_PART < part {
+                    let u = top + away;
+                    let prior = -0.5 * (u - mean) * (u - mean) / variance;
+                    let ratio = wider.seen_at(seen, level, u) + prior - log;
+                    sum += weight * part * ratio.exp();
+                } else {
+                    sum += weight * part;
+                }
             }
             (sum / total).ln() / WIDER.ln()
         });
@@ -536,6 +584,25 @@ mod tests {
             assert!((a.log - b.log).abs() < 2e-3, "{power}: {a:?} {b:?}");
             assert!((a.over_level - b.over_level).abs() < 1e-3, "{power}: {a:?} {b:?}");
             assert!((a.over_ln_sd - b.over_ln_sd).abs() < 1e-3, "{power}: {a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn few_points_say_what_many_say() {
+        let few = instrument(2.0, 3.0);
+        for (received, rssi) in [(99.0, -84.0), (80.0, -88.5), (50.0, -88.5), (10.0, -89.0)] {
+            for power in [-80.0, -90.0, -96.0] {
+                let row = row(100.0, received, rssi);
+                let seen = Seen::of(&row, &few);
+                let u = |k: u32| -120.0 + 0.005 * f64::from(k);
+                let sum: f64 = (0..14_000)
+                    .map(|k| few.seen_at(&seen, &PLAIN, u(k)) - (u(k) - power).powi(2) / 18.0)
+                    .map(f64::exp)
+                    .sum();
+                let exact = (sum * 0.005).ln() - 0.5 * (9f64.ln() + LN_TAU);
+                let found = few.integral(&seen, &PLAIN, power, 9.0).log;
+                assert!((found - exact).abs() < 0.01, "{received} at {power}: {found} {exact}");
+            }
         }
     }
 
