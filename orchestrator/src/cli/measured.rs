@@ -130,11 +130,18 @@ pub(super) fn account_text(account: &Account) {
 pub(super) struct AnswerArgs {
     #[command(flatten)]
     data: DataArgs,
-    #[command(flatten)]
-    replay: ReplayArgs,
     /// Write what was found as a page with pictures (HTML, one file, opens without a network)
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+}
+
+/// The same, and how packets are replayed.
+#[derive(Args)]
+pub(super) struct CompareArgs {
+    #[command(flatten)]
+    answer: AnswerArgs,
+    #[command(flatten)]
+    replay: ReplayArgs,
 }
 
 impl AnswerArgs {
@@ -149,27 +156,25 @@ impl AnswerArgs {
     }
 
     /// What was asked, as it would be typed.
-    fn command(&self, json: &Value) -> String {
+    fn command(&self, json: &Value, choices: &str) -> String {
         let verb = if json["schema"] == "diagnose/1" { "diagnose" } else { "compare" };
         let data = &self.data;
         let set: String = data.set.iter().map(|key| format!(" --set '{key}'")).collect();
         let report = self.report.as_deref().map(Path::display);
-        let is_network = json["kind"] == "network";
         format!(
-            "orchestrator {verb} {} --data {}{set}{} --report {}",
+            "orchestrator {verb} {} --data {}{set}{choices} --report {}",
             data.config.display(),
             data.data.display(),
-            if is_network { self.replay.words() } else { data.choices.words() },
             report.map_or_else(String::new, |report| report.to_string())
         )
     }
 
     /// Writes what was found of a network.
-    fn write_network(&self, json: &Value) -> Result<(), Failure> {
+    fn write_network(&self, replay: &ReplayArgs, json: &Value) -> Result<(), Failure> {
         write_json(self.data.json.as_deref(), json)?;
         let Some(path) = &self.report else { return Ok(()) };
         let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
-        let page = crate::report::packets::page(&name, &self.command(json), json);
+        let page = crate::report::packets::page(&name, &self.command(json, &replay.words()), json);
         write_whole("--report", path, &page)?;
         say(format!("look at {}", path.display()));
         Ok(())
@@ -187,7 +192,7 @@ impl AnswerArgs {
         let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let contents = Contents {
             config: name,
-            command: self.command(json),
+            command: self.command(json, &self.data.choices.words()),
             json,
             site: &config.site,
             rows,
@@ -281,14 +286,15 @@ pub(super) struct ExtendArgs {
 }
 
 /// `orchestrator compare`.
-pub(super) fn compare(args: &AnswerArgs) -> Result<(), Failure> {
+pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
+    let CompareArgs { answer: args, replay } = args;
     args.check_places()?;
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     if packets::has_shape(&table).is_ok() {
-        let opened = data.open_packets(&args.replay, &table)?;
-        return args.write_network(&super::packets::compare(&opened)?);
+        let opened = data.open_packets(replay, &table)?;
+        return args.write_network(replay, &super::packets::compare(&opened)?);
     }
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
