@@ -1,9 +1,11 @@
 //! The `[robotsim]` section: its description, and what no description can check.
 
 use crate::absence::{self, Absence};
-use crate::controller::{self, Controller};
+use crate::controller::{self, Team};
+use crate::dynamics;
 use crate::dynamics::contacts::{self, Contacts};
-use crate::dynamics::{self, Dynamics};
+use crate::dynamics::fleet::Fleet;
+use crate::group;
 use crate::knowledge::{Memory, Source};
 use crate::obstacles::{self, Course};
 use crate::scenario::{self, Scenario};
@@ -64,7 +66,12 @@ pub const SPEC: TableSpec = TableSpec {
             Kind::Tables(&absence::SPEC),
             Default::Absent,
         ),
-        field("dynamics", "How the robots move.", Kind::Table(&dynamics::SPEC), Default::Table),
+        field(
+            "dynamics",
+            "How robots move whose group says nothing of it.",
+            Kind::Table(&dynamics::SPEC),
+            Default::Table,
+        ),
         field(
             "localization",
             "How well robots know where they are.",
@@ -72,7 +79,18 @@ pub const SPEC: TableSpec = TableSpec {
             Default::Absent,
         ),
         field("scenario", "Where they begin.", Kind::Table(&scenario::SPEC), Default::Table),
-        field("controller", "What they want.", Kind::Table(&controller::SPEC), Default::Table),
+        field(
+            "controller",
+            "What robots want whose group says nothing of it.",
+            Kind::Table(&controller::SPEC),
+            Default::Absent,
+        ),
+        field(
+            "group",
+            "Groups of different robots. Absent: all are alike.",
+            Kind::Tables(&group::SPEC),
+            Default::Absent,
+        ),
     ],
     tag: None,
 };
@@ -113,9 +131,9 @@ pub struct Behaviour {
     /// What they remember of each other; `None`: nothing.
     pub memory: Option<Memory>,
     /// How they move.
-    pub dynamics: Dynamics,
+    pub fleet: Fleet,
     /// What they want.
-    pub controller: Box<dyn Controller>,
+    pub team: Team,
     /// How obstacles of the place move.
     pub courses: Vec<Course>,
     /// Who is not there when.
@@ -211,34 +229,21 @@ fn build_behaviour(
 ) -> Option<Behaviour> {
     let knowledge = table["knowledge"].clone().try_into().ok();
     let memory = table.get("memory").and_then(|memory| memory.clone().try_into().ok());
-    let dynamics = Dynamics::build(part(table, "dynamics"), &join(path, "dynamics"), problems);
-    let noise = table
-        .get("localization")
-        .and_then(|localization| localization.get("sd_m"))
-        .and_then(toml::Value::as_float);
     let contacts = build_contacts(table, path, problems);
-    let dynamics =
-        dynamics.map(|dynamics| dynamics.with_noise(noise.unwrap_or(0.0)).with_contacts(contacts));
+    let robots = group::build(table, path, n_agents, contacts, problems);
     let context = Context {
-        path: join(path, "controller"),
+        path: String::new(),
         n_agents,
-        speed_cap_mps: dynamics.as_ref().map_or(f64::INFINITY, Dynamics::speed_cap_mps),
+        speed_cap_mps: f64::INFINITY,
         files: &BTreeMap::new(),
     };
-    let controller = controller::build(part(table, "controller"), &context, problems);
     let tables = |key: &str| table.get(key).and_then(toml::Value::as_array).map_or(&[][..], |t| t);
     let context = Context { path: join(path, "obstacle"), ..context };
     let courses = obstacles::build(tables("obstacle"), site, &context, problems);
     let context = Context { path: join(path, "absence"), ..context };
     let absences = absence::build(tables("absence"), &context, problems);
-    Some(Behaviour {
-        knowledge: knowledge?,
-        memory,
-        dynamics: dynamics?,
-        controller: controller?,
-        courses,
-        absences,
-    })
+    let (fleet, team) = robots?;
+    Some(Behaviour { knowledge: knowledge?, memory, fleet, team, courses, absences })
 }
 
 /// How contacts are resolved, if they are.
@@ -256,16 +261,6 @@ fn build_contacts(
                 "must be greater than 0 where contacts are resolved",
             )
             .value(format!("{diameter_m:?}")),
-        );
-    }
-    let controller = table.get("controller").and_then(|table| table.get("kind"));
-    if controller.and_then(toml::Value::as_str) == Some("random-jump") {
-        problems.push(
-            Problem::new(
-                join(&join(path, "contacts"), "kind"),
-                "must be \"count\" for random-jump, whose robots are not anywhere between two places",
-            )
-            .value("\"resolve\""),
         );
     }
     Some(contacts)

@@ -160,29 +160,67 @@ pub trait Controller: std::fmt::Debug + Send + Sync {
         false
     }
 
-    /// Whether the robots, seen together, regard their task as done, given their commands. Most tasks have no end.
+    /// Whether its robots, seen together, regard their task as done, given their commands. Most tasks have no end.
     fn is_done(&self, _view: &View<'_>, _commands: &[Command]) -> bool {
         false
     }
 }
 
-/// The commands for all robots; those that are not alive hold still.
-#[must_use]
-pub fn commands(controller: &dyn Controller, view: &View<'_>) -> Vec<Command> {
-    let n = view.states.len();
-    let command = |agent| {
-        if view.states.alive.get(agent) {
-            controller.command(view, agent)
+/// The controllers of a swarm: those of its groups, one after the other.
+#[derive(Debug)]
+pub struct Team {
+    /// For each group, the number of its last robot plus 1, and its controller.
+    groups: Vec<(usize, Box<dyn Controller>)>,
+}
+
+impl Team {
+    /// Groups of these numbers of robots, numbered group after group.
+    #[must_use]
+    pub fn new(groups: impl IntoIterator<Item = (usize, Box<dyn Controller>)>) -> Self {
+        let mut end = 0;
+        let numbered = groups.into_iter().map(|(count, controller)| {
+            end += count;
+            (end, controller)
+        });
+        Self { groups: numbered.collect() }
+    }
+
+    /// The commands for all robots; those that are not alive hold still.
+    #[must_use]
+    pub fn commands(&self, view: &View<'_>) -> Vec<Command> {
+        let n = view.states.len();
+        let command = |agent| {
+            if view.states.alive.get(agent) {
+                let group = self.groups.partition_point(|(end, _)| *end <= agent);
+                self.groups[group].1.command(view, agent)
+            } else {
+                Command::Velocity([0.0; 3])
+            }
+        };
+        // Each command depends on its own robot alone, so threads cannot change it. Below this much work they cost more
+        // than they save.
+        if 20_000 <= view.knowledge.n_visits_max() {
+            (0..n).into_par_iter().with_min_len(32).map(command).collect()
         } else {
-            Command::Velocity([0.0; 3])
+            (0..n).map(command).collect()
         }
-    };
-    // Each command depends on its own robot alone, so threads cannot change it. Below this much work they cost more than
-    // they save.
-    if 20_000 <= view.knowledge.n_visits_max() {
-        (0..n).into_par_iter().with_min_len(32).map(command).collect()
-    } else {
-        (0..n).map(command).collect()
+    }
+
+    /// Whether any of them asks how strong frames were.
+    #[must_use]
+    pub fn wants_rssi(&self) -> bool {
+        self.groups.iter().any(|(_, controller)| controller.wants_rssi())
+    }
+
+    /// Whether each group regards its task as done, given the commands for all robots.
+    #[must_use]
+    pub fn is_done(&self, view: &View<'_>, commands: &[Command]) -> bool {
+        let mut begin = 0;
+        self.groups.iter().all(|(end, controller)| {
+            let own = &commands[begin..*end];
+            begin = *end;
+            controller.is_done(view, own)
+        })
     }
 }
 
@@ -195,6 +233,11 @@ pub(crate) fn build(
     let name = table.get("kind")?.as_str()?;
     let registration = ALL.iter().find(|registration| registration.name == name)?;
     (registration.build)(table, context, problems)
+}
+
+/// Whether a checked table asks for robots that jump.
+pub(crate) fn is_jumping(table: &toml::Table) -> bool {
+    table.get("kind").and_then(toml::Value::as_str) == Some(random_jump::REGISTRATION.name)
 }
 
 /// Whether no robot wants to move farther than this within the period (m).

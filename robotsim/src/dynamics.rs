@@ -1,13 +1,14 @@
 //! From command to motion.
 //!
 //! A command is a velocity, or an acceleration. The body turns it into motion, by way of the effects of real robots (lag, slip, drift, …) that
-//! `[[robotsim.dynamics.effect]]` lists. [`physics`] advances one robot under its commands, in runs and in fits alike; this
-//! file advances the swarm. A bare point mass has the commanded velocity at once, and its position follows exactly, since
+//! `[[robotsim.dynamics.effect]]` lists. [`physics`] advances one robot under its commands, in runs and in fits alike;
+//! [`fleet`] advances the swarm. A bare point mass has the commanded velocity at once, and its position follows exactly, since
 //! that velocity holds over the whole control period: x += v Δt.
 
 mod body;
 pub(crate) mod contacts;
 pub mod effect;
+pub mod fleet;
 mod inertial;
 pub mod physics;
 mod point_mass;
@@ -21,15 +22,13 @@ pub use response::Response;
 use crate::config::field;
 use crate::obstacles::Course;
 use body::Body;
-use contacts::Contacts;
 use effect::Localization;
 use physics::{Order, Physics, Robot};
 use proto::config::{Choice, Default, Kind, Problem, Range, TableSpec, Tag, Variant, join};
-use proto::rng::{Draws, Purpose};
 use proto::site::Site;
-use proto::types::{AgentStates, seconds};
+use proto::types::AgentStates;
 use serde::{Deserialize, Serialize};
-use surroundings::{Other, Surroundings};
+use surroundings::Surroundings;
 
 /// What a controller asks of a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -165,12 +164,11 @@ const VARIANTS: &[Variant] = &[
     },
 ];
 
-/// How the robots move.
+/// How robots of one kind move.
 #[derive(Debug)]
 pub struct Dynamics {
     physics: Physics,
     localization: Option<Localization>,
-    contacts: Option<Contacts>,
 }
 
 /// What one robot carries from step to step where effects reach back in time.
@@ -243,7 +241,7 @@ impl Dynamics {
                 }
             }
         }
-        Some(Self { physics: Physics::new(body, effects), localization, contacts: None })
+        Some(Self { physics: Physics::new(body, effects), localization })
     }
 
     /// Adds noise (standard deviation in m) to how positions are measured.
@@ -256,12 +254,6 @@ impl Dynamics {
         self
     }
 
-    /// Resolves contacts, where there are rules for them.
-    #[must_use]
-    pub(crate) fn with_contacts(self, contacts: Option<Contacts>) -> Self {
-        Self { contacts, ..self }
-    }
-
     /// The body and its effects, for fits.
     #[must_use]
     pub fn into_physics(self) -> Physics {
@@ -272,78 +264,6 @@ impl Dynamics {
     #[must_use]
     pub fn speed_cap_mps(&self) -> f64 {
         self.physics.body().speed_cap_mps()
-    }
-
-    /// What robots at rest carry. Nothing, where nothing reaches back in time.
-    #[must_use]
-    pub fn memory(&self, n_agents: usize) -> Vec<Memory> {
-        let physics = &self.physics;
-        let is_needed = !physics.is_bare() || physics.is_inertial() || self.localization.is_some();
-        if is_needed { vec![Memory::default(); n_agents] } else { Vec::new() }
-    }
-
-    /// Gives robots a heading where the body needs one: east, where the scenario says nothing.
-    pub fn complete(&self, states: &mut AgentStates) {
-        if self.physics.shape().is_turning() && states.heading_rad.is_empty() {
-            states.heading_rad = vec![0.0; states.len()];
-        }
-    }
-
-    /// Moves every agent that is alive. Velocities become those the robots had on the mean.
-    ///
-    /// Point masses have a direction only where the scenario gave them one: they face where they move, and at rest where
-    /// they last moved. `memory` is that of [`Dynamics::memory`].
-    ///
-    /// # Panics
-    ///
-    /// If a position ceases to be finite: that is a bug in a controller or effect.
-    pub fn advance(
-        &self,
-        step: &Step<'_>,
-        commands: &[Command],
-        states: &mut AgentStates,
-        memory: &mut [Memory],
-    ) {
-        let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
-        let dt_s = seconds(step.until_ns - step.from_ns);
-        let draws = Some(Draws::new(step.seed, Purpose::Gust));
-        let terrain = &step.site.terrain;
-        let base = Surroundings { terrain, draws, others_at_s: from_s, others: &[] };
-        let alive = states.alive.clone();
-        if let Some(contacts) = &self.contacts {
-            self.advance_in_contact(contacts, step, &base, commands, states, memory);
-        } else {
-            let others = self.others(states);
-            for agent in alive.iter_ones() {
-                let motion = self.take_up(agent, commands[agent], from_s, dt_s, states, memory);
-                let near: Vec<Other> = near(&others, agent);
-                let surroundings = Surroundings { others: &near, ..base };
-                let (velocity, displacement) = match motion {
-                    Motion::Velocity(velocity) => (velocity, velocity.map(|part| part * dt_s)),
-                    Motion::Body(_) | Motion::Jump(_) => {
-                        let span_s = [from_s, until_s];
-                        let way_m = self.go(agent, motion, span_s, &surroundings, states, memory);
-                        (way_m.map(|part| part / dt_s), way_m)
-                    }
-                };
-                states.x_m[agent] += displacement[0];
-                states.y_m[agent] += displacement[1];
-                states.z_m[agent] += displacement[2];
-                [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] = velocity;
-            }
-        }
-        let turning = self.physics.shape().is_turning();
-        for agent in alive.iter_ones() {
-            assert!(
-                states.position_m(agent).iter().all(|coordinate| coordinate.is_finite()),
-                "agent {agent} left the space of numbers: command {:?}",
-                commands[agent]
-            );
-            let [vx, vy] = [states.vx_mps[agent], states.vy_mps[agent]];
-            if !turning && !states.heading_rad.is_empty() && (vx != 0.0 || vy != 0.0) {
-                states.heading_rad[agent] = libm::atan2(vy, vx);
-            }
-        }
     }
 
     /// What a command that is given at `from_s` for `dt_s` makes a robot do.
@@ -421,53 +341,6 @@ impl Dynamics {
         }
         std::array::from_fn(|i| robot.position_m[i] - before_m[i])
     }
-
-    /// Robots that are told to stand still: nothing that was asked for has an effect any more.
-    pub fn stand_still(&self, memory: &mut [Memory]) {
-        for memory in memory {
-            memory.drive = [0.0; 3];
-            memory.push_mps2 = [0.0; 3];
-            memory.orders.clear();
-        }
-    }
-
-    /// What the robots believe of where they are: their states, with positions as they were measured. `None`: as they are.
-    pub fn measured(
-        &self,
-        step: &Step<'_>,
-        states: &AgentStates,
-        memory: &mut [Memory],
-    ) -> Option<AgentStates> {
-        let Localization { sd_m, delay_s, scale } = self.localization?;
-        let now_s = seconds(step.until_ns);
-        let draws = Draws::new(step.seed, Purpose::Localization);
-        let mut measured = states.clone();
-        for (agent, memory) in memory.iter_mut().enumerate() {
-            memory.track.push((now_s, states.position_m(agent)));
-            let position_m = memory.position_m(now_s - delay_s);
-            let noise_m: [f64; 3] = std::array::from_fn(|axis| {
-                let axis_sd_m = if axis < 2 { sd_m } else { 0.0 };
-                axis_sd_m * draws.normal(agent as u64, step.until_ns, axis as u64)
-            });
-            let columns = [&mut measured.x_m, &mut measured.y_m, &mut measured.z_m];
-            for (axis, column) in columns.into_iter().enumerate() {
-                column[agent] = scale * position_m[axis] + noise_m[axis];
-            }
-        }
-        Some(measured)
-    }
-
-    /// All agents that are alive, if effects depend on them.
-    fn others(&self, states: &AgentStates) -> Vec<(usize, Other)> {
-        if !self.physics.effects().iter().any(|effect| effect.heeds_others()) {
-            return Vec::new();
-        }
-        let other = |agent| Other {
-            position_m: states.position_m(agent),
-            velocity_mps: [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]],
-        };
-        states.alive.iter_ones().map(|agent| (agent, other(agent))).collect()
-    }
 }
 
 impl Memory {
@@ -493,9 +366,4 @@ impl Memory {
             _ => from_m,
         }
     }
-}
-
-/// All but one.
-fn near(others: &[(usize, Other)], agent: usize) -> Vec<Other> {
-    others.iter().filter(|(number, _)| *number != agent).map(|(_, other)| *other).collect()
 }

@@ -14,6 +14,7 @@
 //! | [`controller`] | who wants to go where: one file per controller, one list |
 //! | [`line_fit`] | the straight line nearest to some points, by two rules |
 //! | [`dynamics`] | from command to motion: bodies, and one file per effect of real robots |
+//! | [`group`] | different robots in one swarm: how many of which kind |
 //! | [`absence`] | robots that come late and robots that are lost |
 //! | [`obstacles`] | how obstacles of the place move |
 //! | [`scenario`] | where everyone begins: one file per scenario, one list |
@@ -23,6 +24,7 @@ pub mod absence;
 pub mod config;
 pub mod controller;
 pub mod dynamics;
+pub mod group;
 pub mod knowledge;
 pub mod line_fit;
 pub mod obstacles;

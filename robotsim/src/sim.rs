@@ -1,7 +1,7 @@
 //! The swarm: owns the state; each step turns knowledge into commands, commands into motion, motion into payloads.
 
 use crate::config::{self, Behaviour};
-use crate::controller::{self, Links, View};
+use crate::controller::{Links, View};
 use crate::dynamics::{Command, Memory, Step};
 use crate::knowledge::{Knowledge, Remembered, Source};
 use crate::{absence, obstacles, payload, scenario};
@@ -64,18 +64,18 @@ impl RobotSimulator for Swarm {
 
     fn configure(&mut self, setup: &Setup) -> Result<RobotStart, Vec<Problem>> {
         let (config, effective) = config::read(setup)?;
-        let wants_rssi = config.behaviour.controller.wants_rssi();
+        let wants_rssi = config.behaviour.team.wants_rssi();
         let columns = if wants_rssi { vec![DeliveryColumn::RssiDbm] } else { Vec::new() };
         let (seed, n_agents) = (setup.experiment.seed, setup.experiment.agent_count);
         let mut states = scenario::states(&*config.scenario, n_agents, seed);
-        let dynamics = &config.behaviour.dynamics;
-        dynamics.complete(&mut states);
-        let mut memory = dynamics.memory(n_agents);
+        let fleet = &config.behaviour.fleet;
+        fleet.complete(&mut states);
+        let mut memory = fleet.memory(n_agents);
         let site = setup.site.clone();
         absence::mark(&config.behaviour.absences, 0, &mut states);
-        dynamics.make_room(&site, &mut states);
+        fleet.make_room(&site, &mut states);
         let start = Step { from_ns: 0, until_ns: 0, site: &site, courses: &[], seed };
-        let measured = dynamics.measured(&start, &states, &mut memory);
+        let measured = fleet.measured(&start, &states, &mut memory);
         if config.behaviour.knowledge == Source::Truth {
             tracing::info!(
                 "knowledge = \"truth\": every robot is told the state of every other; an ideal baseline, no radio"
@@ -113,7 +113,7 @@ impl RobotSimulator for Swarm {
         let span_s = [seconds(input.from_ns), seconds(input.until_ns)];
         let moved_obstacles = obstacles::moved(&behaviour.courses, &state.site, span_s);
         if input.hold {
-            behaviour.dynamics.stand_still(&mut state.memory);
+            behaviour.fleet.stand_still(&mut state.memory);
             return RobotOutput { moved_obstacles, ..state.stand_still() };
         }
         let knowledge = match behaviour.knowledge {
@@ -139,8 +139,8 @@ impl RobotSimulator for Swarm {
             links: Links::new(input.motes),
             draws: Draws::new(state.seed, Purpose::Control),
         };
-        let mut commands = controller::commands(&*behaviour.controller, &view);
-        let task_complete = behaviour.controller.is_done(&view, &commands);
+        let mut commands = behaviour.team.commands(&view);
+        let task_complete = behaviour.team.is_done(&view, &commands);
         for (agent, command) in commands.iter_mut().enumerate() {
             match state.orders[agent] {
                 Some(AgentOrder::Velocity(velocity_mps)) => {
@@ -163,16 +163,16 @@ impl RobotSimulator for Swarm {
             seed: state.seed,
         };
         state.free_ns += input.until_ns - input.from_ns;
-        behaviour.dynamics.advance(&step, &commands, &mut state.states, &mut state.memory);
+        behaviour.fleet.advance(&step, &commands, &mut state.states, &mut state.memory);
         for gone in absence::mark(&behaviour.absences, state.free_ns, &mut state.states) {
             if let Some(memory) = state.memory.get_mut(gone) {
-                behaviour.dynamics.stand_still(std::slice::from_mut(memory));
+                behaviour.fleet.stand_still(std::slice::from_mut(memory));
             }
             if let Some(remembered) = state.remembered.get_mut(gone) {
                 remembered.clear();
             }
         }
-        state.measured = behaviour.dynamics.measured(&step, &state.states, &mut state.memory);
+        state.measured = behaviour.fleet.measured(&step, &state.states, &mut state.memory);
         RobotOutput {
             states: state.states.clone(),
             payloads: payload::encode(state.believed()),

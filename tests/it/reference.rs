@@ -28,21 +28,36 @@ fn page(schema: &Value) -> String {
          Unknown keys, wrong types and impossible values are refused, all of them at once.\n\
          `--set netsim.phy.propagation=friis` overrides any key on the command line, `--seed N` the seed.\n",
     );
+    let mut seen = Vec::new();
     for section in ["experiment", "site", "robotsim", "netsim", "timeline", "output", "sweep"] {
         let mut schema = &schema["properties"][section];
         if let Some(alternatives) = schema["anyOf"].as_array() {
             schema = &alternatives[0];
         }
         let is_list = schema["type"] == "array";
-        table(&mut page, section, if is_list { &schema["items"] } else { schema }, is_list);
+        let schema = if is_list { &schema["items"] } else { schema };
+        table(&mut page, &mut seen, section, schema, is_list);
     }
     page
 }
 
-/// A table, and then those within it.
-fn table(page: &mut String, path: &str, schema: &Value, is_list: bool) {
+/// A table, and then those within it. One that has the keys of a table before it, with a tag, is told by that one's name.
+fn table(
+    page: &mut String,
+    seen: &mut Vec<(Value, String)>,
+    path: &str,
+    schema: &Value,
+    is_list: bool,
+) {
     let heading = if is_list { format!("[[{path}]]") } else { format!("[{path}]") };
     let _ = write!(page, "\n## `{heading}`\n\n{}\n", text(&schema["description"]));
+    if let Some(alternatives) = schema.get("oneOf") {
+        if let Some((_, same)) = seen.iter().find(|(keys, _)| keys == alternatives) {
+            let _ = write!(page, "\nIts keys are those of `{same}`.\n");
+            return;
+        }
+        seen.push((alternatives.clone(), heading.clone()));
+    }
     let mut inner = Vec::new();
     if let Some(variants) = schema["oneOf"].as_array() {
         // The keys of every variant, then those of one at a time.
@@ -87,7 +102,7 @@ fn table(page: &mut String, path: &str, schema: &Value, is_list: bool) {
     let mut done: Vec<String> = Vec::new();
     for (path, schema, is_list) in inner {
         if !done.contains(&path) {
-            table(page, &path, &schema, is_list);
+            table(page, seen, &path, &schema, is_list);
             done.push(path);
         }
     }

@@ -3,7 +3,7 @@
 /// The robots' task. A simulator of a stranger has other keys: then nothing is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Task {
-    /// Name of the controller.
+    /// Name of the controller, if there is but one.
     pub controller: Option<String>,
     /// The agent that leads.
     pub leader: Option<usize>,
@@ -21,18 +21,34 @@ impl Task {
     /// Reads the robots' effective configuration.
     pub(crate) fn of(robotsim_toml: &str) -> Self {
         let Ok(config) = robotsim_toml.parse::<toml::Table>() else { return Self::default() };
-        let controller = config.get("controller").and_then(toml::Value::as_table);
+        let shared = config.get("controller").and_then(toml::Value::as_table);
+        let groups = config.get("group").and_then(toml::Value::as_array).map_or(&[][..], |all| all);
+        let of_group = |group| toml::Value::get(group, "controller")?.as_table();
+        let mut controllers: Vec<&toml::Table> =
+            groups.iter().filter_map(|group| of_group(group).or(shared)).collect();
+        if groups.is_empty() {
+            controllers.extend(shared);
+        }
+        let kind_of = |controller: &toml::Table| {
+            controller.get("kind").and_then(toml::Value::as_str).map(str::to_owned)
+        };
+        let leads = |controller: &toml::Table| {
+            let is_leaderless =
+                controller.get("leaderless").and_then(toml::Value::as_bool) == Some(true);
+            kind_of(controller).as_deref() == Some("flocking") && !is_leaderless
+        };
+        // Of groups that want different things, those that follow somebody have a leader to be measured by.
+        let kinds: Vec<Option<String>> = controllers.iter().copied().map(kind_of).collect();
+        let kind = kinds.first().filter(|first| kinds.iter().all(|kind| kind == *first));
+        let controller = controllers.iter().copied().find(|controller| leads(controller));
         let of_controller = |key: &str| controller.and_then(|controller| controller.get(key));
-        let kind = of_controller("kind").and_then(toml::Value::as_str);
+        let leads = controller.is_some();
         let velocity = of_controller("leader_velocity_mps").and_then(toml::Value::as_array);
-        let is_leaderless =
-            of_controller("leaderless").and_then(toml::Value::as_bool) == Some(true);
-        let leads = kind == Some("flocking") && !is_leaderless;
         let number = |value: &toml::Value| {
             value.as_float().or_else(|| value.as_integer().map(|value| value as f64))
         };
         Self {
-            controller: kind.map(str::to_owned),
+            controller: kind.cloned().flatten(),
             leader: of_controller("leader")
                 .and_then(toml::Value::as_integer)
                 .and_then(|leader| usize::try_from(leader).ok())
@@ -65,6 +81,24 @@ mod tests {
         );
         assert_eq!((task.leader, task.leader_speed_mps), (Some(0), Some(5.0)));
         assert!(task.is_truth_baseline);
+    }
+
+    #[test]
+    fn of_groups_the_one_that_follows_has_the_leader() {
+        let shared =
+            "[controller]\nkind = \"flocking\"\nleader = 2\nleader_velocity_mps = [2, 0]\n";
+        let alone = Task::of(&format!("{shared}[[group]]\ncount = 3\n[[group]]\ncount = 2\n"));
+        assert_eq!((alone.controller.as_deref(), alone.leader), (Some("flocking"), Some(2)));
+        let mixed = Task::of(&format!(
+            "{shared}[[group]]\ncount = 3\n[group.controller]\nkind = \"hold\"\n[[group]]\ncount = 2\n"
+        ));
+        assert_eq!((mixed.controller, mixed.leader), (None, Some(2)));
+        assert_eq!(mixed.leader_speed_mps, Some(2.0));
+        // Whom no group follows leads nobody.
+        let unled = Task::of(&format!(
+            "{shared}[[group]]\ncount = 3\n[group.controller]\nkind = \"hold\"\n"
+        ));
+        assert_eq!((unled.controller.as_deref(), unled.leader), (Some("hold"), None));
     }
 
     #[test]

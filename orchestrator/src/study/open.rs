@@ -12,7 +12,7 @@ use crate::measure::config::Compared;
 use crate::measure::table::Table;
 use crate::measure::{DataError, Rejected};
 use crate::measure::{links, packets, robots};
-use proto::config::Node;
+use proto::config::{Node, Problem, Value};
 use proto::effect::Level;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -127,6 +127,14 @@ pub fn robots(
         &mut problems,
     )
     .table;
+    if matches!(&config.section("robotsim", "group").value, Value::List(groups) if !groups.is_empty())
+    {
+        problems.push(Problem::new(
+            "robotsim.group",
+            "must not be given where tracks of robots are held against a model: they are of one kind of robots, \
+             as [robotsim.dynamics] says",
+        ));
+    }
     if !problems.is_empty() {
         return Err(config.refuse(problems).into());
     }

@@ -1,7 +1,8 @@
 //! Contacts: robots that cannot be where a wall, an obstacle or another robot is.
 
+use super::fleet::{Fleet, near};
 use super::surroundings::Surroundings;
-use super::{Command, Dynamics, Memory, Motion, Step, near};
+use super::{Command, Memory, Motion, Step};
 use crate::config::field;
 use crate::obstacles::Course;
 use proto::config::{Default, Kind, Range, TableSpec, Tag, Variant};
@@ -52,7 +53,8 @@ const VARIANTS: &[Variant] = &[
 /// ```
 ///
 /// Momentum of a pair is kept, and of its kinetic energy 1 − e² of what is in the motion towards each other is lost. Other
-/// bodies have no velocity to change: they are held up for as long as the contact lasts.
+/// bodies have no velocity to change: they are held up for as long as the contact lasts, and one that meets a body that
+/// keeps its velocity is to it what a moving wall is.
 ///
 /// # Validity
 ///
@@ -71,6 +73,8 @@ struct Disc {
     position_m: [f64; 3],
     /// Of a body that keeps its velocity (m/s).
     velocity_mps: Option<[f64; 3]>,
+    /// With which velocity (m/s) its actuators drive it in this part of a step.
+    driven_mps: [f64; 3],
 }
 
 /// What robots cannot enter: everything within `radius_m` of a straight, upright wall, or of a point.
@@ -204,27 +208,34 @@ impl Contacts {
                 }
                 is_free = false;
                 let normal = unit(between).unwrap_or([1.0, 0.0, 0.0]);
-                if let (Some(mut va_mps), Some(mut vb_mps)) =
-                    (discs[a].velocity_mps, discs[b].velocity_mps)
-                {
-                    let closing_mps: f64 =
-                        (0..3).map(|i| (vb_mps[i] - va_mps[i]) * normal[i]).sum();
-                    if closing_mps < 0.0 {
-                        let impulse_mps = 0.5 * (1.0 + self.restitution) * closing_mps;
-                        for i in 0..3 {
-                            va_mps[i] += impulse_mps * normal[i];
-                            vb_mps[i] -= impulse_mps * normal[i];
-                        }
-                        discs[a].velocity_mps = Some(va_mps);
-                        discs[b].velocity_mps = Some(vb_mps);
-                    }
-                }
+                self.strike(discs, [a, b], normal);
                 let half_m = 0.5 * missing_m + CLEARANCE * self.radius_m;
                 discs[a] = self.walk(solids, discs[a], normal.map(|part| -half_m * part));
                 discs[b] = self.walk(solids, discs[b], normal.map(|part| half_m * part));
             }
             if is_free {
                 return;
+            }
+        }
+    }
+
+    /// What two robots that touch do to each other's velocities; the normal leads from the first to the second.
+    fn strike(&self, discs: &mut [Disc], [a, b]: [usize; 2], normal: [f64; 3]) {
+        let kept = [a, b].map(|robot| discs[robot].velocity_mps);
+        let [va_mps, vb_mps] =
+            [a, b].map(|robot| discs[robot].velocity_mps.unwrap_or(discs[robot].driven_mps));
+        let closing_mps: f64 = (0..3).map(|i| (vb_mps[i] - va_mps[i]) * normal[i]).sum();
+        if 0.0 <= closing_mps {
+            return;
+        }
+        // A body whose actuators give it its velocity does not yield: the other one bears all of the change.
+        let share = if kept.iter().all(Option::is_some) { 0.5 } else { 1.0 };
+        let change_mps = share * (1.0 + self.restitution) * closing_mps;
+        for (robot, sign) in [(a, 1.0), (b, -1.0)] {
+            if let Some(velocity_mps) = &mut discs[robot].velocity_mps {
+                for (component, part) in velocity_mps.iter_mut().zip(normal) {
+                    *component += sign * change_mps * part;
+                }
             }
         }
     }
@@ -297,7 +308,7 @@ fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
     (0.0 < length).then(|| vector.map(|part| part / length))
 }
 
-impl Dynamics {
+impl Fleet {
     /// [`Self::advance`] in parts so short that robots cannot pass through each other, with contacts resolved after each.
     pub(super) fn advance_in_contact(
         &self,
@@ -310,7 +321,6 @@ impl Dynamics {
     ) {
         let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
         let dt_s = seconds(step.until_ns - step.from_ns);
-        let inertial = self.physics.is_inertial();
         let others = self.others(states);
         let mut solids = solids(step.site);
         let mut fastest_mps = step.courses.iter().map(Course::speed_mps).fold(0.0, f64::max);
@@ -321,10 +331,13 @@ impl Dynamics {
             let asked_mps = match command {
                 Command::Acceleration(asked_mps2) => dt_s * norm(asked_mps2),
                 Command::Jump(_) => 0.0,
-                Command::Velocity(velocity_mps) => norm(self.physics.target(velocity_mps)),
+                Command::Velocity(velocity_mps) => {
+                    norm(self.of(agent).physics.target(velocity_mps))
+                }
             };
             fastest_mps = fastest_mps.max(norm(own_mps) + asked_mps);
-            let motion = self.take_up(agent, command, from_s, dt_s, states, memory);
+            let dynamics = self.of(agent);
+            let motion = dynamics.take_up(agent, command, from_s, dt_s, states, memory);
             robots.push((agent, motion, states.position_m(agent), near(&others, agent)));
         }
         let n = contacts.n_parts(dt_s, fastest_mps);
@@ -345,13 +358,15 @@ impl Dynamics {
                 };
                 let from_m = states.position_m(*agent);
                 let span_s = [at(part), to_s];
-                let way_m = self.go(*agent, motion, span_s, &surroundings, states, memory);
-                let velocity_mps = inertial.then(|| memory[*agent].drive);
-                discs.push(contacts.walk(
-                    &solids,
-                    Disc { position_m: from_m, velocity_mps },
-                    way_m,
-                ));
+                let dynamics = self.of(*agent);
+                let way_m = dynamics.go(*agent, motion, span_s, &surroundings, states, memory);
+                let is_inertial = dynamics.physics.is_inertial();
+                let disc = Disc {
+                    position_m: from_m,
+                    velocity_mps: is_inertial.then(|| memory[*agent].drive),
+                    driven_mps: way_m.map(|part_m| part_m / (to_s - at(part))),
+                };
+                discs.push(contacts.walk(&solids, disc, way_m));
             }
             contacts.part(&solids, &mut discs);
             for ((agent, ..), disc) in robots.iter().zip(&discs) {
@@ -374,7 +389,11 @@ impl Dynamics {
         let Some(contacts) = &self.contacts else { return };
         let solids = solids(site);
         let alive = states.alive.clone();
-        let disc = |agent| Disc { position_m: states.position_m(agent), velocity_mps: None };
+        let disc = |agent| Disc {
+            position_m: states.position_m(agent),
+            velocity_mps: None,
+            driven_mps: [0.0; 3],
+        };
         let mut discs: Vec<Disc> =
             alive.iter_ones().map(|agent| contacts.walk(&solids, disc(agent), [0.0; 3])).collect();
         contacts.part(&solids, &mut discs);
@@ -387,6 +406,7 @@ impl Dynamics {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Dynamics;
     use super::*;
     use proptest::prelude::*;
 
@@ -401,9 +421,8 @@ mod tests {
     ) -> Vec<([f64; 3], [f64; 3])> {
         let body = "kind = 'double-integrator'\nspeed_cap_mps = 30.0\nacceleration_cap_mps2 = 10.0";
         let contacts = Contacts { radius_m: 0.15, restitution };
-        let dynamics = Dynamics::build(&body.parse().unwrap(), "", &mut Vec::new())
-            .unwrap()
-            .with_contacts(Some(contacts));
+        let dynamics = Dynamics::build(&body.parse().unwrap(), "", &mut Vec::new()).unwrap();
+        let dynamics = Fleet::new([(start.len(), dynamics)], Some(contacts));
         let mut states = AgentStates::at_origin(start.len());
         let mut memory = dynamics.memory(start.len());
         for (agent, &(at_m, velocity_mps)) in start.iter().enumerate() {

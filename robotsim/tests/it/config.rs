@@ -96,6 +96,43 @@ robotsim.controller.velocity_mps: does not go with kind = "hold", only with "con
 "#);
 }
 
+#[test]
+fn groups_are_refused_where_they_do_not_fit_the_swarm_or_their_bodies() {
+    let shared = "scenario.kind = 'line'\n\
+                  controller = { kind = 'constant-velocity', velocity_mps = [3, 4] }\n";
+    insta::assert_snapshot!(refusal(&format!("{shared}[[group]]\ncount = 2\n[[group]]\ncount = 4\n"), None), @r#"
+robotsim.group: counts must add up to experiment.agents = 5, got 6
+"#);
+    insta::assert_snapshot!(refusal(&format!("{shared}[[group]]\n[[group]]\ncount = 0\nkind = 'car'\n"), None), @r#"
+robotsim.group[0].count: is missing: must be a whole number from 1 to 1000000000
+robotsim.group[1].count: must be a whole number from 1 to 1000000000, got 0 (nearest valid: 1)
+robotsim.group[1].kind: is not a known key: there are count, dynamics, controller, localization_sd_m
+robotsim.group: counts must add up to experiment.agents = 5, got 2
+"#);
+    // What is shared is wrong once, and only where it is wrong.
+    insta::assert_snapshot!(
+        refusal(&format!("{shared}[[group]]\ncount = 2\ndynamics.speed_cap_mps = 2\n\
+                          [[group]]\ncount = 2\ndynamics.speed_cap_mps = 2\n\
+                          [[group]]\ncount = 1\ndynamics = {{ kind = 'unicycle', wheelbase_m = 1 }}\n"), None), @r#"
+robotsim.group[2].dynamics.wheelbase_m: does not go with kind = "unicycle", only with "car"
+robotsim.controller.velocity_mps: must not be faster than dynamics.speed_cap_mps = 2 m/s, got 5 m/s
+"#);
+    // A group without a controller needs the shared one; where each has its own there need be none.
+    let without = "scenario.kind = 'line'\n[[group]]\ncount = 3\ncontroller.kind = 'hold'\n[[group]]\ncount = 2\n";
+    insta::assert_snapshot!(refusal(without, None), @r#"
+robotsim.controller.kind: is missing: one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "dispersion", "random-waypoint", "random-jump", "constant-velocity", "hold"
+"#);
+    let with = format!("{without}controller = {{ kind = 'hold' }}\n");
+    assert!(config::read(&setup(&with, 5, 1)).is_ok());
+    insta::assert_snapshot!(
+        refusal("scenario.kind = 'line'\ncontacts.kind = 'resolve'\ndiameter_m = 0\n[[group]]\ncount = 5\n\
+                 controller = { kind = 'random-jump', arena = 'square', jump_m = -1 }\n", None), @r#"
+robotsim.group[0].controller.jump_m: must be greater than 0 and at most 1000000, got -1 (nearest valid: 1)
+robotsim.diameter_m: must be greater than 0 where contacts are resolved, got 0.0
+robotsim.contacts.kind: must be "count" for random-jump, whose robots are not anywhere between two places, got "resolve"
+"#);
+}
+
 const FROM_FILE: &str =
     "scenario = { kind = 'csv', file = 'places.csv' }\ncontroller.kind = 'hold'";
 

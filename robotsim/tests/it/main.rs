@@ -8,5 +8,6 @@ mod contacts;
 mod controllers;
 mod effects;
 mod flocking;
+mod groups;
 mod line_formation;
 mod swarm;

@@ -1,0 +1,179 @@
+//! All robots of a swarm, whatever their kinds, moved together.
+
+use super::contacts::Contacts;
+use super::effect::Localization;
+use super::surroundings::{Other, Surroundings};
+use super::{Command, Dynamics, Memory, Motion, Step};
+use proto::rng::{Draws, Purpose};
+use proto::types::{AgentStates, seconds};
+
+/// The robots of a swarm: kind after kind, each with a number of robots.
+#[derive(Debug)]
+pub struct Fleet {
+    /// For each kind, the number of its last robot plus 1, and how it moves.
+    kinds: Vec<(usize, Dynamics)>,
+    pub(super) contacts: Option<Contacts>,
+}
+
+impl Fleet {
+    /// Robots of these numbers and kinds, numbered kind after kind. Contacts are resolved where there are rules for them.
+    #[must_use]
+    pub(crate) fn new(
+        kinds: impl IntoIterator<Item = (usize, Dynamics)>,
+        contacts: Option<Contacts>,
+    ) -> Self {
+        let mut end = 0;
+        let numbered = kinds.into_iter().map(|(count, dynamics)| {
+            end += count;
+            (end, dynamics)
+        });
+        Self { kinds: numbered.collect(), contacts }
+    }
+
+    /// How a robot moves.
+    pub(super) fn of(&self, agent: usize) -> &Dynamics {
+        let kind = self.kinds.partition_point(|(end, _)| *end <= agent);
+        &self.kinds[kind].1
+    }
+
+    fn any(&self, mut has: impl FnMut(&Dynamics) -> bool) -> bool {
+        self.kinds.iter().any(|(_, dynamics)| has(dynamics))
+    }
+
+    /// What robots at rest carry. Nothing, where nothing reaches back in time.
+    #[must_use]
+    pub fn memory(&self, n_agents: usize) -> Vec<Memory> {
+        let is_needed = self.any(|dynamics| {
+            let physics = &dynamics.physics;
+            !physics.is_bare() || physics.is_inertial() || dynamics.localization.is_some()
+        });
+        if is_needed { vec![Memory::default(); n_agents] } else { Vec::new() }
+    }
+
+    /// Gives robots a heading where a body needs one: east, where the scenario says nothing.
+    pub fn complete(&self, states: &mut AgentStates) {
+        let is_needed = self.any(|dynamics| dynamics.physics.shape().is_turning());
+        if is_needed && states.heading_rad.is_empty() {
+            states.heading_rad = vec![0.0; states.len()];
+        }
+    }
+
+    /// Moves every agent that is alive. Velocities become those the robots had on the mean.
+    ///
+    /// Bodies that do not turn have a direction only where the scenario or another kind of robot brings one: they face where
+    /// they move, and at rest where they last moved. `memory` is that of [`Fleet::memory`].
+    ///
+    /// # Panics
+    ///
+    /// If a position ceases to be finite: that is a bug in a controller or effect.
+    pub fn advance(
+        &self,
+        step: &Step<'_>,
+        commands: &[Command],
+        states: &mut AgentStates,
+        memory: &mut [Memory],
+    ) {
+        let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
+        let dt_s = seconds(step.until_ns - step.from_ns);
+        let draws = Some(Draws::new(step.seed, Purpose::Gust));
+        let terrain = &step.site.terrain;
+        let base = Surroundings { terrain, draws, others_at_s: from_s, others: &[] };
+        let alive = states.alive.clone();
+        if let Some(contacts) = &self.contacts {
+            self.advance_in_contact(contacts, step, &base, commands, states, memory);
+        } else {
+            let others = self.others(states);
+            for agent in alive.iter_ones() {
+                let dynamics = self.of(agent);
+                let motion = dynamics.take_up(agent, commands[agent], from_s, dt_s, states, memory);
+                let near: Vec<Other> = near(&others, agent);
+                let surroundings = Surroundings { others: &near, ..base };
+                let (velocity, displacement) = match motion {
+                    Motion::Velocity(velocity) => (velocity, velocity.map(|part| part * dt_s)),
+                    Motion::Body(_) | Motion::Jump(_) => {
+                        let span_s = [from_s, until_s];
+                        let way_m =
+                            dynamics.go(agent, motion, span_s, &surroundings, states, memory);
+                        (way_m.map(|part| part / dt_s), way_m)
+                    }
+                };
+                states.x_m[agent] += displacement[0];
+                states.y_m[agent] += displacement[1];
+                states.z_m[agent] += displacement[2];
+                [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] = velocity;
+            }
+        }
+        for agent in alive.iter_ones() {
+            assert!(
+                states.position_m(agent).iter().all(|coordinate| coordinate.is_finite()),
+                "agent {agent} left the space of numbers: command {:?}",
+                commands[agent]
+            );
+            let [vx, vy] = [states.vx_mps[agent], states.vy_mps[agent]];
+            let turning = self.of(agent).physics.shape().is_turning();
+            if !turning && !states.heading_rad.is_empty() && (vx != 0.0 || vy != 0.0) {
+                states.heading_rad[agent] = libm::atan2(vy, vx);
+            }
+        }
+    }
+
+    /// Robots that are told to stand still: nothing that was asked for has an effect any more.
+    pub fn stand_still(&self, memory: &mut [Memory]) {
+        for memory in memory {
+            memory.drive = [0.0; 3];
+            memory.push_mps2 = [0.0; 3];
+            memory.orders.clear();
+        }
+    }
+
+    /// What the robots believe of where they are: their states, with positions as they were measured. `None`: as they are.
+    pub fn measured(
+        &self,
+        step: &Step<'_>,
+        states: &AgentStates,
+        memory: &mut [Memory],
+    ) -> Option<AgentStates> {
+        if !self.any(|dynamics| dynamics.localization.is_some()) {
+            return None;
+        }
+        let now_s = seconds(step.until_ns);
+        let draws = Draws::new(step.seed, Purpose::Localization);
+        let mut measured = states.clone();
+        for (agent, memory) in memory.iter_mut().enumerate() {
+            let Some(Localization { sd_m, delay_s, scale }) = self.of(agent).localization else {
+                continue;
+            };
+            memory.track.push((now_s, states.position_m(agent)));
+            let position_m = memory.position_m(now_s - delay_s);
+            let noise_m: [f64; 3] = std::array::from_fn(|axis| {
+                let axis_sd_m = if axis < 2 { sd_m } else { 0.0 };
+                axis_sd_m * draws.normal(agent as u64, step.until_ns, axis as u64)
+            });
+            let columns = [&mut measured.x_m, &mut measured.y_m, &mut measured.z_m];
+            for (axis, column) in columns.into_iter().enumerate() {
+                column[agent] = scale * position_m[axis] + noise_m[axis];
+            }
+        }
+        Some(measured)
+    }
+
+    /// All agents that are alive, if effects depend on them.
+    pub(super) fn others(&self, states: &AgentStates) -> Vec<(usize, Other)> {
+        let heeds = |dynamics: &Dynamics| {
+            dynamics.physics.effects().iter().any(|effect| effect.heeds_others())
+        };
+        if !self.any(heeds) {
+            return Vec::new();
+        }
+        let other = |agent| Other {
+            position_m: states.position_m(agent),
+            velocity_mps: [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]],
+        };
+        states.alive.iter_ones().map(|agent| (agent, other(agent))).collect()
+    }
+}
+
+/// All but one.
+pub(super) fn near(others: &[(usize, Other)], agent: usize) -> Vec<Other> {
+    others.iter().filter(|(number, _)| *number != agent).map(|(_, other)| *other).collect()
+}

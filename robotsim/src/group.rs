@@ -1,0 +1,161 @@
+//! Groups of different robots in one swarm: how many of which kind, and what they want.
+
+use crate::config::{Context, field};
+use crate::controller::{self, Controller, Team};
+use crate::dynamics::contacts::Contacts;
+use crate::dynamics::fleet::Fleet;
+use crate::dynamics::{self, Dynamics};
+use proto::config::{self, Default, Kind, Node, Problem, Range, TableSpec, join};
+
+/// Description of `[[robotsim.group]]`.
+pub(crate) const SPEC: TableSpec = TableSpec {
+    doc: "Robots of one kind in a swarm of several. Robots are numbered group after group, in the order of the file.",
+    fields: &[
+        field(
+            "count",
+            "How many robots it has. All counts together are `experiment.agents`.",
+            Kind::Integer { min: 1, max: 1_000_000_000 },
+            Default::Required,
+        ),
+        field(
+            "dynamics",
+            "How they move. Absent: as `[robotsim.dynamics]` says.",
+            Kind::Table(&dynamics::SPEC),
+            Default::Absent,
+        ),
+        field(
+            "controller",
+            "What they want. Absent: what `[robotsim.controller]` says.",
+            Kind::Table(&controller::SPEC),
+            Default::Absent,
+        ),
+        field(
+            "localization_sd_m",
+            "Standard deviation of the noise of their measured positions (m). Absent: as `[robotsim.localization]` says.",
+            Kind::Number(Range::closed(0.0, 1e4)),
+            Default::Absent,
+        ),
+    ],
+    tag: None,
+};
+
+/// A part of the swarm: where its tables stand.
+struct Group {
+    count: usize,
+    dynamics: String,
+    controller: String,
+    sd_m: f64,
+}
+
+/// Robots as the section's effective table says, which stands at `path`: in groups, or all alike. Fills in defaults of
+/// controllers that depend on other values.
+pub(crate) fn build(
+    table: &mut toml::Table,
+    path: &str,
+    n_agents: usize,
+    contacts: Option<Contacts>,
+    problems: &mut Vec<Problem>,
+) -> Option<(Fleet, Team)> {
+    let groups = groups(table, path, n_agents, problems);
+    if !table.contains_key("controller") && groups.iter().any(|group| group.controller.is_empty()) {
+        // Says what is missing.
+        let (empty, path) = (Node::empty_table(), join(path, "controller"));
+        config::check(&empty, &path, &controller::SPEC, problems);
+        return None;
+    }
+    let mut kinds = Vec::new();
+    let mut controllers: Vec<(usize, Box<dyn Controller>)> = Vec::new();
+    let mut is_whole = true;
+    for (index, group) in groups.into_iter().enumerate() {
+        let mut own = Vec::new();
+        let at = |key: &str, place: &str| join(path, &join(place, key));
+        let dynamics = Dynamics::build(
+            part(table, index, "dynamics", &group.dynamics),
+            &at("dynamics", &group.dynamics),
+            &mut own,
+        );
+        let dynamics = dynamics.map(|dynamics| dynamics.with_noise(group.sd_m));
+        let context = Context {
+            path: at("controller", &group.controller),
+            n_agents,
+            speed_cap_mps: dynamics.as_ref().map_or(f64::INFINITY, Dynamics::speed_cap_mps),
+            files: &std::collections::BTreeMap::new(),
+        };
+        let table = part(table, index, "controller", &group.controller);
+        let controller = controller::build(table, &context, &mut own);
+        if contacts.is_some() && controller::is_jumping(table) {
+            own.push(
+                Problem::new(
+                    join(&join(path, "contacts"), "kind"),
+                    "must be \"count\" for random-jump, whose robots are not anywhere between two places",
+                )
+                .value("\"resolve\""),
+            );
+        }
+        // What groups share is wrong once.
+        own.retain(|problem| !problems.contains(problem));
+        problems.append(&mut own);
+        match (dynamics, controller) {
+            (Some(dynamics), Some(controller)) => {
+                kinds.push((group.count, dynamics));
+                controllers.push((group.count, controller));
+            }
+            (..) => is_whole = false,
+        }
+    }
+    is_whole.then(|| (Fleet::new(kinds, contacts), Team::new(controllers)))
+}
+
+/// The groups, or the whole swarm as one.
+fn groups(
+    table: &toml::Table,
+    path: &str,
+    n_agents: usize,
+    problems: &mut Vec<Problem>,
+) -> Vec<Group> {
+    let noise = table.get("localization").and_then(|localization| localization.get("sd_m"));
+    let sd_m = noise.and_then(toml::Value::as_float).unwrap_or(0.0);
+    let tables = table.get("group").and_then(toml::Value::as_array);
+    let Some(tables) = tables.filter(|tables| !tables.is_empty()) else {
+        let everyone =
+            Group { count: n_agents, dynamics: String::new(), controller: String::new(), sd_m };
+        return vec![everyone];
+    };
+    let mut groups = Vec::new();
+    for (index, group) in tables.iter().enumerate() {
+        let here = format!("group[{index}]");
+        let place = |key: &str| if group.get(key).is_some() { here.clone() } else { String::new() };
+        let count = group.get("count").and_then(toml::Value::as_integer).unwrap_or(1);
+        let own_sd_m = group.get("localization_sd_m").and_then(toml::Value::as_float);
+        groups.push(Group {
+            count: usize::try_from(count).unwrap_or(usize::MAX),
+            dynamics: place("dynamics"),
+            controller: place("controller"),
+            sd_m: own_sd_m.unwrap_or(sd_m),
+        });
+    }
+    let sum = groups.iter().fold(0usize, |sum, group| sum.saturating_add(group.count));
+    if sum != n_agents {
+        let message = format!("counts must add up to experiment.agents = {n_agents}");
+        problems.push(Problem::new(join(path, "group"), message).value(sum));
+    }
+    groups
+}
+
+/// The table of a group, or the one that all share where `place` is empty.
+fn part<'a>(
+    table: &'a mut toml::Table,
+    index: usize,
+    key: &str,
+    place: &str,
+) -> &'a mut toml::Table {
+    let within = if place.is_empty() {
+        table
+    } else {
+        table["group"][index].as_table_mut().expect("the description says it is a table")
+    };
+    within
+        .get_mut(key)
+        .and_then(toml::Value::as_table_mut)
+        .expect("the description says it is a table")
+}
