@@ -13,6 +13,7 @@ mod inertial;
 pub mod physics;
 mod point_mass;
 mod response;
+mod rigid;
 pub mod surroundings;
 
 pub use body::{Drive, Part, Shape, wrapped};
@@ -135,6 +136,11 @@ const VARIANTS: &[Variant] = &[
         ],
     },
     Variant {
+        name: "rigid-body",
+        doc: "A disc with mass, friction and spin, which pushes what it meets.",
+        fields: rigid::FIELDS,
+    },
+    Variant {
         name: "unicycle",
         doc: "Drives along its heading, and turns at any rate.",
         fields: &[field(
@@ -177,6 +183,8 @@ pub struct Memory {
     drive: Drive,
     /// How bodies that keep their velocity are accelerated (m/s²).
     push_mps2: [f64; 3],
+    /// How a rigid body spins (rad/s), counter-clockwise.
+    spin_radps: f64,
     /// Commands that may still have to act, oldest first.
     orders: Vec<Order>,
     /// Where it was, oldest first, as long as positions are measured late.
@@ -217,6 +225,7 @@ impl Dynamics {
             "point-mass" => Body::PointMass(keys().try_into().ok()?),
             "double-integrator" => Body::DoubleIntegrator(keys().try_into().ok()?),
             "quadrotor" => Body::Quadrotor(keys().try_into().ok()?),
+            "rigid-body" => Body::RigidBody(keys().try_into().ok()?),
             "unicycle" => Body::Unicycle(keys().try_into().ok()?),
             "car" => Body::Car(keys().try_into().ok()?),
             _ => return None,
@@ -252,6 +261,16 @@ impl Dynamics {
             localization.sd_m = libm::hypot(localization.sd_m, sd_m);
         }
         self
+    }
+
+    /// Whether it faces somewhere by itself.
+    pub(crate) fn has_heading(&self) -> bool {
+        self.physics.shape().is_turning() || self.is_rigid()
+    }
+
+    /// Whether its contacts are those of a rigid body.
+    pub(crate) fn is_rigid(&self) -> bool {
+        self.physics.rigid().is_some()
     }
 
     /// The body and its effects, for fits.

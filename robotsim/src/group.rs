@@ -65,7 +65,7 @@ pub(crate) fn build(
     }
     let mut kinds = Vec::new();
     let mut controllers: Vec<(usize, Box<dyn Controller>)> = Vec::new();
-    let mut is_whole = true;
+    let (mut is_whole, mut rigid) = (true, 0);
     for (index, group) in groups.into_iter().enumerate() {
         let mut own = Vec::new();
         let at = |key: &str, place: &str| join(path, &join(place, key));
@@ -92,6 +92,18 @@ pub(crate) fn build(
                 .value("\"resolve\""),
             );
         }
+        if dynamics.as_ref().is_some_and(Dynamics::is_rigid) {
+            rigid += 1;
+            if contacts.is_some() {
+                let message = "must be \"count\" for rigid bodies, whose contacts are their own";
+                let at = join(&join(path, "contacts"), "kind");
+                own.push(Problem::new(at, message).value("\"resolve\""));
+            }
+            if controller::is_jumping(table) {
+                let message = "must not be random-jump for rigid bodies, which have a way to go";
+                own.push(Problem::new(join(&context.path, "kind"), message));
+            }
+        }
         // What groups share is wrong once.
         own.retain(|problem| !problems.contains(problem));
         problems.append(&mut own);
@@ -102,6 +114,11 @@ pub(crate) fn build(
             }
             (..) => is_whole = false,
         }
+    }
+    if rigid != 0 && rigid < kinds.len() {
+        let message =
+            "must be all of rigid bodies or all of others: these do not give way to those";
+        problems.push(Problem::new(join(path, "group"), message));
     }
     is_whole.then(|| (Fleet::new(kinds, contacts), Team::new(controllers)))
 }

@@ -2,6 +2,7 @@
 
 use super::inertial::{DoubleIntegrator, Inertial, Quadrotor, within};
 use super::point_mass::PointMass;
+use super::rigid::RigidBody;
 use serde::{Deserialize, Serialize};
 
 /// What a robot is asked for, or does.
@@ -45,6 +46,7 @@ pub(super) enum Body {
     PointMass(PointMass),
     DoubleIntegrator(DoubleIntegrator),
     Quadrotor(Quadrotor),
+    RigidBody(RigidBody),
     Unicycle(Unicycle),
     Car(Car),
 }
@@ -87,7 +89,10 @@ pub(super) struct Car {
 impl Body {
     pub(super) fn shape(&self) -> Shape {
         match self {
-            Self::PointMass(_) | Self::DoubleIntegrator(_) | Self::Quadrotor(_) => Shape::Velocity,
+            Self::PointMass(_)
+            | Self::DoubleIntegrator(_)
+            | Self::Quadrotor(_)
+            | Self::RigidBody(_) => Shape::Velocity,
             Self::Unicycle(_) => Shape::Unicycle,
             Self::Car(_) => Shape::Car,
         }
@@ -98,6 +103,7 @@ impl Body {
             Self::PointMass(body) => body.speed_cap_mps,
             Self::DoubleIntegrator(body) => body.speed_cap_mps,
             Self::Quadrotor(body) => body.speed_cap_mps,
+            Self::RigidBody(body) => body.speed_cap_mps,
             Self::Unicycle(body) => body.speed_cap_mps,
             Self::Car(body) => body.speed_cap_mps,
         }
@@ -108,7 +114,7 @@ impl Body {
         let clamp = |number: f64, cap: f64| number.clamp(-cap, cap);
         match self {
             Self::PointMass(body) => body.velocity_mps([speed_mps, turn, rest]),
-            Self::DoubleIntegrator(_) | Self::Quadrotor(_) => {
+            Self::DoubleIntegrator(_) | Self::Quadrotor(_) | Self::RigidBody(_) => {
                 within([speed_mps, turn, rest], self.speed_cap_mps())
             }
             Self::Unicycle(body) => {
@@ -125,6 +131,7 @@ impl Body {
         match self {
             Self::DoubleIntegrator(body) => Some(body),
             Self::Quadrotor(body) => Some(body),
+            Self::RigidBody(body) => Some(body),
             Self::PointMass(_) | Self::Unicycle(_) | Self::Car(_) => None,
         }
     }
@@ -133,7 +140,10 @@ impl Body {
     #[inline]
     pub(super) fn yaw_rate_radps(&self, speed_mps: f64, turn: f64) -> f64 {
         match self {
-            Self::PointMass(_) | Self::DoubleIntegrator(_) | Self::Quadrotor(_) => 0.0,
+            Self::PointMass(_)
+            | Self::DoubleIntegrator(_)
+            | Self::Quadrotor(_)
+            | Self::RigidBody(_) => 0.0,
             Self::Unicycle(_) => turn,
             Self::Car(body) => speed_mps * libm::tan(turn) / body.wheelbase_m,
         }
@@ -154,6 +164,7 @@ impl Body {
             Self::PointMass(_)
             | Self::DoubleIntegrator(_)
             | Self::Quadrotor(_)
+            | Self::RigidBody(_)
             | Self::Unicycle(_) => {
                 [(speed_mps * libm::cos(error_rad)).max(0.0), error_rad / dt_s, 0.0]
             }

@@ -101,6 +101,11 @@ impl Contacts {
         Some(Self { radius_m: 0.5 * diameter_m, restitution })
     }
 
+    /// Robots of this diameter (m) that part with no speed of their own.
+    pub(super) fn of(diameter_m: f64) -> Self {
+        Self { radius_m: 0.5 * diameter_m, restitution: 0.0 }
+    }
+
     /// In how many parts robots that are at most this fast go on for `dt_s`.
     fn n_parts(&self, dt_s: f64, fastest_mps: f64) -> usize {
         let parts = (dt_s / PART_S).max(dt_s * fastest_mps / (0.5 * self.radius_m));
@@ -386,7 +391,7 @@ impl Fleet {
 
     /// Takes a robot that begins within a wall, an obstacle or another robot out of there, where contacts are resolved.
     pub fn make_room(&self, site: &Site, states: &mut AgentStates) {
-        let Some(contacts) = &self.contacts else { return };
+        let Some(contacts) = self.room() else { return };
         let solids = solids(site);
         let alive = states.alive.clone();
         let disc = |agent| Disc {

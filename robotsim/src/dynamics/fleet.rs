@@ -2,6 +2,7 @@
 
 use super::contacts::Contacts;
 use super::effect::Localization;
+use super::rigid::RigidBody;
 use super::surroundings::{Other, Surroundings};
 use super::{Command, Dynamics, Memory, Motion, Step};
 use proto::rng::{Draws, Purpose};
@@ -40,6 +41,13 @@ impl Fleet {
         self.kinds.iter().any(|(_, dynamics)| has(dynamics))
     }
 
+    /// The rules by which robots that begin in each other or in something solid are put apart.
+    pub(super) fn room(&self) -> Option<Contacts> {
+        let diameters = self.kinds.iter().filter_map(|(_, dynamics)| dynamics.physics.rigid());
+        let widest_m = diameters.map(RigidBody::diameter_m).fold(0.0, f64::max);
+        self.contacts.or((0.0 < widest_m).then(|| Contacts::of(widest_m)))
+    }
+
     /// What robots at rest carry. Nothing, where nothing reaches back in time.
     #[must_use]
     pub fn memory(&self, n_agents: usize) -> Vec<Memory> {
@@ -52,7 +60,7 @@ impl Fleet {
 
     /// Gives robots a heading where a body needs one: east, where the scenario says nothing.
     pub fn complete(&self, states: &mut AgentStates) {
-        let is_needed = self.any(|dynamics| dynamics.physics.shape().is_turning());
+        let is_needed = self.any(|dynamics| dynamics.has_heading());
         if is_needed && states.heading_rad.is_empty() {
             states.heading_rad = vec![0.0; states.len()];
         }
@@ -79,7 +87,9 @@ impl Fleet {
         let terrain = &step.site.terrain;
         let base = Surroundings { terrain, draws, others_at_s: from_s, others: &[] };
         let alive = states.alive.clone();
-        if let Some(contacts) = &self.contacts {
+        if self.any(Dynamics::is_rigid) {
+            self.advance_rigid(step, &base, commands, states, memory);
+        } else if let Some(contacts) = &self.contacts {
             self.advance_in_contact(contacts, step, &base, commands, states, memory);
         } else {
             let others = self.others(states);
@@ -110,8 +120,10 @@ impl Fleet {
                 commands[agent]
             );
             let [vx, vy] = [states.vx_mps[agent], states.vy_mps[agent]];
-            let turning = self.of(agent).physics.shape().is_turning();
-            if !turning && !states.heading_rad.is_empty() && (vx != 0.0 || vy != 0.0) {
+            if !self.of(agent).has_heading()
+                && !states.heading_rad.is_empty()
+                && (vx != 0.0 || vy != 0.0)
+            {
                 states.heading_rad[agent] = libm::atan2(vy, vx);
             }
         }
@@ -122,6 +134,7 @@ impl Fleet {
         for memory in memory {
             memory.drive = [0.0; 3];
             memory.push_mps2 = [0.0; 3];
+            memory.spin_radps = 0.0;
             memory.orders.clear();
         }
     }

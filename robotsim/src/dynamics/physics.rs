@@ -4,6 +4,7 @@ use super::body::{Body, Drive, Part};
 use super::effect::{Effect, Situation};
 use super::inertial::{Push, within};
 use super::response::Response;
+use super::rigid::RigidBody;
 use super::surroundings::Surroundings;
 use serde::{Deserialize, Serialize};
 
@@ -117,6 +118,14 @@ impl Physics {
     #[must_use]
     pub fn is_inertial(&self) -> bool {
         self.body.inertial().is_some()
+    }
+
+    /// The body, if its contacts are those of a rigid one.
+    pub(super) fn rigid(&self) -> Option<&RigidBody> {
+        match &self.body {
+            Body::RigidBody(body) => Some(body),
+            _ => None,
+        }
     }
 
     /// What to ask of a robot so that it moves with this velocity (m/s), as well as it can within `dt_s`.

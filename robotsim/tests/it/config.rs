@@ -133,6 +133,21 @@ robotsim.contacts.kind: must be "count" for random-jump, whose robots are not an
 "#);
 }
 
+#[test]
+fn rigid_bodies_are_refused_beside_what_does_not_give_way() {
+    let shared = "scenario.kind = 'line'\ndynamics.kind = 'rigid-body'\n";
+    insta::assert_snapshot!(
+        refusal(&format!("{shared}contacts.kind = 'resolve'\ncontroller.kind = 'random-jump'\n"), None), @r#"
+robotsim.contacts.kind: must be "count" for random-jump, whose robots are not anywhere between two places, got "resolve"
+robotsim.contacts.kind: must be "count" for rigid bodies, whose contacts are their own, got "resolve"
+robotsim.controller.kind: must not be random-jump for rigid bodies, which have a way to go
+"#);
+    insta::assert_snapshot!(
+        refusal(&format!("{shared}controller.kind = 'hold'\n[[group]]\ncount = 2\n[[group]]\ncount = 3\ndynamics.kind = 'car'\n"), None), @r#"
+robotsim.group: must be all of rigid bodies or all of others: these do not give way to those
+"#);
+}
+
 const FROM_FILE: &str =
     "scenario = { kind = 'csv', file = 'places.csv' }\ncontroller.kind = 'hold'";
 

@@ -10,4 +10,5 @@ mod effects;
 mod flocking;
 mod groups;
 mod line_formation;
+mod rigid;
 mod swarm;

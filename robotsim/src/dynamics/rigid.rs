@@ -1,0 +1,325 @@
+//! Rigid bodies: discs with mass, friction and spin, whose contacts Rapier resolves.
+
+use super::fleet::{Fleet, near};
+use super::inertial::{GRAVITY_MPS2, Inertial, within};
+use super::surroundings::{Other, Surroundings};
+use super::{Command, Memory, Motion, Step};
+use crate::config::field;
+use crate::obstacles::Course;
+use proto::config::{Default as Absent, Field, Kind, Range};
+use proto::site::Site;
+use proto::types::{AgentStates, seconds};
+use rapier2d_f64::prelude::{
+    CoefficientCombineRule, ColliderBuilder, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
+    Vector,
+};
+use serde::Deserialize;
+
+/// A rigid disc on the ground.
+///
+/// # Model
+///
+/// A disc of mass m, radius r and moment of inertia m r²/2 that keeps its velocity and its spin. Its drive pushes it, in any
+/// direction, with at most `force_cap_n`; where a controller commands a velocity u the force is m (u − v) / Δt, as far as that
+/// allows. The ground brakes it with Coulomb's friction, which at rest holds it against a smaller force; the spin is
+/// braked as that of a disc that presses evenly, whether it slides or not:
+///
+/// ```text
+/// |dv/dt| = μ_g g,    |dω/dt| = 4 μ_g g / (3 r)
+/// ```
+///
+/// Contacts with other discs, walls and obstacles are Rapier's (<https://rapier.rs>, `enhanced-determinism`): Newton's law with
+/// restitution e along the normal, Coulomb's friction μ along the surface, which spins the disc; of two that touch the lower e
+/// and the lower μ count, walls and obstacles having neither of their own.
+///
+/// # Validity
+///
+/// On a plane: z stays, and heights do not count. Rapier lets bodies that are pressed together overlap a little, and gets hold
+/// of them up to one part's way before they touch. A pair keeps its energy as the restitution says; in a room some meetings give
+/// back less, so that elastic discs slow down in time. Friction acts on the impulse of meeting, not on that of parting. How sliding lessens what the ground takes from the spin, and the
+/// reverse, is left out (Farkas et al., Phys. Rev. Lett. 90, 248302, 2003). Not validated against hardware.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub(super) struct RigidBody {
+    pub(super) speed_cap_mps: f64,
+    mass_kg: f64,
+    body_diameter_m: f64,
+    force_cap_n: f64,
+    friction: f64,
+    restitution: f64,
+    ground_friction: f64,
+}
+
+pub(super) const FIELDS: &[Field] = &[
+    field("mass_kg", "Mass (kg).", Kind::Number(Range::above(0.0, 1e6)), Absent::Number(1.0)),
+    field(
+        "body_diameter_m",
+        "Diameter (m) with which it touches others. What counts as a collision is `robotsim.diameter_m`.",
+        Kind::Number(Range::closed(1e-3, 1e3)),
+        Absent::Number(0.3),
+    ),
+    field(
+        "force_cap_n",
+        "Greatest force of its drive (N). 0: it has none, and is only pushed.",
+        Kind::Number(Range::closed(0.0, 1e9)),
+        Absent::Number(10.0),
+    ),
+    field(
+        "friction",
+        "Coefficient of friction where it touches others, walls and obstacles.",
+        Kind::Number(Range::closed(0.0, 10.0)),
+        Absent::Number(0.3),
+    ),
+    field(
+        "restitution",
+        "Speed of parting, as a share of that of meeting.",
+        Kind::Number(Range::closed(0.0, 1.0)),
+        Absent::Number(0.0),
+    ),
+    field(
+        "ground_friction",
+        "Coefficient of friction with which it slides over the ground. 0: it glides, or rolls on wheels.",
+        Kind::Number(Range::closed(0.0, 10.0)),
+        Absent::Number(0.0),
+    ),
+];
+
+/// Longest part (s) of a step after which contacts are looked for.
+const PART_S: f64 = 0.005;
+
+impl Inertial for RigidBody {
+    fn towards(&self, velocity_mps: [f64; 3], own_mps: [f64; 3], dt_s: f64) -> [f64; 3] {
+        // What the ground takes has to be given, too.
+        let ground_mps = within(velocity_mps, self.ground_mps2() * dt_s);
+        let [x, y, _]: [f64; 3] =
+            std::array::from_fn(|i| (velocity_mps[i] - own_mps[i] + ground_mps[i]) / dt_s);
+        [x, y, 0.0]
+    }
+
+    fn limited(&self, [x, y, _]: [f64; 3]) -> [f64; 3] {
+        within([x, y, 0.0], self.force_cap_n / self.mass_kg)
+    }
+}
+
+impl RigidBody {
+    pub(super) fn diameter_m(&self) -> f64 {
+        self.body_diameter_m
+    }
+
+    /// What the ground takes (m/s²).
+    fn ground_mps2(&self) -> f64 {
+        self.ground_friction * GRAVITY_MPS2
+    }
+
+    /// Velocity (m/s) and way (m) after `h_s`, where without the ground it would have come from one velocity to the other on
+    /// that way. Exact where nothing drives it.
+    fn braked(
+        &self,
+        [before_mps, after_mps]: [[f64; 3]; 2],
+        way_m: [f64; 3],
+        h_s: f64,
+    ) -> ([f64; 3], [f64; 3]) {
+        let taken_mps = self.ground_mps2() * h_s;
+        if taken_mps == 0.0 {
+            return (after_mps, way_m);
+        }
+        let speed_mps = norm(after_mps);
+        if speed_mps <= taken_mps {
+            let begin_mps = norm(before_mps);
+            let until_s = h_s.min(begin_mps / self.ground_mps2());
+            return ([0.0; 3], before_mps.map(|part_mps| 0.5 * part_mps * until_s));
+        }
+        let left_mps = after_mps.map(|part_mps| part_mps * (1.0 - taken_mps / speed_mps));
+        let shorter = |i: usize| way_m[i] - 0.5 * (after_mps[i] - left_mps[i]) * h_s;
+        (left_mps, std::array::from_fn(shorter))
+    }
+
+    /// The spin (rad/s) that the ground leaves after `h_s`.
+    fn slowed(&self, spin_radps: f64, h_s: f64) -> f64 {
+        let taken_radps = 4.0 * self.ground_mps2() * h_s / (1.5 * self.body_diameter_m);
+        let left_radps = (spin_radps.abs() - taken_radps).max(0.0);
+        if spin_radps < 0.0 { -left_radps } else { left_radps }
+    }
+
+    fn collider(&self) -> ColliderBuilder {
+        surface(ColliderBuilder::ball(0.5 * self.body_diameter_m))
+            .mass(self.mass_kg)
+            .friction(self.friction)
+            .restitution(self.restitution)
+    }
+}
+
+/// Of two surfaces that touch the lower coefficients count.
+fn surface(collider: ColliderBuilder) -> ColliderBuilder {
+    collider
+        .friction_combine_rule(CoefficientCombineRule::Min)
+        .restitution_combine_rule(CoefficientCombineRule::Min)
+        .friction(f64::MAX)
+        .restitution(1.0)
+}
+
+/// What is solid, and the robots in it: made anew for each step, so that nothing but robots' states goes on.
+struct World {
+    physics: PhysicsWorld,
+    /// By course, the obstacle that moves.
+    moving: Vec<RigidBodyHandle>,
+}
+
+impl World {
+    fn new(site: &Site, courses: &[Course], from_s: f64) -> Self {
+        let mut physics = PhysicsWorld { gravity: Vector::ZERO, ..PhysicsWorld::default() };
+        let parameters = &mut physics.integration_parameters;
+        parameters.normalized_max_linear_velocity = f64::MAX;
+        // Contacts are where bodies are, not where they were when they were last looked at; parts are short enough.
+        parameters.contact_recycling = false;
+        parameters.max_ccd_substeps = 0;
+        let point = |[x, y]: [f64; 2]| Vector::new(x, y);
+        for wall in &site.wall {
+            let shape = ColliderBuilder::segment(point(wall.from_m), point(wall.to_m));
+            physics.insert(RigidBodyBuilder::fixed(), surface(shape));
+        }
+        let mut moving = vec![RigidBodyHandle::invalid(); courses.len()];
+        for (number, obstacle) in site.obstacle.iter().enumerate() {
+            let course = courses.iter().position(|course| course.obstacle() == number);
+            let (body, centre_m) = match course {
+                Some(course) => {
+                    let at_m = courses[course].centre_m(from_s);
+                    (RigidBodyBuilder::kinematic_position_based(), at_m)
+                }
+                None => (RigidBodyBuilder::fixed(), obstacle.centre_m),
+            };
+            let shape = surface(ColliderBuilder::ball(obstacle.radius_m));
+            let (handle, _) = physics.insert(body.translation(point(centre_m)), shape);
+            if let Some(course) = course {
+                moving[course] = handle;
+            }
+        }
+        Self { physics, moving }
+    }
+
+    fn add(&mut self, body: &RigidBody, [x, y, _]: [f64; 3], spin_radps: f64) -> RigidBodyHandle {
+        let robot = RigidBodyBuilder::dynamic()
+            .translation(Vector::new(x, y))
+            .angvel(spin_radps)
+            .can_sleep(false);
+        self.physics.insert(robot, body.collider()).0
+    }
+}
+
+/// A robot in the world.
+struct Disc<'a> {
+    agent: usize,
+    body: &'a RigidBody,
+    handle: RigidBodyHandle,
+    motion: Motion,
+    begin_m: [f64; 3],
+    others: Vec<Other>,
+}
+
+impl Fleet {
+    /// [`Self::advance`] for rigid bodies: in parts, in each of which drive, effects and ground change velocities, and Rapier
+    /// does what contacts do.
+    pub(super) fn advance_rigid(
+        &self,
+        step: &Step<'_>,
+        base: &Surroundings<'_>,
+        commands: &[Command],
+        states: &mut AgentStates,
+        memory: &mut [Memory],
+    ) {
+        let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
+        let dt_s = seconds(step.until_ns - step.from_ns);
+        let others = self.others(states);
+        let mut world = World::new(step.site, step.courses, from_s);
+        let mut fastest_mps = step.courses.iter().map(Course::speed_mps).fold(0.0, f64::max);
+        let mut smallest_m = f64::INFINITY;
+        let mut discs = Vec::new();
+        for agent in states.alive.clone().iter_ones() {
+            let dynamics = self.of(agent);
+            let Some(body) = dynamics.physics.rigid() else { continue };
+            let motion = dynamics.take_up(agent, commands[agent], from_s, dt_s, states, memory);
+            let most_mps = dt_s * body.force_cap_n / body.mass_kg;
+            fastest_mps = fastest_mps.max(norm(memory[agent].drive) + most_mps);
+            smallest_m = smallest_m.min(body.body_diameter_m);
+            let begin_m = states.position_m(agent);
+            discs.push(Disc {
+                agent,
+                body,
+                handle: world.add(body, begin_m, memory[agent].spin_radps),
+                motion,
+                begin_m,
+                others: near(&others, agent),
+            });
+        }
+        let n = (dt_s / PART_S).max(dt_s * fastest_mps.min(1e4) / (0.25 * smallest_m));
+        let n = libm::ceil(n).max(1.0) as usize;
+        for part in 0..n {
+            let at = |part: usize| from_s + dt_s * (part as f64 / n as f64);
+            let to_s = if part + 1 == n { until_s } else { at(part + 1) };
+            self.advance_part(&mut world, &discs, [at(part), to_s], step, base, states, memory);
+        }
+        for Disc { agent, begin_m, .. } in discs {
+            let end_m = states.position_m(agent);
+            [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] =
+                std::array::from_fn(|i| (end_m[i] - begin_m[i]) / dt_s);
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "one part of what the caller has at hand")]
+    fn advance_part(
+        &self,
+        world: &mut World,
+        discs: &[Disc<'_>],
+        span_s: [f64; 2],
+        step: &Step<'_>,
+        base: &Surroundings<'_>,
+        states: &mut AgentStates,
+        memory: &mut [Memory],
+    ) {
+        let h_s = span_s[1] - span_s[0];
+        for (course, &handle) in step.courses.iter().zip(&world.moving) {
+            let [x, y] = course.centre_m(span_s[1]);
+            if let Some(obstacle) = world.physics.bodies.get_mut(handle) {
+                obstacle.set_next_kinematic_translation(Vector::new(x, y));
+            }
+        }
+        let mut free_mps = Vec::with_capacity(discs.len());
+        for disc in discs {
+            let agent = disc.agent;
+            let surroundings = Surroundings { others: &disc.others, ..*base };
+            let before_mps = memory[agent].drive;
+            let dynamics = self.of(agent);
+            let way_m = dynamics.go(agent, disc.motion, span_s, &surroundings, states, memory);
+            let after_mps = memory[agent].drive;
+            let (left_mps, way_m) = disc.body.braked([before_mps, after_mps], way_m, h_s);
+            memory[agent].drive = left_mps;
+            let velocity_mps = [way_m[0] / h_s, way_m[1] / h_s];
+            free_mps.push(velocity_mps);
+            let robot = &mut world.physics.bodies[disc.handle];
+            robot.set_linvel(Vector::new(velocity_mps[0], velocity_mps[1]), true);
+            robot.set_angvel(disc.body.slowed(memory[agent].spin_radps, h_s), true);
+        }
+        world.physics.integration_parameters.dt = h_s;
+        world.physics.step();
+        for (disc, free_mps) in discs.iter().zip(free_mps) {
+            let agent = disc.agent;
+            let robot = &world.physics.bodies[disc.handle];
+            let (place, velocity, spin_radps) =
+                (robot.translation(), robot.linvel(), robot.angvel());
+            (states.x_m[agent], states.y_m[agent]) = (place.x, place.y);
+            // What contacts changed, its drive did not.
+            memory[agent].drive[0] += velocity.x - free_mps[0];
+            memory[agent].drive[1] += velocity.y - free_mps[1];
+            memory[agent].spin_radps = spin_radps;
+            if let Some(heading_rad) = states.heading_rad.get_mut(agent) {
+                *heading_rad = super::wrapped(*heading_rad + spin_radps * h_s);
+            }
+        }
+    }
+}
+
+fn norm(vector: [f64; 3]) -> f64 {
+    libm::sqrt(vector.iter().map(|part| part * part).sum())
+}
+
+#[cfg(test)]
+mod tests;
