@@ -7,6 +7,7 @@
 //! | in flight | created less delivered and dropped: nothing is lost from the account |
 //! | first join, last join | among motes that joined, roots apart |
 //! | churn | changes of the preferred parent per mote and hour of being on |
+//! | since the start | the same of the time in which robots were free to move: packets that ended then, changes of parents from when the network had formed on, and the share of motes that were joined |
 //! | duty cycle | time the radio sent or listened over the time the mote was on |
 //! | mean current | charge over the very time during which it was drawn: scanning counts on both sides of the fraction |
 //! | lifetime | charge of a new battery over the mean current; of the network: the shortest of a mote other than a root |
@@ -31,6 +32,12 @@ pub const BATTERY_MAH: f64 = 2821.5;
 #[derive(Clone, Debug, Default)]
 pub struct Kpis {
     pub(crate) account: Account,
+    /// The account of packets that ended while robots were free to move.
+    moving: Account,
+    /// Robots had to wait before they were free to move.
+    has_waited: bool,
+    /// Share of motes that were joined, summed over nanoseconds, and those nanoseconds, while robots were free to move.
+    joined: (f64, f64),
     /// Formation as last told; `None`: the network has nothing to form.
     pub(crate) formation: Option<Formation>,
     /// Statistics when the network had formed, and the latest ones, each with its time (ns).
@@ -55,6 +62,19 @@ impl Kpis {
     pub(crate) fn add(&mut self, period: &Period<'_>) {
         if let Some(packets) = period.packets {
             self.account.add(packets);
+            if !period.held {
+                self.moving.add(packets);
+            }
+        }
+        self.has_waited |= period.held;
+        if let (false, Some(joined)) = (period.held, &period.motes.joined) {
+            let weight = (period.time_ns - period.from_ns) as f64;
+            let n_alive = period.motes.alive.iter_ones().count();
+            if 0 < n_alive {
+                let n = period.motes.alive.iter_ones().filter(|&mote| joined.get(mote)).count();
+                self.joined.0 += weight * n as f64 / n_alive as f64;
+                self.joined.1 += weight;
+            }
         }
         if let Some(statistics) = period.statistics {
             self.latest = Some((period.time_ns, statistics.clone()));
@@ -107,7 +127,8 @@ impl Kpis {
             "delivery": self.account.delivery(|_| true),
             "delivery_upward": self.account.delivery(|mote| self.is_root(mote)),
             "packets": self.account.by_kind(),
-            "routing": self.routing(n),
+            "routing": self.routing(None, n),
+            "since_start": self.since_start(n),
             "queue_drops": self.queue_drops(n),
             "energy": whole.as_ref().map(energy::Energy::summary),
             "energy_since_formation": since.flatten().as_ref().map(energy::Energy::summary),
@@ -146,11 +167,39 @@ impl Kpis {
         json!({ "synced": of("first_synced_ns"), "joined": of("first_joined_ns") })
     }
 
-    fn routing(&self, n: usize) -> Value {
-        let changes = self.known("parent_changes", n, true);
+    /// What happened while robots were free to move.
+    fn since_start(&self, n: usize) -> Value {
+        let base = self.formed.as_ref().map(|(_, formed)| formed);
+        let routing = match (self.has_waited, base) {
+            (true, None) => Value::Null,
+            (true, base) => self.routing(base, n),
+            (false, _) => self.routing(None, n),
+        };
+        let (joined, weight) = self.joined;
+        json!({
+            "delivery": self.moving.delivery(|_| true),
+            "delivery_upward": self.moving.delivery(|mote| self.is_root(mote)),
+            "parent_changes": routing["parent_changes"],
+            "churn_per_mote_hour": routing["churn_per_mote_hour"],
+            "joined_ratio": (0.0 < weight).then(|| joined / weight),
+        })
+    }
+
+    /// Changes of parents, from the beginning or since some statistics were told.
+    fn routing(&self, since: Option<&MoteStatistics>, n: usize) -> Value {
+        let counted = |name: &str, with_roots: bool| -> Vec<f64> {
+            let column = self.statistics().and_then(|statistics| statistics.column(name));
+            let before = |mote: usize| {
+                since.map_or(Some(0.0), |since| since.column(name).and_then(|all| all.get(mote)))
+            };
+            (0..n)
+                .filter(|&mote| with_roots || !self.is_root(mote))
+                .filter_map(|mote| Some(column?.get(mote)? - before(mote).unwrap_or(0.0)))
+                .collect()
+        };
+        let changes = counted("parent_changes", true);
         let total: f64 = changes.iter().sum();
-        let on_h: f64 =
-            self.known("up_ns", n, false).iter().map(|&ns| in_seconds(ns) / 3600.0).sum();
+        let on_h: f64 = counted("up_ns", false).iter().map(|&ns| in_seconds(ns) / 3600.0).sum();
         json!({
             "parent_changes": (!changes.is_empty()).then_some(total),
             "churn_per_mote_hour": (!changes.is_empty() && 0.0 < on_h).then(|| total / on_h),

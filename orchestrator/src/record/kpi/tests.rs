@@ -47,6 +47,8 @@ struct Step {
     packets: Option<Packets>,
     statistics: Option<MoteStatistics>,
     formed_ns: Option<u64>,
+    held: bool,
+    joined: Option<[bool; N]>,
 }
 
 fn run(steps: &[Step]) -> Kpis {
@@ -57,6 +59,12 @@ fn run(steps: &[Step]) -> Kpis {
     let mut kpis = Kpis::new(Some(Formation::default()), None);
     for (step, reply) in (1..).zip(steps) {
         let formation = Formation { formed_ns: reply.formed_ns, ..Formation::default() };
+        let joined = reply.joined.map(|joined| {
+            let mut all = Bitmap::filled(N, false);
+            (0..N).for_each(|mote| all.set(mote, joined[mote]));
+            all
+        });
+        let motes = MoteStates { joined, ..motes.clone() };
         kpis.add(&Period {
             step,
             from_ns: (step - 1) * 10 * S,
@@ -68,7 +76,7 @@ fn run(steps: &[Step]) -> Kpis {
             counts: &counts,
             motes: &motes,
             task_complete: false,
-            held: false,
+            held: reply.held,
             formation: Some(&formation),
             packets: reply.packets.as_ref(),
             statistics: reply.statistics.as_ref(),
@@ -182,6 +190,55 @@ fn q25_q26_a_current_is_a_charge_over_the_time_during_which_it_was_drawn() {
     assert_near(&since["network_lifetime_years"], 2821.5 * 1000.0 / 150.0 / 8760.0);
     assert_eq!(summary["motes"]["lifetime_years"][0], Value::Null);
     assert_near(&summary["motes"]["mean_current_ua"][0], 30.0);
+}
+
+#[test]
+fn since_the_start_only_what_robots_that_move_see_counts() {
+    let churn = |changes, up_h: f64| {
+        Some(statistics(&[
+            ("is_root", [1.0, 0.0, 0.0]),
+            ("parent_changes", changes),
+            ("up_ns", [3.6e12 * up_h; N]),
+        ]))
+    };
+    // While the network forms a packet is lost; then one of two arrives.
+    let forming = packets(1, &[(1, 0, 0, 9, 1, 1)]);
+    let moving = packets(3, &[(1, 0, 11, 15, 1, 0), (2, 0, 12, 19, 1, 2)]);
+    let formed_ns = Some(9 * S);
+    let kpis = run(&[
+        Step { packets: Some(forming), held: true, formed_ns, ..Step::default() },
+        Step {
+            packets: Some(moving),
+            statistics: churn([0.0, 5.0, 2.0], 1.0),
+            formed_ns,
+            joined: Some([true; N]),
+            ..Step::default()
+        },
+        Step {
+            statistics: churn([0.0, 8.0, 3.0], 3.0),
+            formed_ns,
+            joined: Some([true, false, false]),
+            ..Step::default()
+        },
+    ]);
+    let summary = kpis.summary();
+    assert_near(&summary["delivery"]["ratio"], 1.0 / 3.0);
+    let since = &summary["since_start"];
+    assert_near(&since["delivery"]["ratio"], 0.5);
+    assert_near(&since["delivery_upward"]["ratio"], 0.5);
+    // Four changes, of two motes on for two more hours each.
+    assert_near(&since["parent_changes"], 4.0);
+    assert_near(&since["churn_per_mote_hour"], 1.0);
+    assert_near(&summary["routing"]["parent_changes"], 11.0);
+    // Everyone half of the time, one of three the other half.
+    assert_near(&since["joined_ratio"], 2.0 / 3.0);
+}
+
+#[test]
+fn robots_that_need_not_wait_start_with_the_run() {
+    let all = Some(statistics(&[("parent_changes", [0.0, 5.0, 2.0]), ("up_ns", [3.6e12; N])]));
+    let kpis = run(&[Step { statistics: all, formed_ns: Some(5 * S), ..Step::default() }]);
+    assert_near(&kpis.summary()["since_start"]["parent_changes"], 7.0);
 }
 
 #[test]
