@@ -7,12 +7,22 @@
 //! | [`kpis`] | the figures of packets that are compared |
 //! | [`spread`] | a measurement against the spread of seeds |
 //! | [`compared`] | a comparison |
+//! | [`candidates`] | effects that may be missing |
+//! | [`likelihood`] | how probable a measurement is under runs |
+//! | [`tried`] | one effect tried at several values |
+//! | [`diagnosed`] | which effects are missing |
+//! | [`extended`] | a configuration with them added |
 //!
 //! A measurement is one run of a network whose chances fell in one way. So it is not held against the mean of the
 //! simulation, but asked whether it could be one more of its runs.
 
+pub mod candidates;
 pub mod compared;
+pub mod diagnosed;
+pub mod extended;
 pub mod kpis;
+pub mod likelihood;
 pub mod replay;
 pub mod spread;
 pub mod tracks;
+pub mod tried;

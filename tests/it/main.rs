@@ -18,6 +18,7 @@ mod formation;
 mod interrupts;
 mod links;
 mod packets;
+mod packets_missing;
 mod power;
 mod reference;
 mod refusals;

@@ -14,7 +14,7 @@ use std::path::Path;
 use tests::{folder, orchestrator, run, said};
 
 /// Eight sensors that report to a root for half an hour.
-const MODEL: &str = r#"
+pub(crate) const MODEL: &str = r#"
 [experiment]
 name = "sensors"
 seed = 1
@@ -51,7 +51,7 @@ payload_bytes = 40
 "#;
 
 /// A model over a campaign of half an hour.
-fn replay(text: &str, tracks: Option<Tracks>) -> Replay {
+pub(crate) fn replay(text: &str, tracks: Option<Tracks>) -> Replay {
     let plan = read(Path::new("model.toml"), text.to_owned(), &Overrides::default()).unwrap();
     let end = Packet {
         time_s: 1800.0,
@@ -64,7 +64,7 @@ fn replay(text: &str, tracks: Option<Tracks>) -> Replay {
     Replay::new(plan, tracks, &[end]).unwrap()
 }
 
-fn with(tables: &str) -> String {
+pub(crate) fn with(tables: &str) -> String {
     format!("{MODEL}\n{tables}")
 }
 

@@ -1,11 +1,11 @@
 //! The commands that hold a model against measurements.
 
-use super::packets::{Opened, ReplayArgs};
+use super::packets::{Adding, Opened, ReplayArgs};
 use super::{Failure, place_for, stop, write_json, write_whole};
 use crate::compare::{self, Comparison};
 use crate::console::{say, warn};
 use crate::diagnose::answer::{self, Answer, Kind};
-use crate::diagnose::ladder::{COMMON, Ladder, Search};
+use crate::diagnose::ladder::{COMMON, Search};
 use crate::extend;
 use crate::measure::config::Compared;
 use crate::measure::packets;
@@ -133,13 +133,6 @@ pub(super) struct AnswerArgs {
     /// Write what was found as a page with pictures (HTML, one file, opens without a network)
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-}
-
-/// The same, and how packets are replayed.
-#[derive(Args)]
-pub(super) struct CompareArgs {
-    #[command(flatten)]
-    answer: AnswerArgs,
     #[command(flatten)]
     replay: ReplayArgs,
 }
@@ -170,11 +163,12 @@ impl AnswerArgs {
     }
 
     /// Writes what was found of a network.
-    fn write_network(&self, replay: &ReplayArgs, json: &Value) -> Result<(), Failure> {
+    fn write_network(&self, json: &Value) -> Result<(), Failure> {
         write_json(self.data.json.as_deref(), json)?;
         let Some(path) = &self.report else { return Ok(()) };
         let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
-        let page = crate::report::packets::page(&name, &self.command(json, &replay.words()), json);
+        let page =
+            crate::report::packets::page(&name, &self.command(json, &self.replay.words()), json);
         write_whole("--report", path, &page)?;
         say(format!("look at {}", path.display()));
         Ok(())
@@ -283,18 +277,19 @@ pub(super) struct ExtendArgs {
     /// The new configuration
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
+    #[command(flatten)]
+    replay: ReplayArgs,
 }
 
 /// `orchestrator compare`.
-pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
-    let CompareArgs { answer: args, replay } = args;
+pub(super) fn compare(args: &AnswerArgs) -> Result<(), Failure> {
     args.check_places()?;
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     if packets::has_shape(&table).is_ok() {
-        let opened = data.open_packets(replay, &table)?;
-        return args.write_network(replay, &super::packets::compare(&opened)?);
+        let opened = data.open_packets(&args.replay, &table)?;
+        return args.write_network(&super::packets::compare(&opened)?);
     }
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
@@ -330,6 +325,18 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
+    if packets::has_shape(&table).is_ok() {
+        let opened = data.open_packets(&args.replay, &table)?;
+        let adding = Adding {
+            config: &data.config,
+            text: &config.text,
+            effects: &args.effect,
+            all: args.all,
+            output: &args.output,
+            json: data.json.as_deref(),
+        };
+        return super::packets::extend(&opened, &adding);
+    }
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) =
@@ -387,10 +394,16 @@ fn extend_with<S: Study>(
 /// `orchestrator diagnose`.
 pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
     args.check_places()?;
-    let stop = stop::listen()?;
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
+    if packets::has_shape(&table).is_ok() {
+        let opened = data.open_packets(&args.replay, &table)?;
+        let (found, stopped) = super::packets::diagnose(&opened)?;
+        args.write_network(&found)?;
+        return complete(stopped);
+    }
+    let stop = stop::listen()?;
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) =
@@ -417,7 +430,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             args.write(&config, &found, || {
                 Pictures::of_links(searched, &search, &ladder.accepted)
             })?;
-            complete(&ladder)
+            complete(ladder.stopped)
         }
         Subject::Robots => {
             let (study, account) =
@@ -431,7 +444,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let answer = answer::answer(&study, &search, &ladder, kind, &none, left.as_ref(), None);
             let found = diagnosed(&account, answer);
             args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))?;
-            complete(&ladder)
+            complete(ladder.stopped)
         }
     }
 }
@@ -443,8 +456,8 @@ fn diagnosed(account: &Account, mut answer: Answer) -> Value {
 }
 
 /// What was found before someone said stop is told and written; yet the search did not come to its end.
-fn complete(ladder: &Ladder) -> Result<(), Failure> {
-    ladder.stopped.map_or(Ok(()), |round| {
+pub(super) fn complete(stopped: Option<usize>) -> Result<(), Failure> {
+    stopped.map_or(Ok(()), |round| {
         Err(Failure::work(format!(
             "interrupted in round {round}: what was found until then is told"
         )))

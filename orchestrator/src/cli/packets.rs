@@ -1,18 +1,20 @@
 //! The commands that hold a network against measured packets.
 
-use super::Failure;
-use super::measured::{account_json, account_text};
+use super::measured::{account_json, account_text, complete};
+use super::{Failure, stop, write_json, write_whole};
 use crate::compare::Comparison;
 use crate::config::{self, Overrides, Plan};
 use crate::console::say;
 use crate::measure::packets::{self, Packets};
 use crate::measure::table::Table;
 use crate::network::compared::{self, Asked};
+use crate::network::diagnosed::{self, ACCEPT, Diagnosis, FEWEST_SEEDS, told};
+use crate::network::extended;
 use crate::network::replay::Replay;
 use crate::network::tracks::Tracks;
 use crate::study::open::{self, Account};
 use clap::Args;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// How packets are replayed.
@@ -101,4 +103,98 @@ pub(super) fn compare(opened: &Opened) -> Result<Value, Failure> {
     account_json(account, &mut json);
     say(text);
     Ok(json)
+}
+
+impl Opened {
+    /// Seeds that suffice to tell a gain from chance.
+    fn check_seeds(&self) -> Result<(), Failure> {
+        if self.asked.seeds < FEWEST_SEEDS {
+            return Err(Failure::request(format!(
+                "--seeds {}: at least {FEWEST_SEEDS} are needed to tell at a level of {ACCEPT} that a gain is no chance",
+                self.asked.seeds
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// `orchestrator diagnose` of packets: the answer, told; and whether it was interrupted.
+pub(super) fn diagnose(opened: &Opened) -> Result<(Value, Option<usize>), Failure> {
+    opened.check_seeds()?;
+    let stop = stop::listen()?;
+    let Opened { replay, packets, account, asked } = opened;
+    account_text(account);
+    let candidates = diagnosed::catalogue();
+    let diagnosis = Diagnosis::new(replay, &packets.packets, *asked, &candidates).until(stop);
+    let found = diagnosis.climb().map_err(Failure::request)?;
+    let mut answer = told(&found, *asked);
+    account_json(account, &mut answer.json);
+    say(answer.text);
+    Ok((answer.json, found.stopped))
+}
+
+/// Which effects are added to an experiment, and where it is written.
+pub(super) struct Adding<'a> {
+    pub(super) config: &'a Path,
+    pub(super) text: &'a str,
+    pub(super) effects: &'a [String],
+    pub(super) all: bool,
+    pub(super) output: &'a Path,
+    pub(super) json: Option<&'a Path>,
+}
+
+/// `orchestrator extend` of packets.
+pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure> {
+    let Opened { replay, packets, account, asked } = opened;
+    let candidates = diagnosed::catalogue();
+    let named: Result<Vec<usize>, _> =
+        adding.effects.iter().map(|name| extended::candidate(&candidates, name)).collect();
+    let named = named.map_err(Failure::request)?;
+    account_text(account);
+    let diagnosis = Diagnosis::new(replay, &packets.packets, *asked, &candidates);
+    let effects = if adding.all {
+        opened.check_seeds()?;
+        let stop = stop::listen()?;
+        let diagnosis = Diagnosis::new(replay, &packets.packets, *asked, &candidates).until(stop);
+        let found = diagnosis.climb().map_err(Failure::request)?;
+        complete(found.stopped)?;
+        found.accepted
+    } else {
+        named
+    };
+    let extended = extended::extend(&diagnosis, &effects, (adding.config, adding.text), account)
+        .map_err(Failure::work)?;
+    write_whole("--output", adding.output, &extended.text)?;
+    let parts: Vec<String> = extended
+        .added
+        .iter()
+        .map(|(candidate, fitted)| {
+            format!("{}, {}", candidate.name, diagnosed::said(candidate, fitted))
+        })
+        .collect();
+    let p_values = extended.rungs.each_ref().map(|rung| rung.among.placed.p_value);
+    say(format!(
+        "{}: added {}. Could these packets be one more run: p = {:.3} before, {:.3} with it",
+        adding.output.display(),
+        parts.join("; "),
+        p_values[0],
+        p_values[1]
+    ));
+    let names: Vec<&str> = extended.added.iter().map(|(candidate, _)| candidate.name).collect();
+    let parameters: serde_json::Map<String, Value> = extended
+        .added
+        .iter()
+        .map(|(candidate, fitted)| {
+            (candidate.name.to_owned(), diagnosed::parameters(candidate, fitted))
+        })
+        .collect();
+    let json = json!({
+        "schema": "extend/1",
+        "kind": "network",
+        "added": names,
+        "parameters": parameters,
+        "p_value": p_values,
+        "log_score": extended.rungs.each_ref().map(|rung| rung.log_density),
+    });
+    write_json(adding.json, &json)
 }

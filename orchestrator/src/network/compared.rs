@@ -82,8 +82,22 @@ pub fn compare(
     measured: &[Packet],
     asked: Asked,
 ) -> Result<Comparison, ReplayError> {
-    let runs = replay.packets(&replay.network(), 0..asked.seeds)?;
-    Ok(told(&Among::of(measured, &runs, asked.from_s), asked))
+    Ok(told(&among(replay, &replay.network(), measured, asked)?, asked))
+}
+
+/// A measurement among the runs of a network's section under the seeds of comparisons.
+///
+/// # Errors
+///
+/// The network refuses that section.
+pub fn among(
+    replay: &Replay,
+    network: &toml::Table,
+    measured: &[Packet],
+    asked: Asked,
+) -> Result<Among, ReplayError> {
+    let seeds = replay.figures(network, 0..asked.seeds, asked.from_s)?;
+    Ok(Among::of_figures(Figures::of(measured, asked.from_s), seeds))
 }
 
 /// A figure in words: `93.1 %`, `1.24 s`.
@@ -95,7 +109,7 @@ fn shown(value: f64, unit: &str) -> String {
 }
 
 /// What came out, in a sentence.
-fn sentence(among: &Among) -> (&'static str, String) {
+pub(super) fn sentence(among: &Among) -> (&'static str, String) {
     let n = among.seeds.len();
     let p_value = among.placed.p_value;
     if n < FEWEST_SEEDS {

@@ -1,5 +1,6 @@
 //! What a configured network would have done, under a seed: in this process, without files.
 
+use super::kpis::Figures;
 use super::tracks::Tracks;
 use crate::config::{Plan, SideConfig, Start};
 use crate::measure::packets::Packet;
@@ -144,6 +145,22 @@ impl Replay {
     ) -> Result<Vec<Vec<Packet>>, ReplayError> {
         let numbers: Vec<u64> = seeds.collect();
         numbers.par_iter().map(|&number| self.under(network, number)).collect()
+    }
+
+    /// The figures of what became of the packets made from `from_s` on, under each of the seeds.
+    ///
+    /// # Errors
+    ///
+    /// The network refuses that section.
+    pub fn figures(
+        &self,
+        network: &toml::Table,
+        seeds: std::ops::Range<u64>,
+        from_s: f64,
+    ) -> Result<Vec<Figures>, ReplayError> {
+        let numbers: Vec<u64> = seeds.collect();
+        let of = |&number: &u64| Ok(Figures::of(&self.under(network, number)?, from_s));
+        numbers.par_iter().map(of).collect()
     }
 
     /// What becomes of the packets under seed `number`.

@@ -31,6 +31,7 @@ pub fn page(config: &str, command: &str, json: &Value) -> String {
     words::notices(&mut page, json);
     if is_diagnosis {
         candidates(&mut page, json);
+        words::ties(&mut page, json);
     }
     table(&mut page, json);
     figures(
@@ -59,16 +60,26 @@ fn of(value: &Value) -> f64 {
 }
 
 fn table(page: &mut String, json: &Value) {
-    page.push_str("<h2>All figures</h2>\n<table>\n<tr><th>figure</th><th>what it is</th><th class=\"n\">measured</th><th class=\"n\">model, 90 % of seeds</th><th>unit</th><th class=\"n\">p</th></tr>\n");
-    for kpi in list(&json["kpis"]) {
+    let with: Vec<&Value> = list(&json["kpis_with"]).collect();
+    let column = if with.is_empty() { "" } else { "<th class=\"n\">with what was found</th>" };
+    let _ = writeln!(
+        page,
+        "<h2>All figures</h2>\n<table>\n<tr><th>figure</th><th>what it is</th><th class=\"n\">measured</th><th class=\"n\">model, 90 % of seeds</th>{column}<th>unit</th><th class=\"n\">p</th></tr>"
+    );
+    let range = |kpi: &Value| {
+        format!("{} to {}", number(of(&kpi["model"]["low"])), number(of(&kpi["model"]["high"])))
+    };
+    for (k, kpi) in list(&json["kpis"]).enumerate() {
+        let with = with
+            .get(k)
+            .map_or_else(String::new, |kpi| format!("<td class=\"n\">{}</td>", range(kpi)));
         let _ = writeln!(
             page,
-            "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{} to {}</td><td>{}</td><td class=\"n\">{}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>{with}<td>{}</td><td class=\"n\">{}</td></tr>",
             escape(kpi["name"].as_str().unwrap_or_default()),
             escape(kpi["doc"].as_str().unwrap_or_default()),
             number(of(&kpi["measured"])),
-            number(of(&kpi["model"]["low"])),
-            number(of(&kpi["model"]["high"])),
+            range(kpi),
             kpi["unit"].as_str().unwrap_or_default(),
             number(of(&kpi["p_value"])),
         );

@@ -74,7 +74,8 @@ pub fn subject(table: &Table) -> Result<Subject, OpenError> {
     if packets::has_shape(table).is_ok() {
         return Err(OpenError::Useless {
             file: table.path.display().to_string(),
-            reason: "packets from end to end are taken by compare only".to_owned(),
+            reason: "packets from end to end are taken by compare, diagnose and extend only"
+                .to_owned(),
         });
     }
     match (links::has_shape(table), robots::has_shape(table)) {

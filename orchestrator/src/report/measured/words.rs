@@ -143,7 +143,7 @@ fn to_digits_of(value: f64, half: f64) -> String {
 }
 
 /// What cannot be told apart, and what would tell.
-pub(super) fn ties(page: &mut String, json: &Value) {
+pub(crate) fn ties(page: &mut String, json: &Value) {
     let ties: Vec<String> = list(&json["candidates"])
         .filter(|entry| list(&entry["indistinguishable_from"]).next().is_some())
         .map(|entry| {

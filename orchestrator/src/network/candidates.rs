@@ -1,0 +1,192 @@
+//! Effects that may be missing from a network, and the values at which they are tried.
+
+use netsim::mac;
+use netsim::phy::effect as phy;
+use proto::config::Kind;
+use proto::effect::{About, Parameter};
+
+/// An effect that is tried by simulation: one number of it is fitted.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// Its name.
+    pub name: &'static str,
+    /// The layer of the network that has it: `mac` or `phy`.
+    pub layer: &'static str,
+    /// What people should know of it.
+    pub about: &'static About,
+    /// The number that is fitted.
+    pub parameter: &'static Parameter,
+    /// Whether that is a whole number.
+    pub is_whole: bool,
+    /// Its further keys.
+    fixed: Vec<(&'static str, toml::Value)>,
+}
+
+/// The band of IEEE 802.15.4 at 2.4 GHz, as interference on all of its channels. Packets from end to end do not tell channels.
+const WHOLE_BAND: [(&str, f64); 2] = [("centre_mhz", 2440.0), ("width_mhz", 80.0)];
+/// Values at which an effect with one start only is tried, as steps from there on its scale.
+const STEPS: [f64; 5] = [-1.0, 0.0, 1.0, 2.0, 3.0];
+
+/// All effects that are tried, in a fixed order.
+#[must_use]
+pub fn all() -> Vec<Candidate> {
+    let mut list: Vec<Candidate> = Vec::new();
+    for entry in mac::effect::LIST {
+        let Some(parameter) = entry.fit.parameters.first() else { continue };
+        let fixed = entry.fit.variants.first().copied().unwrap_or_default();
+        let field = entry.variant.fields.iter().find(|field| field.key == parameter.key);
+        list.push(Candidate {
+            name: entry.variant.name,
+            layer: "mac",
+            about: &entry.about,
+            parameter,
+            is_whole: field.is_some_and(|field| matches!(field.kind, Kind::Integer { .. })),
+            fixed: fixed.iter().map(|(key, value)| (*key, value.value())).collect(),
+        });
+    }
+    let interference = phy::LIST.iter().find(|entry| entry.variant.name == "interference");
+    if let Some((entry, parameter)) =
+        interference.and_then(|entry| Some((entry, entry.fit.parameters.first()?)))
+    {
+        list.push(Candidate {
+            name: entry.variant.name,
+            layer: "phy",
+            about: &entry.about,
+            parameter,
+            is_whole: false,
+            fixed: WHOLE_BAND.map(|(key, value)| (key, toml::Value::Float(value))).to_vec(),
+        });
+    }
+    list
+}
+
+impl Candidate {
+    /// A share: its scale is that of log odds. Everything else is a ratio: logarithm.
+    fn is_share(&self) -> bool {
+        self.parameter.max == 1.0
+    }
+
+    /// A value on the scale on which it is searched.
+    #[must_use]
+    pub fn scaled(&self, value: f64) -> f64 {
+        if self.is_share() { libm::log(value / (1.0 - value)) } else { libm::log(value) }
+    }
+
+    /// The value at a place of the scale, within its range; the nearest whole one where it must be whole.
+    #[must_use]
+    pub fn value(&self, at: f64) -> f64 {
+        let Parameter { min, max, step, .. } = *self.parameter;
+        let value = if self.is_share() { 1.0 / (1.0 + libm::exp(-at)) } else { libm::exp(at) };
+        // None of it at all, and all of a share, are nowhere on the scale.
+        let most = if self.is_share() { max - 1e-3 } else { max };
+        let value = value.clamp(min.max(1e-2 * step), most);
+        if self.is_whole { value.round().max(min) } else { value }
+    }
+
+    /// A value as it is written: four digits are more than simulations tell.
+    #[must_use]
+    pub fn rounded(&self, value: f64) -> f64 {
+        format!("{value:.3e}").parse().unwrap_or(value)
+    }
+
+    /// Where it is tried first, on its scale, ascending: its starts and one beyond them on either side.
+    #[must_use]
+    pub fn first_tries(&self) -> Vec<f64> {
+        let starts: Vec<f64> =
+            self.parameter.starts.iter().map(|&start| self.scaled(start)).collect();
+        let mut tries = match starts[..] {
+            [] => Vec::new(),
+            [only] => STEPS.map(|step| only + step).to_vec(),
+            [first, second, ..] => {
+                let [.., before, last] = starts[..] else { return starts };
+                let mut tries = vec![2.0 * first - second];
+                tries.extend(&starts);
+                tries.push(2.0 * last - before);
+                tries
+            }
+        };
+        for at in &mut tries {
+            *at = self.scaled(self.value(*at));
+        }
+        tries.dedup();
+        tries
+    }
+
+    /// The keys of its section.
+    #[must_use]
+    pub fn settings(&self, value: f64) -> toml::Table {
+        let mut keys = toml::Table::new();
+        keys.insert("kind".to_owned(), self.name.into());
+        let number = if self.is_whole {
+            toml::Value::Integer(value as i64)
+        } else {
+            toml::Value::Float(value)
+        };
+        keys.insert(self.parameter.key.to_owned(), number);
+        keys.extend(self.fixed.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+        keys
+    }
+
+    /// A network's section with this effect added.
+    #[must_use]
+    pub fn added(&self, network: &toml::Table, value: f64) -> toml::Table {
+        let mut network = network.clone();
+        let layer =
+            network.entry(self.layer).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        if let Some(layer) = layer.as_table_mut() {
+            let list = layer.entry("effect").or_insert_with(|| toml::Value::Array(Vec::new()));
+            if let Some(list) = list.as_array_mut() {
+                list.push(toml::Value::Table(self.settings(value)));
+            }
+        }
+        network
+    }
+
+    /// Its number, in words: `delay_s = 0.6 s`.
+    #[must_use]
+    pub fn said(&self, value: f64) -> String {
+        let Parameter { key, unit, .. } = *self.parameter;
+        let space = if unit.is_empty() { "" } else { " " };
+        format!("{key} = {}{space}{unit}", crate::report::text::number(value))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_effect_of_the_network_is_tried_within_its_range() {
+        let all = all();
+        let names: Vec<&str> = all.iter().map(|candidate| candidate.name).collect();
+        for entry in mac::effect::LIST {
+            assert!(names.contains(&entry.variant.name), "{names:?}");
+        }
+        assert!(names.contains(&"interference"));
+        for candidate in &all {
+            let tries = candidate.first_tries();
+            assert!(4 <= tries.len(), "{}: {tries:?}", candidate.name);
+            assert!(tries.is_sorted(), "{}: {tries:?}", candidate.name);
+            for at in tries {
+                let value = candidate.value(at);
+                let Parameter { min, max, .. } = *candidate.parameter;
+                assert!((min..=max).contains(&value), "{}: {value}", candidate.name);
+                assert!((candidate.scaled(value) - at).abs() < 1e-9, "{}: {value}", candidate.name);
+            }
+        }
+    }
+
+    #[test]
+    fn an_effect_is_added_to_those_that_are_there() {
+        let all = all();
+        let network: toml::Table =
+            "[mac]\neffect = [{ kind = \"queue-limit\", frames = 3 }]".parse().unwrap();
+        let added = all[0].added(&network, 0.25);
+        let list = added["mac"]["effect"].as_array().unwrap();
+        assert_eq!(list.len(), 2);
+        assert_eq!(list[1]["kind"].as_str(), Some("ack-loss"));
+        assert_eq!(list[1]["probability"].as_float(), Some(0.25));
+        let interference = all.last().unwrap().added(&network, 0.5);
+        assert_eq!(interference["phy"]["effect"][0]["width_mhz"].as_float(), Some(80.0));
+    }
+}

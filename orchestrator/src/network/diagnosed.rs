@@ -1,0 +1,425 @@
+//! Which effect is missing from a network: each is put in and the network run, and what makes the measured packets most
+//! probable is added, until they could be one more run.
+
+mod told;
+
+use super::candidates::{self, Candidate};
+use super::compared::{Among, Asked, among};
+use super::kpis::Figures;
+use super::likelihood::{self, Law, Run};
+use super::replay::{Replay, ReplayError};
+use super::spread::LEVEL;
+use super::tried::{Curve, Fit, Fitted, Ground};
+use crate::measure::packets::Packet;
+use std::sync::atomic::{AtomicBool, Ordering};
+pub(crate) use told::said;
+pub use told::{parameters, told};
+
+/// The chance below which a gain is taken for none: that the model without any of the effects would give as great a one.
+pub const ACCEPT: f64 = 0.01;
+/// Fewer seeds cannot tell at that level.
+pub const FEWEST_SEEDS: u64 = 99;
+/// Fewer seeds for a fit say too little of the figures' scatter.
+const FEWEST_TO_FIT: u64 = 24;
+/// Effects that are added at most.
+const MOST: usize = 3;
+/// How far behind the best a candidate may lie at first to be looked at closely (nats), and as a part of the best one's gain:
+/// what goes straight between far values is not yet known to better.
+const BEHIND: (f64, f64) = (20.0, 0.5);
+/// How many are looked at closely.
+const CLOSELY: usize = 4;
+/// How far behind one may lie and be chosen, if it mends what the best one does not (nats).
+const INSTEAD: f64 = 10.0;
+/// How much less probable a rival makes the measurement if it is not to be told from the best: twenty times (nats).
+const TIE: f64 = 3.0;
+
+/// A candidate, and what was found of it.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// Why it cannot be tried.
+    pub untestable: Option<String>,
+    /// Gain over the model it was tried on (nats); none: not tried.
+    pub gain: Option<f64>,
+    /// Chance of as great a gain, of any candidate, without any effect.
+    pub p_value: Option<f64>,
+    /// Looked at closely.
+    pub fitted: Option<Fitted>,
+    /// Chance to lie as far out as the measurement does among runs with it, if it was run that often.
+    pub p_with: Option<f64>,
+    /// Others that make the measurement as probable.
+    pub ties: Vec<&'static str>,
+    /// Whether it is missing.
+    pub is_accepted: bool,
+}
+
+/// A model of the search: as configured, or with effects.
+#[derive(Clone, Debug)]
+pub struct Rung {
+    /// What was added last.
+    pub added: Option<&'static str>,
+    /// The measurement among its runs.
+    pub among: Among,
+    /// Log density of the measurement by them (nats).
+    pub log_density: f64,
+}
+
+/// Two effects that cannot be told apart, and the figure in which they differ most.
+#[derive(Clone, Debug)]
+pub struct Rivals {
+    /// Their names.
+    pub names: [&'static str; 2],
+    /// The figure.
+    pub figure: usize,
+    /// By how much they differ in it, in units of the scatter of a run.
+    pub apart: f64,
+}
+
+/// What a search found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// Models, from as configured on.
+    pub rungs: Vec<Rung>,
+    /// Candidates, in their order.
+    pub trials: Vec<Trial>,
+    /// What was added, as indices of candidates, in the order of adding.
+    pub accepted: Vec<usize>,
+    /// Ties.
+    pub rivals: Vec<Rivals>,
+    /// The round in which it was stopped.
+    pub stopped: Option<usize>,
+}
+
+/// Effects that were asked for, fitted.
+#[derive(Clone, Debug)]
+pub struct Effects {
+    /// Each with its number.
+    pub fitted: Vec<(Candidate, Fitted)>,
+    /// The models without and with them.
+    pub rungs: [Rung; 2],
+}
+
+impl Found {
+    /// Whether the measurement could be a run of the last model.
+    #[must_use]
+    pub fn agrees(&self) -> bool {
+        self.rungs.last().is_some_and(|rung| LEVEL < rung.among.placed.p_value)
+    }
+}
+
+/// A candidate by its number, what was tried of it, and its laws there.
+type Tried<'a> = (usize, Curve<'a>, Vec<(f64, Law)>);
+
+/// What a round adds, and the model with it.
+type Chosen = ((usize, Fit), Rung);
+
+/// The search.
+#[derive(Debug)]
+pub struct Diagnosis<'a> {
+    replay: &'a Replay,
+    measured: &'a [Packet],
+    asked: Asked,
+    candidates: &'a [Candidate],
+    ground: Ground<'a>,
+    stop: Option<&'a AtomicBool>,
+}
+
+impl<'a> Diagnosis<'a> {
+    /// Of measured packets, under an experiment.
+    #[must_use]
+    pub fn new(
+        replay: &'a Replay,
+        measured: &'a [Packet],
+        asked: Asked,
+        candidates: &'a [Candidate],
+    ) -> Self {
+        let figures = Figures::of(measured, asked.from_s).scaled();
+        let ground = Ground {
+            replay,
+            measured: figures,
+            usable: (0..figures.len()).filter(|&k| figures[k].is_finite()).collect(),
+            from_s: asked.from_s,
+            seeds: (asked.seeds / 4).max(FEWEST_TO_FIT),
+        };
+        Self { replay, measured, asked, candidates, ground, stop: None }
+    }
+
+    /// Ends early when told.
+    #[must_use]
+    pub fn until(self, stop: &'a AtomicBool) -> Self {
+        Self { stop: Some(stop), ..self }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
+
+    /// A model held against the measurement, under the seeds of comparisons.
+    fn rung(
+        &self,
+        network: &toml::Table,
+        added: Option<&'static str>,
+    ) -> Result<Rung, ReplayError> {
+        let among = among(self.replay, network, self.measured, self.asked)?;
+        let law = self.ground.law(&likelihood::scaled(&among.seeds));
+        let log_density = law.log_density(&self.ground.measured);
+        Ok(Rung { added, among, log_density })
+    }
+
+    /// The network with effects.
+    fn network(&self, effects: &[(usize, Fit)]) -> toml::Table {
+        let add = |network: toml::Table, (k, fit): &(usize, Fit)| {
+            self.candidates[*k].added(&network, fit.fitted.value)
+        };
+        effects.iter().fold(self.replay.network(), add)
+    }
+
+    /// Adds what is missing, one effect after the other.
+    ///
+    /// # Errors
+    ///
+    /// The network refuses its configuration.
+    pub fn climb(&self) -> Result<Found, ReplayError> {
+        let mut network = self.replay.network();
+        let first = self.rung(&network, None)?;
+        let trial = |candidate: &Candidate| Trial {
+            candidate: candidate.clone(),
+            untestable: None,
+            gain: None,
+            p_value: None,
+            fitted: None,
+            p_with: None,
+            ties: Vec::new(),
+            is_accepted: false,
+        };
+        let mut found = Found {
+            rungs: vec![first],
+            trials: self.candidates.iter().map(trial).collect(),
+            accepted: Vec::new(),
+            rivals: Vec::new(),
+            stopped: None,
+        };
+        let mut effects: Vec<(usize, Fit)> = Vec::new();
+        while !found.agrees() && effects.len() < MOST && found.stopped.is_none() {
+            let round = effects.len() + 1;
+            let Some((fit, rung)) = self.round(&network, round, &mut found)? else { break };
+            let chosen = fit.0;
+            effects.push(fit);
+            found.trials[chosen].is_accepted = true;
+            found.accepted.push(chosen);
+            let rung = if effects.len() == 1 {
+                rung
+            } else {
+                self.refit(&mut effects)?;
+                let rung = self.rung(&self.network(&effects), rung.added)?;
+                self.calibrate(&mut effects, &rung);
+                for (k, fit) in &effects {
+                    found.trials[*k].fitted = Some(fit.fitted);
+                }
+                rung
+            };
+            network = self.network(&effects);
+            found.rungs.push(rung);
+        }
+        Ok(found)
+    }
+
+    /// Tries every candidate that is not yet there on top of a network: the one to add, if any, and the model with it.
+    fn round(
+        &self,
+        network: &toml::Table,
+        round: usize,
+        found: &mut Found,
+    ) -> Result<Option<Chosen>, ReplayError> {
+        let base = self.ground.base(network)?;
+        let base_law = self.ground.law(&base);
+        let mut curves: Vec<Tried<'a>> = Vec::new();
+        for (k, candidate) in self.candidates.iter().enumerate() {
+            if self.is_stopped() {
+                found.stopped = Some(round);
+                return Ok(None);
+            }
+            if found.accepted.contains(&k) {
+                continue;
+            }
+            tracing::info!(
+                "round {round}, {} of {}: {}",
+                k + 1,
+                self.candidates.len(),
+                candidate.name
+            );
+            match self.ground.curve(network, candidate, &candidate.first_tries()) {
+                Ok(curve) => {
+                    let laws = self.ground.laws(&curve);
+                    curves.push((k, curve, laws));
+                }
+                Err(error) => found.trials[k].untestable = Some(error.to_string()),
+            }
+        }
+        let gains = |run: &Run| -> Vec<f64> {
+            let without = base_law.log_density(run);
+            let of = |(_, _, laws): &Tried<'_>| {
+                let logs = laws.iter().map(|(_, law)| law.log_density(run));
+                logs.fold(f64::NEG_INFINITY, f64::max) - without
+            };
+            curves.iter().map(of).collect()
+        };
+        let here = gains(&self.ground.measured);
+        // What chance gains: the greatest gain of any candidate, of runs of the network as it is that no fit has seen.
+        let Some(last) = found.rungs.last() else { return Ok(None) };
+        let by_chance: Vec<f64> = likelihood::scaled(&last.among.seeds)
+            .iter()
+            .map(|run| gains(run).into_iter().fold(f64::NEG_INFINITY, f64::max))
+            .collect();
+        let chance = |gain: f64| {
+            let as_great = by_chance.iter().filter(|&&other| gain <= other).count() as f64;
+            (1.0 + as_great) / (1.0 + by_chance.len() as f64)
+        };
+        for ((k, ..), gain) in curves.iter().zip(&here) {
+            let trial = &mut found.trials[*k];
+            (trial.gain, trial.p_value) = (Some(*gain), Some(chance(*gain)));
+            (trial.fitted, trial.p_with) = (None, None);
+        }
+        let mut order: Vec<usize> =
+            (0..curves.len()).filter(|&place| chance(here[place]) <= ACCEPT).collect();
+        order.sort_by(|&a, &b| here[b].total_cmp(&here[a]));
+        let Some(&best) = order.first() else { return Ok(None) };
+        let behind = BEHIND.0.max(BEHIND.1 * here[best]);
+        order.retain(|&place| here[best] - behind <= here[place]);
+        order.truncate(CLOSELY);
+        let mut close: Vec<(usize, Fit)> = Vec::new();
+        for place in order {
+            if self.is_stopped() {
+                found.stopped = Some(round);
+                return Ok(None);
+            }
+            let (k, curve, _) = &mut curves[place];
+            tracing::info!("round {round}, closely: {}", self.candidates[*k].name);
+            let fit = self.ground.fit(network, curve, &base)?;
+            found.trials[*k].fitted = Some(fit.fitted);
+            found.trials[*k].gain = Some(fit.fitted.gain);
+            close.push((*k, fit));
+        }
+        close.sort_by(|a, b| b.1.fitted.gain.total_cmp(&a.1.fitted.gain));
+        self.choose(network, close, found)
+    }
+
+    /// Which of those that were looked at closely is added: the most probable one that mends what is wrong, else the most
+    /// probable one.
+    fn choose(
+        &self,
+        network: &toml::Table,
+        close: Vec<(usize, Fit)>,
+        found: &mut Found,
+    ) -> Result<Option<Chosen>, ReplayError> {
+        let Some(best) = close.first().map(|(_, fit)| fit.fitted.gain) else { return Ok(None) };
+        let mut rungs: Vec<(usize, Fit, Rung)> = Vec::new();
+        for (k, mut fit) in close {
+            if fit.fitted.gain < best - INSTEAD {
+                continue;
+            }
+            let candidate = &self.candidates[k];
+            let rung =
+                self.rung(&candidate.added(network, fit.fitted.value), Some(candidate.name))?;
+            let runs = likelihood::scaled(&rung.among.seeds);
+            self.ground.calibrate(candidate, &mut fit, &runs);
+            found.trials[k].fitted = Some(fit.fitted);
+            found.trials[k].p_with = Some(rung.among.placed.p_value);
+            rungs.push((k, fit, rung));
+        }
+        let mends = |rung: &Rung| LEVEL < rung.among.placed.p_value;
+        let is_as_good = |one: &(usize, Fit, Rung), other: &(usize, Fit, Rung)| {
+            let (a, b) = (one.1.fitted, other.1.fitted);
+            let doubt = libm::hypot(a.standard_error, b.standard_error);
+            a.gain - b.gain < TIE.max(2.0 * doubt) && mends(&one.2) == mends(&other.2)
+        };
+        let mut place = rungs.iter().position(|(_, _, rung)| mends(rung)).unwrap_or(0);
+        // Interference of the whole band would be seen in links; of two that packets do not tell apart it is the other one.
+        if self.candidates[rungs[place].0].layer == "phy" {
+            let rival = |other: &(usize, Fit, Rung)| {
+                self.candidates[other.0].layer == "mac" && is_as_good(&rungs[place], other)
+            };
+            place = rungs.iter().position(rival).unwrap_or(place);
+        }
+        let chosen = rungs.remove(place);
+        for it in &rungs {
+            let (k, _, its) = it;
+            if is_as_good(&chosen, it) {
+                let names = [self.candidates[chosen.0].name, self.candidates[*k].name];
+                found.trials[chosen.0].ties.push(names[1]);
+                found.trials[*k].ties.push(names[0]);
+                let law = |rung: &Rung| self.ground.law(&likelihood::scaled(&rung.among.seeds));
+                let apart = law(&chosen.2).apart(&law(its));
+                let furthest = apart.into_iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+                if let Some((figure, apart)) = furthest {
+                    found.rivals.push(Rivals { names, figure, apart });
+                }
+            }
+        }
+        Ok(Some(((chosen.0, chosen.1), chosen.2)))
+    }
+
+    /// Fits each of several effects anew with the others in place.
+    fn refit(&self, effects: &mut [(usize, Fit)]) -> Result<(), ReplayError> {
+        // The last one was fitted with the others as they are.
+        for place in (0..effects.len()).rev().skip(1).chain([effects.len() - 1]) {
+            let (k, fitted) = (effects[place].0, effects[place].1.fitted);
+            let others: Vec<(usize, Fit)> = (0..effects.len())
+                .filter(|&other| other != place)
+                .map(|other| effects[other].clone())
+                .collect();
+            let candidate = &self.candidates[k];
+            tracing::info!("again, with what was added: {}", candidate.name);
+            let network = self.network(&others);
+            let base = self.ground.base(&network)?;
+            let here = candidate.scaled(fitted.value);
+            let places = [-0.7, 0.0, 0.7].map(|step| here + step);
+            let mut curve = self.ground.curve(&network, candidate, &places)?;
+            effects[place].1 = self.ground.fit(&network, &mut curve, &base)?;
+        }
+        Ok(())
+    }
+
+    /// Widens intervals to what fits to runs of the whole model are off by.
+    fn calibrate(&self, effects: &mut [(usize, Fit)], rung: &Rung) {
+        let runs = likelihood::scaled(&rung.among.seeds);
+        for (k, fit) in effects {
+            self.ground.calibrate(&self.candidates[*k], fit, &runs);
+        }
+    }
+
+    /// Fits named effects, whatever they gain: each on top of those before, then all of them together. And the models without
+    /// and with them.
+    ///
+    /// # Errors
+    ///
+    /// The network refuses one of them.
+    pub fn fit(&self, names: &[usize]) -> Result<Effects, ReplayError> {
+        let mut effects: Vec<(usize, Fit)> = Vec::new();
+        for &k in names {
+            let candidate = &self.candidates[k];
+            tracing::info!("fitting {}", candidate.name);
+            let network = self.network(&effects);
+            let base = self.ground.base(&network)?;
+            let mut curve = self.ground.curve(&network, candidate, &candidate.first_tries())?;
+            effects.push((k, self.ground.fit(&network, &mut curve, &base)?));
+        }
+        if 1 < effects.len() {
+            self.refit(&mut effects)?;
+        }
+        let last = effects.last().map(|(k, _)| self.candidates[*k].name);
+        let before = self.rung(&self.replay.network(), None)?;
+        let after = self.rung(&self.network(&effects), last)?;
+        self.calibrate(&mut effects, &after);
+        let fitted =
+            effects.into_iter().map(|(k, fit)| (self.candidates[k].clone(), fit.fitted)).collect();
+        Ok(Effects { fitted, rungs: [before, after] })
+    }
+}
+
+/// All effects that are tried.
+#[must_use]
+pub fn catalogue() -> Vec<Candidate> {
+    candidates::all()
+}

@@ -1,0 +1,92 @@
+//! Writes an experiment with effects on its network added, fitted to measured packets.
+
+use super::candidates::Candidate;
+use super::diagnosed::{Diagnosis, Effects, Rung};
+use super::replay::ReplayError;
+use super::tried::Fitted;
+use crate::config::{self, Overrides, Refusal};
+use crate::extend::ExtendError;
+use crate::study::open::Account;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Why nothing can be written.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// There is nothing to add, or no such effect.
+    #[error(transparent)]
+    Extend(#[from] ExtendError),
+    /// The network refuses it.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// The text would be no configuration: its tables are written so that none can follow.
+    #[error("the effects cannot be added at the end of this file: {0}")]
+    Text(#[from] Refusal),
+}
+
+/// An experiment with effects added.
+#[derive(Clone, Debug)]
+pub struct Extended {
+    /// The new file's text.
+    pub text: String,
+    /// What was added.
+    pub added: Vec<(Candidate, Fitted)>,
+    /// The models before and after.
+    pub rungs: [Rung; 2],
+}
+
+/// The candidate of a name.
+///
+/// # Errors
+///
+/// There is none.
+pub fn candidate(candidates: &[Candidate], name: &str) -> Result<usize, ExtendError> {
+    candidates.iter().position(|candidate| candidate.name == name).ok_or_else(|| {
+        let names = || candidates.iter().map(|candidate| candidate.name);
+        let hint = proto::config::most_similar(name, names()).map_or_else(
+            || format!("there are {}", names().collect::<Vec<_>>().join(", ")),
+            |nearest| format!("did you mean {nearest}?"),
+        );
+        ExtendError::Unknown { name: name.to_owned(), hint }
+    })
+}
+
+/// Fits effects and adds them to the text of an experiment.
+///
+/// # Errors
+///
+/// See [`Error`].
+pub fn extend(
+    diagnosis: &Diagnosis<'_>,
+    effects: &[usize],
+    (path, text): (&Path, &str),
+    account: &Account,
+) -> Result<Extended, Error> {
+    if effects.is_empty() {
+        return Err(ExtendError::Nothing.into());
+    }
+    let Effects { fitted: added, rungs } = diagnosis.fit(effects)?;
+    let [before, after] = rungs.each_ref().map(|rung| rung.among.placed.p_value);
+    let mut text = text.trim_end().to_owned();
+    text.push('\n');
+    for (candidate, fitted) in &added {
+        let name = candidate.name;
+        let [low, high] = fitted.interval;
+        let _ = write!(
+            text,
+            "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Chance that these packets are one more run of the model: {before:.3} \
+             before, {after:.3} with all that was added.\n# {} = {} {}, 90 % interval {low:.4} to {high:.4}\n[[netsim.{}.effect]]\n{}",
+            account.file,
+            account.sha256,
+            account.used,
+            account.rows,
+            candidate.parameter.key,
+            fitted.value,
+            candidate.parameter.unit,
+            candidate.layer,
+            candidate.settings(fitted.value)
+        );
+    }
+    config::read(path, text.clone(), &Overrides::default())?;
+    Ok(Extended { text, added, rungs })
+}

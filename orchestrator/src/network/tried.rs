@@ -1,0 +1,444 @@
+//! One candidate tried: which value of its number makes a measurement most probable, and how well that is known.
+//!
+//! The network is run at some values under the same seeds, so that what differs between values is the effect and not luck.
+//! First roughly over the whole range, then about the best value, and at last at some values evenly over all that is
+//! plausible, under more seeds: there the figures are smoothed over the values. The interval is that of the profile of the
+//! likelihood, widened by what other seeds would do to it; and where runs with the fitted effect, fitted in their turn, come
+//! out further off than that, it is widened to there ([`Ground::calibrate`]).
+
+use super::candidates::Candidate;
+use super::likelihood::{self, Law, Moments, Run, Smooth, between};
+use super::replay::{Replay, ReplayError};
+use crate::record::quantile;
+use proto::rng::{Draws, Purpose, uniform};
+
+/// Where seeds for fits begin: those for comparisons, from 0 on, are not among them.
+const FIRST_SEED: u64 = 1 << 32;
+/// Rounds in which values are added about the best one.
+const ROUNDS: usize = 3;
+/// Values over what is plausible.
+const FINAL_TRIES: usize = 5;
+/// How far the log likelihood falls to where values are no longer plausible (nats).
+const PLAUSIBLE: f64 = 4.0;
+/// The same to the ends of a 90 % interval: half of chi-squared with one degree of freedom.
+const INTERVAL: f64 = 1.353;
+/// A standard normal stays below with 95 %.
+const Z_95: f64 = 1.645;
+/// Places that are looked at between two tried values.
+const BETWEEN: usize = 12;
+/// Places that are looked at over what is plausible.
+const PLACES: usize = 120;
+/// How often seeds are drawn again to see what their choice does.
+const RESAMPLES: u64 = 100;
+/// Values nearer than this on the scale are one.
+const SAME: f64 = 1e-6;
+
+/// Where candidates are tried: an experiment, and the figures of what was measured.
+#[derive(Clone, Debug)]
+pub struct Ground<'a> {
+    /// The experiment.
+    pub replay: &'a Replay,
+    /// The figures that were measured, on their scales.
+    pub measured: Run,
+    /// Those that are known.
+    pub usable: Vec<usize>,
+    /// Packets made before do not count (s).
+    pub from_s: f64,
+    /// Seeds for the last round of a fit; half as many before.
+    pub seeds: u64,
+}
+
+/// The runs at one value.
+#[derive(Clone, Debug)]
+struct At {
+    at: f64,
+    runs: Vec<Run>,
+}
+
+/// A candidate at the values tried so far.
+#[derive(Clone, Debug)]
+pub struct Curve<'a> {
+    candidate: &'a Candidate,
+    tried: Vec<At>,
+}
+
+/// A fitted effect, and what it takes to see how far off fits are.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The effect.
+    pub fitted: Fitted,
+    /// Laws near the best value, and where that is; none of whole numbers.
+    laws: Option<(Smooth, [f64; 2])>,
+}
+
+/// A fitted effect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fitted {
+    /// Its number.
+    pub value: f64,
+    /// 90 % interval.
+    pub interval: [f64; 2],
+    /// How much more probable the measurement is than without it (nats).
+    pub gain: f64,
+    /// What the choice of seeds does to that: standard error (nats).
+    pub standard_error: f64,
+    /// Log density of the measurement (nats).
+    pub log_density: f64,
+}
+
+impl Ground<'_> {
+    /// The figures of a network under the first `n` seeds for fits.
+    fn runs(&self, network: &toml::Table, n: u64) -> Result<Vec<Run>, ReplayError> {
+        let runs = self.replay.figures(network, FIRST_SEED..FIRST_SEED + n, self.from_s)?;
+        Ok(likelihood::scaled(&runs))
+    }
+
+    /// A network as it is, for gains over it.
+    ///
+    /// # Errors
+    ///
+    /// The network refuses its section.
+    pub fn base(&self, network: &toml::Table) -> Result<Vec<Run>, ReplayError> {
+        self.runs(network, self.seeds)
+    }
+
+    /// The law of runs.
+    #[must_use]
+    pub fn law(&self, runs: &[Run]) -> Law {
+        Law::of(&Moments::of(0.0, runs.iter(), &self.usable), &self.usable)
+    }
+
+    /// A candidate on top of a network, at some places of its scale.
+    ///
+    /// # Errors
+    ///
+    /// The network refuses it.
+    pub fn curve<'c>(
+        &self,
+        network: &toml::Table,
+        candidate: &'c Candidate,
+        places: &[f64],
+    ) -> Result<Curve<'c>, ReplayError> {
+        let mut curve = Curve { candidate, tried: Vec::new() };
+        self.add(network, &mut curve, places, self.seeds.div_ceil(2))?;
+        Ok(curve)
+    }
+
+    /// Runs a network at further places, or under more seeds at the same ones.
+    fn add(
+        &self,
+        network: &toml::Table,
+        curve: &mut Curve<'_>,
+        places: &[f64],
+        n: u64,
+    ) -> Result<(), ReplayError> {
+        for &place in places {
+            let value = curve.candidate.value(place);
+            let at = curve.candidate.scaled(value);
+            let place = curve.tried.iter().position(|tried| (tried.at - at).abs() < SAME);
+            if place.is_some_and(|place| n <= curve.tried[place].runs.len() as u64) {
+                continue;
+            }
+            let runs = self.runs(&curve.candidate.added(network, value), n)?;
+            match place {
+                Some(place) => curve.tried[place].runs = runs,
+                None => curve.tried.push(At { at, runs }),
+            }
+            curve.tried.sort_by(|a, b| a.at.total_cmp(&b.at));
+        }
+        Ok(())
+    }
+
+    /// The laws of a curve, at what was tried and between.
+    #[must_use]
+    pub fn laws(&self, curve: &Curve<'_>) -> Vec<(f64, Law)> {
+        let moments = curve.moments(curve.tried.iter(), None, &self.usable);
+        let mut laws = Vec::new();
+        for pair in moments.windows(2) {
+            let n = if curve.candidate.is_whole { 1 } else { BETWEEN };
+            for k in 0..n {
+                let at = pair[0].at + k as f64 / n as f64 * (pair[1].at - pair[0].at);
+                laws.push((at, between(&pair[0], &pair[1], at, &self.usable)));
+            }
+        }
+        laws.extend(moments.last().map(|last| (last.at, Law::of(last, &self.usable))));
+        laws
+    }
+
+    /// The place at which the measurement is most probable, and its log density there.
+    fn best(&self, laws: &[(f64, Law)]) -> (f64, f64) {
+        best_of(laws, &self.measured)
+    }
+
+    /// Looks closely about the best value. `base`: runs without the effect.
+    ///
+    /// # Errors
+    ///
+    /// The network refuses it.
+    pub fn fit(
+        &self,
+        network: &toml::Table,
+        curve: &mut Curve<'_>,
+        base: &[Run],
+    ) -> Result<Fit, ReplayError> {
+        for _ in 0..ROUNDS {
+            let (best, _) = self.best(&self.laws(curve));
+            let further = curve.about(best);
+            self.add(network, curve, &further, self.seeds.div_ceil(2))?;
+        }
+        let mut window = self.plausible(curve);
+        if curve.candidate.is_whole {
+            let fitted = self.whole(network, curve, window, base)?;
+            return Ok(Fit { fitted, laws: None });
+        }
+        for widening in 0.. {
+            let even = |k: usize| {
+                window[0] + k as f64 / (FINAL_TRIES - 1) as f64 * (window[1] - window[0])
+            };
+            let places: Vec<f64> = (0..FINAL_TRIES).map(even).collect();
+            self.add(network, curve, &places, self.seeds)?;
+            let within = curve.within(window, self.seeds);
+            let law = self.smooth(curve, &within, None);
+            let profile = self.profile(law.as_ref(), window);
+            let top = profile.iter().map(|it| it.1).fold(f64::NEG_INFINITY, f64::max);
+            // What is plausible reaches beyond: look there too.
+            let falls =
+                |end: Option<&(f64, f64)>| end.is_some_and(|end| end.1 < top - 1.4 * INTERVAL);
+            let half = 0.5 * (window[1] - window[0]);
+            let mut wider = window;
+            if !falls(profile.first()) {
+                wider[0] -= half;
+            }
+            if !falls(profile.last()) {
+                wider[1] += half;
+            }
+            let wider = wider.map(|at| curve.candidate.scaled(curve.candidate.value(at)));
+            if widening == 3 || wider.iter().zip(window).all(|(a, b)| (a - b).abs() < SAME) {
+                let fitted = self.told(curve, &within, &profile, base);
+                return Ok(Fit { fitted, laws: law.map(|law| (law, window)) });
+            }
+            window = wider;
+        }
+        unreachable!("three widenings at most")
+    }
+
+    /// What is plausible, by straight lines between what was tried.
+    fn plausible(&self, curve: &Curve<'_>) -> [f64; 2] {
+        let laws = self.laws(curve);
+        let (best, top) = self.best(&laws);
+        let is_in = |law: &Law| top - PLAUSIBLE <= law.log_density(&self.measured);
+        let at = |place: &(f64, Law)| place.0;
+        let middle = laws.iter().position(|(at, _)| *at == best).unwrap_or_default();
+        let low =
+            laws[..=middle].iter().rev().take_while(|(_, law)| is_in(law)).last().map_or(best, at);
+        let high = laws[middle..].iter().take_while(|(_, law)| is_in(law)).last().map_or(best, at);
+        // Never so narrow that the figures hardly change.
+        let least = 0.03;
+        [low.min(best - least), high.max(best + least)]
+            .map(|at| curve.candidate.scaled(curve.candidate.value(at)))
+    }
+
+    fn smooth(&self, curve: &Curve<'_>, within: &[&At], picks: Option<&[f64]>) -> Option<Smooth> {
+        Smooth::over(&curve.moments(within.iter().copied(), picks, &self.usable), &self.usable)
+    }
+
+    /// The log density of the measurement over what is plausible.
+    fn profile(&self, law: Option<&Smooth>, window: [f64; 2]) -> Vec<(f64, f64)> {
+        let Some(law) = law else { return Vec::new() };
+        (0..=PLACES)
+            .map(|k| window[0] + k as f64 / PLACES as f64 * (window[1] - window[0]))
+            .map(|at| (at, law.law(at).log_density(&self.measured)))
+            .collect()
+    }
+
+    /// The estimate: the top of a smooth profile, its interval widened by what the choice of seeds does.
+    fn told(
+        &self,
+        curve: &Curve<'_>,
+        within: &[&At],
+        profile: &[(f64, f64)],
+        base: &[Run],
+    ) -> Fitted {
+        let top = |profile: &[(f64, f64)]| {
+            let first = (f64::NAN, f64::NEG_INFINITY);
+            profile.iter().fold(first, |best, it| if best.1 < it.1 { *it } else { best })
+        };
+        let (best, log_density) = top(profile);
+        let in_interval = || profile.iter().filter(|it| log_density - INTERVAL <= it.1);
+        let ends = [in_interval().next(), in_interval().next_back()]
+            .map(|end| end.map_or(best, |end| end.0));
+        let window = [profile.first(), profile.last()].map(|end| end.map_or(best, |end| end.0));
+        let mut again = Vec::new();
+        for resample in 0..RESAMPLES {
+            let picks = self.picks(resample);
+            let law = self.smooth(curve, within, Some(&picks));
+            let (at, log) = top(&self.profile(law.as_ref(), window));
+            again.push((at, log - self.base_density(base, Some(&picks))));
+        }
+        let sd_of_place = sd(again.iter().map(|it| it.0));
+        let widened = |end: f64| libm::sqrt((best - end).powi(2) + (Z_95 * sd_of_place).powi(2));
+        let value = |at: f64| curve.candidate.value(at);
+        let mut interval = [value(best - widened(ends[0])), value(best + widened(ends[1]))];
+        interval.sort_by(f64::total_cmp);
+        Fitted {
+            value: curve.candidate.rounded(value(best)),
+            interval,
+            gain: log_density - self.base_density(base, None),
+            standard_error: sd(again.iter().map(|it| it.1)),
+            log_density,
+        }
+    }
+
+    /// Widens the interval of a fit to what fits are off by: `runs` of the network with the fitted effect, under seeds that the
+    /// fit has not seen, are fitted like the measurement. The spread of what they come to about what they were made with is
+    /// that of the estimate about the truth, whatever the figures' distributions are.
+    pub fn calibrate(&self, candidate: &Candidate, fit: &mut Fit, runs: &[Run]) {
+        let Some((smooth, [low, high])) = &fit.laws else { return };
+        let room = 0.5 * (high - low);
+        let [low, high] = [low - room, high + room];
+        let laws: Vec<(f64, Law)> = (0..=PLACES)
+            .map(|k| low + k as f64 / PLACES as f64 * (high - low))
+            .map(|at| (at, smooth.law(at)))
+            .collect();
+        let made_with = candidate.scaled(fit.fitted.value);
+        let mut off: Vec<f64> = runs
+            .iter()
+            .map(|run| best_of(&laws, run).0 - made_with)
+            .filter(|off| off.is_finite())
+            .collect();
+        if off.is_empty() {
+            return;
+        }
+        off.sort_by(f64::total_cmp);
+        let mut ends = [0.95, 0.05].map(|share| candidate.value(made_with - quantile(&off, share)));
+        ends.sort_by(f64::total_cmp);
+        let interval = &mut fit.fitted.interval;
+        *interval = [interval[0].min(ends[0]), interval[1].max(ends[1])];
+    }
+
+    /// The estimate of a whole number: the best of those tried, and those that are hardly worse.
+    fn whole(
+        &self,
+        network: &toml::Table,
+        curve: &mut Curve<'_>,
+        window: [f64; 2],
+        base: &[Run],
+    ) -> Result<Fitted, ReplayError> {
+        let places: Vec<f64> = curve.tried.iter().map(|tried| tried.at).collect();
+        let near = |at: &f64| (window[0] - SAME..=window[1] + SAME).contains(at);
+        let places: Vec<f64> = places.into_iter().filter(near).collect();
+        self.add(network, curve, &places, self.seeds)?;
+        let within = curve.within(window, self.seeds);
+        let logs = |picks: Option<&[f64]>| -> Vec<f64> {
+            let moments = curve.moments(within.iter().copied(), picks, &self.usable);
+            let log =
+                |moments: &Moments| Law::of(moments, &self.usable).log_density(&self.measured);
+            moments.iter().map(log).collect()
+        };
+        let here = logs(None);
+        let best = (0..here.len()).fold(0, |best, k| if here[best] < here[k] { k } else { best });
+        let again: Vec<(Vec<f64>, f64)> = (0..RESAMPLES)
+            .map(|resample| {
+                let picks = self.picks(resample);
+                (logs(Some(&picks)), self.base_density(base, Some(&picks)))
+            })
+            .collect();
+        let is_in = |k: &usize| {
+            let doubt = sd(again.iter().map(|(logs, _)| logs[best] - logs[*k]));
+            here[best] - INTERVAL - Z_95 * doubt <= here[*k]
+        };
+        let inside: Vec<usize> = (0..here.len()).filter(is_in).collect();
+        let value = |k: usize| curve.candidate.value(within[k].at);
+        let mut interval =
+            [inside.first(), inside.last()].map(|end| value(end.copied().unwrap_or(best)));
+        interval.sort_by(f64::total_cmp);
+        Ok(Fitted {
+            value: value(best),
+            interval,
+            gain: here[best] - self.base_density(base, None),
+            standard_error: sd(again.iter().map(|(logs, base)| logs[best] - base)),
+            log_density: here[best],
+        })
+    }
+
+    fn base_density(&self, base: &[Run], picks: Option<&[f64]>) -> f64 {
+        let runs = picked(base, picks);
+        Law::of(&Moments::of(0.0, runs.into_iter(), &self.usable), &self.usable)
+            .log_density(&self.measured)
+    }
+
+    /// Which seeds a resample has, as shares of all.
+    fn picks(&self, resample: u64) -> Vec<f64> {
+        let draws = Draws::new(1, Purpose::Resample);
+        (0..self.seeds).map(|k| uniform(draws.words(resample, k, 0)[0])).collect()
+    }
+}
+
+/// The place at which a run is most probable, and its log density there.
+fn best_of(laws: &[(f64, Law)], run: &Run) -> (f64, f64) {
+    laws.iter()
+        .map(|(at, law)| (*at, law.log_density(run)))
+        .fold((f64::NAN, f64::NEG_INFINITY), |best, it| if best.1 < it.1 { it } else { best })
+}
+
+/// All runs, or those that are picked.
+fn picked<'r>(runs: &'r [Run], picks: Option<&[f64]>) -> Vec<&'r Run> {
+    match picks {
+        None => runs.iter().collect(),
+        Some(picks) => {
+            picks.iter().map(|share| &runs[(share * runs.len() as f64) as usize]).collect()
+        }
+    }
+}
+
+fn sd(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let known = || values.clone().filter(|value| value.is_finite());
+    let n = known().count() as f64;
+    let mean = known().sum::<f64>() / n;
+    libm::sqrt(known().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0))
+}
+
+impl Curve<'_> {
+    fn moments<'r>(
+        &self,
+        tried: impl Iterator<Item = &'r At>,
+        picks: Option<&[f64]>,
+        usable: &[usize],
+    ) -> Vec<Moments> {
+        let of = |it: &At| Moments::of(it.at, picked(&it.runs, picks).into_iter(), usable);
+        tried.map(of).collect()
+    }
+
+    /// What was tried within a window under as many seeds.
+    fn within(&self, window: [f64; 2], seeds: u64) -> Vec<&At> {
+        let is_in = |tried: &&At| {
+            let inside = (window[0] - SAME..=window[1] + SAME).contains(&tried.at);
+            inside && seeds <= tried.runs.len() as u64
+        };
+        self.tried.iter().filter(is_in).collect()
+    }
+
+    /// Where to try next: at the best place, and halfway to what was tried on either side of it; further out where the best
+    /// is at the end.
+    fn about(&self, best: f64) -> Vec<f64> {
+        let places: Vec<f64> = self.tried.iter().map(|tried| tried.at).collect();
+        let nearest = (0..places.len())
+            .min_by(|&a, &b| (places[a] - best).abs().total_cmp(&(places[b] - best).abs()))
+            .unwrap_or_default();
+        let here = places[nearest];
+        let before = nearest.checked_sub(1).map(|k| places[k]);
+        let after = places.get(nearest + 1).copied();
+        let (before, after) = match (before, after) {
+            (Some(before), Some(after)) => (0.5 * (before + here), 0.5 * (here + after)),
+            (None, Some(after)) => (2.0 * here - after, 0.5 * (here + after)),
+            (Some(before), None) => (0.5 * (before + here), 2.0 * here - before),
+            (None, None) => (here - 1.0, here + 1.0),
+        };
+        let mut next = vec![before, after];
+        // Where it is not all but tried.
+        if 0.1 * (after - before) < (best - here).abs() {
+            next.push(best);
+        }
+        next
+    }
+}

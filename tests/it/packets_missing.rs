@@ -1,0 +1,125 @@
+//! What is missing from a network, told from packets. As in [`crate::packets`] the measurement is made by the running
+//! simulation under another seed, with an effect that the model lacks.
+
+use crate::packets::{MODEL, replay, with};
+use orchestrator::measure::packets::Packet;
+use orchestrator::network::compared::Asked;
+use orchestrator::network::diagnosed::{Diagnosis, Found, catalogue, told};
+use orchestrator::network::spread::LEVEL;
+use serde_json::Value;
+use std::fmt::Write as _;
+use tests::{folder, orchestrator, said};
+
+/// As few seeds as a diagnosis takes.
+const SEEDS: u64 = 99;
+
+/// A run of a network with some effects, under a seed that no comparison has.
+fn measured(tables: &str, number: u64) -> Vec<Packet> {
+    let truth = replay(&with(tables), None);
+    truth.packets(&truth.network(), number..number + 1).unwrap().remove(0)
+}
+
+fn diagnosed(packets: &[Packet]) -> (Found, Value) {
+    let model = replay(MODEL, None);
+    let asked = Asked { seeds: SEEDS, ..Asked::default() };
+    let candidates = catalogue();
+    let found = Diagnosis::new(&model, packets, asked, &candidates).climb().unwrap();
+    let json = told(&found, asked).json;
+    (found, json)
+}
+
+/// The interval of an accepted effect's number.
+fn interval(json: &Value, effect: &str, key: &str) -> [f64; 2] {
+    let list = json["candidates"].as_array().unwrap();
+    let entry = list.iter().find(|entry| entry["effect"] == effect).unwrap();
+    assert_eq!(entry["accepted"], true, "{entry:#}");
+    ["low", "high"].map(|end| entry["parameters"][key][end].as_f64().unwrap())
+}
+
+#[test]
+fn lost_acknowledgments_are_found_with_their_part() {
+    let effect = "[[netsim.mac.effect]]\nkind = \"ack-loss\"\nprobability = 0.4";
+    let (found, json) = diagnosed(&measured(effect, 1000));
+    assert_eq!(json["verdict"], "missing-effects", "{}", json["sentence"]);
+    assert_eq!(json["missing"].as_array().unwrap(), &["ack-loss"], "{}", json["sentence"]);
+    let [low, high] = interval(&json, "ack-loss", "probability");
+    // A 90 % interval is 3.3 standard errors wide; within four of them of the truth, as half an hour of one network tells it.
+    let four = 4.0 * (high - low) / 3.29;
+    let trial = found.trials.iter().find(|trial| trial.is_accepted).unwrap();
+    let value = trial.fitted.unwrap().value;
+    assert!((value - 0.4).abs() <= four && high - low < 0.3, "{value}: {low} to {high}");
+    let chances: Vec<f64> = found.rungs.iter().map(|rung| rung.among.placed.p_value).collect();
+    assert!(chances[0] <= 0.01 && LEVEL < chances[1], "{chances:?}");
+    assert_eq!(json["unexplained"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_hidden() {
+    let (found, json) = diagnosed(&measured("", 1000));
+    assert_eq!(json["verdict"], "nothing-missing", "{}", json["sentence"]);
+    assert!(found.accepted.is_empty() && json["missing"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn a_slow_processor_is_found_added_and_then_nothing_differs() {
+    let dir = folder();
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
+    let json = |name: &str| -> Value { serde_json::from_str(&read(name)).unwrap() };
+    write("model.toml", MODEL);
+    let hidden = "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.6";
+    let mut rows = "time_s,source,destination,received_s,hops\n".to_owned();
+    for packet in measured(hidden, 1000) {
+        let received = packet.received_s.map_or_else(String::new, |at_s| at_s.to_string());
+        let hops = packet.hops.map_or_else(String::new, |hops| hops.to_string());
+        let Packet { time_s, source, destination, .. } = packet;
+        writeln!(rows, "{time_s},{source},{destination},{received},{hops}").unwrap();
+    }
+    write("packets.csv", &rows);
+    let seeds = SEEDS.to_string();
+    let asked = ["model.toml", "--data", "packets.csv", "--seeds", &seeds];
+    let told = |args: &[&str]| {
+        let output = orchestrator(&[&[args[0]], &asked[..], &args[1..]].concat(), dir.path());
+        assert!(output.status.success(), "{}", said(&output));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let text = told(&["diagnose", "--json", "d.json", "--report", "d.html"]);
+    assert!(text.contains("Missing: processing-delay, delay_s = "), "{text}");
+    let found = json("d.json");
+    let kind = (&found["schema"], &found["kind"], &found["verdict"]);
+    assert_eq!(
+        kind,
+        (&"diagnose/1".into(), &"network".into(), &"missing-effects".into()),
+        "{text}"
+    );
+    assert_eq!(found["missing"].as_array().unwrap(), &["processing-delay"], "{text}");
+    let [low, high] = interval(&found, "processing-delay", "delay_s");
+    assert!(low <= 0.6 && 0.6 <= high && high - low < 0.2, "{low} to {high}");
+    let ladder = found["ladder"].as_array().unwrap();
+    let chances: Vec<f64> = ladder.iter().map(|rung| rung["p_value"].as_f64().unwrap()).collect();
+    assert!(chances[0] <= 0.01 && LEVEL < chances[1], "{chances:?}");
+    let page = read("d.html");
+    assert!(page.contains("What was tried") && page.contains("delay_s") && !page.contains("NaN"));
+    // Added, it is as promised, and the packets could be a run of the network.
+    told(&["extend", "--effect", "processing-delay", "--output", "more.toml", "--json", "e.json"]);
+    let added = json("e.json");
+    let fitted = added["parameters"]["processing-delay"]["delay_s"]["value"].as_f64().unwrap();
+    assert!((low..=high).contains(&fitted), "{fitted}");
+    assert!(read("more.toml").contains("[[netsim.mac.effect]]"), "{}", read("more.toml"));
+    let args = ["compare", "more.toml", "--data", "packets.csv", "--seeds", &seeds, "--json"];
+    let output = orchestrator(&[&args[..], &["c.json"]].concat(), dir.path());
+    assert!(output.status.success(), "{}", said(&output));
+    let after = json("c.json");
+    assert_eq!(after["verdict"], "agrees", "{:#}", after["sentence"]);
+    assert_eq!(after["p_value"], added["p_value"][1]);
+    // What cannot be added is refused with what can; and too few seeds tell nothing.
+    for (args, part) in [
+        (&["extend", "--effect", "processing-dely", "--output", "x.toml"][..], "processing-delay?"),
+        (&["diagnose", "--seeds", "50"], "at least 99"),
+    ] {
+        let with_seeds = if args.contains(&"--seeds") { &asked[..3] } else { &asked[..] };
+        let output = orchestrator(&[&[args[0]], with_seeds, &args[1..]].concat(), dir.path());
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {}", said(&output));
+        assert!(said(&output).contains(part), "{args:?}: {}", said(&output));
+    }
+}
