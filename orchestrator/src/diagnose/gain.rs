@@ -16,8 +16,8 @@ pub struct Scores {
     pub reception_log_loss: f64,
 }
 
-/// Means of what is a number.
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
+/// Mean of what is a number.
+pub(crate) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, n) = values
         .filter(|value| !value.is_nan())
         .fold((0.0, 0usize), |(sum, n), value| (sum + value, n + 1));
@@ -36,13 +36,18 @@ impl Scores {
         }
     }
 
+    /// Mean squared error (dB² or m²).
+    pub(crate) fn mean_square(&self) -> f64 {
+        self.rmse * self.rmse
+    }
+
     /// The greatest share of an error that `self` has less than `parent`.
     pub(crate) fn share_removed(&self, parent: &Self) -> f64 {
         let share = |now: f64, before: f64| {
             let share = 1.0 - now / before;
             if share.is_finite() { share } else { 0.0 }
         };
-        share(self.rmse * self.rmse, parent.rmse * parent.rmse)
+        share(self.mean_square(), parent.mean_square())
             .max(share(self.crps, parent.crps))
             .max(share(self.reception_log_loss, parent.reception_log_loss))
     }

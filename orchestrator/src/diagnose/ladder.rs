@@ -270,7 +270,7 @@ impl<'a, S: Study> Search<'a, S> {
         let mut decided: Vec<Trial> = Vec::new();
         let mut rungs = vec![self.rung(&[])];
         let too_little = self.too_little();
-        let configured = rungs[0].scores;
+        let configured = rungs[0].scores.mean_square();
         let mut removed: Vec<usize> = Vec::new();
         let mut last: Vec<Trial> = Vec::new();
         let mut stopped = None;
@@ -286,7 +286,8 @@ impl<'a, S: Study> Search<'a, S> {
                 stopped = Some(round);
                 break;
             }
-            let floor = LEAST_SHARE * share_scale(&configured, &rungs[rungs.len() - 1].scores);
+            let floor =
+                LEAST_SHARE * share_scale(configured, rungs[rungs.len() - 1].scores.mean_square());
             self.weigh(&mut trials, &accepted, &removed, floor);
             let found = match self.choose(&trials, &accepted) {
                 Some(best) => Some((best, None)),
@@ -419,10 +420,10 @@ fn without(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().filter(|&other| other != term).collect()
 }
 
-/// How much greater the error of the model as configured is than that of the parent: shares of the one are so many times
-/// smaller than shares of the other.
-pub(crate) fn share_scale(configured: &Scores, parent: &Scores) -> f64 {
-    let scale = configured.rmse * configured.rmse / (parent.rmse * parent.rmse);
+/// How much greater the mean squared error of the model as configured is than that of another: shares of the one are so many
+/// times smaller than shares of the other.
+pub(crate) fn share_scale(configured: f64, other: f64) -> f64 {
+    let scale = configured / other;
     if scale.is_finite() { scale.max(1.0) } else { 1.0 }
 }
 

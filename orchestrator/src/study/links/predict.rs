@@ -4,7 +4,8 @@ use super::LinkStudy;
 use super::fit::LinkFit;
 use super::likelihood::{Instrument, Level};
 use super::terms::Spec;
-use crate::diagnose::ladder::{COMMON, Ladder, Search};
+use crate::diagnose::gain::mean;
+use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
 use crate::diagnose::scan::{self, Residuals, Structure};
 use crate::study::RowScore;
 use std::collections::BTreeMap;
@@ -146,11 +147,8 @@ impl LinkStudy {
         let covariates = self.covariates();
         let levels = [&self.time, &self.place];
         let mut structure = if ladder.is_complete() && levels.iter().all(|l| l.suffices()) {
-            let squares: Vec<f64> =
-                deviation.iter().map(|d| d * d).filter(|square| square.is_finite()).collect();
-            let left = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-            let rmse = ladder.rungs[0].scores.rmse;
-            let configured = (rmse * rmse / left).max(1.0);
+            let left = mean(deviation.iter().map(|d| d * d));
+            let configured = share_scale(ladder.rungs[0].scores.mean_square(), left);
             let residuals = [
                 Residuals { values: &scaled, configured },
                 Residuals { values: &surprise, configured: 1.0 },

@@ -27,7 +27,7 @@ impl RobotStudy {
         let mut covariates = self.covariates();
         covariates.retain(|(name, _)| name != SHARES_ITS_ERROR);
         let (first, last) = (ladder.rungs.first()?, ladder.rungs.last()?);
-        let configured = share_scale(&first.scores, &last.scores);
+        let configured = share_scale(first.scores.mean_square(), last.scores.mean_square());
         let residuals = [&along[..], &across].map(|values| Residuals { values, configured });
         scan::strongest(&covariates, &residuals, &levels)
     }
