@@ -89,6 +89,8 @@ pub struct Entry {
     pub about: About,
     /// Which values are tried against measurements.
     pub fit: Fit,
+    /// Whether it is about clocks, which must then be kept.
+    pub needs_kept_time: bool,
     /// Makes it of its checked table.
     pub build: fn(&toml::Table) -> Option<Box<dyn Effect>>,
 }
@@ -153,7 +155,7 @@ pub fn build(
             let problem = Problem::new(key, format!("must be a mote, 0 to {last}"));
             problems.push(problem.value(mote).nearest(last));
         }
-        if entry.variant.name == clock_drift::ENTRY.variant.name && !is_time_kept {
+        if entry.needs_kept_time && !is_time_kept {
             let message = "needs keep_alive_s other than 0: clocks that drift must be kept";
             problems.push(Problem::new(join(&at, "kind"), message));
         }

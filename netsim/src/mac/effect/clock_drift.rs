@@ -48,6 +48,7 @@ pub const ENTRY: Entry = Entry {
         level: Level::Run,
         generalises: &[],
     },
+    needs_kept_time: true,
     build: |table| Some(Box::new(table.clone().try_into::<ClockDrift>().ok()?)),
 };
 

@@ -45,6 +45,7 @@ pub const ENTRY: Entry = Entry {
         level: Level::Run,
         generalises: &[],
     },
+    needs_kept_time: false,
     build: |table| Some(Box::new(table.clone().try_into::<ProcessingDelay>().ok()?)),
 };
 
