@@ -18,7 +18,7 @@ mod random_jump;
 mod random_waypoint;
 
 use crate::config::Context;
-use crate::dynamics::Command;
+use crate::dynamics::{Command, norm};
 use crate::knowledge::Knowledge;
 use proto::config::{Field, Problem, TableSpec, Tag, Variant};
 use proto::rng::Draws;
@@ -261,10 +261,6 @@ fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 
 fn scaled(a: [f64; 3], factor: f64) -> [f64; 3] {
     a.map(|component| factor * component)
-}
-
-fn norm(a: [f64; 3]) -> f64 {
-    libm::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 }
 
 /// Refuses a speed that no robot can have.

@@ -31,6 +31,11 @@ use proto::types::AgentStates;
 use serde::{Deserialize, Serialize};
 use surroundings::Surroundings;
 
+/// Length of a vector.
+pub(crate) fn norm(vector: [f64; 3]) -> f64 {
+    libm::sqrt(vector.iter().map(|part| part * part).sum())
+}
+
 /// What a controller asks of a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {

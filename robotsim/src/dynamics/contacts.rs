@@ -2,7 +2,7 @@
 
 use super::fleet::{Fleet, near};
 use super::surroundings::Surroundings;
-use super::{Command, Memory, Motion, Step};
+use super::{Command, Memory, Motion, Step, norm};
 use crate::config::field;
 use crate::obstacles::Course;
 use proto::config::{Default, Kind, Range, TableSpec, Tag, Variant};
@@ -302,10 +302,6 @@ impl Solid {
 fn solids(site: &Site) -> Vec<Solid> {
     let still = |obstacle: &Obstacle| Solid::obstacle(obstacle, obstacle.centre_m, [0.0; 2]);
     site.wall.iter().map(Solid::wall).chain(site.obstacle.iter().map(still)).collect()
-}
-
-fn norm(vector: [f64; 3]) -> f64 {
-    libm::sqrt(vector.iter().map(|part| part * part).sum())
 }
 
 fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
