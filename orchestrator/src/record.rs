@@ -184,6 +184,8 @@ pub struct Recorder {
     header: RunHeader,
     directory: Option<Directory>,
     events: Option<SyncSender<Event>>,
+    /// Steps not handed over yet.
+    waiting: Vec<Step>,
     thread: Option<JoinHandle<Result<Written, RecordError>>>,
     failure: Option<String>,
 }
@@ -199,7 +201,7 @@ impl Recorder {
         let directory = Directory::create(out, &header.name)?;
         directory.write("config.toml", header.config_toml.as_bytes())?;
         let writer = RunWriter::create(directory.path(), &header)?;
-        let (events, inbox) = sync_channel(MAX_STEPS_BEHIND);
+        let (events, inbox) = sync_channel(MAX_BEHIND);
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || record(writer, &inbox))
@@ -208,6 +210,7 @@ impl Recorder {
             header,
             directory: Some(directory),
             events: Some(events),
+            waiting: Vec::new(),
             thread: Some(thread),
             failure: None,
         })
@@ -231,7 +234,18 @@ impl Recorder {
         let StepRecord { step, time_ns, robots, net, commands, digest } = record;
         let (robots, net) = (robots.clone(), net.clone());
         let commands = commands.to_vec();
-        self.send(Event::Step(Box::new(Step { step, time_ns, robots, net, commands, digest })))
+        self.waiting.push(Step { step, time_ns, robots, net, commands, digest });
+        let agents = (self.header.agent_count as usize).saturating_mul(self.waiting.len());
+        if agents < AGENTS_PER_HANDOVER { Ok(()) } else { self.hand_over() }
+    }
+
+    /// Hands the steps that wait to the thread. Each time wakes it, which costs as much as a step of few robots: these go
+    /// many at a time.
+    fn hand_over(&mut self) -> Result<(), RecordError> {
+        match std::mem::take(&mut self.waiting) {
+            steps if steps.is_empty() => Ok(()),
+            steps => self.send(Event::Steps(steps)),
+        }
     }
 
     /// Adds a warning to the summary and the report.
@@ -247,6 +261,7 @@ impl Recorder {
     ///
     /// What went wrong with this or anything recorded before. What could be written then stands under the temporary name.
     pub fn finish(mut self, ending: &Ending, provenance: Value) -> Result<Finished, RecordError> {
+        self.hand_over()?;
         let written = self.join()?;
         let Some(directory) = self.directory.take() else {
             unreachable!("only this function takes it, and it consumes the recorder")
@@ -319,6 +334,7 @@ impl Recorder {
 impl Drop for Recorder {
     fn drop(&mut self) {
         // So that the files are whole when the program ends. There is nobody left to tell what went wrong.
+        let _ = self.hand_over();
         let _ = self.join();
     }
 }
@@ -335,8 +351,10 @@ fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
 }
 
-/// Steps that may wait to be written before the coupling waits for the disk.
-const MAX_STEPS_BEHIND: usize = 8;
+/// So many steps times agents are handed over together.
+const AGENTS_PER_HANDOVER: usize = 512;
+/// How often steps may be handed over before the coupling waits for the disk.
+const MAX_BEHIND: usize = 8;
 /// The report.
 const REPORT_FILE: &str = "report.html";
 

@@ -58,7 +58,7 @@ impl Steps for Measurer {
         let StepRecord { step, time_ns, robots, net, commands, digest } = record;
         let (robots, net, commands) = (robots.clone(), net.clone(), commands.to_vec());
         let step = Step { step, time_ns, robots, net, commands, digest };
-        self.writer.handle(Event::Step(Box::new(step)))
+        self.writer.handle(Event::Steps(vec![step]))
     }
 }
 

@@ -23,11 +23,12 @@ use std::path::Path;
 pub(crate) enum Event {
     /// Both sides are configured.
     Configured(Box<Configured>),
-    /// Both sides have answered a step and agree on its digest.
-    Step(Box<Step>),
+    /// Both sides have answered these steps and agree on their digests.
+    Steps(Vec<Step>),
 }
 
 /// A step.
+#[derive(Debug)]
 pub(crate) struct Step {
     pub(crate) step: u64,
     pub(crate) time_ns: u64,
@@ -95,7 +96,7 @@ impl RunWriter {
     pub(crate) fn handle(&mut self, event: Event) -> Result<(), RecordError> {
         match event {
             Event::Configured(configured) => self.configured(*configured),
-            Event::Step(step) => self.step(*step),
+            Event::Steps(steps) => steps.into_iter().try_for_each(|step| self.step(step)),
         }
     }
 
