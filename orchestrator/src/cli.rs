@@ -1,6 +1,7 @@
 //! The command line.
 
 mod check;
+mod formula;
 mod measured;
 mod packets;
 mod power;

@@ -133,7 +133,10 @@ pub fn extend<S: Study>(
         if let Some(keys) = measured.settings(&fit, term).as_object() {
             let table: toml::Table =
                 serde_json::from_value(keys.clone().into()).unwrap_or_default();
-            text.push_str(&table.to_string());
+            // Tables within it stay on one line: a heading would begin a section of its own.
+            for (key, value) in &table {
+                let _ = writeln!(text, "{key} = {value}");
+            }
         }
     }
     Ok(Extended { text, names, before, after })

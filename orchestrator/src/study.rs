@@ -5,6 +5,7 @@
 
 pub mod choices;
 pub mod folds;
+pub mod formula;
 pub mod links;
 pub mod open;
 pub mod robots;
@@ -125,6 +126,11 @@ pub trait Study: Sync {
 
     /// How far two fits are apart in what they predict, row by row; none where that cannot be said.
     fn apart(&self, _one: &Self::Fit, _other: &Self::Fit) -> Option<Apart> {
+        None
+    }
+
+    /// A fit with a parameter of a term at another value, all others following; none where the term has no such parameter.
+    fn held(&self, _fit: &Self::Fit, _term: usize, _key: &str, _value: f64) -> Option<Self::Fit> {
         None
     }
 

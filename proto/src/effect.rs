@@ -118,6 +118,24 @@ pub struct Parameter {
     pub step: f64,
 }
 
+impl Parameter {
+    /// A parameter of a formula that a user wrote. `range`: its start, least and greatest value.
+    ///
+    /// Name and start stay in memory until the program ends: a program is asked for few.
+    #[must_use]
+    pub fn of_formula(name: &str, [start, min, max]: [f64; 3]) -> Self {
+        let around = if start == 0.0 { 1.0 } else { start.abs() };
+        Self {
+            key: name.to_owned().leak(),
+            unit: "",
+            min,
+            max,
+            starts: vec![start].leak(),
+            step: (0.1 * around).min(0.1 * (max - min)),
+        }
+    }
+}
+
 /// The value of a key that is not fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fixed {

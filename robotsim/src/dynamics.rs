@@ -236,7 +236,7 @@ impl Dynamics {
             _ => return None,
         };
         let tables = table.get("effect").and_then(toml::Value::as_array).map_or(&[][..], |t| t);
-        let effects = effect::build(tables);
+        let effects = effect::build(tables, &join(path, "effect"), problems);
         let (mut localization, mut lags) = (None, [false; 2]);
         for (index, effect) in effects.iter().enumerate() {
             let place = format!("{}[{index}]", join(path, "effect"));

@@ -15,6 +15,7 @@ mod diagnosis;
 mod faults;
 mod flocking;
 mod formation;
+mod formula;
 mod interrupts;
 mod links;
 mod packets;

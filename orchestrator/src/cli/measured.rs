@@ -1,5 +1,6 @@
 //! The commands that hold a model against measurements.
 
+use super::formula::FormulaArgs;
 use super::packets::{Adding, Opened, ReplayArgs};
 use super::{Failure, place_for, stop, write_json, write_whole};
 use crate::compare::{self, Comparison};
@@ -14,6 +15,7 @@ use crate::measure::table::Table;
 use crate::report::measured::{Contents, LinkRows, RobotRows, Rows, page};
 use crate::study::Study;
 use crate::study::choices::{Choices, Split};
+use crate::study::formula::FORMULA;
 use crate::study::links::LinkStudy;
 use crate::study::open::{self, Account, Subject};
 use crate::study::robots::RobotStudy;
@@ -269,11 +271,13 @@ pub(super) struct ExtendArgs {
     #[command(flatten)]
     data: DataArgs,
     /// The effect to add. May be given several times
-    #[arg(long, value_name = "NAME", required_unless_present = "all")]
+    #[arg(long, value_name = "NAME", required_unless_present_any = ["all", "formula"])]
     effect: Vec<String>,
     /// Add every effect that diagnose accepts
     #[arg(long, conflicts_with = "effect")]
     all: bool,
+    #[command(flatten)]
+    formula: FormulaArgs,
     /// The new configuration
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
@@ -320,12 +324,19 @@ fn progress(line: &str) {
     tracing::info!("{line}");
 }
 
+/// Packets have no rows to fit an expression to.
+const NO_FORMULA: &str = "--formula is for measured links and robots: the network has no effect of the kind \"formula\"; --effect NAME \
+                          adds one that it has";
+
 /// `orchestrator extend`.
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     if packets::has_shape(&table).is_ok() {
+        if args.formula.wanted().is_some() {
+            return Err(Failure::request(NO_FORMULA));
+        }
         let opened = data.open_packets(&args.replay, &table)?;
         let adding = Adding {
             config: &data.config,
@@ -339,16 +350,22 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     }
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
-            let (study, account) =
+            let (mut study, account) =
                 open::links(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
+            if let Some(wanted) = args.formula.wanted() {
+                study.add_formula(&wanted).map_err(Failure::request)?;
+            }
             let thin = if args.all { study.thinned() } else { None };
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
             extend_with(args, (&config, &account), searched, whole, ("netsim.phy.effect", "dB"))
         }
         Subject::Robots => {
-            let (study, account) =
+            let (mut study, account) =
                 open::robots(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
+            if let Some(wanted) = args.formula.wanted() {
+                study.add_formula(&wanted).map_err(Failure::request)?;
+            }
             extend_with(args, (&config, &account), &study, None, ("robotsim.dynamics.effect", "m"))
         }
     }
@@ -366,8 +383,14 @@ fn extend_with<S: Study>(
     let terms = if args.all {
         search.climb().accepted
     } else {
-        let found: Result<Vec<usize>, _> =
-            args.effect.iter().map(|name| extend::candidate(study, name)).collect();
+        let formula = args.formula.wanted().map(|_| FORMULA);
+        let found: Result<Vec<usize>, _> = args
+            .effect
+            .iter()
+            .map(String::as_str)
+            .chain(formula)
+            .map(|name| extend::candidate(study, name))
+            .collect();
         found.map_err(Failure::request)?
     };
     let extended = extend::extend(config, account, study, &search, &terms, section, whole)

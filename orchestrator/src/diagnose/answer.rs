@@ -139,6 +139,7 @@ pub fn answer<S: Study>(
         rungs.push(rung(&label, scores));
     }
     let mut listed = Vec::new();
+    let mut known = Vec::new();
     let _ = writeln!(text);
     for (term, candidate) in candidates.iter().enumerate() {
         let trial = ladder.trials.iter().find(|trial| trial.term == term);
@@ -189,6 +190,7 @@ pub fn answer<S: Study>(
                 let _ = writeln!(text, "  warning: {warning}");
                 entry["warning"] = json!(warning);
             }
+            known.push((term, estimates));
         }
         entry["parameters"] = Value::Object(parameters);
         entry["settings"] = measured.settings(&full, term);
@@ -237,7 +239,7 @@ pub fn answer<S: Study>(
         Some(1) => "stopped before anything was found".to_owned(),
         Some(round) => format!("stopped in round {round}; until then: {sentence}"),
     };
-    let next = next::measurements(study, search, ladder);
+    let next = next::measurements(study, search, ladder, &known);
     for sentence in next.iter().filter_map(|entry| entry["sentence"].as_str()) {
         let _ = writeln!(text, "{sentence}");
     }

@@ -1,7 +1,8 @@
-//! The next measurement: where two models that the data cannot tell apart differ most.
+//! The next measurement: where two models that the data cannot tell apart differ most. They are rivals, or one model at both ends
+//! of the interval of a parameter.
 
 use super::ladder::{COMMON, Ladder, Search};
-use crate::study::Study;
+use crate::study::{Estimate, Study};
 use serde_json::{Value, json};
 
 /// Bins of a covariate.
@@ -65,8 +66,16 @@ pub fn greatest(apart: &Apart) -> Option<Condition> {
     best
 }
 
-/// For each tie, where the rivals differ most.
-pub fn measurements<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> Vec<Value> {
+/// A parameter is known weakly where its interval is longer than so many times its value.
+const WEAK: f64 = 1.0;
+
+/// For each tie, and each parameter that is known weakly, where the rivals differ most. `estimates`: by term.
+pub fn measurements<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    ladder: &Ladder,
+    estimates: &[(usize, Vec<Estimate>)],
+) -> Vec<Value> {
     let candidates = study.candidates();
     let chosen = search.full(&ladder.accepted, COMMON, None);
     let mut all = Vec::new();
@@ -76,25 +85,49 @@ pub fn measurements<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder
             let mut terms = ladder.accepted.clone();
             terms[place] = rival;
             let other = search.full(&terms, COMMON, Some(&chosen));
-            let Some(apart) = study.apart(&chosen, &other) else { continue };
-            let Some(at) = greatest(&apart) else { continue };
             let (a, b) = (&candidates[term].name, &candidates[rival].name);
-            all.push(json!({
-                "between": [a, b],
-                "covariate": at.covariate,
-                "from": at.from,
-                "to": at.to,
-                "difference": at.inside,
-                "elsewhere": at.outside,
-                "unit": apart.unit,
-                "sentence": format!(
-                    "to tell {a} from {b}, measure where {} is {:.3} to {:.3}: there they differ by {:.2} {}, elsewhere by {:.2} {}",
-                    at.covariate, at.from, at.to, at.inside, apart.unit, at.outside, apart.unit
-                ),
-            }));
+            let aim = format!("to tell {a} from {b}");
+            all.extend(measurement(study, (&chosen, &other), [a, b], &aim));
+        }
+    }
+    for (term, estimates) in estimates {
+        let name = &candidates[*term].name;
+        for Estimate { name: key, value, low, high, .. } in estimates {
+            if high - low <= WEAK * value.abs() || !(high - low).is_finite() {
+                continue;
+            }
+            let at = |end: f64| study.held(&chosen, *term, key, end);
+            let (Some(least), Some(most)) = (at(*low), at(*high)) else { continue };
+            let ends = [low, high].map(|end| format!("{key} = {end:.4}"));
+            let aim = format!("to know {key} of {name} better than from {low:.4} to {high:.4}");
+            all.extend(measurement(study, (&least, &most), [&ends[0], &ends[1]], &aim));
         }
     }
     all
+}
+
+/// Where two fits differ most; none where no condition stands out.
+fn measurement<S: Study>(
+    study: &S,
+    (one, other): (&S::Fit, &S::Fit),
+    between: [&str; 2],
+    aim: &str,
+) -> Option<Value> {
+    let apart = study.apart(one, other)?;
+    let at = greatest(&apart)?;
+    Some(json!({
+        "between": between,
+        "covariate": at.covariate,
+        "from": at.from,
+        "to": at.to,
+        "difference": at.inside,
+        "elsewhere": at.outside,
+        "unit": apart.unit,
+        "sentence": format!(
+            "{aim}, measure where {} is {:.3} to {:.3}: there they differ by {:.2} {}, elsewhere by {:.2} {}",
+            at.covariate, at.from, at.to, at.inside, apart.unit, at.outside, apart.unit
+        ),
+    }))
 }
 
 #[cfg(test)]

@@ -41,6 +41,12 @@ const ROBOTS: &[(&str, &str)] = &[
     ("dead-band", "threshold_mps = 0.05\n"),
     ("dead-time", "delay_s = 0.2\n"),
     ("downwash", "gain = 0.3\nrange_m = 0.5\n"),
+    (
+        "formula",
+        "expression = \"-a * max(speed_mps - onset_mps, 0)\"\ntarget = \"ahead\"\n\
+         parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\
+         parameters.onset_mps = { start = 1.0, min = 0.0, max = 10.0 }\n",
+    ),
     ("heading-bias", "angle_rad = 0.05\n"),
     ("localization", "sd_m = 0.02\n"),
     ("quadratic-drag", "coefficient_per_m = 0.02\n"),

@@ -14,6 +14,7 @@
 //! | `group` | blocks that are left out together, cells that share a level |
 //! | `estimates` | numbers with intervals |
 //! | [`predict`] | what a fit predicts, and what is left over |
+//! | [`covariance`] | how far levels of links reach |
 //! | [`covariates`] | what an error may depend on, given or derived |
 //! | `view` | predictions row by row, for pictures |
 //! | [`testable`] | what the data lack for an effect to be tested |
@@ -21,6 +22,7 @@
 pub mod basis;
 mod candidates;
 pub mod cells;
+pub mod covariance;
 pub mod covariates;
 mod estimates;
 pub mod fit;
@@ -50,10 +52,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use terms::{Spec, State};
 
-/// Lengths (m) over which shadowing may change.
-const DECORRELATION_M: [f64; 4] = [1.0, 3.0, 8.0, 20.0];
-/// The length of places where shadowing is carried along without being asked about (m).
-const PLACE_M: f64 = 3.0;
+/// Lengths (m) over which shadowing may change: correlations fall as e^(-way / length).
+const DECORRELATION_M: [f64; 4] = [0.5, 1.5, 4.0, 10.0];
+/// That length where shadowing is carried along without being asked about (m).
+const PLACE_M: f64 = 1.5;
+/// The side of the squares whose rows share a level, in such lengths. Two places share a square of side s with a chance that falls
+/// as 1 - way / s, whose integral is s / 2; that of e^(-way / length) is the length.
+const SIDE: f64 = 2.0;
+/// That of levels which fading leaves to links (m): squares of half a wave.
+const FINEST_M: f64 = group::HALF_WAVE_M / SIDE;
 /// Rows that a search looks at; of several frames each, a third.
 const MOST_SEARCHED: usize = 20_000;
 
@@ -100,9 +107,10 @@ impl LinkStudy {
         let group::Grouped { time, place, once } = group::grouped(&rows, choices)?;
         let moving = rows.still().values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
-        let finest = [group::HALF_WAVE_M];
+        let finest = [FINEST_M];
         let lengths = lengths.iter().chain(finest.iter().filter(|_| moving));
-        let cells = lengths.map(|&length| (length, group::cells_of(&rows, length))).collect();
+        let cells =
+            lengths.map(|&length| (length, group::cells_of(&rows, SIDE * length))).collect();
         let configured = configured(&rows);
         let candidates = specs.iter().map(|spec| candidates::candidate(spec, &rows)).collect();
         Ok(Self {
@@ -192,6 +200,11 @@ impl LinkStudy {
         (sd, free)
     }
 
+    /// Lengths over which shadowing may change (m).
+    fn lengths(&self) -> impl Iterator<Item = f64> {
+        self.cells.iter().map(|(length, _)| *length).filter(|length| FINEST_M < *length)
+    }
+
     fn cells(&self, decorrelation_m: f64) -> &Cells {
         let nearest = self
             .cells
@@ -213,7 +226,7 @@ impl LinkStudy {
             return length.unwrap_or(PLACE_M);
         }
         let fades = of(|spec| matches!(spec, Spec::Multipath(_))).is_some();
-        if fades && level != Level::Place { group::HALF_WAVE_M } else { PLACE_M }
+        if fades && level != Level::Place { FINEST_M } else { PLACE_M }
     }
 
     fn run(&self, terms: &[usize], states: Vec<State>, train: &[u32], from: From<'_>) -> LinkFit {
@@ -422,6 +435,10 @@ impl Study for LinkStudy {
         Some(Apart { by_row, unit: "dB", covariates: self.covariates() })
     }
 
+    fn held(&self, fit: &LinkFit, term: usize, key: &str, value: f64) -> Option<LinkFit> {
+        self.held_at(fit, term, key, value)
+    }
+
     fn log_likelihood(&self, fit: &LinkFit) -> f64 {
         fit.log_likelihood
     }
@@ -547,13 +564,11 @@ impl LinkStudy {
         if !matches!(spec, Spec::Shadowing(_)) {
             return states;
         }
-        self.cells
-            .iter()
-            .filter(|(length, _)| group::HALF_WAVE_M < *length)
-            .flat_map(|(length, _)| {
-                states.iter().map(|state| {
+        self.lengths()
+            .flat_map(|length| {
+                states.iter().map(move |state| {
                     let mut state = state.clone();
-                    state.table.insert("decorrelation_m".to_owned(), toml::Value::Float(*length));
+                    state.table.insert("decorrelation_m".to_owned(), toml::Value::Float(length));
                     state
                 })
             })

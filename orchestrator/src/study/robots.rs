@@ -11,6 +11,7 @@ mod driven;
 mod fit;
 mod left;
 mod motion;
+mod rivals;
 mod terms;
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,7 @@ mod view;
 use super::choices::{ChoiceError, Choices, Seen};
 use super::folds::Blocks;
 use super::{Candidate, Estimate, RowScore, Study, is_at_bound};
+use crate::diagnose::next::Apart;
 use crate::measure::Rejected;
 use crate::measure::robots::Robots;
 use crate::measure::table::Table;
@@ -482,6 +484,14 @@ impl Study for RobotStudy {
             cache.insert(sorted.clone(), self.model.carried(&sorted, &fit));
         }
         fit
+    }
+
+    fn apart(&self, one: &RobotFit, other: &RobotFit) -> Option<Apart> {
+        self.apart_in_the_end(one, other)
+    }
+
+    fn held(&self, fit: &RobotFit, term: usize, key: &str, value: f64) -> Option<RobotFit> {
+        self.held_at(fit, term, key, value)
     }
 
     fn log_likelihood(&self, fit: &RobotFit) -> f64 {

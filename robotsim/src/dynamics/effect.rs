@@ -7,6 +7,7 @@ mod actuator_lag;
 mod dead_band;
 mod dead_time;
 mod downwash;
+mod formula;
 mod heading_bias;
 mod localization;
 mod quadratic_drag;
@@ -20,11 +21,12 @@ mod testing;
 mod wind;
 mod yaw_coupling;
 
+pub use formula::NAMES;
 pub use localization::Localization;
 
 use super::body::{Drive, Part, Shape};
 use super::surroundings::Surroundings;
-use proto::config::{Choice, Default, Field, Kind, TableSpec, Tag, Variant};
+use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, Tag, Variant};
 use proto::effect::{About, Fit};
 
 /// One physical effect. Stateless: everything it depends on is an argument.
@@ -135,9 +137,17 @@ pub struct Entry {
     pub about: About,
     /// How it is fitted to measurements. A key `name[i]` is entry i of a list.
     pub fit: Fit,
+    /// What its keys must be like together, beside what is asked of each: [`UNCHECKED`] for nothing.
+    pub check: Check,
     /// Makes it of its checked table.
     pub build: fn(&toml::Table) -> Option<Box<dyn Effect>>,
 }
+
+/// Adds to the problems of a checked table, which stands at a path, those of its keys together.
+pub type Check = fn(&toml::Table, &str, &mut Vec<Problem>);
+
+/// Nothing is asked of the keys together.
+const UNCHECKED: Check = |_, _, _| {};
 
 /// All effects.
 pub const LIST: &[Entry] = &[
@@ -146,6 +156,7 @@ pub const LIST: &[Entry] = &[
     dead_band::ENTRY,
     dead_time::ENTRY,
     downwash::ENTRY,
+    formula::ENTRY,
     heading_bias::ENTRY,
     localization::ENTRY,
     quadratic_drag::ENTRY,
@@ -158,15 +169,21 @@ pub const LIST: &[Entry] = &[
     yaw_coupling::ENTRY,
 ];
 
-/// Makes the effects of checked tables, in their order.
-#[must_use]
-pub fn build(tables: &[toml::Value]) -> Vec<Box<dyn Effect>> {
-    let one = |table: &toml::Value| {
+/// Makes the effects of checked tables, in their order, and adds what is wrong with them together with the rest: they stand at
+/// `path[0]`, `path[1]`, …
+pub fn build(
+    tables: &[toml::Value],
+    path: &str,
+    problems: &mut Vec<Problem>,
+) -> Vec<Box<dyn Effect>> {
+    let mut one = |(index, table): (usize, &toml::Value)| {
         let kind = table.get("kind")?.as_str()?;
         let entry = LIST.iter().find(|entry| entry.variant.name == kind)?;
-        (entry.build)(table.as_table()?)
+        let table = table.as_table()?;
+        (entry.check)(table, &format!("{path}[{index}]"), problems);
+        (entry.build)(table)
     };
-    tables.iter().filter_map(one).collect()
+    tables.iter().enumerate().filter_map(&mut one).collect()
 }
 
 /// The key that says which actuator an effect concerns.

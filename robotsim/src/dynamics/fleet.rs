@@ -85,7 +85,13 @@ impl Fleet {
         let dt_s = seconds(step.until_ns - step.from_ns);
         let draws = Some(Draws::new(step.seed, Purpose::Gust));
         let terrain = &step.site.terrain;
-        let base = Surroundings { terrain, draws, others_at_s: from_s, others: &[] };
+        let base = Surroundings {
+            terrain,
+            draws,
+            others_at_s: from_s,
+            others: &[],
+            ..Surroundings::default()
+        };
         let alive = states.alive.clone();
         if self.any(Dynamics::is_rigid) {
             self.advance_rigid(step, &base, commands, states, memory);

@@ -3,7 +3,7 @@
 use super::fleet::{Fleet, near};
 use super::inertial::{GRAVITY_MPS2, Inertial, within};
 use super::surroundings::{Other, Surroundings};
-use super::{Command, Memory, Motion, Step};
+use super::{Command, Memory, Motion, Step, norm};
 use crate::config::field;
 use crate::obstacles::Course;
 use proto::config::{Default as Absent, Field, Kind, Range};
@@ -315,10 +315,6 @@ impl Fleet {
             }
         }
     }
-}
-
-fn norm(vector: [f64; 3]) -> f64 {
-    libm::sqrt(vector.iter().map(|part| part * part).sum())
 }
 
 #[cfg(test)]

@@ -12,8 +12,28 @@ pub struct Surroundings<'a> {
     pub others: &'a [Other],
     /// When (s) the others were there.
     pub others_at_s: f64,
+    /// What was measured beside, where measurements are held against the model.
+    pub columns: Columns<'a>,
     /// Draws for gusts. `None`: there are no gusts.
     pub draws: Option<Draws>,
+}
+
+/// Columns of measurements, and the row at which a robot is.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Columns<'a> {
+    /// Names, and the values row by row; NaN where there is none.
+    pub all: &'a [(String, Vec<f64>)],
+    /// The row.
+    pub row: usize,
+}
+
+impl Columns<'_> {
+    /// The value of a column, if it has one.
+    #[must_use]
+    pub fn value(&self, name: &str) -> Option<f64> {
+        let (_, values) = self.all.iter().find(|(known, _)| known == name)?;
+        values.get(self.row).copied().filter(|value| !value.is_nan())
+    }
 }
 
 /// Another robot.

@@ -137,7 +137,7 @@ impl Bases {
         state: &State,
         keep: bool,
     ) -> Option<Arc<Basis>> {
-        if !matches!(spec, Spec::Effect(_)) {
+        if !matches!(spec, Spec::Effect(_) | Spec::Formula(..)) {
             return None;
         }
         let compute = || {
@@ -161,7 +161,7 @@ impl Bases {
         spec: &Spec,
         state: &State,
     ) -> Option<Arc<Basis>> {
-        if !matches!(spec, Spec::Effect(_)) {
+        if !matches!(spec, Spec::Effect(_) | Spec::Formula(..)) {
             return None;
         }
         looked_up(&self.tangents, (term, state.keys(spec).to_string()), || {

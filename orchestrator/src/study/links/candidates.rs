@@ -2,8 +2,9 @@
 
 use super::rows::Rows;
 use super::terms::{Curve, Spec};
-use super::testable;
+use super::{LinkStudy, testable};
 use crate::study::Candidate;
+use crate::study::formula::{FORMULA, FormulaError, Wanted};
 use netsim::phy::effect;
 use proto::effect::{Level, Need};
 use std::sync::Arc;
@@ -17,14 +18,16 @@ const TIME: &str = "time_s";
 
 /// Every term that may be added.
 pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
-    let effects = effect::LIST.iter().filter(|entry| entry.variant.name != "formula").map(
-        |entry| match entry.variant.name {
+    let effects =
+        effect::LIST.iter().filter(|entry| entry.variant.name != FORMULA).map(|entry| match entry
+            .variant
+            .name
+        {
             "node-offset" => Spec::NodeOffset(entry),
             "shadowing" => Spec::Shadowing(entry),
             "multipath" => Spec::Multipath(entry),
             _ => Spec::Effect(entry),
-        },
-    );
+        });
     let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
     let measured = &rows.links.rows;
     let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
@@ -48,6 +51,33 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
         })
         .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }));
     effects.chain(covariates.iter().cloned().map(Spec::Curve)).chain(of_losses).collect()
+}
+
+impl LinkStudy {
+    /// Adds a formula of the user's to what may be added to the model.
+    ///
+    /// # Errors
+    ///
+    /// The formula is wrong, or names what is neither a parameter nor known of these rows.
+    pub fn add_formula(&mut self, wanted: &Wanted) -> Result<(), FormulaError> {
+        let entry = effect::LIST.iter().find(|entry| entry.variant.name == FORMULA);
+        let Some(entry) = entry else { return Ok(()) };
+        let columns = self.rows.links.covariates.iter().map(|(name, _)| name.as_str());
+        // Of a column of both ends, its name without the end is their mean.
+        let columns: Vec<&str> = columns
+            .flat_map(|name| {
+                let of_both = name.strip_prefix("tx_").or(name.strip_prefix("rx_"));
+                [Some(name), of_both]
+            })
+            .flatten()
+            .collect();
+        let known = effect::formula::NAMES.map(|(name, _)| name);
+        let asked = wanted.checked(&effect::SPEC, entry.check, &known, &columns)?;
+        let spec = Spec::Formula(entry, asked);
+        self.candidates.push(candidate(&spec, &self.rows));
+        self.specs.push(spec);
+        Ok(())
+    }
 }
 
 /// How a term stands among the others.
@@ -75,7 +105,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
                 name: entry.variant.name.to_owned(),
                 about: Some(&entry.about),
                 level: entry.fit.level,
-                n_parameters: entry.fit.parameters.len(),
+                n_parameters: spec.parameters().len(),
                 generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
                 is_derived: false,
                 untestable: (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", "))),

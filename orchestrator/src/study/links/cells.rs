@@ -114,6 +114,21 @@ impl Random {
             + self.node_db[cells.n_nodes + rx as usize]
     }
 
+    /// The levels of nodes alone: nothing is known of those of links and channels but their spreads.
+    #[must_use]
+    pub fn of_nodes(&self) -> Self {
+        let mut alone = self.clone();
+        for levels in [
+            &mut alone.link_db,
+            &mut alone.channel_db,
+            &mut alone.link_weight,
+            &mut alone.channel_weight,
+        ] {
+            levels.fill(0.0);
+        }
+        alone
+    }
+
     /// Variance of the random level of a row about its mode (dB²).
     #[must_use]
     pub fn variance(&self, cells: &Cells, row: usize) -> f64 {

@@ -1,14 +1,17 @@
 //! The numbers of a fit: with intervals, and as a section of a configuration.
 
-use super::cells::Deviations;
+use super::covariance::{Length, Products};
 use super::fit::LinkFit;
 use super::terms::Spec;
 use super::{From, LinkStudy, group, search};
 use crate::diagnose::ladder::COMMON;
 use crate::study::{Estimate, Study as _};
+use statrs::distribution::{ChiSquared, ContinuousCDF as _};
+use std::collections::BTreeMap;
 
-/// Standard errors to either side of a 90 % interval.
+/// Standard errors to either side of a 90 % interval, and what lies beyond each of its ends.
 const NINETY: f64 = 1.645;
+const TAIL: f64 = 0.05;
 /// Estimates that are correlated beyond this cannot be told apart.
 const CONFUSABLE: f64 = 0.97;
 
@@ -25,41 +28,23 @@ impl LinkStudy {
         let cells = self.cells(fit.decorrelation_m);
         let (_, determined) = fit.random.suggested(cells);
         let sd = fit.random.sd;
-        let spread = |name: &str, value: f64, n: f64| {
-            let relative = 1.0 / (2.0 * n.max(0.5)).sqrt();
-            Estimate::new(
-                name,
-                "dB",
-                value,
-                (value * (-NINETY * relative).exp(), value * (NINETY * relative).exp()),
-            )
-        };
         match specs[place] {
             Spec::Shadowing(_) => {
                 // Levels of neighbouring places are not independent of each other.
                 let n = determined[0].min(group::n_pairs(&self.rows) as f64);
                 let mut all = vec![spread("sd_db", sd.link_db, n)];
-                if 1 < self.cells.len() {
-                    let length = fit.decorrelation_m;
-                    all.push(Estimate::new(
-                        "decorrelation_m",
-                        "m",
-                        length,
-                        (length / 2.0, length * 2.0),
-                    ));
+                if let Some(length) = self.decorrelation(fit) {
+                    widen(&mut all[0], &length);
+                    all.push(of_length("decorrelation_m", "m", length));
                 }
                 return (all, None);
             }
             Spec::Multipath(_) => {
-                let (sd_db, coherence_mhz) = Self::fading(&specs, sd);
+                let (sd_db, coherence) = self.fading(fit);
                 let mut all = vec![spread("sd_db", sd_db, determined[1])];
-                if let Some(value) = coherence_mhz {
-                    all.push(Estimate::new(
-                        "coherence_mhz",
-                        "MHz",
-                        value,
-                        (value / 2.0, value * 2.0),
-                    ));
+                if let Some(coherence) = coherence {
+                    widen(&mut all[0], &coherence);
+                    all.push(of_length("coherence_mhz", "MHz", coherence));
                 }
                 return (all, None);
             }
@@ -70,7 +55,7 @@ impl LinkStudy {
                 ];
                 return (all, None);
             }
-            Spec::Effect(_) | Spec::Curve { .. } => {}
+            Spec::Effect(_) | Spec::Formula(..) | Spec::Curve { .. } => {}
         }
         let before: usize = fit.states[..place].iter().map(|state| state.values.len()).sum();
         let parameters = specs[place].parameters();
@@ -124,12 +109,19 @@ impl LinkStudy {
             }
             return;
         }
-        let places = search::places::coordinates(&self.rows, &all, &left, state, FALL_NATS);
-        estimates.extend(
-            places
-                .into_iter()
-                .map(|at| Estimate::new(at.name, "m", at.value_m, (at.low_m, at.high_m))),
-        );
+        for found in search::places::coordinates(&self.rows, &all, &left, state, TAIL) {
+            match estimates.iter_mut().find(|estimate| estimate.name == found.name) {
+                // The loss is known less well than the fit, which holds the place, says.
+                Some(estimate) => {
+                    estimate.low = estimate.low.min(found.low);
+                    estimate.high = estimate.high.max(found.high);
+                }
+                None => {
+                    let ends = (found.low, found.high);
+                    estimates.push(Estimate::new(found.name, "m", found.value, ends));
+                }
+            }
+        }
     }
 
     pub(super) fn settings_of(&self, fit: &LinkFit, term: usize) -> serde_json::Value {
@@ -143,14 +135,18 @@ impl LinkStudy {
         keys.extend(fit.states[place].keys(spec));
         let sd = fit.random.sd;
         let spreads: Vec<(&str, f64)> = match spec {
-            Spec::Shadowing(_) => vec![("sd_db", sd.link_db)],
+            Spec::Shadowing(_) => {
+                let length = self.decorrelation(fit);
+                let length = length.map(|length| ("decorrelation_m", length.value));
+                [("sd_db", sd.link_db)].into_iter().chain(length).collect()
+            }
             Spec::Multipath(_) => {
-                let (sd_db, coherence_mhz) = Self::fading(&self.specs_of(&fit.terms), sd);
-                let coherence_mhz = coherence_mhz.map(|value| ("coherence_mhz", value));
-                [("sd_db", sd_db)].into_iter().chain(coherence_mhz).collect()
+                let (sd_db, coherence) = self.fading(fit);
+                let coherence = coherence.map(|length| ("coherence_mhz", length.value));
+                [("sd_db", sd_db)].into_iter().chain(coherence).collect()
             }
             Spec::NodeOffset(_) => vec![("tx_sd_db", sd.tx_db), ("rx_sd_db", sd.rx_db)],
-            Spec::Effect(_) | Spec::Curve { .. } => Vec::new(),
+            Spec::Effect(_) | Spec::Formula(..) | Spec::Curve { .. } => Vec::new(),
         };
         for (key, value) in spreads {
             keys.insert(key.to_owned(), toml::Value::Float(value));
@@ -159,13 +155,74 @@ impl LinkStudy {
     }
 
     /// Spread of multipath fading (dB) and, where nothing else makes a link's channels alike, its coherence (MHz).
-    fn fading(specs: &[&Spec], sd: Deviations) -> (f64, Option<f64>) {
-        if specs.iter().any(|spec| matches!(spec, Spec::Shadowing(_))) {
+    fn fading(&self, fit: &LinkFit) -> (f64, Option<Length>) {
+        let sd = fit.random.sd;
+        if self.specs_of(&fit.terms).iter().any(|spec| matches!(spec, Spec::Shadowing(_))) {
             return (sd.channel_db, None);
         }
-        let sd_db = sd.channel_db.hypot(sd.link_db);
-        let shared = (sd.link_db / sd_db) * (sd.link_db / sd_db);
-        (sd_db, Some(coherence_mhz(shared)))
+        let edges = (0..16).map(|apart| 5.0 * f64::from(apart) + 2.5).collect();
+        let products = self.products(fit, edges, |one, other| {
+            let channel = |row: usize| self.rows.links.rows[row].channel;
+            let apart = channel(one)?.abs_diff(channel(other)?);
+            (self.way_m(one, other) < group::HALF_WAVE_M).then_some(5.0 * f64::from(apart))
+        });
+        (sd.channel_db.hypot(sd.link_db), products.length())
+    }
+
+    /// The length over which shadowing changes (m), where nodes move.
+    fn decorrelation(&self, fit: &LinkFit) -> Option<Length> {
+        if self.cells.len() < 2 {
+            return None;
+        }
+        let edges =
+            [0.125, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0];
+        self.products(fit, edges.to_vec(), |one, other| Some(self.way_m(one, other))).length()
+    }
+
+    /// What both ends of a link have moved between two rows (m).
+    fn way_m(&self, one: usize, other: usize) -> f64 {
+        let ends = |row: usize| {
+            let (tx, rx) = self.rows.ends(row);
+            if tx.id < rx.id { [tx, rx] } else { [rx, tx] }.map(|end| end.position_m)
+        };
+        let moved = |(a, b): ([f64; 3], [f64; 3])| {
+            (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+        };
+        ends(one).into_iter().zip(ends(other)).map(moved).sum()
+    }
+
+    /// Products of what is left of readings, levels of nodes apart, by the lag of two rows of a link; none: they are not compared.
+    /// Rows that might as well have been lost are left out: they are read only where their level is high.
+    fn products(
+        &self,
+        fit: &LinkFit,
+        edges: Vec<f64>,
+        lag: impl Fn(usize, usize) -> Option<f64>,
+    ) -> Products {
+        let mut marginal = fit.clone();
+        marginal.random = fit.random.of_nodes();
+        let mut links: BTreeMap<(u32, u32), Vec<(usize, f64)>> = BTreeMap::new();
+        for (row, predicted) in self.predictions(&marginal).into_iter().enumerate() {
+            let measured = &self.rows.links.rows[row];
+            if self.rows.is_received(row) && CERTAIN < predicted.passes {
+                let key = (measured.tx.min(measured.rx), measured.tx.max(measured.rx));
+                let left_db = measured.rssi_dbm - predicted.rssi_dbm;
+                links.entry(key).or_default().push((row, left_db));
+            }
+        }
+        let mut products = Products::new(edges);
+        for (link, rows) in links.values().enumerate() {
+            let each = rows.len().div_ceil(MOST_OF_LINK);
+            let rows: Vec<&(usize, f64)> = rows.iter().step_by(each).collect();
+            for (index, &&(one, left)) in rows.iter().enumerate() {
+                for &&(other, right) in &rows[index + 1..] {
+                    if let Some(lag) = lag(one, other) {
+                        products.add(link, lag, left * right);
+                    }
+                }
+            }
+        }
+        products
     }
 
     /// Two parameters of which one hides the other.
@@ -205,25 +262,33 @@ impl LinkStudy {
     }
 }
 
-/// The coherence (MHz) with which the sixteen channels have this mean correlation with each other.
-fn coherence_mhz(mean_correlation: f64) -> f64 {
-    let mean = |coherence_mhz: f64| {
-        let pairs = (1..16)
-            .map(|apart| f64::from(16 - apart) * (-5.0 * f64::from(apart) / coherence_mhz).exp());
-        pairs.sum::<f64>() / 120.0
+/// A standard deviation (dB) with its interval: `n` levels of its law are known.
+fn spread(name: &str, value: f64, n: f64) -> Estimate {
+    let n = n.max(0.5);
+    let ends = match ChiSquared::new(n) {
+        Ok(law) => [1.0 - TAIL, TAIL].map(|part| value * (n / law.inverse_cdf(part)).sqrt()),
+        Err(_) => [0.0, f64::INFINITY],
     };
-    let (mut low, mut high) = (0.1f64, 1e3f64);
-    for _ in 0..40 {
-        let middle = (low * high).sqrt();
-        if mean(middle) < mean_correlation {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
+    Estimate::new(name, "dB", value, (ends[0], ends[1]))
 }
 
+/// A length as an estimate.
+fn of_length(name: &str, unit: &str, length: Length) -> Estimate {
+    Estimate::new(name, unit, length.value, (length.low, length.high))
+}
+
+/// Widens the interval of the spread of levels to what the covariance of residuals says of it: a fit takes levels for constant
+/// within a place, and those of channels for independent.
+fn widen(spread: &mut Estimate, length: &Length) {
+    let at = |sds: f64| length.sd_db * (sds * length.sd_error).exp();
+    spread.low = spread.low.min(at(-NINETY));
+    spread.high = spread.high.max(at(NINETY));
+}
+
+/// The share of frames like a row's that must pass for its reading to say what levels are like.
+const CERTAIN: f64 = 0.9;
+/// Rows of a link of which every two are compared.
+const MOST_OF_LINK: usize = 150;
 /// Half of the squared standard errors of a 90 % interval: by so much the log likelihood falls at its ends (nats).
 const FALL_NATS: f64 = 0.5 * NINETY * NINETY;
 /// With more rows the likelihood is a parabola, and its curvature says as much as a profile.
@@ -232,6 +297,23 @@ const MOST_PROFILED: usize = 50_000;
 const END_STEPS: usize = 6;
 
 impl LinkStudy {
+    /// A fit with a parameter at another value, all others fitted again.
+    pub(super) fn held_at(
+        &self,
+        fit: &LinkFit,
+        term: usize,
+        key: &str,
+        value: f64,
+    ) -> Option<LinkFit> {
+        let place = fit.terms.iter().position(|&other| other == term)?;
+        let parameters = self.specs[term].parameters();
+        let k = parameters.iter().position(|parameter| parameter.key == key)?;
+        let mut states = fit.states.clone();
+        states[place].values[k] = value;
+        let from = From { held: Some((place, k)), ..From::trial(COMMON, Some(fit)) };
+        Some(self.run(&fit.terms, states, &self.fitted_rows(), from))
+    }
+
     /// The 90 % interval of a parameter by its profile: how far it can be moved, all others fitted again, until the
     /// likelihood has fallen as far as chance lets it.
     pub(super) fn profile(&self, fit: &LinkFit, place: usize, k: usize, error: f64) -> (f64, f64) {

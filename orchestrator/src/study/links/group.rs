@@ -211,7 +211,7 @@ fn square(place_m: [f64; 3], side_m: f64) -> u64 {
 }
 
 /// Cells of random levels.
-pub(super) fn cells_of(rows: &Rows, decorrelation_m: f64) -> Cells {
+pub(super) fn cells_of(rows: &Rows, side_m: f64) -> Cells {
     let ids: Vec<u32> = rows.still().keys().copied().collect();
     let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
     let places = |row: usize, side_m: f64| {
@@ -228,7 +228,7 @@ pub(super) fn cells_of(rows: &Rows, decorrelation_m: f64) -> Cells {
     let links: Vec<(u64, u64)> = (0..rows.len())
         .map(|row| {
             let measured = &rows.links.rows[row];
-            (pair(measured.tx, measured.rx), places(row, decorrelation_m))
+            (pair(measured.tx, measured.rx), places(row, side_m))
         })
         .collect();
     let (link, n_links) = numbered(&links);

@@ -1,5 +1,6 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
+use crate::study::formula::Asked;
 use netsim::phy::effect::{Effect, Entry};
 use proto::config::Default;
 use proto::effect::Parameter;
@@ -18,6 +19,8 @@ pub enum Spec {
     Shadowing(&'static Entry),
     /// A random level per link, channel and fine place.
     Multipath(&'static Entry),
+    /// A formula of the user's.
+    Formula(&'static Entry, Asked),
 }
 
 impl Spec {
@@ -28,16 +31,18 @@ impl Spec {
             Self::Effect(entry)
             | Self::NodeOffset(entry)
             | Self::Shadowing(entry)
-            | Self::Multipath(entry) => Some(entry),
+            | Self::Multipath(entry)
+            | Self::Formula(entry, _) => Some(entry),
             Self::Curve(_) => None,
         }
     }
 
     /// The parameters that a fit sets by their slopes. Random levels have none: their spread is found otherwise.
     #[must_use]
-    pub fn parameters(&self) -> &'static [Parameter] {
+    pub fn parameters(&self) -> &[Parameter] {
         match self {
             Self::Effect(entry) => entry.fit.parameters,
+            Self::Formula(_, asked) => &asked.parameters,
             _ => &[],
         }
     }
@@ -127,6 +132,9 @@ impl State {
             Spec::NodeOffset(entry) | Spec::Shadowing(entry) | Spec::Multipath(entry) => {
                 vec![Self { table: defaults(entry), values: Vec::new() }]
             }
+            Spec::Formula(_, asked) => {
+                vec![Self { table: asked.table.clone(), values: asked.starts() }]
+            }
             Spec::Effect(entry) => {
                 let mut tables = vec![defaults(entry)];
                 if !entry.fit.variants.is_empty() {
@@ -172,7 +180,7 @@ impl State {
     #[must_use]
     pub fn build(&self, spec: &Spec) -> Option<Box<dyn Effect>> {
         match spec {
-            Spec::Effect(entry) => (entry.build)(&self.keys(spec), 0),
+            Spec::Effect(entry) | Spec::Formula(entry, _) => (entry.build)(&self.keys(spec), 0),
             _ => None,
         }
     }
@@ -180,6 +188,9 @@ impl State {
     /// Its keys with the fitted values.
     #[must_use]
     pub fn keys(&self, spec: &Spec) -> toml::Table {
+        if let Spec::Formula(_, asked) = spec {
+            return asked.with(&self.values);
+        }
         let mut table = self.table.clone();
         for (parameter, &value) in spec.parameters().iter().zip(&self.values) {
             table.insert(parameter.key.to_owned(), toml::Value::Float(value));

@@ -5,7 +5,7 @@ use crate::measure::robots::{Robots, Sample};
 use proto::rng::Draws;
 use proto::site::Hill;
 use robotsim::dynamics::physics::{Order, Physics, Robot};
-use robotsim::dynamics::surroundings::{Other, Surroundings};
+use robotsim::dynamics::surroundings::{Columns, Other, Surroundings};
 use robotsim::dynamics::wrapped;
 
 /// A row: from one sample of a track to a later one, as indices of samples.
@@ -190,6 +190,15 @@ impl Tracks {
         both.map(|(window, (begin, moved_m))| self.residual(window, &begin, moved_m)).collect()
     }
 
+    /// Where each window is predicted to end (m).
+    pub(super) fn ends_m(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 3]> {
+        let predictions = self.predictions(physics, &self.paths(physics), gains);
+        let end = |(begin, moved_m): (Known, [f64; 3])| {
+            std::array::from_fn(|i| begin.robot.position_m[i] + moved_m[i])
+        };
+        predictions.into_iter().map(end).collect()
+    }
+
     /// What is known when each window begins, and what the robot is predicted to move in it (m).
     fn predictions(
         &self,
@@ -360,6 +369,7 @@ impl Tracks {
             terrain: &self.terrain,
             others: self.others.get(sample).map_or(&[], |others| others),
             others_at_s: self.robots.samples[sample].time_s,
+            columns: Columns { all: &self.robots.covariates, row: sample },
             draws: None,
         }
     }

@@ -1,7 +1,9 @@
 //! What may be missing from a model of robots: effects of the catalogue, and curves over covariates.
 
+use super::RobotStudy;
 use super::motion::Tracks;
 use crate::study::Candidate;
+use crate::study::formula::{Asked, FORMULA, FormulaError, Wanted};
 use proto::config::{Node, Value, check};
 use proto::effect::{Level, Need, Parameter};
 use robotsim::dynamics::effect::{self, Entry};
@@ -23,6 +25,8 @@ pub(super) enum Term {
 pub(super) struct EffectTerm {
     /// Its checked table, to be filled in.
     table: toml::Table,
+    /// It is a formula of the user's.
+    asked: Option<Asked>,
     /// What is filled in.
     pub(super) parameters: Vec<Parameter>,
     /// Where searches start.
@@ -46,6 +50,9 @@ pub(super) const N_CURVE: usize = 3 * (N_KNOTS - 1);
 impl EffectTerm {
     /// The effect's table with these numbers.
     pub(super) fn table(&self, values: &[f64]) -> toml::Table {
+        if let Some(asked) = &self.asked {
+            return asked.with(values);
+        }
         let mut table = self.table.clone();
         for (parameter, &value) in self.parameters.iter().zip(values) {
             set(&mut table, parameter.key, value);
@@ -111,7 +118,7 @@ pub(super) fn all(
     let mut candidates = Vec::new();
     let mut terms = Vec::new();
     let shape = tracks.robots.shape;
-    for entry in effect::LIST {
+    for entry in effect::LIST.iter().filter(|entry| entry.variant.name != FORMULA) {
         let variants: &[&[_]] =
             if entry.fit.variants.is_empty() { &[&[]] } else { entry.fit.variants };
         for variant in variants {
@@ -152,6 +159,7 @@ pub(super) fn all(
             }
             terms.push(Term::Effect(EffectTerm {
                 table: template(entry, &keys, &parameters),
+                asked: None,
                 parameters,
                 starts,
             }));
@@ -175,6 +183,38 @@ pub(super) fn all(
         }
     }
     (candidates, terms)
+}
+
+impl RobotStudy {
+    /// Adds a formula of the user's to what may be added to the model.
+    ///
+    /// # Errors
+    ///
+    /// The formula is wrong, or names what is neither a parameter nor known of these samples.
+    pub fn add_formula(&mut self, wanted: &Wanted) -> Result<(), FormulaError> {
+        let entry = effect::LIST.iter().find(|entry| entry.variant.name == FORMULA);
+        let Some(entry) = entry else { return Ok(()) };
+        let covariates = &self.model.tracks.robots.covariates;
+        let columns: Vec<&str> = covariates.iter().map(|(name, _)| name.as_str()).collect();
+        let known = effect::NAMES.map(|(name, _)| name);
+        let asked = wanted.checked(&effect::SPEC, entry.check, &known, &columns)?;
+        self.candidates.push(Candidate {
+            name: FORMULA.to_owned(),
+            about: Some(&entry.about),
+            level: entry.fit.level,
+            n_parameters: asked.parameters.len(),
+            generalises: Vec::new(),
+            is_derived: false,
+            untestable: None,
+        });
+        self.model.terms.push(Term::Effect(EffectTerm {
+            table: asked.table.clone(),
+            parameters: asked.parameters.clone(),
+            starts: vec![asked.starts()],
+            asked: Some(asked),
+        }));
+        Ok(())
+    }
 }
 
 /// Why an effect cannot be told from these data.

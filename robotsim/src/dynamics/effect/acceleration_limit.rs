@@ -1,6 +1,6 @@
 //! Velocity that changes only so fast.
 
-use super::{Effect, Entry, Part, keys};
+use super::{Effect, Entry, Part, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<AccelerationLimit>(table)?)),
 };
 

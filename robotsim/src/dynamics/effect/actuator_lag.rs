@@ -1,6 +1,6 @@
 //! Actuators that follow with a time constant.
 
-use super::{Effect, Entry, ON, Part, keys};
+use super::{Effect, Entry, ON, Part, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
@@ -41,6 +41,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<ActuatorLag>(table)?)),
 };
 

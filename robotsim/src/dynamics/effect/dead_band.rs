@@ -1,6 +1,6 @@
 //! Small commands that move nothing.
 
-use super::{Drive, Effect, Entry, ON, Part, Shape, keys, with_speed};
+use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED, keys, with_speed};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
@@ -41,6 +41,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<DeadBand>(table)?)),
 };
 

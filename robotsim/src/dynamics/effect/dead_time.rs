@@ -1,6 +1,6 @@
 //! Commands that act later.
 
-use super::{Effect, Entry, ON, Part, keys};
+use super::{Effect, Entry, ON, Part, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
@@ -41,6 +41,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<DeadTime>(table)?)),
 };
 

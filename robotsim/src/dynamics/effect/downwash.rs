@@ -1,6 +1,6 @@
 //! Robots that blow each other away.
 
-use super::{Effect, Entry, Situation, keys};
+use super::{Effect, Entry, Situation, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
@@ -56,6 +56,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<Downwash>(table)?)),
 };
 

@@ -1,6 +1,6 @@
 //! Motion at an angle to what is commanded.
 
-use super::{Drive, Effect, Entry, Shape, keys};
+use super::{Drive, Effect, Entry, Shape, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<HeadingBias>(table)?)),
 };
 

@@ -1,6 +1,6 @@
 //! Errors of the measured position.
 
-use super::{Effect, Entry, keys};
+use super::{Effect, Entry, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
@@ -54,6 +54,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Random,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<Localization>(table)?)),
 };
 

@@ -1,6 +1,6 @@
 //! A part of the plane that slows robots down.
 
-use super::{Effect, Entry, keys};
+use super::{Effect, Entry, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
@@ -64,6 +64,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Place,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<RoughGround>(table)?)),
 };
 

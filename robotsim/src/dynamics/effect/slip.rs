@@ -1,6 +1,6 @@
 //! Wheels that slip, or are not as large as assumed.
 
-use super::{Drive, Effect, Entry, ON, Part, Shape, keys};
+use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
@@ -41,6 +41,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<Slip>(table)?)),
 };
 

@@ -1,6 +1,6 @@
 //! Ground that leads downhill.
 
-use super::{Effect, Entry, Situation, keys};
+use super::{Effect, Entry, Situation, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Place,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<Slope>(table)?)),
 };
 

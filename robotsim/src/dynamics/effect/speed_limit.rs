@@ -1,6 +1,6 @@
 //! A robot that is slower than assumed.
 
-use super::{Drive, Effect, Entry, Shape, keys, with_speed};
+use super::{Drive, Effect, Entry, Shape, UNCHECKED, keys, with_speed};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<SpeedLimit>(table)?)),
 };
 

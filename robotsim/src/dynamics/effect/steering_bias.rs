@@ -1,6 +1,6 @@
 //! Steering that is never quite straight.
 
-use super::{Drive, Effect, Entry, Shape, keys};
+use super::{Drive, Effect, Entry, Shape, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
@@ -56,6 +56,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<SteeringBias>(table)?)),
 };
 

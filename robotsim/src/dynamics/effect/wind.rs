@@ -1,6 +1,6 @@
 //! A drift that is the same for all.
 
-use super::{Effect, Entry, Situation, keys};
+use super::{Effect, Entry, Situation, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
@@ -72,6 +72,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<Wind>(table)?)),
 };
 

@@ -1,6 +1,6 @@
 //! Drift to the side in turns.
 
-use super::{Effect, Entry, keys};
+use super::{Effect, Entry, UNCHECKED, keys};
 use proto::config::{Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
     },
+    check: UNCHECKED,
     build: |table| Some(Box::new(keys::<YawCoupling>(table)?)),
 };
 

@@ -1,28 +1,37 @@
-//! How well the place of a hidden obstacle is known: how far it can be moved before the likelihood falls beyond chance.
+//! How well the place of a hidden obstacle is known: the places that the likelihood allows, drawn by a random walk.
+//!
+//! The likelihood is a staircase in the coordinates: it changes where an edge passes another way. A profile stops at the first
+//! step that is high; a walk goes on to what lies behind it.
 
 use super::{Shape, Way, ways};
 use crate::study::links::likelihood::Slope;
 use crate::study::links::rows::Rows;
 use crate::study::links::terms::State;
+use proto::rng::{Draws, Purpose, normal, uniform};
 
-/// First and greatest move of a coordinate (m), and to what the others are fitted again.
-const STEP_M: f64 = 0.1;
-const FARTHEST_M: f64 = 30.0;
-const FIRST_M: f64 = 1.0;
-/// An end of an interval is halved so often.
-const HALVES: usize = 4;
+/// Steps of the walk, and how many looks at a way it may take in all.
+const STEPS: (usize, usize) = (1_000, 8_000);
+const MOST_LOOKS: usize = 100_000_000;
+/// The first steps are forgotten: one in so many.
+const FORGOTTEN: usize = 8;
+/// Least and greatest size of a move (m), and of a change of the loss (dB).
+const MOVES_M: (f64, f64) = (0.02, 6.0);
+const CHANGES_DB: (f64, f64) = (0.02, 2.0);
+/// No obstacle is larger (m), none attenuates more (dB).
+const WIDEST_M: f64 = 50.0;
+const MOST_DB: f64 = 60.0;
 
-/// A coordinate of a place with its interval (m).
+/// A number of an obstacle with its interval (m; of the loss dB).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coordinate {
-    /// `from_x_m`, `centre_y_m`, `radius_m`, …
+    /// `from_x_m`, `centre_y_m`, `radius_m`, …, `loss_db`.
     pub name: &'static str,
-    /// Where it was found.
-    pub value_m: f64,
+    /// What was found.
+    pub value: f64,
     /// Lower end.
-    pub low_m: f64,
+    pub low: f64,
     /// Upper end.
-    pub high_m: f64,
+    pub high: f64,
 }
 
 /// The place of an obstacle in a state.
@@ -37,86 +46,112 @@ fn shape_of(state: &State) -> Option<Shape> {
     Some(Shape::Disc(list("centre_m")?, state.table.get("radius_m")?.as_float()?))
 }
 
-/// What the likelihood loses (nats) where the obstacle stands at `there` in place of `here`: a parabola about the fit.
-fn lost(ways: &[Way], here: &Shape, there: &Shape, loss_db: f64) -> f64 {
-    ways.iter()
-        .map(|way| match (here.is_crossed(way), there.is_crossed(way)) {
-            (true, false) => -loss_db * way.slope + 0.5 * loss_db * loss_db * way.weight,
-            (false, true) => loss_db * way.slope + 0.5 * loss_db * loss_db * way.weight,
-            _ => 0.0,
-        })
-        .sum()
+/// An obstacle that was fitted, and the ways with what the rows on them still ask for.
+struct Walk {
+    ways: Vec<Way>,
+    /// Of each way, what the fitted obstacle takes (dB).
+    taken_db: Vec<f64>,
+    shape: Shape,
 }
 
-/// The coordinates of a hidden obstacle, each moved, the others fitted again, until the likelihood has fallen by `fall_nats`. `left`: slopes
-/// under the fit with it.
+impl Walk {
+    fn new(ways: Vec<Way>, shape: Shape, loss_db: f64) -> Self {
+        let taken = |way: &Way| if shape.is_crossed(way) { loss_db } else { 0.0 };
+        Self { taken_db: ways.iter().map(taken).collect(), ways, shape }
+    }
+
+    /// What the likelihood loses (nats) with the obstacle at these numbers, the loss (dB) the last: a parabola about the fit.
+    fn lost(&self, numbers: &[f64]) -> f64 {
+        let (loss_db, place) =
+            numbers.split_last().map_or((0.0, numbers), |(l, place)| (*l, place));
+        let there = self.shape.of(place);
+        let lost = self.ways.iter().zip(&self.taken_db).map(|(way, taken_db)| {
+            let takes_db = if there.is_crossed(way) { loss_db } else { 0.0 };
+            let change = taken_db - takes_db;
+            change * (0.5 * change * way.weight - way.slope)
+        });
+        lost.sum()
+    }
+
+    /// Numbers that the likelihood allows, as often as it allows them, from a start.
+    fn drawn(&self, start: Vec<f64>) -> Vec<Vec<f64>> {
+        let draws = Draws::new(4, Purpose::Resample);
+        let n_steps = (MOST_LOOKS / self.ways.len().max(1)).clamp(STEPS.0, STEPS.1);
+        let mut here = start;
+        let mut lost = self.lost(&here);
+        let mut drawn = Vec::with_capacity(n_steps);
+        for step in 0..n_steps {
+            let [what, size, one, other] = draws.words(0, step as u64, 0);
+            let [accept, ..] = draws.words(0, step as u64, 1);
+            let there = self.moved(&here, what, uniform(size), normal(one, other));
+            if self.is_possible(&there) {
+                let then = self.lost(&there);
+                if uniform(accept).ln() < lost - then {
+                    (here, lost) = (there, then);
+                }
+            }
+            drawn.push(here.clone());
+        }
+        drawn.split_off(n_steps / FORGOTTEN)
+    }
+
+    /// A move that is as likely as its way back: of one number, or of the whole obstacle along an axis.
+    fn moved(&self, here: &[f64], what: u64, size: f64, by: f64) -> Vec<f64> {
+        let scaled = |(least, most): (f64, f64)| by * least * (most / least).powf(size);
+        let mut there = here.to_vec();
+        let loss = here.len() - 1;
+        let is_segment = matches!(self.shape, Shape::Segment(..));
+        let n_moves = here.len() as u64 + if is_segment { 2 } else { 0 };
+        match (what % n_moves) as usize {
+            k if k == loss => there[k] += scaled(CHANGES_DB),
+            k if k < loss => there[k] += scaled(MOVES_M),
+            k => {
+                let axis = k - here.len();
+                there[axis] += scaled(MOVES_M);
+                there[axis + 2] = here[axis + 2] + (there[axis] - here[axis]);
+            }
+        }
+        there
+    }
+
+    fn is_possible(&self, numbers: &[f64]) -> bool {
+        let Some((loss_db, place)) = numbers.split_last() else { return false };
+        let size_m = match self.shape {
+            Shape::Segment(..) => (place[2] - place[0]).hypot(place[3] - place[1]),
+            Shape::Disc(..) => place[2],
+        };
+        0.0 < *loss_db && *loss_db < MOST_DB && 0.1 < size_m && size_m < 2.0 * WIDEST_M
+    }
+}
+
+/// The coordinates of a hidden obstacle and its loss, each with the interval in which `1 − 2 * tail` of what the likelihood allows
+/// lies. `left`: slopes under the fit with it.
 #[must_use]
 pub fn coordinates(
     rows: &Rows,
     train: &[u32],
     left: &[Slope],
     state: &State,
-    fall_nats: f64,
+    tail: f64,
 ) -> Vec<Coordinate> {
-    let (Some(here), Some(&loss_db)) = (shape_of(state), state.values.first()) else {
+    let (Some(shape), Some(&loss_db)) = (shape_of(state), state.values.first()) else {
         return Vec::new();
     };
-    let ways = ways(rows, train, left);
-    let numbers = here.numbers();
-    let names: &[&'static str] = match here {
-        Shape::Segment(..) => &["from_x_m", "from_y_m", "to_x_m", "to_y_m"],
-        Shape::Disc(..) => &["centre_x_m", "centre_y_m", "radius_m"],
+    let names: &[&'static str] = match shape {
+        Shape::Segment(..) => &["from_x_m", "from_y_m", "to_x_m", "to_y_m", "loss_db"],
+        Shape::Disc(..) => &["centre_x_m", "centre_y_m", "radius_m", "loss_db"],
     };
-    // All other coordinates fitted again.
-    let fallen = |k: usize, value: f64| {
-        let mut best = numbers.clone();
-        best[k] = value;
-        let mut least = lost(&ways, &here, &here.of(&best), loss_db);
-        let mut step = FIRST_M;
-        while STEP_M < step && fall_nats < least {
-            let moved = (0..best.len())
-                .filter(|&other| other != k)
-                .flat_map(|other| [(other, -step), (other, step)])
-                .map(|(other, by)| {
-                    let mut there = best.clone();
-                    there[other] += by;
-                    (lost(&ways, &here, &here.of(&there), loss_db), there)
-                })
-                .min_by(|a, b| a.0.total_cmp(&b.0));
-            match moved {
-                Some((now, there)) if now < least => (least, best) = (now, there),
-                _ => step /= 2.0,
-            }
-        }
-        least
-    };
-    let end = |k: usize, sign: f64| {
-        let is_near = |reach: f64| {
-            let there = numbers[k] + sign * reach;
-            (names[k] != "radius_m" || 0.0 < there) && fallen(k, there) <= fall_nats
-        };
-        let (mut near, mut far) = (0.0, STEP_M);
-        while far < FARTHEST_M && is_near(far) {
-            (near, far) = (far, 1.6 * far);
-        }
-        for _ in 0..HALVES {
-            let middle = 0.5 * (near + far);
-            if is_near(middle) {
-                near = middle;
-            } else {
-                far = middle;
-            }
-        }
-        numbers[k] + sign * far
-    };
+    let found: Vec<f64> = shape.numbers().into_iter().chain([loss_db]).collect();
+    let drawn = Walk::new(ways(rows, train, left), shape, loss_db).drawn(found.clone());
     names
         .iter()
+        .zip(found)
         .enumerate()
-        .map(|(k, name)| Coordinate {
-            name,
-            value_m: numbers[k],
-            low_m: end(k, -1.0),
-            high_m: end(k, 1.0),
+        .map(|(k, (name, value))| {
+            let mut values: Vec<f64> = drawn.iter().map(|numbers| numbers[k]).collect();
+            values.sort_by(f64::total_cmp);
+            let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
+            Coordinate { name, value, low: at(tail).min(value), high: at(1.0 - tail).max(value) }
         })
         .collect()
 }
@@ -125,15 +160,34 @@ pub fn coordinates(
 mod tests {
     use super::*;
 
+    /// Ways along y, a metre apart; the segment along x cuts those at 4 to 7.
+    fn walk(weight: f64) -> Walk {
+        let way = |x: f64| Way { from_m: [x, -5.0], to_m: [x, 5.0], slope: 0.0, weight };
+        let ways = (0..11).map(|x| way(f64::from(x))).collect();
+        Walk::new(ways, Shape::Segment([3.5, 0.0], [7.5, 0.0]), 4.0)
+    }
+
     #[test]
     fn an_edge_lies_between_the_ways_that_it_parts() {
-        // Ways along y, a metre apart; the segment along x cuts those from 3.5 to 7.5.
-        let way = |x: f64| Way { from_m: [x, -5.0], to_m: [x, 5.0], slope: 0.0, weight: 10.0 };
-        let ways: Vec<Way> = (0..11).map(|x| way(f64::from(x))).collect();
-        let here = Shape::Segment([3.5, 0.0], [7.5, 0.0]);
-        let moved = |to: f64| lost(&ways, &here, &Shape::Segment([3.5, 0.0], [to, 0.0]), 4.0);
+        let walk = walk(10.0);
+        let moved = |to: f64| walk.lost(&[3.5, 0.0, to, 0.0, 4.0]);
         assert_eq!(moved(7.9), 0.0);
         assert_eq!(moved(8.1), 80.0, "one way more: half of 16 dB² times 10");
         assert_eq!(moved(6.9), 80.0, "one less");
+        assert_eq!(walk.lost(&[3.5, 0.0, 7.5, 0.0, 3.0]), 20.0, "four ways, a decibel each");
+    }
+
+    #[test]
+    fn what_the_likelihood_allows_is_drawn_evenly() {
+        let drawn = walk(10.0).drawn(vec![3.5, 0.0, 7.5, 0.0, 4.0]);
+        let ends: Vec<f64> = drawn.iter().map(|numbers| numbers[2]).collect();
+        let mean = ends.iter().sum::<f64>() / ends.len() as f64;
+        // Anywhere between the ways at 7 and 8, not beyond.
+        assert!(ends.iter().all(|x| (6.99..8.01).contains(x)));
+        assert!((mean - 7.5).abs() < 0.1, "{mean}");
+        // A normal law of 1/sqrt(4 * 10) dB.
+        let losses = drawn.iter().map(|numbers| numbers[4] - 4.0);
+        let sd_db = (losses.map(|db| db * db).sum::<f64>() / drawn.len() as f64).sqrt();
+        assert!((0.12..0.20).contains(&sd_db), "{sd_db}");
     }
 }

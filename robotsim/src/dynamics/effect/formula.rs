@@ -1,0 +1,225 @@
+//! Effects that users write themselves.
+
+use super::{Effect, Entry, Situation};
+use crate::dynamics::norm;
+use proto::config::{Choice, Default, Field, Kind, Range, Variant};
+use proto::effect::{About, Fit, Level};
+use proto::formula::{FIELDS, Formula as Expression, MOST_NAMES, Written};
+
+/// `kind = "formula"`.
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "formula",
+        doc: "The user's own: an expression in covariates and named parameters, added to the velocity.",
+        fields: &[
+            FIELDS[0],
+            FIELDS[1],
+            FIELDS[2],
+            Field {
+                key: "target",
+                doc: "The direction in which the expression's value is added to the velocity (m/s).",
+                kind: Kind::Choice(&[
+                    Choice {
+                        name: "ahead",
+                        doc: "The way it moves; where it stands, the way it faces.",
+                    },
+                    Choice { name: "left", doc: "A right angle to the left of that." },
+                    Choice { name: "east", doc: "+x." },
+                    Choice { name: "north", doc: "+y." },
+                    Choice { name: "up", doc: "+z." },
+                ]),
+                default: Default::Text("ahead"),
+            },
+            Field {
+                key: "limit_mps",
+                doc: "Values beyond this (m/s), one way or the other, count as it.",
+                kind: Kind::Number(Range::closed(0.0, 1e3)),
+                default: Default::Number(10.0),
+            },
+        ],
+    },
+    about: About {
+        mechanism: "Whatever the catalogue has not: an expression in time, place, velocity, heading and any column of the \
+                    measurements, with parameters of its own.",
+        equation: "v = u + expression * direction",
+        source: "The user's.",
+        validity: "As far as the expression. Where a name has no value, or the result is not a number, it adds nothing. Results are \
+                   kept within limit_mps. Columns of measurements have values in comparisons and fits; in a run only what \
+                   describes the robot does.",
+        trace: "As written: along the covariates that the expression uses.",
+        needs: &[],
+    },
+    // Its parameters are those that the configuration names.
+    fit: Fit { parameters: &[], variants: &[], level: Level::Time, generalises: &[] },
+    check: |table, path, problems| {
+        Written::read(table, path, &NAMES.map(|(name, _)| name), problems);
+    },
+    build: |table| {
+        let known = NAMES.map(|(name, _)| name);
+        let written = Written::read(table, "", &known, &mut Vec::new())?;
+        let target = match table.get("target")?.as_str()? {
+            "left" => Target::Left,
+            "east" => Target::Axis(0),
+            "north" => Target::Axis(1),
+            "up" => Target::Axis(2),
+            _ => Target::Ahead,
+        };
+        Some(Box::new(Formula::new(written, target, table.get("limit_mps")?.as_float()?)))
+    },
+};
+
+/// Reads a number off a robot.
+type Read = fn(&Situation<'_>) -> f64;
+
+/// Names that every expression may use. Every other one is a column of measurements.
+pub const NAMES: [(&str, Read); 9] = [
+    ("time_s", |at| at.time_s),
+    ("x_m", |at| at.position_m[0]),
+    ("y_m", |at| at.position_m[1]),
+    ("z_m", |at| at.position_m[2]),
+    ("vx_mps", |at| at.velocity_mps[0]),
+    ("vy_mps", |at| at.velocity_mps[1]),
+    ("vz_mps", |at| at.velocity_mps[2]),
+    ("speed_mps", |at| norm(at.velocity_mps)),
+    ("heading_rad", |at| at.heading_rad),
+];
+
+/// In which direction the value of an expression is added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Target {
+    Ahead,
+    Left,
+    /// Along x, y or z.
+    Axis(usize),
+}
+
+/// Where the value of a name comes from.
+#[derive(Clone, Debug)]
+enum Source {
+    /// It is a parameter.
+    Value(f64),
+    /// It describes the robot.
+    Robot(Read),
+    /// It is a column of this name.
+    Column(String),
+}
+
+/// ẋ = u + f(t, x, u, …) d: an expression of the user's, along a direction.
+#[derive(Clone, Debug)]
+struct Formula {
+    expression: Expression,
+    sources: Vec<Source>,
+    target: Target,
+    limit_mps: f64,
+}
+
+impl Formula {
+    fn new(written: Written, target: Target, limit_mps: f64) -> Self {
+        let source = |name: &String| {
+            let known = NAMES.iter().find(|(known, _)| known == name);
+            match (written.parameter(name), known) {
+                (Some(value), _) => Source::Value(value),
+                (None, Some(&(_, read))) => Source::Robot(read),
+                (None, None) => Source::Column(name.clone()),
+            }
+        };
+        let sources = written.formula.names().iter().map(source).collect();
+        Self { expression: written.formula, sources, target, limit_mps }
+    }
+
+    /// Its value in a situation, if it has one.
+    fn value(&self, at: &Situation<'_>) -> Option<f64> {
+        let mut values = [0.0; MOST_NAMES];
+        let values = values.get_mut(..self.sources.len())?;
+        for (value, source) in values.iter_mut().zip(&self.sources) {
+            *value = match source {
+                Source::Value(value) => *value,
+                Source::Robot(read) => read(at),
+                Source::Column(name) => at.surroundings.columns.value(name)?,
+            };
+        }
+        Some(self.expression.evaluate(values)).filter(|value| !value.is_nan())
+    }
+
+    fn direction(&self, at: &Situation<'_>) -> [f64; 3] {
+        let ahead = || {
+            let speed_mps = norm(at.velocity_mps);
+            if speed_mps < STANDING_MPS {
+                let (sin, cos) = libm::sincos(at.heading_rad);
+                [cos, sin, 0.0]
+            } else {
+                at.velocity_mps.map(|part| part / speed_mps)
+            }
+        };
+        match self.target {
+            Target::Ahead => ahead(),
+            Target::Left => {
+                let [x, y, _] = ahead();
+                let length = libm::hypot(x, y);
+                if length == 0.0 { [0.0; 3] } else { [-y / length, x / length, 0.0] }
+            }
+            Target::Axis(axis) => std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 }),
+        }
+    }
+}
+
+/// Slower robots stand (m/s).
+const STANDING_MPS: f64 = 1e-9;
+
+impl Effect for Formula {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
+        let value = self.value(at).unwrap_or(0.0).clamp(-self.limit_mps, self.limit_mps);
+        self.direction(at).map(|part| value * part)
+    }
+
+    fn drifts(&self) -> bool {
+        true
+    }
+
+    fn varies_on_the_way(&self) -> bool {
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+    use crate::dynamics::surroundings::{Columns, Surroundings};
+
+    #[test]
+    fn what_is_written_is_added_along_its_direction() {
+        // ẋ = 1 + 0.5 x from 0: x = 2 (e^(t / 2) − 1), steps of 10 ms by the midpoint rule.
+        let text =
+            "[[effect]]\nkind = 'formula'\nexpression = 'a * x_m'\nparameters.a = { value = 0.5 }";
+        let end = drive(text, [1.0, 0.0, 0.0], 2.0).position_m;
+        let exact = 2.0 * (1f64.exp() - 1.0);
+        assert!((end[0] - exact).abs() < 2e-2 && end[1] == 0.0, "{end:?} {exact}");
+        let text = "[[effect]]\nkind = 'formula'\ntarget = 'left'\nexpression = '0.25 * speed_mps'";
+        assert_near(drive(text, [0.0, 2.0, 0.0], 1.0).position_m, [-0.5, 2.0, 0.0]);
+        let text = "[[effect]]\nkind = 'formula'\ntarget = 'north'\nexpression = 'time_s * 20'";
+        // The value is kept within ten metres per second: reached after half of the time.
+        let end = drive(text, [0.0; 3], 1.0).position_m;
+        assert!((end[1] - 7.5).abs() < 0.06, "{end:?}");
+    }
+
+    #[test]
+    fn a_column_has_a_value_where_it_was_measured() {
+        let physics = physics("[[effect]]\nkind = 'formula'\nexpression = '-0.1 * load_kg'");
+        let columns = [("load_kg".to_owned(), vec![f64::NAN, 3.0])];
+        let reached = |row: usize| {
+            let columns = Columns { all: &columns, row };
+            let surroundings = Surroundings { columns, ..Surroundings::default() };
+            drive_in(&physics, [1.0, 0.0, 0.0], 1.0, &surroundings).position_m[0]
+        };
+        assert_eq!(reached(0), 1.0);
+        assert!((reached(1) - 0.7).abs() < 1e-12, "{}", reached(1));
+        assert_eq!(
+            drive_in(&physics, [1.0, 0.0, 0.0], 1.0, &Surroundings::default()).position_m[0],
+            1.0
+        );
+    }
+}
