@@ -59,7 +59,7 @@ enum Command {
     /// Ask a running simulator whether it keeps the contract
     Conformance(ConformanceArgs),
     /// Find out how wrong a model is, and where, from measurements
-    Compare(measured::AnswerArgs),
+    Compare(measured::CompareArgs),
     /// Add a missing effect to a configuration, fitted to measurements
     Extend(measured::ExtendArgs),
     /// Find out which physical effect a model lacks, from measurements

@@ -7,6 +7,7 @@
 //! | [`kpis`] | the figures of packets that are compared |
 //! | [`spread`] | a measurement against the spread of seeds |
 //! | [`compared`] | a comparison |
+//! | [`split`] | whether robots, radio or protocol are wrong |
 //! | [`candidates`] | effects that may be missing |
 //! | [`likelihood`] | how probable a measurement is under runs |
 //! | [`tried`] | one effect tried at several values |
@@ -23,6 +24,7 @@ pub mod extended;
 pub mod kpis;
 pub mod likelihood;
 pub mod replay;
+pub mod split;
 pub mod spread;
 pub mod tracks;
 pub mod tried;

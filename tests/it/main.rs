@@ -20,6 +20,7 @@ mod interrupts;
 mod links;
 mod packets;
 mod packets_missing;
+mod packets_split;
 mod power;
 mod reference;
 mod refusals;

@@ -139,6 +139,17 @@ pub(super) struct AnswerArgs {
     replay: ReplayArgs,
 }
 
+/// The same, and what tells where an error comes from.
+#[derive(Args)]
+pub(super) struct CompareArgs {
+    #[command(flatten)]
+    answer: AnswerArgs,
+    /// Of packets: links measured meanwhile (link samples, an aggregated table). With --positions, the error is split: how
+    /// much is robot, radio, protocol
+    #[arg(long, value_name = "FILE")]
+    links: Option<PathBuf>,
+}
+
 impl AnswerArgs {
     /// A place that cannot be written is found before the work, not after it.
     fn check_places(&self) -> Result<(), Failure> {
@@ -286,14 +297,32 @@ pub(super) struct ExtendArgs {
 }
 
 /// `orchestrator compare`.
-pub(super) fn compare(args: &AnswerArgs) -> Result<(), Failure> {
+pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
+    let CompareArgs { answer: args, links } = args;
     args.check_places()?;
     let data = &args.data;
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.replay, &table)?;
-        return args.write_network(&super::packets::compare(&opened)?);
+        let links = match links {
+            Some(path) => {
+                args.replay.needs_positions()?;
+                Some(Table::read(path).map_err(Failure::request)?)
+            }
+            None => None,
+        };
+        let mut found = super::packets::compare(&opened)?;
+        if let Some(links) = links {
+            found["error_split"] = super::packets::split(&opened, &config, &links)?;
+        }
+        return args.write_network(&found);
+    }
+    if let Some(links) = links {
+        return Err(Failure::request(format!(
+            "--links {}: for packets only; links by themselves are compared as --data",
+            links.display()
+        )));
     }
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {

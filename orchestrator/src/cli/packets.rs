@@ -5,12 +5,14 @@ use super::{Failure, stop, write_json, write_whole};
 use crate::compare::Comparison;
 use crate::config::{self, Overrides, Plan};
 use crate::console::say;
+use crate::measure::config::Compared;
 use crate::measure::packets::{self, Packets};
 use crate::measure::table::Table;
 use crate::network::compared::{self, Asked};
 use crate::network::diagnosed::{self, ACCEPT, Diagnosis, FEWEST_SEEDS, told};
 use crate::network::extended;
 use crate::network::replay::Replay;
+use crate::network::split;
 use crate::network::tracks::Tracks;
 use crate::study::open::{self, Account};
 use clap::Args;
@@ -44,6 +46,16 @@ impl ReplayArgs {
     /// What is asked.
     fn asked(&self) -> Asked {
         Asked { seeds: self.seeds, from_s: self.from }
+    }
+
+    /// Where robots were must have been measured.
+    pub(super) fn needs_positions(&self) -> Result<(), Failure> {
+        if self.positions.is_some() {
+            return Ok(());
+        }
+        Err(Failure::request(
+            "--links: needs --positions, where robots were measured: links are replayed between robots that are where they were",
+        ))
     }
 
     /// As they would be typed.
@@ -103,6 +115,15 @@ pub(super) fn compare(opened: &Opened) -> Result<Value, Failure> {
     account_json(account, &mut json);
     say(text);
     Ok(json)
+}
+
+/// Where the error comes from: the answer, told.
+pub(super) fn split(opened: &Opened, config: &Compared, links: &Table) -> Result<Value, Failure> {
+    let Opened { replay, packets, asked, .. } = opened;
+    let split =
+        split::split(replay, &packets.packets, *asked, config, links).map_err(Failure::request)?;
+    say(format!("\n{}", split::text(&split)));
+    Ok(split::json(&split))
 }
 
 impl Opened {

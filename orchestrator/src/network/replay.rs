@@ -4,6 +4,7 @@ use super::kpis::Figures;
 use super::tracks::Tracks;
 use crate::config::{Plan, SideConfig, Start};
 use crate::measure::packets::Packet;
+use bytes::Bytes;
 use netsim::sim::Network;
 use proto::config::{Node, Problem};
 use proto::rng::{Draws, Purpose};
@@ -35,6 +36,11 @@ pub struct Replay {
     resent: Vec<Packet>,
     until_ns: u64,
 }
+
+/// What a replay of the experiment's own robots takes.
+const OWN_ROBOTS: &str = "a replay has the coupling \"sequential\" and a fixed control period";
+/// The name under which measured links come to the network.
+pub const LINKS: &str = "measured-links.k7";
 
 /// The payload of a packet whose length is not known (bytes).
 const PAYLOAD_BYTES: u32 = 30;
@@ -86,10 +92,7 @@ impl Replay {
                 }
             }
             None if plan.experiment.coupling != Coupling::Sequential => {
-                return unfit(
-                    "a replay has the coupling \"sequential\" and a fixed control period; give measured places with --positions"
-                        .to_owned(),
-                );
+                return unfit(format!("{OWN_ROBOTS}; give measured places with --positions"));
             }
             None => {}
         }
@@ -107,6 +110,19 @@ impl Replay {
     #[must_use]
     pub fn over(&self, tracks: Tracks) -> Self {
         Self { tracks: Some(tracks), ..self.clone() }
+    }
+
+    /// The same with the experiment's own robots.
+    ///
+    /// # Errors
+    ///
+    /// They cannot be run here: see [`ReplayError::Unfit`].
+    pub fn with_its_robots(&self) -> Result<Self, ReplayError> {
+        if self.plan.experiment.coupling == Coupling::Sequential {
+            Ok(Self { tracks: None, ..self.clone() })
+        } else {
+            Err(ReplayError::Unfit(OWN_ROBOTS.to_owned()))
+        }
     }
 
     /// The network's section, with all defaults.
@@ -144,7 +160,7 @@ impl Replay {
         seeds: std::ops::Range<u64>,
     ) -> Result<Vec<Vec<Packet>>, ReplayError> {
         let numbers: Vec<u64> = seeds.collect();
-        numbers.par_iter().map(|&number| self.under(network, number)).collect()
+        numbers.par_iter().map(|&number| self.under(network, number, None)).collect()
     }
 
     /// The figures of what became of the packets made from `from_s` on, under each of the seeds.
@@ -159,12 +175,34 @@ impl Replay {
         from_s: f64,
     ) -> Result<Vec<Figures>, ReplayError> {
         let numbers: Vec<u64> = seeds.collect();
-        let of = |&number: &u64| Ok(Figures::of(&self.under(network, number)?, from_s));
+        let of = |&number: &u64| Ok(Figures::of(&self.under(network, number, None)?, from_s));
         numbers.par_iter().map(of).collect()
     }
 
+    /// The same over traces of links, named [`LINKS`] in the network's section: a seed and a trace for each run.
+    ///
+    /// # Errors
+    ///
+    /// The network refuses that section.
+    pub fn figures_over(
+        &self,
+        network: &toml::Table,
+        runs: &[(u64, Bytes)],
+        from_s: f64,
+    ) -> Result<Vec<Figures>, ReplayError> {
+        let of = |(number, trace): &(u64, Bytes)| {
+            Ok(Figures::of(&self.under(network, *number, Some(trace))?, from_s))
+        };
+        runs.par_iter().map(of).collect()
+    }
+
     /// What becomes of the packets under seed `number`.
-    fn under(&self, network: &toml::Table, number: u64) -> Result<Vec<Packet>, ReplayError> {
+    fn under(
+        &self,
+        network: &toml::Table,
+        number: u64,
+        trace: Option<&Bytes>,
+    ) -> Result<Vec<Packet>, ReplayError> {
         let Plan { experiment, timeline, .. } = &self.plan;
         let mut robots = Swarm::default();
         // The robots are those of the experiment, whatever the network's chances.
@@ -188,9 +226,9 @@ impl Replay {
             .map_err(ReplayError::Refused)?;
         let mut radios = Network::default();
         let seed = Draws::new(experiment.seed, Purpose::Replay).words(number, 0, 0)[0] >> 1;
-        let start = radios
-            .configure(&setup(&network.to_string(), &self.plan.netsim, seed)?)
-            .map_err(ReplayError::Refused)?;
+        let mut told = setup(&network.to_string(), &self.plan.netsim, seed)?;
+        told.files.extend(trace.map(|trace| (LINKS.to_owned(), trace.clone())));
+        let start = radios.configure(&told).map_err(ReplayError::Refused)?;
         let waits = match self.plan.start {
             Some(start) => start == Start::WhenFormed,
             None => true,

@@ -1,0 +1,375 @@
+//! Where the error of a network comes from: robots, radio or protocol.
+//!
+//! The model is run as a whole; with the measured tracks in place of its robots; and with the measured links in place of its
+//! radio as well. What each replacement takes of the difference goes with what was replaced, and what is left with the rest:
+//! protocols, applications, effects on motes. Measured links are counts of frames, and a replay of links is less than a radio.
+//! So the third step is set against the same replay of links that the model itself would have measured, at the same rows; and
+//! what such a replay errs by is taken off what is left.
+
+mod told;
+
+use super::compared::Asked;
+use super::kpis::{Figures, KPIS};
+use super::replay::{Replay, ReplayError};
+use super::spread::place;
+use crate::measure::config::Compared;
+use crate::measure::links::{self, Row};
+use crate::measure::packets::Packet;
+use crate::measure::table::Table;
+use crate::simulate;
+use crate::study::open::OpenError;
+use bytes::Bytes;
+use proto::rng::{Draws, Purpose};
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+pub use told::{json, text};
+
+/// Campaigns that the model measures of its own links.
+const CAMPAIGNS: u64 = 39;
+/// Runs over each of them.
+const RUNS: u64 = 5;
+/// Frames of a link that are counted together, on average: fewer tell too little, more mix what changes.
+const FRAMES_TOGETHER: f64 = 20.0;
+/// The chance up to which a part is more than chance.
+pub const ACCEPT: f64 = 0.01;
+/// Least scatter of a figure on its scale: half a hundredth.
+const LEAST_SD: f64 = 0.005;
+/// Readings of a model without noise, as `simulate` takes them (dB).
+const NO_NOISE_DB: f64 = 1e-3;
+/// A standard normal stays below with 95 %.
+const Z_95: f64 = 1.645;
+
+/// Why an error cannot be split.
+#[derive(Debug, thiserror::Error)]
+pub enum SplitError {
+    /// The network refuses something.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// The links cannot be used.
+    #[error("{0}")]
+    Links(String),
+    /// Nor can the radio measure them.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+}
+
+/// What frames between two motes came to within some time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Count {
+    from_s: f64,
+    tx: u32,
+    rx: u32,
+    frames: f64,
+    received: f64,
+    /// Sum of the readings, and how many they are.
+    readings: (f64, f64),
+}
+
+/// Links as they were measured.
+#[derive(Clone, Debug)]
+pub struct Campaign {
+    counts: Vec<Count>,
+    n_agents: usize,
+    until_s: f64,
+    /// Pairs of motes, in one direction, of which nothing is known.
+    pub n_unknown: usize,
+}
+
+impl Campaign {
+    /// Of link samples or an aggregated table.
+    ///
+    /// # Errors
+    ///
+    /// They say nothing of reception, or name motes that the experiment does not have; in words for their author.
+    pub fn of(table: &Table, n_agents: usize, until_s: f64) -> Result<Self, String> {
+        let rows = links::read(table)?.rows;
+        let known: Vec<&Row> = rows.iter().filter(|row| row.received.is_finite()).collect();
+        if known.is_empty() {
+            return Err(
+                "no row says whether a frame was received: needs received or pdr".to_owned()
+            );
+        }
+        let most = known.iter().map(|row| row.tx.max(row.rx)).max().unwrap_or_default();
+        if n_agents <= most as usize {
+            return Err(format!(
+                "the links name mote {most}, the experiment has {n_agents} agents: motes 0 to {}",
+                n_agents - 1
+            ));
+        }
+        let time_s = |row: &Row| if row.time_s.is_finite() { row.time_s.max(0.0) } else { 0.0 };
+        let mut frames_of: BTreeMap<(u32, u32), f64> = BTreeMap::new();
+        for row in &known {
+            *frames_of.entry((row.tx, row.rx)).or_insert(0.0) += row.frames;
+        }
+        let mean = frames_of.values().sum::<f64>() / frames_of.len() as f64;
+        let span_s = known.iter().map(|row| time_s(row)).fold(0.0, f64::max).max(1e-9);
+        let parts = (mean / FRAMES_TOGETHER).floor().max(1.0);
+        let mut counts: BTreeMap<(u64, u32, u32), Count> = BTreeMap::new();
+        for row in &known {
+            let part = (time_s(row) / span_s * parts).floor().min(parts - 1.0);
+            let count = counts.entry((part as u64, row.tx, row.rx)).or_insert(Count {
+                from_s: part / parts * span_s,
+                tx: row.tx,
+                rx: row.rx,
+                frames: 0.0,
+                received: 0.0,
+                readings: (0.0, 0.0),
+            });
+            count.frames += row.frames;
+            count.received += row.received;
+            if row.rssi_dbm.is_finite() && 0.0 < row.received {
+                count.readings.0 += row.received * row.rssi_dbm;
+                count.readings.1 += row.received;
+            }
+        }
+        Ok(Self {
+            counts: counts.into_values().collect(),
+            n_agents,
+            until_s,
+            n_unknown: n_agents * (n_agents - 1) - frames_of.len(),
+        })
+    }
+
+    /// As a trace for the radio, with shares received drawn about those counted as far as the counts leave open: on the scale of
+    /// the arcsine of their root, where counting scatters alike everywhere (M. F. Freeman, J. W. Tukey, Ann. Math. Stat. 21, 1950).
+    fn trace(&self, number: u64) -> Bytes {
+        let draws = Draws::new(number, Purpose::Resample);
+        let channels: Vec<String> = (11..=26).map(|channel: u8| channel.to_string()).collect();
+        let mut text = format!(
+            "{{\"tx_length\": 1, \"start_date\": \"{}\", \"stop_date\": \"{}\", \"channels\": [{}], \"location\": \"measured\", \
+             \"node_count\": {}, \"interframe_duration\": 1}}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n",
+            date(0.0),
+            date(self.until_s.max(1.0)),
+            channels.join(", "),
+            self.n_agents
+        );
+        for (k, count) in self.counts.iter().enumerate() {
+            let mut share = count.received / count.frames;
+            if 0.0 < share && share < 1.0 {
+                let angle = libm::asin(libm::sqrt(share))
+                    + 0.5 / libm::sqrt(count.frames) * draws.normal(k as u64, 0, 0);
+                share = libm::sin(angle.clamp(0.0, std::f64::consts::FRAC_PI_2)).powi(2);
+            }
+            let rssi = if 0.0 < count.readings.1 {
+                format!("{:.2}", count.readings.0 / count.readings.1)
+            } else {
+                String::new()
+            };
+            // Where none was read none is received, as far as a trace goes.
+            if rssi.is_empty() {
+                share = 0.0;
+            }
+            let _ = writeln!(
+                text,
+                "{},{},{},,{rssi},{share:.6},{:.0}",
+                date(count.from_s),
+                count.tx,
+                count.rx,
+                count.frames
+            );
+        }
+        Bytes::from(text)
+    }
+}
+
+/// A time of a campaign as a trace has it.
+fn date(time_s: f64) -> String {
+    let tenths = (time_s * 10.0).floor() as u64;
+    let (s, tenth) = (tenths / 10, tenths % 10);
+    let (day, s) = (s / 86_400, s % 86_400);
+    format!("2000-01-{:02}T{:02}:{:02}:{:02}.{tenth}", day + 1, s / 3600, s / 60 % 60, s % 60)
+}
+
+/// One part of the error, in one figure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// How much of the error goes with it, in the figure's unit.
+    pub value: f64,
+    /// 90 % interval.
+    pub interval: [f64; 2],
+    /// In standard errors, on the figure's scale.
+    pub z: f64,
+}
+
+/// One of robots, radio and protocol.
+#[derive(Clone, Debug)]
+pub struct Share {
+    /// Its name.
+    pub name: &'static str,
+    /// By figure; none where it is not known.
+    pub parts: Vec<Option<Part>>,
+    /// Chance of as much in any figure, if nothing is wrong with it.
+    pub p_value: f64,
+}
+
+/// The error split.
+#[derive(Clone, Debug)]
+pub struct Split {
+    /// Of the measurement.
+    pub measured: Figures,
+    /// Means of the whole model, with measured tracks, with its own links replayed, with the measured links replayed.
+    pub means: [[f64; KPIS.len()]; 4],
+    /// Robot, radio, protocol.
+    pub shares: [Share; 3],
+    /// How many seeds.
+    pub seeds: u64,
+}
+
+impl Split {
+    /// The parts that are more than chance.
+    #[must_use]
+    pub fn found(&self) -> Vec<&Share> {
+        self.shares.iter().filter(|share| share.p_value <= ACCEPT).collect()
+    }
+}
+
+/// Mean and variance, and of how many.
+#[derive(Clone, Copy, Debug)]
+struct Level {
+    mean: f64,
+    variance: f64,
+    n: f64,
+}
+
+impl Level {
+    fn of(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        Self { mean, variance: squares / (n - 1.0).max(1.0), n }
+    }
+
+    fn of_mean(self) -> f64 {
+        self.variance / self.n
+    }
+}
+
+/// Splits the error.
+///
+/// * `replay`: with the measured tracks.
+/// * `config`: the same experiment, as far as its radio is concerned.
+/// * `links`: what was measured of links.
+///
+/// # Errors
+///
+/// See [`SplitError`].
+pub fn split(
+    replay: &Replay,
+    measured: &[Packet],
+    asked: Asked,
+    config: &Compared,
+    links: &Table,
+) -> Result<Split, SplitError> {
+    let n_agents = replay.plan().experiment.agent_count;
+    let campaign = |table: &Table| {
+        Campaign::of(table, n_agents, replay.duration_s())
+            .map_err(|why| SplitError::Links(format!("{}: {why}", links.path.display())))
+    };
+    let network = replay.network();
+    let seeds = 0..asked.seeds;
+    tracing::info!("the whole model");
+    let whole = replay.with_its_robots()?.figures(&network, seeds.clone(), asked.from_s)?;
+    tracing::info!("with the measured tracks");
+    let tracked = replay.figures(&network, seeds.clone(), asked.from_s)?;
+    tracing::info!("with the measured links");
+    let traced = traced(&network);
+    let here = campaign(links)?;
+    let over = |campaign: &Campaign, seeds: std::ops::Range<u64>| {
+        let runs: Vec<(u64, Bytes)> = seeds.map(|seed| (seed, campaign.trace(seed))).collect();
+        replay.figures_over(&traced, &runs, asked.from_s)
+    };
+    let linked = over(&here, seeds)?;
+    tracing::info!("with links as the model would have measured them");
+    let mut own: Vec<Figures> = Vec::new();
+    for number in 0..CAMPAIGNS {
+        let simulated = simulate::simulate(config, links, number + 1, Some(NO_NOISE_DB))?;
+        let table = Table::of_columns(simulated.names, simulated.columns);
+        let first = asked.seeds + number * RUNS;
+        own.extend(over(&campaign(&table)?, first..first + RUNS)?);
+    }
+    let measured = Figures::of(measured, asked.from_s);
+    Ok(parted(measured, [&whole, &tracked, &own, &linked], asked.seeds))
+}
+
+/// The parts, by the figures of the runs.
+fn parted(measured: Figures, runs: [&[Figures]; 4], seeds: u64) -> Split {
+    let raw = |run: &Figures| run.values;
+    let levels = |of: &dyn Fn(&Figures) -> [f64; KPIS.len()], k: usize| {
+        runs.map(|runs| Level::of(&runs.iter().map(|run| of(run)[k]).collect::<Vec<f64>>()))
+    };
+    // What the model's own campaigns of links differ by beyond the chances of runs over them.
+    let between = |of: &dyn Fn(&Figures) -> [f64; KPIS.len()], k: usize| {
+        let groups: Vec<Level> = runs[2]
+            .chunks(RUNS as usize)
+            .map(|group| Level::of(&group.iter().map(|run| of(run)[k]).collect::<Vec<f64>>()))
+            .collect();
+        let within = groups.iter().map(|group| group.of_mean()).sum::<f64>() / groups.len() as f64;
+        let means: Vec<f64> = groups.iter().map(|group| group.mean).collect();
+        (Level::of(&means).variance - within).max(0.0)
+    };
+    let differences = |of: &dyn Fn(&Figures) -> [f64; KPIS.len()], k: usize| -> [(f64, f64); 3] {
+        let [whole, tracked, own, linked] = levels(of, k);
+        [
+            (tracked.mean - whole.mean, tracked.of_mean() + whole.of_mean()),
+            (linked.mean - own.mean, linked.of_mean() + own.of_mean() + between(of, k)),
+            // Less what the replay itself errs by.
+            (
+                of(&measured)[k] - linked.mean - (tracked.mean - own.mean),
+                linked.variance + linked.of_mean() + tracked.of_mean() + own.of_mean(),
+            ),
+        ]
+    };
+    let names = ["robot", "radio", "protocol"];
+    let mut shares = names.map(|name| Share { name, parts: Vec::new(), p_value: 1.0 });
+    for k in 0..KPIS.len() {
+        let in_units = differences(&raw, k);
+        let on_scale = differences(&Figures::scaled, k);
+        for (share, (unit, scale)) in shares.iter_mut().zip(in_units.into_iter().zip(on_scale)) {
+            let sd = libm::sqrt(unit.1);
+            let part = Part {
+                value: unit.0,
+                interval: [unit.0 - Z_95 * sd, unit.0 + Z_95 * sd],
+                z: scale.0 / libm::sqrt(scale.1).max(LEAST_SD),
+            };
+            share.parts.push((part.value.is_finite() && part.z.is_finite()).then_some(part));
+        }
+    }
+    let [robot, radio, protocol] = &mut shares;
+    robot.p_value = furthest(&robot.parts, runs[0].len() as f64 - 1.0);
+    radio.p_value = furthest(&radio.parts, CAMPAIGNS as f64 - 1.0);
+    let shifts: Vec<f64> = (0..KPIS.len())
+        .map(|k| levels(&Figures::scaled, k))
+        .map(|[_, tracked, own, _]| tracked.mean - own.mean)
+        .collect();
+    let shifted =
+        |run: &Figures| run.scaled().iter().zip(&shifts).map(|(x, shift)| x + shift).collect();
+    let scaled: Vec<Vec<f64>> = runs[3].iter().map(shifted).collect();
+    protocol.p_value = place(&measured.scaled(), &scaled).p_value;
+    let means = runs.map(|runs| {
+        std::array::from_fn(|k| {
+            Level::of(&runs.iter().map(|run| run.values[k]).collect::<Vec<f64>>()).mean
+        })
+    });
+    Split { measured, means, shares, seeds }
+}
+
+/// The chance that any of the figures lies so many standard errors out: each counted (Bonferroni).
+fn furthest(parts: &[Option<Part>], freedom: f64) -> f64 {
+    let known = parts.iter().flatten();
+    let n = known.clone().count() as f64;
+    let z = known.map(|part| part.z.abs()).fold(0.0, f64::max);
+    StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| (2.0 * n * t.sf(z)).min(1.0))
+}
+
+/// A network's section with a replay of links for its radio.
+fn traced(network: &toml::Table) -> toml::Table {
+    let mut network = network.clone();
+    let kept = network.get("phy").and_then(|phy| phy.get("interference")).cloned();
+    let mut phy = toml::Table::new();
+    phy.insert("propagation".to_owned(), "trace".into());
+    phy.insert("file".to_owned(), super::replay::LINKS.into());
+    phy.extend(kept.map(|kept| ("interference".to_owned(), kept)));
+    network.insert("phy".to_owned(), toml::Value::Table(phy));
+    network
+}
