@@ -160,9 +160,9 @@ pub fn coordinates(
 mod tests {
     use super::*;
 
-    /// Ways along y, a metre apart; the segment along x cuts those at 4 to 7.
+    /// Ways along y, a metre apart, longer than any segment; the segment along x cuts those at 4 to 7.
     fn walk(weight: f64) -> Walk {
-        let way = |x: f64| Way { from_m: [x, -5.0], to_m: [x, 5.0], slope: 0.0, weight };
+        let way = |x: f64| Way { from_m: [x, -200.0], to_m: [x, 200.0], slope: 0.0, weight };
         let ways = (0..11).map(|x| way(f64::from(x))).collect();
         Walk::new(ways, Shape::Segment([3.5, 0.0], [7.5, 0.0]), 4.0)
     }
