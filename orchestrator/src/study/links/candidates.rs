@@ -105,7 +105,10 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
                 name: entry.variant.name.to_owned(),
                 about: Some(&entry.about),
                 level: entry.fit.level,
-                n_parameters: spec.parameters().len(),
+                n_parameters: match spec {
+                    Spec::Formula(_, asked) => asked.parameters.len(),
+                    _ => entry.fit.parameters.len(),
+                },
                 generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
                 is_derived: false,
                 untestable: (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", "))),
