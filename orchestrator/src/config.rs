@@ -438,7 +438,9 @@ fn plan(
         section("robotsim"),
         "robotsim",
         overrides.robotsim_url.as_ref(),
-        &robotsim::config::SPEC,
+        |node, path, problems| {
+            robotsim::config::keys(node, path, problems);
+        },
         robotsim::config::files,
         |setup| robotsim::config::read(setup).map(|(_, effective)| (effective, Vec::new())),
     );
@@ -446,7 +448,9 @@ fn plan(
         section("netsim"),
         "netsim",
         overrides.netsim_url.as_ref(),
-        &netsim::config::SPEC,
+        |node, path, problems| {
+            config::check(node, path, &netsim::config::SPEC, problems);
+        },
         netsim::config::files,
         |setup| netsim::config::read(setup).map(|(_, effective, warnings)| (effective, warnings)),
     );

@@ -161,6 +161,14 @@ impl Context<'_> {
     }
 }
 
+/// Checks what can be checked of the section, which stands at `path`, without knowing how many robots there are, and returns
+/// its table with defaults.
+pub fn keys(config: &Node, path: &str, problems: &mut Vec<Problem>) -> toml::Table {
+    let table = config::check(config, path, &SPEC, problems).table;
+    group::require_controllers(&table, path, problems);
+    table
+}
+
 /// Reads and checks the section, and returns it with its effective table.
 ///
 /// # Errors
@@ -169,7 +177,7 @@ impl Context<'_> {
 pub fn read(setup: &Setup) -> Result<(Config, toml::Table), Vec<Problem>> {
     let n_agents = setup.experiment.agent_count;
     let mut problems = Vec::new();
-    let mut table = config::check(&setup.config, &setup.path, &SPEC, &mut problems).table;
+    let mut table = keys(&setup.config, &setup.path, &mut problems);
     let behaviour = build_behaviour(&mut table, &setup.path, n_agents, &setup.site, &mut problems);
     let context = Context {
         path: join(&setup.path, "scenario"),
@@ -198,7 +206,7 @@ pub(crate) fn read_behaviour(
 ) -> Result<Behaviour, Vec<Problem>> {
     let mut problems = Vec::new();
     let node = Node { value: (&toml::Value::Table(effective.clone())).into(), span: None };
-    let mut table = config::check(&node, "", &SPEC, &mut problems).table;
+    let mut table = keys(&node, "", &mut problems);
     build_behaviour(&mut table, "", n_agents, site, &mut problems)
         .filter(|_| problems.is_empty())
         .ok_or(problems)

@@ -47,7 +47,26 @@ struct Group {
     sd_m: f64,
 }
 
-/// Robots as the section's effective table says, which stands at `path`: in groups, or all alike. Fills in defaults of
+/// Says what is missing where robots have no controller, neither of their own nor the one of all.
+pub(crate) fn require_controllers(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
+    if lacks_controller(table) {
+        let (empty, path) = (Node::empty_table(), join(path, "controller"));
+        config::check(&empty, &path, &controller::SPEC, problems);
+    }
+}
+
+fn lacks_controller(table: &toml::Table) -> bool {
+    let groups = tables(table);
+    !table.contains_key("controller")
+        && (groups.is_empty() || groups.iter().any(|group| group.get("controller").is_none()))
+}
+
+fn tables(table: &toml::Table) -> &[toml::Value] {
+    table.get("group").and_then(toml::Value::as_array).map_or(&[], Vec::as_slice)
+}
+
+/// Robots as the section's effective table says, which stands at `path`: in groups, or all alike; none where
+/// some have no controller ([`require_controllers`]) or something is wrong. Fills in defaults of
 /// controllers that depend on other values.
 pub(crate) fn build(
     table: &mut toml::Table,
@@ -56,13 +75,10 @@ pub(crate) fn build(
     contacts: Option<Contacts>,
     problems: &mut Vec<Problem>,
 ) -> Option<(Fleet, Team)> {
-    let groups = groups(table, path, n_agents, problems);
-    if !table.contains_key("controller") && groups.iter().any(|group| group.controller.is_empty()) {
-        // Says what is missing.
-        let (empty, path) = (Node::empty_table(), join(path, "controller"));
-        config::check(&empty, &path, &controller::SPEC, problems);
+    if lacks_controller(table) {
         return None;
     }
+    let groups = groups(table, path, n_agents, problems);
     let mut kinds = Vec::new();
     let mut controllers: Vec<(usize, Box<dyn Controller>)> = Vec::new();
     let (mut is_whole, mut rigid) = (true, 0);
@@ -132,12 +148,12 @@ fn groups(
 ) -> Vec<Group> {
     let noise = table.get("localization").and_then(|localization| localization.get("sd_m"));
     let sd_m = noise.and_then(toml::Value::as_float).unwrap_or(0.0);
-    let tables = table.get("group").and_then(toml::Value::as_array);
-    let Some(tables) = tables.filter(|tables| !tables.is_empty()) else {
+    let tables = tables(table);
+    if tables.is_empty() {
         let everyone =
             Group { count: n_agents, dynamics: String::new(), controller: String::new(), sd_m };
         return vec![everyone];
-    };
+    }
     let mut groups = Vec::new();
     for (index, group) in tables.iter().enumerate() {
         let here = format!("group[{index}]");

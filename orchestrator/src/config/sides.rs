@@ -1,7 +1,7 @@
 //! The sections of the two simulators: read here, judged by the simulator itself if it is ours to start.
 
 use bytes::Bytes;
-use proto::config::{self, Default, Field, FileReference, Kind, Node, Problem, TableSpec, Value};
+use proto::config::{self, Default, Field, FileReference, Kind, Node, Problem, Value};
 use proto::side::Setup;
 use proto::site::Site;
 use proto::types::Experiment;
@@ -45,13 +45,14 @@ pub(super) struct Sides<'a> {
 }
 
 impl Sides<'_> {
-    /// Reads one side's section, and checks it if the side is ours to start.
+    /// Reads one side's section, and checks it if the side is ours to start: with `check`, or, as long as the number of agents
+    /// is not known, its keys alone with `keys`.
     pub(super) fn read(
         &mut self,
         node: &Node,
         path: &str,
         url_override: Option<&String>,
-        spec: &TableSpec,
+        keys: fn(&Node, &str, &mut Vec<Problem>),
         files: fn(&Node, &str) -> Vec<FileReference>,
         check: impl Fn(&Setup) -> Result<(toml::Table, Vec<String>), Vec<Problem>>,
     ) -> (SideConfig, Vec<String>) {
@@ -139,7 +140,7 @@ impl Sides<'_> {
                 }
             }
         } else if url.is_none() {
-            config::check(&own, path, spec, self.problems);
+            keys(&own, path, self.problems);
         }
         let toml = own.to_toml().as_table().map(toml::Table::to_string).unwrap_or_default();
         (
