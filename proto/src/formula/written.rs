@@ -83,10 +83,63 @@ impl Written {
         }
     }
 
+    /// The formula with the source of every name's value: a parameter, what `names` reads off a situation, or a column.
+    #[must_use]
+    pub fn bound<R: Copy>(self, names: &[(&str, R)]) -> Bound<R> {
+        let source = |name: &String| match self.parameter(name) {
+            Some(value) => Source::Value(value),
+            None => match names.iter().find(|(known, _)| known == name) {
+                Some(&(_, read)) => Source::Read(read),
+                None => Source::Column(name.clone()),
+            },
+        };
+        let sources = self.formula.names().iter().map(source).collect();
+        Bound { formula: self.formula, sources }
+    }
+
     /// The value of a parameter, if there is one of this name.
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<f64> {
         self.parameters.iter().find(|(known, _)| known == name).map(|&(_, value)| value)
+    }
+}
+
+/// Where the value of a name comes from.
+#[derive(Clone, Debug)]
+enum Source<R> {
+    /// It is a parameter.
+    Value(f64),
+    /// It is read off a situation, so.
+    Read(R),
+    /// It is a column of this name.
+    Column(String),
+}
+
+/// A formula all of whose names have a source. `R`: how a number is read off a situation.
+#[derive(Clone, Debug)]
+pub struct Bound<R> {
+    formula: Formula,
+    sources: Vec<Source<R>>,
+}
+
+impl<R> Bound<R> {
+    /// Its value in a situation, of which `read` reads numbers and `column` columns. None where a name has no value, or the
+    /// result is not a number.
+    pub fn value(
+        &self,
+        read: impl Fn(&R) -> Option<f64>,
+        column: impl Fn(&str) -> Option<f64>,
+    ) -> Option<f64> {
+        let mut values = [0.0; MOST_NAMES];
+        let values = values.get_mut(..self.sources.len())?;
+        for (value, source) in values.iter_mut().zip(&self.sources) {
+            *value = match source {
+                Source::Value(value) => *value,
+                Source::Read(how) => read(how)?,
+                Source::Column(name) => column(name)?,
+            };
+        }
+        Some(self.formula.evaluate(values)).filter(|value| !value.is_nan())
     }
 }
 

@@ -5,7 +5,7 @@ use crate::phy::link::{End, Link, Side};
 use crate::phy::sight::Path;
 use proto::config::{Choice, Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level, Need};
-use proto::formula::{FIELDS, Formula as Expression, MOST_NAMES, Written};
+use proto::formula::{Bound, FIELDS, Written};
 
 /// `kind = "formula"`.
 pub const ENTRY: Entry = Entry {
@@ -68,7 +68,8 @@ pub const ENTRY: Entry = Entry {
             "loss" => Target::Loss,
             _ => Target::Mean,
         };
-        Some(Box::new(Formula::new(written, target, table.get("limit_db")?.as_float()?)))
+        let limit_db = table.get("limit_db")?.as_float()?;
+        Some(Box::new(Formula { expression: written.bound(&NAMES), target, limit_db }))
     },
 };
 
@@ -135,17 +136,6 @@ pub enum Target {
     Loss,
 }
 
-/// Where the value of a name comes from.
-#[derive(Clone, Debug)]
-enum Source {
-    /// It is a parameter.
-    Value(f64),
-    /// It describes the link.
-    Link(Read),
-    /// It is a covariate of this name.
-    Column(String),
-}
-
 /// An expression of the user's.
 ///
 /// # Model
@@ -159,40 +149,15 @@ enum Source {
 /// within 0 to 1.
 #[derive(Clone, Debug)]
 pub struct Formula {
-    expression: Expression,
-    sources: Vec<Source>,
+    expression: Bound<Read>,
     target: Target,
     limit_db: f64,
 }
 
 impl Formula {
-    /// An effect of a formula.
-    #[must_use]
-    pub fn new(written: Written, target: Target, limit_db: f64) -> Self {
-        let source = |name: &String| {
-            let known = NAMES.iter().find(|(known, _)| known == name);
-            match (written.parameter(name), known) {
-                (Some(value), _) => Source::Value(value),
-                (None, Some(&(_, read))) => Source::Link(read),
-                (None, None) => Source::Column(name.clone()),
-            }
-        };
-        let sources = written.formula.names().iter().map(source).collect();
-        Self { expression: written.formula, sources, target, limit_db }
-    }
-
     /// Its value on a link, if it has one.
     fn value(&self, link: &Link<'_>) -> Option<f64> {
-        let mut values = [0.0; MOST_NAMES];
-        let values = values.get_mut(..self.sources.len())?;
-        for (value, source) in values.iter_mut().zip(&self.sources) {
-            *value = match source {
-                Source::Value(value) => *value,
-                Source::Link(read) => read(link)?,
-                Source::Column(name) => covariate(link, name)?,
-            };
-        }
-        Some(self.expression.evaluate(values)).filter(|value| !value.is_nan())
+        self.expression.value(|read| read(link), |name| covariate(link, name))
     }
 
     fn value_db(&self, target: Target, link: &Link<'_>) -> f64 {

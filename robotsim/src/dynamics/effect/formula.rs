@@ -4,7 +4,7 @@ use super::{Effect, Entry, Situation};
 use crate::dynamics::norm;
 use proto::config::{Choice, Default, Field, Kind, Range, Variant};
 use proto::effect::{About, Fit, Level};
-use proto::formula::{FIELDS, Formula as Expression, MOST_NAMES, Written};
+use proto::formula::{Bound, FIELDS, Written};
 
 /// `kind = "formula"`.
 pub(super) const ENTRY: Entry = Entry {
@@ -64,7 +64,8 @@ pub(super) const ENTRY: Entry = Entry {
             "up" => Target::Axis(2),
             _ => Target::Ahead,
         };
-        Some(Box::new(Formula::new(written, target, table.get("limit_mps")?.as_float()?)))
+        let limit_mps = table.get("limit_mps")?.as_float()?;
+        Some(Box::new(Formula { expression: written.bound(&NAMES), target, limit_mps }))
     },
 };
 
@@ -93,54 +94,15 @@ enum Target {
     Axis(usize),
 }
 
-/// Where the value of a name comes from.
-#[derive(Clone, Debug)]
-enum Source {
-    /// It is a parameter.
-    Value(f64),
-    /// It describes the robot.
-    Robot(Read),
-    /// It is a column of this name.
-    Column(String),
-}
-
 /// ẋ = u + f(t, x, u, …) d: an expression of the user's, along a direction.
 #[derive(Clone, Debug)]
 struct Formula {
-    expression: Expression,
-    sources: Vec<Source>,
+    expression: Bound<Read>,
     target: Target,
     limit_mps: f64,
 }
 
 impl Formula {
-    fn new(written: Written, target: Target, limit_mps: f64) -> Self {
-        let source = |name: &String| {
-            let known = NAMES.iter().find(|(known, _)| known == name);
-            match (written.parameter(name), known) {
-                (Some(value), _) => Source::Value(value),
-                (None, Some(&(_, read))) => Source::Robot(read),
-                (None, None) => Source::Column(name.clone()),
-            }
-        };
-        let sources = written.formula.names().iter().map(source).collect();
-        Self { expression: written.formula, sources, target, limit_mps }
-    }
-
-    /// Its value in a situation, if it has one.
-    fn value(&self, at: &Situation<'_>) -> Option<f64> {
-        let mut values = [0.0; MOST_NAMES];
-        let values = values.get_mut(..self.sources.len())?;
-        for (value, source) in values.iter_mut().zip(&self.sources) {
-            *value = match source {
-                Source::Value(value) => *value,
-                Source::Robot(read) => read(at),
-                Source::Column(name) => at.surroundings.columns.value(name)?,
-            };
-        }
-        Some(self.expression.evaluate(values)).filter(|value| !value.is_nan())
-    }
-
     fn direction(&self, at: &Situation<'_>) -> [f64; 3] {
         let ahead = || {
             let speed_mps = norm(at.velocity_mps);
@@ -172,7 +134,11 @@ impl Effect for Formula {
     }
 
     fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
-        let value = self.value(at).unwrap_or(0.0).clamp(-self.limit_mps, self.limit_mps);
+        let value = self
+            .expression
+            .value(|read| Some(read(at)), |column| at.surroundings.columns.value(column))
+            .unwrap_or(0.0)
+            .clamp(-self.limit_mps, self.limit_mps);
         self.direction(at).map(|part| value * part)
     }
 
