@@ -27,6 +27,29 @@ pub struct Asked {
     pub parameters: Vec<Parameter>,
 }
 
+/// Sets a number of an effect: a parameter of a formula, the key, or a place of a list (`velocity_mps[1]`).
+pub fn set(table: &mut toml::Table, key: &str, value: f64) {
+    let parameters = table.get_mut("parameters").and_then(toml::Value::as_table_mut);
+    if let Some(own) =
+        parameters.and_then(|all| all.get_mut(key)).and_then(toml::Value::as_table_mut)
+    {
+        own.insert("value".to_owned(), value.into());
+        return;
+    }
+    let Some((name, index)) = key.strip_suffix(']').and_then(|key| key.split_once('[')) else {
+        table.insert(key.to_owned(), value.into());
+        return;
+    };
+    let index: usize = index.parse().unwrap_or_default();
+    let list = table.entry(name.to_owned()).or_insert_with(|| toml::Value::Array(Vec::new()));
+    if let Some(list) = list.as_array_mut() {
+        while list.len() <= index {
+            list.push(0.0.into());
+        }
+        list[index] = value.into();
+    }
+}
+
 /// A formula cannot be fitted: all that is wrong with it, a line each.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the formula cannot be fitted to these data\n{0}")]
@@ -125,22 +148,6 @@ impl Wanted {
 }
 
 impl Asked {
-    /// The table with these values of its parameters.
-    #[must_use]
-    pub fn with(&self, values: &[f64]) -> toml::Table {
-        let mut table = self.table.clone();
-        if let Some(written) = table.get_mut("parameters").and_then(toml::Value::as_table_mut) {
-            for (parameter, &value) in self.parameters.iter().zip(values) {
-                if let Some(keys) =
-                    written.get_mut(parameter.key).and_then(toml::Value::as_table_mut)
-                {
-                    keys.insert("value".to_owned(), value.into());
-                }
-            }
-        }
-        table
-    }
-
     /// Where a fit starts.
     #[must_use]
     pub fn starts(&self) -> Vec<f64> {

@@ -19,6 +19,7 @@ mod view;
 
 use super::choices::{ChoiceError, Choices, Seen};
 use super::folds::Blocks;
+use super::formula::set;
 use super::{Candidate, Estimate, RowScore, Study, is_at_bound};
 use crate::diagnose::next::Apart;
 use crate::measure::Rejected;
@@ -154,15 +155,17 @@ pub enum RobotStudyError {
 impl RobotFit {
     /// The numbers of a term.
     fn numbers(&self, model: &Model, term: usize) -> &[f64] {
-        let mut first = model.base.len();
-        for &other in &self.terms {
-            let n = model.n_numbers(other);
-            if other == term {
-                return &self.values[first..first + n];
-            }
-            first += n;
+        if !self.terms.contains(&term) {
+            return &[];
         }
-        &[]
+        let first = self.first(model, term);
+        &self.values[first..first + model.n_numbers(term)]
+    }
+
+    /// Where the numbers of a term, which the fit has, begin among all.
+    fn first(&self, model: &Model, term: usize) -> usize {
+        let before = self.terms.iter().take_while(|&&other| other != term);
+        model.base.len() + before.map(|&other| model.n_numbers(other)).sum::<usize>()
     }
 
     /// Standard deviation of one measured position, per component (m).
@@ -232,7 +235,7 @@ impl Model {
     fn physics(&self, fit: &RobotFit) -> Option<(Physics, Gains)> {
         let mut table = self.dynamics.clone();
         if self.is_wheelbase_free {
-            terms::set(&mut table, "wheelbase_m", fit.values[self.base.len() - 1]);
+            set(&mut table, "wheelbase_m", fit.values[self.base.len() - 1]);
         }
         let effects = table.entry("effect").or_insert_with(|| toml::Value::Array(Vec::new()));
         for &term in &fit.terms {
@@ -374,28 +377,27 @@ impl RobotStudy {
         self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(terms).cloned()
     }
 
-    /// Says which other term the numbers of a term, from `first` on, can hardly be told from.
+    /// Says which other term the first number of a term can hardly be told from.
     fn confounded(
         &self,
         fit: &RobotFit,
-        first: usize,
+        term: usize,
         covariance: Option<&DMatrix<f64>>,
     ) -> Option<String> {
         let covariance = covariance?;
-        let mut other_first = self.model.base.len();
-        for &other in &fit.terms {
-            let n = self.model.n_numbers(other);
-            for index in other_first..other_first + n {
+        let first = fit.first(&self.model, term);
+        for &other in fit.terms.iter().filter(|&&other| other != term) {
+            let begin = fit.first(&self.model, other);
+            for index in begin..begin + self.model.n_numbers(other) {
                 let correlation = covariance[(first, index)]
                     / (covariance[(first, first)] * covariance[(index, index)]).sqrt();
-                if other_first != first && CONFOUNDED < correlation.abs() {
+                if CONFOUNDED < correlation.abs() {
                     return Some(format!(
                         "can hardly be told from {}: their estimates are correlated by {correlation:.2}",
                         self.candidates[other].name
                     ));
                 }
             }
-            other_first += n;
         }
         None
     }
@@ -413,7 +415,7 @@ impl RobotStudy {
                 let given_m = self.model.given_sd_m.unwrap_or(0.0);
                 let more_m = (fit.density.sd_m.powi(2) - given_m * given_m).max(0.0).sqrt();
                 let mut table = table.clone();
-                terms::set(&mut table, "sd_m", more_m);
+                set(&mut table, "sd_m", more_m);
                 Some(table)
             }
             Term::Curve(_) => None,
@@ -516,10 +518,7 @@ impl Study for RobotStudy {
             Term::Curve(_) => return (Vec::new(), None),
         };
         let numbers = fit.numbers(&self.model, term);
-        let mut first = self.model.base.len();
-        for &other in fit.terms.iter().take_while(|&&other| other != term) {
-            first += self.model.n_numbers(other);
-        }
+        let first = fit.first(&self.model, term);
         let covariance = self.model.covariance(fit, &self.in_time);
         let freedom = (self.in_time.n_blocks() as f64 - 1.0).max(1.0);
         let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(1.645, |t| t.inverse_cdf(0.95));
@@ -547,7 +546,7 @@ impl Study for RobotStudy {
                 Estimate::new(parameter.key, parameter.unit, value, (low, high))
             })
             .collect();
-        (estimates, warning.or_else(|| self.confounded(fit, first, covariance.as_ref())))
+        (estimates, warning.or_else(|| self.confounded(fit, term, covariance.as_ref())))
     }
 
     fn settings(&self, fit: &RobotFit, term: usize) -> serde_json::Value {

@@ -133,23 +133,10 @@ impl LinkStudy {
         let mut keys = toml::Table::new();
         keys.insert("kind".to_owned(), toml::Value::String(entry.variant.name.to_owned()));
         keys.extend(fit.states[place].keys(spec));
-        let sd = fit.random.sd;
-        let spreads: Vec<(&str, f64)> = match spec {
-            Spec::Shadowing(_) => {
-                let length = self.decorrelation(fit);
-                let length = length.map(|length| ("decorrelation_m", length.value));
-                [("sd_db", sd.link_db)].into_iter().chain(length).collect()
+        if let Spec::Shadowing(_) | Spec::Multipath(_) | Spec::NodeOffset(_) = spec {
+            for spread in self.estimates_of(fit, term).0 {
+                keys.insert(spread.name, toml::Value::Float(spread.value));
             }
-            Spec::Multipath(_) => {
-                let (sd_db, coherence) = self.fading(fit);
-                let coherence = coherence.map(|length| ("coherence_mhz", length.value));
-                [("sd_db", sd_db)].into_iter().chain(coherence).collect()
-            }
-            Spec::NodeOffset(_) => vec![("tx_sd_db", sd.tx_db), ("rx_sd_db", sd.rx_db)],
-            Spec::Effect(_) | Spec::Formula(..) | Spec::Curve { .. } => Vec::new(),
-        };
-        for (key, value) in spreads {
-            keys.insert(key.to_owned(), toml::Value::Float(value));
         }
         serde_json::to_value(keys).unwrap_or_default()
     }

@@ -1,6 +1,6 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
-use crate::study::formula::Asked;
+use crate::study::formula::{Asked, set};
 use netsim::phy::effect::{Effect, Entry};
 use proto::config::Default;
 use proto::effect::Parameter;
@@ -188,12 +188,9 @@ impl State {
     /// Its keys with the fitted values.
     #[must_use]
     pub fn keys(&self, spec: &Spec) -> toml::Table {
-        if let Spec::Formula(_, asked) = spec {
-            return asked.with(&self.values);
-        }
         let mut table = self.table.clone();
         for (parameter, &value) in spec.parameters().iter().zip(&self.values) {
-            table.insert(parameter.key.to_owned(), toml::Value::Float(value));
+            set(&mut table, parameter.key, value);
         }
         table
     }

@@ -29,9 +29,7 @@ impl RobotStudy {
     ) -> Option<RobotFit> {
         let Term::Effect(effect) = &self.model.terms[term] else { return None };
         let k = effect.parameters.iter().position(|parameter| parameter.key == key)?;
-        let before = fit.terms.iter().take_while(|&&other| other != term);
-        let first: usize = before.map(|&other| self.model.n_numbers(other)).sum();
-        let held = self.model.base.len() + first + k;
+        let held = fit.first(&self.model, term) + k;
         let covariance = self.model.covariance(fit, &self.in_time)?;
         let moved = value - fit.values[held];
         let mut there = fit.clone();

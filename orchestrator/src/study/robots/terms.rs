@@ -3,7 +3,7 @@
 use super::RobotStudy;
 use super::motion::Tracks;
 use crate::study::Candidate;
-use crate::study::formula::{Asked, FORMULA, FormulaError, Wanted};
+use crate::study::formula::{FORMULA, FormulaError, Wanted, set};
 use proto::config::{Node, Value, check};
 use proto::effect::{Level, Need, Parameter};
 use robotsim::dynamics::effect::{self, Entry};
@@ -25,8 +25,6 @@ pub(super) enum Term {
 pub(super) struct EffectTerm {
     /// Its checked table, to be filled in.
     table: toml::Table,
-    /// It is a formula of the user's.
-    asked: Option<Asked>,
     /// What is filled in.
     pub(super) parameters: Vec<Parameter>,
     /// Where searches start.
@@ -50,9 +48,6 @@ pub(super) const N_CURVE: usize = 3 * (N_KNOTS - 1);
 impl EffectTerm {
     /// The effect's table with these numbers.
     pub(super) fn table(&self, values: &[f64]) -> toml::Table {
-        if let Some(asked) = &self.asked {
-            return asked.with(values);
-        }
         let mut table = self.table.clone();
         for (parameter, &value) in self.parameters.iter().zip(values) {
             set(&mut table, parameter.key, value);
@@ -159,7 +154,6 @@ pub(super) fn all(
             }
             terms.push(Term::Effect(EffectTerm {
                 table: template(entry, &keys, &parameters),
-                asked: None,
                 parameters,
                 starts,
             }));
@@ -208,10 +202,9 @@ impl RobotStudy {
             untestable: None,
         });
         self.model.terms.push(Term::Effect(EffectTerm {
-            table: asked.table.clone(),
-            parameters: asked.parameters.clone(),
             starts: vec![asked.starts()],
-            asked: Some(asked),
+            table: asked.table,
+            parameters: asked.parameters,
         }));
         Ok(())
     }
@@ -280,22 +273,6 @@ fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter
     }
     let node = Node { value: Value::from(&toml::Value::Table(table)), span: None };
     check(&node, "", &effect::SPEC, &mut Vec::new()).table
-}
-
-/// Puts a number at a key, or at a place of a list: `velocity_mps[1]`.
-pub(super) fn set(table: &mut toml::Table, key: &str, value: f64) {
-    let Some((name, index)) = key.strip_suffix(']').and_then(|key| key.split_once('[')) else {
-        table.insert(key.to_owned(), value.into());
-        return;
-    };
-    let index: usize = index.parse().unwrap_or_default();
-    let list = table.entry(name.to_owned()).or_insert_with(|| toml::Value::Array(Vec::new()));
-    if let Some(list) = list.as_array_mut() {
-        while list.len() <= index {
-            list.push(0.0.into());
-        }
-        list[index] = value.into();
-    }
 }
 
 /// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart.
