@@ -55,6 +55,10 @@ pub struct Instrument {
     pub tabulated: Option<tables::Frames>,
     /// What rows of which nothing was received say, for usual numbers of frames sent.
     pub silent: Vec<tables::Silent>,
+    /// Variance of a reading about its level beside the spread (dB²): noise and rounding.
+    reading_variance: f64,
+    /// Logarithms of the greatest densities of a reading, and of a strength before it is rounded.
+    ln_peaks: [f64; 2],
 }
 
 mod aggregated;
@@ -75,13 +79,21 @@ const OFFSETS: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
 /// Stated probabilities are not taken for more certain than this.
 const STRAY: f64 = 1e-3;
 
+/// Logarithm of the greatest density of a normal variable of this variance.
+fn ln_peak(variance: f64) -> f64 {
+    -0.5 * (std::f64::consts::TAU * variance).ln()
+}
+
 impl Instrument {
     /// Of a curve of reception and what varies, nothing tabulated.
     #[must_use]
     pub fn new(curve: Sampled, spread: Spread, noise: Noise, readings: Readings) -> Self {
         let Noise { sd_db, link_sd_db } = noise;
         let averaged = curve.averaged(sd_db, &spread);
+        let reading_variance = sd_db * sd_db + readings.quantum_db * readings.quantum_db / 12.0;
         Self {
+            reading_variance,
+            ln_peaks: [reading_variance, sd_db * sd_db].map(ln_peak),
             sd_db,
             spread,
             curve,
@@ -107,18 +119,18 @@ impl Instrument {
         Self::new(self.curve.clone(), self.spread.clone(), noise, self.readings)
     }
 
-    /// Variance of a reading about its level beside the spread (dB²): noise and rounding.
-    fn reading_variance(&self) -> f64 {
-        self.sd_db * self.sd_db + self.readings.quantum_db * self.readings.quantum_db / 12.0
-    }
-
     /// Log density of a reading that lies `deviation_db` above its mean, its derivative over the mean, minus its second
     /// derivative, and its derivative over the logarithm of the standard deviation; `extra` is further variance (dB²).
     #[must_use]
     pub fn density(&self, deviation_db: f64, extra: f64) -> Slope {
-        let variance = self.reading_variance() + extra;
+        let variance = self.reading_variance + extra;
+        let norm = if extra == 0.0 { self.ln_peaks[0] } else { ln_peak(variance) };
+        self.scattered(deviation_db, variance, norm)
+    }
+
+    /// The same about a given variance (dB²), of which `norm` is [`ln_peak`].
+    fn scattered(&self, deviation_db: f64, variance: f64, norm: f64) -> Slope {
         let share = self.sd_db * self.sd_db / variance;
-        let norm = -0.5 * (std::f64::consts::TAU * variance).ln();
         if self.spread.0.len() == 1 {
             let d = deviation_db - self.spread.0[0].0;
             let z2 = d * d / variance;
@@ -158,18 +170,17 @@ impl Instrument {
     /// As [`Self::density`], of all strengths about `power_dbm` that are rounded to the same reading, each by the probability
     /// that such a frame passes.
     fn rounded(&self, power_dbm: f64, deviation_db: f64) -> Slope {
-        let not_rounded = -self.readings.quantum_db * self.readings.quantum_db / 12.0;
+        let variance = self.sd_db * self.sd_db;
         let parts = OFFSETS.map(|offset| {
             let offset_db = offset * self.readings.quantum_db;
-            let mut part = self.density(deviation_db + offset_db, not_rounded);
-            part.log += (self.curve.at(power_dbm + offset_db) / OFFSETS.len() as f64).ln();
-            part
+            let part = self.scattered(deviation_db + offset_db, variance, self.ln_peaks[1]);
+            (part, self.curve.at(power_dbm + offset_db) / OFFSETS.len() as f64)
         });
         let greatest =
-            parts.iter().fold(f64::NEG_INFINITY, |greatest, part| greatest.max(part.log));
+            parts.iter().fold(f64::NEG_INFINITY, |greatest, (part, _)| greatest.max(part.log));
         let (mut total, mut sum, mut squares) = (0.0, Slope::default(), 0.0);
-        for part in &parts {
-            let share = (part.log - greatest).exp();
+        for (part, passes) in &parts {
+            let share = passes * (part.log - greatest).exp();
             total += share;
             sum.over_level += share * part.over_level;
             squares += share * part.over_level * part.over_level;
@@ -246,7 +257,7 @@ impl Instrument {
         let mean = level.power_dbm + level.register_db + lift_db;
         if level.stated.is_some() || !self.readings.has_losses {
             let shift: f64 = self.spread.0.iter().map(|(level, p)| level * p).sum();
-            return (mean + shift, (self.reading_variance() + self.spread.variance()).sqrt());
+            return (mean + shift, (self.reading_variance + self.spread.variance()).sqrt());
         }
         // Frames that pass are stronger than those sent: moments over what passes.
         let power = level.power_dbm + lift_db - level.shift_db;
