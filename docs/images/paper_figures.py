@@ -123,6 +123,29 @@ def formation(folder, out):
     figure.savefig(out / "paper-formation.png", dpi=110)
 
 
+def swarm_slots(folder, out):
+    """Age of what is heard and flock speed against the number of robots, by schedule. Prints the table, too."""
+    trials = pd.read_parquet(folder / "swarm-slots" / "trials.parquet")
+    trials = trials[trials.case.str.endswith("following a leader")]
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.4))
+    for case, rows in trials.groupby("case", sort=False):
+        name = case.split(",")[0]
+        for axis, key in zip(axes, ["network.mean_age_s", "task.flock_speed_mps"]):
+            by_n = rows.groupby("experiment.agents")[key]
+            line = axis.plot(by_n.median(), marker="o", ms=4, label=name)[0]
+            axis.plot(rows["experiment.agents"], rows[key], ".", ms=4, alpha=0.5, color=line.get_color())
+        for n, of_n in rows.groupby("experiment.agents"):
+            speeds = sorted(of_n["task.flock_speed_mps"])
+            print(name, n, [f"{speed:.3g}" for speed in speeds])
+    axes[1].axhline(0.1, ls=":", color="grey", lw=1)
+    axes[0].set(xscale="log", yscale="log", xlabel="robots", ylabel="age of what is heard (s)")
+    axes[1].set(xscale="log", xlabel="robots", ylabel="flock speed (m/s)", ylim=(0, None))
+    axes[1].text(500, 0.1, "the leader's", ha="right", va="bottom", fontsize=7, color="grey")
+    axes[0].legend(frameon=False)
+    figure.tight_layout()
+    figure.savefig(out / "swarm-slots.png", dpi=110)
+
+
 def transfer(folder, out):
     """Gains chosen under one model, used under another. Prints the table, too."""
     trials = pd.read_parquet(folder / "transfer" / "trials.parquet")
@@ -168,6 +191,7 @@ def main():
         "links": lambda: (links(folder, out), levels(folder, out, measured)),
         "triptych": lambda: triptych(folder, out),
         "formation-paper-density": lambda: formation(folder, out),
+        "swarm-slots": lambda: swarm_slots(folder, out),
         "transfer": lambda: transfer(folder, out),
     }
     for name, picture in draw.items():

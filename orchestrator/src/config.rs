@@ -454,6 +454,7 @@ fn plan(
         netsim::config::files,
         |setup| netsim::config::read(setup).map(|(_, effective, warnings)| (effective, warnings)),
     );
+    sides::check_messages(&robotsim.0, &netsim.0, problems);
     if !problems.is_empty() {
         return None;
     }

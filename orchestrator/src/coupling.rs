@@ -8,8 +8,8 @@ use bytes::Bytes;
 use proto::convert::{self, InvalidField};
 use proto::digest::{self, Digest};
 use proto::types::{
-    AgentCommand, AgentStates, Coupling, Deliveries, Experiment, Formation, MoteCommand,
-    MovedObstacle, NetRecord, Payloads,
+    AgentCommand, AgentMessage, AgentStates, Coupling, Deliveries, Experiment, Formation,
+    MoteCommand, MoteOrder, MovedObstacle, NetRecord, Payloads,
 };
 use proto::v1;
 
@@ -28,6 +28,10 @@ pub struct Coupled {
     motes: Option<v1::MoteStates>,
     moved: Vec<MovedObstacle>,
     commands: Vec<AgentCommand>,
+    /// What the robots have to say to single ones of them, as orders to the network, which has not been given it yet.
+    messages: Vec<MoteCommand>,
+    /// The robots said that there would be such.
+    sends_messages: bool,
     formation: Option<Formation>,
 }
 
@@ -99,6 +103,8 @@ impl Coupled {
             motes: None,
             moved: Vec::new(),
             commands: Vec::new(),
+            messages: Vec::new(),
+            sends_messages: start.messages,
             formation,
         })
     }
@@ -302,13 +308,17 @@ impl Coupled {
         } else {
             self.payloads.clone()
         };
+        // Sorted by source, as all orders.
+        let mut commands = plan.commands.clone();
+        commands.append(&mut self.messages);
+        commands.sort_by(|a, b| a.source.cmp(&b.source));
         v1::NetSimServiceStepRequest {
             step,
             until_ns: plan.until_ns,
             states: Some(self.states.clone().into()),
             payloads: Some(payloads.into()),
             moved_obstacles: std::mem::take(&mut self.moved).into_iter().map(Into::into).collect(),
-            commands: plan.commands.iter().cloned().map(Into::into).collect(),
+            commands: commands.into_iter().map(Into::into).collect(),
             stop_at_first_delivery,
             confirmed_digest: self.confirmed(self.network.streams()),
             records: plan
@@ -345,6 +355,13 @@ impl Coupled {
         self.moved = convert::moved_obstacles(reply.moved_obstacles.clone()).map_err(garbage)?;
         self.commands.extend(convert::agent_commands(reply.commands.clone(), n).map_err(garbage)?);
         convert::sort_agent_commands(&mut self.commands);
+        convert::task_figures(reply.figures.clone()).map_err(garbage)?;
+        let messages = convert::agent_messages(reply.messages.clone(), n).map_err(garbage)?;
+        if !messages.is_empty() && !self.sends_messages {
+            let reason = "must be absent: Configure did not say that there would be any";
+            return Err(garbage(InvalidField::new("messages", reason)));
+        }
+        self.messages = if hold { Vec::new() } else { messages.into_iter().map(sent).collect() };
         Ok(())
     }
 
@@ -382,6 +399,16 @@ impl Coupled {
 fn garbage(side: &'static str, doing: &str, invalid: InvalidField) -> SideError {
     SideError::Garbage { side, doing: doing.to_owned(), reason: invalid.to_string() }
 }
+
+/// A message of the robots as the network is given it.
+fn sent(message: AgentMessage) -> MoteCommand {
+    let AgentMessage { sender: mote, destination, payload } = message;
+    let order = MoteOrder::Send { mote, destination, payload };
+    MoteCommand { source: MESSAGES.to_owned(), order }
+}
+
+/// Who orders the network to send what robots say to single ones of them.
+const MESSAGES: &str = "robots";
 
 /// In a session the digest rides on the step's reply; otherwise the barrier asks for it.
 fn standing(streams: bool, step: u64, time_ns: u64, digest: &mut Bytes) -> Option<Standing> {

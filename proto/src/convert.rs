@@ -5,8 +5,10 @@
 
 mod messages;
 mod records;
+mod tasks;
 
 pub use records::{formation, heard_links, packets, records, schedule, statistics};
+pub use tasks::{agent_messages, task_figures};
 
 use crate::types::{
     AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Covariate, Deliveries, DeliveryColumn,

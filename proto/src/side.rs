@@ -6,8 +6,9 @@
 use crate::config::{Node, Problem};
 use crate::site::Site;
 use crate::types::{
-    AgentCommand, AgentStates, Deliveries, DeliveryColumn, Experiment, Formation, HeardLinks,
-    MoteCommand, MoteStates, MoteStatistics, MovedObstacle, NetRecord, Packets, Payloads, Schedule,
+    AgentCommand, AgentMessage, AgentStates, Deliveries, DeliveryColumn, Experiment, Formation,
+    HeardLinks, MoteCommand, MoteStates, MoteStatistics, MovedObstacle, NetRecord, Packets,
+    Payloads, Schedule, TaskFigure,
 };
 use crate::v1::MoteCommandKind;
 use bytes::Bytes;
@@ -48,6 +49,8 @@ pub struct RobotStart {
     pub payloads: Payloads,
     /// What they want to know of each delivery.
     pub columns: Vec<DeliveryColumn>,
+    /// Steps may bring [`RobotOutput::messages`].
+    pub messages: bool,
 }
 
 /// What the robots are given for a step.
@@ -82,6 +85,10 @@ pub struct RobotOutput {
     pub commands: Vec<AgentCommand>,
     /// The robots regard their task as done.
     pub task_complete: bool,
+    /// For single agents; only if [`RobotStart::messages`] said so.
+    pub messages: Vec<AgentMessage>,
+    /// How far the task is. Names are unique.
+    pub figures: Vec<TaskFigure>,
 }
 
 /// A robot simulator.

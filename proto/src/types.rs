@@ -453,6 +453,26 @@ pub struct MoteCommand {
     pub order: MoteOrder,
 }
 
+/// A message from one agent to another, over however many hops.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AgentMessage {
+    /// Who sends it.
+    pub sender: u32,
+    /// For whom; not the sender.
+    pub destination: u32,
+    /// What; not empty.
+    pub payload: Bytes,
+}
+
+/// A number that the robots have for how far their task is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskFigure {
+    /// Its name: see [`is_statistic_name`].
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+}
+
 /// An obstacle of the site that has moved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MovedObstacle {

@@ -5,6 +5,7 @@ use crate::controller::{self, Team};
 use crate::dynamics;
 use crate::dynamics::contacts::{self, Contacts};
 use crate::dynamics::fleet::Fleet;
+use crate::exploration;
 use crate::group;
 use crate::knowledge::{Memory, Source};
 use crate::obstacles::{self, Course};
@@ -138,6 +139,8 @@ pub struct Behaviour {
     pub courses: Vec<Course>,
     /// Who is not there when.
     pub absences: Vec<Absence>,
+    /// How robots explore; `None`: nobody does.
+    pub exploration: Option<exploration::Settings>,
 }
 
 /// What a part of a configuration is checked against.
@@ -251,7 +254,43 @@ fn build_behaviour(
     let context = Context { path: join(path, "absence"), ..context };
     let absences = absence::build(tables("absence"), &context, problems);
     let (fleet, team) = robots?;
-    Some(Behaviour { knowledge: knowledge?, memory, fleet, team, courses, absences })
+    let exploration = build_exploration(table, path, &team, problems);
+    Some(Behaviour { knowledge: knowledge?, memory, fleet, team, courses, absences, exploration })
+}
+
+/// How robots explore, if they do: all with one base.
+fn build_exploration(
+    table: &toml::Table,
+    path: &str,
+    team: &Team,
+    problems: &mut Vec<Problem>,
+) -> Option<exploration::Settings> {
+    let mut all = team.explorations();
+    let settings = *all.next()?;
+    let n_groups = table.get("group").and_then(toml::Value::as_array).map_or(0, Vec::len);
+    if n_groups != 0 {
+        let message = "must be absent where robots explore: they are one swarm with one base";
+        problems.push(Problem::new(join(path, "group"), message).value(n_groups));
+    }
+    let diameter_m = table.get("diameter_m").and_then(toml::Value::as_float).unwrap_or(0.0);
+    let cell_m = settings.grid.cell_m();
+    if table.contains_key("contacts") && cell_m < diameter_m {
+        let key = join(&join(path, "controller"), "cell_m");
+        let message = format!(
+            "must be at least diameter_m = {diameter_m:?} where contacts are resolved: robots pass between walls that leave one \
+             cell free"
+        );
+        problems.push(Problem::new(key, message).value(format!("{cell_m:?}")).nearest(diameter_m));
+    }
+    Some(settings)
+}
+
+/// Whether robots of an effective section send messages to single ones of them, which the network has to carry.
+#[must_use]
+pub fn sends_messages(effective: &toml::Table) -> bool {
+    let kind = effective.get("controller").and_then(|controller| controller.get("kind"));
+    let is_told = effective.get("knowledge").and_then(toml::Value::as_str) == Some("truth");
+    kind.and_then(toml::Value::as_str) == Some(controller::EXPLORATION) && !is_told
 }
 
 /// How contacts are resolved, if they are.

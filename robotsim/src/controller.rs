@@ -10,6 +10,7 @@ mod consensus;
 mod constant_velocity;
 mod coverage;
 mod dispersion;
+mod exploration;
 mod flocking;
 mod hold;
 mod line_formation;
@@ -19,6 +20,7 @@ mod random_waypoint;
 
 use crate::config::Context;
 use crate::dynamics::{Command, norm};
+use crate::exploration::{Settings as ExplorationSettings, State as Exploration};
 use crate::knowledge::Knowledge;
 use proto::config::{Field, Problem, TableSpec, Tag, Variant};
 use proto::rng::Draws;
@@ -35,6 +37,7 @@ const ALL: &[Registration] = &[
     consensus::REGISTRATION,
     coverage::REGISTRATION,
     dispersion::REGISTRATION,
+    exploration::REGISTRATION,
     random_waypoint::REGISTRATION,
     random_jump::REGISTRATION,
     constant_velocity::REGISTRATION,
@@ -87,6 +90,8 @@ pub struct View<'a> {
     pub knowledge: &'a Knowledge<'a>,
     /// Their motes: how each stands in the network.
     pub links: Links<'a>,
+    /// What robots that explore and their base know; `None`: nobody explores.
+    pub exploration: Option<&'a Exploration>,
     /// Draws for the controller, whose entity is the agent.
     pub draws: Draws,
 }
@@ -164,6 +169,11 @@ pub trait Controller: std::fmt::Debug + Send + Sync {
     fn is_done(&self, _view: &View<'_>, _commands: &[Command]) -> bool {
         false
     }
+
+    /// How its robots explore, if they do: then they and their base keep what they know in [`View::exploration`].
+    fn exploration(&self) -> Option<&ExplorationSettings> {
+        None
+    }
 }
 
 /// The controllers of a swarm: those of its groups, one after the other.
@@ -212,6 +222,11 @@ impl Team {
         self.groups.iter().any(|(_, controller)| controller.wants_rssi())
     }
 
+    /// How robots explore, for each group that does.
+    pub fn explorations(&self) -> impl Iterator<Item = &ExplorationSettings> {
+        self.groups.iter().filter_map(|(_, controller)| controller.exploration())
+    }
+
     /// Whether each group regards its task as done, given the commands for all robots.
     #[must_use]
     pub fn is_done(&self, view: &View<'_>, commands: &[Command]) -> bool {
@@ -234,6 +249,9 @@ pub(crate) fn build(
     let registration = ALL.iter().find(|registration| registration.name == name)?;
     (registration.build)(table, context, problems)
 }
+
+/// The kind whose robots send messages to single ones of them.
+pub(crate) const EXPLORATION: &str = exploration::REGISTRATION.name;
 
 /// Whether a checked table asks for robots that jump.
 pub(crate) fn is_jumping(table: &toml::Table) -> bool {

@@ -5,6 +5,7 @@
 //! no memory, unless it is given one: who was not heard in that period is not known. With `knowledge = "truth"` every robot is told the present
 //! state of every other; no radio works like that, so it serves as the ideal baseline only.
 
+use crate::exploration::message;
 use crate::payload::{self, Motion};
 use proto::types::{AgentStates, Deliveries, Heard, NS_PER_S, seconds};
 use serde::{Deserialize, Serialize};
@@ -116,7 +117,7 @@ impl<'a> Knowledge<'a> {
             .zip(transmissions.payloads.iter())
         {
             let motion = payload::decode(bytes);
-            n_foreign += u64::from(motion.is_none());
+            n_foreign += u64::from(motion.is_none() && !message::is_message(bytes));
             seen.push(motion.map(|motion| Seen { agent, sent_ns, motion, rssi_dbm: None }));
             repeated |= std::mem::replace(&mut on_air[agent as usize], true);
         }

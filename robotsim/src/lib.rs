@@ -12,6 +12,7 @@
 //! | [`payload`] | what the built-in robots say: position and velocity, 48 bytes |
 //! | [`knowledge`] | what each robot knows of the others: what it heard, or the truth |
 //! | [`controller`] | who wants to go where: one file per controller, one list |
+//! | [`exploration`] | what robots that explore rooms and their base know, and say to each other |
 //! | [`line_fit`] | the straight line nearest to some points, by two rules |
 //! | [`dynamics`] | from command to motion: bodies, and one file per effect of real robots |
 //! | [`group`] | different robots in one swarm: how many of which kind |
@@ -24,6 +25,7 @@ pub mod absence;
 pub mod config;
 pub mod controller;
 pub mod dynamics;
+pub mod exploration;
 pub mod group;
 pub mod knowledge;
 pub mod line_fit;

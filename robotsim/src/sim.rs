@@ -3,6 +3,7 @@
 use crate::config::{self, Behaviour};
 use crate::controller::{Links, View};
 use crate::dynamics::{Command, Memory, Step};
+use crate::exploration::{self, Moment};
 use crate::knowledge::{Knowledge, Remembered, Source};
 use crate::{absence, obstacles, payload, scenario};
 use proto::config::Problem;
@@ -45,6 +46,8 @@ struct State {
     free_ns: u64,
     /// What the agents remember of each other. Empty: they have no memory.
     remembered: Vec<Remembered>,
+    /// What agents that explore know. `None`: nobody explores.
+    exploration: Option<exploration::State>,
 }
 
 impl Swarm {
@@ -82,6 +85,19 @@ impl RobotSimulator for Swarm {
             );
         }
         let payloads = payload::encode(measured.as_ref().unwrap_or(&states));
+        let exploration = match &config.behaviour.exploration {
+            Some(settings) => {
+                let outside = outside(settings, &states, &setup.path);
+                if !outside.is_empty() {
+                    return Err(outside);
+                }
+                let courses = &config.behaviour.courses;
+                let moves = |place| courses.iter().any(|course| course.obstacle() == place);
+                Some(exploration::State::new(settings, &site, &states, moves))
+            }
+            None => None,
+        };
+        let messages = exploration.is_some() && config.behaviour.knowledge == Source::Heard;
         let state = State {
             seed,
             effective: effective.to_string(),
@@ -96,9 +112,10 @@ impl RobotSimulator for Swarm {
                 Remembered::default();
                 if config.behaviour.memory.is_some() { n_agents } else { 0 }
             ],
+            exploration,
         };
         self.running = Some(Running { behaviour: config.behaviour, state });
-        Ok(RobotStart { effective, states, payloads, columns })
+        Ok(RobotStart { effective, states, payloads, columns, messages })
     }
 
     fn step(&mut self, input: &RobotInput<'_>) -> RobotOutput {
@@ -129,6 +146,20 @@ impl RobotSimulator for Swarm {
             None => knowledge,
         };
 
+        let mut messages = Vec::new();
+        if let (Some(settings), Some(exploration)) =
+            (&behaviour.exploration, &mut state.exploration)
+        {
+            let moment = Moment {
+                from_ns: input.from_ns,
+                until_ns: input.until_ns,
+                states: &state.states,
+                believed: state.measured.as_ref().unwrap_or(&state.states),
+                deliveries: input.deliveries,
+                source: behaviour.knowledge,
+            };
+            messages = exploration.advance(settings, &moment);
+        }
         let dt_s = seconds(input.until_ns - input.from_ns);
         let view = View {
             step: input.step,
@@ -137,6 +168,7 @@ impl RobotSimulator for Swarm {
             states: state.believed(),
             knowledge: &knowledge,
             links: Links::new(input.motes),
+            exploration: state.exploration.as_ref(),
             draws: Draws::new(state.seed, Purpose::Control),
         };
         let mut commands = behaviour.team.commands(&view);
@@ -178,6 +210,8 @@ impl RobotSimulator for Swarm {
             payloads: payload::encode(state.believed()),
             moved_obstacles,
             task_complete,
+            messages,
+            figures: state.exploration.as_ref().map(|it| it.figures()).unwrap_or_default(),
             ..RobotOutput::default()
         }
     }
@@ -209,6 +243,13 @@ impl Running {
             state.effective.parse().map_err(|error| NotASnapshot(format!("{error}")))?;
         let behaviour = config::read_behaviour(&effective, state.states.len(), &state.site)
             .map_err(|problems| NotASnapshot(format!("{}", Listed(&problems))))?;
+        let fits = match (&behaviour.exploration, &state.exploration) {
+            (Some(settings), Some(exploration)) => exploration.fits(settings, state.states.len()),
+            (settings, exploration) => settings.is_none() && exploration.is_none(),
+        };
+        if !fits {
+            return Err(NotASnapshot("a map of another area".to_owned()));
+        }
         Ok(Self { behaviour, state })
     }
 }
@@ -256,6 +297,19 @@ impl State {
             && (heading_rad.is_empty() || heading_rad.len() == n);
         if fit { Ok(()) } else { Err(NotASnapshot("columns of unequal length".to_owned())) }
     }
+}
+
+/// Robots that begin outside the area that they are to explore.
+fn outside(settings: &exploration::Settings, states: &AgentStates, path: &str) -> Vec<Problem> {
+    let place_m = |agent: usize| [states.x_m[agent], states.y_m[agent]];
+    let is_outside = |&agent: &usize| settings.grid.cell_at(place_m(agent)).is_none();
+    let Some(first) = (0..states.len()).find(is_outside) else { return Vec::new() };
+    let n = (0..states.len()).filter(|agent| is_outside(agent)).count();
+    let message = format!(
+        "must put all robots into the area from controller.from_m to to_m; {n} begin outside, robot {first} the first of them"
+    );
+    let at = proto::config::join(path, "scenario");
+    vec![Problem::new(at, message).value(format!("{:?}", place_m(first)))]
 }
 
 /// Problems in one line.

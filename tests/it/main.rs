@@ -12,6 +12,7 @@ mod conformance;
 mod contract;
 mod determinism;
 mod diagnosis;
+mod exploration;
 mod faults;
 mod flocking;
 mod formation;

@@ -166,6 +166,38 @@ impl Sides<'_> {
     }
 }
 
+/// Robots that send messages to single ones of them need a network that carries those, up and down. Of a simulator elsewhere
+/// nothing is known.
+pub(super) fn check_messages(
+    robotsim: &SideConfig,
+    netsim: &SideConfig,
+    problems: &mut Vec<Problem>,
+) {
+    let effective = |side: &SideConfig| {
+        let text = side.effective_toml.as_ref().filter(|_| side.url.is_none())?;
+        toml::from_str::<toml::Table>(text).ok()
+    };
+    let (Some(robots), Some(network)) = (effective(robotsim), effective(netsim)) else { return };
+    if !robotsim::config::sends_messages(&robots) {
+        return;
+    }
+    let mode = network.get("mode").and_then(toml::Value::as_str).unwrap_or_default();
+    if mode != "6tisch" {
+        let message = format!(
+            "sends maps up and waypoints down through the network, and netsim.mode = {mode:?} routes nothing; knowledge = \
+             \"truth\" needs no network"
+        );
+        problems.push(
+            Problem::new("robotsim.controller.kind", message)
+                .value("\"exploration\"")
+                .nearest("netsim.mode = \"6tisch\""),
+        );
+    } else if network.get("rpl").and_then(|rpl| rpl.get("routes_down")?.as_bool()) == Some(false) {
+        let message = "must be true where robots explore: their base sends waypoints down";
+        problems.push(Problem::new("netsim.rpl.routes_down", message).value(false).nearest(true));
+    }
+}
+
 /// The last part of a path.
 fn file_name(path: &Path) -> String {
     path.file_name()

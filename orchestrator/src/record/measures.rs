@@ -9,7 +9,7 @@ use super::swarm::{self, Swarm};
 use super::task::Task;
 use super::trajectories::Trajectories;
 use proto::site::Site;
-use proto::types::{AgentStates, seconds};
+use proto::types::{AgentStates, TaskFigure, seconds};
 
 /// Measures of a run.
 #[derive(Clone, Debug)]
@@ -32,6 +32,8 @@ pub struct Measures {
     pub kpis: Kpis,
     /// The first step after which the robots regarded their task as done.
     pub completed_at_step: Option<u64>,
+    /// What the robots say of how far their task is, after the latest step.
+    pub task_figures: Vec<TaskFigure>,
     /// Transmissions.
     pub transmissions: u64,
     /// Bytes of payload sent.
@@ -86,6 +88,7 @@ impl Measures {
             start_ns: 0,
             kpis,
             completed_at_step: None,
+            task_figures: Vec::new(),
             transmissions: 0,
             sent_bytes: 0,
             attempts: 0,

@@ -95,10 +95,34 @@ fn task(measures: &Measures) -> Value {
             task["circle_rms_m"] = json!(rms_m);
             task["false_completion"] = json!(false_completion(measures, rms_m));
         }
+        Some("exploration") => {
+            for name in EXPLORATION {
+                task[name] = Value::Null;
+            }
+        }
         _ => {}
+    }
+    for figure in &measures.task_figures {
+        let place = &mut task[figure.name.as_str()];
+        // What is measured here is not for the robots to say.
+        if place.is_null() {
+            *place = json!(figure.value);
+        }
     }
     task
 }
+
+/// Figures of robots that explore, by name. They know them themselves; one that is not known yet is null.
+const EXPLORATION: [&str; 8] = [
+    "mapped_ratio",
+    "seen_ratio",
+    "mapped_90_s",
+    "map_delay_s",
+    "map_age_s",
+    "map_reports",
+    "map_reports_repeated",
+    "waypoint_orders",
+];
 
 /// Done by the robots' own account, and not in truth.
 fn false_completion(measures: &Measures, rms_m: Option<f64>) -> Option<bool> {

@@ -205,6 +205,10 @@ impl RunWriter {
             log.write(Topic::Barrier, step, time_ns, &barrier)?;
         }
         let n = self.n_agents;
+        let figures = convert::task_figures(robots.figures).map_err(of_robots(step))?;
+        if !robots.held {
+            run.measures.task_figures = figures;
+        }
         let states = convert::states(robots.states, n).map_err(of_robots(step))?;
         let deliveries =
             convert::deliveries(net.deliveries, n).map_err(of_network(step))?.unwrap_or_default();

@@ -259,6 +259,22 @@ fn announced(
     Ok(())
 }
 
+/// Makes sure that the network announces what carries the robots' messages, if they send any.
+fn carries(
+    robots: &v1::RobotSimServiceConfigureResponse,
+    network: &Peer<Network>,
+) -> Result<(), RunError> {
+    let send: i32 = v1::MoteCommandKind::Send.into();
+    if robots.messages && !network.described().mote_commands.contains(&send) {
+        let what = format!(
+            "{} does not announce MOTE_COMMAND_KIND_SEND, which the robots' messages to single ones of them need",
+            network.described().name
+        );
+        return Err(side(cannot(Network::SIDE, what)));
+    }
+    Ok(())
+}
+
 /// When the robots start, now that it is known whether the network has anything to form.
 fn starts(
     plan: &Plan,
@@ -333,6 +349,7 @@ async fn configure(
         .configure(robots_request.clone())
         .await
         .map_err(|error| refused(plan, Robots::SIDE, error))?;
+    carries(&robots_response, network)?;
     let network_request = v1::NetSimServiceConfigureRequest {
         seed,
         agent_count,

@@ -119,6 +119,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
                 .iter()
                 .map(|&column| v1::DeliveryColumn::from(column).into())
                 .collect(),
+            messages: start.messages,
         })
     }
 
@@ -149,8 +150,15 @@ impl<S: RobotSimulator> Lifecycle<S> {
             commands: &commands,
             hold: request.hold,
         };
-        let RobotOutput { states, payloads, moved_obstacles, commands, task_complete } =
-            self.simulator.step(&input);
+        let RobotOutput {
+            states,
+            payloads,
+            moved_obstacles,
+            commands,
+            task_complete,
+            messages,
+            figures,
+        } = self.simulator.step(&input);
 
         let used = match ledger.experiment.coupling {
             Coupling::Sequential => &states,
@@ -175,6 +183,8 @@ impl<S: RobotSimulator> Lifecycle<S> {
             task_complete,
             digest,
             held: request.hold,
+            messages: (!messages.is_empty()).then(|| messages.into()),
+            figures: figures.into_iter().map(Into::into).collect(),
         };
         Ok(active.last.clone())
     }

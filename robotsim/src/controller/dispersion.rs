@@ -161,6 +161,7 @@ mod tests {
             states: &states,
             knowledge: &knowledge,
             links: Links::new(motes),
+            exploration: None,
             draws: Draws::new(1, Purpose::Control),
         };
         let this = Dispersion { speed_mps: 2.0, rssi_floor_dbm: -80.0, rssi_margin_db: 10.0 };

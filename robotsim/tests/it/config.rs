@@ -56,11 +56,11 @@ robotsim.scenario.jitter_m: must be at most half of spacing_m = 2, got 1.5 (near
 fn what_is_missing_is_named_with_what_is_possible() {
     insta::assert_snapshot!(refusal("", None), @r#"
 robotsim.scenario.kind: is missing: one of "line", "disc", "square", "circle", "grid", "spaced", "csv"
-robotsim.controller.kind: is missing: one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "dispersion", "random-waypoint", "random-jump", "constant-velocity", "hold"
+robotsim.controller.kind: is missing: one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "dispersion", "exploration", "random-waypoint", "random-jump", "constant-velocity", "hold"
 "#);
     insta::assert_snapshot!(refusal("scenario.kind = 'ring'\ncontroller.kind = 'flock'", None), @r#"
 robotsim.scenario.kind: must be one of "line", "disc", "square", "circle", "grid", "spaced", "csv", got "ring"
-robotsim.controller.kind: must be one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "dispersion", "random-waypoint", "random-jump", "constant-velocity", "hold", got "flock" (nearest valid: "flocking")
+robotsim.controller.kind: must be one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "dispersion", "exploration", "random-waypoint", "random-jump", "constant-velocity", "hold", got "flock" (nearest valid: "flocking")
 "#);
     insta::assert_snapshot!(
         refusal("scenario.kind = 'circle'\ncontroller = { kind = 'flocking', leader = 9 }", None), @r#"
@@ -120,7 +120,7 @@ robotsim.controller.velocity_mps: must not be faster than dynamics.speed_cap_mps
     // A group without a controller needs the shared one; where each has its own there need be none.
     let without = "scenario.kind = 'line'\n[[group]]\ncount = 3\ncontroller.kind = 'hold'\n[[group]]\ncount = 2\n";
     insta::assert_snapshot!(refusal(without, None), @r#"
-robotsim.controller.kind: is missing: one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "dispersion", "random-waypoint", "random-jump", "constant-velocity", "hold"
+robotsim.controller.kind: is missing: one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "dispersion", "exploration", "random-waypoint", "random-jump", "constant-velocity", "hold"
 "#);
     let with = format!("{without}controller = {{ kind = 'hold' }}\n");
     assert!(config::read(&setup(&with, 5, 1)).is_ok());

@@ -7,6 +7,7 @@ mod config;
 mod contacts;
 mod controllers;
 mod effects;
+mod exploration;
 mod flocking;
 mod groups;
 mod line_formation;

@@ -1,0 +1,193 @@
+//! Rooms are explored: robots send maps to a base, which sends them where nobody has been.
+
+use super::{Controller, Registration, View};
+use crate::config::{Context, field};
+use crate::dynamics::Command;
+use crate::exploration::grid::{Grid, MAX_CELLS};
+use crate::exploration::{MIN_MESSAGE_BYTES, Settings};
+use proto::config::{Default, Kind, Problem, Range};
+use proto::types::NS_PER_S;
+use serde::Deserialize;
+
+const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
+const CORNER: Kind = Kind::List { of: &Kind::Number(Range::closed(-1e6, 1e6)), min: 2, max: 2 };
+
+pub(super) const REGISTRATION: Registration = Registration {
+    name: "exploration",
+    doc: "Robots map what they see around them and send it to a base, which sends them to the nearest frontiers of its map, no two to one.",
+    fields: &[
+        field("from_m", "South-western corner of the area (x, y in m).", CORNER, Default::Required),
+        field("to_m", "North-eastern corner of the area (x, y in m).", CORNER, Default::Required),
+        field(
+            "cell_m",
+            "Side of a cell of the map (m).",
+            Kind::Number(Range::closed(0.01, 1e3)),
+            Default::Number(0.5),
+        ),
+        field(
+            "range_m",
+            "How far a robot sees (m), as far as no wall or obstacle is in the way; at least 1.5 cells.",
+            POSITIVE,
+            Default::Number(4.0),
+        ),
+        field("speed_mps", "How fast a robot goes (m/s).", POSITIVE, Default::Number(0.5)),
+        field(
+            "base",
+            "The robot to which maps are sent and which sends the others to places; it stays where it is. Ways to it are the \
+             shortest where it is a root of the network.",
+            Kind::Integer { min: 0, max: u32::MAX as i64 },
+            Default::Integer(0),
+        ),
+        field(
+            "report_s",
+            "How often a robot may report, and the base answer it (s).",
+            Kind::Number(Range::closed(1e-3, 1e4)),
+            Default::Number(1.0),
+        ),
+        field(
+            "retry_s",
+            "After this time without an answer a message is sent again (s); a robot with no news says so as often. At least report_s.",
+            Kind::Number(Range::closed(1e-3, 1e5)),
+            Default::Number(10.0),
+        ),
+        field(
+            "message_bytes",
+            "Most bytes of a message. Up to about 60 go into one frame.",
+            Kind::Integer { min: MIN_MESSAGE_BYTES as i64, max: 900 },
+            Default::Integer(60),
+        ),
+    ],
+    build: |table, context, problems| {
+        let raw: Raw = table.clone().try_into().ok()?;
+        raw.settings(context, problems)
+            .map(|settings| Box::new(Exploration { settings }) as Box<dyn Controller>)
+    },
+};
+
+#[derive(Debug, Deserialize)]
+struct Raw {
+    from_m: [f64; 2],
+    to_m: [f64; 2],
+    cell_m: f64,
+    range_m: f64,
+    speed_mps: f64,
+    base: usize,
+    report_s: f64,
+    retry_s: f64,
+    message_bytes: usize,
+}
+
+impl Raw {
+    fn settings(&self, context: &Context<'_>, problems: &mut Vec<Problem>) -> Option<Settings> {
+        let before = problems.len();
+        super::check_speed("speed_mps", self.speed_mps, context, problems);
+        if self.to_m.iter().zip(self.from_m).any(|(to_m, from_m)| *to_m <= from_m) {
+            let message = format!(
+                "must lie north-east of from_m = {:?}, as a corner of an area",
+                self.from_m
+            );
+            problems.push(context.problem("to_m", message).value(format!("{:?}", self.to_m)));
+        }
+        if self.range_m < 1.5 * self.cell_m {
+            let message = format!("must be at least 1.5 cells of cell_m = {:?}", self.cell_m);
+            let nearest = format!("{:?}", 1.5 * self.cell_m);
+            problems.push(
+                context
+                    .problem("range_m", message)
+                    .value(format!("{:?}", self.range_m))
+                    .nearest(nearest),
+            );
+        }
+        if self.retry_s < self.report_s {
+            let message = format!("must be at least report_s = {:?}", self.report_s);
+            let nearest = format!("{:?}", self.report_s);
+            problems.push(
+                context
+                    .problem("retry_s", message)
+                    .value(format!("{:?}", self.retry_s))
+                    .nearest(nearest),
+            );
+        }
+        let last = context.n_agents.saturating_sub(1);
+        if last == 0 {
+            let message = "needs others that explore: experiment.agents must be at least 2";
+            problems.push(context.problem("base", message));
+        } else if last < self.base {
+            let message = format!("must be a robot, 0 to {last}");
+            problems.push(context.problem("base", message).value(self.base).nearest(last));
+        }
+        if problems.len() != before {
+            return None;
+        }
+        let Some(grid) = Grid::new(self.from_m, self.to_m, self.cell_m) else {
+            let [width_m, height_m] = [0, 1].map(|axis| self.to_m[axis] - self.from_m[axis]);
+            // So large that whole cells to either side are among those that fit.
+            let nearest_m = libm::ceil(100.0 * libm::sqrt(width_m * height_m / 65_000.0)) / 100.0;
+            let message = format!("makes more than {MAX_CELLS} cells of this area");
+            problems.push(
+                context
+                    .problem("cell_m", message)
+                    .value(format!("{:?}", self.cell_m))
+                    .nearest(format!("{nearest_m:?}")),
+            );
+            return None;
+        };
+        let ns = |seconds: f64| libm::round(seconds * NS_PER_S as f64) as u64;
+        Some(Settings {
+            grid,
+            base: self.base,
+            range_m: self.range_m,
+            speed_mps: self.speed_mps,
+            report_ns: ns(self.report_s),
+            retry_ns: ns(self.retry_s),
+            message_bytes: self.message_bytes,
+        })
+    }
+}
+
+/// Frontier-based exploration by a central planner.
+///
+/// # Model
+///
+/// The area is a grid of square cells, of which each is free or occupied ([`Grid::solid`]). A robot that comes into a cell knows
+/// those that it sees from there: within its range, no occupied cell between ([`Grid::sees`]). What is new to it, it sends to the
+/// base, in parts that each fit a message and are repeated until the base says that they have come.
+///
+/// The base puts all parts on one map. A frontier is a free cell beside an unknown one (Yamauchi, "A frontier-based approach for
+/// autonomous exploration", CIRA 1997). Of all robots without a goal and all frontiers that nobody else will see from its goal
+/// the pair with the shortest way comes first, then the next (Burgard, Moors, Stachniss and Schneider, "Coordinated Multi-Robot
+/// Exploration", IEEE Trans. Robot. 21(3), 2005, whose utility is here that a cell is expected to be seen or not). Ways are the
+/// shortest over free cells (Dijkstra 1959), with steps across corners where both cells beside are free; the robot is told
+/// where they turn.
+///
+/// # Validity
+///
+/// Maps are without error: a robot knows what it sees, though with noise of measured positions it is mistaken about where it is
+/// itself. Robots do not avoid each other. Obstacles that move are on no map.
+#[derive(Debug)]
+struct Exploration {
+    settings: Settings,
+}
+
+impl Controller for Exploration {
+    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+        let aim_m = view.exploration.and_then(|exploration| exploration.aim_m(agent));
+        let Some([x_m, y_m]) = aim_m.filter(|_| agent != self.settings.base) else {
+            return Command::Velocity([0.0; 3]);
+        };
+        let [at_x_m, at_y_m, _] = view.states.position_m(agent);
+        let (dx_m, dy_m) = (x_m - at_x_m, y_m - at_y_m);
+        let off_m = libm::hypot(dx_m, dy_m);
+        let speed_mps = self.settings.speed_mps.min(off_m / view.dt_s);
+        let factor = if off_m == 0.0 { 0.0 } else { speed_mps / off_m };
+        Command::Velocity([factor * dx_m, factor * dy_m, 0.0])
+    }
+
+    fn is_done(&self, view: &View<'_>, _commands: &[Command]) -> bool {
+        view.exploration.is_some_and(crate::exploration::State::is_done)
+    }
+
+    fn exploration(&self) -> Option<&Settings> {
+        Some(&self.settings)
+    }
+}
