@@ -14,10 +14,11 @@ const STEPS: usize = 25;
 /// What is gained in the last step (nats).
 const CONVERGED_NATS: f64 = 1e-3;
 
-/// One end of a row: where the other one lies (rad), less the own heading where it is known; else which direction is sought.
+/// One end of a row: cosine and sine of where the other one lies, from the own heading where it is known; else which direction
+/// is sought.
 #[derive(Clone, Copy)]
 struct Sight {
-    bearing_rad: f64,
+    bearing: [f64; 2],
     unknown: Option<usize>,
 }
 
@@ -56,15 +57,11 @@ fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> 
                     return None;
                 }
                 let bearing_rad = dy.atan2(dx);
-                match own.heading_rad {
-                    Some(heading) => {
-                        Some(Sight { bearing_rad: bearing_rad - heading, unknown: None })
-                    }
-                    None => nodes
-                        .binary_search(&own.id)
-                        .ok()
-                        .map(|index| Sight { bearing_rad, unknown: Some(index) }),
-                }
+                let (unknown, heading_rad) = match own.heading_rad {
+                    Some(heading_rad) => (None, heading_rad),
+                    None => (Some(nodes.binary_search(&own.id).ok()?), 0.0),
+                };
+                Some(Sight { bearing: unit(bearing_rad - heading_rad), unknown })
             };
             Seen {
                 ends: [sight(tx, rx), sight(rx, tx)],
@@ -79,25 +76,45 @@ fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> 
 /// What is sought: the difference between front and back (dB), then where the front is (rad): of the body, of each node.
 type Sought = DVector<f64>;
 
-/// What a pattern adds to a row (dB).
-fn added(seen: &Seen, sought: &Sought) -> f64 {
-    seen.ends
-        .iter()
-        .flatten()
-        .map(|sight| -0.5 * sought[0] * (1.0 - front(sought, sight).1.cos()))
-        .sum()
+/// Cosine and sine.
+fn unit(angle_rad: f64) -> [f64; 2] {
+    let (sin, cos) = angle_rad.sin_cos();
+    [cos, sin]
 }
 
-fn front(sought: &Sought, sight: &Sight) -> (usize, f64) {
-    let index = 1 + sight.unknown.map_or(0, |node| 1 + node);
-    (index, sight.bearing_rad - sought[index])
+/// A pattern: how much weaker its back is (dB), and where the front is, of the body and of each node.
+struct Pattern {
+    front_to_back_db: f64,
+    fronts: Vec<[f64; 2]>,
+}
+
+impl Pattern {
+    fn of(sought: &Sought) -> Self {
+        let fronts = sought.iter().skip(1).map(|&angle_rad| unit(angle_rad)).collect();
+        Self { front_to_back_db: sought[0], fronts }
+    }
+
+    /// Where among what is sought the front of an end stands, and cosine and sine of the other end as seen from there.
+    fn seen_from_front(&self, sight: &Sight) -> (usize, [f64; 2]) {
+        let place = sight.unknown.map_or(0, |node| 1 + node);
+        let ([cos, sin], [front_cos, front_sin]) = (sight.bearing, self.fronts[place]);
+        (1 + place, [cos * front_cos + sin * front_sin, sin * front_cos - cos * front_sin])
+    }
+
+    /// What it adds to a row (dB).
+    fn added(&self, seen: &Seen) -> f64 {
+        let ends = seen.ends.iter().flatten();
+        ends.map(|sight| -0.5 * self.front_to_back_db * (1.0 - self.seen_from_front(sight).1[0]))
+            .sum()
+    }
 }
 
 /// What the likelihood gains (nats, a parabola about the fit).
 fn gain(all: &[Seen], sought: &Sought) -> f64 {
+    let pattern = Pattern::of(sought);
     all.iter()
         .map(|seen| {
-            let more = added(seen, sought) - seen.known_db;
+            let more = pattern.added(seen) - seen.known_db;
             more * (seen.slope - 0.5 * seen.weight * more)
         })
         .sum()
@@ -106,17 +123,18 @@ fn gain(all: &[Seen], sought: &Sought) -> f64 {
 /// Information and gradient of what is sought.
 fn derivatives(all: &[Seen], sought: &Sought) -> (DMatrix<f64>, Sought) {
     let n = sought.len();
+    let pattern = Pattern::of(sought);
     let mut information = DMatrix::zeros(n, n);
     let mut gradient = DVector::zeros(n);
     for seen in all {
         let mut entries = [(0, 0.0); 4];
         let mut added = 0.0;
         for (k, sight) in seen.ends.iter().flatten().enumerate() {
-            let (index, angle) = front(sought, sight);
-            let shape = -0.5 * (1.0 - angle.cos());
+            let (index, [cos, sin]) = pattern.seen_from_front(sight);
+            let shape = -0.5 * (1.0 - cos);
             added += sought[0] * shape;
             entries[2 * k] = (0, shape);
-            entries[2 * k + 1] = (index, 0.5 * sought[0] * angle.sin());
+            entries[2 * k + 1] = (index, 0.5 * sought[0] * sin);
         }
         let slope = seen.slope - seen.weight * (added - seen.known_db);
         for &(i, a) in &entries {
@@ -216,8 +234,9 @@ fn known(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> Known {
         sought[2 + index] = heading(node).unwrap_or_default() + state.values[1];
     }
     let mut all = seen(rows, train, left, &nodes);
+    let pattern = Pattern::of(&sought);
     for seen in &mut all {
-        seen.known_db = added(seen, &sought);
+        seen.known_db = pattern.added(seen);
     }
     Known { nodes, sought, all }
 }
