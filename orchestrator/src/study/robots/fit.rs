@@ -57,6 +57,34 @@ fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -> Vec<f64> 
         .collect()
 }
 
+/// The step to the optimum of a quadratic form. A number at an end of its range stays there where the step would lead beyond:
+/// cut off only afterwards, it would leave the others short of their optimum, and a fit would creep along the end.
+fn uphill(
+    information: &DMatrix<f64>,
+    slope: &DVector<f64>,
+    values: &[f64],
+    numbers: &[Number],
+) -> Option<DVector<f64>> {
+    let (mut matrix, mut slope) = (information.clone(), slope.clone());
+    loop {
+        let step = matrix.clone().cholesky()?.solve(&slope);
+        let leads_out = |&i: &usize| {
+            let Number { min, max, .. } = numbers[i];
+            values[i] <= min && step[i] < 0.0 || max <= values[i] && 0.0 < step[i]
+        };
+        let ends: Vec<usize> = (0..numbers.len()).filter(leads_out).collect();
+        if ends.is_empty() {
+            return Some(step);
+        }
+        for i in ends {
+            matrix.row_mut(i).fill(0.0);
+            matrix.column_mut(i).fill(0.0);
+            matrix[(i, i)] = 1.0;
+            slope[i] = 0.0;
+        }
+    }
+}
+
 impl Model {
     /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
     pub(super) fn fitted(&self, terms: &[usize], train: &[u32], start: &RobotFit) -> RobotFit {
@@ -129,7 +157,7 @@ impl Model {
             for i in 0..numbers.len() {
                 matrix[(i, i)] += 1e-9 * matrix[(i, i)] + 1e-12;
             }
-            let Some(step) = matrix.cholesky().map(|factors| factors.solve(&slope)) else { break };
+            let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { break };
             fit.values = stepped(&at.values, &step, &numbers);
             let Some(mut next) = self.point(&fit, train) else { break };
             self.settle(&fit, &mut next);
@@ -282,7 +310,7 @@ impl Model {
                     // Numbers that change nothing stay where they are.
                     matrix[(i, i)] += damping * information[(i, i)] + 1e-12;
                 }
-                let Some(step) = matrix.cholesky().map(|factors| factors.solve(&slope)) else {
+                let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else {
                     damping *= 10.0;
                     continue;
                 };
@@ -421,5 +449,26 @@ impl Model {
         let inverse = information.cholesky()?.inverse();
         let share = n_blocks as f64 / (n_blocks as f64 - 1.0).max(1.0);
         Some(&inverse * (scores.transpose() * &scores) * share * &inverse)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_at_the_end_of_its_range_does_not_hold_the_others_back() {
+        let numbers = [Number { min: 0.0, max: 1.0, step: 0.1 }; 2];
+        // Nearly a ridge: alone the first would go far up, and the second as far down.
+        let information = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.99, 1.0]);
+        let slope = DVector::from_row_slice(&[1.0, 0.9]);
+        let free = uphill(&information, &slope, &[0.5, 0.5], &numbers).unwrap();
+        assert!((information.clone() * free - &slope).amax() < 1e-12);
+        // The first stays, and the second goes to its optimum beside it.
+        let step = uphill(&information, &slope, &[1.0, 0.05], &numbers).unwrap();
+        assert!(step[0].abs() < 1e-12 && (step[1] - 0.9).abs() < 1e-12, "{step}");
+        // Where both ends are in the way nothing moves.
+        let step = uphill(&information, &slope, &[1.0, 1.0], &numbers).unwrap();
+        assert!(step.amax() < 1e-12, "{step}");
     }
 }
