@@ -8,6 +8,7 @@ mod power;
 mod simulate;
 mod stop;
 mod sweeps;
+mod task;
 
 use crate::bench::{self, BenchOptions};
 use crate::config::{self, Overrides, Tls};

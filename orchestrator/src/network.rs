@@ -8,6 +8,7 @@
 //! | [`spread`] | a measurement against the spread of seeds |
 //! | [`compared`] | a comparison |
 //! | [`split`] | whether robots, radio or protocol are wrong |
+//! | [`task`] | whether what robots did wrong is theirs or the network's |
 //! | [`candidates`] | effects that may be missing |
 //! | [`likelihood`] | how probable a measurement is under runs |
 //! | [`tried`] | one effect tried at several values |
@@ -26,5 +27,6 @@ pub mod likelihood;
 pub mod replay;
 pub mod split;
 pub mod spread;
+pub mod task;
 pub mod tracks;
 pub mod tried;

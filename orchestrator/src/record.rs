@@ -20,6 +20,7 @@ mod measures;
 pub mod output;
 mod pcap;
 mod period;
+pub(crate) mod places;
 pub mod read;
 mod summary;
 mod swarm;

@@ -28,6 +28,7 @@ mod refusals;
 mod reports;
 mod simulate;
 mod sweeps;
+mod task_split;
 mod tidy;
 mod tls;
 mod waiting;

@@ -2,6 +2,7 @@
 
 use super::formula::FormulaArgs;
 use super::packets::{Adding, Opened, ReplayArgs};
+use super::task::{self, Files};
 use super::{Failure, place_for, stop, write_json, write_whole};
 use crate::compare::{self, Comparison};
 use crate::console::{say, warn};
@@ -65,15 +66,21 @@ pub(super) struct ChoiceArgs {
 }
 
 impl DataArgs {
+    /// Refuses choices of rows for what is compared as one run.
+    fn refuse_choices(&self, what: &str) -> Result<(), Failure> {
+        let words = self.choices.words();
+        if words.is_empty() {
+            return Ok(());
+        }
+        Err(Failure::request(format!(
+            "{}: not for {what}, which are compared as one run; there are --seeds and --from, of packets --positions, too",
+            words.trim()
+        )))
+    }
+
     /// Packets and their experiment. What is chosen by rows is not for them.
     fn open_packets(&self, replay: &ReplayArgs, table: &Table) -> Result<Opened, Failure> {
-        let words = self.choices.words();
-        if !words.is_empty() {
-            return Err(Failure::request(format!(
-                "{}: not for packets, which are compared as one run; there are --positions, --seeds and --from",
-                words.trim()
-            )));
-        }
+        self.refuse_choices("packets")?;
         replay.open(&self.config, &self.set, table)
     }
 }
@@ -148,6 +155,10 @@ pub(super) struct CompareArgs {
     /// much is robot, radio, protocol
     #[arg(long, value_name = "FILE")]
     links: Option<PathBuf>,
+    /// Of robots: who heard whom meanwhile (packets, link samples, or the folder of a run). With a whole experiment as the
+    /// configuration, the error of the swarm's task is split: how much is network, robot
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["links", "positions"])]
+    heard: Option<PathBuf>,
 }
 
 impl AnswerArgs {
@@ -175,13 +186,13 @@ impl AnswerArgs {
         )
     }
 
-    /// Writes what was found of a network.
-    fn write_network(&self, json: &Value) -> Result<(), Failure> {
+    /// Writes what was found of a network. `further`: what else was asked, as it would be typed.
+    fn write_network(&self, json: &Value, further: &str) -> Result<(), Failure> {
         write_json(self.data.json.as_deref(), json)?;
         let Some(path) = &self.report else { return Ok(()) };
         let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
-        let page =
-            crate::report::packets::page(&name, &self.command(json, &self.replay.words()), json);
+        let words = format!("{further}{}", self.replay.words());
+        let page = crate::report::packets::page(&name, &self.command(json, &words), json);
         write_whole("--report", path, &page)?;
         say(format!("look at {}", path.display()));
         Ok(())
@@ -298,9 +309,15 @@ pub(super) struct ExtendArgs {
 
 /// `orchestrator compare`.
 pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
-    let CompareArgs { answer: args, links } = args;
+    let CompareArgs { answer: args, links, heard } = args;
     args.check_places()?;
     let data = &args.data;
+    if let Some(heard) = heard {
+        data.refuse_choices("tracks with --heard")?;
+        let DataArgs { config, set, data, .. } = data;
+        let found = task::split(&Files { config, set, data, heard }, args.replay.asked())?;
+        return args.write_network(&found, &format!(" --heard {}", heard.display()));
+    }
     let (config, table) =
         open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
     if packets::has_shape(&table).is_ok() {
@@ -308,15 +325,17 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         let links = match links {
             Some(path) => {
                 args.replay.needs_positions()?;
-                Some(Table::read(path).map_err(Failure::request)?)
+                Some((Table::read(path).map_err(Failure::request)?, path))
             }
             None => None,
         };
         let mut found = super::packets::compare(&opened)?;
-        if let Some(links) = links {
+        let mut further = String::new();
+        if let Some((links, path)) = links {
             found["error_split"] = super::packets::split(&opened, &config, &links)?;
+            further = format!(" --links {}", path.display());
         }
-        return args.write_network(&found);
+        return args.write_network(&found, &further);
     }
     if let Some(links) = links {
         return Err(Failure::request(format!(
@@ -452,7 +471,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.replay, &table)?;
         let (found, stopped) = super::packets::diagnose(&opened)?;
-        args.write_network(&found)?;
+        args.write_network(&found, "")?;
         return complete(stopped);
     }
     let stop = stop::listen()?;

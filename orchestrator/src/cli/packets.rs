@@ -26,12 +26,15 @@ pub(super) struct ReplayArgs {
     /// go as the experiment has them
     #[arg(long, value_name = "FILE")]
     positions: Option<PathBuf>,
-    /// Of packets: seeds under which the network is run
+    /// Of packets, and with --heard: seeds under which the network is run
     #[arg(long, value_name = "N", default_value_t = Asked::default().seeds)]
     seeds: u64,
-    /// Of packets: those made before are not compared (s)
+    /// Of packets: those made before are not compared (s). With --heard: when the task began
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     from: f64,
+    /// Of packets: how long the campaign lasted (s), if longer than to its last packet
+    #[arg(long, value_name = "S")]
+    until: Option<f64>,
 }
 
 /// Measured packets, and the experiment that is held against them.
@@ -44,7 +47,7 @@ pub(super) struct Opened {
 
 impl ReplayArgs {
     /// What is asked.
-    fn asked(&self) -> Asked {
+    pub(super) fn asked(&self) -> Asked {
         Asked { seeds: self.seeds, from_s: self.from }
     }
 
@@ -62,10 +65,11 @@ impl ReplayArgs {
     pub(super) fn words(&self) -> String {
         let positions = self.positions.as_ref();
         format!(
-            "{} --seeds {} --from {}",
+            "{} --seeds {} --from {}{}",
             positions.map_or_else(String::new, |path| format!(" --positions {}", path.display())),
             self.seeds,
-            self.from
+            self.from,
+            self.until.map_or_else(String::new, |until_s| format!(" --until {until_s}"))
         )
     }
 
@@ -86,6 +90,18 @@ impl ReplayArgs {
         };
         let replay = Replay::new(plan, tracks, &packets.packets)
             .map_err(|error| Failure::request(format!("{}: {error}", config.display())))?;
+        let replay = match self.until {
+            None => replay,
+            Some(until_s) if until_s.is_finite() && replay.duration_s() <= until_s => {
+                replay.until(until_s)
+            }
+            Some(until_s) => {
+                return Err(Failure::request(format!(
+                    "--until {until_s}: packets are on their way until {} s, which it must not lie before",
+                    replay.duration_s()
+                )));
+            }
+        };
         let mut account = Account {
             file: open::name_of(table),
             sha256: table.sha256.clone(),

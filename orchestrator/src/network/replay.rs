@@ -8,9 +8,11 @@ use bytes::Bytes;
 use netsim::sim::Network;
 use proto::config::{Node, Problem};
 use proto::rng::{Draws, Purpose};
-use proto::side::{NetInput, NetSimulator as _, RobotInput, RobotSimulator as _, Setup};
+use proto::side::{
+    NetInput, NetOutput, NetSimulator as _, RobotInput, RobotSimulator as _, RobotStart, Setup,
+};
 use proto::site::Site;
-use proto::types::{Coupling, MoteCommand, MoteOrder, NS_PER_S, NetRecord};
+use proto::types::{AgentStates, Coupling, MoteCommand, MoteOrder, NS_PER_S, NetRecord};
 use rayon::prelude::*;
 use robotsim::sim::Swarm;
 
@@ -41,6 +43,8 @@ pub struct Replay {
 const OWN_ROBOTS: &str = "a replay has the coupling \"sequential\" and a fixed control period";
 /// The name under which measured links come to the network.
 pub const LINKS: &str = "measured-links.k7";
+/// The name under which measured places come to the robots as those where they begin.
+const BEGIN: &str = "measured-begin.csv";
 
 /// The payload of a packet whose length is not known (bytes).
 const PAYLOAD_BYTES: u32 = 30;
@@ -58,13 +62,7 @@ impl Replay {
         packets: &[Packet],
     ) -> Result<Self, ReplayError> {
         let unfit = |why: String| Err(ReplayError::Unfit(why));
-        for (name, side) in [("netsim", &plan.netsim), ("robotsim", &plan.robotsim)] {
-            if side.url.is_some() {
-                return unfit(format!(
-                    "{name}.url: a replay takes place in this program, and cannot ask a simulator elsewhere"
-                ));
-            }
-        }
+        has_both_sides(&plan)?;
         let network = network_of(&plan);
         if network.get("mode").and_then(toml::Value::as_str) != Some("6tisch") {
             return unfit(
@@ -81,16 +79,7 @@ impl Replay {
             ));
         }
         match &tracks {
-            Some(tracks) => {
-                let unseen: Vec<String> =
-                    tracks.unseen(n).iter().take(8).map(ToString::to_string).collect();
-                if !unseen.is_empty() {
-                    return unfit(format!(
-                        "no place is known of agents {}: every agent of the experiment needs one",
-                        unseen.join(", ")
-                    ));
-                }
-            }
+            Some(tracks) => all_are_seen(tracks, n)?,
             None if plan.experiment.coupling != Coupling::Sequential => {
                 return unfit(format!("{OWN_ROBOTS}; give measured places with --positions"));
             }
@@ -98,12 +87,41 @@ impl Replay {
         }
         let ends = packets.iter().map(|packet| packet.received_s.unwrap_or(packet.time_s));
         let until_ns = (ends.fold(0.0, f64::max) * NS_PER_S as f64).ceil() as u64;
-        let mut problems = Vec::new();
-        let site = proto::config::parse(&plan.site_toml).unwrap_or_else(|_| Node::empty_table());
-        let (site, _) = proto::site::read(&site, "site", &mut problems);
+        let site = site_of(&plan);
         let has_apps = network.get("app").and_then(toml::Value::as_array).is_some();
         let resent = if has_apps { Vec::new() } else { packets.to_vec() };
         Ok(Self { plan, site, tracks, resent, until_ns: until_ns.max(1) })
+    }
+
+    /// An experiment over what its robots did: they are where they were measured, from the beginning of the task on.
+    ///
+    /// # Errors
+    ///
+    /// See [`ReplayError::Unfit`].
+    pub fn of_task(plan: Plan, tracks: Tracks) -> Result<Self, ReplayError> {
+        has_both_sides(&plan)?;
+        let n = plan.experiment.agent_count;
+        all_are_seen(&tracks, n)?;
+        if n < tracks.n_agents() {
+            return Err(ReplayError::Unfit(format!(
+                "the places name agent {}, the experiment has {n} agents: 0 to {}. Are agents numbered otherwise there?",
+                tracks.n_agents() - 1,
+                n - 1
+            )));
+        }
+        if plan.experiment.coupling != Coupling::Sequential {
+            return Err(ReplayError::Unfit(OWN_ROBOTS.to_owned()));
+        }
+        let site = site_of(&plan);
+        let until_ns = ((tracks.until_s() * NS_PER_S as f64).round() as u64).max(1);
+        Ok(Self { plan, site, tracks: Some(tracks), resent: Vec::new(), until_ns })
+    }
+
+    /// The same up to a time (s) at which packets may long have ceased: that none come any more is news, too.
+    #[must_use]
+    pub fn until(&self, until_s: f64) -> Self {
+        let until_ns = (until_s * NS_PER_S as f64).round() as u64;
+        Self { until_ns: self.until_ns.max(until_ns), ..self.clone() }
     }
 
     /// The same with robots elsewhere.
@@ -135,6 +153,11 @@ impl Replay {
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.until_ns as f64 / NS_PER_S as f64
+    }
+
+    /// When it ends (ns).
+    pub(super) fn until_ns(&self) -> u64 {
+        self.until_ns
     }
 
     /// Whether motes send what was measured, and not what applications say.
@@ -203,31 +226,82 @@ impl Replay {
         number: u64,
         trace: Option<&Bytes>,
     ) -> Result<Vec<Packet>, ReplayError> {
-        let Plan { experiment, timeline, .. } = &self.plan;
-        let mut robots = Swarm::default();
+        let mut packets = Vec::new();
         // The robots are those of the experiment, whatever the network's chances.
-        let setup = |toml: &str, side: &SideConfig, seed: u64| {
-            let mut experiment = experiment.clone();
-            experiment.seed = seed;
-            let config = proto::config::parse(toml).map_err(ReplayError::Refused)?;
-            Ok(Setup {
-                experiment,
-                site: self.site.clone(),
-                config,
-                path: String::new(),
-                files: side.files.clone(),
-                columns: Vec::new(),
-                records: vec![NetRecord::Packets],
-            })
+        let course = Course {
+            network,
+            number,
+            trace,
+            robots_seed: self.plan.experiment.seed,
+            begin: None,
+            counts_from_start: false,
         };
+        self.drive(&course, &mut |step| packets.extend(step.reply.packets.iter().flat_map(ended)))?;
+        packets.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then(a.source.cmp(&b.source)));
+        Ok(packets)
+    }
+
+    /// What a side is told when a replay begins.
+    fn setup(&self, toml: &str, side: &SideConfig, seed: u64) -> Result<Setup, ReplayError> {
+        let mut experiment = self.plan.experiment.clone();
+        experiment.seed = seed;
+        let config = proto::config::parse(toml).map_err(ReplayError::Refused)?;
+        Ok(Setup {
+            experiment,
+            site: self.site.clone(),
+            config,
+            path: String::new(),
+            files: side.files.clone(),
+            columns: Vec::new(),
+            records: vec![NetRecord::Packets],
+        })
+    }
+
+    /// The robots, where they begin.
+    ///
+    /// * `begin`: their places in place of the scenario's, as the file of a scenario `csv`.
+    ///
+    /// # Errors
+    ///
+    /// They refuse their section, or the places.
+    pub(super) fn robots(
+        &self,
+        seed: u64,
+        begin: Option<&Bytes>,
+    ) -> Result<(Swarm, RobotStart), ReplayError> {
         let side = &self.plan.robotsim;
-        let begin = robots
-            .configure(&setup(&side.toml, side, experiment.seed)?)
-            .map_err(ReplayError::Refused)?;
+        let mut section: toml::Table = side.toml.parse().unwrap_or_default();
+        if begin.is_some() {
+            let mut scenario = toml::Table::new();
+            scenario.insert("kind".to_owned(), "csv".into());
+            scenario.insert("file".to_owned(), BEGIN.into());
+            section.insert("scenario".to_owned(), scenario.into());
+        }
+        let mut told = self.setup(&section.to_string(), side, seed)?;
+        told.files.extend(begin.map(|begin| (BEGIN.to_owned(), begin.clone())));
+        let mut robots = Swarm::default();
+        let start = robots.configure(&told).map_err(ReplayError::Refused)?;
+        Ok((robots, start))
+    }
+
+    /// A seed for replay `number`: of the network, or of something else that has chances of its own.
+    pub(super) fn seed(&self, number: u64, of: u64) -> u64 {
+        Draws::new(self.plan.experiment.seed, Purpose::Replay).words(number, of, 0)[0] >> 1
+    }
+
+    /// Runs both sides in turn, and shows each step.
+    pub(super) fn drive(
+        &self,
+        course: &Course<'_>,
+        each: &mut dyn FnMut(&Stepped<'_>),
+    ) -> Result<(), ReplayError> {
+        let Plan { experiment, timeline, .. } = &self.plan;
+        let (mut robots, begin) = self.robots(course.robots_seed, course.begin)?;
         let mut radios = Network::default();
-        let seed = Draws::new(experiment.seed, Purpose::Replay).words(number, 0, 0)[0] >> 1;
-        let mut told = setup(&network.to_string(), &self.plan.netsim, seed)?;
-        told.files.extend(trace.map(|trace| (LINKS.to_owned(), trace.clone())));
+        let seed = self.seed(course.number, 0);
+        let mut told = self.setup(&course.network.to_string(), &self.plan.netsim, seed)?;
+        told.files.extend(course.trace.map(|trace| (LINKS.to_owned(), trace.clone())));
+        told.columns.clone_from(&begin.columns);
         let start = radios.configure(&told).map_err(ReplayError::Refused)?;
         let waits = match self.plan.start {
             Some(start) => start == Start::WhenFormed,
@@ -237,15 +311,24 @@ impl Replay {
         let (mut states, mut payloads) = (begin.states, begin.payloads);
         let mut deliveries = None;
         let mut motes = start.motes;
-        let mut packets = Vec::new();
         let mut resent = self.resent.iter().peekable();
         let (mut step, mut from_ns) = (0, 0);
-        while from_ns < self.until_ns {
+        loop {
+            let end_ns = match (course.counts_from_start, started_ns) {
+                (false, _) => self.until_ns,
+                (true, Some(started_ns)) => started_ns + self.until_ns,
+                (true, None) => self.plan.formation_limit_ns,
+            };
+            if end_ns <= from_ns {
+                return Ok(());
+            }
             step += 1;
             let until_ns = from_ns + experiment.step_ns;
+            let since_ns = if course.counts_from_start { started_ns } else { Some(0) };
             let mut moved = Vec::new();
             if let Some(tracks) = &self.tracks {
-                tracks.place(until_ns as f64 / NS_PER_S as f64, &mut states);
+                let at_ns = since_ns.map_or(0, |since_ns| until_ns - since_ns);
+                tracks.place(at_ns as f64 / NS_PER_S as f64, &mut states);
             } else {
                 let reply = robots.step(&RobotInput {
                     step,
@@ -277,16 +360,75 @@ impl Replay {
                 stop_at_first_delivery: false,
                 records: &[],
             });
+            if let Some(since_ns) = since_ns {
+                each(&Stepped { since_ns, until_ns, states: &states, reply: &reply });
+            }
             if started_ns.is_none() && reply.formation.is_some_and(|it| it.formed_ns.is_some()) {
                 started_ns = Some(until_ns);
             }
-            packets.extend(reply.packets.iter().flat_map(ended));
             (deliveries, motes) = (Some(reply.deliveries), reply.motes);
             from_ns = until_ns;
         }
-        packets.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then(a.source.cmp(&b.source)));
-        Ok(packets)
     }
+}
+
+/// One replay.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Course<'a> {
+    /// The network's section.
+    pub(super) network: &'a toml::Table,
+    /// Number of its seed.
+    pub(super) number: u64,
+    /// Links in place of its radio, named [`LINKS`].
+    pub(super) trace: Option<&'a Bytes>,
+    /// Seed of the robots.
+    pub(super) robots_seed: u64,
+    /// Where robots begin, if not as the scenario has it.
+    pub(super) begin: Option<&'a Bytes>,
+    /// Time counts from when the robots start, not from when the network is switched on; only then steps are shown.
+    pub(super) counts_from_start: bool,
+}
+
+/// A step of a replay.
+#[derive(Debug)]
+pub(super) struct Stepped<'a> {
+    /// When time begins to count (ns).
+    pub(super) since_ns: u64,
+    /// When the step ends (ns).
+    pub(super) until_ns: u64,
+    /// Where agents are then.
+    pub(super) states: &'a AgentStates,
+    /// What the network did in it.
+    pub(super) reply: &'a NetOutput,
+}
+
+/// Refuses simulators elsewhere.
+fn has_both_sides(plan: &Plan) -> Result<(), ReplayError> {
+    for (name, side) in [("netsim", &plan.netsim), ("robotsim", &plan.robotsim)] {
+        if side.url.is_some() {
+            return Err(ReplayError::Unfit(format!(
+                "{name}.url: a replay takes place in this program, and cannot ask a simulator elsewhere"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses tracks that lack an agent.
+fn all_are_seen(tracks: &Tracks, n_agents: usize) -> Result<(), ReplayError> {
+    let unseen: Vec<String> = tracks.unseen(n_agents).iter().take(8).map(u32::to_string).collect();
+    if unseen.is_empty() {
+        return Ok(());
+    }
+    Err(ReplayError::Unfit(format!(
+        "no place is known of agents {}: every agent of the experiment needs one",
+        unseen.join(", ")
+    )))
+}
+
+fn site_of(plan: &Plan) -> Site {
+    let site = proto::config::parse(&plan.site_toml).unwrap_or_else(|_| Node::empty_table());
+    proto::site::read(&site, "site", &mut Vec::new()).0
 }
 
 /// The network's section of an experiment, with all defaults.

@@ -19,9 +19,10 @@ pub fn page(config: &str, command: &str, json: &Value) -> String {
     let mut page = begin(&title);
     let _ = write!(
         page,
-        "<header>\n<h1>{}</h1>\n<p class=\"lead\">{} packets, {} used; the network was run under {} seeds. A measurement is one run whose chances fell in one way: the question is whether it could be one of the model's.</p>\n</header>\n",
+        "<header>\n<h1>{}</h1>\n<p class=\"lead\">{} {}, {} used; the network was run under {} seeds. A measurement is one run whose chances fell in one way: the question is whether it could be one of the model's.</p>\n</header>\n",
         escape(&title),
         count(json["rows"].as_u64().unwrap_or(0)),
+        if json["kind"] == "task" { "places" } else { "packets" },
         count(json["used"].as_u64().unwrap_or(0)),
         json["seeds"],
     );
@@ -34,6 +35,7 @@ pub fn page(config: &str, command: &str, json: &Value) -> String {
         words::ties(&mut page, json);
     }
     table(&mut page, json);
+    split(&mut page, json);
     figures(
         &mut page,
         "Figure by figure",
@@ -82,6 +84,52 @@ fn table(page: &mut String, json: &Value) {
             range(kpi),
             kpi["unit"].as_str().unwrap_or_default(),
             number(of(&kpi["p_value"])),
+        );
+    }
+    page.push_str("</table>\n");
+}
+
+/// Where the error comes from, where that was asked.
+fn split(page: &mut String, json: &Value) {
+    let split = &json["error_split"];
+    let Some(sentence) = split["sentence"].as_str() else { return };
+    let mut parts: Vec<&str> = list(&split["order"]).filter_map(Value::as_str).collect();
+    let heading = if json["kind"] == "task" {
+        parts.push("neither");
+        "Network or robot?"
+    } else {
+        "Robot, radio or protocol?"
+    };
+    let columns: String = parts.iter().map(|part| format!("<th class=\"n\">{part}</th>")).collect();
+    let _ = writeln!(
+        page,
+        "<h2>{heading}</h2>\n<p>{}. {}.</p>\n<table>\n<tr><th>figure</th><th class=\"n\">measured</th><th class=\"n\">whole model</th>{columns}<th>unit</th></tr>",
+        escape(&words::upper(sentence)),
+        escape(&words::upper(split["note"].as_str().unwrap_or_default())),
+    );
+    for figure in list(&split["figures"]).filter(|figure| figure["measured"].is_number()) {
+        let cell = |part: &&str| {
+            let part = &figure["parts"][*part];
+            let told = |key: &str| number(of(&part[key]));
+            if part.is_null() {
+                "<td class=\"n\">–</td>".to_owned()
+            } else {
+                format!(
+                    "<td class=\"n\">{} ({} to {})</td>",
+                    told("value"),
+                    told("low"),
+                    told("high")
+                )
+            }
+        };
+        let _ = writeln!(
+            page,
+            "<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>{}<td>{}</td></tr>",
+            escape(figure["name"].as_str().unwrap_or_default()),
+            number(of(&figure["measured"])),
+            number(of(&figure["whole"])),
+            parts.iter().map(cell).collect::<String>(),
+            figure["unit"].as_str().unwrap_or_default(),
         );
     }
     page.push_str("</table>\n");

@@ -1,0 +1,83 @@
+//! The command that splits the error of a swarm's task.
+
+use super::Failure;
+use super::measured::account_json;
+use crate::config::{self, Overrides};
+use crate::console::say;
+use crate::measure::config::Compared;
+use crate::measure::table::Table;
+use crate::network::compared::Asked;
+use crate::network::replay::Replay;
+use crate::network::task::heard::Hearing;
+use crate::network::task::{self, FEWEST_SEEDS, Measured};
+use crate::network::tracks::Tracks;
+use crate::study::open::{self, Account};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Files of a swarm that was measured, and the experiment that is held against it.
+pub(super) struct Files<'a> {
+    pub(super) config: &'a Path,
+    pub(super) set: &'a [String],
+    /// Where robots were.
+    pub(super) data: &'a Path,
+    /// Who heard whom.
+    pub(super) heard: &'a Path,
+}
+
+/// Where the error of the task comes from: the answer, told.
+pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<Value, Failure> {
+    if asked.seeds < FEWEST_SEEDS {
+        return Err(Failure::request(format!(
+            "--seeds {}: at least {FEWEST_SEEDS} are needed to tell a part of an error from chance",
+            asked.seeds
+        )));
+    }
+    let overrides = Overrides { set: files.set.to_vec(), ..Overrides::default() };
+    let plan = config::load(files.config, &overrides).map_err(Failure::request)?;
+    let compared = Compared::load(files.config, files.set).map_err(Failure::request)?;
+    let (tracks, table) = Tracks::with_table(files.data).map_err(Failure::request)?;
+    let tracks = tracks
+        .since(asked.from_s)
+        .map_err(|why| Failure::request(format!("--from {}: {why}", asked.from_s)))?;
+    let n_agents = plan.experiment.agent_count;
+    let heard = Hearing::read(files.heard, n_agents, asked.from_s).map_err(Failure::request)?;
+    let replay = Replay::of_task(plan, tracks.clone())
+        .map_err(|error| Failure::request(format!("{}: {error}", files.config.display())))?;
+    let sd_m = open::localization_sd_m(&compared);
+    let account = account(&table, &heard, files.heard, sd_m);
+    super::measured::account_text(&account);
+    tracing::info!("{} seeds of {:.0} s, three times", asked.seeds, replay.duration_s());
+    let measured =
+        Measured { replay: &replay, tracks: &tracks, heard: &heard, sd_m: sd_m.unwrap_or(0.0) };
+    let split = measured.split(asked).map_err(Failure::request)?;
+    say(task::text(&split));
+    let mut json = task::json(&split, asked);
+    account_json(&account, &mut json);
+    json["heard"] = json!({ "file": files.heard.display().to_string(), "deliveries": heard.n() });
+    Ok(json)
+}
+
+fn account(table: &Table, heard: &Hearing, heard_path: &Path, sd_m: Option<f64>) -> Account {
+    let mut warnings = vec![format!(
+        "{}: {} rows, {} times somebody heard somebody",
+        heard_path.display(),
+        heard.n_rows,
+        heard.n()
+    )];
+    if sd_m.is_none() {
+        warnings.push(
+            "robotsim.localization.sd_m is not given: places are taken as exact, and the noise of their measurement as something \
+             that robots do"
+                .to_owned(),
+        );
+    }
+    Account {
+        file: open::name_of(table),
+        sha256: table.sha256.clone(),
+        rows: table.n_rows(),
+        used: table.n_rows(),
+        rejected: Vec::new(),
+        warnings,
+    }
+}

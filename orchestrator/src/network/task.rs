@@ -1,0 +1,317 @@
+//! Where the error of a swarm's task comes from: the network, or the robots.
+//!
+//! What was heard is replayed into the model's robots, which say what they have to say by themselves: who heard whom, and when,
+//! is as measured, and what it was is the simulation's. Where the robots are right they then go where the measured ones went. To
+//! tell the network by itself, the model's network is run over the measured tracks, and what it delivers there is replayed into
+//! the same robots. Both replays are alike but for the network. What robots then still differ by is theirs; and what the model's
+//! network delivers along the measured tracks, where it differs from what it delivers along the model's own, goes with neither:
+//! whoever is elsewhere hears others.
+
+pub mod figures;
+pub mod heard;
+mod told;
+
+use super::compared::Asked;
+use super::replay::{Course, Replay, ReplayError};
+use super::spread::{Standing, place};
+use super::tracks::Tracks;
+use crate::record::Task;
+use bytes::Bytes;
+use figures::{N, Sheet, TaskFigures};
+use heard::Hearing;
+use proto::rng::{Draws, Purpose};
+use proto::side::{RobotInput, RobotSimulator as _};
+use proto::types::{DeliveryColumn, seconds};
+use rayon::prelude::*;
+pub use told::{json, text};
+
+/// The chance up to which a part is more than chance.
+pub const ACCEPT: f64 = 0.01;
+/// Fewer seeds cannot tell at that level.
+pub const FEWEST_SEEDS: u64 = 99;
+/// Differences of a figure on its scale below this are none: half a hundredth.
+const LEAST: f64 = 0.005;
+/// A standard normal stays below with 95 %.
+const Z_95: f64 = 1.645;
+
+/// A swarm that was measured, and the experiment that is held against it.
+#[derive(Debug)]
+pub struct Measured<'a> {
+    /// The experiment over the measured tracks: [`Replay::of_task`].
+    pub replay: &'a Replay,
+    /// Where robots were, from when the task began.
+    pub tracks: &'a Tracks,
+    /// Who heard whom, from then on.
+    pub heard: &'a Hearing,
+    /// Standard deviation of the noise of measured places, per component (m).
+    pub sd_m: f64,
+}
+
+/// Figures of runs, and how far they are from what was measured.
+#[derive(Clone, Debug)]
+pub struct Runs {
+    /// Of each run.
+    pub figures: Vec<TaskFigures>,
+    /// Root mean square distance of robots from where they were measured, mean of the runs (m).
+    pub off_m: f64,
+}
+
+impl Runs {
+    /// Mean of a figure.
+    #[must_use]
+    pub fn mean(&self, k: usize) -> f64 {
+        self.figures.iter().map(|run| run.values[k]).sum::<f64>() / self.figures.len() as f64
+    }
+
+    /// Variance of a figure over the runs.
+    fn variance(&self, k: usize) -> f64 {
+        let mean = self.mean(k);
+        let squares: f64 = self.figures.iter().map(|run| (run.values[k] - mean).powi(2)).sum();
+        squares / (self.figures.len() as f64 - 1.0).max(1.0)
+    }
+
+    /// Where the middle 90 % of the runs lie in a figure; NaN where it is not known.
+    #[must_use]
+    pub fn middle(&self, k: usize) -> [f64; 2] {
+        let mut values: Vec<f64> = self.figures.iter().map(|run| run.values[k]).collect();
+        values.sort_by(f64::total_cmp);
+        [0.05, 0.95].map(|share| crate::record::quantile(&values, share))
+    }
+
+    fn scaled(&self) -> Vec<Vec<f64>> {
+        self.figures.iter().map(|run| run.scaled().to_vec()).collect()
+    }
+
+    /// Chance that a run is as far out as this, and the figure in which it is furthest. What differs by less than [`LEAST`] in
+    /// all figures does not differ.
+    fn place_of(&self, scaled: &[f64]) -> Placing {
+        let runs = self.scaled();
+        let placed = place(scaled, &runs);
+        let mean = |k: usize| runs.iter().map(|run| run[k]).sum::<f64>() / runs.len() as f64;
+        let known = (0..N).filter_map(|k| Some((k, placed.figures[k]?)));
+        let apart: Vec<(usize, f64)> = known
+            .filter(|(k, _)| LEAST < (scaled[*k] - mean(*k)).abs())
+            .map(|(k, standing)| (k, standing.z.abs()))
+            .collect();
+        let furthest = apart.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| *k);
+        let p_value = if apart.is_empty() { 1.0 } else { placed.p_value };
+        Placing { p_value, furthest }
+    }
+}
+
+/// Where something stands among runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Placing {
+    /// Chance to be as far out in any figure.
+    pub p_value: f64,
+    /// The figure in which it is furthest; none where it does not differ.
+    pub furthest: Option<usize>,
+}
+
+impl Placing {
+    /// More than chance.
+    #[must_use]
+    pub fn is_found(&self) -> bool {
+        self.p_value <= ACCEPT
+    }
+}
+
+/// The error of a task split.
+#[derive(Clone, Debug)]
+pub struct TaskSplit {
+    /// Of the measurement.
+    pub measured: TaskFigures,
+    /// The whole model.
+    pub whole: Runs,
+    /// The model's robots, who hear what the model's network delivers along the measured tracks.
+    pub own: Runs,
+    /// The model's robots, who hear what was heard.
+    pub heard: Runs,
+    /// The measurement among runs of the whole model; the same figure by figure.
+    pub model: Placing,
+    /// None where a figure is not known.
+    pub standings: Vec<Option<Standing>>,
+    /// What was heard among what the model's network delivers along the same tracks.
+    pub network: Placing,
+    /// What robots did among what the model's do with what was heard.
+    pub robot: Placing,
+}
+
+/// Part of an error in one figure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// How much of it (in the figure's unit).
+    pub value: f64,
+    /// 90 % interval.
+    pub interval: [f64; 2],
+}
+
+impl TaskSplit {
+    /// The parts of the error in a figure: network, robot, and what goes with neither. They add up to the whole error.
+    #[must_use]
+    pub fn parts(&self, k: usize) -> [Option<Part>; 3] {
+        let n = self.whole.figures.len() as f64;
+        let part = |value: f64, variance: f64| {
+            let half = Z_95 * libm::sqrt(variance);
+            let interval = [value - half, value + half];
+            value.is_finite().then_some(Part { value, interval })
+        };
+        let [whole, own, heard] = [&self.whole, &self.own, &self.heard];
+        let of_mean = |runs: &Runs| runs.variance(k) / n;
+        [
+            // What was heard is one of the things that might have been heard.
+            part(heard.mean(k) - own.mean(k), own.variance(k) + of_mean(own)),
+            part(self.measured.values[k] - heard.mean(k), heard.variance(k) + of_mean(heard)),
+            part(own.mean(k) - whole.mean(k), of_mean(own) + of_mean(whole)),
+        ]
+    }
+}
+
+/// What has chances of its own: see [`Replay::seed`].
+const ROBOTS: u64 = 1;
+const NOISE: u64 = 2;
+
+impl Measured<'_> {
+    /// Splits the error. `asked.from_s` is done with: tracks and what was heard begin with the task.
+    ///
+    /// # Errors
+    ///
+    /// A side refuses what it is told, or robots ask for what the file does not tell.
+    pub fn split(&self, asked: Asked) -> Result<TaskSplit, ReplayError> {
+        let plan = self.replay.plan();
+        let toml = plan.robotsim.effective_toml.as_ref().unwrap_or(&plan.robotsim.toml);
+        let experiment = &plan.experiment;
+        let sheet = Sheet::new(
+            Task::of(toml),
+            experiment.agent_count,
+            self.replay.duration_s(),
+            self.tracks.spacing_s(),
+            seconds(experiment.step_ns),
+        );
+        let numbers: Vec<u64> = (0..asked.seeds).collect();
+        tracing::info!("the whole model");
+        let whole = self.runs(&sheet, &numbers, &|number| self.together(number))?;
+        tracing::info!("the model's network along the measured tracks");
+        let own = self
+            .runs(&sheet, &numbers, &|number| self.hearing(number, &self.along_tracks(number)?))?;
+        tracing::info!("with what was heard");
+        let heard = self.runs(&sheet, &numbers, &|number| self.hearing(number, self.heard))?;
+        let measured = sheet.figures(self.tracks);
+        let scaled = measured.scaled();
+        let of_heard: Vec<f64> = {
+            let runs = heard.scaled();
+            let n = runs.len() as f64;
+            (0..N).map(|k| runs.iter().map(|run| run[k]).sum::<f64>() / n).collect()
+        };
+        Ok(TaskSplit {
+            model: whole.place_of(&scaled),
+            standings: place(&scaled, &whole.scaled()).figures,
+            network: own.place_of(&of_heard),
+            robot: heard.place_of(&scaled),
+            measured,
+            whole,
+            own,
+            heard,
+        })
+    }
+
+    /// Figures of runs that go their ways, measured as the measured ones were.
+    fn runs(
+        &self,
+        sheet: &Sheet,
+        numbers: &[u64],
+        run: &(dyn Fn(u64) -> Result<Tracks, ReplayError> + Sync),
+    ) -> Result<Runs, ReplayError> {
+        let one = |&number: &u64| {
+            let noise = Draws::new(self.replay.seed(number, NOISE), Purpose::Localization);
+            let error_m = |agent, k, axis| self.error_m(noise, agent, k, axis);
+            let seen = self.tracks.measured_of(&run(number)?, &error_m);
+            Ok((sheet.figures(&seen), sheet.apart_m(&seen, self.tracks)))
+        };
+        let all: Result<Vec<(TaskFigures, f64)>, ReplayError> =
+            numbers.par_iter().map(one).collect();
+        let all = all?;
+        let off_m = all.iter().map(|(_, off_m)| off_m).sum::<f64>() / all.len() as f64;
+        Ok(Runs { figures: all.into_iter().map(|(figures, _)| figures).collect(), off_m })
+    }
+
+    /// An error of a measured place (m).
+    fn error_m(&self, noise: Draws, agent: u64, k: u64, axis: u64) -> f64 {
+        if self.sd_m == 0.0 { 0.0 } else { self.sd_m * noise.normal(agent, k, axis) }
+    }
+
+    /// Where robots begin: where they were measured, within the noise of that.
+    fn begin(&self, number: u64) -> (Tracks, Bytes) {
+        let noise = Draws::new(self.replay.seed(number, NOISE), Purpose::Scenario);
+        let begin = self.tracks.begin(&|agent, axis| self.error_m(noise, agent, 0, axis));
+        let csv = Bytes::from(begin.begin_csv());
+        (begin, csv)
+    }
+
+    /// The whole model.
+    fn together(&self, number: u64) -> Result<Tracks, ReplayError> {
+        let (mut ways, begin) = self.begin(number);
+        self.replay.with_its_robots()?.drive(
+            &Course { begin: Some(&begin), ..self.course(number, &self.replay.network()) },
+            &mut |step| ways.push(seconds(step.until_ns - step.since_ns), step.states),
+        )?;
+        Ok(ways)
+    }
+
+    /// What the model's network delivers along the measured tracks.
+    fn along_tracks(&self, number: u64) -> Result<Hearing, ReplayError> {
+        let n = self.replay.plan().experiment.agent_count;
+        let mut all = Vec::new();
+        self.replay.drive(&self.course(number, &self.replay.network()), &mut |step| {
+            heard::collect(&step.reply.deliveries, n, step.since_ns, &mut all);
+        })?;
+        Ok(Hearing::of(all))
+    }
+
+    fn course<'b>(&self, number: u64, network: &'b toml::Table) -> Course<'b> {
+        Course {
+            network,
+            number,
+            trace: None,
+            robots_seed: self.replay.seed(number, ROBOTS),
+            begin: None,
+            counts_from_start: true,
+        }
+    }
+
+    /// The model's robots, who hear what is given.
+    fn hearing(&self, number: u64, heard: &Hearing) -> Result<Tracks, ReplayError> {
+        let experiment = &self.replay.plan().experiment;
+        let (n, step_ns) = (experiment.agent_count, experiment.step_ns);
+        let (mut ways, begin) = self.begin(number);
+        let seed = self.replay.seed(number, ROBOTS);
+        let (mut robots, start) = self.replay.robots(seed, Some(&begin))?;
+        if start.columns.contains(&DeliveryColumn::RssiDbm) && !heard.has_strengths() {
+            return Err(ReplayError::Unfit(
+                "the robots act on how strong frames are: what was heard needs rssi_dbm throughout"
+                    .to_owned(),
+            ));
+        }
+        let mut said = Vec::new();
+        let mut deliveries = None;
+        let (mut step, mut from_ns) = (0, 0);
+        while from_ns < self.replay.until_ns() {
+            step += 1;
+            let until_ns = from_ns + step_ns;
+            let reply = robots.step(&RobotInput {
+                step,
+                from_ns,
+                until_ns,
+                deliveries: deliveries.as_ref(),
+                motes: None,
+                commands: &[],
+                hold: false,
+            });
+            said.push(reply.payloads);
+            deliveries = Some(heard.within([from_ns, until_ns], &said, step_ns, n));
+            ways.push(seconds(until_ns), &reply.states);
+            from_ns = until_ns;
+        }
+        Ok(ways)
+    }
+}
