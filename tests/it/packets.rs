@@ -2,7 +2,6 @@
 //! the running simulation itself, under other seeds, with an effect that the model lacks.
 
 use orchestrator::config::{Overrides, read};
-use orchestrator::measure::packets::Packet;
 use orchestrator::measure::table::Table;
 use orchestrator::network::compared::Among;
 use orchestrator::network::replay::Replay;
@@ -52,16 +51,13 @@ payload_bytes = 40
 
 /// A model over a campaign of half an hour.
 pub(crate) fn replay(text: &str, tracks: Option<Tracks>) -> Replay {
+    lasting(text, tracks, 1800.0)
+}
+
+/// A model over a campaign of so long.
+pub(crate) fn lasting(text: &str, tracks: Option<Tracks>, until_s: f64) -> Replay {
     let plan = read(Path::new("model.toml"), text.to_owned(), &Overrides::default()).unwrap();
-    let end = Packet {
-        time_s: 1800.0,
-        source: 1,
-        destination: 0,
-        received_s: None,
-        hops: None,
-        payload_bytes: None,
-    };
-    Replay::new(plan, tracks, &[end]).unwrap()
+    Replay::new(plan, tracks, &[]).unwrap().until(until_s)
 }
 
 pub(crate) fn with(tables: &str) -> String {

@@ -281,8 +281,12 @@ impl<'a> Diagnosis<'a> {
             (trial.gain, trial.p_value) = (Some(*gain), Some(chance(*gain)));
             (trial.fitted, trial.p_with) = (None, None);
         }
+        // Runs of the network itself that went strangely gain much by chance. What is no run of it at that level has been told from
+        // them already: then an effect that gains may be the one, if the measurement could be a run with it.
+        let is_no_run = last.among.placed.p_value <= ACCEPT;
+        let is_hopeful = |gain: f64| chance(gain) <= ACCEPT || (is_no_run && TIE <= gain);
         let mut order: Vec<usize> =
-            (0..curves.len()).filter(|&place| chance(here[place]) <= ACCEPT).collect();
+            (0..curves.len()).filter(|&place| is_hopeful(here[place])).collect();
         order.sort_by(|&a, &b| here[b].total_cmp(&here[a]));
         let Some(&best) = order.first() else { return Ok(None) };
         let behind = BEHIND.0.max(BEHIND.1 * here[best]);
@@ -329,6 +333,11 @@ impl<'a> Diagnosis<'a> {
             rungs.push((k, fit, rung));
         }
         let mends = |rung: &Rung| LEVEL < rung.among.placed.p_value;
+        let is_beyond_chance = |k: usize| found.trials[k].p_value.is_some_and(|p| p <= ACCEPT);
+        rungs.retain(|(k, _, rung)| is_beyond_chance(*k) || mends(rung));
+        if rungs.is_empty() {
+            return Ok(None);
+        }
         let is_as_good = |one: &(usize, Fit, Rung), other: &(usize, Fit, Rung)| {
             let (a, b) = (one.1.fitted, other.1.fitted);
             let doubt = libm::hypot(a.standard_error, b.standard_error);

@@ -250,7 +250,8 @@ fn table(text: &mut String, tried: &[&Trial]) {
     }
     let _ = writeln!(
         text,
-        "gain: how much more probable the packets are with it; p: chance of as great a gain without any of them, accepted up to {};\n\
+        "gain: how much more probable the packets are with it; p: chance of as great a gain without any of them, accepted up to {}, or\n\
+         beyond it where the packets are no run of the model at that level and could be one with it;\n\
          p with it: could they be one more run then, above {LEVEL} they could",
         super::ACCEPT
     );
