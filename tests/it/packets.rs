@@ -51,13 +51,8 @@ payload_bytes = 40
 
 /// A model over a campaign of half an hour.
 pub(crate) fn replay(text: &str, tracks: Option<Tracks>) -> Replay {
-    lasting(text, tracks, 1800.0)
-}
-
-/// A model over a campaign of so long.
-pub(crate) fn lasting(text: &str, tracks: Option<Tracks>, until_s: f64) -> Replay {
     let plan = read(Path::new("model.toml"), text.to_owned(), &Overrides::default()).unwrap();
-    Replay::new(plan, tracks, &[]).unwrap().until(until_s)
+    Replay::new(plan, tracks, &[]).unwrap().until(1800.0)
 }
 
 pub(crate) fn with(tables: &str) -> String {

