@@ -289,21 +289,29 @@ impl<'a, S: Study> Search<'a, S> {
             let floor =
                 LEAST_SHARE * share_scale(configured, rungs[rungs.len() - 1].scores.mean_square());
             self.weigh(&mut trials, &accepted, &removed, floor);
-            let found = match self.choose(&trials, &accepted) {
-                Some(best) => Some((best, None)),
-                None => self.exchange(&trials, &accepted).map(|(old, new)| (new, Some(old))),
-            };
+            let found = self
+                .choose(&trials, &accepted)
+                .map(|best| (best, Vec::new()))
+                .or_else(|| self.exchange(&trials, &accepted).map(|(old, new)| (new, vec![old])))
+                .or_else(|| {
+                    let (olds, trial) = self.one_for_many(&decided, &accepted, &removed)?;
+                    let new = trials.iter().position(|other| other.term == trial.term)?;
+                    trials[new] = trial;
+                    Some((new, olds))
+                });
             let Some((best, in_place_of)) = found else {
                 last = trials;
                 break;
             };
             let name = |term: usize| candidates[term].name.as_str();
-            if let Some(old) = in_place_of {
-                (self.report)(&format!("{} in place of {}", name(trials[best].term), name(old)));
-                accepted = without(&accepted, old);
-                removed.push(old);
-            } else {
+            if in_place_of.is_empty() {
                 (self.report)(&format!("+ {}", name(trials[best].term)));
+            } else {
+                let olds: Vec<&str> = in_place_of.iter().map(|&old| name(old)).collect();
+                let new = name(trials[best].term);
+                (self.report)(&format!("{new} in place of {}", olds.join(", ")));
+                accepted.retain(|term| !in_place_of.contains(term));
+                removed.extend(in_place_of);
             }
             let ties = self.ties(best, &trials, &accepted);
             let trial = Trial { ties, ..trials.swap_remove(best) };

@@ -4,10 +4,13 @@ use super::{COMMON, FAMILY_ERROR, NEARLY, Search, Trial, WORTH_NATS, with, witho
 use crate::diagnose::gain::Gain;
 use crate::study::Study;
 use proto::effect::Level;
+use std::collections::BTreeMap;
 use tracing::debug;
 
 /// A law that explains this share of what levels per link or node do goes before them.
 const MOSTLY: f64 = 0.85;
+/// A candidate that goes in place of several accepted ones gains so much by chance with at most this probability.
+const LIKELY: f64 = 0.05;
 
 /// The trial wanted that gains most on the common split; the first of equals.
 fn greatest(trials: &[Trial], wanted: &dyn Fn(&Trial) -> bool) -> Option<usize> {
@@ -228,5 +231,47 @@ impl<S: Study> Search<'_, S> {
             }
         }
         None
+    }
+
+    /// Accepted terms, and the one candidate that had better stand in place of them all: it could not be told from any of them,
+    /// and predicts as well as they do together. That something is missing is beyond doubt, so that by its own measure it need
+    /// but be likely.
+    pub(super) fn one_for_many(
+        &self,
+        decided: &[Trial],
+        accepted: &[usize],
+        removed: &[usize],
+    ) -> Option<(Vec<usize>, Trial)> {
+        let mut tied: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for trial in decided {
+            for &rival in &trial.ties {
+                tied.entry(rival).or_default().push(trial.term);
+            }
+        }
+        let is_new = |term: &usize| !accepted.contains(term) && !removed.contains(term);
+        tied.retain(|rival, olds| 1 < olds.len() && is_new(rival));
+        tied.into_iter().find_map(|(rival, olds)| {
+            let rest: Vec<usize> =
+                accepted.iter().copied().filter(|term| !olds.contains(term)).collect();
+            let all = self.full(&with(accepted, rival), COMMON, None);
+            self.prepare(&rest, &all);
+            let trial = self.attempt(&rest, rival);
+            self.prepare(&with(&rest, rival), &all);
+            let common = self.gain(&with(&rest, rival), &rest, COMMON);
+            let over = self.gain(&with(&rest, rival), accepted, COMMON);
+            let is_likely = trial.gain.p_value < LIKELY && common.p_value < FAMILY_ERROR;
+            debug!(rival, gain = over.gain, p = trial.gain.p_value, "one for many");
+            (is_likely && 0.0 <= over.gain).then(|| {
+                let sure = Trial {
+                    gain: common,
+                    common,
+                    is_significant: true,
+                    is_plausible: true,
+                    is_acceptable: true,
+                    ..trial
+                };
+                (olds, sure)
+            })
+        })
     }
 }

@@ -33,6 +33,8 @@ pub struct Length {
     pub low: f64,
     /// Upper end of the 90 % interval.
     pub high: f64,
+    /// Whether at least one end of the interval is due to the products, not to the range in which lengths are sought.
+    pub is_determined: bool,
     /// Standard deviation of the levels (dB).
     pub sd_db: f64,
     /// Its relative standard error.
@@ -58,7 +60,9 @@ impl Products {
     /// The length and its interval; none where the products tell none.
     #[must_use]
     pub fn length(&self) -> Option<Length> {
-        let whole = fitted(&self.without(None))?;
+        let bins = self.without(None);
+        let (shortest, longest) = range(&bins)?;
+        let whole = fitted(&bins)?;
         let parts: Vec<[f64; 2]> = (0..GROUPS)
             .filter(|&group| self.sums[group].iter().any(|sum| 0.0 < sum[0]))
             .filter_map(|group| fitted(&self.without(Some(group))))
@@ -74,10 +78,12 @@ impl Products {
         };
         let quantile = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.7, |t| t.inverse_cdf(0.95));
         let half = quantile * error(0);
+        let (low, high) = (whole[0] - half, whole[0] + half);
         Some(Length {
             value: whole[0].exp(),
-            low: (whole[0] - half).exp(),
-            high: (whole[0] + half).exp(),
+            low: low.max(shortest).exp(),
+            high: high.min(longest).exp(),
+            is_determined: shortest <= low || high <= longest,
             sd_db: (0.5 * whole[1]).exp(),
             sd_error: 0.5 * error(1),
         })
@@ -96,13 +102,16 @@ impl Products {
     }
 }
 
-/// Logarithms of length and variance of the covariance that lies nearest to the bins (lag, mean product, weight).
-fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
+/// Logarithms of the shortest and the longest length that bins (lag, mean product, weight) can tell.
+fn range(bins: &[[f64; 3]]) -> Option<(f64, f64)> {
     let last = bins.last()?[0];
     let first = bins.iter().map(|bin| bin[0]).find(|&lag| 0.0 < lag)?;
-    if bins.len() < 3 || last <= first {
-        return None;
-    }
+    (3 <= bins.len() && first < last).then(|| ((first / REACH).ln(), (last * REACH).ln()))
+}
+
+/// Logarithms of length and variance of the covariance that lies nearest to the bins (lag, mean product, weight).
+fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
+    let (low, high) = range(bins)?;
     // The variance follows from the length; what is left says how good both are.
     let at = |ln_length: f64| {
         let length = ln_length.exp();
@@ -116,7 +125,6 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
         let gain = if 0.0 < cross { cross * cross / squares } else { 0.0 };
         (gain, variance)
     };
-    let (low, high) = ((first / REACH).ln(), (last * REACH).ln());
     let step = (high - low) / (LENGTHS - 1) as f64;
     let mut best = low;
     for k in 1..LENGTHS {

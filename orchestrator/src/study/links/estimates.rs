@@ -32,21 +32,13 @@ impl LinkStudy {
             Spec::Shadowing(_) => {
                 // Levels of neighbouring places are not independent of each other.
                 let n = determined[0].min(group::n_pairs(&self.rows) as f64);
-                let mut all = vec![spread("sd_db", sd.link_db, n)];
-                if let Some(length) = self.decorrelation(fit) {
-                    widen(&mut all[0], &length);
-                    all.push(of_length("decorrelation_m", "m", length));
-                }
-                return (all, None);
+                let level = spread("sd_db", sd.link_db, n);
+                return with_length(level, "decorrelation_m", "m", self.decorrelation(fit));
             }
             Spec::Multipath(_) => {
                 let (sd_db, coherence) = self.fading(fit);
-                let mut all = vec![spread("sd_db", sd_db, determined[1])];
-                if let Some(coherence) = coherence {
-                    widen(&mut all[0], &coherence);
-                    all.push(of_length("coherence_mhz", "MHz", coherence));
-                }
-                return (all, None);
+                let level = spread("sd_db", sd_db, determined[1]);
+                return with_length(level, "coherence_mhz", "MHz", coherence);
             }
             Spec::NodeOffset(_) => {
                 let all = vec![
@@ -259,9 +251,18 @@ fn spread(name: &str, value: f64, n: f64) -> Estimate {
     Estimate::new(name, "dB", value, (ends[0], ends[1]))
 }
 
-/// A length as an estimate.
-fn of_length(name: &str, unit: &str, length: Length) -> Estimate {
-    Estimate::new(name, unit, length.value, (length.low, length.high))
+/// The spread of levels with the length over which they change, if the data tell one, and a warning if they hardly do.
+fn with_length(
+    mut level: Estimate,
+    name: &str,
+    unit: &str,
+    length: Option<Length>,
+) -> (Vec<Estimate>, Option<String>) {
+    let Some(length) = length else { return (vec![level], None) };
+    widen(&mut level, &length);
+    let warning =
+        (!length.is_determined).then(|| format!("{name} is not determined by these data"));
+    (vec![level, Estimate::new(name, unit, length.value, (length.low, length.high))], warning)
 }
 
 /// Widens the interval of the spread of levels to what the covariance of residuals says of it: a fit takes levels for constant
