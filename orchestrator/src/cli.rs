@@ -427,7 +427,13 @@ fn highlights(summary: &Value) -> Vec<String> {
             ratio * 100.0
         ));
     }
-    let stood = task["mean_speed_mps"] == 0.0;
+    let mapped = task["mapped_ratio"].as_f64();
+    if let Some(ratio) = mapped {
+        let mapped_90_s = task["mapped_90_s"].as_f64();
+        let when = mapped_90_s.map(|s| format!(", 90 % after {s:.1} s")).unwrap_or_default();
+        lines.push(format!("{:.1} % of the reachable area mapped{when}", ratio * 100.0));
+    }
+    let stood = mapped.is_some() || task["mean_speed_mps"] == 0.0;
     if let Some(speed_mps) = task["flock_speed_mps"].as_f64().filter(|_| !stood) {
         let leader =
             task["leader_speed_mps"].as_f64().map(|leader| format!(" (the leader's: {leader:.2})"));
@@ -439,8 +445,9 @@ fn highlights(summary: &Value) -> Vec<String> {
     if let Some(residual) = task["line_residual_log10"].as_f64() {
         lines.push(format!("line residual 10^{residual:.1} m²"));
     }
-    if let (Some(ratio), Some(heard)) =
-        (network["delivery_ratio"].as_f64(), network["mean_neighbours_heard"].as_f64())
+    // Messages to a single robot are for nobody else: a share of all robots says nothing of them.
+    if let (Some(ratio), Some(heard), None) =
+        (network["delivery_ratio"].as_f64(), network["mean_neighbours_heard"].as_f64(), mapped)
     {
         lines.push(format!(
             "{:.1} % of frames delivered, {heard:.1} neighbours heard on average",

@@ -164,6 +164,15 @@ fn two_effects_are_both_found() {
     }
 }
 
+/// A pattern whose headings nobody tells is weaker than a constant and levels per link, one after the other, and explains both.
+#[test]
+fn one_effect_goes_in_place_of_several_that_it_explains() {
+    let hidden = [Hidden::TwoRayGround, Hidden::AntennaPattern].map(|kind| (kind, Size::Medium));
+    let (found, ladder, _) = diagnosed(&campaign(&hidden, 1));
+    assert_eq!(found, hidden.map(|(kind, _)| kind.effect()));
+    assert_eq!(ladder.rungs.len(), 3);
+}
+
 #[test]
 fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     for hidden in UNEXPLAINED {
