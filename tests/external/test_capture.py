@@ -13,7 +13,7 @@ BUILD_DEADLINE_S = 1200
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
     """One frame of every kind."""
-    build = ["cargo", "build", "--locked", "--release", "--package", "netsim", "--example", "frames"]
+    build = ["cargo", "build", "--locked", "--release", "--workspace", "--example", "frames"]
     succeed(build, deadline_s=BUILD_DEADLINE_S, cwd=ROOT)
     path = tmp_path_factory.mktemp("capture") / "frames.pcap"
     with path.open("wb") as out:
