@@ -2,7 +2,7 @@
 
 use super::kpis::{Figures, KPIS, OfMote};
 use super::replay::{Replay, ReplayError};
-use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, place};
+use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, entry, place};
 use crate::compare::Comparison;
 use crate::measure::packets::Packet;
 use crate::record::quantile;
@@ -198,15 +198,8 @@ pub fn body(among: &Among, asked: Asked) -> Value {
             intervals[kpi.name] = json!([measured - high, measured - low]);
         }
         let seeds: Vec<f64> = among.seeds.iter().map(|seed| seed.values[k]).collect();
-        kpis.push(json!({
-            "name": kpi.name,
-            "unit": kpi.unit,
-            "doc": kpi.doc,
-            "measured": measured,
-            "model": { "mean": mean, "low": low, "high": high, "seeds": seeds },
-            "p_value": standing.map(|standing| standing.p_value),
-            "z": standing.map(|standing| standing.z),
-        }));
+        let named = [kpi.name, kpi.unit, kpi.doc];
+        kpis.push(entry(named, measured, mean, [low, high], &seeds, standing));
     }
     let (motes, by_source) = by_mote(among);
     json!({

@@ -6,6 +6,7 @@
 //! `S + 1`: that rank is exact too, and needs no correction for several figures being looked at.
 
 use crate::record::quantile;
+use serde_json::{Value, json};
 
 /// A figure of a measurement among those of seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +19,30 @@ pub struct Standing {
     pub p_value: f64,
     /// How far out it is, in standard deviations of the whole.
     pub z: f64,
+}
+
+/// A figure's entry in the answer of a comparison.
+///
+/// * `named`: its name, its unit, what it is.
+/// * `seeds`: its value under each seed of the model; `mean`, and `ends` of the middle 90 % of them.
+pub(super) fn entry(
+    named: [&str; 3],
+    measured: f64,
+    mean: f64,
+    ends: [f64; 2],
+    seeds: &[f64],
+    standing: Option<Standing>,
+) -> Value {
+    let ([name, unit, doc], [low, high]) = (named, ends);
+    json!({
+        "name": name,
+        "unit": unit,
+        "doc": doc,
+        "measured": measured,
+        "model": { "mean": mean, "low": low, "high": high, "seeds": seeds },
+        "p_value": standing.map(|standing| standing.p_value),
+        "z": standing.map(|standing| standing.z),
+    })
 }
 
 /// A measurement among seeds.

@@ -3,7 +3,7 @@
 use super::figures::FIGURES;
 use super::{Part, Placing, Runs, TaskSplit};
 use crate::network::compared::Asked;
-use crate::network::spread::LEVEL;
+use crate::network::spread::{LEVEL, entry};
 use crate::report::measured::words::upper;
 use crate::report::text::number;
 use serde_json::{Value, json};
@@ -94,15 +94,8 @@ pub fn json(split: &TaskSplit, asked: Asked) -> Value {
             scores[figure.name] = json!(measured - mean);
             intervals[figure.name] = json!([measured - high, measured - low]);
         }
-        kpis.push(json!({
-            "name": figure.name,
-            "unit": figure.unit,
-            "doc": figure.doc,
-            "measured": measured,
-            "model": { "mean": mean, "low": low, "high": high, "seeds": seeds },
-            "p_value": standing.map(|standing| standing.p_value),
-            "z": standing.map(|standing| standing.z),
-        }));
+        let named = [figure.name, figure.unit, figure.doc];
+        kpis.push(entry(named, measured, mean, [low, high], &seeds, standing));
         let mut parts = json!({});
         for (name, part) in PARTS.iter().zip(split.parts(k)) {
             parts[*name] = part.map_or(Value::Null, |Part { value, interval: [low, high] }| {
