@@ -4,7 +4,7 @@ mod foliage;
 mod terrain;
 
 pub use foliage::Foliage;
-pub use terrain::Hill;
+pub use terrain::{Grid, Hill, Terrain};
 
 use crate::config::{self, Default, Field, Kind, Node, Problem, Range, TableSpec};
 use serde::{Deserialize, Serialize};
@@ -35,8 +35,8 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "terrain",
-            doc: "The ground: hills on a plane.",
-            kind: Kind::Tables(&terrain::SPEC),
+            doc: "The ground: hills on a plane (`[[site.terrain]]`), or heights on a grid (`[site.terrain]`).",
+            kind: terrain::KIND,
             default: Default::Absent,
         },
     ],
@@ -125,7 +125,7 @@ pub struct Site {
     pub foliage: Vec<Foliage>,
     /// The ground.
     #[serde(default)]
-    pub terrain: Vec<Hill>,
+    pub terrain: Terrain,
 }
 
 /// A straight, upright, thin wall.
@@ -191,6 +191,7 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (Site, toml
     for (index, foliage) in site.foliage.iter().enumerate() {
         foliage.check(&format!("{}[{index}]", config::join(path, "foliage")), problems);
     }
+    site.terrain.check(&config::join(path, "terrain"), problems);
     (site, table)
 }
 

@@ -49,7 +49,7 @@ fn table(
     schema: &Value,
     is_list: bool,
 ) {
-    let heading = if is_list { format!("[[{path}]]") } else { format!("[{path}]") };
+    let heading = heading(path, is_list);
     let _ = write!(page, "\n## `{heading}`\n\n{}\n", text(&schema["description"]));
     if let Some(alternatives) = schema.get("oneOf") {
         if let Some((_, same)) = seen.iter().find(|(keys, _)| keys == alternatives) {
@@ -101,9 +101,10 @@ fn table(
     }
     let mut done: Vec<String> = Vec::new();
     for (path, schema, is_list) in inner {
-        if !done.contains(&path) {
+        let heading = heading(&path, is_list);
+        if !done.contains(&heading) {
             table(page, seen, &path, &schema, is_list);
-            done.push(path);
+            done.push(heading);
         }
     }
 }
@@ -133,11 +134,11 @@ fn rows(
 
 /// The heading of a table within a table, or of a list of them.
 fn inner_heading(path: &str, key: &str, property: &Value) -> String {
-    if property["type"] == "array" {
-        format!("[[{path}.{key}]]")
-    } else {
-        format!("[{path}.{key}]")
-    }
+    heading(&format!("{path}.{key}"), property["type"] == "array")
+}
+
+fn heading(path: &str, is_list: bool) -> String {
+    if is_list { format!("[[{path}]]") } else { format!("[{path}]") }
 }
 
 /// Puts a table within a table aside. Returns whether it is one.
@@ -148,6 +149,13 @@ fn collect(
     property: &Value,
 ) -> bool {
     let is_table = |schema: &Value| schema.get("properties").is_some();
+    if let Some(alternatives) = property["anyOf"].as_array() {
+        let is_list_of_tables = |schema: &Value| is_table(&schema["items"]);
+        if !alternatives.iter().all(|schema| is_table(schema) || is_list_of_tables(schema)) {
+            return false;
+        }
+        return alternatives.iter().all(|schema| collect(inner, path, key, schema));
+    }
     if is_table(property) {
         inner.push((format!("{path}.{key}"), property.clone(), false));
     } else if is_table(&property["items"]) {

@@ -30,7 +30,7 @@ use fit::{Columns, Number};
 use motion::{Gains, Tracks};
 use nalgebra::DMatrix;
 use proto::effect::Level;
-use proto::site::Hill;
+use proto::site::Terrain;
 use robotsim::dynamics::physics::Physics;
 use robotsim::dynamics::{Dynamics, Shape};
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -89,7 +89,7 @@ pub struct Given {
     /// Standard deviation of the noise of measured positions (m), where it says that.
     pub sd_m: Option<f64>,
     /// The ground.
-    pub terrain: Vec<Hill>,
+    pub terrain: Terrain,
 }
 
 /// Refuses windows that are shorter than the time between samples, or longer than every track.

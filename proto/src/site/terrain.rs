@@ -1,72 +1,58 @@
 //! The height of the ground.
 
-use super::POINT;
-use crate::config::{Default, Field, Kind, Range, TableSpec};
+mod grid;
+mod hill;
+
+pub use grid::Grid;
+pub use hill::Hill;
+
+use crate::config::{Kind, Problem};
 use serde::{Deserialize, Serialize};
 
-/// Description of `[[site.terrain]]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "A hill, or with a negative height a hollow: height_m × e^(−d² / (2 radius_m²)) at a distance d. Several add up.",
-    fields: &[
-        Field {
-            key: "centre_m",
-            doc: "Its top (x, y in m).",
-            kind: POINT,
-            default: Default::Required,
-        },
-        Field {
-            key: "height_m",
-            doc: "Its height (m).",
-            kind: Kind::Number(Range::closed(-1e4, 1e4)),
-            default: Default::Required,
-        },
-        Field {
-            key: "radius_m",
-            doc: "Where it is steepest: this far from its top (m).",
-            kind: Kind::Number(Range::POSITIVE),
-            default: Default::Required,
-        },
-    ],
-    tag: None,
-};
+/// What `site.terrain` may be.
+pub(super) const KIND: Kind = Kind::Either(&[Kind::Tables(&hill::SPEC), Kind::Table(&grid::SPEC)]);
 
-/// A hill or a hollow of Gaussian shape.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Hill {
-    /// Its top (m).
-    pub centre_m: [f64; 2],
-    /// Its height (m).
-    pub height_m: f64,
-    /// How far from its top it is steepest (m).
-    pub radius_m: f64,
+/// The ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Terrain {
+    /// Hills on a plane.
+    Hills(Vec<Hill>),
+    /// Heights that were measured.
+    Grid(Grid),
 }
 
-impl Hill {
-    /// How steeply the ground rises towards the east and the north (m per m) because of it.
-    #[must_use]
-    pub fn gradient(&self, at_m: [f64; 2]) -> [f64; 2] {
-        let square_m2 = self.radius_m * self.radius_m;
-        let away_m = [at_m[0] - self.centre_m[0], at_m[1] - self.centre_m[1]];
-        let distance_m2 = away_m[0] * away_m[0] + away_m[1] * away_m[1];
-        let height_m = self.height_m * libm::exp(-0.5 * distance_m2 / square_m2);
-        away_m.map(|part| -height_m * part / square_m2)
+impl Default for Terrain {
+    /// A plane.
+    fn default() -> Self {
+        Self::Hills(Vec::new())
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+impl Terrain {
+    /// How steeply the ground rises towards the east and the north (m per m) at a place.
+    #[must_use]
+    pub fn gradient(&self, at_m: [f64; 2]) -> [f64; 2] {
+        match self {
+            Self::Hills(hills) => hills.iter().fold([0.0; 2], |[east, north], hill| {
+                let rise = hill.gradient(at_m);
+                [east + rise[0], north + rise[1]]
+            }),
+            Self::Grid(grid) => grid.gradient(at_m),
+        }
+    }
 
-    #[test]
-    fn a_hill_is_steepest_at_its_radius_and_falls_away_from_its_top() {
-        let hill = Hill { centre_m: [1.0, 2.0], height_m: 3.0, radius_m: 5.0 };
-        assert_eq!(hill.gradient([1.0, 2.0]), [0.0, 0.0]);
-        // −h / r e^(−1/2) at one radius.
-        let steepest = -3.0 / 5.0 * (-0.5f64).exp();
-        let [east, north] = hill.gradient([6.0, 2.0]);
-        assert!((east - steepest).abs() < 1e-15 && north == 0.0, "{east} {north}");
-        for away_m in [2.0, 4.0, 6.0, 9.0] {
-            assert!(steepest <= hill.gradient([1.0, 2.0 + away_m])[1]);
+    /// Whether nothing is known of the ground: it is taken to be level.
+    #[must_use]
+    pub fn is_level(&self) -> bool {
+        matches!(self, Self::Hills(hills) if hills.is_empty())
+    }
+
+    /// Adds what is wrong with it, which stands at `path`.
+    pub(super) fn check(&self, path: &str, problems: &mut Vec<Problem>) {
+        match self {
+            Self::Hills(_) => {}
+            Self::Grid(grid) => grid.check(path, problems),
         }
     }
 }

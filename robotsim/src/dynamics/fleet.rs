@@ -84,7 +84,7 @@ impl Fleet {
         let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
         let dt_s = seconds(step.until_ns - step.from_ns);
         let draws = Some(Draws::new(step.seed, Purpose::Gust));
-        let terrain = &step.site.terrain;
+        let terrain = Some(&step.site.terrain);
         let base = Surroundings {
             terrain,
             draws,

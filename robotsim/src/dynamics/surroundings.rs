@@ -1,13 +1,13 @@
 //! What is around a robot, as far as its motion depends on it.
 
 use proto::rng::Draws;
-use proto::site::Hill;
+use proto::site::Terrain;
 
 /// What is around robots during a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Surroundings<'a> {
-    /// The ground: its hills.
-    pub terrain: &'a [Hill],
+    /// The ground. `None`: it is level.
+    pub terrain: Option<&'a Terrain>,
     /// The others, as they were at `others_at_s`.
     pub others: &'a [Other],
     /// When (s) the others were there.

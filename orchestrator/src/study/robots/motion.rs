@@ -3,7 +3,7 @@
 use super::density::Residual;
 use crate::measure::robots::{Robots, Sample};
 use proto::rng::Draws;
-use proto::site::Hill;
+use proto::site::Terrain;
 use robotsim::dynamics::physics::{Order, Physics, Robot};
 use robotsim::dynamics::surroundings::{Columns, Other, Surroundings};
 use robotsim::dynamics::wrapped;
@@ -34,7 +34,7 @@ pub(super) struct Tracks {
     orders: Vec<Vec<Order>>,
     /// The others of the same campaign at each sample; empty where they do not matter.
     others: Vec<Vec<Other>>,
-    terrain: Vec<Hill>,
+    terrain: Terrain,
 }
 
 /// Where the model alone takes each robot, sample by sample: for motion that is alike everywhere, whatever measurements
@@ -54,7 +54,7 @@ struct Known {
 
 impl Tracks {
     /// Windows of `window_s`, four of which overlap.
-    pub(super) fn new(robots: Robots, window_s: f64, terrain: Vec<Hill>) -> Self {
+    pub(super) fn new(robots: Robots, window_s: f64, terrain: Terrain) -> Self {
         let stride = ((0.25 * window_s / robots.spacing_s()).round() as usize).max(1);
         let tolerance_s = 0.51 * robots.spacing_s();
         let mut windows = Vec::new();
@@ -149,11 +149,11 @@ impl Tracks {
 
     /// Whether the height of the ground is known.
     pub(super) fn has_terrain(&self) -> bool {
-        !self.terrain.is_empty()
+        !self.terrain.is_level()
     }
 
     /// The ground.
-    pub(super) fn terrain(&self) -> &[Hill] {
+    pub(super) fn terrain(&self) -> &Terrain {
         &self.terrain
     }
 
@@ -366,7 +366,7 @@ impl Tracks {
 
     fn surroundings(&self, sample: usize) -> Surroundings<'_> {
         Surroundings {
-            terrain: &self.terrain,
+            terrain: Some(&self.terrain),
             others: self.others.get(sample).map_or(&[], |others| others),
             others_at_s: self.robots.samples[sample].time_s,
             columns: Columns { all: &self.robots.covariates, row: sample },

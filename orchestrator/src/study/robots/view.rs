@@ -44,7 +44,7 @@ impl RobotStudy {
             .into_iter()
             .filter(|horizon_s| 0.9 * spacing_s <= *horizon_s)
             .filter_map(|horizon_s| {
-                let terrain = self.model.tracks.terrain().to_vec();
+                let terrain = self.model.tracks.terrain().clone();
                 let tracks = Tracks::new(self.robots().clone(), horizon_s, terrain);
                 let residuals = tracks.residuals(&physics, &tracks.paths(&physics), gains);
                 let squares: f64 = residuals

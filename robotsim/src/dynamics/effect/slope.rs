@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "slope",
-        doc: "A drift downhill, in proportion to the slope of [[site.terrain]].",
+        doc: "A drift downhill, in proportion to the slope of site.terrain.",
         fields: &[Field {
             key: "gain",
             doc: "k: drift (m/s) where the ground falls by 1 m per metre.",
@@ -55,12 +55,8 @@ impl Effect for Slope {
 
     fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
         let [x_m, y_m, _] = at.position_m;
-        let [mut east, mut north] = [0.0; 2];
-        for hill in at.surroundings.terrain {
-            let rise = hill.gradient([x_m, y_m]);
-            east += rise[0];
-            north += rise[1];
-        }
+        let terrain = at.surroundings.terrain;
+        let [east, north] = terrain.map_or([0.0; 2], |terrain| terrain.gradient([x_m, y_m]));
         [-self.gain * east, -self.gain * north, 0.0]
     }
 
@@ -78,13 +74,14 @@ mod tests {
     use super::super::testing::*;
     use crate::dynamics::physics::Robot;
     use crate::dynamics::surroundings::Surroundings;
-    use proto::site::Hill;
+    use proto::site::{Hill, Terrain};
 
     #[test]
     fn a_robot_creeps_down_a_hollow_as_the_equation_says() {
         // Near the middle of a hollow of depth H: ẋ = −k (H / r²) x, x = x0 e^(−k H t / r²).
-        let terrain = [Hill { centre_m: [0.0; 2], height_m: -4.0, radius_m: 100.0 }];
-        let surroundings = Surroundings { terrain: &terrain, ..Surroundings::default() };
+        let hollow = Hill { centre_m: [0.0; 2], height_m: -4.0, radius_m: 100.0 };
+        let terrain = Terrain::Hills(vec![hollow]);
+        let surroundings = Surroundings { terrain: Some(&terrain), ..Surroundings::default() };
         let physics = physics("[[effect]]\nkind = 'slope'\ngain = 500.0");
         let mut robot = Robot { position_m: [0.5, 0.0, 0.0], ..Robot::default() };
         physics.advance(&mut robot, &[], &mut 0, 0.0, 3.0, &surroundings);
