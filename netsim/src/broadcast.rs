@@ -213,6 +213,7 @@ impl Broadcast {
                 sent_ns: frames.iter().map(|&(_, sent_ns)| sent_ns).collect(),
                 end_ns,
                 payloads: sent_payloads(frames, payloads),
+                ..Transmissions::default()
             },
             heard,
             rssi_dbm,

@@ -35,6 +35,7 @@ fn deliveries(n: usize) -> Deliveries {
                 vec![7; n * PAYLOAD_BYTES].into(),
             )
             .unwrap_or_default(),
+            ..Transmissions::default()
         },
         heard: Heard::Rows { bytes: row.repeat(n).into(), row_bytes },
         ..Deliveries::default()

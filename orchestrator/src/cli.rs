@@ -445,9 +445,8 @@ fn highlights(summary: &Value) -> Vec<String> {
     if let Some(residual) = task["line_residual_log10"].as_f64() {
         lines.push(format!("line residual 10^{residual:.1} m²"));
     }
-    // Messages to a single robot are for nobody else: a share of all robots says nothing of them.
-    if let (Some(ratio), Some(heard), None) =
-        (network["delivery_ratio"].as_f64(), network["mean_neighbours_heard"].as_f64(), mapped)
+    if let (Some(ratio), Some(heard)) =
+        (network["delivery_ratio"].as_f64(), network["mean_neighbours_heard"].as_f64())
     {
         lines.push(format!(
             "{:.1} % of frames delivered, {heard:.1} neighbours heard on average",

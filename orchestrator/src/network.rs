@@ -22,6 +22,7 @@ pub mod candidates;
 pub mod compared;
 pub mod diagnosed;
 pub mod extended;
+pub mod figure;
 pub mod kpis;
 pub mod likelihood;
 pub mod replay;

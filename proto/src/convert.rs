@@ -12,7 +12,8 @@ pub use tasks::{agent_messages, task_figures};
 
 use crate::types::{
     AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Covariate, Deliveries, DeliveryColumn,
-    Heard, Medium, MoteCommand, MoteOrder, MoteStates, MovedObstacle, Payloads, Transmissions,
+    EVERYONE, Heard, Medium, MoteCommand, MoteOrder, MoteStates, MovedObstacle, Payloads,
+    Transmissions,
 };
 use crate::v1;
 use bytes::Bytes;
@@ -139,6 +140,16 @@ fn deliveries_of(message: v1::Deliveries, n_agents: usize) -> Result<Deliveries>
             format!("agents are 0 to {}, got {agent}", n_agents - 1),
         ));
     }
+    if !sent.destination.is_empty() {
+        same_length("destination", sent.destination.len())?;
+    }
+    let exists = |agent: u32| (agent as usize) < n_agents || agent == EVERYONE;
+    if let Some(agent) = sent.destination.iter().find(|&&agent| !exists(agent)) {
+        return Err(InvalidField::new(
+            "transmissions.destination",
+            format!("agents are 0 to {}, and {EVERYONE} is everyone, got {agent}", n_agents - 1),
+        ));
+    }
     let order = |i: usize| (sent.sent_ns[i], sent.sender[i]);
     if let Some(i) = (1..n_sent).find(|&i| order(i) < order(i - 1)) {
         return Err(InvalidField::new(
@@ -160,6 +171,7 @@ fn deliveries_of(message: v1::Deliveries, n_agents: usize) -> Result<Deliveries>
             sent_ns: sent.sent_ns,
             end_ns: sent.end_ns,
             payloads,
+            destination: sent.destination,
         },
         heard,
         received_ns: message.received_ns,
@@ -388,7 +400,7 @@ pub fn mote_commands(messages: Vec<v1::MoteCommand>, n_agents: usize) -> Result<
             }
             Some(Order::Send(send)) => {
                 let destination =
-                    if send.destination == u32::MAX { u32::MAX } else { mote(send.destination)? };
+                    if send.destination == EVERYONE { EVERYONE } else { mote(send.destination)? };
                 MoteOrder::Send { mote: mote(send.mote)?, destination, payload: send.payload }
             }
             None => return Err(InvalidField::new(field("order"), "is missing")),

@@ -262,9 +262,20 @@ pub struct Transmissions {
     pub end_ns: Vec<u64>,
     /// What was sent.
     pub payloads: Payloads,
+    /// For whom: an agent, or [`EVERYONE`]. Empty: all of them for everyone.
+    pub destination: Vec<u32>,
 }
 
+/// The destination of what is for everyone in reach.
+pub const EVERYONE: u32 = u32::MAX;
+
 impl Transmissions {
+    /// The agent that a transmission is for; `None`: everyone in reach.
+    #[must_use]
+    pub fn destination(&self, index: usize) -> Option<u32> {
+        self.destination.get(index).copied().filter(|&agent| agent != EVERYONE)
+    }
+
     /// Number of transmissions.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -437,7 +448,7 @@ pub enum MoteOrder {
     Send {
         /// Who sends it.
         mote: u32,
-        /// To whom; `u32::MAX`: everyone in reach.
+        /// To whom; [`EVERYONE`]: everyone in reach.
         destination: u32,
         /// What.
         payload: Bytes,

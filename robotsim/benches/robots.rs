@@ -44,6 +44,7 @@ fn swarm(config: &str, n: usize, n_heard: usize) -> (Swarm, Deliveries) {
             sent_ns: vec![0; n],
             end_ns: vec![1; n],
             payloads: start.payloads,
+            ..Transmissions::default()
         },
         heard: Heard::Lists {
             ends: (1..=n).map(|receiver| (receiver * n_heard) as u32).collect(),

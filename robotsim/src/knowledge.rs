@@ -270,6 +270,7 @@ mod tests {
                 sent_ns: frames.iter().map(|frame| frame.1).collect(),
                 end_ns: frames.iter().map(|frame| frame.1 + 1).collect(),
                 payloads: Payloads::new(lengths, data.into()).unwrap(),
+                ..Transmissions::default()
             },
             heard: Heard::Lists {
                 ends: vec![frames.len() as u32; 4],

@@ -109,10 +109,19 @@ def test_transmissions_holds_every_transmission_with_its_receivers(tables, topic
             for index in heard_by(deliveries, agent, agent_count):
                 receivers[index] += 1
         steps = [entry.message.step] * len(sent.sender)
+        everyone = 0xFFFF_FFFF
+        destinations = [None if agent == everyone else agent for agent in sent.destination] or [None] * len(sent.sender)
         expected += zip(
-            steps, sent.sender, sent.sent_ns, sent.end_ns, sent.payloads.length_bytes, receivers, strict=True
+            steps,
+            sent.sender,
+            sent.sent_ns,
+            sent.end_ns,
+            sent.payloads.length_bytes,
+            receivers,
+            destinations,
+            strict=True,
         )
-    names = ("step", "sender", "sent_ns", "end_ns", "payload_bytes", "n_receivers")
+    names = ("step", "sender", "sent_ns", "end_ns", "payload_bytes", "n_receivers", "destination")
     columns = (tables["transmissions"][name].to_pylist() for name in names)
     assert list(zip(*columns, strict=True)) == expected
 

@@ -49,7 +49,7 @@ fn table(
     schema: &Value,
     is_list: bool,
 ) {
-    let heading = heading(path, is_list);
+    let heading = heading_of(path, is_list);
     let _ = write!(page, "\n## `{heading}`\n\n{}\n", text(&schema["description"]));
     if let Some(alternatives) = schema.get("oneOf") {
         if let Some((_, same)) = seen.iter().find(|(keys, _)| keys == alternatives) {
@@ -101,7 +101,7 @@ fn table(
     }
     let mut done: Vec<String> = Vec::new();
     for (path, schema, is_list) in inner {
-        let heading = heading(&path, is_list);
+        let heading = heading_of(&path, is_list);
         if !done.contains(&heading) {
             table(page, seen, &path, &schema, is_list);
             done.push(heading);
@@ -134,10 +134,10 @@ fn rows(
 
 /// The heading of a table within a table, or of a list of them.
 fn inner_heading(path: &str, key: &str, property: &Value) -> String {
-    heading(&format!("{path}.{key}"), property["type"] == "array")
+    heading_of(&format!("{path}.{key}"), property["type"] == "array")
 }
 
-fn heading(path: &str, is_list: bool) -> String {
+fn heading_of(path: &str, is_list: bool) -> String {
     if is_list { format!("[[{path}]]") } else { format!("[{path}]") }
 }
 

@@ -4,7 +4,7 @@ use super::network::Mesh;
 use super::packets::PacketKind;
 use crate::medium::jam::Jam;
 use crate::wire::address::ALL_NODES;
-use proto::types::{AgentStates, MoteCommand, MoteOrder};
+use proto::types::{AgentStates, EVERYONE, MoteCommand, MoteOrder};
 
 impl Mesh {
     /// Orders take effect at the beginning of slot `asn`.
@@ -72,7 +72,7 @@ impl Mesh {
 
     fn send_ordered(&mut self, mote: u32, destination: u32, payload: bytes::Bytes, asn: u64) {
         let now_ns = asn * self.config.slot_ns;
-        if destination == u32::MAX {
+        if destination == EVERYONE {
             let (of, mut world) = self.at(mote, asn);
             of.say(&mut world, ALL_NODES, payload, 0);
         } else {

@@ -180,6 +180,7 @@ impl Mesh {
                             sent_ns,
                             end_ns: sent_ns + self.config.slot_ns,
                             payload: bytes.clone(),
+                            destination: None,
                         }));
                     }
                     (None, queued.psdu_bytes)
@@ -515,6 +516,7 @@ impl Mesh {
                 sent_ns: brought.sent_ns,
                 end_ns,
                 payload: brought.payload,
+                destination: Some(brought.receiver),
             });
             self.inbox.hear(brought.receiver, number, end_ns, brought.rssi_dbm, brought.hops);
         }

@@ -83,6 +83,7 @@ fn deliveries(n: usize) -> Deliveries {
             sent_ns: vec![0; n],
             end_ns: vec![1_000_000; n],
             payloads: payloads(n),
+            ..Transmissions::default()
         },
         heard: Heard::Lists { ends, indices: vec![0; n.saturating_sub(1)] },
         ..Deliveries::default()

@@ -1,5 +1,6 @@
 //! The figures of packets that are compared.
 
+use super::figure::{Figure, figure};
 use crate::measure::packets::Packet;
 use crate::record::quantile;
 use std::collections::BTreeMap;
@@ -13,46 +14,44 @@ pub enum Scale {
     Ratio,
 }
 
-/// A figure.
-#[derive(Clone, Copy, Debug)]
-pub struct Kpi {
-    /// Its name.
-    pub name: &'static str,
-    /// Its unit; empty for a share.
-    pub unit: &'static str,
-    /// What it is.
-    pub doc: &'static str,
-    /// Its scale.
-    pub scale: Scale,
-}
-
-const fn kpi(name: &'static str, unit: &'static str, doc: &'static str, scale: Scale) -> Kpi {
-    Kpi { name, unit, doc, scale }
-}
-
 /// All figures, in the order of [`Figures::values`].
-pub const KPIS: [Kpi; 11] = [
-    kpi("delivery", "", "packets that arrived, of all", Scale::Share),
-    kpi("delivery_worst", "", "the same, of the mote that fares worst", Scale::Share),
-    kpi(
+pub const KPIS: [Figure<Scale>; 11] = [
+    figure("delivery", "", "packets that arrived, of all", Scale::Share),
+    figure("delivery_worst", "", "the same, of the mote that fares worst", Scale::Share),
+    figure(
         "latency_p10_s",
         "s",
         "time under way that a tenth of the packets stays below",
         Scale::Ratio,
     ),
-    kpi("latency_p50_s", "s", "median of the time under way", Scale::Ratio),
-    kpi("latency_p90_s", "s", "time under way that a tenth of the packets exceeds", Scale::Ratio),
-    kpi("latency_per_hop_s", "s", "median of the time under way for each hop", Scale::Ratio),
-    kpi("hops_mean", "hops", "mean of the hops", Scale::Ratio),
-    kpi(
+    figure("latency_p50_s", "s", "median of the time under way", Scale::Ratio),
+    figure(
+        "latency_p90_s",
+        "s",
+        "time under way that a tenth of the packets exceeds",
+        Scale::Ratio,
+    ),
+    figure("latency_per_hop_s", "s", "median of the time under way for each hop", Scale::Ratio),
+    figure("hops_mean", "hops", "mean of the hops", Scale::Ratio),
+    figure(
         "join_p50_s",
         "s",
         "when the first packet of a mote arrived: median of motes",
         Scale::Ratio,
     ),
-    kpi("join_last_s", "s", "when the first packet of a mote arrived: the last mote", Scale::Ratio),
-    kpi("silence_s", "s", "longest time between two packets of a mote that arrived", Scale::Ratio),
-    kpi("packets", "packets", "packets that were made", Scale::Ratio),
+    figure(
+        "join_last_s",
+        "s",
+        "when the first packet of a mote arrived: the last mote",
+        Scale::Ratio,
+    ),
+    figure(
+        "silence_s",
+        "s",
+        "longest time between two packets of a mote that arrived",
+        Scale::Ratio,
+    ),
+    figure("packets", "packets", "packets that were made", Scale::Ratio),
 ];
 
 /// What became of a mote's packets.

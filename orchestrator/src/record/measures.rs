@@ -38,10 +38,13 @@ pub struct Measures {
     pub transmissions: u64,
     /// Bytes of payload sent.
     pub sent_bytes: u64,
-    /// Transmissions times alive receivers other than the sender.
+    /// Transmissions for everyone in reach, times alive receivers other than the sender.
     pub attempts: u64,
-    /// Deliveries.
+    /// How many of them were delivered.
     pub deliveries: u64,
+    /// Deliveries of what was for one agent alone. The network tells of these only if they arrive, so that there are no
+    /// attempts to hold them against.
+    pub unicast_deliveries: u64,
     /// Fewer than all receivers were looked at for [`Measures::by_distance`].
     pub is_distance_sampled: bool,
     distances: Distances,
@@ -93,6 +96,7 @@ impl Measures {
             sent_bytes: 0,
             attempts: 0,
             deliveries: 0,
+            unicast_deliveries: 0,
             is_distance_sampled: false,
             distances: Distances::new(),
             delay_ns: 0,
@@ -294,7 +298,7 @@ impl Measures {
     /// Mean time from the first bit sent to the delivery (s).
     #[must_use]
     pub fn mean_delay_s(&self) -> Option<f64> {
-        mean(self.delay_ns as f64 / 1e9, self.deliveries as f64)
+        mean(self.delay_ns as f64 / 1e9, (self.deliveries + self.unicast_deliveries) as f64)
     }
 
     /// Delivery against distance, in at most 30 bins of equal width.
@@ -309,12 +313,17 @@ impl Measures {
         let n_alive = alive.count() as u64;
         self.transmissions += sent.len() as u64;
         self.sent_bytes += sent.payloads.data().len() as u64;
-        self.deliveries += period.counts.n_deliveries;
         for (index, &sender) in sent.sender.iter().enumerate() {
-            self.attempts += n_alive - u64::from(alive.get(sender as usize));
+            let n_received = u64::from(period.counts.receivers[index]);
+            if sent.destination(index).is_some() {
+                self.unicast_deliveries += n_received;
+            } else {
+                self.attempts += n_alive - u64::from(alive.get(sender as usize));
+                self.deliveries += n_received;
+            }
             if period.deliveries.received_ns.is_empty() {
-                self.delay_ns += u128::from(period.counts.receivers[index])
-                    * u128::from(sent.end_ns[index] - sent.sent_ns[index]);
+                self.delay_ns +=
+                    u128::from(n_received) * u128::from(sent.end_ns[index] - sent.sent_ns[index]);
             }
         }
         if period.deliveries.received_ns.is_empty() {
@@ -346,7 +355,7 @@ impl Measures {
             let place = i * alive.len() / n_looked_at + (period.step % alive.len() as u64) as usize;
             let receiver = alive[place % alive.len()];
             for (index, &sender) in sent.sender.iter().enumerate() {
-                if sender as usize != receiver {
+                if sender as usize != receiver && sent.destination(index).is_none() {
                     let distance_m = distance_m(period.states_on_air, sender as usize, receiver);
                     self.distances.add(distance_m, heard(period.deliveries, receiver, index));
                 }
@@ -422,6 +431,8 @@ const MAX_PAIRS: usize = 100_000;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::counts::Counts;
+    use proto::types::{Deliveries, EVERYONE, Heard, MoteStates, Payloads, Transmissions};
 
     #[test]
     fn quantiles_interpolate() {
@@ -431,6 +442,34 @@ mod tests {
         assert!((of(0.5) - 3.0).abs() < 1e-12);
         assert!((of(0.9) - 6.8).abs() < 1e-12);
         assert!(quantile(&[], 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_for_one_agent_is_no_attempt_to_reach_the_others() {
+        // Of four agents the first tells everyone, and two hear it; the second tells the last alone.
+        let states = AgentStates::at_origin(4);
+        let deliveries = Deliveries {
+            transmissions: Transmissions {
+                sender: vec![0, 1],
+                sent_ns: vec![0, 10],
+                end_ns: vec![4, 30],
+                payloads: Payloads::new(vec![1; 2], vec![0; 2].into()).unwrap(),
+                destination: vec![EVERYONE, 3],
+            },
+            heard: Heard::Lists { ends: vec![0, 1, 2, 3], indices: vec![0, 0, 1] },
+            ..Deliveries::default()
+        };
+        let counts = Counts::of(&deliveries, 4);
+        let motes = MoteStates::default();
+        let places = [(0, &states), (1_000_000_000, &states)];
+        let mut measures =
+            Measures::new(Task::default(), Site::default(), &states, Kpis::default());
+        measures.add(&Period::of_places(1, places, (&deliveries, &counts), &motes));
+        assert_eq!([measures.transmissions, measures.attempts, measures.deliveries], [2, 3, 2]);
+        assert_eq!(measures.unicast_deliveries, 1);
+        assert_eq!(measures.by_distance().iter().map(|bin| bin.attempts).sum::<u64>(), 3);
+        // The delays are 4, 4 and 20 ns.
+        assert!((measures.mean_delay_s().unwrap() - 28e-9 / 3.0).abs() < 1e-15);
     }
 
     #[test]

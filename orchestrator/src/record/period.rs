@@ -42,6 +42,35 @@ pub(crate) struct Period<'a> {
     pub(crate) heard_links: Option<&'a HeardLinks>,
 }
 
+impl<'a> Period<'a> {
+    /// A step of which nothing is known but where agents were, and what they heard on the way.
+    pub(crate) fn of_places(
+        step: u64,
+        [(from_ns, before), (time_ns, states)]: [(u64, &'a AgentStates); 2],
+        (deliveries, counts): (&'a Deliveries, &'a Counts),
+        motes: &'a MoteStates,
+    ) -> Self {
+        Self {
+            step,
+            from_ns,
+            time_ns,
+            states,
+            states_before: before,
+            states_on_air: before,
+            deliveries,
+            counts,
+            motes,
+            task_complete: false,
+            held: false,
+            formation: None,
+            packets: None,
+            statistics: None,
+            schedule: None,
+            heard_links: None,
+        }
+    }
+}
+
 /// Distance between two agents (m).
 pub(crate) fn distance_m(states: &AgentStates, a: usize, b: usize) -> f64 {
     let [ax, ay, az] = states.position_m(a);

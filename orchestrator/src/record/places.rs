@@ -16,24 +16,8 @@ pub(crate) fn measures_of(task: Task, places: &[(u64, AgentStates)]) -> Option<M
     let counts = Counts::of(&deliveries, begin.len());
     for (step, pair) in (1..).zip(places.windows(2)) {
         let [(from_ns, before), (time_ns, states)] = pair else { continue };
-        measures.add(&Period {
-            step,
-            from_ns: *from_ns,
-            time_ns: *time_ns,
-            states,
-            states_before: before,
-            states_on_air: before,
-            deliveries: &deliveries,
-            counts: &counts,
-            motes: &motes,
-            task_complete: false,
-            held: false,
-            formation: None,
-            packets: None,
-            statistics: None,
-            schedule: None,
-            heard_links: None,
-        });
+        let places = [(*from_ns, before), (*time_ns, states)];
+        measures.add(&Period::of_places(step, places, (&deliveries, &counts), &motes));
     }
     measures.end();
     Some(measures)

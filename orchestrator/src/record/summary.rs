@@ -155,6 +155,7 @@ fn network(measures: &Measures) -> Value {
         "attempts": measures.attempts,
         "deliveries": measures.deliveries,
         "delivery_ratio": measures.delivery_ratio(),
+        "unicast_deliveries": measures.unicast_deliveries,
         "mean_delay_s": measures.mean_delay_s(),
         "mean_age_s": measures.mean_age_s(),
         "mean_neighbours_heard": measures.mean_neighbours(),
@@ -187,7 +188,9 @@ fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<Strin
         let carries_packets = measures.kpis.account.has_applications();
         if 0 < measures.n_steps && measures.transmissions == 0 && !carries_packets {
             warnings.push("nothing that robots sent was transmitted".to_owned());
-        } else if measures.transmissions != 0 && measures.deliveries == 0 {
+        } else if measures.transmissions != 0
+            && measures.deliveries + measures.unicast_deliveries == 0
+        {
             warnings.push("nothing that robots sent was delivered".to_owned());
         }
     }

@@ -176,12 +176,15 @@ impl Swarm {
                 self.neighbour_error.add(Some(norm(way)), f64::from(n_heard));
             }
         }
-        let senders = period.deliveries.transmissions.sender.iter();
-        let heard = senders.zip(&period.counts.receivers).map(|(&sender, &n_heard)| {
-            (sender, period.states_on_air.position_m(sender as usize), n_heard)
-        });
+        let sent = &period.deliveries.transmissions;
+        // Where the sender of a message to a single agent was when it sent it, some periods ago, is not known here.
+        let for_all = (0..sent.len()).filter(|&index| sent.destination(index).is_none());
         self.said.clear();
-        self.said.extend(heard);
+        self.said.extend(for_all.map(|index| {
+            let sender = sent.sender[index];
+            let from_m = period.states_on_air.position_m(sender as usize);
+            (sender, from_m, period.counts.receivers[index])
+        }));
     }
 
     /// Mean age of what was heard (s).
@@ -372,32 +375,15 @@ mod tests {
                 sent_ns: vec![250_000_000; n],
                 end_ns: vec![260_000_000; n],
                 payloads: Payloads::new(vec![1; n], vec![0; n].into()).unwrap(),
+                ..Transmissions::default()
             },
             heard: Heard::Lists { ends, indices },
             ..Deliveries::default()
         };
         let counts = Counts::of(&deliveries, n);
-        swarm.add(
-            task,
-            &Period {
-                step: 1,
-                from_ns: 0,
-                time_ns: 1_000_000_000,
-                states,
-                states_before: states,
-                states_on_air: states,
-                deliveries: &deliveries,
-                counts: &counts,
-                motes: &MoteStates::default(),
-                task_complete: false,
-                held: false,
-                formation: None,
-                packets: None,
-                statistics: None,
-                schedule: None,
-                heard_links: None,
-            },
-        );
+        let motes = MoteStates::default();
+        let places = [(0, states), (1_000_000_000, states)];
+        swarm.add(task, &Period::of_places(1, places, (&deliveries, &counts), &motes));
     }
 
     fn leader() -> Task {

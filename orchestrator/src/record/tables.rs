@@ -152,6 +152,7 @@ impl Tables {
                 Cell::U64(sent.end_ns[index]),
                 Cell::U32(sent.payloads.length_bytes()[index]),
                 Cell::U32(period.counts.receivers[index]),
+                Cell::or_null(sent.destination(index), Cell::U32),
             ])?;
         }
         Ok(())
@@ -185,7 +186,9 @@ impl Tables {
             let is_alive = period.states_on_air.alive.get(receiver);
             for (index, &sender) in sent.sender.iter().enumerate() {
                 let is_heard = heard(period.deliveries, receiver, index);
-                if is_alive && sender as usize != receiver && is_chosen(index, receiver) {
+                let is_for_it = sent.destination(index).is_none_or(|it| it as usize == receiver);
+                let might_hear = is_alive && is_for_it && sender as usize != receiver;
+                if might_hear && is_chosen(index, receiver) {
                     table.push(link(period, receiver, index, is_heard.then_some(delivery)))?;
                 }
                 delivery += usize::from(is_heard);

@@ -61,6 +61,7 @@ fn deliveries(step: u64) -> Deliveries {
             sent_ns: (0..6).map(|i| begin_ns + i * 10_000_000).collect(),
             end_ns: (0..6).map(|i| begin_ns + i * 10_000_000 + 2_000_000).collect(),
             payloads: Payloads::new(vec![3; 6], Bytes::from(vec![step as u8; 18])).unwrap(),
+            ..Transmissions::default()
         },
         heard: Heard::Lists { ends, indices },
         rssi_dbm: (0..n_deliveries).map(|i| -60.0 - i as f32).collect(),

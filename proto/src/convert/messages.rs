@@ -46,6 +46,7 @@ impl From<Deliveries> for v1::Deliveries {
                 sent_ns: sent.sent_ns,
                 end_ns: sent.end_ns,
                 payloads: Some(sent.payloads.into()),
+                destination: sent.destination,
             }),
             heard_end,
             heard,

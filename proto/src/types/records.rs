@@ -49,7 +49,7 @@ pub struct Packets {
     pub kind: Vec<u32>,
     /// The mote that created it.
     pub source: Vec<u32>,
-    /// The mote it was for; `u32::MAX`: everyone in reach.
+    /// The mote it was for; [`EVERYONE`](super::EVERYONE): everyone in reach.
     pub destination: Vec<u32>,
     /// When it was created (ns).
     pub created_ns: Vec<u64>,

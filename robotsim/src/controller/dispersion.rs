@@ -148,6 +148,7 @@ mod tests {
                     let kept: Vec<u8> = all.iter().skip(1).flatten().copied().collect();
                     proto::types::Payloads::new(vec![48; 2], kept.into()).unwrap()
                 },
+                ..Transmissions::default()
             },
             heard: Heard::Lists { ends: vec![2, 2, 2], indices: vec![0, 1] },
             rssi_dbm: rssi_dbm.to_vec(),

@@ -90,6 +90,7 @@ impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
                 sent_ns: vec![sent_ns; n],
                 end_ns: vec![sent_ns + 1; n],
                 payloads,
+                ..Transmissions::default()
             },
             heard: Heard::Lists { ends, indices },
             ..Deliveries::default()

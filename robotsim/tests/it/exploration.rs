@@ -98,6 +98,7 @@ fn delivered(sent: &[AgentMessage], n: usize, step: u64) -> Deliveries {
             end_ns: vec![begins_ns + 1; sent.len()],
             payloads: Payloads::new(lengths, data.into())
                 .expect("as much data as the lengths add up to"),
+            ..Transmissions::default()
         },
         heard: Heard::Lists { ends, indices },
         ..Deliveries::default()

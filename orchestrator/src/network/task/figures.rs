@@ -1,5 +1,6 @@
 //! The figures of a swarm's task that are compared: those of a run's summary (docs/metrics.md), of places alone.
 
+use crate::network::figure::{Figure, figure};
 use crate::network::tracks::Tracks;
 use crate::record::places::measures_of;
 use crate::record::{Measures, Task};
@@ -7,34 +8,18 @@ use proto::types::{AgentStates, NS_PER_S};
 
 /// On which scale differences of a figure are told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scale {
+pub enum Scale {
     /// As it is.
     Plain,
     /// A length or a speed above 0: logarithm.
     Ratio,
 }
 
-/// A figure.
-#[derive(Clone, Copy, Debug)]
-pub struct Figure {
-    /// Its name.
-    pub name: &'static str,
-    /// Its unit; empty for a number without.
-    pub unit: &'static str,
-    /// What it is.
-    pub doc: &'static str,
-    scale: Scale,
-}
-
-const fn figure(name: &'static str, unit: &'static str, doc: &'static str, scale: Scale) -> Figure {
-    Figure { name, unit, doc, scale }
-}
-
 /// How many figures there are.
 pub const N: usize = 13;
 
 /// All figures, in the order of [`TaskFigures::values`].
-pub const FIGURES: [Figure; N] = [
+pub const FIGURES: [Figure<Scale>; N] = [
     figure("mean_speed_mps", "m/s", "a robot's own speed: mean of robots and time", Scale::Ratio),
     figure("flock_speed_mps", "m/s", "speed of the mean velocity: mean of time", Scale::Ratio),
     figure(

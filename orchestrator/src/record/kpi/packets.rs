@@ -2,7 +2,7 @@
 
 use super::samples::{Samples, Timeline};
 use crate::record::DistanceBin;
-use proto::types::{PacketKind, Packets, seconds};
+use proto::types::{EVERYONE, PacketKind, Packets, seconds};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
@@ -73,7 +73,7 @@ impl Account {
                 None => *delivered += 1,
                 Some(reason) => count(dropped, reason),
             }
-            if !self.kinds[kind].is_application || packets.destination[i] == u32::MAX {
+            if !self.kinds[kind].is_application || packets.destination[i] == EVERYONE {
                 continue;
             }
             let latency_ns = packets.ended_ns[i] - packets.created_ns[i];

@@ -4,7 +4,7 @@ use super::Tables;
 use crate::record::RecordError;
 use crate::record::period::Period;
 use crate::record::table::Cell;
-use proto::types::{Bitmap, MoteStates, Statistic};
+use proto::types::{Bitmap, EVERYONE, MoteStates, Statistic};
 
 impl Tables {
     /// Adds what the network's reply brought.
@@ -27,7 +27,7 @@ impl Tables {
             return Ok(());
         };
         for i in 0..packets.len() {
-            let destination = Some(packets.destination[i]).filter(|&mote| mote != u32::MAX);
+            let destination = Some(packets.destination[i]).filter(|&mote| mote != EVERYONE);
             table.push([
                 Cell::U64(period.step),
                 Cell::U64(packets.id[i]),

@@ -78,6 +78,12 @@ pub(super) const TRANSMISSIONS: TableShape = TableShape {
         never_null("end_ns", ColumnKind::U64, "When its last bit had arrived (ns)."),
         never_null("payload_bytes", ColumnKind::U32, "Length of its payload (bytes)."),
         never_null("n_receivers", ColumnKind::U32, "How many other agents received it."),
+        nullable(
+            "destination",
+            ColumnKind::U32,
+            "it was for everyone in reach",
+            "The agent it was for. What is for one agent is here only if it arrived.",
+        ),
     ],
 };
 
