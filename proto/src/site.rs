@@ -163,7 +163,10 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (Site, toml
     if problems.len() != before {
         return (Site::default(), table);
     }
-    let site: Site = table.clone().try_into().expect("a checked table has the site's shape");
+    let mut written = table.clone();
+    let terrain = written.remove("terrain").map(Terrain::of_checked).unwrap_or_default();
+    let site: Site = written.try_into().expect("a checked table has the site's shape");
+    let site = Site { terrain, ..site };
     for (index, wall) in site.wall.iter().enumerate() {
         if wall.from_m == wall.to_m {
             problems.push(

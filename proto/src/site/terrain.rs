@@ -14,7 +14,6 @@ pub(super) const KIND: Kind = Kind::Either(&[Kind::Tables(&hill::SPEC), Kind::Ta
 
 /// The ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
 pub enum Terrain {
     /// Hills on a plane.
     Hills(Vec<Hill>),
@@ -30,6 +29,16 @@ impl Default for Terrain {
 }
 
 impl Terrain {
+    /// Of `site.terrain` as it is written, which was checked.
+    pub(super) fn of_checked(written: toml::Value) -> Self {
+        let shape = "a checked value has the terrain's shape";
+        if written.is_array() {
+            Self::Hills(written.try_into().expect(shape))
+        } else {
+            Self::Grid(written.try_into().expect(shape))
+        }
+    }
+
     /// How steeply the ground rises towards the east and the north (m per m) at a place.
     #[must_use]
     pub fn gradient(&self, at_m: [f64; 2]) -> [f64; 2] {

@@ -37,15 +37,45 @@ pub(super) const SPEC: TableSpec = TableSpec {
     tag: None,
 };
 
+/// Heights on a grid, as they are written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Written {
+    origin_m: [f64; 2],
+    spacing_m: f64,
+    height_m: Vec<Vec<f64>>,
+}
+
 /// Heights on a grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Written", into = "Written")]
 pub struct Grid {
-    /// Its south-western corner (m).
-    pub origin_m: [f64; 2],
-    /// From one point to the next (m).
-    pub spacing_m: f64,
-    /// Heights (m), shape (rows, columns): rows from south to north, each from west to east.
-    pub height_m: Vec<Vec<f64>>,
+    written: Written,
+    /// Points of a row, and rows.
+    n: [usize; 2],
+    /// Row by row, with one point more at each side.
+    padded_m: Vec<f64>,
+}
+
+impl From<Written> for Grid {
+    fn from(written: Written) -> Self {
+        let rows = &written.height_m;
+        let n = [rows.iter().map(Vec::len).min().unwrap_or(0), rows.len()];
+        let mut padded_m = Vec::new();
+        if 2 <= n[0] && 2 <= n[1] {
+            padded_m.reserve((n[0] + 2) * (n[1] + 2));
+            for row in 0..n[1] + 2 {
+                let along = |column| beyond(row, n[1], |i| rows[i][column]);
+                padded_m.extend((0..n[0] + 2).map(|column| beyond(column, n[0], along)));
+            }
+        }
+        Self { written, n, padded_m }
+    }
+}
+
+impl From<Grid> for Written {
+    fn from(grid: Grid) -> Self {
+        grid.written
+    }
 }
 
 impl Grid {
@@ -56,42 +86,38 @@ impl Grid {
     /// line with the last two.
     #[must_use]
     pub fn gradient(&self, at_m: [f64; 2]) -> [f64; 2] {
-        let n = [self.height_m[0].len(), self.height_m.len()];
+        let Written { origin_m, spacing_m, .. } = self.written;
         let mut cell = [0; 2];
         let mut within = [0.0; 2];
         for axis in [0, 1] {
-            let place = (at_m[axis] - self.origin_m[axis]) / self.spacing_m;
-            let last = n[axis] - 1;
+            let place = (at_m[axis] - origin_m[axis]) / spacing_m;
+            let last = self.n[axis] - 1;
             if !(0.0..=last as f64).contains(&place) {
                 return [0.0; 2];
             }
             cell[axis] = (place as usize).min(last - 1);
             within[axis] = place - cell[axis] as f64;
         }
-        let weights = within.map(weights);
-        let slopes = within.map(slopes);
+        let [across, upward] = within.map(weights);
+        let [along, rising] = within.map(slopes);
         let mut rise = [0.0; 2];
-        for (row, (weight, slope)) in weights[1].iter().zip(slopes[1]).enumerate() {
-            for (column, (across, along)) in weights[0].iter().zip(slopes[0]).enumerate() {
-                let height_m = self.height_at([cell[0] + column, cell[1] + row]);
-                rise[0] += weight * along * height_m;
-                rise[1] += slope * across * height_m;
-            }
+        for row in 0..4 {
+            let begin = (cell[1] + row) * (self.n[0] + 2) + cell[0];
+            let heights_m = &self.padded_m[begin..begin + 4];
+            let sum = |weights: &[f64; 4]| -> f64 {
+                heights_m.iter().zip(weights).map(|(height_m, weight)| height_m * weight).sum()
+            };
+            rise[0] += upward[row] * sum(&along);
+            rise[1] += rising[row] * sum(&across);
         }
-        rise.map(|part| part / self.spacing_m)
-    }
-
-    /// The height (m) of a point, counted from one before the first of each axis.
-    fn height_at(&self, [column, row]: [usize; 2]) -> f64 {
-        let along =
-            |row: usize| on_line(column, self.height_m[row].len(), |i| self.height_m[row][i]);
-        on_line(row, self.height_m.len(), along)
+        rise.map(|part| part / spacing_m)
     }
 
     /// Adds what is wrong with it, which stands at `path`.
     pub(super) fn check(&self, path: &str, problems: &mut Vec<Problem>) {
-        let n = self.height_m[0].len();
-        for (index, row) in self.height_m.iter().enumerate() {
+        let rows = &self.written.height_m;
+        for (index, row) in rows.iter().enumerate() {
+            let n = rows[0].len();
             if row.len() != n {
                 problems.push(
                     Problem::new(
@@ -106,7 +132,7 @@ impl Grid {
 }
 
 /// A value on a line of `n`, counted from one before the first: beyond the ends, in line with the last two.
-fn on_line(index: usize, n: usize, value: impl Fn(usize) -> f64) -> f64 {
+fn beyond(index: usize, n: usize, value: impl Fn(usize) -> f64) -> f64 {
     match index {
         0 => 2.0 * value(0) - value(1),
         index if index <= n => value(index - 1),
@@ -145,7 +171,7 @@ mod tests {
             (0..n).map(move |i| origin_m[axis] + i as f64 * spacing_m[axis])
         };
         let height_m = axis(1, 13).map(|y| axis(0, 17).map(|x| height_m(x, y)).collect()).collect();
-        Grid { origin_m, spacing_m: spacing_m[0], height_m }
+        Written { origin_m, spacing_m: spacing_m[0], height_m }.into()
     }
 
     #[test]
