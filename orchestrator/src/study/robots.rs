@@ -12,6 +12,7 @@ mod fit;
 mod left;
 mod motion;
 mod rivals;
+mod screen;
 mod terms;
 #[cfg(test)]
 mod tests;
@@ -486,6 +487,15 @@ impl Study for RobotStudy {
             cache.insert(sorted.clone(), self.model.carried(&sorted, &fit));
         }
         fit
+    }
+
+    fn screen(&self, terms: &[usize], _level: Level, parent: &RobotFit) -> Option<RobotFit> {
+        let (&term, before) = terms.split_last()?;
+        if before != parent.terms {
+            return None;
+        }
+        let columns = parent.columns.get_or_init(|| self.model.columns(parent)).as_ref()?;
+        self.model.screened(parent, columns, term, &self.fitted_rows())
     }
 
     fn apart(&self, one: &RobotFit, other: &RobotFit) -> Option<Apart> {

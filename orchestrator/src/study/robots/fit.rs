@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Most steps of a fit.
 const MOST_STEPS: usize = 60;
 /// A fit has converged when a step gains less (nats) …
-const CONVERGED_NATS: f64 = 1e-8;
+const CONVERGED_NATS: f64 = 1e-6;
 /// … twice in a row.
 const CONVERGED_TIMES: usize = 2;
 /// A fit to some of the windows, which starts where all of them lead, has converged when a step gains less (nats): what a
@@ -39,16 +39,16 @@ pub(super) struct Number {
 pub(super) type Columns = Vec<Vec<[f64; 3]>>;
 
 /// The state of a fit.
-struct Point {
-    values: Vec<f64>,
-    paths: Paths,
-    residuals: Vec<Residual>,
-    density: Density,
-    total: f64,
+pub(super) struct Point {
+    pub(super) values: Vec<f64>,
+    pub(super) paths: Paths,
+    pub(super) residuals: Vec<Residual>,
+    pub(super) density: Density,
+    pub(super) total: f64,
 }
 
 /// Numbers after a step, each within its range.
-fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -> Vec<f64> {
+pub(super) fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -> Vec<f64> {
     values
         .iter()
         .zip(step.iter())
@@ -59,7 +59,7 @@ fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -> Vec<f64> 
 
 /// The step to the optimum of a quadratic form. A number at an end of its range stays there where the step would lead beyond:
 /// cut off only afterwards, it would leave the others short of their optimum, and a fit would creep along the end.
-fn uphill(
+pub(super) fn uphill(
     information: &DMatrix<f64>,
     slope: &DVector<f64>,
     values: &[f64],
@@ -110,29 +110,38 @@ impl Model {
 
     /// A fit with one more term: from the best of its starts.
     fn extended(&self, parent: &RobotFit, term: usize, train: &[u32]) -> RobotFit {
-        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
-        let starts = self.starts(term);
-        let begin = |start: &[f64]| RobotFit {
-            terms: terms.clone(),
-            values: parent.values.iter().chain(start).copied().collect(),
-            columns: Arc::default(),
-            ..parent.clone()
-        };
-        let mut looks: Vec<(f64, RobotFit)> = starts
-            .iter()
-            .map(|start| {
-                let fit = begin(start);
-                (self.point(&fit, train).map_or(f64::NEG_INFINITY, |point| point.total), fit)
-            })
-            .collect();
-        looks.sort_by(|a, b| b.0.total_cmp(&a.0));
-        looks.truncate(N_FOLLOWED);
-        let followed = looks
+        let followed = self
+            .begun(parent, term, train)
             .into_iter()
-            .map(|(_, fit)| self.descended(fit, train, LOOK_STEPS, CONVERGED_NATS))
+            .map(|(fit, _)| self.descended(fit, train, LOOK_STEPS, CONVERGED_NATS))
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
         let best = followed.unwrap_or_else(|| parent.clone());
         self.polished(best, train)
+    }
+
+    /// A fit with one more term, at the best of its starts.
+    pub(super) fn begun(
+        &self,
+        parent: &RobotFit,
+        term: usize,
+        train: &[u32],
+    ) -> Vec<(RobotFit, Point)> {
+        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
+        let begin = |start: Vec<f64>| {
+            let fit = RobotFit {
+                terms: terms.clone(),
+                values: parent.values.iter().copied().chain(start).collect(),
+                columns: Arc::default(),
+                ..parent.clone()
+            };
+            let point = self.point(&fit, train)?;
+            Some((fit, point))
+        };
+        let mut looks: Vec<(RobotFit, Point)> =
+            self.starts(term).into_iter().filter_map(begin).collect();
+        looks.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
+        looks.truncate(N_FOLLOWED);
+        looks
     }
 
     /// A fit that has converged.
@@ -178,7 +187,7 @@ impl Model {
     }
 
     /// A fit where it came to.
-    fn ended(&self, fit: RobotFit, at: Point) -> RobotFit {
+    pub(super) fn ended(&self, fit: RobotFit, at: Point) -> RobotFit {
         RobotFit {
             terms: fit.terms,
             values: at.values,
@@ -192,7 +201,7 @@ impl Model {
     pub(super) fn columns(&self, fit: &RobotFit) -> Option<Columns> {
         let all: Vec<u32> = (0..self.tracks.windows.len() as u32).collect();
         let (residuals, paths) = self.residuals_and_paths(fit, &all, None)?;
-        self.jacobian(fit, &residuals, &paths, &all, &self.numbers_of(&fit.terms))
+        self.jacobian(fit, (&residuals, &paths), &all, 0)
     }
 
     /// Residuals of some windows under a fit's numbers.
@@ -262,7 +271,7 @@ impl Model {
     }
 
     /// The fit's numbers with their likeliest noise; the ratio of its scatters stays as it is.
-    fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<Point> {
+    pub(super) fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<Point> {
         let (residuals, paths) = self.residuals_and_paths(fit, train, None)?;
         let is_noise_free = self.is_noise_free(&fit.terms);
         let density = fit.density.fitted(&residuals, is_noise_free, false);
@@ -272,7 +281,7 @@ impl Model {
     }
 
     /// Searches the ratio of the scatters at a point, where directions scatter.
-    fn settle(&self, fit: &RobotFit, at: &mut Point) {
+    pub(super) fn settle(&self, fit: &RobotFit, at: &mut Point) {
         if self.has_direction() {
             let is_noise_free = self.is_noise_free(&fit.terms);
             at.density = at.density.fitted(&at.residuals, is_noise_free, true);
@@ -298,10 +307,8 @@ impl Model {
         let mut quiet = 0;
         for _ in 0..most_steps {
             fit.density = at.density;
-            let Some(columns) = self.jacobian(&fit, &at.residuals, &at.paths, train, &numbers)
-            else {
-                break;
-            };
+            let here = (&at.residuals[..], &at.paths);
+            let Some(columns) = self.jacobian(&fit, here, train, 0) else { break };
             let (information, slope) = self.normal_equations(&fit, &at, &columns);
             let mut gained = 0.0;
             for _ in 0..8 {
@@ -335,15 +342,16 @@ impl Model {
         self.ended(fit, at)
     }
 
-    /// Derivatives of residuals that are `at` under a fit, `paths` being those of its model alone.
-    fn jacobian(
+    /// Derivatives by the numbers from the `from`th on of residuals that are `at` under a fit, `paths` being those of its
+    /// model alone.
+    pub(super) fn jacobian(
         &self,
         fit: &RobotFit,
-        at: &[Residual],
-        paths: &Paths,
+        (at, paths): (&[Residual], &Paths),
         train: &[u32],
-        numbers: &[Number],
+        from: usize,
     ) -> Option<Columns> {
+        let numbers = self.numbers_of(&fit.terms);
         let mut columns = Vec::with_capacity(numbers.len());
         let mut curves = vec![None; numbers.len()];
         let mut first = self.base.len();
@@ -355,7 +363,7 @@ impl Model {
             }
             first += self.n_numbers(term);
         }
-        for (index, number) in numbers.iter().enumerate() {
+        for (index, number) in numbers.iter().enumerate().skip(from) {
             if let Some((curve, k)) = curves[index] {
                 let column = train.iter().zip(at).map(|(&row, residual)| {
                     let [along, across] = self.curve_columns(curve, row, residual)[k];
@@ -380,7 +388,7 @@ impl Model {
     }
 
     /// Information matrix and slope of the log likelihood, each window counting as much as the density says.
-    fn normal_equations(
+    pub(super) fn normal_equations(
         &self,
         fit: &RobotFit,
         at: &Point,
@@ -425,11 +433,10 @@ impl Model {
     /// some cannot be told apart.
     pub(super) fn covariance(&self, fit: &RobotFit, blocks: &Blocks) -> Option<DMatrix<f64>> {
         let all = blocks.fitted();
-        let numbers = self.numbers_of(&fit.terms);
         let point = self.point(fit, &all)?;
-        let columns = self.jacobian(fit, &point.residuals, &point.paths, &all, &numbers)?;
+        let columns = self.jacobian(fit, (&point.residuals, &point.paths), &all, 0)?;
         let (mut information, _) = self.normal_equations(fit, &point, &columns);
-        let n = numbers.len();
+        let n = columns.len();
         let n_blocks = blocks.n_blocks();
         let mut scores = DMatrix::zeros(n_blocks, n);
         for (row, (residual, &window)) in point.residuals.iter().zip(&all).enumerate() {

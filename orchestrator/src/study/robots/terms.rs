@@ -305,6 +305,10 @@ fn starts(
     products
 }
 
+/// How often the share of commands beyond a threshold is halved, from a 24th on: a limit that only the fastest commands meet is
+/// worth finding.
+const TAIL_HALVES: usize = 4;
+
 /// The effect whose only number is the noise itself.
 pub(super) const NOISE: &str = "localization";
 
@@ -321,7 +325,8 @@ impl Tracks {
         ]
     }
 
-    /// Values between which commanded sizes lie: half way from each to the next larger one, about two dozen.
+    /// Values between which commanded sizes lie: half way from each to the next larger one, about two dozen; closer where few
+    /// commands are smaller, or larger; and beyond all.
     fn thresholds(&self, part: Part) -> Vec<f64> {
         let turning = self.robots.shape.is_turning();
         let size = |command: [f64; 3]| match (part, turning) {
@@ -334,15 +339,23 @@ impl Tracks {
         sizes.sort_by(f64::total_cmp);
         // By quantiles of what was commanded, however often.
         let steps = 24;
-        let mut picked: Vec<f64> =
-            (0..=steps).map(|k| sizes[k * (sizes.len() - 1) / steps]).collect();
+        let last = sizes.len() - 1;
+        let halves = (1..=TAIL_HALVES).map(|k| last / (steps << k));
+        let mut places: Vec<usize> = (0..=steps).map(|k| k * last / steps).collect();
+        places.extend(halves.flat_map(|few| [few, last - few]));
+        places.sort_unstable();
+        let mut picked: Vec<f64> = places.into_iter().map(|place| sizes[place]).collect();
         sizes.dedup();
+        let [smallest, largest] = [sizes[0], sizes[sizes.len() - 1]];
         if sizes.len() <= steps {
             picked = sizes;
         }
         picked.dedup();
-        let middles: Vec<f64> = picked.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
-        if middles.is_empty() { vec![picked[0].max(0.01)] } else { middles }
+        let middles = picked.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+        let mut values: Vec<f64> =
+            [smallest].into_iter().chain(middles).chain([largest]).map(|v| v.max(0.01)).collect();
+        values.dedup();
+        values
     }
 
     /// Discs of the plane in which ground may be rough: a grid of centres, two sizes.

@@ -31,7 +31,7 @@ pub(super) const ENTRY: Entry = Entry {
             unit: "m/s²",
             min: 0.01,
             max: 1e5,
-            starts: &[0.1, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0],
+            starts: &[0.1, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 1e4],
             step: 0.05,
         }],
         variants: &[],

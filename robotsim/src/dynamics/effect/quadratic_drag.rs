@@ -31,7 +31,7 @@ pub(super) const ENTRY: Entry = Entry {
             unit: "1/m",
             min: 0.0,
             max: 100.0,
-            starts: &[0.003, 0.03, 0.3],
+            starts: &[0.0, 0.003, 0.03, 0.3],
             step: 0.001,
         }],
         variants: &[],

@@ -1,0 +1,79 @@
+//! Whether a term is worth a fit: a few steps from its starts, with what the parent's numbers do taken as known.
+
+use super::fit::{Columns, Point, stepped, uphill};
+use super::{Model, RobotFit};
+
+/// Most steps from a start.
+const STEPS: usize = 4;
+/// A start is given up when a step gains less (nats).
+const QUIET_NATS: f64 = 0.5;
+/// Who still gains more than this in its last step (nats) has not shown what it is worth.
+const CLIMBING_NATS: f64 = 1.0;
+
+impl Model {
+    /// The best of a few steps from the starts of a term on top of its parent, whose derivatives (`columns`, at all windows)
+    /// are held. None where that does not tell what the term is worth.
+    pub(super) fn screened(
+        &self,
+        parent: &RobotFit,
+        columns: &Columns,
+        term: usize,
+        train: &[u32],
+    ) -> Option<RobotFit> {
+        let known: Columns = columns
+            .iter()
+            .map(|column| train.iter().map(|&row| column[row as usize]).collect())
+            .collect();
+        let followed = self.begun(parent, term, train).into_iter();
+        let (last_gain, fit, at) = followed
+            .filter_map(|(fit, at)| self.followed(fit, at, &known, train))
+            .max_by(|a, b| a.2.total.total_cmp(&b.2.total))?;
+        let is_settled = last_gain < CLIMBING_NATS || parent.log_likelihood < at.total;
+        is_settled.then(|| self.ended(fit, at))
+    }
+
+    /// Where a start leads, and what the last step gained (nats).
+    fn followed(
+        &self,
+        mut fit: RobotFit,
+        mut at: Point,
+        known: &Columns,
+        train: &[u32],
+    ) -> Option<(f64, RobotFit, Point)> {
+        self.settle(&fit, &mut at);
+        let numbers = self.numbers_of(&fit.terms);
+        let mut gained = 0.0;
+        for _ in 0..STEPS {
+            fit.density = at.density;
+            let mut columns = known.clone();
+            columns.extend(self.jacobian(&fit, (&at.residuals, &at.paths), train, known.len())?);
+            let (information, slope) = self.normal_equations(&fit, &at, &columns);
+            gained = 0.0;
+            for damping in [1e-3, 0.1, 10.0] {
+                let mut matrix = information.clone();
+                for i in 0..numbers.len() {
+                    matrix[(i, i)] += damping * information[(i, i)] + 1e-12;
+                }
+                let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { continue };
+                let promised = 0.5 * step.dot(&slope);
+                if promised < QUIET_NATS {
+                    break;
+                }
+                fit.values = stepped(&at.values, &step, &numbers);
+                if let Some(mut next) = self.point(&fit, train)
+                    && at.total < next.total
+                {
+                    self.settle(&fit, &mut next);
+                    gained = next.total - at.total;
+                    at = next;
+                    break;
+                }
+            }
+            fit.values.clone_from(&at.values);
+            if gained < QUIET_NATS {
+                break;
+            }
+        }
+        Some((gained, fit, at))
+    }
+}
