@@ -33,6 +33,18 @@ fn number(value: f64) -> Value {
     if value.is_finite() { json!(value) } else { Value::Null }
 }
 
+/// The covariate of a structure, and those that it cannot be told from.
+fn named_structure(entry: &Value) -> String {
+    let covariate = entry["covariate"].as_str().unwrap_or_default();
+    let others = entry["indistinguishable_from"].as_array().into_iter().flatten();
+    let others: Vec<&str> = others.filter_map(Value::as_str).collect();
+    if others.is_empty() {
+        covariate.to_owned()
+    } else {
+        format!("{covariate} (or {}: these data do not tell)", others.join(", or "))
+    }
+}
+
 fn rung(name: &str, scores: &Scores) -> Value {
     json!({
         "model": name,
@@ -73,6 +85,9 @@ pub fn answer<S: Study>(
         .copied()
         .filter(|&term| candidates[term].curve_over().is_none())
         .collect();
+    let over = |terms: &[usize]| -> Vec<&str> {
+        terms.iter().filter_map(|&term| candidates[term].curve_over()).collect()
+    };
     let mut structure: Vec<Value> = Vec::new();
     for &term in &ladder.accepted {
         let Some(covariate) = candidates[term].curve_over() else { continue };
@@ -86,6 +101,7 @@ pub fn answer<S: Study>(
             "p_value": number(trial.gain.p_value),
             "formula": formulas.get(name(term)).map(|(text, _)| text),
             "rmse_after": number(formulas.get(name(term)).map_or(after.rmse, |(_, rmse)| *rmse)),
+            "indistinguishable_from": over(&trial.ties),
         }));
     }
     if let Some(left) = left {
@@ -95,6 +111,7 @@ pub fn answer<S: Study>(
             "p_value": number(left.p_value),
             "formula": left.formula.as_ref().map(|(text, _)| text),
             "rmse_after": left.formula.as_ref().map(|(_, rmse)| number(*rmse)),
+            "indistinguishable_from": [],
         }));
     }
     let verdict = if ladder.too_little.is_some() {
@@ -224,8 +241,7 @@ pub fn answer<S: Study>(
         (None, "nothing-missing") => "nothing is missing that these data could show".to_owned(),
         (None, "missing-effects") => format!("missing: {}", missing.join(", then ")),
         (None, _) => {
-            let over: Vec<&str> =
-                structure.iter().filter_map(|entry| entry["covariate"].as_str()).collect();
+            let over: Vec<String> = structure.iter().map(named_structure).collect();
             let also = if missing.is_empty() {
                 String::new()
             } else {

@@ -114,7 +114,8 @@ fn measurement<S: Study>(
     aim: &str,
 ) -> Option<Value> {
     let apart = study.apart(one, other)?;
-    let at = greatest(&apart)?;
+    // What would be told as 0.00 is no condition to measure under.
+    let at = greatest(&apart).filter(|at| 0.005 <= at.inside)?;
     Some(json!({
         "between": between,
         "covariate": at.covariate,

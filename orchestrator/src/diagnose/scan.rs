@@ -99,10 +99,15 @@ fn weighed(bins: &[u8], residual: &[f64], levels: &[&Blocks]) -> Option<(f64, f6
     for &row in &rows {
         counts[usize::from(bins[row])] += 1.0;
     }
+    let n_rows = rows.len() as f64;
+    // About the mean: what is the same everywhere is no structure over anything.
     let between = |sums: &[f64]| -> f64 {
-        sums.iter().zip(&counts).filter(|(_, n)| 0.0 < **n).map(|(sum, n)| sum * sum / n).sum()
+        let within = sums.iter().zip(&counts).filter(|(_, n)| 0.0 < **n);
+        let total: f64 = sums.iter().sum();
+        within.map(|(sum, n)| sum * sum / n).sum::<f64>() - total * total / n_rows
     };
-    let squares: f64 = rows.iter().map(|&row| residual[row] * residual[row]).sum();
+    let mean = rows.iter().map(|&row| residual[row]).sum::<f64>() / n_rows;
+    let squares: f64 = rows.iter().map(|&row| (residual[row] - mean).powi(2)).sum();
     let mut sums = [0.0; 256];
     for &row in &rows {
         sums[usize::from(bins[row])] += residual[row];
@@ -302,6 +307,9 @@ mod tests {
             .collect();
         let found = strongest(&covariates, &[residuals(&bent, 1.0)], &[&blocks]).unwrap();
         assert_eq!(found.covariate, "x");
+        // What all rows are off alike is structure over neither.
+        let off: Vec<f64> = plain.iter().map(|z| z + 0.3).collect();
+        assert_eq!(strongest(&covariates, &[residuals(&off, 1.0)], &[&blocks]), None);
         let (text, rmse) = formula("x", &x, &bent, &blocks).unwrap();
         assert!(text.contains("x^2"), "{text}");
         // The noise has an rmse of 1 +- 0.013.

@@ -430,9 +430,7 @@ impl Study for LinkStudy {
     }
 
     fn apart(&self, one: &LinkFit, other: &LinkFit) -> Option<Apart> {
-        let (one, other) = (self.predictions(one), self.predictions(other));
-        let by_row = one.iter().zip(&other).map(|(a, b)| (a.rssi_dbm - b.rssi_dbm).abs()).collect();
-        Some(Apart { by_row, unit: "dB", covariates: self.covariates() })
+        Some(self.apart_in_rows(one, other))
     }
 
     fn held(&self, fit: &LinkFit, term: usize, key: &str, value: f64) -> Option<LinkFit> {

@@ -194,15 +194,18 @@ impl<S: Study> Search<'_, S> {
         fit.is_some_and(|fit| rise(&fit) >= enough)
     }
 
-    /// Candidates that cannot be told from the chosen one.
+    /// Candidates that cannot be told from the chosen one: other curves from a curve, which no effect explains as well, and from
+    /// an effect other effects.
     pub(super) fn ties(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Vec<usize> {
+        let is_curve = self.is_curve(&trials[best]);
         trials
             .iter()
             .enumerate()
             .filter(|&(index, trial)| {
+                let is_rival = || !is_curve && self.rivals(&trials[best], trial, accepted);
                 index != best
-                    && !self.is_curve(trial)
-                    && (trial.is_significant || self.rivals(&trials[best], trial, accepted))
+                    && self.is_curve(trial) == is_curve
+                    && (trial.is_significant || is_rival())
                     && self.is_tied(&trials[best], trial, accepted)
             })
             .map(|(_, trial)| trial.term)

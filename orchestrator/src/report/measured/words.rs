@@ -213,9 +213,19 @@ pub(super) fn left_over(page: &mut String, json: &Value) {
             ),
             None => String::new(),
         };
+        let others: Vec<&str> =
+            list(&entry["indistinguishable_from"]).filter_map(Value::as_str).collect();
+        let tied = if others.is_empty() {
+            String::new()
+        } else {
+            format!(
+                " It may as well be structure in {}: these data do not tell.",
+                escape(&others.join(" or "))
+            )
+        };
         let _ = writeln!(
             page,
-            "<li>Structure in <strong>{}</strong> that no known effect explains: {} of what was left{formula}.</li>",
+            "<li>Structure in <strong>{}</strong> that no known effect explains: {} of what was left{formula}.{tied}</li>",
             escape(text(&entry["covariate"])),
             percent(entry["explained"].as_f64().unwrap_or(0.0))
         );

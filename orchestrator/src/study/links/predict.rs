@@ -6,6 +6,7 @@ use super::likelihood::{Instrument, Level};
 use super::terms::Spec;
 use crate::diagnose::gain::mean;
 use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
+use crate::diagnose::next::Apart;
 use crate::diagnose::scan::{self, Residuals, Structure};
 use crate::study::RowScore;
 use std::collections::BTreeMap;
@@ -164,5 +165,25 @@ impl LinkStudy {
             structure.formula = scan::formula(name, values, &deviation, &self.time);
         }
         LeftOver { formulas, structure }
+    }
+}
+
+/// Levels that are closer (dB) are the same.
+const SAME_DB: f64 = 1e-6;
+
+impl LinkStudy {
+    /// How far two fits are apart, row by row: in the levels that they predict or, where these are the same, in what gets
+    /// through.
+    pub(super) fn apart_in_rows(&self, one: &LinkFit, other: &LinkFit) -> Apart {
+        let (one, other) = (self.predictions(one), self.predictions(other));
+        let both = || one.iter().zip(&other);
+        let by_row: Vec<f64> = both().map(|(a, b)| (a.rssi_dbm - b.rssi_dbm).abs()).collect();
+        let (by_row, unit) = if by_row.iter().any(|&apart_db| SAME_DB < apart_db) {
+            (by_row, "dB")
+        } else {
+            let points = both().map(|(a, b)| 100.0 * (a.passes - b.passes).abs());
+            (points.collect(), "points of delivery")
+        };
+        Apart { by_row, unit, covariates: self.covariates() }
     }
 }
