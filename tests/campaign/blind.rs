@@ -167,7 +167,7 @@ impl Cell {
             "missing": missing,
             "unexplained": unexplained,
             "right_first": right_first,
-            "tied": known.iter().all(|truth| is_tied(truth, diagnosis)),
+            "tied": campaign.truth.iter().all(|truth| is_tied(truth, diagnosis)),
             "all_found": found == known.len() && (!known.is_empty() || right_first),
             "false_alarms": false_alarms,
             "rank": known.first().and_then(|truth| rank(truth, diagnosis)),
@@ -192,6 +192,14 @@ fn texts(list: &Value) -> Vec<&str> {
 
 /// Whether an effect is named, or cannot be told from one that is.
 fn is_tied(truth: &Truth, diagnosis: &Value) -> bool {
+    if !truth.covariates.is_empty() {
+        let mut structure = diagnosis["unexplained"].as_array().into_iter().flatten();
+        return structure.any(|one| {
+            let named = one["covariate"].as_str();
+            let others = texts(&one["indistinguishable_from"]);
+            named.into_iter().chain(others).any(|named| is_one_of(named, truth.covariates))
+        });
+    }
     let accepted = diagnosis["candidates"].as_array().into_iter().flatten();
     accepted.filter(|candidate| candidate["accepted"] == true).any(|candidate| {
         candidate["effect"] == truth.effect
@@ -313,10 +321,46 @@ pub fn tables(lines: &[Value]) -> String {
             covered(lines.iter().copied()),
         );
     }
+    summaries(&mut text, &groups);
     let failed = lines.iter().filter(has_failed).count();
     let _ = writeln!(text, "\nAll 90 % intervals: {}.", covered(lines.iter()));
     let _ = writeln!(text, "Campaigns that no diagnosis came of: {failed} of {}.", lines.len());
     text
+}
+
+/// Groups of a kind together: one effect of the catalogue, two, one of no catalogue, none; by size.
+fn summaries(text: &mut String, groups: &BTreeMap<&str, Vec<&Value>>) {
+    let mut kinds: BTreeMap<String, Vec<&Value>> = BTreeMap::new();
+    for (group, lines) in groups {
+        let (of, hidden) = group.split_once(": ").unwrap_or(("?", group));
+        let size = hidden.split(' ').next().unwrap_or_default();
+        let kind = match hidden {
+            "nothing" => format!("{of}: nothing"),
+            _ if hidden.contains("unknown-") => format!("{of}: one of no catalogue, {size}"),
+            _ if hidden.contains(" + ") => format!("{of}: two, {size}"),
+            _ => format!("{of}: one, {size}"),
+        };
+        kinds.entry(kind).or_default().extend(lines.iter().copied());
+    }
+    text.push_str(
+        "\n| hidden | campaigns | right cause first | all found | right or tied with it | named as well | intervals that \
+         cover |\n|---|---|---|---|---|---|---|\n",
+    );
+    for (kind, lines) in &kinds {
+        let share = |wanted: &dyn Fn(&Value) -> bool| {
+            percent(lines.iter().filter(|line| wanted(line)).count(), lines.len())
+        };
+        let _ = writeln!(
+            text,
+            "| {kind} | {} | {} | {} | {} | {} | {} |",
+            lines.len(),
+            share(&|line| line["right_first"] == true),
+            share(&|line| line["all_found"] == true),
+            share(&|line| line["right_first"] == true || line["tied"] == true),
+            others(lines),
+            covered(lines.iter().copied()),
+        );
+    }
 }
 
 /// A share with its exact 95 % interval.
