@@ -7,6 +7,7 @@
 
 mod blocks;
 mod density;
+mod discs;
 mod driven;
 mod fit;
 mod left;
@@ -198,8 +199,12 @@ impl Model {
         }
     }
 
-    fn starts(&self, term: usize) -> Vec<Vec<f64>> {
+    /// Where a search for one more term starts.
+    fn starts(&self, term: usize, parent: &RobotFit, train: &[u32]) -> Vec<Vec<f64>> {
         match &self.terms[term] {
+            Term::Effect(effect) if effect.is_disc => {
+                self.likely_discs(parent, &effect.starts, train)
+            }
             Term::Effect(effect) => effect.starts.clone(),
             Term::Noise(_) => vec![Vec::new()],
             Term::Curve(_) => vec![vec![0.0; N_CURVE]],

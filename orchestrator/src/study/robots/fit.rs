@@ -138,7 +138,7 @@ impl Model {
             Some((fit, point))
         };
         let mut looks: Vec<(RobotFit, Point)> =
-            self.starts(term).into_iter().filter_map(begin).collect();
+            self.starts(term, parent, train).into_iter().filter_map(begin).collect();
         looks.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
         looks.truncate(N_FOLLOWED);
         looks

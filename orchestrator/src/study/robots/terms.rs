@@ -27,6 +27,8 @@ pub(super) struct EffectTerm {
     table: toml::Table,
     /// What is filled in.
     pub(super) parameters: Vec<Parameter>,
+    /// Its numbers are a disc of the plane and what speed is scaled by in it.
+    pub(super) is_disc: bool,
     /// Where searches start.
     pub(super) starts: Vec<Vec<f64>>,
 }
@@ -155,6 +157,7 @@ pub(super) fn all(
             terms.push(Term::Effect(EffectTerm {
                 table: template(entry, &keys, &parameters),
                 parameters,
+                is_disc: entry.variant.name == "rough-ground",
                 starts,
             }));
         }
@@ -202,6 +205,7 @@ impl RobotStudy {
             untestable: None,
         });
         self.model.terms.push(Term::Effect(EffectTerm {
+            is_disc: false,
             starts: vec![asked.starts()],
             table: asked.table,
             parameters: asked.parameters,
@@ -358,7 +362,7 @@ impl Tracks {
         values
     }
 
-    /// Discs of the plane in which ground may be rough: a grid of centres, two sizes.
+    /// Discs of the plane in which ground may be rough: a grid of centres, several sizes.
     fn places(&self) -> Vec<Vec<f64>> {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for sample in &self.robots.samples {
@@ -368,15 +372,15 @@ impl Tracks {
             }
         }
         let size = (high[0] - low[0]).max(high[1] - low[1]).max(0.1);
-        let n = 7;
+        let n = 15;
         let mut places = Vec::new();
         for i in 0..n {
             for j in 0..n {
-                for part in [0.08, 0.2] {
+                for part in [0.04, 0.07, 0.11, 0.16, 0.23, 0.33] {
                     let at = |axis: usize, k: i32| {
                         low[axis] + (f64::from(k) + 0.5) / f64::from(n) * (high[axis] - low[axis])
                     };
-                    places.push(vec![at(0, i), at(1, j), part * size, 0.7]);
+                    places.push(vec![at(0, i), at(1, j), part * size, 1.0]);
                 }
             }
         }
