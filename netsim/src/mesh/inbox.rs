@@ -182,12 +182,13 @@ mod tests {
             sent_ns,
             end_ns: sent_ns + 1,
             payload: vec![sender as u8].into(),
-            destination: (sender == 3).then_some(2),
+            destination: (sender == 5).then_some(2),
         };
         let late = inbox.send(sent(3, 20));
         let early = inbox.send(sent(5, 10));
         let first = inbox.send(sent(1, 10));
         inbox.hear(2, late, 21, -50.0, 1);
+        inbox.hear(0, late, 21, -60.0, 1);
         inbox.hear(2, first, 11, -70.0, 2);
         inbox.hear(2, early, 11, -80.0, 1);
         let columns = [DeliveryColumn::RssiDbm, DeliveryColumn::Hops];
@@ -196,10 +197,10 @@ mod tests {
         assert_eq!(deliveries.transmissions.payloads.data()[..], [1, 5, 3]);
         let heard: Vec<Vec<usize>> =
             (0..4).map(|agent| deliveries.heard_by(agent).collect()).collect();
-        assert_eq!(heard, [vec![], vec![], vec![0, 1, 2], vec![]]);
-        assert_eq!(deliveries.transmissions.destination, [EVERYONE, EVERYONE, 2]);
-        assert_eq!(deliveries.rssi_dbm, [-70.0, -80.0, -50.0]);
-        assert_eq!(deliveries.hops, [2, 1, 1]);
+        assert_eq!(heard, [vec![2], vec![], vec![0, 1, 2], vec![]]);
+        assert_eq!(deliveries.transmissions.destination, [EVERYONE, 2, EVERYONE]);
+        assert_eq!(deliveries.rssi_dbm, [-60.0, -70.0, -80.0, -50.0]);
+        assert_eq!(deliveries.hops, [1, 2, 1, 1]);
         assert!(!inbox.is_heard());
     }
 }
