@@ -85,6 +85,21 @@ pub(super) fn uphill(
     }
 }
 
+/// An information matrix with this share of its diagonal added. Numbers that change nothing stay where they are.
+pub(super) fn damped(information: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
+    let mut matrix = information.clone();
+    for i in 0..matrix.nrows() {
+        matrix[(i, i)] += share * information[(i, i)] + 1e-12;
+    }
+    matrix
+}
+
+/// Derivatives at some of the windows.
+pub(super) fn at_rows(columns: &Columns, rows: &[u32]) -> Columns {
+    let of = |column: &Vec<[f64; 3]>| rows.iter().map(|&row| column[row as usize]).collect();
+    columns.iter().map(of).collect()
+}
+
 impl Model {
     /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
     pub(super) fn fitted(&self, terms: &[usize], train: &[u32], start: &RobotFit) -> RobotFit {
@@ -119,7 +134,7 @@ impl Model {
         self.polished(best, train)
     }
 
-    /// A fit with one more term, at the best of its starts.
+    /// Fits with one more term, at the best of its starts.
     pub(super) fn begun(
         &self,
         parent: &RobotFit,
@@ -156,16 +171,11 @@ impl Model {
         let Some(mut at) = self.point(&fit, train) else { return self.polished(fit, train) };
         self.settle(&fit, &mut at);
         let numbers = self.numbers_of(&fit.terms);
-        let columns: Columns = columns
-            .iter()
-            .map(|column| train.iter().map(|&row| column[row as usize]).collect())
-            .collect();
+        let columns = at_rows(columns, train);
         for _ in 0..CHORD_STEPS {
             fit.density = at.density;
-            let (mut matrix, slope) = self.normal_equations(&fit, &at, &columns);
-            for i in 0..numbers.len() {
-                matrix[(i, i)] += 1e-9 * matrix[(i, i)] + 1e-12;
-            }
+            let (information, slope) = self.normal_equations(&fit, &at, &columns);
+            let matrix = damped(&information, 1e-9);
             let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { break };
             fit.values = stepped(&at.values, &step, &numbers);
             let Some(mut next) = self.point(&fit, train) else { break };
@@ -280,6 +290,13 @@ impl Model {
         total.is_finite().then_some(Point { values, paths, residuals, density, total })
     }
 
+    /// The fit's numbers, if they are likelier than those of a point.
+    pub(super) fn better(&self, fit: &RobotFit, at: &Point, train: &[u32]) -> Option<Point> {
+        let mut next = self.point(fit, train).filter(|next| at.total < next.total)?;
+        self.settle(fit, &mut next);
+        Some(next)
+    }
+
     /// Searches the ratio of the scatters at a point, where directions scatter.
     pub(super) fn settle(&self, fit: &RobotFit, at: &mut Point) {
         if self.has_direction() {
@@ -312,25 +329,20 @@ impl Model {
             let (information, slope) = self.normal_equations(&fit, &at, &columns);
             let mut gained = 0.0;
             for _ in 0..8 {
-                let mut matrix = information.clone();
-                for i in 0..numbers.len() {
-                    // Numbers that change nothing stay where they are.
-                    matrix[(i, i)] += damping * information[(i, i)] + 1e-12;
-                }
+                let matrix = damped(&information, damping);
                 let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else {
                     damping *= 10.0;
                     continue;
                 };
                 fit.values = stepped(&at.values, &step, &numbers);
-                match self.point(&fit, train) {
-                    Some(mut next) if at.total < next.total => {
-                        self.settle(&fit, &mut next);
+                match self.better(&fit, &at, train) {
+                    Some(next) => {
                         gained = next.total - at.total;
                         at = next;
                         damping = (damping * 0.2).max(1e-9);
                         break;
                     }
-                    _ => damping *= 8.0,
+                    None => damping *= 8.0,
                 }
             }
             fit.values.clone_from(&at.values);

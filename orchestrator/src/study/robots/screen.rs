@@ -1,6 +1,6 @@
 //! Whether a term is worth a fit: a few steps from its starts, with what the parent's numbers do taken as known.
 
-use super::fit::{Columns, Point, stepped, uphill};
+use super::fit::{Columns, Point, at_rows, damped, stepped, uphill};
 use super::{Model, RobotFit};
 
 /// Most steps from a start.
@@ -20,10 +20,7 @@ impl Model {
         term: usize,
         train: &[u32],
     ) -> Option<RobotFit> {
-        let known: Columns = columns
-            .iter()
-            .map(|column| train.iter().map(|&row| column[row as usize]).collect())
-            .collect();
+        let known = at_rows(columns, train);
         let followed = self.begun(parent, term, train).into_iter();
         let (last_gain, fit, at) = followed
             .filter_map(|(fit, at)| self.followed(fit, at, &known, train))
@@ -43,27 +40,22 @@ impl Model {
         self.settle(&fit, &mut at);
         let numbers = self.numbers_of(&fit.terms);
         let mut gained = 0.0;
+        let mut columns = known.clone();
         for _ in 0..STEPS {
             fit.density = at.density;
-            let mut columns = known.clone();
+            columns.truncate(known.len());
             columns.extend(self.jacobian(&fit, (&at.residuals, &at.paths), train, known.len())?);
             let (information, slope) = self.normal_equations(&fit, &at, &columns);
             gained = 0.0;
             for damping in [1e-3, 0.1, 10.0] {
-                let mut matrix = information.clone();
-                for i in 0..numbers.len() {
-                    matrix[(i, i)] += damping * information[(i, i)] + 1e-12;
-                }
+                let matrix = damped(&information, damping);
                 let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { continue };
                 let promised = 0.5 * step.dot(&slope);
                 if promised < QUIET_NATS {
                     break;
                 }
                 fit.values = stepped(&at.values, &step, &numbers);
-                if let Some(mut next) = self.point(&fit, train)
-                    && at.total < next.total
-                {
-                    self.settle(&fit, &mut next);
+                if let Some(next) = self.better(&fit, &at, train) {
                     gained = next.total - at.total;
                     at = next;
                     break;
