@@ -123,6 +123,8 @@ pub struct Table {
     cells: Vec<Cell>,
     swarm: Option<swarm::Table>,
     standing: Option<standing::Table>,
+    /// Two empty calls, one to each side, and back (ms); where rows of few robots are measured, which cost little more.
+    exchange_ms: Option<f64>,
     threads: Option<u16>,
 }
 
@@ -191,7 +193,17 @@ pub async fn bench(options: &BenchOptions, say: &mut dyn FnMut(&str)) -> Result<
         true => Some(standing::bench(&rows, options, &mut printer).await?),
         false => None,
     };
-    Ok(Table { cells, swarm, standing, threads: options.start.threads })
+    let exchange_ms = if cells.is_empty() && swarm.is_none() {
+        None
+    } else {
+        let exchange_ms = exchange_ms(options).await?;
+        printer.heading(&format!(
+            "Two empty calls, one to each side, and back took {exchange_ms:.3} ms here ({EXCHANGE_MS} on the machine that the\n\
+             column \"to reach\" was set for). Every step is two calls: rows of few robots cost little more, and scale with it."
+        ));
+        Some(exchange_ms)
+    };
+    Ok(Table { cells, swarm, standing, exchange_ms, threads: options.start.threads })
 }
 
 /// Numbers of agents of the rows of a table, or of all, ascending.
@@ -349,6 +361,37 @@ async fn steps(
     Ok(times_ms)
 }
 
+/// Median wall time of an empty call to each side and back, one after the other (ms): what this machine takes to hand
+/// over, whatever is handed over.
+async fn exchange_ms(options: &BenchOptions) -> Result<f64, RunError> {
+    let plan = plan(1, Model::Full, Mode::Sequential)?;
+    let mut coupled = start(&plan, &options.start, Wanted::Nothing).await?.coupled;
+    let times_ms = exchanges(&plan, &mut coupled).await;
+    coupled.stop().await;
+    let mut times_ms = times_ms?;
+    times_ms.sort_by(f64::total_cmp);
+    Ok(quantile(&times_ms, 0.5))
+}
+
+/// Wall time of each of many barriers (ms).
+async fn exchanges(plan: &Plan, coupled: &mut Coupled) -> Result<Vec<f64>, RunError> {
+    // A barrier confirms a step.
+    step(plan, coupled, &mut None, false).await?;
+    let mut times_ms = Vec::with_capacity(EXCHANGES);
+    for index in 0..WARM_UP as usize + EXCHANGES {
+        let begun = Instant::now();
+        coupled.confirm().await.map_err(side)?;
+        if WARM_UP as usize <= index {
+            times_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        }
+    }
+    Ok(times_ms)
+}
+
+/// Exchanges that are measured.
+const EXCHANGES: usize = 2000;
+/// What they took on the machine that the goals were set for: two empty messages of one stream and back, 27 µs each.
+const EXCHANGE_MS: f64 = 0.054;
 /// Steps before the clock runs.
 const WARM_UP: u64 = 10;
 /// Least number of measured steps.
@@ -381,6 +424,7 @@ impl Table {
         json!({
             "schema": "bench/1",
             "threads": self.threads,
+            "exchange_ms": self.exchange_ms,
             "rows": rows,
             "swarm": self.swarm.as_ref().map(swarm::Table::to_json),
             "standing": self.standing.as_ref().map(standing::Table::to_json),

@@ -1,5 +1,6 @@
 //! One simulator as the orchestrator sees it: a connection with deadlines, whose every failure names the side.
 
+mod awake;
 mod error;
 mod process;
 mod service;
@@ -9,6 +10,7 @@ pub use process::Launch;
 pub use service::{Network, Robots, Service};
 
 use crate::config::{Tls, Transport};
+use awake::Awake;
 use process::ChildProcess;
 use proto::host::{CONNECTION_WINDOW_BYTES, STREAM_WINDOW_BYTES};
 use service::Described;
@@ -23,8 +25,6 @@ use tonic::{Code, Status, Streaming};
 const PATIENCE: Duration = Duration::from_secs(2);
 /// How long it may take to give one.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(3);
-/// How long an answer is waited for awake, where nothing else waits for the processor.
-const AWAKE: Duration = Duration::from_micros(100);
 /// How long connecting, describing and configuring may take.
 const SETUP: Duration = Duration::from_secs(10);
 
@@ -37,7 +37,7 @@ pub struct Peer<S: Service> {
     session: Option<Session<S>>,
     streams: bool,
     step_deadline: Duration,
-    awake: Duration,
+    awake: Awake,
 }
 
 struct Session<S: Service> {
@@ -130,7 +130,7 @@ impl<S: Service> Peer<S> {
         }
         let streams = described.session && reach.transport != Transport::Unary;
         let step_deadline = reach.step_deadline;
-        let awake = if reach.is_busy { Duration::ZERO } else { AWAKE };
+        let awake = Awake::new(reach.is_busy);
         Ok(Self { url, client, child, described, session: None, streams, step_deadline, awake })
     }
 
@@ -265,16 +265,18 @@ impl<S: Service> Peer<S> {
         call: impl Future<Output = Result<T, Status>>,
     ) -> Result<T, SideError> {
         tokio::pin!(call);
-        // Most answers come within microseconds: to wait for those awake costs less than to fall asleep and be woken.
+        let asked = Instant::now();
         let early = tokio::select! {
             biased;
             result = &mut call => Some(result),
-            () = stay_awake(self.awake) => None,
+            () = self.awake.stay() => None,
         };
-        if let Some(result) = early {
-            return self.explain(doing, result).await;
-        }
-        if let Ok(result) = tokio::time::timeout(PATIENCE, &mut call).await {
+        let soon = match early {
+            Some(result) => Ok(result),
+            None => tokio::time::timeout(PATIENCE, &mut call).await,
+        };
+        self.awake.saw(asked.elapsed());
+        if let Ok(result) = soon {
             return self.explain(doing, result).await;
         }
         let begun = Instant::now();
@@ -345,14 +347,6 @@ impl<S: Service> Peer<S> {
             Some(child) => child.explain(S::SIDE, &doing, error).await,
             None => error,
         })
-    }
-}
-
-/// Gives everything else its turn, without sleeping, for so long.
-async fn stay_awake(awake: Duration) {
-    let begun = Instant::now();
-    while begun.elapsed() < awake {
-        tokio::task::yield_now().await;
     }
 }
 

@@ -5,6 +5,7 @@
 mod absence;
 mod anchors;
 mod bad_measurements;
+mod bench;
 mod catalogue;
 mod choices;
 mod configs;
