@@ -17,6 +17,13 @@ use folds::Blocks;
 use proto::effect::{About, Level, Parameter};
 use serde::Serialize;
 
+/// Before the covariate in the name of a curve of what is read …
+pub const CURVE: &str = "curve:";
+/// … and of one of the share of frames that are lost.
+pub const LOSS_CURVE: &str = "loss-curve:";
+/// The covariate of what is the same in every row.
+pub const CONSTANT: &str = "constant";
+
 /// A term that may be missing from the model: an effect of the catalogue, or a smooth curve over a covariate.
 #[derive(Clone, Debug)]
 pub struct Candidate {
@@ -40,7 +47,13 @@ impl Candidate {
     /// The covariate of a curve.
     #[must_use]
     pub fn curve_over(&self) -> Option<&str> {
-        self.name.strip_prefix("curve:").or_else(|| self.name.strip_prefix("loss-curve:"))
+        self.name.strip_prefix(CURVE).or_else(|| self.name.strip_prefix(LOSS_CURVE))
+    }
+
+    /// It is a curve of the share of frames that are lost, not of what is read.
+    #[must_use]
+    pub fn is_of_losses(&self) -> bool {
+        self.name.starts_with(LOSS_CURVE)
     }
 }
 

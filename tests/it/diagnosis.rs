@@ -184,6 +184,39 @@ fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     }
 }
 
+/// Frames that are lost wherever they are sent, and however strong they are, are no matter of the covariate that happens to fit
+/// them best.
+#[test]
+fn losses_that_are_the_same_everywhere_are_said_to_be() {
+    let whole = campaign(&[], 0);
+    let mut lines = whole.csv.lines();
+    let head = lines.next().unwrap();
+    let column = |name| head.split(',').position(|one| one == name).unwrap();
+    let (rssi_dbm, received) = (column("rssi_dbm"), column("received"));
+    let (mut csv, mut n_received, mut n_lost) = (format!("{head}\n"), 0.0, 0.0);
+    for (number, line) in lines.enumerate() {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if cells[received] == "1" {
+            n_received += 1.0;
+            // A multiplicative hash: nothing that anything else in the file follows.
+            if (number as u32).wrapping_mul(2_654_435_761) >> 16 < 65_536 / 12 {
+                n_lost += 1.0;
+                (cells[rssi_dbm], cells[received]) = ("", "0");
+            }
+        }
+        csv += &(cells.join(",") + "\n");
+    }
+    let (found, _, json) = diagnosed(&Campaign { csv, ..whole });
+    assert_eq!(found, ["loss-curve:constant"], "{json:#}");
+    let sentence = json["sentence"].as_str().unwrap();
+    assert!(sentence.contains("a loss of frames that is the same everywhere"), "{sentence}");
+    let structure = &json["unexplained"][0];
+    assert_eq!((&structure["covariate"], &structure["of"]), (&"constant".into(), &"losses".into()));
+    let share: f64 = structure["formula"].as_str().unwrap().parse().unwrap();
+    assert!((share - n_lost / n_received).abs() < 0.01, "{share} of {n_lost} in {n_received}");
+    assert!(0.0 < structure["explained"].as_f64().unwrap(), "{structure:#}");
+}
+
 #[test]
 fn extending_brings_the_promised_fall() {
     let campaign = campaign(&[(Hidden::Temperature, Size::Clear)], 0);

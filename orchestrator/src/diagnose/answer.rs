@@ -4,7 +4,7 @@ use super::gain::{Gain, Scores};
 use super::ladder::{COMMON, Ladder, Search};
 use super::next;
 use super::scan::Structure;
-use crate::study::Study;
+use crate::study::{CONSTANT, Study};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -33,17 +33,29 @@ fn number(value: f64) -> Value {
     if value.is_finite() { json!(value) } else { Value::Null }
 }
 
-/// The covariate of a structure, and those that it cannot be told from.
-fn named_structure(entry: &Value) -> String {
+/// What a structure is: what follows which covariate, and those that it cannot be told from.
+pub(crate) fn named_structure(entry: &Value) -> String {
     let covariate = entry["covariate"].as_str().unwrap_or_default();
     let others = entry["indistinguishable_from"].as_array().into_iter().flatten();
     let others: Vec<&str> = others.filter_map(Value::as_str).collect();
-    if others.is_empty() {
-        covariate.to_owned()
-    } else {
-        format!("{covariate} (or {}: these data do not tell)", others.join(", or "))
+    let is_of_losses = entry["of"] == LOSSES;
+    let mut named = match (is_of_losses, covariate) {
+        (true, CONSTANT) => "a loss of frames that is the same everywhere".to_owned(),
+        (true, _) => format!("losses over {covariate}"),
+        (false, _) => format!("structure in {covariate}"),
+    };
+    if !others.is_empty() {
+        let also = if covariate == CONSTANT { "or over" } else { "or" };
+        let joint = format!(", {also} ");
+        let _ = write!(named, " ({also} {}: these data do not tell)", others.join(&joint));
     }
+    named
 }
+
+/// Of a curve of losses.
+const LOSSES: &str = "losses";
+/// Of a curve of what is read.
+const READINGS: &str = "readings";
 
 fn rung(name: &str, scores: &Scores) -> Value {
     json!({
@@ -94,10 +106,16 @@ pub fn answer<S: Study>(
         let Some(trial) = ladder.trials.iter().find(|trial| trial.term == term) else { continue };
         let step = ladder.accepted.iter().position(|&other| other == term).unwrap_or_default();
         let (before, after) = (&ladder.rungs[step].scores, &ladder.rungs[step + 1].scores);
+        let is_of_losses = candidates[term].is_of_losses();
+        let left = if is_of_losses {
+            after.reception_log_loss / before.reception_log_loss
+        } else {
+            after.mean_square() / before.mean_square()
+        };
         structure.push(json!({
             "covariate": covariate,
-            "of": if name(term).starts_with("loss-") { "losses" } else { "readings" },
-            "explained": number((1.0 - (after.rmse / before.rmse).powi(2)).max(0.0)),
+            "of": if is_of_losses { LOSSES } else { READINGS },
+            "explained": number((1.0 - left).max(0.0)),
             "p_value": number(trial.gain.p_value),
             "formula": formulas.get(name(term)).map(|(text, _)| text),
             "rmse_after": number(formulas.get(name(term)).map_or(after.rmse, |(_, rmse)| *rmse)),
@@ -226,12 +244,17 @@ pub fn answer<S: Study>(
         let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
     }
     for entry in &structure {
+        let (unit, share) = if entry["of"] == LOSSES {
+            ("of the frames", "log loss of reception")
+        } else {
+            (kind.unit, "squared error")
+        };
         let formula =
-            entry["formula"].as_str().map_or(String::new(), |text| format!(": {text} dB"));
+            entry["formula"].as_str().map_or(String::new(), |text| format!(": {text} {unit}"));
         let _ = writeln!(
             text,
-            "left over: structure in {} explains {:.1} %{formula}",
-            entry["covariate"].as_str().unwrap_or_default(),
+            "left over: {} explains {:.1} % of the {share}{formula}",
+            named_structure(entry),
             100.0 * entry["explained"].as_f64().unwrap_or_default()
         );
     }
@@ -247,7 +270,7 @@ pub fn answer<S: Study>(
             } else {
                 format!("; besides, missing: {}", missing.join(", then "))
             };
-            format!("there is structure in {} that no known effect explains{also}", over.join(", "))
+            format!("there is {}, which no known effect explains{also}", over.join(", and "))
         }
     };
     let sentence = match ladder.stopped {

@@ -1,5 +1,6 @@
 //! What is left over when no effect gains any more: structure over a covariate, and a short formula for it.
 
+use super::gain::mean;
 use super::ladder::{LEAST_SHARE, WORTH_NATS, WORTH_SHARE};
 use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
@@ -197,6 +198,14 @@ fn shapes(name: &str, known: &[f64]) -> Vec<Shape> {
         });
     }
     all
+}
+
+/// The formula of deviations that are the same in every row, and the rmse after it.
+#[must_use]
+pub fn constant(deviations: &[f64]) -> Option<(String, f64)> {
+    let level = mean(deviations.iter().copied());
+    let rmse = mean(deviations.iter().map(|deviation| (deviation - level).powi(2))).sqrt();
+    rmse.is_finite().then(|| (format!("{level:.6}"), rmse))
 }
 
 /// The short formula of a covariate that predicts deviations best on rows left out, and the rmse after it.

@@ -4,12 +4,13 @@ use super::{COMMON, FAMILY_ERROR, NEARLY, Search, Trial, WORTH_NATS, with, witho
 use crate::diagnose::gain::Gain;
 use crate::study::Study;
 use proto::effect::Level;
+use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
 use tracing::debug;
 
 /// A law that explains this share of what levels per link or node do goes before them.
 const MOSTLY: f64 = 0.85;
-/// A candidate that goes in place of several accepted ones gains so much by chance with at most this probability.
+/// What gains so much by chance with at most this probability is likely: enough, where something else is beyond doubt.
 const LIKELY: f64 = 0.05;
 
 /// The trial wanted that gains most on the common split; the first of equals.
@@ -40,6 +41,9 @@ impl<S: Study> Search<'_, S> {
             if over.gain <= 2.0 * over.standard_error {
                 curve = Some(given);
             }
+        }
+        while let Some(special) = curve.and_then(|best| self.special_case(best, trials, accepted)) {
+            curve = Some(special);
         }
         let effect = best_of(&|trial| !is_curve(trial));
         let Some(mut best) = effect else { return curve };
@@ -206,10 +210,26 @@ impl<S: Study> Search<'_, S> {
                 index != best
                     && self.is_curve(trial) == is_curve
                     && (trial.is_significant || is_rival())
+                    && !(is_curve && self.has_in_vain(trial, &trials[best], accepted))
                     && self.is_tied(&trials[best], trial, accepted)
             })
             .map(|(_, trial)| trial.term)
             .collect()
+    }
+
+    /// Whether a curve has another in it, and what it has beyond that is not even likely, were all rows independent.
+    fn has_in_vain(&self, trial: &Trial, special: &Trial, accepted: &[usize]) -> bool {
+        let [general, within] = [trial, special].map(|trial| &self.study.candidates()[trial.term]);
+        if !general.generalises.contains(&within.name) {
+            return false;
+        }
+        let [high, low] = [trial, special].map(|trial| {
+            let fit = self.full(&with(accepted, trial.term), COMMON, None);
+            self.study.log_likelihood(&fit)
+        });
+        let more = general.n_parameters.saturating_sub(within.n_parameters);
+        let law = ChiSquared::new(more as f64);
+        law.map_or(true, |law| LIKELY < law.sf(2.0 * (high - low).max(0.0)))
     }
 
     /// An accepted term, and the trial that had better stand in its place: it is beyond chance on top of all, and predicts more

@@ -1,6 +1,7 @@
 //! What a page says in words and tables.
 
 use super::Contents;
+use crate::diagnose::answer::named_structure;
 use crate::report::text::{count, escape, number, percent};
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -213,20 +214,10 @@ pub(super) fn left_over(page: &mut String, json: &Value) {
             ),
             None => String::new(),
         };
-        let others: Vec<&str> =
-            list(&entry["indistinguishable_from"]).filter_map(Value::as_str).collect();
-        let tied = if others.is_empty() {
-            String::new()
-        } else {
-            format!(
-                " It may as well be structure in {}: these data do not tell.",
-                escape(&others.join(" or "))
-            )
-        };
         let _ = writeln!(
             page,
-            "<li>Structure in <strong>{}</strong> that no known effect explains: {} of what was left{formula}.{tied}</li>",
-            escape(text(&entry["covariate"])),
+            "<li>There is {}, which no known effect explains: {} of what was left{formula}.</li>",
+            escape(&named_structure(entry)),
             percent(entry["explained"].as_f64().unwrap_or(0.0))
         );
     }

@@ -3,8 +3,8 @@
 use super::rows::Rows;
 use super::terms::{Curve, Spec};
 use super::{LinkStudy, testable};
-use crate::study::Candidate;
 use crate::study::formula::{FORMULA, FormulaError, Wanted};
+use crate::study::{CONSTANT, Candidate, LOSS_CURVE};
 use netsim::phy::effect;
 use proto::effect::{Level, Need};
 use std::sync::Arc;
@@ -46,10 +46,11 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
         .collect();
     let of_losses = covariates
         .iter()
-        .filter(|curve| {
-            rows.links.readings.has_losses && (!curve.is_derived || curve.covariate == TIME)
-        })
-        .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }));
+        .chain([&constant(rows)])
+        .filter(|curve| !curve.is_derived || curve.covariate == TIME)
+        .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }))
+        .filter(|_| rows.links.readings.has_losses)
+        .collect::<Vec<_>>();
     effects.chain(covariates.iter().cloned().map(Spec::Curve)).chain(of_losses).collect()
 }
 
@@ -88,7 +89,11 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
             about: None,
             level: level_of(rows, curve),
             n_parameters: curve.knots.len(),
-            generalises: Vec::new(),
+            generalises: if curve.is_loss && curve.covariate != CONSTANT {
+                vec![format!("{LOSS_CURVE}{CONSTANT}")]
+            } else {
+                Vec::new()
+            },
             is_derived: curve.is_derived,
             untestable: None,
         },
@@ -123,6 +128,17 @@ fn level_of(rows: &Rows, curve: &Curve) -> Level {
         return Level::Place;
     }
     testable::level_of(rows, &curve.values)
+}
+
+/// The same in every row: of losses, those that are alike everywhere, which every other curve of losses has in it.
+fn constant(rows: &Rows) -> Curve {
+    Curve {
+        covariate: CONSTANT.to_owned(),
+        values: Arc::from(vec![0.0; rows.len()]),
+        knots: vec![0.0],
+        is_loss: false,
+        is_derived: false,
+    }
 }
 
 /// A curve over a covariate with knots at its quantiles; none where too few values are known or differ.

@@ -8,7 +8,7 @@ use crate::diagnose::gain::mean;
 use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
 use crate::diagnose::next::Apart;
 use crate::diagnose::scan::{self, Residuals, Structure};
-use crate::study::RowScore;
+use crate::study::{CONSTANT, RowScore};
 use std::collections::BTreeMap;
 
 /// Losses are looked at where at least this share of frames should pass.
@@ -138,7 +138,11 @@ impl LinkStudy {
                 let [deviation, ..] = self.residuals(&fit);
                 deviation
             };
-            let found = scan::formula(&curve.covariate, &curve.values, &deviation, &self.time);
+            let found = if curve.covariate == CONSTANT {
+                scan::constant(&deviation)
+            } else {
+                scan::formula(&curve.covariate, &curve.values, &deviation, &self.time)
+            };
             if let Some(found) = found {
                 formulas.insert(curve.name(), found);
             }

@@ -1,6 +1,7 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
 use crate::study::formula::{Asked, set};
+use crate::study::{CURVE, LOSS_CURVE};
 use netsim::phy::effect::{Effect, Entry};
 use proto::config::Default;
 use proto::effect::Parameter;
@@ -72,8 +73,8 @@ impl Curve {
     /// The name of the candidate.
     #[must_use]
     pub fn name(&self) -> String {
-        let of = if self.is_loss { "loss-curve" } else { "curve" };
-        format!("{of}:{}", self.covariate)
+        let of = if self.is_loss { LOSS_CURVE } else { CURVE };
+        format!("{of}{}", self.covariate)
     }
 
     /// The shares of the knots in a row.
