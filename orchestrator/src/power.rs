@@ -519,6 +519,6 @@ fn judged<S: Study>(study: &S, effect: &str) -> Result<(usize, usize), PowerErro
             least: crate::study::folds::FEWEST_BLOCKS,
         });
     }
-    let n = candidates.iter().filter(|candidate| candidate.untestable.is_none()).count();
+    let n = candidates.iter().filter(|candidate| candidate.is_tried()).count();
     Ok((n, blocks.n_blocks()))
 }

@@ -41,6 +41,9 @@ pub struct Candidate {
     pub is_derived: bool,
     /// Why it cannot be tested on these data: `needs positive antenna heights`.
     pub untestable: Option<String>,
+    /// The curve without a constant part that this is, with one. It is not tried by itself, but stands in for that curve where
+    /// it explains what an effect did that was accepted before.
+    pub stands_in_for: Option<usize>,
 }
 
 impl Candidate {
@@ -48,6 +51,12 @@ impl Candidate {
     #[must_use]
     pub fn curve_over(&self) -> Option<&str> {
         self.name.strip_prefix(CURVE).or_else(|| self.name.strip_prefix(LOSS_CURVE))
+    }
+
+    /// Whether it is tried: it can be tested, and does not only stand in for another.
+    #[must_use]
+    pub fn is_tried(&self) -> bool {
+        self.untestable.is_none() && self.stands_in_for.is_none()
     }
 
     /// It is a curve of the share of frames that are lost, not of what is read.

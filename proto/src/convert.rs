@@ -499,3 +499,6 @@ fn bitmap(field: &str, bytes: &Bytes, n: usize) -> Result<Bitmap> {
         )
     })
 }
+
+#[cfg(test)]
+mod tests;

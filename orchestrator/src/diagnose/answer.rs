@@ -179,6 +179,11 @@ pub fn answer<S: Study>(
     for (term, candidate) in candidates.iter().enumerate() {
         let trial = ladder.trials.iter().find(|trial| trial.term == term);
         let accepted = ladder.accepted.contains(&term);
+        // Of a curve and the one that stands in for it, one is listed.
+        let stands_in = |&other: &usize| candidates[other].stands_in_for == Some(term);
+        if candidate.stands_in_for.is_some() && !accepted || ladder.accepted.iter().any(stands_in) {
+            continue;
+        }
         let gain = trial.map_or(Gain::NONE, |trial| trial.gain);
         let ties: Vec<&str> =
             trial.map_or_else(Vec::new, |trial| trial.ties.iter().map(|&t| name(t)).collect());

@@ -188,8 +188,7 @@ impl<'a, S: Study> Search<'a, S> {
     /// Levels at which candidates are judged.
     fn levels(&self) -> Vec<Level> {
         let is_used = |level: &Level| {
-            let is_judged =
-                |c: &Candidate| c.untestable.is_none() && self.study.judged(c.level) == *level;
+            let is_judged = |c: &Candidate| c.is_tried() && self.study.judged(c.level) == *level;
             *level == COMMON
                 || (self.study.candidates().iter().any(is_judged)
                     && self.study.blocks(*level).suffices())
@@ -234,7 +233,7 @@ impl<'a, S: Study> Search<'a, S> {
         };
         let level = candidate.level;
         if self.is_stopped()
-            || candidate.untestable.is_some()
+            || !candidate.is_tried()
             || accepted.contains(&term)
             || !self.study.blocks(level).suffices()
         {
@@ -320,6 +319,13 @@ impl<'a, S: Study> Search<'a, S> {
             self.prepare(&accepted, &fit);
             decided.push(trial);
             removed.extend(self.weed(&mut accepted));
+            for trial in &mut decided {
+                let in_its_place = |&&term: &&usize| {
+                    !accepted.contains(&trial.term)
+                        && candidates[term].stands_in_for == Some(trial.term)
+                };
+                trial.term = accepted.iter().find(in_its_place).copied().unwrap_or(trial.term);
+            }
             decided.retain(|trial| accepted.contains(&trial.term));
             rungs = self.rungs(&accepted);
         }
@@ -333,7 +339,7 @@ impl<'a, S: Study> Search<'a, S> {
     /// `floor`. What was removed once does not come back.
     fn weigh(&self, trials: &mut [Trial], accepted: &[usize], removed: &[usize], floor: f64) {
         let candidates = self.study.candidates();
-        holm(trials, candidates.iter().filter(|c| c.untestable.is_none()).count());
+        holm(trials, candidates.iter().filter(|c| c.is_tried()).count());
         for trial in trials.iter_mut().filter(|trial| trial.gain.p_value < FAMILY_ERROR) {
             let level = candidates[trial.term].level;
             let now = Scores::of(&self.held_out(&with(accepted, trial.term), level));
@@ -353,10 +359,19 @@ impl<'a, S: Study> Search<'a, S> {
         while index + 1 < accepted.len() {
             let term = accepted[index];
             let level = candidates[term].level;
-            let rest = without(accepted, term);
+            let mut rest = without(accepted, term);
+            if candidates[term].curve_over().is_none() {
+                rest.iter_mut().for_each(|term| *term = self.whole(*term));
+            }
             let all = self.full(accepted, level, None);
             self.prepare(&rest, &all);
             let gain = self.gain(accepted, &rest, level);
+            debug!(
+                name = candidates[term].name,
+                gain = gain.gain,
+                p = gain.p_value,
+                "weighed again"
+            );
             if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
                 (self.report)(&format!("- {}", candidates[term].name));
                 *accepted = rest;
@@ -368,9 +383,19 @@ impl<'a, S: Study> Search<'a, S> {
         removed
     }
 
+    /// Of a curve without a constant part, the one that stands in for it.
+    fn whole(&self, term: usize) -> usize {
+        let mut all = self.study.candidates().iter();
+        all.position(|candidate| candidate.stands_in_for == Some(term)).unwrap_or(term)
+    }
+
     /// Tries every candidate, and says now and then how many are left.
     fn trials(&self, accepted: &[usize], round: usize) -> Vec<Trial> {
-        let n = self.study.candidates().len();
+        let candidates = self.study.candidates();
+        let wanted: Vec<usize> = (0..candidates.len())
+            .filter(|&term| candidates[term].stands_in_for.is_none())
+            .collect();
+        let n = wanted.len();
         let begun = Instant::now();
         let (done, told) = (AtomicUsize::new(0), Mutex::new(begun));
         let try_one = |term| {
@@ -385,7 +410,7 @@ impl<'a, S: Study> Search<'a, S> {
             }
             trial
         };
-        (0..n).into_par_iter().map(try_one).collect()
+        wanted.into_par_iter().map(try_one).collect()
     }
 
     fn too_little(&self) -> Option<String> {

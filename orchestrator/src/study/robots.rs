@@ -38,7 +38,7 @@ use robotsim::dynamics::{Dynamics, Shape};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
-use terms::{N_CURVE, Term};
+use terms::{Starts, Term};
 
 /// Length of the windows that decide (s).
 pub const WINDOW_S: f64 = 1.0;
@@ -182,7 +182,7 @@ impl Model {
         match &self.terms[term] {
             Term::Effect(effect) => effect.parameters.len(),
             Term::Noise(_) => 0,
-            Term::Curve(_) => N_CURVE,
+            Term::Curve(curve) => curve.n_numbers(),
         }
     }
 
@@ -202,12 +202,12 @@ impl Model {
     /// Where a search for one more term starts.
     fn starts(&self, term: usize, parent: &RobotFit, train: &[u32]) -> Vec<Vec<f64>> {
         match &self.terms[term] {
-            Term::Effect(effect) if effect.is_disc => {
-                self.likely_discs(parent, &effect.starts, train)
-            }
-            Term::Effect(effect) => effect.starts.clone(),
+            Term::Effect(effect) => match &effect.starts {
+                Starts::At(starts) => starts.clone(),
+                Starts::Discs(discs) => self.likely_discs(parent, discs, train),
+            },
             Term::Noise(_) => vec![Vec::new()],
-            Term::Curve(_) => vec![vec![0.0; N_CURVE]],
+            Term::Curve(curve) => vec![vec![0.0; curve.n_numbers()]],
         }
     }
 
@@ -219,8 +219,9 @@ impl Model {
                     Number { min: parameter.min, max: parameter.max, step: parameter.step }
                 })),
                 Term::Noise(_) => {}
-                Term::Curve(_) => {
-                    numbers.extend([Number { min: -1e3, max: 1e3, step: 0.1 }; N_CURVE]);
+                Term::Curve(curve) => {
+                    let number = Number { min: -1e3, max: 1e3, step: 0.1 };
+                    numbers.extend(std::iter::repeat_n(number, curve.n_numbers()));
                 }
             }
         }

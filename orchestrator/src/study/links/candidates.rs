@@ -96,6 +96,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
             },
             is_derived: curve.is_derived,
             untestable: None,
+            stands_in_for: None,
         },
         _ => {
             let entry = spec.entry().expect("everything but a curve is in the catalogue");
@@ -117,6 +118,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
                 generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
                 is_derived: false,
                 untestable: (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", "))),
+                stands_in_for: None,
             }
         }
     }

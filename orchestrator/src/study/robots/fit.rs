@@ -3,7 +3,7 @@
 
 use super::density::{Density, Residual};
 use super::motion::Paths;
-use super::terms::N_CURVE;
+use super::terms::MOST_NUMBERS;
 use super::{Model, RobotFit};
 use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
@@ -258,17 +258,17 @@ impl Model {
         curve: &super::terms::Curve,
         row: u32,
         residual: &Residual,
-    ) -> [[f64; 2]; N_CURVE] {
-        let hats = curve.hats(row as usize);
+    ) -> [[f64; 2]; MOST_NUMBERS] {
+        let functions = curve.functions(row as usize);
         let [cos, sin] = self.directions[row as usize];
         let window_s = self.tracks.window_s(row as usize);
         std::array::from_fn(|index| {
-            let hat = hats[index / 3];
+            let value = functions[index / 3];
             match index % 3 {
-                0 => [hat * residual.way_m, 0.0],
+                0 => [value * residual.way_m, 0.0],
                 // East and north, seen along and across.
-                1 => [hat * window_s * cos, -hat * window_s * sin],
-                _ => [hat * window_s * sin, hat * window_s * cos],
+                1 => [value * window_s * cos, -value * window_s * sin],
+                _ => [value * window_s * sin, value * window_s * cos],
             }
         })
     }
@@ -369,7 +369,7 @@ impl Model {
         let mut first = self.base.len();
         for &term in &fit.terms {
             if let Some(curve) = self.curve(term) {
-                for index in 0..N_CURVE {
+                for index in 0..curve.n_numbers() {
                     curves[first + index] = Some((curve, index));
                 }
             }
@@ -426,7 +426,7 @@ impl Model {
         let mut first = self.base.len();
         for &term in &fit.terms {
             if self.curve(term).is_some() {
-                for index in first..first + N_CURVE {
+                for index in first..first + self.n_numbers(term) {
                     information[(index, index)] += 1.0 / (CURVE_SD * CURVE_SD);
                     slope[index] -= fit.values[index] / (CURVE_SD * CURVE_SD);
                 }

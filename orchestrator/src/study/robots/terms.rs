@@ -2,8 +2,8 @@
 
 use super::RobotStudy;
 use super::motion::Tracks;
-use crate::study::Candidate;
 use crate::study::formula::{FORMULA, FormulaError, Wanted, set};
+use crate::study::{CURVE, Candidate};
 use proto::config::{Node, Value, check};
 use proto::effect::{Level, Need, Parameter};
 use robotsim::dynamics::effect::{self, Entry};
@@ -27,25 +27,38 @@ pub(super) struct EffectTerm {
     table: toml::Table,
     /// What is filled in.
     pub(super) parameters: Vec<Parameter>,
-    /// Its numbers are a disc of the plane and what speed is scaled by in it.
-    pub(super) is_disc: bool,
     /// Where searches start.
-    pub(super) starts: Vec<Vec<f64>>,
+    pub(super) starts: Starts,
 }
 
-/// Hat functions over a covariate, each less its mean over all windows, so that a curve has no constant part.
+/// Where searches for an effect start.
+#[derive(Clone, Debug)]
+pub(super) enum Starts {
+    /// At each of these.
+    At(Vec<Vec<f64>>),
+    /// At those of these discs of the plane (centre, radius, what speed is scaled by in it) that explain most of what is left.
+    Discs(Vec<Vec<f64>>),
+}
+
+/// Hat functions over a covariate, each less its mean over all windows, and perhaps a constant.
 #[derive(Clone, Debug)]
 pub(super) struct Curve {
     knots: Vec<f64>,
     means: Vec<f64>,
     /// The covariate at each window's start; NaN where it is missing.
     values: Vec<f64>,
+    /// There is a constant beside the functions.
+    has_constant: bool,
 }
 
-/// Pieces of a curve: one knot fewer than quantiles, for hat functions sum to one.
+/// Quantiles between which a curve is linear.
 const N_KNOTS: usize = 7;
-/// Numbers of a curve: per hat function one for the way, two for the drift.
-pub(super) const N_CURVE: usize = 3 * (N_KNOTS - 1);
+/// Hat functions of a curve: one fewer than knots, for they sum to one.
+const N_HATS: usize = N_KNOTS - 1;
+/// Numbers of a function: one for the way, two for the drift.
+const N_EACH: usize = 3;
+/// Most numbers of a curve.
+pub(super) const MOST_NUMBERS: usize = N_EACH * (N_HATS + 1);
 
 impl EffectTerm {
     /// The effect's table with these numbers.
@@ -72,13 +85,14 @@ impl Curve {
         while knots.len() < N_KNOTS {
             knots.push(knots[knots.len() - 1] + 1.0);
         }
-        let mut curve = Self { knots, means: vec![0.0; N_KNOTS - 1], values };
-        let mut means = vec![0.0; N_KNOTS - 1];
+        let means = vec![0.0; N_HATS];
+        let mut curve = Self { knots, means, values, has_constant: false };
+        let mut means = vec![0.0; N_HATS];
         let mut n = 0.0;
         for window in 0..curve.values.len() {
             if curve.values[window].is_finite() {
                 n += 1.0;
-                for (mean, hat) in means.iter_mut().zip(curve.hats(window)) {
+                for (mean, hat) in means.iter_mut().zip(curve.functions(window)) {
                     *mean += hat;
                 }
             }
@@ -87,14 +101,27 @@ impl Curve {
         Some(curve)
     }
 
-    /// Values of the functions at a window. None where the covariate is missing.
-    pub(super) fn hats(&self, window: usize) -> [f64; N_KNOTS - 1] {
+    /// The same with a constant.
+    fn whole(&self) -> Self {
+        Self { has_constant: true, ..self.clone() }
+    }
+
+    /// How many numbers it has.
+    pub(super) fn n_numbers(&self) -> usize {
+        N_EACH * (N_HATS + usize::from(self.has_constant))
+    }
+
+    /// Values of the functions at a window, the constant last. Zeros where the covariate is missing.
+    pub(super) fn functions(&self, window: usize) -> [f64; N_HATS + 1] {
         let value = self.values[window];
         if !value.is_finite() {
-            return [0.0; N_KNOTS - 1];
+            return [0.0; N_HATS + 1];
         }
         let value = value.clamp(self.knots[0], self.knots[N_KNOTS - 1]);
         std::array::from_fn(|k| {
+            if k == N_HATS {
+                return f64::from(u8::from(self.has_constant));
+            }
             let (below, at) = (self.knots[k], self.knots[k + 1]);
             let hat = if value <= at {
                 ((value - below) / (at - below)).max(0.0)
@@ -149,6 +176,7 @@ pub(super) fn all(
                 generalises: entry.fit.generalises.iter().map(|s| (*s).to_owned()).collect(),
                 is_derived: false,
                 untestable: untestable(entry, on, tracks, dynamics, is_noise_given),
+                stands_in_for: None,
             });
             if entry.variant.name == NOISE {
                 terms.push(Term::Noise(template(entry, &keys, &parameters)));
@@ -157,7 +185,6 @@ pub(super) fn all(
             terms.push(Term::Effect(EffectTerm {
                 table: template(entry, &keys, &parameters),
                 parameters,
-                is_disc: entry.variant.name == "rough-ground",
                 starts,
             }));
         }
@@ -167,16 +194,20 @@ pub(super) fn all(
     for (name, values) in tracks.robots.covariates.iter().chain(own.iter().filter(is_known)) {
         let at_start = tracks.windows.iter().map(|window| values[window.start as usize]).collect();
         if let Some(curve) = Curve::new(at_start) {
-            candidates.push(Candidate {
-                name: format!("curve:{name}"),
-                about: None,
-                level: Level::Time,
-                n_parameters: N_CURVE,
-                generalises: Vec::new(),
-                is_derived: false,
-                untestable: None,
-            });
-            terms.push(Term::Curve(curve));
+            let place = candidates.len();
+            for (curve, stands_in_for) in [(curve.clone(), None), (curve.whole(), Some(place))] {
+                candidates.push(Candidate {
+                    name: format!("{CURVE}{name}"),
+                    about: None,
+                    level: Level::Time,
+                    n_parameters: curve.n_numbers(),
+                    generalises: Vec::new(),
+                    is_derived: false,
+                    untestable: None,
+                    stands_in_for,
+                });
+                terms.push(Term::Curve(curve));
+            }
         }
     }
     (candidates, terms)
@@ -203,10 +234,10 @@ impl RobotStudy {
             generalises: Vec::new(),
             is_derived: false,
             untestable: None,
+            stands_in_for: None,
         });
         self.model.terms.push(Term::Effect(EffectTerm {
-            is_disc: false,
-            starts: vec![asked.starts()],
+            starts: Starts::At(vec![asked.starts()]),
             table: asked.table,
             parameters: asked.parameters,
         }));
@@ -280,18 +311,15 @@ fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter
 }
 
 /// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart.
-fn starts(
-    entry: &Entry,
-    on: Option<&str>,
-    parameters: &[Parameter],
-    tracks: &Tracks,
-) -> Vec<Vec<f64>> {
+fn starts(entry: &Entry, on: Option<&str>, parameters: &[Parameter], tracks: &Tracks) -> Starts {
     let part = if on == Some("turn") { Part::Turn } else { Part::Speed };
     match entry.variant.name {
         "dead-band" | "speed-limit" => {
-            return tracks.thresholds(part).into_iter().map(|value| vec![value]).collect();
+            return Starts::At(
+                tracks.thresholds(part).into_iter().map(|value| vec![value]).collect(),
+            );
         }
-        "rough-ground" => return tracks.places(),
+        "rough-ground" => return Starts::Discs(tracks.discs()),
         _ => {}
     }
     let mut products: Vec<Vec<f64>> = vec![Vec::new()];
@@ -306,7 +334,7 @@ fn starts(
             })
             .collect();
     }
-    products
+    Starts::At(products)
 }
 
 /// How often the share of commands beyond a threshold is halved, from a 24th on: a limit that only the fastest commands meet is
@@ -363,7 +391,7 @@ impl Tracks {
     }
 
     /// Discs of the plane in which ground may be rough: a grid of centres, several sizes.
-    fn places(&self) -> Vec<Vec<f64>> {
+    fn discs(&self) -> Vec<Vec<f64>> {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for sample in &self.robots.samples {
             for axis in 0..2 {
@@ -373,17 +401,17 @@ impl Tracks {
         }
         let size = (high[0] - low[0]).max(high[1] - low[1]).max(0.1);
         let n = 15;
-        let mut places = Vec::new();
+        let mut discs = Vec::new();
         for i in 0..n {
             for j in 0..n {
                 for part in [0.04, 0.07, 0.11, 0.16, 0.23, 0.33] {
                     let at = |axis: usize, k: i32| {
                         low[axis] + (f64::from(k) + 0.5) / f64::from(n) * (high[axis] - low[axis])
                     };
-                    places.push(vec![at(0, i), at(1, j), part * size, 1.0]);
+                    discs.push(vec![at(0, i), at(1, j), part * size, 1.0]);
                 }
             }
         }
-        places
+        discs
     }
 }

@@ -1,19 +1,26 @@
 //! Robots that are driven here, with noise, by equations written out here.
 
 use super::*;
+use crate::diagnose::answer::{Kind, answer};
+use crate::diagnose::ladder::{COMMON, Search};
 use crate::measure::robots;
 use crate::measure::table::Table;
 use crate::study::folds::scramble;
 use proto::rng::normal;
+use std::collections::BTreeMap;
 
 const STEP_S: f64 = 0.05;
 const NOISE_M: f64 = 0.01;
 
-/// Two robots, far from each other, that change their velocity every 0.4 to 1.6 s; their motors follow with a lag. As columns
-/// of a table of robot samples.
-fn lagging(n_steps: usize, tau_s: f64) -> Table {
-    let names =
-        ["time_s", "agent", "x_m", "y_m", "cmd_vx_mps", "cmd_vy_mps"].map(str::to_owned).to_vec();
+/// Two robots, far from each other, whose command of a velocity changes every 0.4 to 1.6 s. As columns of a table of robot
+/// samples, and one more. `moved`: moves place and velocity by a step under a
+/// command, and says what that column holds.
+fn driven(
+    n_steps: usize,
+    column: &str,
+    moved: impl Fn(usize, [f64; 2], &mut [f64; 2], &mut [f64; 2]) -> f64,
+) -> Table {
+    let names = ["time_s", "agent", "x_m", "y_m", "cmd_vx_mps", "cmd_vy_mps", column];
     let mut columns = vec![Vec::new(); names.len()];
     let mut draws = 0u64;
     let mut draw = || {
@@ -29,27 +36,49 @@ fn lagging(n_steps: usize, tau_s: f64) -> Table {
                 command = [draw(), draw()];
                 until = step + 8 + (scramble(step as u64) % 24) as usize;
             }
+            let measured = at.map(|place| place + NOISE_M * draw());
+            let value = moved(step, command, &mut at, &mut velocity);
             let row = [
                 step as f64 * STEP_S,
                 f64::from(agent),
-                at[0] + NOISE_M * draw(),
-                at[1] + NOISE_M * draw(),
+                measured[0],
+                measured[1],
                 command[0],
                 command[1],
+                value,
             ];
             for (column, value) in columns.iter_mut().zip(row) {
                 column.push(value);
             }
-            // A thousand small steps of v̇ = (u − v) / τ.
-            for _ in 0..1000 {
-                for axis in 0..2 {
-                    velocity[axis] += STEP_S / 1000.0 * (command[axis] - velocity[axis]) / tau_s;
-                    at[axis] += STEP_S / 1000.0 * velocity[axis];
-                }
-            }
         }
     }
-    Table::of_columns(names, columns)
+    Table::of_columns(names.map(str::to_owned).to_vec(), columns)
+}
+
+/// Robots whose motors follow with a lag. The column is of no meaning.
+fn lagging(n_steps: usize, tau_s: f64) -> Table {
+    driven(n_steps, "battery_v", |_, command, at, velocity| {
+        // A thousand small steps of v̇ = (u − v) / τ.
+        for _ in 0..1000 {
+            for axis in 0..2 {
+                velocity[axis] += STEP_S / 1000.0 * (command[axis] - velocity[axis]) / tau_s;
+                at[axis] += STEP_S / 1000.0 * velocity[axis];
+            }
+        }
+        12.0
+    })
+}
+
+/// Robots that a tide carries to the east, always, now more and now less: by as much as the noise in some seconds.
+fn carried(n_steps: usize) -> Table {
+    driven(n_steps, "tide_m", |step, command, at, _| {
+        let tide_m = 1.0 + (scramble((step / 100) as u64) % 4) as f64;
+        for axis in 0..2 {
+            at[axis] += STEP_S * command[axis];
+        }
+        at[0] += STEP_S * 0.002 * tide_m;
+        tide_m
+    })
 }
 
 fn study(table: &Table) -> RobotStudy {
@@ -82,6 +111,29 @@ fn a_lag_is_fitted_with_its_time_constant_and_the_noise_is_what_is_left() {
     let table = study.effect_table(&fit, lag).unwrap();
     assert_eq!(table["kind"].as_str(), Some("actuator-lag"));
     assert_eq!(table["tau_s"].as_float(), Some(value));
+}
+
+/// The mean of what follows the tide is `wind` to begin with. What follows it explains the mean, too.
+#[test]
+fn what_no_effect_explains_is_one_thing_with_its_mean() {
+    let study = study(&carried(6000));
+    let search = Search::new(&study, &|_| {});
+    let ladder = search.climb();
+    let names = |terms: &[usize]| -> Vec<String> {
+        terms.iter().map(|&term| study.candidates()[term].name.clone()).collect()
+    };
+    assert_eq!(names(&ladder.accepted), ["curve:tide_m"]);
+    let wind = study.fit(&[index(&study, "wind")], &study.fitted_rows(), Level::Time, None);
+    let found = search.full(&ladder.accepted, COMMON, None);
+    let likelihoods = [study.configured(), &wind, &found].map(|fit| study.log_likelihood(fit));
+    assert!(likelihoods[0] + 100.0 < likelihoods[1], "{likelihoods:?}");
+    assert!(likelihoods[1] + 50.0 < likelihoods[2], "{likelihoods:?}");
+    let kind = Kind { name: "robot", unit: "m" };
+    let json = answer(&study, &search, &ladder, kind, &BTreeMap::new(), None, None).json;
+    let listed = json["candidates"].as_array().unwrap();
+    let curves = listed.iter().filter(|entry| entry["effect"] == "curve:tide_m");
+    assert_eq!(curves.map(|entry| &entry["accepted"]).collect::<Vec<_>>(), [true]);
+    assert_eq!(json["missing"].as_array().map(Vec::len), Some(0));
 }
 
 #[test]
