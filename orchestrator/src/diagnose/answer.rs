@@ -41,11 +41,11 @@ pub(crate) fn named_structure(entry: &Value) -> String {
     let is_of_losses = entry["of"] == LOSSES;
     let mut named = match (is_of_losses, covariate) {
         (true, CONSTANT) => "a loss of frames that is the same everywhere".to_owned(),
-        (true, _) => format!("losses over {covariate}"),
+        (true, _) => format!("a loss of frames that follows {covariate}"),
         (false, _) => format!("structure in {covariate}"),
     };
     if !others.is_empty() {
-        let also = if covariate == CONSTANT { "or over" } else { "or" };
+        let also = if covariate == CONSTANT { "or follows" } else { "or" };
         let joint = format!(", {also} ");
         let _ = write!(named, " ({also} {}: these data do not tell)", others.join(&joint));
     }
@@ -306,4 +306,28 @@ pub fn answer<S: Study>(
         json["stopped_in_round"] = json!(round);
     }
     Answer { json, text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_structure_is_named_by_what_it_is_of_and_what_it_follows() {
+        let named = |of: &str, covariate: &str, others: &[&str]| {
+            let entry =
+                json!({ "of": of, "covariate": covariate, "indistinguishable_from": others });
+            named_structure(&entry)
+        };
+        assert_eq!(named(READINGS, "dust", &[]), "structure in dust");
+        assert_eq!(
+            named(READINGS, "dust", &["time_s", "height"]),
+            "structure in dust (or time_s, or height: these data do not tell)"
+        );
+        assert_eq!(named(LOSSES, "dust", &[]), "a loss of frames that follows dust");
+        assert_eq!(
+            named(LOSSES, CONSTANT, &["dust", "height"]),
+            "a loss of frames that is the same everywhere (or follows dust, or follows height: these data do not tell)"
+        );
+    }
 }

@@ -13,8 +13,7 @@ const STEP_S: f64 = 0.05;
 const NOISE_M: f64 = 0.01;
 
 /// Two robots, far from each other, whose command of a velocity changes every 0.4 to 1.6 s. As columns of a table of robot
-/// samples, and one more. `moved`: moves place and velocity by a step under a
-/// command, and says what that column holds.
+/// samples, and one more. `moved`: moves place and velocity by a step under a command, and says what that column holds.
 fn driven(
     n_steps: usize,
     column: &str,
