@@ -9,7 +9,8 @@ use proto::types::{AgentStates, Coupling, Experiment, NS_PER_S, NetRecord, Paylo
 use std::collections::BTreeMap;
 
 /// The scheduling functions.
-pub(crate) const SCHEDULERS: [&str; 5] = ["minimal", "msf", "rrsf", "orchestra", "static"];
+pub(crate) const SCHEDULERS: [&str; 6] =
+    ["minimal", "msf", "rrsf", "sotdma", "orchestra", "static"];
 
 /// The propagation models, with the keys of `[netsim.phy]`. `trace` replays what was measured, whatever the line.
 pub(crate) const MODELS: [(&str, &str); 8] = [

@@ -34,7 +34,7 @@ pub(super) const ENTRY: Entry = Entry {
             unit: "s",
             min: 0.0,
             max: 10.0,
-            starts: &[0.0, 0.05, 0.3, 1.0],
+            starts: &[0.0, 0.05, 0.15, 0.5, 1.5],
             step: 0.005,
         }],
         variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
