@@ -10,7 +10,7 @@ use crate::diagnose::ladder::{FAMILY_ERROR, Search, WORTH_NATS, WORTH_SHARE};
 use crate::extend::{self, ExtendError};
 use crate::measure::config::Compared;
 use crate::measure::table::Table;
-use crate::simulate::{self, Simulated};
+use crate::simulate;
 use crate::study::Study;
 use crate::study::choices::Choices;
 use crate::study::open::{self, OpenError, Subject};
@@ -45,6 +45,8 @@ pub struct Question<'a> {
     pub seed: u64,
     /// Keys of the configuration that the command line sets.
     pub set: &'a [String],
+    /// Which rows are judged, what is left out together, how far robots are predicted: of the file, and of every campaign.
+    pub choices: &'a Choices,
 }
 
 /// Why there is no answer.
@@ -230,10 +232,10 @@ impl<'a> Plan<'a> {
     ) -> Result<Self, PowerError> {
         let (n_candidates, n_blocks) = match subject {
             Subject::Links => {
-                judged(&open::links(config, table, &Choices::NONE)?.0, question.effect)?
+                judged(&open::links(config, table, question.choices)?.0, question.effect)?
             }
             Subject::Robots => {
-                judged(&open::robots(config, table, &Choices::NONE)?.0, question.effect)?
+                judged(&open::robots(config, table, question.choices)?.0, question.effect)?
             }
         };
         let kind = question.effect.trim_end_matches(" (turn)");
@@ -268,7 +270,7 @@ impl<'a> Plan<'a> {
             }),
         );
         // Noise as in the file, or as configured: the same in every campaign.
-        let Simulated { noise, .. } = simulate::simulate(config, table, 0, None)?;
+        let noise = simulate::noise(config, table, question.choices)?;
         let mut plan = Self {
             config,
             table,
@@ -413,11 +415,10 @@ impl<'a> Plan<'a> {
     fn outcome(&self, knob: &Knob, size: f64, seed: u64) -> Result<Outcome, PowerError> {
         let truth = self.with_effect(&knob.key, self.value(knob, size))?;
         let made = simulate::simulate(&truth, self.table, seed, Some(self.noise))?.to_table();
+        let Question { effect, choices, .. } = *self.question;
         match self.subject {
-            Subject::Links => self
-                .tried(&open::links(self.config, &made, &Choices::NONE)?.0, self.question.effect),
-            Subject::Robots => self
-                .tried(&open::robots(self.config, &made, &Choices::NONE)?.0, self.question.effect),
+            Subject::Links => self.tried(&open::links(self.config, &made, choices)?.0, effect),
+            Subject::Robots => self.tried(&open::robots(self.config, &made, choices)?.0, effect),
         }
     }
 

@@ -53,6 +53,30 @@ pub fn simulate(
     }
 }
 
+/// What is taken for the noise of a file, of readings (dB) or of positions (m): what the configuration says, else what the
+/// model leaves of the rows that are chosen.
+///
+/// # Errors
+///
+/// What is wrong with either file or the choices, in words for their author.
+pub fn noise(config: &Compared, table: &Table, choices: &Choices) -> Result<f64, OpenError> {
+    match open::subject(table)? {
+        Subject::Links => {
+            let (study, _) = open::links(config, table, choices)?;
+            Ok(configured_noise(config, &study)?.unwrap_or_else(|| estimated_db(&study)))
+        }
+        Subject::Robots => {
+            let (study, _) = open::robots(config, table, choices)?;
+            Ok(open::localization_sd_m(config).unwrap_or_else(|| study.configured().sd_m()))
+        }
+    }
+}
+
+/// The noise of readings that a model leaves (dB).
+fn estimated_db(study: &LinkStudy) -> f64 {
+    Search::new(study, &|_| {}).full(&[], COMMON, None).instrument.sd_db
+}
+
 fn links(
     config: &Compared,
     table: &Table,
@@ -61,9 +85,7 @@ fn links(
 ) -> Result<Simulated, OpenError> {
     let (study, _) = open::links(config, table, &Choices::NONE)?;
     let given = configured_noise(config, &study)?;
-    let sd_db = given
-        .or(noise)
-        .unwrap_or_else(|| Search::new(&study, &|_| {}).full(&[], COMMON, None).instrument.sd_db);
+    let sd_db = given.or(noise).unwrap_or_else(|| estimated_db(&study));
     // The model with that noise in it.
     let with_noise;
     let rows = if given.is_some() {

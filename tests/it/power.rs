@@ -3,13 +3,16 @@
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
 use orchestrator::power::{Question, power};
+use orchestrator::study::choices::{Choices, Split};
 use std::path::Path;
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
 const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
 
+static ALL_ROWS: Choices = Choices::NONE;
+
 fn asked(effect: &str) -> Question<'_> {
-    Question { effect, with: &[], vary: None, campaigns: 6, seed: 1, set: &[] }
+    Question { effect, with: &[], vary: None, campaigns: 6, seed: 1, set: &[], choices: &ALL_ROWS }
 }
 
 fn files(n_rows: usize) -> (Compared, Table) {
@@ -55,6 +58,24 @@ fn what_these_data_cannot_show_is_said_at_once() {
     let with = ["reference_c".to_owned()];
     let text = refusal(&Question { with: &with, ..asked("temperature") });
     assert!(text.contains("--with"), "{text}");
+}
+
+#[test]
+fn what_is_chosen_of_the_rows_is_judged_alone() {
+    let (config, table) = files(5000);
+    let found = |choices: &Choices| {
+        power(&config, &table, &Question { choices, ..asked("temperature") }, QUIET)
+    };
+    let value = |choices: &Choices| found(choices).unwrap().json["value"].as_f64().unwrap().abs();
+    let condition = |text: &str| Choices { condition: Some(text.to_owned()), ..Choices::NONE };
+    // Two in nine, all along the time in which the temperature varies.
+    let (few, all) = (value(&condition("tx < 4")), value(&ALL_ROWS));
+    assert!(1.3 < few / all, "{few} {all}");
+    let text = found(&condition("tx == 300")).unwrap_err().to_string();
+    assert!(text.contains("holds on none of"), "{text}");
+    let text =
+        found(&Choices { split: Some(Split::Run), ..Choices::NONE }).unwrap_err().to_string();
+    assert!(text.contains("--split run"), "{text}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! `orchestrator power`: how large an effect a campaign would show.
 
+use super::measured::ChoiceArgs;
 use super::{Failure, place_for, write_json};
 use crate::console::say;
 use crate::power::{self, PowerError, Question};
@@ -32,6 +33,8 @@ pub(super) struct PowerArgs {
     /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    choices: ChoiceArgs,
     /// Write what was found as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -51,6 +54,7 @@ pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
         campaigns: args.campaigns,
         seed: args.seed,
         set: &args.set,
+        choices: &args.choices.choices(),
     };
     let found = power::power(&config, &table, &question, &|line| tracing::info!("{line}"))
         .map_err(|error: PowerError| Failure::request(error))?;
