@@ -205,8 +205,18 @@ fn a_network_that_does_not_form_is_a_row_and_full_networks_are_measured_alike_ke
         [netsim.phy]\npropagation = \"unit-disk\"\nradius_m = 10.0\n[netsim.sf]\nkind = \"rrsf\"\n\
         [sweep]\n[sweep.vary]\nnetsim.phy.radius_m = [10.0, 0.5]\n";
     std::fs::write(folder.path().join("s.toml"), text).unwrap();
-    sweep(folder.path(), &["--out", "a"]);
+    let told = sweep(folder.path(), &["--out", "a"]);
     sweep(folder.path(), &["--out", "b", "--set", "sweep.keep=all"]);
+    let warning = "in 1 of 2 trials the network did not form in time";
+    assert!(told.contains(warning), "{told}");
+    let read = |name: &str| std::fs::read_to_string(folder.path().join("a/s").join(name)).unwrap();
+    assert!(read("report.html").contains(warning));
+    let summary: Value = serde_json::from_str(&read("summary.json")).unwrap();
+    assert!(summary["warnings"][0].as_str().unwrap().starts_with(warning), "{summary:#}");
+    // What was measured of robots that never started says nothing of the setting.
+    for (_, spread) in summary["settings"][1]["metrics"].as_object().unwrap() {
+        assert_eq!(spread["n"], 0, "{summary:#}");
+    }
     let table = |out: &str| folder.path().join(out).join("s/trials.parquet");
     let rows = rows(&table("a"));
     assert_eq!([text_of(&rows[0]), text_of(&rows[1])], ["complete", "not-formed"]);
@@ -261,6 +271,15 @@ robotsim.controller.flock_radius_m = [5.0, -1.0]
 ";
     insta::assert_snapshot!(refused("sweep", text));
     assert_eq!(refused("check", text), refused("sweep", text));
+}
+
+#[test]
+fn what_a_sample_of_a_range_cannot_be_is_said_where_the_range_stands() {
+    let said =
+        refused("check", "[sweep]\nsamples = 2\nvary.experiment.agents = { min = 5, max = 9 }\n");
+    assert!(said.contains("must be a whole number"), "{said}");
+    assert!(said.contains("| vary.experiment.agents = { min = 5, max = 9 }"), "{said}");
+    assert!(!said.contains("command line"), "{said}");
 }
 
 #[test]

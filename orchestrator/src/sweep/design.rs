@@ -26,14 +26,26 @@ impl Setting {
         let case = self.case.iter().cloned();
         let values = self.values.iter().skip(self.n_of_case).map(|(key, value)| {
             let key = key.rsplit('.').next().unwrap_or(key);
-            match &value.value {
-                Value::Text(text) => format!("{key} {text}"),
+            match (&value.value, kinds(value)) {
+                (Value::Text(text), _) => format!("{key} {text}"),
+                (_, Some(kinds)) => format!("{key} {kinds}"),
                 _ => format!("{key} {}", value.show()),
             }
         });
         let words: Vec<String> = case.chain(values).collect();
         if words.is_empty() { "as the file says".to_owned() } else { words.join(", ") }
     }
+}
+
+/// The kinds of the tables that a list holds; `None`: it is no such list.
+fn kinds(value: &Node) -> Option<String> {
+    let Value::List(tables) = &value.value else { return None };
+    let kind = |table: &Node| match &table.get("kind")?.value {
+        Value::Text(kind) => Some(kind.clone()),
+        _ => None,
+    };
+    let kinds: Vec<String> = tables.iter().map(kind).collect::<Option<_>>()?;
+    (!kinds.is_empty()).then(|| kinds.join(" + "))
 }
 
 /// How many settings there are; `None`: more than can be counted.
@@ -82,7 +94,7 @@ pub(crate) fn settings(sweep: &Sweep, seed: u64) -> Vec<Setting> {
             points.iter().map(|point| {
                 let mut setting = setting.clone();
                 for ((key, range), &share) in sweep.ranges.iter().zip(point) {
-                    let value = Node { value: range.at(share), span: None };
+                    let value = Node { value: range.at(share), span: range.span.clone() };
                     setting.values.push((key.clone(), value));
                 }
                 setting
@@ -162,6 +174,10 @@ mod tests {
         assert_eq!(settings.len(), 8);
         assert_eq!(settings[..3], ["near, k x, n 1", "near, k x, n 2", "near, k y, n 1"]);
         assert_eq!(settings[7], "far, k y, n 2");
+        // Lists of tables are told by what they hold.
+        let (settings, _) =
+            of("[vary]\na.effect = [[{ kind = \"x\" }, { kind = \"y\", g = 1 }], []]");
+        assert_eq!(settings, ["effect x + y", "effect []"]);
     }
 
     #[test]
@@ -196,14 +212,19 @@ mod tests {
 
     #[test]
     fn ranges_are_met_from_end_to_end_and_never_left() {
-        let at =
-            |min, max, is_log, is_whole, share: f64| match (Range { min, max, is_log, is_whole })
-                .at(share)
-            {
-                Value::Number(value) => value,
-                Value::Integer(value) => value as f64,
-                other => panic!("{other:?}"),
-            };
+        let at = |min, max, is_log, is_whole, share: f64| match (Range {
+            span: None,
+            min,
+            max,
+            is_log,
+            is_whole,
+        })
+        .at(share)
+        {
+            Value::Number(value) => value,
+            Value::Integer(value) => value as f64,
+            other => panic!("{other:?}"),
+        };
         let is = |got: f64, wanted: f64| assert!((got - wanted).abs() < 1e-5 * wanted, "{got}");
         let last = 1.0 - f64::EPSILON / 2.0;
         is(at(1.0, 100.0, true, false, 0.5), 10.0);

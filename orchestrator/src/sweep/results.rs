@@ -63,15 +63,54 @@ pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(Value, String), Reco
     let _ = fs::remove_file(&partial);
     table::write(&partial, &columns)?;
     rename(&partial, &dir.join(TABLE_FILE))?;
-    let (shown, warnings) = shown(plan, &columns);
-    let figures: Vec<Figures<'_>> = shown.iter().map(|column| Figures::of(plan, column)).collect();
+    let (shown, mut warnings) = shown(plan, &columns);
+    let has_formed: Vec<bool> = rows.values().map(|row| row.status == COMPLETE).collect();
+    warnings.extend(not_formed(plan, &has_formed));
+    let figures: Vec<Figures<'_>> =
+        shown.iter().map(|column| Figures::of(plan, column, &has_formed)).collect();
     let summary = summary(done, &figures, warnings);
     write_whole(dir, "summary.json", format!("{summary:#}\n").as_bytes())?;
     let page = report::page(plan, &figures, &summary);
     write_whole(dir, "report.html", page.as_bytes())?;
     let provenance = provenance(done);
     write_whole(dir, "provenance.json", format!("{provenance:#}\n").as_bytes())?;
-    Ok((summary, text(plan, &figures)))
+    let mut told = text(plan, &figures);
+    if let Some(warning) = not_formed(plan, &has_formed) {
+        let _ = write!(told, "\nwarning: {warning}");
+    }
+    Ok((summary, told))
+}
+
+/// How a trial ends that has no more to say about itself.
+const COMPLETE: &str = "complete";
+
+/// Which settings have trials whose network did not form; none: all have formed.
+fn not_formed(plan: &SweepPlan, has_formed: &[bool]) -> Option<String> {
+    const MOST_NAMED: usize = 5;
+    let n_seeds = plan.seeds.len();
+    let by_setting: Vec<String> = plan
+        .settings
+        .iter()
+        .zip(has_formed.chunks(n_seeds))
+        .filter(|(_, formed)| formed.contains(&false))
+        .map(|(setting, formed)| {
+            let n = formed.iter().filter(|formed| !**formed).count();
+            format!("{n} of {n_seeds} of {}", setting.describe())
+        })
+        .collect();
+    if by_setting.is_empty() {
+        return None;
+    }
+    let more = by_setting.len().saturating_sub(MOST_NAMED);
+    let named = by_setting[..by_setting.len() - more].join("; ");
+    let more = if more == 0 { String::new() } else { format!("; and of {more} more settings") };
+    let n = has_formed.iter().filter(|formed| !**formed).count();
+    Some(format!(
+        "in {n} of {} trials the network did not form in time, and robots that wait for it never started: {named}{more}. \
+         Their figures are left out here; {TABLE_FILE} has them, {} why",
+        has_formed.len(),
+        super::JOURNAL_FILE
+    ))
 }
 
 /// A figure, by setting.
@@ -85,11 +124,17 @@ pub(super) struct Figures<'a> {
 }
 
 impl<'a> Figures<'a> {
-    fn of(plan: &SweepPlan, column: &'a Column) -> Self {
+    /// Of trials whose network has formed.
+    fn of(plan: &SweepPlan, column: &'a Column, has_formed: &[bool]) -> Self {
+        let n_seeds = plan.seeds.len();
         let values: Vec<Vec<f64>> = column
             .numbers()
-            .chunks(plan.seeds.len())
-            .map(|numbers| numbers.iter().copied().flatten().collect())
+            .chunks(n_seeds)
+            .zip(has_formed.chunks(n_seeds))
+            .map(|(numbers, has_formed)| {
+                let formed = numbers.iter().zip(has_formed).filter(|(_, formed)| **formed);
+                formed.filter_map(|(number, _)| *number).collect()
+            })
             .collect();
         let spreads = values.iter().map(|values| Spread::of(values)).collect();
         Self { column, values, spreads }
@@ -166,7 +211,7 @@ fn summary(done: &Done<'_>, figures: &[Figures<'_>], warnings: Vec<String>) -> V
                 .map(|(key, node)| (key.clone(), json!(node.to_toml())))
                 .collect();
             let of_setting = rows.iter().filter(|(trial, _)| trial.setting == number);
-            let not_formed = of_setting.filter(|(_, row)| row.status != "complete").count();
+            let not_formed = of_setting.filter(|(_, row)| row.status != COMPLETE).count();
             let metrics: Map<String, Value> = figures
                 .iter()
                 .map(|figures| {

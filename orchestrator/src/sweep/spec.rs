@@ -160,8 +160,10 @@ pub(crate) struct Case {
 }
 
 /// A range of numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Range {
+    /// Where it stands in the file.
+    pub(crate) span: Option<std::ops::Range<usize>>,
     /// Lower end.
     pub(crate) min: f64,
     /// Upper end.
@@ -333,6 +335,7 @@ impl Reader<'_> {
         let table = config::check(node, path, &RANGE, self.problems).table;
         let number = |key: &str| table.get(key).and_then(toml::Value::as_float);
         let range = Range {
+            span: node.span.clone(),
             min: number("min")?,
             max: number("max")?,
             is_log: table.get("scale").and_then(toml::Value::as_str) == Some("log"),
