@@ -172,6 +172,18 @@ pub struct Config {
     pub network: Option<Box<(Settings, Addresses)>>,
 }
 
+/// Length of a slot by the standard's template (ns).
+const STANDARD_SLOT_NS: u64 = 10_000_000;
+
+impl Config {
+    /// What beacons say of the template that times slots and of the sequence of channels: 0, the standard's; 1, another one,
+    /// on which all motes have agreed beforehand.
+    #[must_use]
+    pub fn announced_ids(&self) -> [u8; 2] {
+        [self.slot_ns != STANDARD_SLOT_NS, self.hopping_sequence != HOPPING_SEQUENCE].map(u8::from)
+    }
+}
+
 /// The files that a configuration names.
 #[must_use]
 pub fn files(config: &Node, path: &str) -> Vec<FileReference> {

@@ -328,9 +328,10 @@ impl Mote {
         }
     }
 
-    /// The beacon it sends in a slot (RFC 8180, § 4.5).
+    /// The beacon it sends in a slot (RFC 8180, § 4.5). `ids`: of the template that times slots, and of the sequence of
+    /// channels.
     #[must_use]
-    pub fn beacon(&self, asn: u64) -> FrameRepr {
+    pub fn beacon(&self, asn: u64, [timeslot_id, hopping_sequence_id]: [u8; 2]) -> FrameRepr {
         let slotframes = self.sf.minimal_cell().map(|slots| BeaconSlotframe {
             handle: 0,
             slots,
@@ -349,6 +350,8 @@ impl Mote {
             content: Content::Beacon(BeaconRepr {
                 asn,
                 join_metric,
+                timeslot_id,
+                hopping_sequence_id,
                 slotframes: slotframes.into_iter().collect(),
             }),
         }

@@ -58,7 +58,13 @@ fn whole(from: u32, to: Option<u32>, datagram: Datagram) -> FrameRepr {
 
 fn beacon() -> BeaconRepr {
     let slotframe = BeaconSlotframe { handle: 0, slots: 101, links: vec![(0, 0, 0b1111)] };
-    BeaconRepr { asn: 0, join_metric: 0, slotframes: vec![slotframe] }
+    BeaconRepr {
+        asn: 0,
+        join_metric: 0,
+        timeslot_id: 0,
+        hopping_sequence_id: 0,
+        slotframes: vec![slotframe],
+    }
 }
 
 /// Every request, an answer to each, a confirmation.

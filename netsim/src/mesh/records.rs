@@ -185,7 +185,7 @@ impl Mesh {
                 count("tx_unicast", "frames", &|mote| mote.tally.n_tx_unicast),
                 count("tx_acked", "frames", &|mote| mote.tally.n_tx_acked),
                 count("retransmissions", "frames", &|mote| mote.tally.n_retransmissions),
-                count("queue_drops", "packets", &|mote| mote.tally.n_queue_drops),
+                count("queue_drops", "frames", &|mote| mote.tally.n_queue_drops),
                 count("payloads_superseded", "payloads", &|mote| mote.tally.n_superseded),
                 count("parent_changes", "", &|mote| mote.tally.n_parent_changes),
                 count("packets_created", "packets", &|mote| mote.tally.n_created),

@@ -162,7 +162,7 @@ impl Mesh {
             };
             let (beacon, psdu_bytes) = match &mut transmission.outgoing {
                 Outgoing::Beacon => {
-                    let mut beacon = of.beacon(asn);
+                    let mut beacon = of.beacon(asn, self.config.announced_ids());
                     let bytes = announce(&mut beacon);
                     let bytes = bytes.unwrap_or_else(|| self.settings.psdu_bytes(&beacon));
                     (Some(beacon), bytes)

@@ -51,6 +51,9 @@ impl Mote {
             }
             return Verdict { acknowledge: false, deliver: false };
         }
+        if self.sf.is_quarantined(from) {
+            return Verdict { acknowledge: false, deliver: false };
+        }
         let verdict = self.mac.handle_frame(
             &world.settings.mac,
             from,

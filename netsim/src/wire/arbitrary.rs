@@ -257,9 +257,16 @@ fn slotframe() -> impl Strategy<Value = BeaconSlotframe> {
 
 /// A frame that is whole, and the root that its content may refer to.
 pub(crate) fn frame() -> impl Strategy<Value = (FrameRepr, Option<Ipv6Addr>)> {
-    let beacon = (0_u64..1 << 40, any::<u8>(), vec(slotframe(), 0..4)).prop_map(
-        |(asn, join_metric, slotframes)| {
-            Content::Beacon(BeaconRepr { asn, join_metric, slotframes })
+    let ids = (any::<u8>(), any::<u8>());
+    let beacon = (0_u64..1 << 40, any::<u8>(), ids, vec(slotframe(), 0..4)).prop_map(
+        |(asn, join_metric, (timeslot_id, hopping_sequence_id), slotframes)| {
+            Content::Beacon(BeaconRepr {
+                asn,
+                join_metric,
+                timeslot_id,
+                hopping_sequence_id,
+                slotframes,
+            })
         },
     );
     let link = prop_oneof![

@@ -51,6 +51,10 @@ pub struct BeaconRepr {
     pub asn: u64,
     /// How far the sender is from the root, in hops of rank: DAGRank − 1. The lower, the better to join through.
     pub join_metric: u8,
+    /// Which template times its slots: 0, the standard's; others are agreed on beforehand.
+    pub timeslot_id: u8,
+    /// Which sequence its channels follow: 0, the standard's; others are agreed on beforehand.
+    pub hopping_sequence_id: u8,
     /// Slotframes that a joining mote shall install.
     pub slotframes: Vec<BeaconSlotframe>,
 }

@@ -195,7 +195,9 @@ fn a_trace_is_replayed_on_the_hopping_sequence() {
     let (mut network, start) = started(&setup);
     assert_eq!(
         start.warnings,
-        ["a.k7 lasts 600 s: after that every link stays as its last row says"]
+        [
+            "a.k7 lasts 600 s, from time 0 on, formation included: in a longer run every link then stays as its last row says"
+        ]
     );
     let states = at(&[(0.0, 0.0); 2]);
     // Agent 0 sends at slots 0, 10, 20, ...: sequence positions 0, 10, 4, 14, 8, 2, 12, 6. Channel 17 stands at 1: never.

@@ -141,7 +141,8 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
     }
     let duration_s = proto::types::seconds(header.duration_ns);
     context.warnings.push(format!(
-        "{file} lasts {duration_s} s: after that every link stays as its last row says"
+        "{file} lasts {duration_s} s, from time 0 on, formation included: in a longer run every link then stays as its last \
+         row says"
     ));
     (context.problems.len() == before)
         .then(|| Box::new(Trace::new(&k7, context.slot_ns)) as Box<dyn Propagation>)

@@ -49,6 +49,10 @@ mod tests {
         // before every octet and cuts at the end only: other cells than the standard's.
         let expected = [0, 20_582, 27_694, 27_669, 11_935, 31_580];
         assert_eq!(ADDRESSES.map(|address| sax(address, 1 << 16, 5, 2)), expected);
+        let of_motes =
+            [27_694, 27_693, 27_692, 27_667, 27_666, 27_665, 27_664, 27_671, 27_670, 27_669];
+        let motes = std::array::from_fn(|k| Eui64(0x0200_0000_0000_0001 + k as u64));
+        assert_eq!(motes.map(|address| sax(address, 1 << 16, 5, 2)), of_motes);
     }
 
     #[test]

@@ -193,7 +193,7 @@ impl Put for BeaconRepr {
         sink.put(&self.asn.to_le_bytes()[..5]);
         sink.put_u8(self.join_metric);
         put_nested_short(TIMESLOT, 1, sink);
-        sink.put_u8(0);
+        sink.put_u8(self.timeslot_id);
         let links: usize = self.slotframes.iter().map(|frame| 4 + 5 * frame.links.len()).sum();
         put_nested_short(SLOTFRAME_AND_LINK, 1 + links, sink);
         sink.put_u8(self.slotframes.len() as u8);
@@ -208,7 +208,7 @@ impl Put for BeaconRepr {
             }
         }
         sink.put_u16_le(1 << 15 | CHANNEL_HOPPING << 11 | 1);
-        sink.put_u8(0);
+        sink.put_u8(self.hopping_sequence_id);
     }
 }
 

@@ -1,10 +1,10 @@
 //! From octets back to MAC frames.
 
 use super::bytes::{
-    ACK, ACK_REQUEST, BEACON, BROADCAST, DATA, DESTINATION, ELEMENTS, EXTENDED, FCS_LEN, IETF,
-    MLME, NETWORK_PAN, NO_SEQUENCE, PAN_COMPRESSION, PAYLOAD_TERMINATION, PENDING, SECURED, SHORT,
-    SIXTOP, SLOTFRAME_AND_LINK, SOURCE, TERMINATION_1, TERMINATION_2, TIME_CORRECTION,
-    TSCH_SYNCHRONIZATION, VENDOR, VERSION, fcs,
+    ACK, ACK_REQUEST, BEACON, BROADCAST, CHANNEL_HOPPING, DATA, DESTINATION, ELEMENTS, EXTENDED,
+    FCS_LEN, IETF, MLME, NETWORK_PAN, NO_SEQUENCE, PAN_COMPRESSION, PAYLOAD_TERMINATION, PENDING,
+    SECURED, SHORT, SIXTOP, SLOTFRAME_AND_LINK, SOURCE, TERMINATION_1, TERMINATION_2,
+    TIME_CORRECTION, TIMESLOT, TSCH_SYNCHRONIZATION, VENDOR, VERSION, fcs,
 };
 use super::{AckRepr, BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use crate::wire::datagram::Datagram;
@@ -188,10 +188,14 @@ impl AckRepr {
 fn parse_beacon(elements: &[u8]) -> Result<BeaconRepr, Malformed> {
     let mut reader = Reader::new(elements);
     let (mut synchronization, mut slotframes) = (None, Vec::new());
+    let (mut timeslot_id, mut hopping_sequence_id) = (0, 0);
     while !reader.is_empty() {
         let descriptor = reader.u16_le()?;
         if descriptor >> 15 != 0 {
-            reader.take(usize::from(descriptor & 0x7ff))?;
+            let mut content = Reader::new(reader.take(usize::from(descriptor & 0x7ff))?);
+            if descriptor >> 11 & 0xf == CHANNEL_HOPPING {
+                hopping_sequence_id = content.u8()?;
+            }
             continue;
         }
         let mut content = Reader::new(reader.take(usize::from(descriptor & 0xff))?);
@@ -201,6 +205,7 @@ fn parse_beacon(elements: &[u8]) -> Result<BeaconRepr, Malformed> {
                 asn[..5].copy_from_slice(content.take(5)?);
                 synchronization = Some((u64::from_le_bytes(asn), content.u8()?));
             }
+            TIMESLOT => timeslot_id = content.u8()?,
             SLOTFRAME_AND_LINK => {
                 for _ in 0..content.u8()? {
                     slotframes.push(parse_slotframe(&mut content)?);
@@ -210,7 +215,7 @@ fn parse_beacon(elements: &[u8]) -> Result<BeaconRepr, Malformed> {
         }
     }
     let (asn, join_metric) = synchronization.ok_or(reader.malformed("no TSCH synchronization"))?;
-    Ok(BeaconRepr { asn, join_metric, slotframes })
+    Ok(BeaconRepr { asn, join_metric, timeslot_id, hopping_sequence_id, slotframes })
 }
 
 fn parse_slotframe(reader: &mut Reader<'_>) -> Result<BeaconSlotframe, Malformed> {

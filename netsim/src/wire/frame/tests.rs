@@ -65,7 +65,13 @@ fn ieee802154_7_2_10_the_example_of_a_frame_check_sequence() {
 #[test]
 fn rfc8180_a_1_the_information_elements_of_a_beacon() {
     let slotframe = BeaconSlotframe { handle: 0, slots: 101, links: vec![(0, 0, 0x0f)] };
-    let beacon = BeaconRepr { asn: 0x05_0403_0201, join_metric: 2, slotframes: vec![slotframe] };
+    let beacon = BeaconRepr {
+        asn: 0x05_0403_0201,
+        join_metric: 2,
+        timeslot_id: 0,
+        hopping_sequence_id: 0,
+        slotframes: vec![slotframe],
+    };
     let bytes = frame(None, Content::Beacon(beacon)).to_vec();
     let elements = [
         0x00, 0x3f, 0x1a, 0x88, 0x06, 0x1a, 1, 2, 3, 4, 5, 2, 0x01, 0x1c, 0x00, 0x0a, 0x1b, 0x01,

@@ -309,7 +309,7 @@ impl Plain {
             let transmission = of.mac.poll_slot(&self.settings.mac, &of.schedule, asn);
             let Some(transmission) = transmission else { continue };
             let mut frame = match &transmission.outgoing {
-                Outgoing::Beacon => of.beacon(asn),
+                Outgoing::Beacon => of.beacon(asn, [0, 0]),
                 Outgoing::Frame(queued) => queued.frame.clone(),
             };
             if let (Some(at), None) = (&transmission.at, frame.destination) {
