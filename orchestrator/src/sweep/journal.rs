@@ -29,6 +29,13 @@ pub(crate) struct Row {
     pub(crate) values: Map<String, Value>,
 }
 
+impl Row {
+    /// Whether the network formed, so that its figures are of an experiment that took place.
+    pub(super) fn has_formed(&self) -> bool {
+        self.reason.is_none()
+    }
+}
+
 /// The file.
 pub(crate) struct Journal {
     path: PathBuf,

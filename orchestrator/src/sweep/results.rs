@@ -64,8 +64,9 @@ pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(Value, String), Reco
     table::write(&partial, &columns)?;
     rename(&partial, &dir.join(TABLE_FILE))?;
     let (shown, mut warnings) = shown(plan, &columns);
-    let has_formed: Vec<bool> = rows.values().map(|row| row.status == COMPLETE).collect();
-    warnings.extend(not_formed(plan, &has_formed));
+    let has_formed: Vec<bool> = rows.values().map(Row::has_formed).collect();
+    let unformed = not_formed(plan, &has_formed);
+    warnings.extend(unformed.clone());
     let figures: Vec<Figures<'_>> =
         shown.iter().map(|column| Figures::of(plan, column, &has_formed)).collect();
     let summary = summary(done, &figures, warnings);
@@ -75,14 +76,11 @@ pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(Value, String), Reco
     let provenance = provenance(done);
     write_whole(dir, "provenance.json", format!("{provenance:#}\n").as_bytes())?;
     let mut told = text(plan, &figures);
-    if let Some(warning) = not_formed(plan, &has_formed) {
+    if let Some(warning) = unformed {
         let _ = write!(told, "\nwarning: {warning}");
     }
     Ok((summary, told))
 }
-
-/// How a trial ends that has no more to say about itself.
-const COMPLETE: &str = "complete";
 
 /// Which settings have trials whose network did not form; none: all have formed.
 fn not_formed(plan: &SweepPlan, has_formed: &[bool]) -> Option<String> {
@@ -211,7 +209,7 @@ fn summary(done: &Done<'_>, figures: &[Figures<'_>], warnings: Vec<String>) -> V
                 .map(|(key, node)| (key.clone(), json!(node.to_toml())))
                 .collect();
             let of_setting = rows.iter().filter(|(trial, _)| trial.setting == number);
-            let not_formed = of_setting.filter(|(_, row)| row.status != COMPLETE).count();
+            let not_formed = of_setting.filter(|(_, row)| !row.has_formed()).count();
             let metrics: Map<String, Value> = figures
                 .iter()
                 .map(|figures| {
