@@ -20,8 +20,10 @@ pub(crate) const WORTH_NATS: f64 = 0.01;
 pub(crate) const WORTH_SHARE: f64 = 0.01;
 /// In any case it removes this share of the error of the model as configured.
 pub(crate) const LEAST_SHARE: f64 = 0.001;
-/// A term that raises the likelihood of all rows together by less (nats) cannot gain on rows left out.
-const HOPELESS_NATS: f64 = 5.0;
+/// A term that raises the likelihood of all rows together by less (nats) is not beyond chance on rows left out: where the mean of a
+/// logarithm of a likelihood ratio is m, its variance is about 2 m, so that it stands √(m/2) standard errors above 0, and 2.58 are
+/// needed if it were the only candidate. On rows left out it gains less than on those it was fitted to.
+const HOPELESS_NATS: f64 = 12.0;
 /// A rival raises the likelihood by at least this share of what the chosen one does.
 const NEARLY: f64 = 0.8;
 /// How often a search says how far it is.
@@ -180,9 +182,9 @@ impl<'a, S: Study> Search<'a, S> {
 
     /// Fits to all rows at every level, from one at some level.
     fn prepare(&self, terms: &[usize], from: &S::Fit) {
-        for level in self.levels() {
+        self.levels().into_par_iter().for_each(|level| {
             self.full(terms, level, Some(from));
-        }
+        });
     }
 
     /// Levels at which candidates are judged.

@@ -8,8 +8,10 @@
 //! | [`terms`] | what may be added to the model |
 //! | [`fit`] | Newton's method on all of it |
 //! | `candidates` | what may be missing |
+//! | `active` | effects at certain values |
 //! | [`basis`] | terms that are sums of columns |
 //! | [`cells`] | random levels of nodes, links and channels |
+//! | `starts` | from where a fit starts, and which start is best |
 //! | [`search`] | places, nodes and times that an effect needs and that no map shows |
 //! | `group` | blocks that are left out together, cells that share a level |
 //! | `estimates` | numbers with intervals |
@@ -19,6 +21,7 @@
 //! | `view` | predictions row by row, for pictures |
 //! | [`testable`] | what the data lack for an effect to be tested |
 
+mod active;
 pub mod basis;
 mod candidates;
 pub mod cells;
@@ -32,6 +35,7 @@ pub mod passing;
 pub mod predict;
 pub mod rows;
 pub mod search;
+mod starts;
 pub mod terms;
 pub mod testable;
 mod view;
@@ -43,7 +47,7 @@ use crate::diagnose::next::Apart;
 use basis::{Bases, Basis};
 use cells::{Cells, Deviations, Random};
 use fit::{Free, LinkFit, Problem, Steps};
-use likelihood::{Instrument, Slope};
+use likelihood::Instrument;
 use netsim::phy::scatter::{Law, Renewal};
 use passing::Spread;
 use proto::effect::Level;
@@ -342,8 +346,6 @@ const LEAST_START_DB: f64 = 0.3;
 /// Steps of a fit, and of a trial that only tells which start is best.
 const MOST_STEPS: usize = 40;
 const TRIAL_STEPS: usize = 5;
-/// Rounds in which a pattern and the headings of still nodes are found in turn.
-const HEADING_ROUNDS: usize = 3;
 /// Rounds in which the spreads of random levels are found, and found again with a few rows less.
 const MOST_ROUNDS: usize = 25;
 const WARM_ROUNDS: usize = 2;
@@ -462,115 +464,6 @@ impl Study for LinkStudy {
 
     fn settings(&self, fit: &LinkFit, term: usize) -> serde_json::Value {
         self.settings_of(fit, term)
-    }
-}
-
-impl LinkStudy {
-    /// The best of short fits from several starts.
-    fn best_of(
-        &self,
-        terms: &[usize],
-        starts: Vec<Vec<State>>,
-        train: &[u32],
-        from: From<'_>,
-    ) -> Option<LinkFit> {
-        let mut best: Option<LinkFit> = None;
-        for states in starts {
-            let fit = self.run(terms, states, train, from);
-            if best.as_ref().is_none_or(|best| best.log_likelihood < fit.log_likelihood) {
-                best = Some(fit);
-            }
-        }
-        best
-    }
-
-    /// Whether a term has a spread of links, over one of several lengths.
-    fn asks_for_links(&self, term: usize) -> bool {
-        matches!(self.specs[term], Spec::Shadowing(_))
-    }
-
-    /// Whether the term has places or nodes that a search finds.
-    fn is_searched(&self, term: usize) -> bool {
-        let name = self.specs[term].entry().map(|entry| entry.variant.name);
-        matches!(name, Some("antenna-pattern" | "battery-sag" | "hidden-obstacle"))
-    }
-
-    /// What the rows say about their levels under a fit.
-    fn slopes_left(&self, fit: &LinkFit, train: &[u32]) -> Vec<Slope> {
-        let specs = self.specs_of(&fit.terms);
-        search::left_over(&self.rows, fit, &specs, self.cells(fit.decorrelation_m), train)
-    }
-
-    /// A pattern with headings of still nodes, on top of `parent`: pattern and headings are found in turn.
-    fn heading(
-        &self,
-        term: usize,
-        mut state: State,
-        train: &[u32],
-        level: Level,
-        parent: &LinkFit,
-    ) -> State {
-        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
-        for _ in 0..HEADING_ROUNDS {
-            let states = parent.states.iter().cloned().chain([state.clone()]).collect();
-            let fit = self.run(&terms, states, train, From::trial(level, Some(parent)));
-            let left = self.slopes_left(&fit, train);
-            if let Some(last) = fit.states.last() {
-                state = search::headings::again(&self.rows, train, &left, last);
-            }
-        }
-        state
-    }
-
-    /// The states from which a search for a term starts, `parent` being the fit without it.
-    fn starts_of(
-        &self,
-        term: usize,
-        terms: &[usize],
-        train: &[u32],
-        level: Level,
-        parent: Option<&LinkFit>,
-    ) -> Vec<State> {
-        let spec = &self.specs[term];
-        let states = State::starts(spec);
-        if self.is_searched(term) {
-            // Searches take turns: each is made on top of those before it.
-            let place = terms.iter().position(|&other| other == term).unwrap_or_default();
-            let terms: Vec<usize> = terms
-                .iter()
-                .enumerate()
-                .filter(|&(index, &other)| {
-                    other != term && (index < place || !self.is_searched(other))
-                })
-                .map(|(_, &other)| other)
-                .collect();
-            let parent = self.fit(&terms, train, level, parent);
-            let left = self.slopes_left(&parent, train);
-            let name = spec.entry().map_or("", |entry| entry.variant.name);
-            return match name {
-                "antenna-pattern" => {
-                    let found = search::headings::patterns(&self.rows, train, &left, &states);
-                    match <[State; 1]>::try_from(found) {
-                        Ok([state]) => vec![self.heading(term, state, train, level, &parent)],
-                        Err(found) => found,
-                    }
-                }
-                "hidden-obstacle" => search::obstacles(&self.rows, train, &left, &states[0]),
-                _ => search::sagging(&self.rows, train, &left, &states[0]),
-            };
-        }
-        if !matches!(spec, Spec::Shadowing(_)) {
-            return states;
-        }
-        self.lengths()
-            .flat_map(|length| {
-                states.iter().map(move |state| {
-                    let mut state = state.clone();
-                    state.table.insert("decorrelation_m".to_owned(), toml::Value::Float(length));
-                    state
-                })
-            })
-            .collect()
     }
 }
 

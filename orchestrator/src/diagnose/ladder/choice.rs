@@ -4,6 +4,7 @@ use super::{COMMON, FAMILY_ERROR, NEARLY, Search, Trial, WORTH_NATS, with, witho
 use crate::diagnose::gain::Gain;
 use crate::study::Study;
 use proto::effect::Level;
+use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
 use tracing::debug;
@@ -125,9 +126,10 @@ impl<S: Study> Search<'_, S> {
             self.full(&terms, Level::Place, Some(&parent));
             self.gain(&terms, accepted, Level::Place)
         };
-        let beyond_links = laws
-            .iter()
-            .map(|&index| (index, on_places(index)))
+        let gains: Vec<(usize, Gain)> =
+            laws.par_iter().map(|&index| (index, on_places(index))).collect();
+        let beyond_links = gains
+            .into_iter()
             .filter(|(_, gain)| gain.p_value < FAMILY_ERROR && WORTH_NATS <= gain.gain)
             .max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
         if let Some((index, _)) = beyond_links {
@@ -202,19 +204,15 @@ impl<S: Study> Search<'_, S> {
     /// an effect other effects.
     pub(super) fn ties(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Vec<usize> {
         let is_curve = self.is_curve(&trials[best]);
-        trials
-            .iter()
-            .enumerate()
-            .filter(|&(index, trial)| {
-                let is_rival = || !is_curve && self.rivals(&trials[best], trial, accepted);
-                index != best
-                    && self.is_curve(trial) == is_curve
-                    && (trial.is_significant || is_rival())
-                    && !(is_curve && self.has_in_vain(trial, &trials[best], accepted))
-                    && self.is_tied(&trials[best], trial, accepted)
-            })
-            .map(|(_, trial)| trial.term)
-            .collect()
+        let is_tied = |(index, trial): &(usize, &Trial)| {
+            let is_rival = || !is_curve && self.rivals(&trials[best], trial, accepted);
+            *index != best
+                && self.is_curve(trial) == is_curve
+                && (trial.is_significant || is_rival())
+                && !(is_curve && self.has_in_vain(trial, &trials[best], accepted))
+                && self.is_tied(&trials[best], trial, accepted)
+        };
+        trials.par_iter().enumerate().filter(is_tied).map(|(_, trial)| trial.term).collect()
     }
 
     /// Whether a curve has another in it, and what it has beyond that is not even likely, were all rows independent.

@@ -3,7 +3,7 @@
 //! Most effects are such sums exactly. Others are near a point of interest, which is enough to tell whether a further term
 //! is worth a fit.
 
-use super::fit::Active;
+use super::active::Active;
 use super::rows::Rows;
 use super::terms::{Spec, State};
 use netsim::phy::effect::Effect;

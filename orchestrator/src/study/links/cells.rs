@@ -275,15 +275,17 @@ impl Solver<'_> {
         let mut channel = Sums::new(if 0.0 < sd.channel_db { n_channels } else { 0 });
         let mut link = Sums::new(if has_cells { n_links } else { 0 });
         let mut entries: Vec<(usize, f64)> = Vec::with_capacity(p + 2);
+        let (mut lower, mut pulls) = (vec![0.0; size * size], vec![0.0; size]);
         for (index, &row) in self.train.iter().enumerate() {
             let slope = &self.slopes[index];
             self.entries(index, row as usize, n_nodes, &mut entries);
-            for &(i, a) in &entries {
-                vector[i] += a * slope.over_level;
-                for &(j, b) in &entries {
-                    if j <= i {
-                        matrix[(i, j)] += slope.weight * a * b;
-                    }
+            // Entries ascend: those up to the k-th are of the lower triangle.
+            for (k, &(i, a)) in entries.iter().enumerate() {
+                pulls[i] += a * slope.over_level;
+                let scaled = slope.weight * a;
+                let line = &mut lower[i * size..][..size];
+                for &(j, b) in &entries[..=k] {
+                    line[j] += scaled * b;
                 }
             }
             if 0.0 < sd.channel_db {
@@ -293,6 +295,8 @@ impl Solver<'_> {
                 link.add(self.cells.link[row as usize] as usize, slope, &entries);
             }
         }
+        matrix += DMatrix::from_row_slice(size, size, &lower);
+        vector += DVector::from_vec(pulls);
         let mut half_log_determinant = 0.0;
         let mut out = random.clone();
         if 0.0 < sd.channel_db {

@@ -1,5 +1,6 @@
 //! Fits a radio model with further terms to rows: Newton's method on the likelihood of the instrument.
 
+use super::active::{Active, level, reading_otherwise};
 use super::basis::Basis;
 use super::cells::{Cells, Deviations, Random, Solver, Step};
 use super::likelihood::{Instrument, Level, Noise, Slope};
@@ -137,16 +138,20 @@ impl<'a> Problem<'a> {
     }
 
     fn levels(&self, parts: Vec<Vec<[f64; 3]>>, effects: &[Option<Active>]) -> Levels {
+        let mut added = vec![[0.0; 3]; self.train.len()];
+        for part in &parts {
+            for (sum, term) in added.iter_mut().zip(part) {
+                for k in 0..3 {
+                    sum[k] += term[k];
+                }
+            }
+        }
+        let otherwise: Vec<&dyn Effect> = reading_otherwise(effects).collect();
         let levels = self
             .train
             .iter()
-            .enumerate()
-            .map(|(index, &row)| {
-                let added = |k: usize| -> f64 {
-                    parts.iter().filter_map(|part| part.get(index)).map(|part| part[k]).sum()
-                };
-                level(self.rows, row as usize, [added(0), added(1), added(2)], effects)
-            })
+            .zip(added)
+            .map(|(&row, added)| level(self.rows, row as usize, added, otherwise.iter().copied()))
             .collect();
         Levels { parts, levels }
     }
@@ -499,57 +504,6 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// An effect at certain values of its parameters.
-#[derive(Clone, Debug)]
-pub(super) struct Active {
-    effect: Arc<dyn Effect>,
-    /// Registers read otherwise with it.
-    reads_otherwise: bool,
-}
-
-impl Active {
-    pub(super) fn new(effect: Box<dyn Effect>, rows: &Rows) -> Self {
-        // Readings over the whole range tell whether it touches them at all.
-        let reads_otherwise = !rows.is_empty()
-            && (-60..=10).any(|step| {
-                let dbm = 2.0 * f64::from(step);
-                (rows.register_dbm(&*effect, 0, dbm) - dbm).abs() > 0.0
-            });
-        Self { effect: Arc::from(effect), reads_otherwise }
-    }
-
-    pub(super) fn get(&self) -> &dyn Effect {
-        &*self.effect
-    }
-
-    /// Whether it changes how frames vary about the mean, or which pass at a level.
-    fn is_instrument(&self) -> bool {
-        self.effect.curve().is_some() || self.effect.scatter().is_some()
-    }
-
-    /// Whether it changes nothing but means.
-    pub(super) fn is_plain(&self) -> bool {
-        !self.reads_otherwise && !self.is_instrument()
-    }
-}
-
-/// What a model with terms says about a row. `added`: power, shift, logarithm of survival that the terms add.
-fn level(rows: &Rows, row: usize, added: [f64; 3], effects: &[Option<Active>]) -> Level {
-    let base = &rows.base[row];
-    let power_dbm = base.power_dbm + added[0];
-    let mut reading = power_dbm + base.register_db;
-    for active in effects.iter().flatten().filter(|active| active.reads_otherwise) {
-        reading = rows.register_dbm(active.get(), row, reading);
-    }
-    Level {
-        power_dbm,
-        register_db: reading - power_dbm,
-        shift_db: base.shift_db + added[1],
-        ln_survival: base.ln_survival + added[2],
-        stated: base.stated,
-    }
-}
-
 impl LinkFit {
     /// What the fitted model says about any row, random levels apart.
     #[must_use]
@@ -568,7 +522,7 @@ impl LinkFit {
                 (_, None) => {}
             }
         }
-        level(rows, row, added, &self.effects)
+        level(rows, row, added, reading_otherwise(&self.effects))
     }
 }
 

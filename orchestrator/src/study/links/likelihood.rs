@@ -59,6 +59,8 @@ pub struct Instrument {
     reading_variance: f64,
     /// Logarithms of the greatest densities of a reading, and of a strength before it is rounded.
     ln_peaks: [f64; 2],
+    /// How much less likely a strength is at each of the places looked at than at the middle, where the middle is likeliest.
+    falls: [f64; 4],
 }
 
 mod aggregated;
@@ -76,6 +78,9 @@ pub struct Noise {
 /// Where strengths that are rounded to one reading are looked at (steps of the readings).
 const OFFSETS: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
 
+/// Beyond this ratio (nats) of densities at two of these places next to the middle, products of ratios may overflow.
+const MOST_TILT: f64 = 100.0;
+
 /// Stated probabilities are not taken for more certain than this.
 const STRAY: f64 = 1e-3;
 
@@ -91,7 +96,12 @@ impl Instrument {
         let Noise { sd_db, link_sd_db } = noise;
         let averaged = curve.averaged(sd_db, &spread);
         let reading_variance = sd_db * sd_db + readings.quantum_db * readings.quantum_db / 12.0;
+        let falls = OFFSETS.map(|offset| {
+            let z = offset * readings.quantum_db / sd_db;
+            (-0.5 * z * z).exp()
+        });
         Self {
+            falls,
             reading_variance,
             ln_peaks: [reading_variance, sd_db * sd_db].map(ln_peak),
             sd_db,
@@ -171,6 +181,13 @@ impl Instrument {
     /// that such a frame passes.
     fn rounded(&self, power_dbm: f64, deviation_db: f64) -> Slope {
         let variance = self.sd_db * self.sd_db;
+        if let [(level, _)] = self.spread.0[..] {
+            let deviation_db = deviation_db - level;
+            let tilt = -deviation_db * OFFSETS[2] * self.readings.quantum_db / variance;
+            if tilt.abs() < MOST_TILT {
+                return self.rounded_normal(power_dbm, deviation_db, tilt);
+            }
+        }
         let parts = OFFSETS.map(|offset| {
             let offset_db = offset * self.readings.quantum_db;
             let part = self.scattered(deviation_db + offset_db, variance, self.ln_peaks[1]);
@@ -194,6 +211,33 @@ impl Instrument {
             over_level,
             weight: (weight - spread).max(0.1 * weight),
             over_ln_sd: sum.over_ln_sd / total,
+            over_ln_link_sd: 0.0,
+        }
+    }
+
+    /// As [`Self::rounded`] where nothing varies but by normal noise: densities at places a step apart are in a constant ratio to each
+    /// other, e^`tilt` at the first of them above the middle, but for one that does not depend on the deviation.
+    fn rounded_normal(&self, power_dbm: f64, deviation_db: f64, tilt: f64) -> Slope {
+        let variance = self.sd_db * self.sd_db;
+        let up = tilt.exp();
+        let ratios = [1.0 / (up * up * up), 1.0 / up, up, up * up * up];
+        let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
+        for ((offset, ratio), falls) in OFFSETS.iter().zip(ratios).zip(self.falls) {
+            let offset_db = offset * self.readings.quantum_db;
+            let share = ratio * falls * self.curve.at(power_dbm + offset_db);
+            let deviation_db = deviation_db + offset_db;
+            total += share;
+            first += share * deviation_db;
+            second += share * deviation_db * deviation_db;
+        }
+        let (mean, square) = (first / total, second / total);
+        Slope {
+            log: self.ln_peaks[1] - 0.5 * deviation_db * deviation_db / variance
+                + (total / OFFSETS.len() as f64).ln(),
+            over_level: mean / variance,
+            weight: (1.0 / variance - (square - mean * mean) / (variance * variance))
+                .max(0.1 / variance),
+            over_ln_sd: square / variance - 1.0,
             over_ln_link_sd: 0.0,
         }
     }
@@ -225,10 +269,10 @@ impl Instrument {
             slope.log += if is_received { passes.ln() } else { (1.0 - passes).ln() };
         } else if is_received {
             let power_dbm = row.rssi_dbm - level.register_db;
-            slope.log += self.curve.at(power_dbm - level.shift_db).ln() + level.ln_survival;
+            slope.log += self.curve.ln_at(power_dbm - level.shift_db) + level.ln_survival;
         } else {
             let chance = self.averaged.at(level.power_dbm + lift_db - level.shift_db);
-            let survival = level.ln_survival.exp();
+            let survival = if level.ln_survival == 0.0 { 1.0 } else { level.ln_survival.exp() };
             let lost = 1.0 - survival * chance.passes;
             let first = -survival * chance.slope / lost;
             slope.log = lost.ln();
@@ -358,6 +402,24 @@ pub(in crate::study::links) mod tests {
                 .sum();
             let passes = instrument.reception(&level, 0.0);
             assert!((sum - passes).abs() < 2e-3 * passes.max(0.1), "{power_dbm}: {sum} {passes}");
+        }
+    }
+
+    #[test]
+    fn normal_noise_alone_is_as_a_spread_of_which_both_halves_are_alike() {
+        let alone = instrument(2.0);
+        let halves = Spread(vec![(0.0, 0.5), (0.0, 0.5)]);
+        let both = Instrument::new(alone.curve.clone(), halves, alone.noise(), alone.readings);
+        for (power_dbm, deviation_db) in [(-95.0, -3.0), (-92.4, 0.3), (-90.0, 11.0)] {
+            let [a, b] = [&alone, &both].map(|it| it.rounded(power_dbm, deviation_db));
+            for (a, b) in [
+                (a.log, b.log),
+                (a.over_level, b.over_level),
+                (a.weight, b.weight),
+                (a.over_ln_sd, b.over_ln_sd),
+            ] {
+                assert!((a - b).abs() < 1e-9 * (1.0 + b.abs()), "{power_dbm}: {a} {b}");
+            }
         }
     }
 

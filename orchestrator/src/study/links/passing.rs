@@ -40,6 +40,9 @@ impl Spread {
 pub struct Sampled {
     from_dbm: f64,
     values: Vec<f64>,
+    /// From here on all frames pass alike (dBm), and the logarithm of how many.
+    level_from_dbm: f64,
+    ln_level: f64,
 }
 
 impl Sampled {
@@ -55,7 +58,14 @@ impl Sampled {
                 STRAY + (1.0 - 2.0 * STRAY) * p
             })
             .collect();
-        Self { from_dbm, values }
+        Self::new(from_dbm, values)
+    }
+
+    fn new(from_dbm: f64, values: Vec<f64>) -> Self {
+        let last = values[values.len() - 1];
+        let n_before = values.iter().rposition(|&value| value != last).map_or(0, |index| index + 1);
+        let level_from_dbm = from_dbm + n_before as f64 * STEP_DB;
+        Self { from_dbm, level_from_dbm, ln_level: last.ln(), values }
     }
 
     /// Probability that a frame of this strength passes.
@@ -74,10 +84,16 @@ impl Sampled {
         self.values[index] + part * (self.values[index + 1] - self.values[index])
     }
 
-    /// Whether frames about as strong as this, by `reach_db`, pass alike.
+    /// The logarithm of [`Self::at`].
+    #[must_use]
+    pub fn ln_at(&self, dbm: f64) -> f64 {
+        if self.level_from_dbm <= dbm { self.ln_level } else { self.at(dbm).ln() }
+    }
+
+    /// Whether frames about as strong as this, by `reach_db`, pass alike: above the curve, or below it.
     #[must_use]
     pub fn is_level(&self, dbm: f64, reach_db: f64) -> bool {
-        self.at(dbm - reach_db) == self.at(dbm + reach_db)
+        self.level_from_dbm <= dbm - reach_db || dbm + reach_db <= self.from_dbm
     }
 
     /// Averages over normal noise about the mean.

@@ -293,6 +293,9 @@ fn for_kept<T>(values: &mut Vec<T>, known: &[bool]) {
 }
 
 fn ln_survival(loss: f64) -> f64 {
+    if loss == 0.0 {
+        return 0.0;
+    }
     (1.0 - loss.clamp(0.0, 1.0)).max(1e-9).ln()
 }
 

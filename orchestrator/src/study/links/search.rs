@@ -84,7 +84,9 @@ impl Shape {
     fn is_crossed(&self, way: &Way) -> bool {
         match *self {
             Self::Segment(a, b) => crosses(way.from_m, way.to_m, a, b),
-            Self::Disc(centre, radius_m) => distance_m(centre, way.from_m, way.to_m) <= radius_m,
+            Self::Disc(centre, radius_m) => {
+                square_of_distance(centre, way.from_m, way.to_m) <= radius_m * radius_m
+            }
         }
     }
 
@@ -112,7 +114,8 @@ fn crosses(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> bool {
     (area(a, b, c) > 0.0) != (area(a, b, d) > 0.0) && (area(c, d, a) > 0.0) != (area(c, d, b) > 0.0)
 }
 
-fn distance_m(point: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
+/// Of a point from the straight way between two others (m²).
+fn square_of_distance(point: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let along = [b[0] - a[0], b[1] - a[1]];
     let length2 = along[0] * along[0] + along[1] * along[1];
     let part = if 0.0 < length2 {
@@ -120,7 +123,8 @@ fn distance_m(point: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     } else {
         0.0
     };
-    (point[0] - a[0] - part * along[0]).hypot(point[1] - a[1] - part * along[1])
+    let off = [point[0] - a[0] - part * along[0], point[1] - a[1] - part * along[1]];
+    off[0] * off[0] + off[1] * off[1]
 }
 
 /// What a shape gains at its best loss (nats, by the score test), and that loss (dB). `mean` is the slope and weight that
