@@ -184,6 +184,29 @@ fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     }
 }
 
+/// A covariate that changes slowly comes in few pieces, losses over it are first of all losses, and an exponent that is a little
+/// wrong is first of all a gain.
+#[test]
+fn what_hardly_differs_from_something_simpler_is_named_first_at_medium_size() {
+    for (hidden, seed) in
+        [(Hidden::HumiditySquared, 2), (Hidden::HumidityLoss, 1), (Hidden::PathLossExponent, 2)]
+    {
+        let campaign = campaign(&[(hidden, Size::Medium)], seed);
+        let (found, _, json) = diagnosed(&campaign);
+        assert_eq!(found.len(), 1, "{hidden:?}: {found:?}");
+        if campaign.truth[0].covariates.is_empty() {
+            assert_eq!(found[0], hidden.effect());
+            continue;
+        }
+        let covariate = json["unexplained"][0]["covariate"].as_str().unwrap();
+        assert!(campaign.truth[0].covariates.contains(&covariate), "{hidden:?}: {covariate}");
+        if hidden == Hidden::HumidityLoss {
+            let sentence = json["sentence"].as_str().unwrap();
+            assert!(sentence.contains("(or is the same everywhere: these"), "{sentence}");
+        }
+    }
+}
+
 /// Frames that are lost wherever they are sent, and however strong they are, are no matter of the covariate that happens to fit
 /// them best.
 #[test]

@@ -45,9 +45,13 @@ pub(crate) fn named_structure(entry: &Value) -> String {
         (false, _) => format!("structure in {covariate}"),
     };
     if !others.is_empty() {
-        let also = if covariate == CONSTANT { "or follows" } else { "or" };
-        let joint = format!(", {also} ");
-        let _ = write!(named, " ({also} {}: these data do not tell)", others.join(&joint));
+        let or = |other: &&str| match (covariate, *other) {
+            (CONSTANT, other) => format!("or follows {other}"),
+            (_, CONSTANT) if is_of_losses => "or is the same everywhere".to_owned(),
+            (_, other) => format!("or {other}"),
+        };
+        let others: Vec<String> = others.iter().map(or).collect();
+        let _ = write!(named, " ({}: these data do not tell)", others.join(", "));
     }
     named
 }
@@ -328,6 +332,10 @@ mod tests {
         assert_eq!(
             named(LOSSES, CONSTANT, &["dust", "height"]),
             "a loss of frames that is the same everywhere (or follows dust, or follows height: these data do not tell)"
+        );
+        assert_eq!(
+            named(LOSSES, "dust", &["height", CONSTANT]),
+            "a loss of frames that follows dust (or height, or is the same everywhere: these data do not tell)"
         );
     }
 }

@@ -64,11 +64,20 @@ pub struct Gain {
     pub p_value: f64,
     /// Number of blocks.
     pub n_blocks: usize,
+    /// Number of rows.
+    pub n_rows: usize,
 }
 
 impl Gain {
     /// No gain at all.
-    pub const NONE: Self = Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, n_blocks: 0 };
+    pub const NONE: Self =
+        Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, n_blocks: 0, n_rows: 0 };
+
+    /// Of all rows together (nats).
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.gain * self.n_rows as f64
+    }
 
     /// Of rows in blocks: scores of the candidate less those of its parent.
     #[must_use]
@@ -85,7 +94,8 @@ impl Gain {
         // Rows that are not scored have no part in it.
         sums.retain(|&(_, n)| 0 < n);
         let n_blocks = sums.len();
-        let n = sums.iter().map(|&(_, n)| n).sum::<usize>() as f64;
+        let n_rows = sums.iter().map(|&(_, n)| n).sum::<usize>();
+        let n = n_rows as f64;
         let gain = sums.iter().map(|(sum, _)| sum).sum::<f64>() / n;
         let blocks = n_blocks as f64;
         let spread: f64 =
@@ -95,6 +105,6 @@ impl Gain {
             Ok(t) if 0.0 < standard_error => t.sf(gain / standard_error),
             _ => 1.0,
         };
-        Self { gain, standard_error, p_value, n_blocks }
+        Self { gain, standard_error, p_value, n_blocks, n_rows }
     }
 }

@@ -50,6 +50,22 @@ pub struct Trial {
     pub ties: Vec<usize>,
 }
 
+impl Trial {
+    /// As it is told once it was taken: where what it gains by its own measure did not decide, by what it gains on the common split.
+    fn taken(self) -> Self {
+        if self.is_acceptable {
+            return self;
+        }
+        Self {
+            gain: self.common,
+            is_significant: true,
+            is_plausible: true,
+            is_acceptable: true,
+            ..self
+        }
+    }
+}
+
 /// A rung of the ladder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rung {
@@ -290,8 +306,11 @@ impl<'a, S: Study> Search<'a, S> {
             let floor =
                 LEAST_SHARE * share_scale(configured, rungs[rungs.len() - 1].scores.mean_square());
             self.weigh(&mut trials, &accepted, &removed, floor);
+            if accepted.is_empty() && !trials.iter().any(|trial| trial.is_acceptable) {
+                beyond_doubt(&mut trials, candidates.iter().filter(|c| c.is_tried()).count());
+            }
             let found = self
-                .choose(&trials, &accepted)
+                .choose(&trials, &accepted, &removed)
                 .map(|best| (best, Vec::new()))
                 .or_else(|| self.exchange(&trials, &accepted).map(|(old, new)| (new, vec![old])))
                 .or_else(|| {
@@ -315,7 +334,7 @@ impl<'a, S: Study> Search<'a, S> {
                 removed.extend(in_place_of);
             }
             let ties = self.ties(best, &trials, &accepted);
-            let trial = Trial { ties, ..trials.swap_remove(best) };
+            let trial = Trial { ties, ..trials.swap_remove(best).taken() };
             accepted = with(&accepted, trial.term);
             let fit = self.full(&accepted, candidates[trial.term].level, None);
             self.prepare(&accepted, &fit);
@@ -460,6 +479,18 @@ fn without(accepted: &[usize], term: usize) -> Vec<usize> {
 pub(crate) fn share_scale(configured: f64, other: f64) -> f64 {
     let scale = configured / other;
     if scale.is_finite() { scale.max(1.0) } else { 1.0 }
+}
+
+/// Where blocks are too few, or too unlike, for anything to be beyond chance with all `n` candidates counted, but something is
+/// missing beyond doubt: what would be beyond chance as the only candidate, and gains so much in all that as great a gain of any of
+/// them would be beyond chance, too, were rows independent of each other (a likelihood ratio of rows left out exceeds e^g by chance
+/// with a probability of at most e^-g).
+fn beyond_doubt(trials: &mut [Trial], n: usize) {
+    let least = (n as f64 / FAMILY_ERROR).ln();
+    for trial in trials.iter_mut().filter(|trial| trial.is_plausible) {
+        trial.is_significant = least < trial.gain.total();
+        trial.is_acceptable = trial.is_significant;
+    }
 }
 
 /// Marks what is beyond chance with `n` candidates counted (Holm 1979).

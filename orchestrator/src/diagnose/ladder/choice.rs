@@ -27,8 +27,14 @@ impl<S: Study> Search<'_, S> {
         self.study.candidates()[trial.term].curve_over().is_some()
     }
 
-    /// The acceptable trial to take, as an index.
-    pub(super) fn choose(&self, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
+    /// The trial to take, as an index: an acceptable one, or one that explains more than that. What was `removed` does not come
+    /// back.
+    pub(super) fn choose(
+        &self,
+        trials: &[Trial],
+        accepted: &[usize],
+        removed: &[usize],
+    ) -> Option<usize> {
         let candidates = self.study.candidates();
         let best_of = |wanted: &dyn Fn(&Trial) -> bool| {
             greatest(trials, &|trial| trial.is_acceptable && wanted(trial))
@@ -46,6 +52,7 @@ impl<S: Study> Search<'_, S> {
         while let Some(special) = curve.and_then(|best| self.special_case(best, trials, accepted)) {
             curve = Some(special);
         }
+        curve = curve.map(|best| self.with_more(best, trials, accepted).unwrap_or(best));
         let effect = best_of(&|trial| !is_curve(trial));
         let Some(mut best) = effect else { return curve };
         let whole = best;
@@ -67,6 +74,20 @@ impl<S: Study> Search<'_, S> {
                 best = rival;
             }
         }
+        // That something is missing is beyond doubt: what is beyond chance as the only candidate goes first if it explains more.
+        let explains_more = |trial: &Trial| {
+            if trial.is_acceptable
+                || FAMILY_ERROR < trial.gain.p_value
+                || removed.contains(&trial.term)
+                || is_curve(trial)
+                || candidates[trial.term].n_parameters > n_parameters(best)
+            {
+                return false;
+            }
+            let over = self.between(trial, &trials[best], accepted);
+            over.standard_error < over.gain
+        };
+        best = greatest(trials, &explains_more).unwrap_or(best);
         if let Some(curve) = curve {
             let level = self.common_to(&trials[curve], &trials[best]);
             let over = self.between_at(&trials[curve], &trials[best], accepted, level);
@@ -209,17 +230,27 @@ impl<S: Study> Search<'_, S> {
             *index != best
                 && self.is_curve(trial) == is_curve
                 && (trial.is_significant || is_rival())
-                && !(is_curve && self.has_in_vain(trial, &trials[best], accepted))
+                && !(is_curve && self.says_nothing_more(trial, trials, accepted))
                 && self.is_tied(&trials[best], trial, accepted)
         };
         trials.par_iter().enumerate().filter(is_tied).map(|(_, trial)| trial.term).collect()
     }
 
-    /// Whether a curve has another in it, and what it has beyond that is not even likely, were all rows independent.
-    fn has_in_vain(&self, trial: &Trial, special: &Trial, accepted: &[usize]) -> bool {
+    /// Whether a curve has another in it that is beyond chance, and what it has beyond that is not even likely, were all rows
+    /// independent.
+    fn says_nothing_more(&self, trial: &Trial, trials: &[Trial], accepted: &[usize]) -> bool {
+        let others = trials.iter().filter(|other| other.is_significant && self.is_curve(other));
+        others
+            .filter_map(|other| self.beyond(trial, other, accepted))
+            .any(|p_value| LIKELY < p_value)
+    }
+
+    /// The probability by chance of what a curve explains beyond another that it has in it, were all rows independent; none where
+    /// it has not.
+    fn beyond(&self, trial: &Trial, special: &Trial, accepted: &[usize]) -> Option<f64> {
         let [general, within] = [trial, special].map(|trial| &self.study.candidates()[trial.term]);
         if !general.generalises.contains(&within.name) {
-            return false;
+            return None;
         }
         let [high, low] = [trial, special].map(|trial| {
             let fit = self.full(&with(accepted, trial.term), COMMON, None);
@@ -227,7 +258,21 @@ impl<S: Study> Search<'_, S> {
         });
         let more = general.n_parameters.saturating_sub(within.n_parameters);
         let law = ChiSquared::new(more as f64);
-        law.map_or(true, |law| LIKELY < law.sf(2.0 * (high - low).max(0.0)))
+        Some(law.map_or(1.0, |law| law.sf(2.0 * (high - low).max(0.0))))
+    }
+
+    /// Of the curves that have the chosen one in them that which explains most beyond it, if that is more than likely with all of
+    /// them counted: it names a cause. That the chosen one cannot be told from it is said.
+    fn with_more(&self, chosen: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
+        let more: Vec<(usize, f64)> = (0..trials.len())
+            .filter(|&index| trials[index].is_acceptable && self.is_curve(&trials[index]))
+            .filter_map(|index| {
+                Some((index, self.beyond(&trials[index], &trials[chosen], accepted)?))
+            })
+            .collect();
+        let likely = LIKELY / more.len() as f64;
+        let best = more.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        best.filter(|(_, p_value)| *p_value < likely).map(|(index, _)| index)
     }
 
     /// An accepted term, and the trial that had better stand in its place: it is beyond chance on top of all, and predicts more
