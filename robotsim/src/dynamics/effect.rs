@@ -17,7 +17,7 @@ mod slope;
 mod speed_limit;
 mod steering_bias;
 #[cfg(test)]
-mod testing;
+pub(super) mod testing;
 mod wind;
 mod yaw_coupling;
 

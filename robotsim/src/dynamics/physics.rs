@@ -41,12 +41,21 @@ pub struct Physics {
     sideways_s: f64,
     varies: bool,
     drifts: bool,
+    steps: Steps,
 }
 
-/// Where motion has no closed form it is integrated in steps of at most this (s).
-const TURNING_STEP_S: f64 = 0.025;
-/// As [`TURNING_STEP_S`], where it depends on the place.
-const LOCAL_STEP_S: f64 = 0.01;
+/// Where motion has no closed form it is integrated in steps of at most so long. An arc with the mean speed and turn of the
+/// step is of second order in it; a drift that depends on the place is of first, since half way is taken without the drift
+/// itself.
+#[derive(Clone, Copy, Debug)]
+struct Steps {
+    /// Where a body turns while its actuators follow (s).
+    turning_s: f64,
+    /// Where motion depends on the place or the time (s).
+    local_s: f64,
+}
+
+const STEPS: Steps = Steps { turning_s: 0.025, local_s: 0.01 };
 
 impl Physics {
     pub(super) fn new(body: Body, effects: Vec<Box<dyn Effect>>) -> Self {
@@ -68,6 +77,7 @@ impl Physics {
             sideways_s: sum(&|effect| effect.sideways_s()),
             varies: effects.iter().any(|effect| effect.varies_on_the_way()),
             drifts: !effects.is_empty(),
+            steps: STEPS,
             body,
             effects,
         }
@@ -206,8 +216,8 @@ impl Physics {
         let target = self.target(demand);
         let turning = self.shape().is_turning();
         let longest_s = match (self.varies, turning) {
-            (true, _) => LOCAL_STEP_S,
-            (false, true) => TURNING_STEP_S,
+            (true, _) => self.steps.local_s,
+            (false, true) => self.steps.turning_s,
             (false, false) => f64::INFINITY,
         };
         let is_steady = robot.drive == target || self.response == [Response::INSTANT; 2];
@@ -238,7 +248,7 @@ impl Physics {
         let Response { lag_s, limit } = self.response[0];
         let asked_mps2 = body.limited(within(asked_mps2, limit));
         let lag_s = lag_s + body.lag_s();
-        let longest_s = if self.varies { LOCAL_STEP_S } else { f64::INFINITY };
+        let longest_s = if self.varies { self.steps.local_s } else { f64::INFINITY };
         let n = (dt_s / longest_s).ceil().max(1.0) as usize;
         let h_s = dt_s / n as f64;
         for step in 0..n {
@@ -356,3 +366,6 @@ impl Physics {
         over_ground
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,7 @@ use crate::dynamics::physics::{Order, Physics, Robot};
 use crate::dynamics::surroundings::Surroundings;
 
 /// The physics of a `[robotsim.dynamics]` section.
-pub(super) fn physics(text: &str) -> Physics {
+pub(in crate::dynamics) fn physics(text: &str) -> Physics {
     let node = proto::config::parse(text).expect("the text is TOML");
     let mut problems = Vec::new();
     let spec = &crate::dynamics::SPEC;
