@@ -3,7 +3,8 @@
 use proto::config;
 use proto::side::{RobotInput, RobotOutput, RobotSimulator, Setup};
 use proto::types::{
-    AgentCommand, AgentStates, Coupling, Deliveries, Experiment, Heard, Payloads, Transmissions,
+    AgentCommand, AgentStates, Coupling, Deliveries, Experiment, Heard, MoteStates, Payloads,
+    Transmissions,
 };
 use robotsim::sim::Swarm;
 use std::collections::BTreeMap;
@@ -33,6 +34,10 @@ pub(crate) struct Air<F> {
     pub(crate) states: AgentStates,
     pub(crate) step: u64,
     pub(crate) deliveries: Option<Deliveries>,
+    /// How strong frames are at a distance (m). `None`: that is not told.
+    pub(crate) rssi_dbm: Option<fn(f64) -> f32>,
+    /// How the motes stand in the network. `None`: that is not told.
+    pub(crate) motes: Option<MoteStates>,
     period_ns: u64,
     hears: F,
 }
@@ -42,7 +47,9 @@ impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
         let mut swarm = Swarm::default();
         let start = swarm.configure(setup).expect("the configuration is valid");
         let period_ns = setup.experiment.step_ns;
-        Self { swarm, states: start.states, step: 0, deliveries: None, period_ns, hears }
+        let (rssi_dbm, motes) = (None, None);
+        let states = start.states;
+        Self { swarm, states, step: 0, deliveries: None, rssi_dbm, motes, period_ns, hears }
     }
 
     pub(crate) fn step(&mut self) -> RobotOutput {
@@ -60,7 +67,7 @@ impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
             from_ns: (self.step - 1) * self.period_ns,
             until_ns: self.step * self.period_ns,
             deliveries: self.deliveries.as_ref(),
-            motes: None,
+            motes: self.motes.as_ref(),
             commands,
             hold,
         });
@@ -72,13 +79,14 @@ impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
     fn broadcast(&mut self, payloads: Payloads) -> Deliveries {
         let n = self.states.len();
         let at = |agent: usize| self.states.position_m(agent);
-        let (mut ends, mut indices) = (Vec::new(), Vec::new());
+        let (mut ends, mut indices, mut rssi_dbm) = (Vec::new(), Vec::new(), Vec::new());
         for receiver in 0..n {
             for sender in (0..n).filter(|&sender| sender != receiver) {
                 let (a, b) = (at(sender), at(receiver));
                 let distance_m = ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)).sqrt();
                 if (self.hears)(self.step, sender, receiver, distance_m) {
                     indices.push(sender as u32);
+                    rssi_dbm.extend(self.rssi_dbm.map(|at| at(distance_m)));
                 }
             }
             ends.push(indices.len() as u32);
@@ -93,6 +101,7 @@ impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
                 ..Transmissions::default()
             },
             heard: Heard::Lists { ends, indices },
+            rssi_dbm,
             ..Deliveries::default()
         }
     }

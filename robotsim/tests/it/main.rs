@@ -6,6 +6,7 @@ mod bodies;
 mod config;
 mod contacts;
 mod controllers;
+mod convergence;
 mod effects;
 mod exploration;
 mod flocking;
