@@ -46,6 +46,8 @@ pub struct Settings {
     pub report_ns: u64,
     /// After this time (ns) without an answer a message is sent again.
     pub retry_ns: u64,
+    /// After this time (ns) without a word from the base a robot that waits for one goes back towards where it began. `None`: never.
+    pub return_ns: Option<u64>,
     /// Most octets of a message: room for a run of cells at least, and for a way with one corner.
     pub message_bytes: usize,
 }
@@ -259,9 +261,10 @@ impl State {
             for index in deliveries.heard_by(agent) {
                 let is_from_base = sent.sender[index] as usize == settings.base;
                 if let Some(order) = Order::decode(payloads[index]).filter(|_| is_from_base) {
-                    self.explorers[agent].handle_order(&settings.grid, cell, &order);
+                    self.explorers[agent].handle_order(&settings.grid, cell, now_ns, &order);
                 }
             }
+            self.explorers[agent].come_back(settings, cell, now_ns);
         }
     }
 
@@ -288,7 +291,7 @@ impl State {
 
     fn answer(&mut self, settings: &Settings, agent: usize, cell: u16, now_ns: u64) {
         if let Some(order) = self.base.poll_order(settings, agent, now_ns) {
-            self.explorers[agent].handle_order(&settings.grid, cell, &order);
+            self.explorers[agent].handle_order(&settings.grid, cell, now_ns, &order);
         }
     }
 

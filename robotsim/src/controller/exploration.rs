@@ -51,6 +51,12 @@ pub(super) const REGISTRATION: Registration = Registration {
             Default::Number(10.0),
         ),
         field(
+            "return_after_s",
+            "A robot that waits for a word from the base and has had none for so long (s) goes back towards where it began. Absent: it stays.",
+            Kind::Number(Range::closed(1e-3, 1e6)),
+            Default::Absent,
+        ),
+        field(
             "message_bytes",
             "Most bytes of a message. Up to about 60 go into one frame.",
             Kind::Integer { min: MIN_MESSAGE_BYTES as i64, max: 900 },
@@ -74,6 +80,7 @@ struct Raw {
     base: usize,
     report_s: f64,
     retry_s: f64,
+    return_after_s: Option<f64>,
     message_bytes: usize,
 }
 
@@ -140,6 +147,7 @@ impl Raw {
             speed_mps: self.speed_mps,
             report_ns: ns(self.report_s),
             retry_ns: ns(self.retry_s),
+            return_ns: self.return_after_s.map(ns),
             message_bytes: self.message_bytes,
         })
     }

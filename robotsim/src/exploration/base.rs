@@ -278,6 +278,7 @@ mod tests {
             speed_mps: 1.0,
             report_ns: 1_000,
             retry_ns: 5_000,
+            return_ns: None,
             message_bytes: 40,
         }
     }

@@ -23,6 +23,8 @@ pub(super) struct Explorer {
     order: u16,
     /// Where its way turns, the next corner first.
     way: VecDeque<u16>,
+    /// The cell in which it began, and when (ns) it last heard the base, or began.
+    heard: Option<(u16, u64)>,
     /// Its last report: cell and order, and when (ns).
     told: Option<(u16, u16, u64)>,
 }
@@ -50,6 +52,7 @@ impl Explorer {
             next: 1,
             order: 0,
             way: VecDeque::new(),
+            heard: None,
             told: None,
         }
     }
@@ -79,7 +82,9 @@ impl Explorer {
     }
 
     /// Takes an order: what has come is not told again, and a newer way is gone in place of the one before.
-    pub(super) fn handle_order(&mut self, grid: &Grid, cell: u16, order: &Order) {
+    pub(super) fn handle_order(&mut self, grid: &Grid, cell: u16, now_ns: u64, order: &Order) {
+        let (began, _) = self.heard.unwrap_or((cell, now_ns));
+        self.heard = Some((began, now_ns));
         self.parts.retain(|&part, _| {
             let after = part.wrapping_sub(order.received);
             let is_received = part <= order.received
@@ -99,6 +104,22 @@ impl Explorer {
         let is_passable =
             |cell: u16| told.contains(&cell) || self.map[usize::from(cell)] == Cell::Free;
         let way = Costs::from(grid, cell, is_passable).way(goal);
+        self.way = corners(grid, cell, &way).into();
+    }
+
+    /// Turns back to where it began, where there was a network, over cells that it has seen, if it is too long ago that it heard
+    /// the base and it waits for a word: about what it has told, or where to go.
+    pub(super) fn come_back(&mut self, settings: &Settings, cell: u16, now_ns: u64) {
+        let Some(return_ns) = settings.return_ns else { return };
+        let &mut (back, heard_ns) = self.heard.get_or_insert((cell, now_ns));
+        let waits = self.way.is_empty() || !self.parts.is_empty();
+        let is_there = cell == back || self.way.back() == Some(&back);
+        if now_ns < heard_ns + return_ns || !waits || is_there {
+            return;
+        }
+        let grid = &settings.grid;
+        let is_passable = |cell: u16| self.map[usize::from(cell)] == Cell::Free;
+        let way = Costs::from(grid, cell, is_passable).way(back);
         self.way = corners(grid, cell, &way).into();
     }
 
@@ -209,6 +230,7 @@ mod tests {
             speed_mps: 1.0,
             report_ns: 1_000,
             retry_ns: 5_000,
+            return_ns: None,
             message_bytes: 16,
         }
     }
@@ -239,12 +261,12 @@ mod tests {
             told.iter().flat_map(|r| &r.runs).flat_map(|r| r.cells()).collect();
         assert_eq!(cells.len(), n_seen);
         // The first and the third came.
-        robot.handle_order(&grid, 55, &order(1, 0b10, 0, &[]));
+        robot.handle_order(&grid, 55, 0, &order(1, 0b10, 0, &[]));
         assert_eq!(robot.poll_reports(&settings, 55, 4_000), (vec![], 0));
         let (reports, n_again) = robot.poll_reports(&settings, 55, 5_000);
         assert_eq!((reports[0].part, reports.len(), n_again), (2, 1, 1));
         assert!(!robot.has_told_all());
-        robot.handle_order(&grid, 55, &order(3, 0, 0, &[]));
+        robot.handle_order(&grid, 55, 0, &order(3, 0, 0, &[]));
         assert!(robot.has_told_all());
     }
 
@@ -258,7 +280,7 @@ mod tests {
             robot.look(&grid, &solid, 1.0, cell, |_| ());
         }
         // The base takes it to be in cell 50, and sends it from there to the north.
-        robot.handle_order(&grid, 53, &order(0, 0, 1, &[50, 90]));
+        robot.handle_order(&grid, 53, 0, &order(0, 0, 1, &[50, 90]));
         let mut at_m = grid.centre_m(53);
         let mut passed = BTreeSet::new();
         while let Some(aim_m) = robot.aim_m(&grid, at_m) {
@@ -272,12 +294,12 @@ mod tests {
             |cell: u16| robot.map[usize::from(cell)] == Cell::Free || cell.is_multiple_of(10);
         assert!(passed.iter().all(|&cell| known(cell)), "{passed:?}");
         // Across corners of cells that it has not seen itself, too.
-        robot.handle_order(&grid, 90, &order(0, 0, 2, &[90, 45, 49]));
+        robot.handle_order(&grid, 90, 0, &order(0, 0, 2, &[90, 45, 49]));
         assert!(robot.aim_m(&grid, at_m).is_some() && robot.way.back() == Some(&49));
         robot.way.clear();
         // An older order, or the same again, changes nothing.
-        robot.handle_order(&grid, 90, &order(0, 0, 1, &[90, 95]));
-        robot.handle_order(&grid, 90, &order(0, 0, 2, &[90, 95]));
+        robot.handle_order(&grid, 90, 0, &order(0, 0, 1, &[90, 95]));
+        robot.handle_order(&grid, 90, 0, &order(0, 0, 2, &[90, 95]));
         assert_eq!(robot.aim_m(&grid, at_m), None);
     }
 }

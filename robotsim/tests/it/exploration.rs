@@ -10,10 +10,15 @@ const PERIOD_NS: u64 = 500_000_000;
 
 /// Two rooms of 6 m by 6 m with a door of 2 m, a third that is walled up, and five robots in the first.
 fn rooms(more: &str) -> Setup {
+    rooms_with(more, "")
+}
+
+/// As [`rooms`], with another key of the controller.
+fn rooms_with(more: &str, key: &str) -> Setup {
     let wall = |from_m, to_m| Wall { from_m, to_m, height_m: None, material: None };
     let toml = format!(
         "scenario = {{ kind = 'square', side_m = 2 }}\n{more}\n[controller]\nkind = 'exploration'\nfrom_m = [-3.0, -3.0]\n\
-         to_m = [15.0, 3.0]\nrange_m = 3.0\nspeed_mps = 1.0\nretry_s = 3.0\n"
+         to_m = [15.0, 3.0]\nrange_m = 3.0\nspeed_mps = 1.0\nretry_s = 3.0\n{key}\n"
     );
     let mut setup = setup(&toml, 5, 1);
     setup.experiment.step_ns = PERIOD_NS;
@@ -254,4 +259,27 @@ fn what_cannot_be_explored_is_refused() {
     robotsim.group: must be absent where robots explore: they are one swarm with one base, got 1
     "#
     );
+}
+
+#[test]
+fn robots_beyond_reach_come_back_with_what_they_have_seen_if_they_are_told_to() {
+    // The network ends at the door: who is in the second room says nothing and hears nothing.
+    let explored = |more: &str| {
+        let x_m = std::cell::RefCell::new(vec![0.0; 5]);
+        let within = |agent: u32| x_m.borrow()[agent as usize] < 3.0;
+        let carries =
+            |_: u64, message: &AgentMessage| within(message.sender) && within(message.destination);
+        let setup = rooms_with("", more);
+        let mut rooms = Rooms::new(&setup, carries);
+        for _ in 0..1000 {
+            let output = rooms.step();
+            x_m.borrow_mut().clone_from(&rooms.states.x_m);
+            if output.task_complete {
+                return (true, figure(&output, "mapped_ratio"));
+            }
+        }
+        (false, rooms.states.x_m.iter().copied().reduce(f64::max))
+    };
+    assert_eq!(explored("return_after_s = 5.0"), (true, Some(1.0)));
+    assert!(!explored("").0, "nobody comes back, and yet all is mapped");
 }
