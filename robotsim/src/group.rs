@@ -6,6 +6,7 @@ use crate::dynamics::contacts::Contacts;
 use crate::dynamics::fleet::Fleet;
 use crate::dynamics::{self, Dynamics};
 use proto::config::{self, Default, Kind, Node, Problem, Range, TableSpec, join};
+use std::collections::BTreeSet;
 
 /// Description of `[[robotsim.group]]`.
 pub(crate) const SPEC: TableSpec = TableSpec {
@@ -78,6 +79,8 @@ pub(crate) fn build(
     if lacks_controller(table) {
         return None;
     }
+    // In place of a value that is missing or wrong by itself stands one that is allowed: what is wrong with that is nobody's.
+    let unread: BTreeSet<String> = problems.iter().map(|problem| problem.path.clone()).collect();
     let groups = groups(table, path, n_agents, problems);
     let mut kinds = Vec::new();
     let mut controllers: Vec<(usize, Box<dyn Controller>)> = Vec::new();
@@ -121,7 +124,7 @@ pub(crate) fn build(
             }
         }
         // What groups share is wrong once.
-        own.retain(|problem| !problems.contains(problem));
+        own.retain(|problem| !unread.contains(&problem.path) && !problems.contains(problem));
         problems.append(&mut own);
         match (dynamics, controller) {
             (Some(dynamics), Some(controller)) => {

@@ -211,7 +211,7 @@ pub(crate) fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
     let Reader { lists, ranges, .. } = reader;
     let samples = integer("samples").and_then(|samples| usize::try_from(samples).ok());
     match (samples, ranges.is_empty()) {
-        (None, false) => problems.push(Problem::new(
+        (None, false) if node.get("samples").is_none() => problems.push(Problem::new(
             "sweep.samples",
             "is missing: how many points of the ranges are to be taken, such as 64",
         )),

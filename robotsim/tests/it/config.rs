@@ -68,6 +68,11 @@ robotsim.scenario.radius_m: is missing: must be a number, greater than 0 and at 
 robotsim.controller.flock_radius_m: is missing: must be a number, from 0.001 to 1000000
 robotsim.controller.leader: must be one of the agents, 0 to 4, got 9 (nearest valid: 4)
 "#);
+    // What is missing is missing once: nothing is said of what would stand in its place.
+    insta::assert_snapshot!(refusal("scenario.kind = 'line'\ncontroller.kind = 'coverage'", None), @r#"
+robotsim.controller.from_m: is missing: must be a list of 2, each a number, from -1000000 to 1000000
+robotsim.controller.to_m: is missing: must be a list of 2, each a number, from -1000000 to 1000000
+"#);
 }
 
 #[test]
