@@ -279,3 +279,31 @@ fn two_double_integrators_swing_about_their_rest_at_the_frequency_of_the_potenti
     let found = places(&still.states);
     assert!((distance(found[0], found[1]) - rest).abs() < 1e-3);
 }
+
+#[test]
+fn lines_form_where_the_fit_that_is_asked_for_says() {
+    // Three robots of an upright triangle, high and narrow: vertical distances are least about the level line through the
+    // mean, distances across the line about the upright one. Everyone goes to the line that all see.
+    let begin = "agent,x_m,y_m\n0,-0.3,0\n1,0.3,0\n2,0,3\n3,0.1,1.5\n4,-0.1,1.5\n";
+    let formed = |fit: &str| {
+        let toml = format!(
+            "scenario = {{ kind = 'csv', file = 'p' }}\ncontroller = {{ kind = 'line-formation', fit = '{fit}' }}"
+        );
+        let mut setup = setup(&toml, 5, 1);
+        setup.files.insert("p".to_owned(), begin.into());
+        let hears: Perfect = |_, _, _, _| true;
+        let mut air = Air::new(&setup, hears);
+        let done = (0..500).find(|_| air.step().task_complete);
+        assert!(done.is_some(), "{fit}: it is never done");
+        let found = places(&air.states);
+        [0, 1].map(|axis| {
+            let of = found.iter().map(|place| place[axis]);
+            of.clone().fold(f64::NEG_INFINITY, f64::max) - of.fold(f64::INFINITY, f64::min)
+        })
+    };
+    let [across_m, along_m] = formed("orthogonal");
+    // Robots within a millimetre of their lines stay; along the upright line nobody moves.
+    assert!(across_m < 0.01 && (along_m - 3.0).abs() < 0.01, "{across_m} {along_m}");
+    let [along_m, across_m] = formed("vertical");
+    assert!(across_m < 0.01 && (along_m - 0.6).abs() < 0.01, "{along_m} {across_m}");
+}
