@@ -12,7 +12,7 @@ mod swarm;
 
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
-use crate::record::{Configured, Ending, Recorder, RunHeader, Status, StepRecord};
+use crate::record::{Configured, Ending, Recorder, RunHeader, StepRecord};
 use crate::run::{RunError, StartOptions, Wanted, start};
 use peers::{Figures, ROWS};
 use proto::types::NetRecord;
@@ -295,7 +295,7 @@ fn begin_record(path: &Path, header: RunHeader, made: Configured) -> Result<Reco
 }
 
 fn end_record(recorder: Recorder) -> Result<(), RunError> {
-    let ending = Ending { status: Status::Complete, reason: None };
+    let ending = Ending::complete();
     recorder.finish(&ending, Value::Null).map_err(record_failed)?;
     Ok(())
 }

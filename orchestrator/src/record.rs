@@ -129,6 +129,22 @@ pub struct Ending {
     pub status: Status,
     /// Why not, if it did not.
     pub reason: Option<String>,
+    /// The robots waited for a network that did not form in time, and never started.
+    pub never_formed: bool,
+}
+
+impl Ending {
+    /// It ran to its end.
+    #[must_use]
+    pub fn complete() -> Self {
+        Self { status: Status::Complete, reason: None, never_formed: false }
+    }
+
+    /// It did not, and why.
+    #[must_use]
+    pub fn early(status: Status, reason: String) -> Self {
+        Self { status, reason: Some(reason), never_formed: false }
+    }
 }
 
 /// Whether a run ran to its end.

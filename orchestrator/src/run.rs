@@ -181,17 +181,18 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
 
     let (ending, failure) = match result {
         Ok(Stopped::Complete) => match coupled.close().await {
-            Ok(()) => (Ending { status: Status::Complete, reason: None }, None),
+            Ok(()) => (Ending::complete(), None),
             Err(error) => (failed(&error), Some(Failure::Side(error))),
         },
         Ok(Stopped::Interrupted(signal)) => {
             coupled.stop().await;
-            let reason = Some(format!("stopped by {signal} after step {n_steps}"));
-            (Ending { status: Status::Interrupted, reason }, None)
+            let reason = format!("stopped by {signal} after step {n_steps}");
+            (Ending::early(Status::Interrupted, reason), None)
         }
         Err(failure) => {
             coupled.stop().await;
-            (failed(&failure), Some(failure))
+            let never_formed = matches!(failure, Failure::NotFormed(_));
+            (Ending { never_formed, ..failed(&failure) }, Some(failure))
         }
     };
     let interrupted = ending.status == Status::Interrupted;
@@ -213,5 +214,5 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
 }
 
 fn failed(error: &dyn std::error::Error) -> Ending {
-    Ending { status: Status::Failed, reason: Some(error.to_string()) }
+    Ending::early(Status::Failed, error.to_string())
 }

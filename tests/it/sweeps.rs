@@ -222,6 +222,9 @@ fn a_network_that_does_not_form_is_a_row_and_full_networks_are_measured_alike_ke
     assert_eq!([text_of(&rows[0]), text_of(&rows[1])], ["complete", "not-formed"]);
     assert!(0.0 < number(&rows[0], "kpis.formation.formed_s"));
     assert_eq!(rows[1]["kpis.formation.formed_s"], Field::Null);
+    // The paper's: 0 if never formed. Nothing else is known of how robots moved that did not.
+    assert_eq!(number(&rows[1], "task.flock_speed_mps"), 0.0);
+    assert_eq!(rows[1]["task.mean_speed_mps"], Field::Null);
     assert_eq!(std::fs::read(table("a")).unwrap(), std::fs::read(table("b")).unwrap());
 }
 
@@ -257,7 +260,9 @@ robotsim.controller.flock_radius_m = { min = 0.0, max = 3.0, scale = \"log\" }
 [[sweep.case]]
 netsim.phy.propagation = \"friis\"
 ";
-    insta::assert_snapshot!(refused("sweep", text));
+    let said = refused("sweep", text);
+    assert_eq!(said.matches("sweep.samples: ").count(), 1, "{said}");
+    insta::assert_snapshot!(said);
 }
 
 #[test]

@@ -161,6 +161,7 @@ fn a_network_that_does_not_form_in_time_ends_the_run_with_who_is_missing_and_why
     let summary: Value =
         serde_json::from_slice(&std::fs::read(dir.join("summary.json")).unwrap()).unwrap();
     assert_eq!(summary["status"], "failed");
+    assert_eq!(summary["task"]["flock_speed_mps"], 0.0, "the paper's: 0 if never formed");
     let formation = &summary["kpis"]["formation"];
     assert_eq!((&formation["formed"], &formation["missing"]), (&false.into(), &2.into()));
     assert_eq!(summary["kpis"]["joining"]["joined"]["motes"], 1);

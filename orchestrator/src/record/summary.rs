@@ -41,7 +41,7 @@ pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> 
         "robots_started_s": measures.map(|measures| seconds(measures.start_ns)),
         "simulated_s": measures.map_or(0.0, |measures| seconds(measures.time_ns)),
         "final_digest": written.digest.map(|digest| hex(&digest)),
-        "task": measures.map(task),
+        "task": measures.map(|measures| task(measures, ending)),
         "network": measures.map(network),
         "kpis": measures.map(|measures| measures.kpis.summary()),
         "files": files,
@@ -58,14 +58,16 @@ pub(crate) fn is_truth(header: &RunHeader, measures: Option<&Measures>) -> bool 
 /// What such a run is called wherever it is shown.
 pub(crate) const TRUTH_BASELINE: &str = "truth baseline";
 
-fn task(measures: &Measures) -> Value {
+fn task(measures: &Measures, ending: &Ending) -> Value {
     let n = measures.n_alive_at_end() as f64;
+    // As the BotNet paper counts robots that wait for a network that does not form.
+    let flock_speed_mps = if ending.never_formed { Some(0.0) } else { measures.flock_speed_mps() };
     let mut task = json!({
         "controller": measures.task.controller,
         "complete": measures.completed_at_step.is_some(),
         "completed_at_step": measures.completed_at_step,
         "completed_after_s": measures.completed_after_s(),
-        "flock_speed_mps": measures.flock_speed_mps(),
+        "flock_speed_mps": flock_speed_mps,
         "mean_speed_mps": measures.mean_speed_mps(),
         "final_spread_m": measures.final_spread_m(),
     });

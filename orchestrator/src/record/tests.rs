@@ -134,7 +134,7 @@ fn record(out: &Path, header: RunHeader, steps: u64) -> Recorder {
 }
 
 fn complete() -> Ending {
-    Ending { status: Status::Complete, reason: None }
+    Ending::complete()
 }
 
 fn finished(out: &Path, header: RunHeader) -> Finished {
@@ -341,8 +341,7 @@ fn what_is_not_asked_for_is_not_written() {
 fn an_interrupted_run_keeps_what_it_recorded_and_says_so() {
     let out = tempfile::tempdir().unwrap();
     let recorder = record(out.path(), header("run"), 5);
-    let ending =
-        Ending { status: Status::Interrupted, reason: Some("stopped by Ctrl-C".to_owned()) };
+    let ending = Ending::early(Status::Interrupted, "stopped by Ctrl-C".to_owned());
     let run = recorder.finish(&ending, Value::Null).unwrap();
     assert_eq!(run.summary["status"], "interrupted");
     assert_eq!(run.summary["reason"], "stopped by Ctrl-C");
@@ -355,7 +354,7 @@ fn an_interrupted_run_keeps_what_it_recorded_and_says_so() {
 fn a_run_that_failed_before_it_was_configured_leaves_a_summary_too() {
     let out = tempfile::tempdir().unwrap();
     let recorder = Recorder::create(out.path(), header("run")).unwrap();
-    let ending = Ending { status: Status::Failed, reason: Some("no such host".to_owned()) };
+    let ending = Ending::early(Status::Failed, "no such host".to_owned());
     let run = recorder.finish(&ending, Value::Null).unwrap();
     assert_eq!(run.summary["steps"], 0);
     assert_eq!(run.summary["task"], Value::Null);

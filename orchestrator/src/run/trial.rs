@@ -7,7 +7,7 @@ use super::{RunError, failed};
 use crate::config::{Plan, Tls, Transport};
 use crate::coupling::Coupled;
 use crate::peer::{Network, Peer, Robots};
-use crate::record::{Ending, Measurer, RecordError, Recorder, Status, Steps};
+use crate::record::{Ending, Measurer, RecordError, Recorder, Steps};
 use serde_json::Value;
 use std::path::Path;
 
@@ -116,9 +116,10 @@ impl Sides {
             other => other,
         };
         let (ending, not_formed) = match stopped {
-            Ok(Stopped::Complete) => (Ending { status: Status::Complete, reason: None }, None),
+            Ok(Stopped::Complete) => (Ending::complete(), None),
             Err(Failure::NotFormed(account)) => {
-                (failed(&Failure::NotFormed(account.clone())), Some(account))
+                let failed = failed(&Failure::NotFormed(account.clone()));
+                (Ending { never_formed: true, ..failed }, Some(account))
             }
             Ok(Stopped::Interrupted(signal)) => {
                 return Err(abandoned(coupled, RunError::Interrupted { signal }).await);
