@@ -260,9 +260,7 @@ robotsim.controller.flock_radius_m = { min = 0.0, max = 3.0, scale = \"log\" }
 [[sweep.case]]
 netsim.phy.propagation = \"friis\"
 ";
-    let said = refused("sweep", text);
-    assert_eq!(said.matches("sweep.samples: ").count(), 1, "{said}");
-    insta::assert_snapshot!(said);
+    insta::assert_snapshot!(refused("sweep", text));
 }
 
 #[test]
@@ -285,6 +283,14 @@ fn what_a_sample_of_a_range_cannot_be_is_said_where_the_range_stands() {
     assert!(said.contains("must be a whole number"), "{said}");
     assert!(said.contains("| vary.experiment.agents = { min = 5, max = 9 }"), "{said}");
     assert!(!said.contains("command line"), "{said}");
+}
+
+#[test]
+fn a_number_of_samples_that_cannot_be_is_not_missing() {
+    let range = "robotsim.controller.flock_radius_m = { min = 1.0, max = 3.0 }";
+    let said = refused("check", &format!("[sweep]\nsamples = 0\n[sweep.vary]\n{range}\n"));
+    assert!(said.contains("sweep.samples: must be a whole number from 1"), "{said}");
+    assert_eq!(said.matches("sweep.samples: ").count(), 1, "{said}");
 }
 
 #[test]
