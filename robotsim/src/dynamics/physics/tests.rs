@@ -43,11 +43,11 @@ fn runge_kutta<const N: usize>(
 /// Orders log2 (error(h) / error(h / 2)) from the product's step on, for two halvings, and the error at the product's step (m).
 fn orders(step_s: f64, error_m: impl Fn(f64) -> f64) -> ([f64; 2], f64) {
     let errors = [1.0, 0.5, 0.25].map(|share| error_m(share * step_s));
-    ([(errors[0] / errors[1]).log2(), (errors[1] / errors[2]).log2()], errors[0])
+    ([libm::log2(errors[0] / errors[1]), libm::log2(errors[1] / errors[2])], errors[0])
 }
 
 fn apart_m(a: [f64; 3], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    libm::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 const LAGS: &str = "[[effect]]\nkind = 'actuator-lag'\ntau_s = 0.3\non = 'speed'\n\
@@ -58,8 +58,8 @@ const LAGS_S: [f64; 2] = [0.3, 0.2];
 fn turning(demand: [f64; 2], t_s: f64, yaw_rate: impl Fn(f64, f64) -> f64) -> [f64; 2] {
     let [x, y, ..] = runge_kutta([0.0; 5], t_s, |[_, _, heading, speed, turn]| {
         [
-            speed * heading.cos(),
-            speed * heading.sin(),
+            speed * libm::cos(heading),
+            speed * libm::sin(heading),
             yaw_rate(speed, turn),
             (demand[0] - speed) / LAGS_S[0],
             (demand[1] - turn) / LAGS_S[1],
@@ -87,7 +87,7 @@ fn a_unicycle_whose_actuators_lag_errs_a_quarter_with_half_the_step() {
 #[test]
 fn a_car_whose_actuators_lag_errs_a_quarter_with_half_the_step() {
     let text = format!("kind = 'car'\nwheelbase_m = 0.5\n{LAGS}");
-    let exact = turning([2.0, 0.4], 0.8, |speed, turn| speed * turn.tan() / 0.5);
+    let exact = turning([2.0, 0.4], 0.8, |speed, turn| speed * libm::tan(turn) / 0.5);
     let error_m = |step_s| {
         let physics = with_steps(&text, step_s, STEPS.local_s);
         let nowhere = Surroundings::default();
@@ -105,13 +105,13 @@ fn without_lags_an_arc_is_the_closed_form_in_one_step() {
     // ω = 3 rad/s for the unicycle, 2 tan 0.4 / 0.5 for the car: a circle of radius v / ω.
     for (text, turn, yaw_rate) in [
         ("kind = 'unicycle'", 3.0, 3.0),
-        ("kind = 'car'\nwheelbase_m = 0.5", 0.4, 2.0 * 0.4_f64.tan() / 0.5),
+        ("kind = 'car'\nwheelbase_m = 0.5", 0.4, 2.0 * libm::tan(0.4) / 0.5),
     ] {
         let physics = with_steps(text, 10.0, 10.0);
         let nowhere = Surroundings::default();
         let end = end(&physics, Robot::default(), [2.0, turn, 0.0], 0.8, &nowhere);
         let (angle, radius) = (0.8 * yaw_rate, 2.0 / yaw_rate);
-        let exact = [radius * angle.sin(), radius * (1.0 - angle.cos())];
+        let exact = [radius * libm::sin(angle), radius * (1.0 - libm::cos(angle))];
         // Rounding of numbers about 1.
         assert!(apart_m(end.position_m, exact) < 1e-14, "{text}: {end:?} {exact:?}");
     }
@@ -152,7 +152,7 @@ fn a_quadrotor_over_a_slope_errs_half_with_half_the_step() {
 fn a_quadrotor_alone_is_the_closed_form_whatever_the_step() {
     // x = a t² / 2 − a τ (t − τ (1 − e^(−t / τ))), from rest.
     let (t, lag, asked) = (1.2, 0.15, 1.5);
-    let exact = 0.5 * asked * t * t - asked * lag * (t - lag * (1.0 - f64::exp(-t / lag)));
+    let exact = 0.5 * asked * t * t - asked * lag * (t - lag * (1.0 - libm::exp(-t / lag)));
     for step_s in [0.01, 0.1, 10.0] {
         let physics = with_steps("kind = 'quadrotor'\nattitude_lag_s = 0.15", step_s, step_s);
         let nowhere = Surroundings::default();
