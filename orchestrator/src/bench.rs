@@ -88,6 +88,52 @@ impl Model {
     }
 }
 
+/// What the robots of a row do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Robots {
+    /// They jump at random and heed nobody.
+    Jumping,
+    /// Boids: each heeds those whom it hears.
+    Boids,
+    /// A lattice (Olfati-Saber): as boids, with more to compute for each neighbour.
+    Lattice,
+}
+
+impl Robots {
+    const ALL: [Self; 3] = [Self::Jumping, Self::Boids, Self::Lattice];
+
+    /// Robots that heed each other are measured where they have few neighbours of many: over the disk.
+    fn act_in(self, agents: u32, model: Model) -> bool {
+        self == Self::Jumping || model == Model::Disk && LOCAL_FROM <= agents
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Jumping => "random-jump",
+            Self::Boids => "boids",
+            Self::Lattice => "olfati-saber",
+        }
+    }
+
+    /// Their controller, and how often it acts: of robots that jump nothing depends on that.
+    fn config(self, model: Model) -> (String, &'static str) {
+        let often = "control_period.rate_hz = 10\n";
+        match self {
+            Self::Jumping => (model.arena().to_owned(), ""),
+            Self::Boids => (String::new(), often),
+            Self::Lattice => ("distance_m = 2.0\ntarget_gain_per_s2 = 0.0".to_owned(), often),
+        }
+    }
+
+    /// Steps before the clock runs: those who heed each other first leave the disorder in which they begin.
+    fn warm_up(self) -> u64 {
+        match self {
+            Self::Jumping => WARM_UP,
+            Self::Boids | Self::Lattice => 10 * WARM_UP,
+        }
+    }
+}
+
 /// How a row is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
@@ -111,6 +157,7 @@ impl Mode {
 struct Cell {
     agents: u32,
     model: Model,
+    robots: Robots,
     mode: Mode,
     n_steps: usize,
     median_ms: f64,
@@ -172,9 +219,11 @@ pub async fn bench(options: &BenchOptions, say: &mut dyn FnMut(&str)) -> Result<
     if has(Which::Propagation) && !rows.is_empty() {
         printer.heading(&heading());
         for figures in rows {
-            for model in Model::ALL.into_iter().filter(|&model| figures.measures(model)) {
+            let models = Model::ALL.into_iter().filter(|&model| figures.measures(model));
+            let pairs = models.flat_map(|model| Robots::ALL.map(|robots| (model, robots)));
+            for (model, robots) in pairs.filter(|(model, it)| it.act_in(figures.agents, *model)) {
                 for &mode in modes {
-                    let cell = measure(figures.agents, model, mode, options).await?;
+                    let cell = measure(figures.agents, model, robots, mode, options).await?;
                     printer.row(&cell);
                     cells.push(cell);
                 }
@@ -237,14 +286,15 @@ fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |value| value.to_string())
 }
 
-fn plan(agents: u32, model: Model, mode: Mode) -> Result<Plan, RunError> {
+fn plan(agents: u32, model: Model, robots: Robots, mode: Mode) -> Result<Plan, RunError> {
     let coupling = if mode == Mode::Parallel { "parallel" } else { "sequential" };
+    let (controller, often) = robots.config(model);
     let text = format!(
-        "[experiment]\nname = \"bench\"\nseed = 1\nduration_s = 1e6\nagents = {agents}\ncoupling = \"{coupling}\"\n\
+        "[experiment]\nname = \"bench\"\nseed = 1\nduration_s = 1e6\nagents = {agents}\ncoupling = \"{coupling}\"\n{often}\
          [robotsim.scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.22\n\
-         [robotsim.controller]\nkind = \"random-jump\"\n{}\n[netsim.phy]\n{}\n\
+         [robotsim.controller]\nkind = \"{}\"\n{controller}\n[netsim.phy]\n{}\n\
          [output]\nlinks = \"none\"\nreport = false\n",
-        model.arena(),
+        robots.name(),
         model.netsim()
     );
     Ok(config::read(Path::new("bench"), text, &Overrides::default())?)
@@ -253,10 +303,11 @@ fn plan(agents: u32, model: Model, mode: Mode) -> Result<Plan, RunError> {
 async fn measure(
     agents: u32,
     model: Model,
+    robots: Robots,
     mode: Mode,
     options: &BenchOptions,
 ) -> Result<Cell, RunError> {
-    let plan = plan(agents, model, mode)?;
+    let plan = plan(agents, model, robots, mode)?;
     let started = start(&plan, &options.start, Wanted::Nothing).await?;
     let mut coupled = started.coupled;
     let folder = temporary_folder()?;
@@ -265,7 +316,7 @@ async fn measure(
         let path = folder.path().join("record");
         recorder = Some(begin_record(&path, started.header, started.exchange)?);
     }
-    let times_ms = steps(&plan, &mut coupled, &mut recorder, options.steps).await;
+    let times_ms = steps(&plan, &mut coupled, &mut recorder, robots.warm_up(), options.steps).await;
     coupled.stop().await;
     let mut times_ms = times_ms?;
     if let Some(recorder) = recorder {
@@ -275,6 +326,7 @@ async fn measure(
     Ok(Cell {
         agents,
         model,
+        robots,
         mode,
         n_steps: times_ms.len(),
         median_ms: quantile(&times_ms, 0.5),
@@ -338,12 +390,13 @@ async fn steps(
     plan: &Plan,
     coupled: &mut Coupled,
     recorder: &mut Option<Recorder>,
+    warm_up: u64,
     n_steps: Option<u64>,
 ) -> Result<Vec<f64>, RunError> {
     let mut times_ms = Vec::new();
     let mut begun = Instant::now();
     for index in 0.. {
-        if index == WARM_UP {
+        if index == warm_up {
             begun = Instant::now();
             times_ms.clear();
         }
@@ -351,7 +404,7 @@ async fn steps(
             Some(n_steps) => n_steps.max(1) <= times_ms.len() as u64,
             None => MIN_STEPS <= times_ms.len() && MEASURED <= begun.elapsed(),
         };
-        if WARM_UP <= index && enough {
+        if warm_up <= index && enough {
             break;
         }
         let step_begun = Instant::now();
@@ -364,7 +417,7 @@ async fn steps(
 /// Median wall time of an empty call to each side and back, one after the other (ms): what this machine takes to hand
 /// over, whatever is handed over.
 async fn exchange_ms(options: &BenchOptions) -> Result<f64, RunError> {
-    let plan = plan(1, Model::Full, Mode::Sequential)?;
+    let plan = plan(1, Model::Full, Robots::Jumping, Mode::Sequential)?;
     let mut coupled = start(&plan, &options.start, Wanted::Nothing).await?.coupled;
     let times_ms = exchanges(&plan, &mut coupled).await;
     coupled.stop().await;
@@ -392,6 +445,8 @@ async fn exchanges(plan: &Plan, coupled: &mut Coupled) -> Result<Vec<f64>, RunEr
 const EXCHANGES: usize = 2000;
 /// What they took on the machine that the goals were set for: two empty messages of one stream and back, 27 µs each.
 const EXCHANGE_MS: f64 = 0.054;
+/// From so many agents on robots that heed each other are measured, too.
+const LOCAL_FROM: u32 = 1000;
 /// Steps before the clock runs.
 const WARM_UP: u64 = 10;
 /// Least number of measured steps.
@@ -408,15 +463,17 @@ impl Table {
             .iter()
             .map(|cell| {
                 let figures = Figures::of(cell.agents);
+                let peers = figures.filter(|_| cell.robots == Robots::Jumping);
                 json!({
                     "agents": cell.agents,
                     "model": cell.model.name(),
+                    "controller": cell.robots.name(),
                     "mode": cell.mode.name(),
                     "steps": cell.n_steps,
                     "median_ms": cell.median_ms,
                     "p90_ms": cell.p90_ms,
-                    "botnet_ms": figures.and_then(|figures| figures.botnet_ms(cell.model)),
-                    "paper_ms": figures.and_then(|figures| figures.paper_ms(cell.model)),
+                    "botnet_ms": peers.and_then(|figures| figures.botnet_ms(cell.model)),
+                    "paper_ms": peers.and_then(|figures| figures.paper_ms(cell.model)),
                     "to_reach_ms": figures.and_then(|figures| figures.goal_ms(cell.model)),
                 })
             })
@@ -435,27 +492,30 @@ impl Table {
 /// What stands above the rows of propagation alone.
 fn heading() -> String {
     format!(
-        "Wall time per control step (ms), both processes and gRPC included. Every robot jumps at random;\n\
-         square of 10 m, for the disk a disc of 0.22 robots per m². BotNet: one process, no RPC, measured\n\
-         elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full.\n\n\
-         {:>6}  {:<24} {:<22} {:>9} {:>9} {:>9} {:>8} {:>8}  times faster",
-        "agents", "model", "mode", "median", "90 %", "to reach", "BotNet", "paper"
+        "Wall time per control step (ms), both processes and gRPC included. Robots that jump at random:\n\
+         square of 10 m, for the disk a disc of 0.22 per m²; those that heed whom they hear (boids, olfati-saber)\n\
+         begin there and act at 10 Hz, measured from their 10th second. BotNet: robots that jump, one process, no\n\
+         RPC, measured elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full.\n\n\
+         {:>6}  {:<24} {:<13} {:<22} {:>9} {:>9} {:>9} {:>8} {:>8}  times faster",
+        "agents", "model", "controller", "mode", "median", "90 %", "to reach", "BotNet", "paper"
     )
 }
 
 impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { agents, model, mode, median_ms, p90_ms, .. } = self;
+        let Self { agents, model, robots, mode, median_ms, p90_ms, .. } = self;
         let figures = Figures::of(*agents);
-        let botnet_ms = figures.and_then(|figures| figures.botnet_ms(*model));
+        let peers = figures.filter(|_| *robots == Robots::Jumping);
+        let botnet_ms = peers.and_then(|figures| figures.botnet_ms(*model));
         write!(
             f,
-            "{agents:>6}  {:<24} {:<22} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {:>8} {:>8}  {}",
+            "{agents:>6}  {:<24} {:<13} {:<22} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {:>8} {:>8}  {}",
             model.name(),
+            robots.name(),
             mode.name(),
             number(figures.and_then(|figures| figures.goal_ms(*model))),
             number(botnet_ms),
-            number(figures.and_then(|figures| figures.paper_ms(*model))),
+            number(peers.and_then(|figures| figures.paper_ms(*model))),
             botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.1}", peer / median_ms)),
         )
     }

@@ -136,8 +136,9 @@ impl Coupled {
         let StepPlan { until_ns, keep, hold, .. } = plan;
         let n = self.experiment.agent_count;
         let step = self.step + 1;
-        let given = self.deliveries.take();
+        let mut given = self.deliveries.take();
         let mut used = None;
+        let mut digest = None;
         let (mut robots_reply, mut network_reply) = match self.experiment.coupling {
             Coupling::Sequential => {
                 let request = self.robots_request(step, until_ns, given.as_ref(), hold);
@@ -147,7 +148,19 @@ impl Coupled {
                     plan.records = std::mem::take(&mut plan.records_if_complete);
                 }
                 let request = self.network_request(step, &plan, false);
-                (robots_reply, self.network.step(step, request).await?)
+                if n < HASHED_BESIDES {
+                    (robots_reply, self.network.step(step, request).await?)
+                } else {
+                    let states = std::mem::take(&mut self.states);
+                    let hashing = tokio::task::spawn_blocking(move || {
+                        let digest = digest::of_step(step, until_ns, &states, given.as_ref());
+                        (digest, states, given)
+                    });
+                    let network_reply = self.network.step(step, request).await;
+                    let hashed = hashing.await.expect("hashing numbers does not panic");
+                    (digest, self.states, given) = (Some(hashed.0), hashed.1, hashed.2);
+                    (robots_reply, network_reply?)
+                }
             }
             Coupling::Parallel => {
                 let to_robots = self.robots_request(step, until_ns, given.as_ref(), hold);
@@ -194,7 +207,8 @@ impl Coupled {
         self.take_network_reply(step, reached_ns, &mut network_reply, n)?;
 
         let used = used.as_ref().unwrap_or(&self.states);
-        let digest = digest::of_step(step, reached_ns, used, given.as_ref());
+        let digest =
+            digest.unwrap_or_else(|| digest::of_step(step, reached_ns, used, given.as_ref()));
         let standings = (
             standing(self.robots.streams(), step, reached_ns, &mut robots_reply.digest),
             standing(self.network.streams(), step, reached_ns, &mut network_reply.digest),
@@ -395,6 +409,9 @@ impl Coupled {
         Ok(())
     }
 }
+
+/// Agents from which on the digest is computed on another thread while the network takes its step.
+const HASHED_BESIDES: usize = 1000;
 
 fn garbage(side: &'static str, doing: &str, invalid: InvalidField) -> SideError {
     SideError::Garbage { side, doing: doing.to_owned(), reason: invalid.to_string() }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`v1`] | messages and services generated from `cosim/v1/*.proto` |
 //! | [`types`] | the same exchange as valid values: a core never sees a generated message |
+//! | [`codec`] | how messages become bytes and back |
 //! | [`convert`] | from messages to values, refusing what is malformed, and back |
 //! | [`digest`] | the barrier's SHA-256 over the exchanged state |
 //! | [`effect`] | what a physical effect says about itself, for readers and for the fit |
@@ -13,6 +14,7 @@
 //! | [`side`] | what a simulator is to the shell around it: a plain object |
 //! | [`host`] | the shell around a simulator: gRPC, lifecycle, TLS, readiness, shutdown |
 
+pub mod codec;
 pub mod config;
 pub mod convert;
 pub mod digest;

@@ -5,7 +5,7 @@ use tests::recording::{assert_same, of};
 use tests::{Server, run};
 
 /// Configurations that differ in model, effects, coupling and size. Each runs in a second or two.
-const CONFIGS: [(&str, &[&str]); 7] = [
+const CONFIGS: [(&str, &[&str]); 8] = [
     ("flocking", &["experiment.duration_s=3.0"]),
     ("formation", &["experiment.duration_s=2.0"]),
     ("walls", &["experiment.duration_s=2.0"]),
@@ -14,6 +14,16 @@ const CONFIGS: [(&str, &[&str]); 7] = [
     ("packet-control", &["experiment.duration_s=1.0"]),
     // Enough agents for every parallel loop and for the bitmap form.
     ("flocking", &["experiment.duration_s=6.0", "experiment.agents=300"]),
+    // Enough for digests to be computed beside other work.
+    (
+        "flocking",
+        &[
+            "experiment.duration_s=0.5",
+            "experiment.agents=1100",
+            "experiment.control_period={ rate_hz = 10.0 }",
+            "netsim.phy={ propagation = \"unit-disk\", radius_m = 10.0 }",
+        ],
+    ),
 ];
 
 fn config(name: &str) -> PathBuf {

@@ -11,6 +11,18 @@ pub struct Grid {
     cell_m: f64,
     /// Cell of each point and the point's index, sorted.
     entries: Vec<(u64, u32)>,
+    /// Where each cell's entries begin, if points lie so close together that all cells between them can be listed.
+    table: Option<Table>,
+}
+
+/// The cells of a rectangle, row after row, with where each one's entries begin; at the end, where the last one's end.
+#[derive(Clone, Debug)]
+struct Table {
+    left: i64,
+    bottom: i64,
+    n_columns: i64,
+    n_rows: i64,
+    begins: Vec<u32>,
 }
 
 /// Cells are numbered up to this far from the origin; what lies farther counts to the outermost cell, which keeps
@@ -23,8 +35,15 @@ impl Grid {
         self.cell_m = cell_m;
         self.entries.clear();
         let column = |x: f64| column(x, cell_m);
-        self.entries.extend(points.zip(0..).map(|([x, y], i)| (key(column(x), column(y)), i)));
-        self.entries.sort_unstable();
+        let cells: Vec<(i64, i64)> = points.map(|[x, y]| (column(x), column(y))).collect();
+        self.table = Table::of(&cells);
+        match &self.table {
+            Some(table) => table.sort(&cells, &mut self.entries),
+            None => {
+                self.entries.extend(cells.iter().zip(0..).map(|(&(x, y), i)| (key(x, y), i)));
+                self.entries.sort_unstable();
+            }
+        }
     }
 
     /// Sorts agents into cells of which those in the middle hold about `per_cell`.
@@ -57,14 +76,23 @@ impl Grid {
         let is_tall = (self.entries.len() as u64) < top.abs_diff(bottom);
         let all = if is_tall { &self.entries[..] } else { &[] };
         let rows = if is_tall { bottom..bottom } else { bottom..top + 1 };
-        all.iter().map(|&(_, index)| index).chain(rows.flat_map(move |row| {
-            let from = self.entries.partition_point(|&(cell, _)| cell < key(left, row));
-            let last = key(right, row);
-            self.entries[from..]
-                .iter()
-                .take_while(move |&&(cell, _)| cell <= last)
-                .map(|&(_, index)| index)
-        }))
+        all.iter()
+            .map(|&(_, index)| index)
+            .chain(rows.flat_map(move |row| self.of_row(row, left, right)))
+    }
+
+    /// Indices of the points of a row of cells, from the column `left` to `right`.
+    fn of_row(&self, row: i64, left: i64, right: i64) -> impl Iterator<Item = u32> + '_ {
+        let entries = match &self.table {
+            Some(table) => &self.entries[table.of_row(row, left, right)],
+            None => {
+                let from = self.entries.partition_point(|&(cell, _)| cell < key(left, row));
+                let last = key(right, row);
+                let rest = &self.entries[from..];
+                &rest[..rest.iter().take_while(|&&(cell, _)| cell <= last).count()]
+            }
+        };
+        entries.iter().map(|&(_, index)| index)
     }
 
     /// How many pairs of points lie in the same or in neighbouring cells, each counted from both ends: what a search
@@ -87,6 +115,63 @@ impl Grid {
         column(x, self.cell_m)
     }
 }
+
+impl Table {
+    /// Of these cells. `None`: most of the rectangle around them would be empty.
+    fn of(cells: &[(i64, i64)]) -> Option<Self> {
+        let &(x, y) = cells.first()?;
+        let mut bounds = [x, x, y, y];
+        for &(x, y) in cells {
+            bounds = [bounds[0].min(x), bounds[1].max(x), bounds[2].min(y), bounds[3].max(y)];
+        }
+        let [left, right, bottom, top] = bounds;
+        let (n_columns, n_rows) = (right - left + 1, top - bottom + 1);
+        let n_cells = n_columns.saturating_mul(n_rows);
+        if SPARSEST * (cells.len() as i64) < n_cells {
+            return None;
+        }
+        let mut table = Self { left, bottom, n_columns, n_rows, begins: Vec::new() };
+        table.begins = vec![0; n_cells as usize + 1];
+        for &cell in cells {
+            let place = table.place(cell);
+            table.begins[place + 1] += 1;
+        }
+        let mut sum = 0;
+        for begin in &mut table.begins {
+            sum += *begin;
+            *begin = sum;
+        }
+        Some(table)
+    }
+
+    fn place(&self, (x, y): (i64, i64)) -> usize {
+        ((y - self.bottom) * self.n_columns + x - self.left) as usize
+    }
+
+    /// Entries of these cells, sorted.
+    fn sort(&self, cells: &[(i64, i64)], entries: &mut Vec<(u64, u32)>) {
+        entries.resize(cells.len(), (0, 0));
+        let mut next = self.begins.clone();
+        for (&(x, y), index) in cells.iter().zip(0..) {
+            let slot = &mut next[self.place((x, y))];
+            entries[*slot as usize] = (key(x, y), index);
+            *slot += 1;
+        }
+    }
+
+    /// Where the entries of a row's cells stand, from the column `left` to `right`.
+    fn of_row(&self, row: i64, left: i64, right: i64) -> std::ops::Range<usize> {
+        let (left, right) = (left.max(self.left), right.min(self.left + self.n_columns - 1));
+        if right < left || !(self.bottom..self.bottom + self.n_rows).contains(&row) {
+            return 0..0;
+        }
+        let begin = |x: i64| self.place((x, row));
+        self.begins[begin(left)] as usize..self.begins[begin(right) + 1] as usize
+    }
+}
+
+/// Cells to a point above which they are not listed.
+const SPARSEST: i64 = 8;
 
 fn column(x: f64, cell_m: f64) -> i64 {
     (x / cell_m).floor().clamp(-OUTERMOST, OUTERMOST) as i64
@@ -246,6 +331,30 @@ mod tests {
             for (place, agent) in agents.iter().enumerate() {
                 prop_assert_eq!(nearest.neighbours_of(place), nearest_of_all(&agents, agent, k));
             }
+        }
+    }
+
+    #[test]
+    fn close_together_or_far_apart_points_stand_in_the_order_of_their_cells() {
+        let mut state = 1_u32;
+        let mut next = || {
+            // xorshift (Marsaglia 2003).
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            f64::from(state % 1000)
+        };
+        for (spread_m, is_listed) in [(0.03, true), (30.0, false)] {
+            let points: Vec<[f64; 2]> =
+                (0..300).map(|_| [0; 2].map(|_| spread_m * next())).collect();
+            let mut grid = Grid::default();
+            grid.build(1.0, points.iter().copied());
+            assert_eq!(grid.table.is_some(), is_listed);
+            let cell = |[x, y]: [f64; 2]| key(column(x, 1.0), column(y, 1.0));
+            let mut sorted: Vec<(u64, u32)> =
+                points.iter().map(|&point| cell(point)).zip(0..).collect();
+            sorted.sort_unstable();
+            assert_eq!(grid.entries, sorted);
         }
     }
 

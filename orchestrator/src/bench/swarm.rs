@@ -123,7 +123,7 @@ async fn measure(
 ) -> Result<(Option<u64>, Vec<f64>), RunError> {
     let formed_ns = form(plan, coupled, recorder).await?;
     let times_ms = if formed_ns.is_some() {
-        steps(plan, coupled, recorder, n_steps).await?
+        steps(plan, coupled, recorder, super::WARM_UP, n_steps).await?
     } else {
         Vec::new()
     };

@@ -3,7 +3,7 @@
 use crate::config::{self, Node, Problem};
 use crate::digest::{self, Digest};
 use crate::site::{self, Site};
-use crate::types::{AgentStates, Coupling, Deliveries, Experiment};
+use crate::types::{AgentStates, Coupling, Experiment};
 use crate::{convert, v1};
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
@@ -88,20 +88,18 @@ impl Ledger {
         Ok(Admission::New)
     }
 
-    /// Advances after a step that was admitted. `new_states` are the states of the step's reply (robots) or those that
-    /// the step was given (network).
+    /// Advances after a step that was admitted, with the digest of its states and deliveries.
     pub(super) fn advance(
         &mut self,
         step: u64,
         asked_ns: u64,
         time_ns: u64,
-        used: &AgentStates,
-        deliveries: Option<&Deliveries>,
+        digest: Digest,
     ) -> Bytes {
         self.step = step;
         self.asked_ns = asked_ns;
         self.time_ns = time_ns;
-        self.digest = digest::of_step(step, time_ns, used, deliveries);
+        self.digest = digest;
         self.digest()
     }
 

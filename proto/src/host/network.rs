@@ -10,7 +10,7 @@ use crate::v1::net_sim_service_server::NetSimService;
 use crate::v1::net_sim_service_session_request::Request as SessionCall;
 use crate::v1::net_sim_service_session_response::Response as SessionReply;
 use crate::v1::{self, Limits};
-use crate::{CONTRACT_VERSION, convert};
+use crate::{CONTRACT_VERSION, convert, digest};
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
 use prost::Message as _;
 use serde::{Deserialize, Serialize};
@@ -178,6 +178,19 @@ impl<S: NetSimulator> Lifecycle<S> {
             stop_at_first_delivery: request.stop_at_first_delivery,
             records: &records,
         };
+        // What the digest covers is known before, but for where a step ends that may end early.
+        let (until_ns, may_end_early) = (request.until_ns, request.stop_at_first_delivery);
+        let digest_at =
+            |time_ns| digest::of_step(request.step, time_ns, &states, active.delivered.as_ref());
+        let simulator = &mut self.simulator;
+        let (output, early) = if n <= QUICK_AGENTS || may_end_early {
+            (simulator.step(&input), None)
+        } else {
+            let (output, digest) = rayon::join(|| simulator.step(&input), || digest_at(until_ns));
+            let is_right = output.time_ns == until_ns;
+            (output, is_right.then_some(digest))
+        };
+        let digest = early.unwrap_or_else(|| digest_at(output.time_ns));
         let NetOutput {
             time_ns,
             deliveries,
@@ -189,11 +202,10 @@ impl<S: NetSimulator> Lifecycle<S> {
             statistics,
             schedule,
             heard_links,
-        } = self.simulator.step(&input);
+        } = output;
 
-        let given = active.delivered.replace(deliveries);
-        let digest =
-            ledger.advance(request.step, request.until_ns, time_ns, &states, given.as_ref());
+        active.delivered = Some(deliveries);
+        let digest = ledger.advance(request.step, request.until_ns, time_ns, digest);
         active.last = v1::NetSimServiceStepResponse {
             step: request.step,
             time_ns,

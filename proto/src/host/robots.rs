@@ -10,7 +10,7 @@ use crate::v1::robot_sim_service_server::RobotSimService;
 use crate::v1::robot_sim_service_session_request::Request as SessionCall;
 use crate::v1::robot_sim_service_session_response::Response as SessionReply;
 use crate::v1::{self, Limits};
-use crate::{CONTRACT_VERSION, convert};
+use crate::{CONTRACT_VERSION, convert, digest};
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
 use prost::Message as _;
 use serde::{Deserialize, Serialize};
@@ -165,7 +165,8 @@ impl<S: RobotSimulator> Lifecycle<S> {
             Coupling::Parallel | Coupling::Event => &std::mem::take(&mut ledger.states),
         };
         let until_ns = request.until_ns;
-        let digest = ledger.advance(request.step, until_ns, until_ns, used, deliveries.as_ref());
+        let digest = digest::of_step(request.step, until_ns, used, deliveries.as_ref());
+        let digest = ledger.advance(request.step, until_ns, until_ns, digest);
         if ledger.experiment.coupling != Coupling::Sequential {
             ledger.states = states.clone();
         }
