@@ -1,12 +1,18 @@
 //! M2, M4 to M6, M8, M11, M12: the minimal scheduling function in whole networks.
 
-use super::bench::{Bench, EAGER, FULL, LINE, NO_KEEP_ALIVES, What, line, trace};
+use super::bench::{
+    Bench, EAGER, FULL, LINE, NO_KEEP_ALIVES, SLOT_NS, What, line, settings, trace,
+};
 use netsim::mac::{CellOptions, CellRef};
+use netsim::mesh::packets::Packets;
+use netsim::mote::up::Arrived;
+use netsim::mote::{Mote, World};
 use netsim::sf::AnySf;
 use netsim::sf::msf::hash::autonomous_cell;
-use netsim::sf::msf::{AUTONOMOUS, NEGOTIATED};
+use netsim::sf::msf::{AUTONOMOUS, NEGOTIATED, SFID};
 use netsim::wire::Eui64;
-use netsim::wire::sixp::{SixpBody, SixpRequest};
+use netsim::wire::frame::{Content, FrameRepr};
+use netsim::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr, SixpRequest};
 use proto::types::MoteOrder;
 
 const MSF: &str = "[sf]\nkind = \"msf\"\n";
@@ -202,5 +208,79 @@ fn m12_who_keeps_time_and_must_be_admitted_has_a_cell_to_its_proxy() {
             assert_eq!((cell.options, cell.neighbour), (CellOptions::TX_SHARED, Some(root)));
             assert_ne!(cell.slot, 0);
         }
+    }
+}
+
+/// A mote taken out of its network, to be given frames of its root by hand.
+struct Lone<'a> {
+    bench: &'a Bench,
+    config: &'a str,
+    mote: Mote,
+    asn: u64,
+    sequence: u8,
+}
+
+impl Lone<'_> {
+    /// Lets the mote do something in its present slot.
+    fn does<T>(&mut self, act: impl FnOnce(&mut Mote, &mut World<'_>) -> T) -> T {
+        let settings = settings(self.config);
+        let mut world = World {
+            settings: &settings,
+            addresses: self.bench.mesh.addresses(),
+            packets: &mut Packets::default(),
+            seed: 1,
+            asn: self.asn,
+            now_ns: self.asn * SLOT_NS,
+            effective_asn: self.asn,
+            readiness_changed: &mut false,
+            swarm: &mut Vec::new(),
+        };
+        act(&mut self.mote, &mut world)
+    }
+
+    /// The root sends it something. Returns whether it is acknowledged, and whether it goes up.
+    fn hears(&mut self, content: Content) -> (bool, bool) {
+        self.sequence = self.sequence.wrapping_add(1);
+        let frame = FrameRepr {
+            source: Eui64::of_mote(0),
+            destination: Some(Eui64::of_mote(1)),
+            sequence: self.sequence,
+            ack_request: true,
+            pending: false,
+            slots: None,
+            content,
+        };
+        self.does(|mote, world| {
+            let arrived = Arrived { frame: &frame, at: None, channel: 11, source_ns: 0 };
+            let verdict = mote.handle_frame(world, &arrived);
+            mote.pump(world);
+            (verdict.acknowledge, verdict.deliver)
+        })
+    }
+}
+
+#[test]
+fn rfc9033_12_frames_of_a_neighbour_in_quarantine_are_dropped_for_as_long_as_it_lasts() {
+    let config = format!("{FULL}{EAGER}{NO_KEEP_ALIVES}{MSF}");
+    let mut bench = Bench::new(&line(2), &config);
+    let root = Eui64::of_mote(0);
+    bench.run_until(1, 300_000, |bench| bench.mote(1).sixtop.is_busy(root));
+    let mote = bench.mote(1).clone();
+    let mut lone = Lone { bench: &bench, config: &config, mote, asn: bench.asn, sequence: 100 };
+    assert_eq!(lone.hears(Content::KeepAlive), (true, true));
+
+    let seqnum = lone.mote.sixtop.seqnum(root);
+    let answer = SixpAnswer { code: ReturnCode::Error, content: AnswerContent::Nothing };
+    let body = SixpBody::Response(answer);
+    let refusal = Content::Sixp(SixpRepr { version: 0, sfid: SFID, seqnum, body });
+    assert_eq!(lone.hears(refusal), (true, true));
+    assert_eq!(lone.hears(Content::KeepAlive), (false, false));
+
+    // QUARANTINE_DURATION is five minutes.
+    for (after_s, expected) in [(299, (false, false)), (2, (true, true))] {
+        lone.asn += after_s * 100;
+        lone.does(|mote, world| mote.handle_timeout(world));
+        assert!(lone.mote.mac.is_synced());
+        assert_eq!(lone.hears(Content::KeepAlive), expected, "{after_s} s later");
     }
 }
