@@ -272,13 +272,22 @@ impl Rpl {
 
     /// Neighbours that could be parents now, the preferred one first, then by rank (RFC 6550, § 8.2.1): of lower rank than
     /// one's own, `parent_set_size` of them.
+    ///
+    /// A mote's rank must be at least the next whole hop after the highest rank that its parents advertise, and at least the
+    /// highest rank through any of them less DAGMaxRankIncrease (RFC 6719, § 3.3, rules 2 and 3). Whoever would raise it
+    /// above the rank through the preferred parent, which is rule 1, is no parent.
     #[must_use]
     pub fn parent_set(&self, now_ns: u64) -> Vec<Eui64> {
         let Some(dodag) = &self.dodag else { return vec![] };
+        let highest = match dodag.configuration.max_rank_increase {
+            0 => INFINITE_RANK,
+            increase => dodag.rank.saturating_add(increase),
+        };
         let mut offers: Vec<Offer> = (self.neighbours.as_slice().iter())
             .filter(|one| one.dio.dodag_id == dodag.id && one.dio.version == dodag.version)
             .filter(|one| dodag.dag_rank(one.dio.rank) < dodag.dag_rank(dodag.rank))
             .filter_map(|one| self.offer(one, now_ns))
+            .filter(|offer| Some(offer.address) == dodag.parent || offer.rank <= highest)
             .collect();
         offers.sort_by(|a, b| {
             let is_other = |offer: &Offer| Some(offer.address) != dodag.parent;

@@ -1,4 +1,4 @@
-//! Clauses of RFC 6550, 6206, 6552 and 6719 that need a whole machine.
+//! Clauses of RFC 6550, 6206 and 6552 that need a whole machine.
 
 use super::vectors::dao_of;
 use super::*;
@@ -19,13 +19,6 @@ fn joined_storing(config: Config) -> Bench {
     let mut bench = Bench::mote(config);
     bench.hear(1, &DioRepr { mode: 2, ..dio_of(0, 512) });
     bench
-}
-
-/// A DIO of a DODAG that uses MRHOF.
-fn mrhof_dio(rank: u16) -> DioRepr {
-    let dio = dio_of(0, rank);
-    let configuration = dio.configuration.map(|c| DodagConfiguration { objective: 1, ..c });
-    DioRepr { configuration, ..dio }
 }
 
 fn storing_dao(target: u32, path_sequence: u8, path_lifetime: u8) -> DaoRepr {
@@ -103,15 +96,6 @@ fn rfc6550_8_2_1_motes_no_nearer_to_the_root_are_no_parents() {
 }
 
 #[test]
-fn rfc6719_5_the_parent_set_has_three_members() {
-    let mut bench = Bench::mote(Bench::perfect());
-    for from in 1..8 {
-        bench.hear(from, &mrhof_dio(500 + from as u16));
-    }
-    assert_eq!(bench.rpl.parent_set(bench.now_ns), [mote(1), mote(2), mote(3)]);
-}
-
-#[test]
 fn rfc8180_6_4_q24_of_two_equal_parents_the_stronger_one_is_better() {
     let mut bench = joined(Bench::perfect());
     bench.hear(2, &dio_of(0, 600));
@@ -120,16 +104,6 @@ fn rfc8180_6_4_q24_of_two_equal_parents_the_stronger_one_is_better() {
     bench.rpl.handle_rssi(mote(3), -70.0, bench.now_ns);
     bench.rpl.handle_unusable(mote(1), bench.now_ns, &mut bench.dice);
     assert_eq!(bench.rpl.parent(), Some(mote(3)));
-}
-
-#[test]
-fn rfc6719_3_2_2_mrhof_switches_beyond_192() {
-    for (rank, parent) in [(1024 - 192, 1), (1024 - 193, 2)] {
-        let mut bench = Bench::mote(Bench::perfect());
-        bench.hear(1, &mrhof_dio(1024));
-        bench.hear(2, &mrhof_dio(rank));
-        assert_eq!(bench.rpl.parent(), Some(mote(parent)));
-    }
 }
 
 #[test]
