@@ -19,7 +19,7 @@ pub use registrar::Registrar;
 
 use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::{UdpRepr, Upper};
-use crate::wire::frame::{MAX_PSDU, NETWORK_PAN};
+use crate::wire::frame::NETWORK_PAN;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
@@ -43,11 +43,13 @@ pub struct Config {
     pub timeout_max_ns: u64,
     /// How often a request is repeated, each time after twice the timeout. 4: MAX_RETRANSMIT.
     pub max_retransmit: u8,
-    /// How much join traffic a proxy forwards towards the root: the mean rate (CoAP bytes per second). RFC 9031 lets the
-    /// registrar say (join rate); here it is a frame's worth per second.
-    pub join_rate_bytes_s: u32,
-    /// How much of it a proxy forwards at once (CoAP bytes).
-    pub join_burst_bytes: u32,
+    /// The join rate that the registrar tells motes as it admits them (§ 8.4.2): how much join traffic a proxy forwards
+    /// towards the root in the mean (CoAP bytes per second). `None`: it tells none, and a proxy forwards one request in 3 s
+    /// (§ 6.1, after RFC 8085, § 3.1.3).
+    pub join_rate_bytes_s: Option<u32>,
+    /// How much of it a proxy with a join rate forwards at once (CoAP bytes). `None`: what comes together in 10 s, over which
+    /// § 7.2 would have the rate measured, and one message at least.
+    pub join_burst_bytes: Option<u32>,
 }
 
 impl Default for Config {
@@ -58,8 +60,8 @@ impl Default for Config {
             timeout_min_ns: 10 * NS_PER_S,
             timeout_max_ns: 15 * NS_PER_S,
             max_retransmit: 4,
-            join_rate_bytes_s: MAX_PSDU as u32,
-            join_burst_bytes: 4 * MAX_PSDU as u32,
+            join_rate_bytes_s: None,
+            join_burst_bytes: None,
         }
     }
 }
@@ -71,6 +73,8 @@ pub struct Outgoing {
     pub source: Ipv6Addr,
     /// To whom: a neighbour's link-local address, or a global one.
     pub destination: Ipv6Addr,
+    /// Its class: requests that a proxy forwards and responses to proxies are marked (§ 6.1.1 and 6.1.2).
+    pub dscp: u8,
     /// The message.
     pub message: CojpRepr,
 }

@@ -108,17 +108,18 @@ pub trait SchedulingFunction {
     /// 6P reports.
     fn handle_event(&mut self, _cx: &mut Context<'_>, _event: Event) {}
 
-    /// A frame was sent in a cell. `acknowledged`: `None` for broadcast frames.
+    /// A frame was sent in a cell. `acknowledged`: `None` for broadcast frames. `dscp`: its class.
     fn handle_transmitted(
         &mut self,
         _cx: &mut Context<'_>,
         _at: &CellRef,
         _acknowledged: Option<bool>,
+        _dscp: u8,
     ) {
     }
 
-    /// A frame from a neighbour was received in a cell.
-    fn handle_received(&mut self, _cx: &mut Context<'_>, _at: &CellRef, _from: Eui64) {}
+    /// A frame from a neighbour was received in a cell. `dscp`: its class.
+    fn handle_received(&mut self, _cx: &mut Context<'_>, _at: &CellRef, _from: Eui64, _dscp: u8) {}
 
     /// What a frame for everyone that is sent in a cell shall announce of slots.
     fn announcement(&self, _own: Eui64, _at: &CellRef, _asn: u64) -> Option<SlotsRepr> {
@@ -307,12 +308,13 @@ impl SchedulingFunction for AnySf {
         cx: &mut Context<'_>,
         at: &CellRef,
         acknowledged: Option<bool>,
+        dscp: u8,
     ) {
-        self.get_mut().handle_transmitted(cx, at, acknowledged);
+        self.get_mut().handle_transmitted(cx, at, acknowledged, dscp);
     }
 
-    fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64) {
-        self.get_mut().handle_received(cx, at, from);
+    fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64, dscp: u8) {
+        self.get_mut().handle_received(cx, at, from, dscp);
     }
 
     fn announcement(&self, own: Eui64, at: &CellRef, asn: u64) -> Option<SlotsRepr> {

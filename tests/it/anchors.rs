@@ -63,7 +63,9 @@ impl Standing {
         files: &[(&str, String)],
     ) -> Self {
         let agent_count = places.len();
-        let text = format!("mode = \"6tisch\"\n{config}");
+        // The peers limit no join traffic, so a limit that hardly ever holds stands for none.
+        let join = "join = { rate_bytes_s = 127, burst_bytes = 508 }";
+        let text = format!("mode = \"6tisch\"\n{join}\n{config}");
         let file = |(name, text): &(&str, String)| ((*name).to_owned(), text.clone().into());
         let setup = Setup {
             experiment: Experiment { seed, agent_count, step_ns, coupling: Coupling::Sequential },

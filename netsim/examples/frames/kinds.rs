@@ -1,7 +1,7 @@
 //! One frame of every kind.
 
 use netsim::wire::cojp::CojpRepr;
-use netsim::wire::datagram::{Datagram, RpiRepr, SourceRoute, UdpRepr, Upper};
+use netsim::wire::datagram::{Datagram, RpiRepr, SourceRoute, UdpRepr, Upper, code_points};
 use netsim::wire::fragment::LowpanRepr;
 use netsim::wire::frame::{
     BeaconRepr, BeaconSlotframe, Content, FrameRepr, NETWORK_PAN, payload_room,
@@ -168,8 +168,13 @@ fn join() -> [FrameRepr; 4] {
         proxy_state,
         network_id: NETWORK_PAN,
     };
-    let response =
-        |proxy_state| CojpRepr::Response { message_id: 1, pledge, proxy_state, key_index: 1 };
+    let response = |proxy_state| CojpRepr::Response {
+        message_id: 1,
+        pledge,
+        proxy_state,
+        key_index: 1,
+        join_rate_bytes_s: None,
+    };
     let coap = |message: CojpRepr, datagram: Datagram| Datagram {
         upper: Upper::Udp(UdpRepr {
             source_port: 5683,
@@ -178,6 +183,7 @@ fn join() -> [FrameRepr; 4] {
         }),
         ..datagram
     };
+    let marked = |dscp, datagram: Datagram| Datagram { dscp, ..datagram };
     let local = |from, to| Datagram {
         source: Eui64::of_mote(from).link_local(),
         destination: Eui64::of_mote(to).link_local(),
@@ -185,8 +191,12 @@ fn join() -> [FrameRepr; 4] {
     };
     [
         whole(3, Some(2), coap(request(None), local(3, 2))),
-        whole(2, Some(1), coap(request(Some(pledge)), up(udp(2, 0, 0)))),
-        whole(1, Some(2), coap(response(Some(pledge)), down(udp(0, 2, 0), &[2]))),
+        whole(2, Some(1), marked(code_points::AF43, coap(request(Some(pledge)), up(udp(2, 0, 0))))),
+        whole(
+            1,
+            Some(2),
+            marked(code_points::AF42, coap(response(Some(pledge)), down(udp(0, 2, 0), &[2]))),
+        ),
         whole(2, Some(3), coap(response(None), local(2, 3))),
     ]
 }
@@ -224,6 +234,7 @@ fn udp(from: u32, to: u32, payload: usize) -> Datagram {
         packet: 0,
         source: Eui64::of_mote(from).global(),
         destination: Eui64::of_mote(to).global(),
+        dscp: 0,
         hop_limit: 64,
         rpi: None,
         route: None,

@@ -15,15 +15,17 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "rate_bytes_s",
-            doc: "Join traffic that a mote forwards towards the root (bytes per second in the mean): RFC 9031's join rate.",
+            doc: "Join traffic that a mote forwards towards the root (bytes per second in the mean): the join rate that the \
+                  registrar tells those it admits (RFC 9031, § 8.4.2). Absent: it tells none, and a mote forwards one \
+                  request in 3 s (§ 6.1).",
             kind: Kind::Integer { min: 0, max: 1_000_000 },
-            default: Default::Integer(127),
+            default: Default::Absent,
         },
         Field {
             key: "burst_bytes",
-            doc: "How much of it a mote forwards at once (bytes).",
+            doc: "With rate_bytes_s, how much a mote forwards at once (bytes). Absent: what comes together in 10 s.",
             kind: Kind::Integer { min: 0, max: 1_000_000 },
-            default: Default::Integer(508),
+            default: Default::Absent,
         },
     ],
     tag: None,
@@ -31,11 +33,11 @@ pub(super) const SPEC: TableSpec = TableSpec {
 
 /// Makes the settings of the checked table.
 pub(super) fn build(table: &toml::Table) -> Config {
-    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer).unwrap_or_default();
+    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
     Config {
         secure: table.get("secure").and_then(toml::Value::as_bool).unwrap_or(true),
-        join_rate_bytes_s: integer("rate_bytes_s") as u32,
-        join_burst_bytes: integer("burst_bytes") as u32,
+        join_rate_bytes_s: integer("rate_bytes_s").map(|rate| rate as u32),
+        join_burst_bytes: integer("burst_bytes").map(|burst| burst as u32),
         ..Config::default()
     }
 }

@@ -47,6 +47,8 @@ pub struct Pledge {
     own: Eui64,
     state: State,
     outgoing: Option<Outgoing>,
+    /// The join rate that the registrar told.
+    join_rate_bytes_s: Option<u32>,
     events: VecDeque<Event>,
 }
 
@@ -54,7 +56,8 @@ impl Pledge {
     /// A mote that does not ask yet.
     #[must_use]
     pub fn new(config: Config, own: Eui64) -> Self {
-        Self { config, own, state: State::Idle, outgoing: None, events: VecDeque::new() }
+        let (state, outgoing, join_rate_bytes_s) = (State::Idle, None, None);
+        Self { config, own, state, outgoing, join_rate_bytes_s, events: VecDeque::new() }
     }
 
     /// A mote that needs not ask: a root.
@@ -98,14 +101,23 @@ impl Pledge {
     /// A response has come. Only one to the request that is open admits.
     pub fn handle_response(&mut self, response: &CojpRepr) {
         let State::Waiting { message_id: open, .. } = self.state else { return };
-        let CojpRepr::Response { message_id, pledge, proxy_state: None, .. } = *response else {
+        let CojpRepr::Response { message_id, pledge, proxy_state: None, join_rate_bytes_s, .. } =
+            *response
+        else {
             return;
         };
         if message_id == open && pledge == self.own {
             self.state = State::Joined;
             self.outgoing = None;
+            self.join_rate_bytes_s = join_rate_bytes_s;
             self.events.push_back(Event::Joined);
         }
+    }
+
+    /// The join rate that the registrar told when it admitted the mote (bytes per second), which binds it as a proxy.
+    #[must_use]
+    pub fn join_rate_bytes_s(&self) -> Option<u32> {
+        self.join_rate_bytes_s
     }
 
     /// The mote is no longer synchronised, or is switched off.
@@ -164,6 +176,6 @@ impl Pledge {
         let message =
             CojpRepr::Request { message_id, pledge: self.own, proxy_state: None, network_id };
         let (source, destination) = (self.own.link_local(), proxy.link_local());
-        self.outgoing = Some(Outgoing { source, destination, message });
+        self.outgoing = Some(Outgoing { source, destination, dscp: 0, message });
     }
 }

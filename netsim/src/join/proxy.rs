@@ -5,6 +5,7 @@ use super::{Config, Outgoing};
 use crate::lowpan::DropReason;
 use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
+use crate::wire::datagram::code_points;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
@@ -14,6 +15,8 @@ use std::net::Ipv6Addr;
 pub struct Proxy {
     config: Config,
     own: Eui64,
+    /// What the registrar told.
+    join_rate_bytes_s: Option<u32>,
     /// When all that was forwarded would have been sent at the mean rate (ns).
     spent_until_ns: u64,
 }
@@ -22,7 +25,12 @@ impl Proxy {
     /// A proxy that has forwarded nothing.
     #[must_use]
     pub fn new(config: Config, own: Eui64) -> Self {
-        Self { config, own, spent_until_ns: 0 }
+        Self { config, own, join_rate_bytes_s: None, spent_until_ns: 0 }
+    }
+
+    /// The registrar has told how much to forward in the mean (bytes per second); `None`: nothing.
+    pub fn set_join_rate(&mut self, bytes_s: Option<u32>) {
+        self.join_rate_bytes_s = bytes_s;
     }
 
     /// A pledge on the link asks: what to send to the registrar at `root`; `None`: this mote is in no DODAG.
@@ -51,7 +59,7 @@ impl Proxy {
         let proxy_state = Some(Eui64::of_ip(source));
         let message = CojpRepr::Request { message_id, pledge, proxy_state, network_id };
         self.spend(message.buffer_len(), now_ns)?;
-        Ok(Outgoing { source: self.own.global(), destination, message })
+        Ok(Outgoing { source: self.own.global(), destination, dscp: code_points::AF43, message })
     }
 
     /// The registrar answers: what to send to the pledge.
@@ -60,26 +68,47 @@ impl Proxy {
     ///
     /// It is no response for a pledge on the link.
     pub fn handle_response(&self, response: &CojpRepr) -> Result<Outgoing, DropReason> {
-        let CojpRepr::Response { message_id, pledge, proxy_state: Some(to), key_index } = *response
+        let CojpRepr::Response {
+            message_id,
+            pledge,
+            proxy_state: Some(to),
+            key_index,
+            join_rate_bytes_s,
+        } = *response
         else {
             return Err(DropReason::Malformed);
         };
-        let message = CojpRepr::Response { message_id, pledge, proxy_state: None, key_index };
-        Ok(Outgoing { source: self.own.link_local(), destination: to.link_local(), message })
+        let proxy_state = None;
+        let message =
+            CojpRepr::Response { message_id, pledge, proxy_state, key_index, join_rate_bytes_s };
+        let (source, destination) = (self.own.link_local(), to.link_local());
+        Ok(Outgoing { source, destination, dscp: 0, message })
     }
 
     /// A token bucket, kept as the time at which it is full again.
     fn spend(&mut self, bytes: usize, now_ns: u64) -> Result<(), DropReason> {
-        let rate = u64::from(self.config.join_rate_bytes_s);
-        if rate == 0 {
-            return Err(DropReason::JoinRateExceeded);
-        }
-        let time_of = |bytes: u64| bytes * NS_PER_S / rate;
-        let spent_until_ns = self.spent_until_ns.max(now_ns) + time_of(bytes as u64);
-        if now_ns + time_of(u64::from(self.config.join_burst_bytes)) < spent_until_ns {
+        let (takes_ns, most_ns) = match self.join_rate_bytes_s.map(u64::from) {
+            None => (REQUEST_PERIOD_NS, REQUEST_PERIOD_NS),
+            Some(0) => return Err(DropReason::JoinRateExceeded),
+            Some(rate) => {
+                let takes_ns = bytes as u64 * NS_PER_S / rate;
+                let most_ns = match self.config.join_burst_bytes {
+                    Some(most) => u64::from(most) * NS_PER_S / rate,
+                    None => MEASURED_NS.max(takes_ns),
+                };
+                (takes_ns, most_ns)
+            }
+        };
+        let spent_until_ns = self.spent_until_ns.max(now_ns) + takes_ns;
+        if now_ns + most_ns < spent_until_ns {
             return Err(DropReason::JoinRateExceeded);
         }
         self.spent_until_ns = spent_until_ns;
         Ok(())
     }
 }
+
+/// Without a join rate, time between requests that are forwarded: RFC 9031, § 6.1.
+const REQUEST_PERIOD_NS: u64 = 3 * NS_PER_S;
+/// Over how long a join rate is a mean: RFC 9031, § 7.2, ACK_TIMEOUT.
+const MEASURED_NS: u64 = 10 * NS_PER_S;

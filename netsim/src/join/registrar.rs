@@ -4,6 +4,7 @@ use super::{Config, Outgoing};
 use crate::lowpan::DropReason;
 use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
+use crate::wire::datagram::code_points;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::net::Ipv6Addr;
@@ -53,9 +54,19 @@ impl Registrar {
             return Err(DropReason::JoinDenied);
         }
         self.admitted.entry(pledge).or_insert(now_ns);
-        let message = CojpRepr::Response { message_id, pledge, proxy_state, key_index: KEY_INDEX };
-        let own = if is_on_link { self.own.link_local() } else { self.own.global() };
-        Ok(Outgoing { source: own, destination: source, message })
+        let message = CojpRepr::Response {
+            message_id,
+            pledge,
+            proxy_state,
+            key_index: KEY_INDEX,
+            join_rate_bytes_s: self.config.join_rate_bytes_s,
+        };
+        let (own, dscp) = if is_on_link {
+            (self.own.link_local(), 0)
+        } else {
+            (self.own.global(), code_points::AF42)
+        };
+        Ok(Outgoing { source: own, destination: source, dscp, message })
     }
 
     /// When a mote was first admitted (ns).

@@ -147,6 +147,7 @@ fn only_the_response_to_the_open_request_admits() {
         pledge,
         proxy_state,
         key_index: 1,
+        join_rate_bytes_s: None,
     };
     pledge.handle_response(&response(0, mote(5), None));
     assert!(!pledge.is_joined(), "nothing was asked");
@@ -210,9 +211,77 @@ fn a_proxy_outside_a_dodag_forwards_nothing() {
     assert_eq!(proxy.handle_request(link, &request, None, 0), Err(DropReason::NoRoute));
     let far = proxy.handle_request(mote(5).global(), &request, Some(root()), 0);
     assert_eq!(far, Err(DropReason::Malformed));
-    let none = Config { join_rate_bytes_s: 0, ..config };
-    let refused = Proxy::new(none, mote(1)).handle_request(link, &request, Some(root()), 0);
+    proxy.set_join_rate(Some(0));
+    let refused = proxy.handle_request(link, &request, Some(root()), 0);
     assert_eq!(refused, Err(DropReason::JoinRateExceeded));
+}
+
+#[test]
+fn rfc9031_6_1_a_proxy_without_a_join_rate_forwards_one_request_in_three_seconds() {
+    let config = Config::default();
+    let mut proxy = Proxy::new(config, mote(1));
+    let network_id = config.network_id;
+    let forwarded: Vec<u64> = (0..100)
+        .map(|n| n * NS_PER_S / 10)
+        .filter(|&now_ns| {
+            let pledge = mote(5 + now_ns as u32 % 7);
+            let request =
+                CojpRepr::Request { message_id: 1, pledge, proxy_state: None, network_id };
+            proxy.handle_request(pledge.link_local(), &request, Some(root()), now_ns).is_ok()
+        })
+        .collect();
+    assert_eq!(forwarded, [0, 3 * NS_PER_S, 6 * NS_PER_S, 9 * NS_PER_S]);
+}
+
+#[test]
+fn rfc9031_7_2_a_join_rate_is_a_mean_over_ten_seconds() {
+    let config = Config::default();
+    let network_id = config.network_id;
+    let request =
+        CojpRepr::Request { message_id: 1, pledge: mote(5), proxy_state: None, network_id };
+    for rate in [1, 20, 100] {
+        let mut proxy = Proxy::new(config, mote(1));
+        proxy.set_join_rate(Some(rate));
+        let mut bytes = Vec::new();
+        while let Ok(sent) = proxy.handle_request(mote(5).link_local(), &request, Some(root()), 0) {
+            bytes.push(sent.message.buffer_len());
+        }
+        // At least one, or none would ever go through.
+        let n = (10 * rate as usize / bytes[0]).max(1);
+        assert_eq!(bytes.len(), n);
+    }
+}
+
+#[test]
+fn rfc9031_8_4_2_who_is_admitted_hears_the_join_rate() {
+    for join_rate_bytes_s in [None, Some(40)] {
+        let config = Config { join_rate_bytes_s, ..Config::default() };
+        let mut pledge = Pledge::new(config, mote(5));
+        pledge.start(mote(0), 0, &mut dice(5));
+        let request = pledge.poll_transmit().unwrap();
+        let mut registrar = Registrar::new(config, mote(0), vec![]);
+        let answer = registrar.handle_request(request.source, &request.message, 0).unwrap();
+        pledge.handle_response(&answer.message);
+        assert!(pledge.is_joined());
+        assert_eq!(pledge.join_rate_bytes_s(), join_rate_bytes_s);
+    }
+}
+
+#[test]
+fn rfc9031_6_1_proxied_requests_are_af43_responses_to_proxies_af42_and_the_rest_best_effort() {
+    let config = Config::default();
+    let mut pledge = Pledge::new(config, mote(5));
+    pledge.start(mote(1), 0, &mut dice(5));
+    let asked = pledge.poll_transmit().unwrap();
+    let mut proxy = Proxy::new(config, mote(1));
+    let passed = proxy.handle_request(asked.source, &asked.message, Some(root()), 0).unwrap();
+    let mut registrar = Registrar::new(config, mote(0), vec![]);
+    let answer = registrar.handle_request(passed.source, &passed.message, 0).unwrap();
+    let handed = proxy.handle_response(&answer.message).unwrap();
+    let on_link = registrar.handle_request(asked.source, &asked.message, 0).unwrap();
+    let marks = [&asked, &passed, &answer, &handed, &on_link].map(|one| one.dscp);
+    // AF43 is 100110, AF42 100100 (RFC 2597, § 6).
+    assert_eq!(marks, [0, 0b10_0110, 0b10_0100, 0, 0]);
 }
 
 #[test]
@@ -254,8 +323,9 @@ proptest! {
         burst in 60u32..2000,
         pauses_ms in prop::collection::vec(0u64..3000, 1..200),
     ) {
-        let config = Config { join_rate_bytes_s: rate, join_burst_bytes: burst, ..Config::default() };
+        let config = Config { join_burst_bytes: Some(burst), ..Config::default() };
         let mut proxy = Proxy::new(config, mote(1));
+        proxy.set_join_rate(Some(rate));
         let network_id = config.network_id;
         let request =
             CojpRepr::Request { message_id: 1, pledge: mote(5), proxy_state: None, network_id };

@@ -68,6 +68,7 @@ mod tests {
             packet: 1,
             source: mote(source).global(),
             destination: mote(destination).global(),
+            dscp: 0,
             hop_limit: 64,
             rpi: None,
             route: (!hops.is_empty()).then_some(SourceRoute { root: mote(0).global(), hops }),

@@ -484,8 +484,9 @@ impl Tsch {
         if config.max_retries.is_some_and(|most| most < frame.n_attempts) {
             return Done::GivenUp(frame);
         }
+        let dscp = frame.frame.content.dscp();
         self.queue.put_back(frame);
-        Done::Retry { destination }
+        Done::Retry { destination, dscp }
     }
 
     /// When [`Tsch::handle_timeout`] wants to be called (ns).

@@ -12,11 +12,13 @@ pub enum PacketKind {
     Swarm,
     /// Ordered from outside.
     Ordered,
+    /// A request to be admitted, from the pledge to the registrar, or a response, on its way back.
+    Join,
 }
 
 impl PacketKind {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Application, Self::Swarm, Self::Ordered];
+    pub const ALL: [Self; 4] = [Self::Application, Self::Swarm, Self::Ordered, Self::Join];
 
     /// Its name in records.
     #[must_use]
@@ -25,6 +27,7 @@ impl PacketKind {
             Self::Application => "app",
             Self::Swarm => "swarm",
             Self::Ordered => "ordered",
+            Self::Join => "join",
         }
     }
 }
@@ -44,6 +47,8 @@ pub struct Packet {
     pub created_ns: u64,
     /// Its payload (bytes).
     pub bytes: u32,
+    /// Hops to the proxies that have passed it on.
+    pub hops_before: u32,
 }
 
 /// A packet that has come to an end.
@@ -71,7 +76,7 @@ pub struct Packets<R> {
     /// Arrivals of packets that had ended before: second copies, or packets that were taken for lost.
     n_late: u64,
     /// By kind.
-    n_created: [u64; 3],
+    n_created: [u64; 4],
 }
 
 impl<R> Default for Packets<R> {
@@ -84,7 +89,7 @@ impl<R> Default for Packets<R> {
             n_delivered: 0,
             n_lost: 0,
             n_late: 0,
-            n_created: [0; 3],
+            n_created: [0; 4],
         }
     }
 }
@@ -102,7 +107,7 @@ impl<R: Copy> Packets<R> {
         let id = self.next_id;
         self.next_id += 1;
         self.n_created[kind as usize] += 1;
-        let packet = Packet { id, kind, source, destination, created_ns, bytes };
+        let packet = Packet { id, kind, source, destination, created_ns, bytes, hops_before: 0 };
         self.on_their_way.insert(id, packet);
         id
     }
@@ -114,8 +119,17 @@ impl<R: Copy> Packets<R> {
             return None;
         };
         self.n_delivered += 1;
+        let hops = packet.hops_before + hops;
         self.ended.push(Ended { packet, ended_ns: now_ns, hops, lost: None });
         Some(packet)
+    }
+
+    /// A packet has come to a proxy over some hops, which passes it on to `destination`.
+    pub fn pass_on(&mut self, id: u64, destination: u32, hops: u32) {
+        if let Some(packet) = self.on_their_way.get_mut(&id) {
+            packet.destination = destination;
+            packet.hops_before += hops;
+        }
     }
 
     /// A packet is lost. One that has ended before stays as it ended.

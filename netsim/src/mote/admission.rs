@@ -3,6 +3,9 @@
 use super::down::HOP_LIMIT;
 use super::{Mote, World};
 use crate::join::{Event, Outgoing};
+use crate::lowpan::DropReason;
+use crate::mesh::packets::PacketKind;
+use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::{Datagram, UdpRepr};
 
@@ -12,12 +15,16 @@ impl Mote {
         let mut moved = false;
         while let Some(outgoing) = self.pledge.poll_transmit() {
             moved = true;
-            self.send_join(world, &outgoing);
+            let packet = self.begin_join(world, Eui64::of_ip(outgoing.destination), &outgoing);
+            self.send_join(world, &outgoing, packet);
         }
         while let Some(event) = self.pledge.poll_event() {
             moved = true;
             match event {
-                Event::Joined => self.admit(world),
+                Event::Joined => {
+                    self.proxy.set_join_rate(self.pledge.join_rate_bytes_s());
+                    self.admit(world);
+                }
                 Event::Failed if self.mac.is_synced() => self.desynchronise(world),
                 Event::Failed | Event::Left => {}
             }
@@ -25,11 +32,19 @@ impl Mote {
         moved
     }
 
-    fn send_join(&mut self, world: &mut World<'_>, outgoing: &Outgoing) {
+    /// A request or a response sets out.
+    fn begin_join(&self, world: &mut World<'_>, to: Eui64, outgoing: &Outgoing) -> u64 {
+        let Some(to) = world.addresses.mote(to) else { return 0 };
+        let bytes = outgoing.message.buffer_len() as u32;
+        world.packets.begin(PacketKind::Join, self.id, to, world.now_ns, bytes)
+    }
+
+    fn send_join(&mut self, world: &mut World<'_>, outgoing: &Outgoing, packet: u64) {
         let datagram = Datagram {
-            packet: 0,
+            packet,
             source: outgoing.source,
             destination: outgoing.destination,
+            dscp: outgoing.dscp,
             hop_limit: HOP_LIMIT,
             rpi: None,
             route: None,
@@ -38,36 +53,61 @@ impl Mote {
         self.send(world, datagram);
     }
 
-    /// A message of the join protocol has come: as registrar, as proxy, or as the pledge itself. What cannot be served is
-    /// ignored: the pledge will ask again.
+    /// A message of the join protocol has come: as registrar, as proxy, or as the pledge itself. What cannot be served ends
+    /// here: the pledge will ask again.
     pub(super) fn handle_join(
         &mut self,
         world: &mut World<'_>,
         datagram: &Datagram,
         udp: &UdpRepr,
     ) {
-        let Ok(message) = CojpRepr::parse(&udp.payload) else { return };
+        let Ok(message) = CojpRepr::parse(&udp.payload) else {
+            return self.lose(world, datagram.packet, DropReason::Malformed);
+        };
+        let hops = u32::from(HOP_LIMIT.saturating_sub(datagram.hop_limit)) + 1;
+        let hops = if datagram.source.is_unicast_link_local() { 1 } else { hops };
+        let now_ns = world.now_ns;
         let answer = match &message {
-            CojpRepr::Request { .. } => match &mut self.registrar {
+            CojpRepr::Request { pledge, .. } => match &mut self.registrar {
                 Some(registrar) => {
-                    registrar.handle_request(datagram.source, &message, world.now_ns).ok()
+                    let answer = registrar.handle_request(datagram.source, &message, now_ns);
+                    answer.map(|answer| {
+                        world.packets.deliver(datagram.packet, now_ns, hops);
+                        let packet = self.begin_join(world, *pledge, &answer);
+                        (answer, packet)
+                    })
                 }
                 None if self.joined => {
                     let root = self.rpl.dodag_id();
-                    self.proxy.handle_request(datagram.source, &message, root, world.now_ns).ok()
+                    let passed = self.proxy.handle_request(datagram.source, &message, root, now_ns);
+                    passed.map(|passed| {
+                        let root = world.addresses.mote(Eui64::of_ip(passed.destination));
+                        if let Some(root) = root {
+                            world.packets.pass_on(datagram.packet, root, hops);
+                        }
+                        (passed, datagram.packet)
+                    })
                 }
-                None => None,
+                None => Err(DropReason::NotJoined),
             },
             CojpRepr::Response { proxy_state: Some(_), .. } => {
-                self.proxy.handle_response(&message).ok()
+                self.proxy.handle_response(&message).map(|passed| {
+                    let to = world.addresses.mote(Eui64::of_ip(passed.destination));
+                    if let Some(to) = to {
+                        world.packets.pass_on(datagram.packet, to, hops);
+                    }
+                    (passed, datagram.packet)
+                })
             }
             CojpRepr::Response { proxy_state: None, .. } => {
+                world.packets.deliver(datagram.packet, now_ns, hops);
                 self.pledge.handle_response(&message);
-                None
+                return;
             }
         };
-        if let Some(answer) = answer {
-            self.send_join(world, &answer);
+        match answer {
+            Ok((answer, packet)) => self.send_join(world, &answer, packet),
+            Err(reason) => self.lose(world, datagram.packet, reason),
         }
     }
 }

@@ -125,6 +125,7 @@ impl Mote {
                     packet: 0,
                     source: if on_link { self.address.link_local() } else { self.address.global() },
                     destination,
+                    dscp: 0,
                     hop_limit: HOP_LIMIT,
                     rpi: if on_link { None } else { self.rpl.rpi(false) },
                     route: None,

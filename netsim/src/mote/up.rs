@@ -67,7 +67,8 @@ impl Mote {
         }
         if let Some(at) = &arrived.at {
             self.schedule.count_rx(at);
-            self.with_sf(world, |sf, cx| sf.handle_received(cx, at, from));
+            let dscp = frame.content.dscp();
+            self.with_sf(world, |sf, cx| sf.handle_received(cx, at, from, dscp));
             self.handle_announcement(world, at, frame);
         }
         if verdict.acknowledge && frame.pending {
@@ -228,12 +229,19 @@ impl Mote {
         if let Some(at) = &at {
             self.schedule.count_tx(at, acknowledged);
             let verdict = is_unicast.then_some(acknowledged);
-            self.with_sf(world, |sf, cx| sf.handle_transmitted(cx, at, verdict));
+            let dscp = match &done {
+                Done::Broadcast(None) => 0,
+                Done::Broadcast(Some(of)) | Done::Acknowledged(of) | Done::GivenUp(of) => {
+                    of.frame.content.dscp()
+                }
+                Done::Retry { dscp, .. } => *dscp,
+            };
+            self.with_sf(world, |sf, cx| sf.handle_transmitted(cx, at, verdict, dscp));
         }
         match done {
             Done::Broadcast(_) => {}
             Done::Acknowledged(frame) => self.sent(world, at, frame, true),
-            Done::Retry { destination } => self.count_link(world, at, destination, false),
+            Done::Retry { destination, .. } => self.count_link(world, at, destination, false),
             Done::GivenUp(frame) => self.sent(world, at, frame, false),
         }
         for frame in self.mac.take_outrun() {

@@ -23,6 +23,7 @@ use super::{Context, SchedulingFunction, Traffic};
 use crate::mac::{Cell, CellOptions, CellRef};
 use crate::sixtop::Event;
 use crate::wire::Eui64;
+use crate::wire::datagram::code_points;
 use crate::wire::sixp::{SixpCell, SixpRequest};
 use cells::Cells;
 pub use config::{ENTRY, MsfConfig};
@@ -113,6 +114,12 @@ impl Msf {
     #[must_use]
     pub fn is_quarantined(&self, neighbour: Eui64) -> bool {
         self.quarantined.contains_key(&neighbour)
+    }
+
+    /// NumCellsUsed, of the cells to the parent and of those from it (RFC 9033, § 5.1).
+    #[must_use]
+    pub fn cells_used(&self) -> [u64; 2] {
+        [self.tx.used(), self.rx.used()]
     }
 
     /// How often a cell could not be asked for because no slot was free.
@@ -322,24 +329,27 @@ impl SchedulingFunction for Msf {
         cx: &mut Context<'_>,
         at: &CellRef,
         acknowledged: Option<bool>,
+        dscp: u8,
     ) {
         let Some(neighbour) = at.cell.neighbour.filter(|_| at.handle == NEGOTIATED) else { return };
         if acknowledged == Some(true) {
             self.heard.insert(neighbour, cx.now_ns);
         }
         if self.parent == Some(neighbour) && at.cell.options == CellOptions::TX {
-            self.tx.count_used();
+            if calls_for_cells(dscp) {
+                self.tx.count_used();
+            }
             *self.n_sent.entry(cells::place(&at.cell)).or_default() += 1;
         }
     }
 
-    fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64) {
+    fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64, dscp: u8) {
         let is_negotiated = at.handle == NEGOTIATED && at.cell.neighbour == Some(from);
         if is_negotiated {
             self.heard.insert(from, cx.now_ns);
         }
         let is_autonomous = at.handle == AUTONOMOUS && self.receives_autonomously;
-        if self.parent == Some(from) && (is_negotiated || is_autonomous) {
+        if self.parent == Some(from) && (is_negotiated || is_autonomous) && calls_for_cells(dscp) {
             self.rx.count_used();
         }
     }
@@ -382,6 +392,12 @@ impl SchedulingFunction for Msf {
             Traffic::Unicast(_) => None,
         }
     }
+}
+
+/// Whether frames of a class are a reason for more cells. Requests of motes that are not admitted yet are none, or anyone
+/// could have a network exhaust itself (RFC 9031, § 6.1.1; RFC 9033, § 17, counts them and leaves limits to the proxies).
+fn calls_for_cells(dscp: u8) -> bool {
+    dscp != code_points::AF43
 }
 
 fn seconds(duration_s: u32) -> u64 {

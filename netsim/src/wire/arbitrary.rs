@@ -178,14 +178,16 @@ pub(crate) fn rpl() -> impl Strategy<Value = RplMessage> {
 }
 
 pub(crate) fn cojp() -> impl Strategy<Value = CojpRepr> {
-    (any::<(bool, bool)>(), any::<(u16, u16, u8)>(), eui64()).prop_map(
-        |((is_request, is_proxied), (message_id, network_id, key_index), pledge)| {
+    let rate = option::of((any::<u32>(), 0..32).prop_map(|(rate, shift)| rate >> shift));
+    (any::<(bool, bool)>(), any::<(u16, u16, u8)>(), eui64(), rate).prop_map(
+        |((is_request, is_proxied), (message_id, network_id, key_index), pledge, rate)| {
             let pledge = Eui64(pledge.0 & !(1 << 56));
             let proxy_state = is_proxied.then_some(pledge);
             if is_request {
                 CojpRepr::Request { message_id, pledge, proxy_state, network_id }
             } else {
-                CojpRepr::Response { message_id, pledge, proxy_state, key_index }
+                let join_rate_bytes_s = rate;
+                CojpRepr::Response { message_id, pledge, proxy_state, key_index, join_rate_bytes_s }
             }
         },
     )
@@ -223,8 +225,9 @@ pub(crate) fn datagram(payload: usize) -> impl Strategy<Value = (Datagram, Eui64
     let limit = prop_oneof![Just(1), Just(64), Just(255), any::<u8>()];
     let headers = (option::of(rpi()), option::of((vec(unicast(), 1..40), option::of(unicast()))));
     let hop = (eui64(), option::of(eui64()), any::<(bool, bool)>());
-    (ends, limit, headers, upper, hop).prop_map(
-        |((source, destination), hop_limit, (rpi, route), upper, hop)| {
+    let dscp = prop_oneof![Just(0_u8), 0_u8..64];
+    (ends, (limit, dscp), headers, upper, hop).prop_map(
+        |((source, destination), (hop_limit, dscp), (rpi, route), upper, hop)| {
             let (hop_source, hop_destination, derived) = hop;
             let source = if derived.0 { hop_source.global() } else { source };
             let destination = match hop_destination {
@@ -234,7 +237,8 @@ pub(crate) fn datagram(payload: usize) -> impl Strategy<Value = (Datagram, Eui64
             let route =
                 route.map(|(hops, root)| SourceRoute { root: root.unwrap_or(source), hops });
             let packet = 0;
-            let datagram = Datagram { packet, source, destination, hop_limit, rpi, route, upper };
+            let datagram =
+                Datagram { packet, source, destination, dscp, hop_limit, rpi, route, upper };
             (datagram, hop_source, hop_destination)
         },
     )

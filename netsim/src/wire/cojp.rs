@@ -34,6 +34,8 @@ pub enum CojpRepr {
         proxy_state: Option<Eui64>,
         /// Index of the link-layer key it shall use.
         key_index: u8,
+        /// Join traffic that it may forward as a proxy, in the mean (bytes per second), if the registrar says (§ 8.4.2).
+        join_rate_bytes_s: Option<u32>,
     },
 }
 

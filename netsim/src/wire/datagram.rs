@@ -29,6 +29,8 @@ pub struct Datagram {
     pub source: Ipv6Addr,
     /// Final destination.
     pub destination: Ipv6Addr,
+    /// Differentiated services code point (RFC 2474), 0 to 63; 0: best effort.
+    pub dscp: u8,
     /// Hops left.
     pub hop_limit: u8,
     /// RPL packet information, on datagrams within a DODAG (RFC 6550, § 11.2; RFC 6553).
@@ -37,6 +39,14 @@ pub struct Datagram {
     pub route: Option<SourceRoute>,
     /// What it carries.
     pub upper: Upper,
+}
+
+/// Code points that the join protocol uses (RFC 2597, § 6).
+pub mod code_points {
+    /// AF42: join responses (RFC 9031, § 6.1.2).
+    pub const AF42: u8 = 36;
+    /// AF43: requests that proxies forward (RFC 9031, § 6.1.1).
+    pub const AF43: u8 = 38;
 }
 
 /// RPL packet information.

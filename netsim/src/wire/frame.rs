@@ -44,6 +44,17 @@ pub enum Content {
     Lowpan(LowpanRepr),
 }
 
+impl Content {
+    /// Differentiated services code point of the datagram that it is or is a part of (RFC 2474); 0 where there is none.
+    #[must_use]
+    pub fn dscp(&self) -> u8 {
+        match self {
+            Self::Lowpan(part) => part.datagram().dscp,
+            Self::Beacon(_) | Self::KeepAlive | Self::Sixp(_) => 0,
+        }
+    }
+}
+
 /// What an enhanced beacon says in its information elements (RFC 8180, § 4.5; IEEE Std 802.15.4-2015, 7.4.4).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BeaconRepr {

@@ -62,21 +62,21 @@ const CASES: &[(usize, &str, u64, &str)] = &[
         12,
         "phy.propagation = \"full\"\nsf.kind = \"rrsf\"",
         600,
-        "230c5f92dbcff5f70173f939754409045cd77aeb03f08999e1f3da32ea7001f7",
+        "1c994e4c995e58f6a669016379e6ac0f1c84c9753629e3eb637eac434cba621d",
     ),
     (
         25,
         "phy = { propagation = \"unit-disk\", radius_m = 25.0 }\nsf.kind = \"msf\"\nswarm.transport = \"none\"\n\
          [[app]]\nperiod_s = 20",
         1200,
-        "c837b0f8de760e05bcc8212490130476e231185758b4d9f72be0f1aed6cfe07f",
+        "6ff63115b6e3bd45b78fab6fc2378d501a61a2226ea44e32b3e4c6cc35294e86",
     ),
     (
         25,
         "phy.propagation = \"experimental-randomness\"\nsf.kind = \"orchestra\"\nmac.pending_bit = true\n\
          swarm.transport = \"none\"\n[[app]]\nperiod_s = 20\npayload_bytes = 200",
         1200,
-        "213ec7158f71b00d44e0543f8151d4caa49e5cf38f2ea647f316242d9e865651",
+        "380d5ed117c11fe20582c6b7268450a4723d4a69c5527efb71811056c7e4ba23",
     ),
 ];
 

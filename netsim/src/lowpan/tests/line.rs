@@ -14,6 +14,7 @@ pub(super) fn datagram(from: u32, to: u32, packet: u64, payload: usize) -> Datag
         packet,
         source: mote(from).global(),
         destination: mote(to).global(),
+        dscp: 0,
         hop_limit: 64,
         rpi: None,
         route: None,

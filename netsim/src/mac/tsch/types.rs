@@ -147,6 +147,8 @@ pub enum Done {
     Retry {
         /// For whom.
         destination: Eui64,
+        /// Its class.
+        dscp: u8,
     },
     /// Not acknowledged, and sent often enough.
     GivenUp(Queued),

@@ -19,10 +19,17 @@ const TO_PROXY: &[u8] = b"\xd4\x0fcoap";
 const PAYLOAD: u8 = 0xff;
 /// A map of one entry: network identifier (5), two bytes.
 const NETWORK_IDENTIFIER: &[u8] = &[0xa1, 0x05, 0x42];
-/// A map of one entry: link-layer key set (2), an array of two, the first of them a number.
-const KEY_SET: &[u8] = &[0xa1, 0x02, 0x82];
-/// A number that takes a byte of its own.
+/// Maps of one entry, and of two.
+const ONE: u8 = 0xa1;
+const TWO: u8 = 0xa2;
+/// Link-layer key set (2), an array of two, the first of them a number.
+const KEY_SET: &[u8] = &[0x02, 0x82];
+/// Join rate (7), a number.
+const JOIN_RATE: u8 = 0x07;
+/// Numbers that take one byte of their own, two, or four.
 const NUMBER: u8 = 0x18;
+const NUMBER_2: u8 = 0x19;
+const NUMBER_4: u8 = 0x1a;
 /// Sixteen bytes. They are zeros: frames are not secured.
 const KEY: [u8; 17] = [0x50, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
 
@@ -71,6 +78,7 @@ impl CojpRepr {
             }
             CHANGED => {
                 expect(&mut reader, &[PAYLOAD], "no payload")?;
+                let entries = reader.u8()?;
                 expect(&mut reader, KEY_SET, "no key set")?;
                 let small = reader.u8()?;
                 let key_index = match small {
@@ -80,7 +88,15 @@ impl CojpRepr {
                 };
                 expect(&mut reader, &KEY[..1], "not a key of 16 bytes")?;
                 reader.take(16)?;
-                Self::Response { message_id, pledge, proxy_state, key_index }
+                let join_rate_bytes_s = match entries {
+                    ONE => None,
+                    TWO => {
+                        expect(&mut reader, &[JOIN_RATE], "no join rate")?;
+                        Some(parse_number(&mut reader)?)
+                    }
+                    _ => return Err(reader.malformed("neither one parameter nor two")),
+                };
+                Self::Response { message_id, pledge, proxy_state, key_index, join_rate_bytes_s }
             }
             _ => return Err(Malformed { what: "neither POST nor 2.04", at: 1 }),
         };
@@ -112,17 +128,47 @@ impl Put for CojpRepr {
                 sink.put(NETWORK_IDENTIFIER);
                 sink.put_u16(network_id);
             }
-            Self::Response { key_index, .. } => {
-                sink.put_u8(PAYLOAD);
+            Self::Response { key_index, join_rate_bytes_s, .. } => {
+                sink.put(&[PAYLOAD, if join_rate_bytes_s.is_some() { TWO } else { ONE }]);
                 sink.put(KEY_SET);
                 if key_index >= NUMBER {
                     sink.put_u8(NUMBER);
                 }
                 sink.put_u8(key_index);
                 sink.put(&KEY);
+                if let Some(rate) = join_rate_bytes_s {
+                    sink.put_u8(JOIN_RATE);
+                    put_number(rate, sink);
+                }
             }
         }
     }
+}
+
+/// A number in as few bytes as it takes (RFC 8949, § 4.2.1).
+fn put_number<S: Sink>(number: u32, sink: &mut S) {
+    match (u8::try_from(number), u16::try_from(number)) {
+        (Ok(small @ 0..NUMBER), _) => sink.put_u8(small),
+        (Ok(byte), _) => sink.put(&[NUMBER, byte]),
+        (Err(_), Ok(two)) => {
+            sink.put_u8(NUMBER_2);
+            sink.put_u16(two);
+        }
+        (Err(_), Err(_)) => {
+            sink.put_u8(NUMBER_4);
+            sink.put(&number.to_be_bytes());
+        }
+    }
+}
+
+fn parse_number(reader: &mut Reader<'_>) -> Result<u32, Malformed> {
+    Ok(match reader.u8()? {
+        small @ 0..NUMBER => small.into(),
+        NUMBER => reader.u8()?.into(),
+        NUMBER_2 => reader.u16()?.into(),
+        NUMBER_4 => u32::from(reader.u16()?) << 16 | u32::from(reader.u16()?),
+        _ => return Err(reader.malformed("not a number")),
+    })
 }
 
 fn expect(reader: &mut Reader<'_>, bytes: &[u8], what: &'static str) -> Result<(), Malformed> {

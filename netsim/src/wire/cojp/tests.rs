@@ -44,11 +44,40 @@ fn rfc8974_3_a_proxy_keeps_its_state_in_the_token_and_takes_the_scheme_off() {
 #[test]
 fn rfc9031_8_4_a_join_response_has_a_key_set_of_one() {
     let pledge = Eui64::of_mote(5);
-    let response =
-        |key_index| CojpRepr::Response { message_id: 7, pledge, proxy_state: None, key_index };
+    let response = |key_index| CojpRepr::Response {
+        message_id: 7,
+        pledge,
+        proxy_state: None,
+        key_index,
+        join_rate_bytes_s: None,
+    };
     let bytes = response(1).to_vec();
     assert_eq!(bytes[..12], [0x58, 0x44, 0, 7, 2, 0, 0, 0, 0, 0, 0, 5]);
     assert_eq!(bytes[12..18], [0xff, 0xa1, 0x02, 0x82, 0x01, 0x50]);
     assert_eq!(bytes.len(), 18 + 16);
     assert_eq!(response(200).buffer_len(), bytes.len() + 1);
+}
+
+#[test]
+fn rfc9031_8_4_2_a_join_response_may_tell_the_join_rate() {
+    let pledge = Eui64::of_mote(5);
+    for (rate, written) in [
+        (0, &[7, 0][..]),
+        (23, &[7, 23]),
+        (24, &[7, 0x18, 24]),
+        (256, &[7, 0x19, 1, 0]),
+        (65_536, &[7, 0x1a, 0, 1, 0, 0]),
+    ] {
+        let response = CojpRepr::Response {
+            message_id: 7,
+            pledge,
+            proxy_state: None,
+            key_index: 1,
+            join_rate_bytes_s: Some(rate),
+        };
+        let bytes = response.to_vec();
+        assert_eq!(bytes[12..14], [0xff, 0xa2]);
+        assert_eq!(bytes[34..], *written);
+        assert_eq!(CojpRepr::parse(&bytes), Ok(response));
+    }
 }

@@ -28,8 +28,11 @@ pub(super) const FORWARDING_ERROR: u8 = 0x04;
 pub(super) const NO_INSTANCE: u8 = 0x02;
 pub(super) const SHORT_RANK: u8 = 0x01;
 
-/// IPHC (RFC 6282, § 3.1.1): dispatch 011, traffic class and flow label left out; then its fields.
-pub(super) const IPHC: u8 = 0x78;
+/// IPHC (RFC 6282, § 3.1.1): dispatch 011; then its fields.
+pub(super) const IPHC: u8 = 0x60;
+/// Traffic class and flow label are left out, or the flow label only.
+pub(super) const NO_CLASS: u8 = 0x18;
+pub(super) const NO_LABEL: u8 = 0x10;
 pub(super) const NEXT_HEADER: u8 = 0x04;
 pub(super) const SOURCE_CONTEXT: u8 = 0x40;
 pub(super) const MULTICAST: u8 = 0x08;
@@ -206,7 +209,8 @@ fn put_iphc<S: Sink>(datagram: &Datagram, hop: Hop, sink: &mut S) {
         .iter()
         .find(|(limit, _)| *limit == datagram.hop_limit && matches!(hop, Hop::Between(..)))
         .map(|&(_, code)| code);
-    sink.put_u8(IPHC | if is_udp { NEXT_HEADER } else { 0 } | hop_limit.unwrap_or(0));
+    let class = if datagram.dscp == 0 { NO_CLASS } else { NO_LABEL };
+    sink.put_u8(IPHC | class | if is_udp { NEXT_HEADER } else { 0 } | hop_limit.unwrap_or(0));
 
     let source = datagram.source.octets();
     let destination = datagram.destination.octets();
@@ -238,6 +242,10 @@ fn put_iphc<S: Sink>(datagram: &Datagram, hop: Hop, sink: &mut S) {
 
 /// What stands between IPHC's flags and the addresses.
 fn put_between<S: Sink>(is_udp: bool, hop_limit: Option<u8>, datagram: &Datagram, sink: &mut S) {
+    if datagram.dscp != 0 {
+        // Explicit congestion notification, which comes first, is not used.
+        sink.put_u8(datagram.dscp);
+    }
     if !is_udp {
         sink.put_u8(ICMPV6);
     }

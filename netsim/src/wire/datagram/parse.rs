@@ -2,8 +2,8 @@
 
 use super::compressed::{
     CRITICAL, DESTINATION_CONTEXT, DOWN, ELECTIVE, FORWARDING_ERROR, HOP_LIMITS, IP_IN_IP, IPHC,
-    MULTICAST, NEXT_HEADER, NHC_UDP, NO_INSTANCE, PAGE_1, PORTS_4, PORTS_8, RANK_ERROR, RPI,
-    SHORT_RANK, SOURCE_CONTEXT, SRH_BYTES,
+    MULTICAST, NEXT_HEADER, NHC_UDP, NO_CLASS, NO_INSTANCE, NO_LABEL, PAGE_1, PORTS_4, PORTS_8,
+    RANK_ERROR, RPI, SHORT_RANK, SOURCE_CONTEXT, SRH_BYTES,
 };
 use super::upper::{ICMPV6, parse_rpl, parse_udp};
 use super::{Datagram, RpiRepr, SourceRoute};
@@ -50,6 +50,7 @@ impl Datagram {
             packet: 0,
             source: addresses.source,
             destination: addresses.destination,
+            dscp: addresses.dscp,
             hop_limit: routing.tunnel_hop_limit.unwrap_or(addresses.hop_limit),
             rpi: routing.rpi,
             route,
@@ -126,6 +127,7 @@ fn resolve(root: Ipv6Addr, headers: &mut [(usize, Reader<'_>)]) -> Result<Source
 
 struct Addresses {
     is_udp: bool,
+    dscp: u8,
     hop_limit: u8,
     source: Ipv6Addr,
     destination: Ipv6Addr,
@@ -137,8 +139,16 @@ fn parse_iphc(
 ) -> Result<Addresses, Malformed> {
     let first = reader.u8()?;
     let second = reader.u8()?;
-    if first & IPHC != IPHC || first & 0x80 != 0 || second & 0x80 != 0 {
-        return Err(reader.malformed("not IPHC with context 0 and without traffic class"));
+    if first & 0xe0 != IPHC || second & 0x80 != 0 {
+        return Err(reader.malformed("not IPHC with context 0"));
+    }
+    let dscp = match first & NO_CLASS {
+        NO_CLASS => 0,
+        NO_LABEL => reader.u8()?,
+        _ => return Err(reader.malformed("with a flow label")),
+    };
+    if 63 < dscp {
+        return Err(reader.malformed("with congestion notification"));
     }
     let is_udp = first & NEXT_HEADER != 0;
     if !is_udp && reader.u8()? != ICMPV6 {
@@ -158,7 +168,7 @@ fn parse_iphc(
         (true, false) => parse_multicast(reader, second & 3)?,
         (false, context) => parse_unicast(reader, context, second & 3, hop_destination)?,
     };
-    Ok(Addresses { is_udp, hop_limit, source, destination })
+    Ok(Addresses { is_udp, dscp, hop_limit, source, destination })
 }
 
 fn parse_unicast(

@@ -55,6 +55,7 @@ fn udp(source: u32, destination: u32) -> Datagram {
         packet: 0,
         source: mote(source),
         destination: mote(destination),
+        dscp: 0,
         hop_limit: 64,
         rpi: None,
         route: None,
@@ -94,6 +95,14 @@ fn rfc6282_3_1_what_the_frame_does_not_say_is_in_line() {
     assert_eq!(bytes[3..11], [0, 0, 0, 0, 0, 0, 0, 5]);
     assert_eq!(bytes[11..19], [0, 0, 0, 0, 0, 1, 0, 0]);
     assert_eq!(bytes[19], 0xf3);
+}
+
+#[test]
+fn rfc6282_3_1_1_a_code_point_takes_a_byte_and_best_effort_none() {
+    let plain = bytes(&udp(5, 0), 5, 0);
+    let marked = bytes(&Datagram { dscp: 38, ..udp(5, 0) }, 5, 0);
+    assert_eq!(marked[..3], [0x76, 0x77, 0b10_0110]);
+    assert_eq!(marked[3..], plain[2..]);
 }
 
 #[test]

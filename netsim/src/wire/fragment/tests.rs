@@ -53,6 +53,7 @@ fn udp(payload: usize) -> Datagram {
         packet: 0,
         source: Eui64::of_mote(0).global(),
         destination: Eui64::of_mote(3).global(),
+        dscp: 0,
         hop_limit: 64,
         rpi: None,
         route: None,

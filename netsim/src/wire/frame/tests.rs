@@ -117,6 +117,7 @@ fn ieee802154_7_4_1_what_is_announced_of_slots_ends_before_the_payload() {
         packet: 0,
         source: Eui64::of_mote(1).link_local(),
         destination: Eui64::of_mote(2).link_local(),
+        dscp: 0,
         hop_limit: 255,
         rpi: None,
         route: None,

@@ -76,7 +76,10 @@ pub(super) struct Bench {
     /// The first slot that has not been simulated.
     pub(super) asn: u64,
     pub(super) frames: Vec<OnAir>,
+    /// Packets but those of the join protocol.
     pub(super) ended: Vec<Ended>,
+    /// Its requests and responses.
+    pub(super) ended_joins: Vec<Ended>,
     /// All records of the capture.
     pub(super) capture: Vec<u8>,
     orders: Vec<MoteOrder>,
@@ -163,6 +166,7 @@ impl Bench {
             asn: 0,
             frames: Vec::new(),
             ended: Vec::new(),
+            ended_joins: Vec::new(),
             capture: Vec::new(),
             orders: Vec::new(),
         }
@@ -189,7 +193,9 @@ impl Bench {
         self.capture.extend_from_slice(&output.capture);
         let packets = output.packets.as_ref().expect("packets are kept");
         for i in 0..packets.len() {
-            self.ended.push(Ended {
+            let is_join = packets.kinds[packets.kind[i] as usize].name == "join";
+            let ended = if is_join { &mut self.ended_joins } else { &mut self.ended };
+            ended.push(Ended {
                 source: packets.source[i],
                 destination: packets.destination[i],
                 created_ns: packets.created_ns[i],

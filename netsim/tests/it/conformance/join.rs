@@ -70,3 +70,31 @@ fn j1_a_request_passes_a_proxy_that_has_joined_and_comes_back_to_the_pledge() {
         assert!(ways.contains(&way), "{way:?} in {ways:?}");
     }
 }
+
+#[test]
+fn requests_and_responses_are_packets_from_pledge_to_registrar_and_back() {
+    let mut bench = Bench::new(&line(3), &format!("{LINE}{EAGER}"));
+    bench.form();
+    let ways: Vec<(u32, u32, u32)> = (bench.ended_joins.iter())
+        .filter(|ended| ended.lost.is_none())
+        .map(|ended| (ended.source, ended.destination, ended.hops))
+        .collect();
+    for way in [(1, 0, 1), (0, 1, 1), (2, 0, 2), (0, 2, 2)] {
+        assert!(ways.contains(&way), "{way:?} in {ways:?}");
+    }
+}
+
+#[test]
+fn rfc9031_8_4_2_requests_beyond_the_join_rate_are_drops_with_that_reason() {
+    let mut bench = Bench::new(&line(3), &format!("{LINE}{EAGER}[join]\nrate_bytes_s = 0\n"));
+    let is_refused = |bench: &Bench| {
+        let mut ended = bench.ended_joins.iter().filter(|ended| ended.source == 2);
+        ended.any(|ended| ended.lost.as_deref() == Some("join_rate_exceeded"))
+    };
+    bench.run_until(101, 300_000, is_refused);
+    assert!(bench.mote(1).joined && !bench.mote(2).joined);
+    // The root is no proxy: it answers whom it hears.
+    let arrived =
+        |from| bench.ended_joins.iter().any(|ended| ended.source == from && ended.lost.is_none());
+    assert!(arrived(1) && !arrived(2));
+}

@@ -167,7 +167,7 @@ fn t9_a_frame_that_is_backed_off_stays_and_another_cell_of_the_slot_is_used() {
             let first = mac.poll_slot(&config, &schedule, 0).unwrap();
             assert_eq!(packet_of(&first.outgoing), 22);
             let done = mac.handle_done(&config, first, false, 0, 0);
-            assert_eq!(done, Done::Retry { destination: two });
+            assert_eq!(done, Done::Retry { destination: two, dscp: 0 });
             // The first window is 0 or 1 cells: whoever is silent now has drawn 1.
             if mac.clone().poll_slot(&config, &schedule, 10).is_some() {
                 continue;

@@ -3,6 +3,7 @@
 use super::bench::{
     Bench, EAGER, FULL, LINE, NO_KEEP_ALIVES, SLOT_NS, What, line, settings, trace,
 };
+use netsim::mac::tsch::Done;
 use netsim::mac::{CellOptions, CellRef};
 use netsim::mesh::packets::Packets;
 use netsim::mote::up::Arrived;
@@ -11,6 +12,8 @@ use netsim::sf::AnySf;
 use netsim::sf::msf::hash::autonomous_cell;
 use netsim::sf::msf::{AUTONOMOUS, NEGOTIATED, SFID};
 use netsim::wire::Eui64;
+use netsim::wire::datagram::{Datagram, UdpRepr, Upper, code_points};
+use netsim::wire::fragment::LowpanRepr;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr, SixpRequest};
 use proto::types::MoteOrder;
@@ -238,8 +241,13 @@ impl Lone<'_> {
         act(&mut self.mote, &mut world)
     }
 
-    /// The root sends it something. Returns whether it is acknowledged, and whether it goes up.
+    /// The root sends it something, in a cell that is none of its schedule's. Returns whether it is acknowledged, and whether
+    /// it goes up.
     fn hears(&mut self, content: Content) -> (bool, bool) {
+        self.hears_at(None, content)
+    }
+
+    fn hears_at(&mut self, at: Option<CellRef>, content: Content) -> (bool, bool) {
         self.sequence = self.sequence.wrapping_add(1);
         let frame = FrameRepr {
             source: Eui64::of_mote(0),
@@ -251,11 +259,52 @@ impl Lone<'_> {
             content,
         };
         self.does(|mote, world| {
-            let arrived = Arrived { frame: &frame, at: None, channel: 11, source_ns: 0 };
+            let arrived = Arrived { frame: &frame, at, channel: 11, source_ns: 0 };
             let verdict = mote.handle_frame(world, &arrived);
             mote.pump(world);
             (verdict.acknowledge, verdict.deliver)
         })
+    }
+}
+
+#[test]
+fn rfc9031_6_1_1_requests_that_proxies_forward_do_not_count_as_use_of_cells() {
+    let config = format!("{FULL}{EAGER}{NO_KEEP_ALIVES}{MSF}");
+    let mut bench = Bench::new(&line(2), &config);
+    bench.form();
+    let cell = |handle, options| {
+        let of = bench.cells(1, handle).into_iter().find(|at| at.cell.options == options);
+        of.expect("a cell to the root, and the mote's own")
+    };
+    let to_root = cell(NEGOTIATED, CellOptions::TX);
+    let own = cell(AUTONOMOUS, CellOptions::RX);
+    let mote = bench.mote(1).clone();
+    let mut lone = Lone { bench: &bench, config: &config, mote, asn: bench.asn, sequence: 100 };
+    let used = |lone: &Lone<'_>| {
+        let AnySf::Msf(msf) = &lone.mote.sf else { panic!("{:?}", lone.mote.sf) };
+        msf.cells_used()
+    };
+    let [tx, rx] = used(&lone);
+    for (dscp, n) in [(code_points::AF43, 0), (code_points::AF42, 1), (0, 2)] {
+        let upper = UdpRepr { source_port: 1, destination_port: 2, payload: vec![0; 8].into() };
+        let datagram = Datagram {
+            packet: 0,
+            source: Eui64::of_mote(0).link_local(),
+            destination: Eui64::of_mote(1).link_local(),
+            dscp,
+            hop_limit: 64,
+            rpi: None,
+            route: None,
+            upper: Upper::Udp(upper),
+        };
+        let content = Content::Lowpan(LowpanRepr::Whole(datagram.into()));
+        assert_eq!(content.dscp(), dscp);
+        assert_eq!(lone.hears_at(Some(own), content), (true, true));
+        lone.does(|mote, world| {
+            let done = Done::Retry { destination: Eui64::of_mote(0), dscp };
+            mote.handle_done(world, Some(to_root), done, false);
+        });
+        assert_eq!(used(&lone), [tx + n, rx + n], "{dscp}");
     }
 }
 

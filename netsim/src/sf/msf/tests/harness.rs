@@ -317,7 +317,7 @@ impl Network {
         let this = &mut self.motes[mote];
         this.queue[place].n_attempts += 1;
         this.schedule.count_tx(at, acknowledged);
-        this.tell(asn, now_ns, |msf, cx| msf.handle_transmitted(cx, at, Some(acknowledged)));
+        this.tell(asn, now_ns, |msf, cx| msf.handle_transmitted(cx, at, Some(acknowledged), 0));
         if at.cell.options.shared && !acknowledged {
             this.backoff = this.dice.below(8);
         }
@@ -328,7 +328,7 @@ impl Network {
             let other = &mut self.motes[receiver];
             if let Some(heard) = other.schedule.listens(asn) {
                 other.schedule.count_rx(&heard);
-                other.tell(asn, now_ns, |msf, cx| msf.handle_received(cx, &heard, from));
+                other.tell(asn, now_ns, |msf, cx| msf.handle_received(cx, &heard, from, 0));
             }
             if let Some(message) = &message
                 && self.mute != Some(receiver)
