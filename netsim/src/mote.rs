@@ -297,9 +297,7 @@ impl Mote {
     /// No longer synchronised: forgets all that the network was. `frames` had waited to be sent.
     fn leave(&mut self, world: &mut World<'_>, frames: Vec<Queued>, reason: DropReason) {
         for frame in frames {
-            if !frame.has_arrived {
-                self.lose(world, frame.packet, reason);
-            }
+            self.lose_frame(world, &frame, reason);
         }
         for (packet, reason) in self.lowpan.clear(reason) {
             self.lose(world, packet, reason);

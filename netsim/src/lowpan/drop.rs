@@ -54,11 +54,13 @@ pub enum DropReason {
     /// A sequence number has 8 bits and comes back: the next hop took it for an earlier frame that was sent again, or would
     /// take it, sent again after so many newer ones, for another (IEEE Std 802.15.4-2015, 6.7.2).
     SequenceReused,
+    /// The layer that wanted it sent does so no more: its 6P transaction has ended.
+    Withdrawn,
 }
 
 impl DropReason {
     /// All reasons, in the order of their [`DropReason::index`].
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; Self::N] = [
         Self::NoRoute,
         Self::TxqueueFull,
         Self::NoTxCells,
@@ -83,7 +85,10 @@ impl DropReason {
         Self::Duplicate,
         Self::Malformed,
         Self::SequenceReused,
+        Self::Withdrawn,
     ];
+    /// How many there are.
+    pub const N: usize = 25;
 
     /// Its name in records.
     #[must_use]
@@ -113,6 +118,7 @@ impl DropReason {
             Self::Duplicate => "duplicate",
             Self::Malformed => "malformed",
             Self::SequenceReused => "sequence_reused",
+            Self::Withdrawn => "withdrawn",
         }
     }
 

@@ -173,30 +173,37 @@ impl Mesh {
         let used = |name: &str, unit: &str, of: &dyn Fn(&energy::Usage) -> f64| {
             all(name, unit, usages.iter().map(of).collect())
         };
-        MoteStatistics {
-            columns: vec![
-                count("is_root", "", &|mote| u64::from(mote.is_root)),
-                all("battery_mah", "mAh", vec![self.settings.battery_mah; motes.len()]),
-                used("charge_uc", "uC", &|usage| usage.charge_uc(model, slot_ns)),
-                count("up_ns", "ns", &|mote| mote.tally.slots_on(asn) * slot_ns),
-                used("radio_on_ns", "ns", &|usage| usage.radio_on_ns(slot_ns, ACK_BYTES) as f64),
-                count("tx_frames", "frames", &|mote| mote.tally.n_tx),
-                count("rx_frames", "frames", &|mote| mote.tally.n_rx),
-                count("tx_unicast", "frames", &|mote| mote.tally.n_tx_unicast),
-                count("tx_acked", "frames", &|mote| mote.tally.n_tx_acked),
-                count("retransmissions", "frames", &|mote| mote.tally.n_retransmissions),
-                count("queue_drops", "frames", &|mote| mote.tally.n_queue_drops),
-                count("payloads_superseded", "payloads", &|mote| mote.tally.n_superseded),
-                count("parent_changes", "", &|mote| mote.tally.n_parent_changes),
-                count("packets_created", "packets", &|mote| mote.tally.n_created),
-                count("desynchronisations", "", &|mote| mote.tally.n_desynchronised),
-                used("idle_listen_slots", "slots", &|usage| usage.idle_listen as f64),
-                used("scan_slots", "slots", &|usage| usage.scan as f64),
-                first("first_synced_ns", &|mote| mote.tally.first_synced_ns),
-                first("first_joined_ns", &|mote| mote.tally.first_joined_ns),
-                first("first_ready_ns", &|mote| mote.tally.first_ready_ns),
-            ],
-        }
+        let mut columns = vec![
+            count("is_root", "", &|mote| u64::from(mote.is_root)),
+            all("battery_mah", "mAh", vec![self.settings.battery_mah; motes.len()]),
+            used("charge_uc", "uC", &|usage| usage.charge_uc(model, slot_ns)),
+            count("up_ns", "ns", &|mote| mote.tally.slots_on(asn) * slot_ns),
+            used("radio_on_ns", "ns", &|usage| usage.radio_on_ns(slot_ns, ACK_BYTES) as f64),
+            count("tx_frames", "frames", &|mote| mote.tally.n_tx),
+            count("rx_frames", "frames", &|mote| mote.tally.n_rx),
+            count("tx_unicast", "frames", &|mote| mote.tally.n_tx_unicast),
+            count("tx_acked", "frames", &|mote| mote.tally.n_tx_acked),
+            count("retransmissions", "frames", &|mote| mote.tally.n_retransmissions),
+            count("queue_drops", "frames", &|mote| mote.tally.n_queue_drops),
+            count("payloads_superseded", "payloads", &|mote| mote.tally.n_superseded),
+            count("parent_changes", "", &|mote| mote.tally.n_parent_changes),
+            count("packets_created", "packets", &|mote| mote.tally.n_created),
+            count("desynchronisations", "", &|mote| mote.tally.n_desynchronised),
+            used("idle_listen_slots", "slots", &|usage| usage.idle_listen as f64),
+            used("scan_slots", "slots", &|usage| usage.scan as f64),
+            first("first_synced_ns", &|mote| mote.tally.first_synced_ns),
+            first("first_joined_ns", &|mote| mote.tally.first_joined_ns),
+            first("first_ready_ns", &|mote| mote.tally.first_ready_ns),
+        ];
+        // Payloads that are superseded have a column of their own.
+        let reasons = DropReason::ALL
+            .into_iter()
+            .filter(|&reason| reason.is_loss() && reason != DropReason::Superseded);
+        columns.extend(reasons.map(|reason| {
+            let name = format!("drops_{}", reason.name());
+            count(&name, "", &|mote| mote.tally.dropped(reason))
+        }));
+        MoteStatistics { columns }
     }
 
     fn schedule(&self) -> Schedule {

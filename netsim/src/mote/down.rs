@@ -200,8 +200,10 @@ impl Mote {
     /// Puts a frame into the queue. Returns whether it found a place.
     pub(super) fn enqueue(&mut self, world: &mut World<'_>, wanted: Wanted) -> bool {
         let Wanted { destination, content, priority, slotframe, is_latest_only, packet } = wanted;
+        self.tally.frames.n_given += 1;
         if !self.mac.is_synced() {
-            self.lose(world, packet, DropReason::Desynchronised);
+            self.tally.drop_frame(DropReason::Desynchronised, false);
+            world.packets.lose(packet, world.now_ns, DropReason::Desynchronised);
             return false;
         }
         let traffic = destination.map_or(Traffic::Broadcast, Traffic::Unicast);
@@ -253,9 +255,7 @@ impl Mote {
 
     /// A frame that will not be sent any more.
     pub(super) fn discard(&mut self, world: &mut World<'_>, frame: Queued, reason: DropReason) {
-        if !frame.has_arrived {
-            self.lose(world, frame.packet, reason);
-        }
+        self.lose_frame(world, &frame, reason);
         if let (Content::Sixp(message), Some(to)) = (&frame.frame.content, frame.destination()) {
             self.sixtop.handle_sent(to, message, false, world.now_ns);
         }
@@ -271,8 +271,17 @@ impl Mote {
         }
     }
 
-    /// A packet ends here.
-    pub(super) fn lose(&self, world: &mut World<'_>, packet: u64, reason: DropReason) {
+    /// A frame ends without an acknowledgment. If it has arrived all the same, nothing is lost.
+    pub(super) fn lose_frame(&mut self, world: &mut World<'_>, frame: &Queued, reason: DropReason) {
+        self.tally.drop_frame(reason, frame.has_arrived);
+        if !frame.has_arrived {
+            world.packets.lose(frame.packet, world.now_ns, reason);
+        }
+    }
+
+    /// A datagram, or a part of one, ends here, and its packet with it.
+    pub(super) fn lose(&mut self, world: &mut World<'_>, packet: u64, reason: DropReason) {
+        self.tally.datagrams_dropped[reason.index()] += 1;
         world.packets.lose(packet, world.now_ns, reason);
     }
 }

@@ -45,6 +45,9 @@ impl Mote {
                     frame.destination() == Some(peer)
                         && matches!(frame.frame.content, Content::Sixp(_))
                 });
+                for frame in &purged {
+                    self.lose_frame(world, frame, DropReason::Withdrawn);
+                }
                 if !purged.is_empty() {
                     self.left_queue(world, peer);
                 }

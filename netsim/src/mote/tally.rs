@@ -1,6 +1,7 @@
 //! What is counted of a mote, from the beginning of the experiment.
 
 use crate::energy::Usage;
+use crate::lowpan::DropReason;
 use serde::{Deserialize, Serialize};
 
 /// Counters of a mote.
@@ -43,9 +44,51 @@ pub struct Tally {
     pub scans_since_asn: Option<u64>,
     /// Slots that the schedule gave to listening in which it sent or received instead.
     pub n_listening_used: u64,
+    /// What became of the frames that layers gave to the MAC, whatever they carry.
+    pub frames: Frames,
+    /// Datagrams and parts of them that ended here before they were frames, by reason.
+    pub datagrams_dropped: [u64; DropReason::N],
+}
+
+/// What became of the frames that layers gave to the MAC: all that it does not hold have ended in one of these ways.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Frames {
+    /// Frames given to it; one that takes the place of another counts once. Beacons are none: the MAC makes them itself.
+    pub n_given: u64,
+    /// Sent: acknowledged, or for everyone.
+    pub n_sent: u64,
+    /// Ended without an acknowledgment, by reason.
+    pub dropped: [u64; DropReason::N],
+    /// Those of the dropped that had arrived all the same: their acknowledgments had not.
+    pub n_arrived: u64,
+}
+
+impl Frames {
+    /// How many ended without an acknowledgment.
+    #[must_use]
+    pub fn n_dropped(&self) -> u64 {
+        self.dropped.iter().sum()
+    }
 }
 
 impl Tally {
+    /// A frame ended without an acknowledgment. One in whose place comes a newer one for the same purpose does not end: the
+    /// two are one.
+    pub(super) fn drop_frame(&mut self, reason: DropReason, has_arrived: bool) {
+        if reason == DropReason::Superseded {
+            self.frames.n_given -= 1;
+            return;
+        }
+        self.frames.dropped[reason.index()] += 1;
+        self.frames.n_arrived += u64::from(has_arrived);
+    }
+
+    /// What ended at this mote for a reason: frames, and datagrams before they were any.
+    #[must_use]
+    pub fn dropped(&self, reason: DropReason) -> u64 {
+        self.frames.dropped[reason.index()] + self.datagrams_dropped[reason.index()]
+    }
+
     /// Is switched on in this slot.
     pub fn switch_on(&mut self, asn: u64) {
         self.on_since_asn = Some(asn);

@@ -239,7 +239,7 @@ impl Mote {
             self.with_sf(world, |sf, cx| sf.handle_transmitted(cx, at, verdict, dscp));
         }
         match done {
-            Done::Broadcast(_) => {}
+            Done::Broadcast(of) => self.tally.frames.n_sent += u64::from(of.is_some()),
             Done::Acknowledged(frame) => self.sent(world, at, frame, true),
             Done::Retry { destination, .. } => self.count_link(world, at, destination, false),
             Done::GivenUp(frame) => self.sent(world, at, frame, false),
@@ -275,10 +275,14 @@ impl Mote {
         if let Content::Sixp(message) = &frame.frame.content {
             self.sixtop.handle_sent(neighbour, message, acknowledged, world.now_ns);
         }
-        if !frame.has_arrived {
-            let reason =
-                if acknowledged { DropReason::SequenceReused } else { DropReason::MaxRetries };
-            self.lose(world, frame.packet, reason);
+        match (acknowledged, frame.has_arrived) {
+            (false, _) => self.lose_frame(world, &frame, DropReason::MaxRetries),
+            // Taken for another: it was acknowledged, and what it carried is gone.
+            (true, false) => {
+                self.tally.frames.n_sent += 1;
+                world.packets.lose(frame.packet, world.now_ns, DropReason::SequenceReused);
+            }
+            (true, true) => self.tally.frames.n_sent += 1,
         }
         self.left_queue(world, neighbour);
     }

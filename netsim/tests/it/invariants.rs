@@ -41,6 +41,7 @@ impl Watch {
         self.deliveries(mesh, &output.deliveries, what);
         for (place, mote) in mesh.state().motes.iter().enumerate() {
             slots_are_accounted_for(mote, mesh.state().asn, what);
+            frames_are_accounted_for(mote, what);
             who_is_off_holds_nothing(mote, mesh.state().place.is_alive(place), what);
         }
         self.clocks(mesh, output.time_ns, what);
@@ -151,6 +152,15 @@ fn slots_are_accounted_for(mote: &Mote, asn: u64, what: &dyn Fn() -> String) {
     let usage = mote.tally.usage_until(asn, n_listening);
     let on = mote.tally.slots_on(asn);
     assert_eq!(usage.slots(), on, "mote {}: {usage:?}: {}", mote.id, what());
+}
+
+/// At the link: given to the MAC = sent + dropped, by reason + waiting; whatever frames carry.
+fn frames_are_accounted_for(mote: &Mote, what: &dyn Fn() -> String) {
+    let frames = &mote.tally.frames;
+    let waiting = mote.mac.queue().iter().count() as u64;
+    let ended = frames.n_sent + frames.n_dropped();
+    assert_eq!(frames.n_given, ended + waiting, "{frames:?}, mote {}: {}", mote.id, what());
+    assert!(frames.n_arrived <= frames.n_dropped(), "{}", what());
 }
 
 fn who_is_off_holds_nothing(mote: &Mote, is_alive: bool, what: &dyn Fn() -> String) {

@@ -62,21 +62,21 @@ const CASES: &[(usize, &str, u64, &str)] = &[
         12,
         "phy.propagation = \"full\"\nsf.kind = \"rrsf\"",
         600,
-        "1c994e4c995e58f6a669016379e6ac0f1c84c9753629e3eb637eac434cba621d",
+        "f1404cb2b4544e73b1c0210e0502e937debec2221a5572dde4ad90e639a6fe0c",
     ),
     (
         25,
         "phy = { propagation = \"unit-disk\", radius_m = 25.0 }\nsf.kind = \"msf\"\nswarm.transport = \"none\"\n\
          [[app]]\nperiod_s = 20",
         1200,
-        "6ff63115b6e3bd45b78fab6fc2378d501a61a2226ea44e32b3e4c6cc35294e86",
+        "b1efb216a751ddf19aa220f8b1120ca1b10991f105e5ef91350c3d6b263a31b9",
     ),
     (
         25,
         "phy.propagation = \"experimental-randomness\"\nsf.kind = \"orchestra\"\nmac.pending_bit = true\n\
          swarm.transport = \"none\"\n[[app]]\nperiod_s = 20\npayload_bytes = 200",
         1200,
-        "380d5ed117c11fe20582c6b7268450a4723d4a69c5527efb71811056c7e4ba23",
+        "90691cbc9a2df1f7a83328da0dab2cabcddd4cb2820a96f02e6d7994068f7620",
     ),
 ];
 

@@ -130,6 +130,7 @@ impl Kpis {
             "routing": self.routing(None, n),
             "since_start": self.since_start(n),
             "queue_drops": self.queue_drops(n),
+            "drops_by_reason": self.drops_by_reason(n),
             "energy": whole.as_ref().map(energy::Energy::summary),
             "energy_since_formation": since.flatten().as_ref().map(energy::Energy::summary),
             "motes": self.per_mote(n, whole.as_ref()),
@@ -216,6 +217,21 @@ impl Kpis {
         json!({ "txqueue_full": sum("queue_drops"), "superseded": sum("payloads_superseded") })
     }
 
+    /// What ended at all motes without arriving, by reason; reasons for which nothing did are left out.
+    fn drops_by_reason(&self, n: usize) -> Value {
+        let columns = self.statistics().map_or(&[][..], |statistics| &statistics.columns);
+        let sums = columns.iter().filter_map(|column| {
+            let reason = column.name.strip_prefix(DROPS)?;
+            Some((reason.to_owned(), self.known(&column.name, n, true).iter().sum::<f64>()))
+        });
+        let sums: Vec<(String, f64)> = sums.collect();
+        if sums.is_empty() {
+            return Value::Null;
+        }
+        let sums = sums.into_iter().filter(|(_, sum)| *sum != 0.0);
+        Value::Object(sums.map(|(reason, sum)| (reason, json!(sum))).collect())
+    }
+
     /// Columns, one entry per mote; a column that nobody has a value in is left out.
     fn per_mote(&self, n: usize, energy: Option<&energy::Energy>) -> Value {
         let mut columns = Map::new();
@@ -235,7 +251,14 @@ impl Kpis {
         add("delivered", &|mote| of_mote(mote).map(|packets| packets.delivered as f64));
         add("dropped", &|mote| of_mote(mote).map(|packets| packets.dropped as f64));
         add("delivery_ratio", &|mote| of_mote(mote)?.ratio());
+        for reason in self.account.reasons() {
+            let name = format!("dropped_{reason}");
+            add(&name, &|mote| of_mote(mote).map(|packets| packets.dropped_for(reason) as f64));
+        }
         add("mean_latency_s", &|mote| of_mote(mote)?.mean_latency_s());
+        for (name, level) in LATENCY_QUANTILES {
+            add(name, &|mote| of_mote(mote)?.latency_quantile_s(level));
+        }
         add("mean_hops", &|mote| of_mote(mote)?.mean_hops());
         add("parent_changes", &|mote| statistic("parent_changes", mote));
         add("queue_drops", &|mote| statistic("queue_drops", mote));
@@ -253,6 +276,16 @@ impl Kpis {
         Value::Object(columns)
     }
 }
+
+/// Columns of motes: the latencies of a mote's application packets.
+const LATENCY_QUANTILES: [(&str, f64); 4] = [
+    ("median_latency_s", 0.5),
+    ("p95_latency_s", 0.95),
+    ("p99_latency_s", 0.99),
+    ("max_latency_s", 1.0),
+];
+/// What names of statistics begin with that say what ended at a mote; the reason follows.
+const DROPS: &str = "drops_";
 
 fn formation(formation: &Formation) -> Value {
     let by_reason: Map<String, Value> =

@@ -4,7 +4,7 @@ use super::samples::{Samples, Timeline};
 use crate::record::DistanceBin;
 use proto::types::{EVERYONE, PacketKind, Packets, seconds};
 use serde_json::{Map, Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What became of all packets so far.
 #[derive(Clone, Debug, Default)]
@@ -32,11 +32,13 @@ struct Flow {
 }
 
 /// Application packets of a mote.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct MotePackets {
     pub(crate) delivered: u64,
     pub(crate) dropped: u64,
-    latency_ns: u128,
+    reasons: BTreeMap<String, u64>,
+    /// Seconds; one entry for each that was delivered.
+    latency_s: Samples,
     hops: u64,
 }
 
@@ -47,9 +49,19 @@ impl MotePackets {
         (ended != 0).then(|| self.delivered as f64 / ended as f64)
     }
 
+    /// Dropped for a reason.
+    pub(crate) fn dropped_for(&self, reason: &str) -> u64 {
+        self.reasons.get(reason).copied().unwrap_or_default()
+    }
+
     /// Mean latency of those delivered (s).
     pub(crate) fn mean_latency_s(&self) -> Option<f64> {
-        (self.delivered != 0).then(|| self.latency_ns as f64 / 1e9 / self.delivered as f64)
+        self.latency_s.mean()
+    }
+
+    /// A quantile of the latencies of those delivered (s).
+    pub(crate) fn latency_quantile_s(&self, level: f64) -> Option<f64> {
+        self.latency_s.quantile(level)
     }
 
     /// Mean number of hops of those delivered.
@@ -83,13 +95,14 @@ impl Account {
             match reason {
                 None => {
                     mote.delivered += 1;
-                    mote.latency_ns += u128::from(latency_ns);
+                    mote.latency_s.add(seconds(latency_ns));
                     mote.hops += u64::from(packets.hops[i]);
                     flow.latency_s.add(seconds(latency_ns));
                     flow.hops += u64::from(packets.hops[i]);
                 }
                 Some(reason) => {
                     mote.dropped += 1;
+                    count(&mut mote.reasons, reason);
                     flow.dropped += 1;
                     count(&mut flow.reasons, reason);
                 }
@@ -108,8 +121,13 @@ impl Account {
     }
 
     /// Application packets of a mote, if any ended.
-    pub(crate) fn of_mote(&self, mote: usize) -> Option<MotePackets> {
-        self.motes.get(&u32::try_from(mote).ok()?).copied()
+    pub(crate) fn of_mote(&self, mote: usize) -> Option<&MotePackets> {
+        self.motes.get(&u32::try_from(mote).ok()?)
+    }
+
+    /// Why application packets of any mote were dropped.
+    pub(crate) fn reasons(&self) -> BTreeSet<&str> {
+        self.motes.values().flat_map(|mote| mote.reasons.keys()).map(String::as_str).collect()
     }
 
     /// Latencies of all application packets delivered to one destination (s).

@@ -131,6 +131,17 @@ fn every_packet_is_delivered_dropped_or_on_its_way() {
     assert_eq!(summary["motes"]["delivered"], json!([null, 2.0, 1.0]));
     assert_near(&summary["motes"]["delivery_ratio"][2], 1.0 / 3.0);
     assert_near(&summary["motes"]["mean_latency_s"][1], 5.0);
+    // Of mote 1: 2 and 8 s.
+    for (key, expected) in [
+        ("median_latency_s", 5.0),
+        ("p95_latency_s", 7.7),
+        ("p99_latency_s", 7.94),
+        ("max_latency_s", 8.0),
+    ] {
+        assert_near(&summary["motes"][key][1], expected);
+    }
+    assert_eq!(summary["motes"]["dropped_queue_full"], json!([null, 0.0, 1.0]));
+    assert_eq!(summary["motes"]["dropped_max_retries"], json!([null, 0.0, 1.0]));
     assert_eq!(kpis.warnings(), Vec::<String>::new());
 }
 
@@ -315,4 +326,20 @@ fn what_queues_did_not_keep_is_told_by_reason() {
     assert_eq!(both, json!({ "txqueue_full": 3.0, "superseded": 12.0 }));
     let unknown = of(&[("is_root", [1.0, 0.0, 0.0])]);
     assert_eq!(unknown, json!({ "txqueue_full": null, "superseded": null }));
+}
+
+#[test]
+fn what_ended_at_motes_is_told_by_reason_and_nothing_is_told_of_reasons_that_did_not_occur() {
+    let of = |columns: &[(&str, [f64; N])]| {
+        let step = Step { statistics: Some(statistics(columns)), ..Step::default() };
+        run(&[step]).summary()["drops_by_reason"].clone()
+    };
+    let known = of(&[
+        ("drops_no_route", [0.0, 1.0, 2.0]),
+        ("drops_killed", [0.0; N]),
+        ("queue_drops", [4.0; N]),
+    ]);
+    assert_eq!(known, json!({ "no_route": 3.0 }));
+    assert_eq!(of(&[("drops_killed", [0.0; N])]), json!({}));
+    assert_eq!(of(&[("queue_drops", [4.0; N])]), Value::Null);
 }
