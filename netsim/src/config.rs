@@ -10,11 +10,12 @@ mod network;
 mod rpl;
 mod swarm;
 
+use crate::k7;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
 use crate::phy::interference::{self, Interference};
 use crate::phy::model::Model;
-use crate::phy::propagation::{self, BuildContext, Radio};
+use crate::phy::propagation::{self, BuildContext, Radio, trace};
 use crate::phy::{effect, reception};
 use bytes::Bytes;
 use proto::config::{
@@ -234,6 +235,18 @@ pub fn absent(config: &Node) -> Vec<u32> {
     let listed = table.get("absent").and_then(toml::Value::as_array);
     let numbers = listed.into_iter().flatten().filter_map(toml::Value::as_integer);
     numbers.filter_map(|mote| u32::try_from(mote).ok()).collect()
+}
+
+/// How long the trace lasts that `setup` replays (ns); `None`: it replays none, or one beyond whose end links are held.
+#[must_use]
+pub fn replay_ns(setup: &Setup) -> Option<u64> {
+    let table = check(&setup.config, "", &SPEC, &mut Vec::new()).table;
+    let phy = table.get("phy")?.as_table()?;
+    let text = |key: &str| phy.get(key).and_then(toml::Value::as_str);
+    if text(propagation::TAG.key) != Some("trace") || text("after_end") == Some(trace::REPLAY_ON) {
+        return None;
+    }
+    Some(k7::header(setup.files.get(text("file")?)?)?.duration_ns)
 }
 
 /// Orders that some network obeys.

@@ -10,7 +10,7 @@
 
 use serde::Deserialize;
 use std::collections::BTreeSet;
-use std::io::Read as _;
+use std::io::{BufRead as _, BufReader, Read as _};
 
 /// A trace.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,6 +67,20 @@ const LARGEST_BYTES: u64 = 1 << 30;
 const MOST_COMPLAINTS: usize = 8;
 
 const COLUMNS: &str = "datetime,src,dst,channel,mean_rssi,pdr,tx_count";
+
+/// What a K7 file, gzipped or plain, says about itself in its first line; `None` if that is none.
+#[must_use]
+pub fn header(content: &[u8]) -> Option<Header> {
+    let content = content.take(LARGEST_BYTES);
+    let mut line = String::new();
+    if content.get_ref().starts_with(&[0x1f, 0x8b]) {
+        let unpacked = flate2::read::MultiGzDecoder::new(content);
+        BufReader::new(unpacked.take(LARGEST_BYTES)).read_line(&mut line).ok()?;
+    } else {
+        BufReader::new(content).read_line(&mut line).ok()?;
+    }
+    Some(read_header(&line).ok()?.0)
+}
 
 /// Reads a K7 file, gzipped or plain.
 ///

@@ -16,8 +16,9 @@ pub use timeline::Timeline;
 use crate::record::{self, OutputConfig};
 use crate::sweep;
 use proto::config::{self, Choice, Default, Field, Kind, Node, Problem, Range, TableSpec, Value};
+use proto::side::Setup;
 use proto::site;
-use proto::types::{Coupling, Experiment, NS_PER_S};
+use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
 use sides::{Sides, missing_file};
 use std::path::{Path, PathBuf};
 
@@ -432,6 +433,7 @@ fn plan(
             (_, false) => Coupling::Sequential,
         },
     };
+    let duration_s = number("duration_s").filter(|_| duration_known);
     let mut sides =
         Sides { base, site: &site, experiment: &experiment, known: agents_known, problems };
     let robotsim = sides.read(
@@ -452,7 +454,13 @@ fn plan(
             config::check(node, path, &netsim::config::SPEC, problems);
         },
         netsim::config::files,
-        |setup| netsim::config::read(setup).map(|(_, effective, warnings)| (effective, warnings)),
+        |setup| {
+            let (_, effective, warnings) = netsim::config::read(setup)?;
+            match longer_than_the_trace(setup, duration_s) {
+                Some(problem) => Err(vec![problem]),
+                None => Ok((effective, warnings)),
+            }
+        },
     );
     sides::check_messages(&robotsim.0, &netsim.0, problems);
     if !problems.is_empty() {
@@ -494,6 +502,15 @@ fn plan(
         effective,
         experiment,
     })
+}
+
+/// What is wrong with a run that is sure to outlast the trace it replays: it lasts `duration_s`, and the network's formation
+/// besides.
+fn longer_than_the_trace(setup: &Setup, duration_s: Option<f64>) -> Option<Problem> {
+    let trace_s = seconds(netsim::config::replay_ns(setup)?);
+    let duration_s = duration_s.filter(|&duration_s| trace_s < duration_s)?;
+    let message = "must not be longer than the trace in netsim.phy.file, unless netsim.phy.after_end = \"hold\"";
+    Some(Problem::new("experiment.duration_s", message).value(duration_s).nearest(trace_s))
 }
 
 /// The slot of the network (ns), where its section says one; 10 ms otherwise (IEEE 802.15.4-2015 default timeslot).

@@ -138,6 +138,33 @@ fn files_that_are_missing() {
 }
 
 #[test]
+fn c7_a_run_that_is_sure_to_outlast_its_trace() {
+    let folder = tests::folder();
+    let path = |name: &str| folder.path().join(name);
+    let header = "{\"start_date\": \"2018-01-11T16:32:22.0\", \"stop_date\": \"2018-01-11T16:33:22.0\", \
+        \"channels\": [11], \"node_count\": 3}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n\
+        2018-01-11T16:32:22.0,0,1,11,-60,1.0,100\n";
+    std::fs::write(path("three.k7"), header).unwrap();
+    let run = |duration_s: f64, after_end: &str| {
+        let experiment = EXPERIMENT.replace("1.0", &format!("{duration_s:?}"));
+        let text = format!(
+            "{experiment}control_period = {{ rate_hz = 1.0 }}\n{SCENARIO}{CONTROLLER}[netsim]\nhopping_sequence = [11]\n\
+             [netsim.phy]\npropagation = \"trace\"\nfile = \"three.k7\"\n{after_end}"
+        );
+        std::fs::write(path("x.toml"), text).unwrap();
+        tests::orchestrator(&["check", "x.toml"], folder.path())
+    };
+    insta::assert_snapshot!(check(&run(61.0, ""), folder.path()));
+    for (duration_s, after_end, warns) in
+        [(60.0, "", true), (61.0, "after_end = \"hold\"\n", false)]
+    {
+        let output = run(duration_s, after_end);
+        assert_eq!(output.status.code(), Some(0), "{}", tests::said(&output));
+        assert_eq!(tests::said(&output).contains("lasts 60 s"), warns, "{}", tests::said(&output));
+    }
+}
+
+#[test]
 fn duplicate_agents_in_a_table_of_positions() {
     let folder = tests::folder();
     std::fs::write(folder.path().join("p.csv"), "agent,x_m,y_m\n0,0,0\n1,1,0\n1,2,0\n2,nan,0\n")

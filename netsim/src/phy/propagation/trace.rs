@@ -3,22 +3,39 @@
 use super::{BuildContext, Entry, Prediction, Propagation, Reach, Reception};
 use crate::k7::{self, K7};
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Problem, Variant};
+use proto::config::{Choice, Default, Field, Kind, Problem, Variant};
 
 /// `propagation = "trace"`.
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "trace",
         doc: "Replay of a K7 trace: per link, channel and time, reception and RSSI as measured.",
-        fields: &[Field {
-            key: "file",
-            doc: "A K7 file, gzipped or plain.",
-            kind: Kind::File,
-            default: Default::Required,
-        }],
+        fields: &[
+            Field {
+                key: "file",
+                doc: "A K7 file, gzipped or plain.",
+                kind: Kind::File,
+                default: Default::Required,
+            },
+            Field {
+                key: "after_end",
+                doc: "What links are like in a run that is longer than the trace.",
+                kind: Kind::Choice(&[
+                    Choice {
+                        name: "refuse",
+                        doc: "Nobody knows: where experiment.duration_s alone is longer, nothing is run.",
+                    },
+                    Choice { name: REPLAY_ON, doc: "Each stays as its last row says." },
+                ]),
+                default: Default::Text("refuse"),
+            },
+        ],
     },
     build,
 };
+
+/// The `after_end` with which a run may be longer than the trace.
+pub(crate) const REPLAY_ON: &str = "hold";
 
 /// What a link and channel without rows reads (dBm): the 6TiSCH simulator's mark for nothing.
 pub const NOTHING_DBM: f64 = -1000.0;
@@ -139,11 +156,13 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
         );
         context.problems.push(Problem::new(&key, message));
     }
-    let duration_s = proto::types::seconds(header.duration_ns);
-    context.warnings.push(format!(
-        "{file} lasts {duration_s} s, from time 0 on, formation included: in a longer run every link then stays as its last \
-         row says"
-    ));
+    if table.get("after_end").and_then(toml::Value::as_str) != Some(REPLAY_ON) {
+        let duration_s = proto::types::seconds(header.duration_ns);
+        context.warnings.push(format!(
+            "{file} lasts {duration_s} s, from time 0 on, formation included: in a longer run every link then stays as its \
+             last row says"
+        ));
+    }
     (context.problems.len() == before)
         .then(|| Box::new(Trace::new(&k7, context.slot_ns)) as Box<dyn Propagation>)
 }
