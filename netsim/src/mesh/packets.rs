@@ -22,7 +22,7 @@ impl PacketKind {
 
     /// Its name in records.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Application => "app",
             Self::Swarm => "swarm",

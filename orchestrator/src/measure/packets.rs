@@ -30,9 +30,12 @@ pub struct Packets {
     pub rejected: Vec<Rejected>,
     /// What was seen in the file, and what it does to an answer.
     pub warnings: Vec<String>,
-    /// Rows in the file.
+    /// Rows in the file, but for what a run's network sent by itself: [`OWN`].
     pub n_rows: usize,
 }
+
+/// The kind of packets that a network sends by itself, to come into being: no application's, and nothing that anybody measured.
+pub(crate) const OWN: &str = netsim::mesh::packets::PacketKind::Join.name();
 
 /// Columns of packets as people write them.
 const COLUMNS: [&str; 4] = ["time_s", "source", "destination", "received_s"];
@@ -86,7 +89,16 @@ pub fn read(table: &Table) -> Result<Packets, String> {
     let mut seen = BTreeSet::new();
     let mut packets = Vec::with_capacity(table.n_rows());
     let mut n_early = 0;
-    for row in 0..table.n_rows() {
+    // Text is written with quotation marks.
+    let is_own = |row: usize| {
+        let mut texts = table.strange[table.strange.partition_point(|(at, ..)| *at < row)..].iter();
+        is_of_run
+            && texts.by_ref().take_while(|(at, ..)| *at == row).any(|(_, column, text)| {
+                table.names()[*column] == "kind" && text.trim_matches('"') == OWN
+            })
+    };
+    let others: Vec<usize> = (0..table.n_rows()).filter(|&row| !is_own(row)).collect();
+    for &row in &others {
         let line = table.line(row);
         let (time_s, received_s) = if is_of_run {
             let arrived = at("delivered", row) != 0.0;
@@ -133,7 +145,7 @@ pub fn read(table: &Table) -> Result<Packets, String> {
         };
         rejections.add(why, line);
     }
-    if table.n_rows() < 2 * n_early {
+    if others.len() < 2 * n_early {
         return Err("most packets are received before they are sent: are time_s and received_s times of one clock, in s?"
             .to_owned());
     }
@@ -145,7 +157,7 @@ pub fn read(table: &Table) -> Result<Packets, String> {
     }
     packets.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then(a.source.cmp(&b.source)));
     let warnings = warnings(&packets);
-    Ok(Packets { packets, rejected: rejections.into_list(), warnings, n_rows: table.n_rows() })
+    Ok(Packets { packets, rejected: rejections.into_list(), warnings, n_rows: others.len() })
 }
 
 /// What to check before an answer is trusted.

@@ -3,7 +3,7 @@
 use super::kpis::Figures;
 use super::tracks::Tracks;
 use crate::config::{Plan, SideConfig, Start};
-use crate::measure::packets::Packet;
+use crate::measure::packets::{OWN, Packet};
 use bytes::Bytes;
 use netsim::sim::Network;
 use proto::config::{Node, Problem};
@@ -448,10 +448,11 @@ fn again(packet: &Packet) -> MoteCommand {
     MoteCommand { source: "measured".to_owned(), order }
 }
 
-/// Packets whose way has ended, those for everyone apart.
+/// Packets whose way has ended, those for everyone apart, and those of the network itself.
 fn ended(packets: &proto::types::Packets) -> impl Iterator<Item = Packet> + '_ {
-    let to_one = |&i: &usize| packets.destination[i] != u32::MAX;
-    (0..packets.len()).filter(to_one).map(|i| {
+    let is_own = |i: usize| packets.kinds[packets.kind[i] as usize].name == OWN;
+    let is_meant = move |&i: &usize| packets.destination[i] != u32::MAX && !is_own(i);
+    (0..packets.len()).filter(is_meant).map(|i| {
         let arrived = packets.outcome[i] == 0;
         let at_s = |ns: u64| ns as f64 * 1e-9;
         Packet {
