@@ -30,7 +30,7 @@ pub struct Packets {
     pub rejected: Vec<Rejected>,
     /// What was seen in the file, and what it does to an answer.
     pub warnings: Vec<String>,
-    /// Rows in the file, but for what a run's network sent by itself: [`OWN`].
+    /// Rows in the file, but for packets that a run's network sent by itself, to come into being.
     pub n_rows: usize,
 }
 
