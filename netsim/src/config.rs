@@ -237,16 +237,16 @@ pub fn absent(config: &Node) -> Vec<u32> {
     numbers.filter_map(|mote| u32::try_from(mote).ok()).collect()
 }
 
-/// How long the trace lasts that `setup` replays (ns); `None`: it replays none, or one beyond whose end links are held.
+/// How long the trace lasts that a network replays (ns), its checked section and files given; `None`: it replays none, or one
+/// beyond whose end links are held.
 #[must_use]
-pub fn replay_ns(setup: &Setup) -> Option<u64> {
-    let table = check(&setup.config, "", &SPEC, &mut Vec::new()).table;
+pub fn replay_ns(table: &toml::Table, files: &BTreeMap<String, Bytes>) -> Option<u64> {
     let phy = table.get("phy")?.as_table()?;
     let text = |key: &str| phy.get(key).and_then(toml::Value::as_str);
     if text(propagation::TAG.key) != Some("trace") || text("after_end") == Some(trace::REPLAY_ON) {
         return None;
     }
-    Some(k7::header(setup.files.get(text("file")?)?)?.duration_ns)
+    Some(k7::header(files.get(text("file")?)?)?.duration_ns)
 }
 
 /// Orders that some network obeys.

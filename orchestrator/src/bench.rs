@@ -462,8 +462,7 @@ impl Table {
             .cells
             .iter()
             .map(|cell| {
-                let figures = Figures::of(cell.agents);
-                let peers = figures.filter(|_| cell.robots == Robots::Jumping);
+                let (figures, peers) = (Figures::of(cell.agents), cell.peers());
                 json!({
                     "agents": cell.agents,
                     "model": cell.model.name(),
@@ -501,11 +500,17 @@ fn heading() -> String {
     )
 }
 
+impl Cell {
+    /// What the peers take, whose robots jump.
+    fn peers(&self) -> Option<&'static Figures> {
+        Figures::of(self.agents).filter(|_| self.robots == Robots::Jumping)
+    }
+}
+
 impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { agents, model, robots, mode, median_ms, p90_ms, .. } = self;
-        let figures = Figures::of(*agents);
-        let peers = figures.filter(|_| *robots == Robots::Jumping);
+        let (figures, peers) = (Figures::of(*agents), self.peers());
         let botnet_ms = peers.and_then(|figures| figures.botnet_ms(*model));
         write!(
             f,

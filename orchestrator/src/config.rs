@@ -16,7 +16,6 @@ pub use timeline::Timeline;
 use crate::record::{self, OutputConfig};
 use crate::sweep;
 use proto::config::{self, Choice, Default, Field, Kind, Node, Problem, Range, TableSpec, Value};
-use proto::side::Setup;
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
 use sides::{Sides, missing_file};
@@ -456,7 +455,8 @@ fn plan(
         netsim::config::files,
         |setup| {
             let (_, effective, warnings) = netsim::config::read(setup)?;
-            match longer_than_the_trace(setup, duration_s) {
+            let trace_ns = netsim::config::replay_ns(&effective, &setup.files);
+            match longer_than_the_trace(trace_ns, duration_s) {
                 Some(problem) => Err(vec![problem]),
                 None => Ok((effective, warnings)),
             }
@@ -504,10 +504,10 @@ fn plan(
     })
 }
 
-/// What is wrong with a run that is sure to outlast the trace it replays: it lasts `duration_s`, and the network's formation
+/// What is wrong with a run that is sure to outlast the trace it replays, which ends at `trace_ns`: it lasts `duration_s`, and the network's formation
 /// besides.
-fn longer_than_the_trace(setup: &Setup, duration_s: Option<f64>) -> Option<Problem> {
-    let trace_s = seconds(netsim::config::replay_ns(setup)?);
+fn longer_than_the_trace(trace_ns: Option<u64>, duration_s: Option<f64>) -> Option<Problem> {
+    let trace_s = seconds(trace_ns?);
     let duration_s = duration_s.filter(|&duration_s| trace_s < duration_s)?;
     let message = "must not be longer than the trace in netsim.phy.file, unless netsim.phy.after_end = \"hold\"";
     Some(Problem::new("experiment.duration_s", message).value(duration_s).nearest(trace_s))

@@ -191,8 +191,7 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
         }
         Err(failure) => {
             coupled.stop().await;
-            let never_formed = matches!(failure, Failure::NotFormed(_));
-            (Ending { never_formed, ..failed(&failure) }, Some(failure))
+            (ended_by(&failure), Some(failure))
         }
     };
     let interrupted = ending.status == Status::Interrupted;
@@ -211,6 +210,11 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
         }
         Some(Failure::Record(error)) => Err(RunError::Record { error, before_start: false }),
     }
+}
+
+/// How an experiment ends that is not driven to its end.
+fn ended_by(failure: &Failure) -> Ending {
+    Ending { never_formed: matches!(failure, Failure::NotFormed(_)), ..failed(failure) }
 }
 
 fn failed(error: &dyn std::error::Error) -> Ending {

@@ -76,7 +76,7 @@ pub struct Packets<R> {
     /// Arrivals of packets that had ended before: second copies, or packets that were taken for lost.
     n_late: u64,
     /// By kind.
-    n_created: [u64; 4],
+    n_created: [u64; PacketKind::ALL.len()],
 }
 
 impl<R> Default for Packets<R> {
@@ -89,7 +89,7 @@ impl<R> Default for Packets<R> {
             n_delivered: 0,
             n_lost: 0,
             n_late: 0,
-            n_created: [0; 4],
+            n_created: [0; PacketKind::ALL.len()],
         }
     }
 }

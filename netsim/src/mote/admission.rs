@@ -1,6 +1,6 @@
 //! The way into the network: what passes between the join protocol and the rest of a mote.
 
-use super::down::HOP_LIMIT;
+use super::down::{HOP_LIMIT, hops_of};
 use super::{Mote, World};
 use crate::join::{Event, Outgoing};
 use crate::lowpan::DropReason;
@@ -53,6 +53,14 @@ impl Mote {
         self.send(world, datagram);
     }
 
+    /// A message has come to this proxy, which passes it on.
+    fn pass_on(world: &mut World<'_>, packet: u64, passed: Outgoing, hops: u32) -> (Outgoing, u64) {
+        if let Some(to) = world.addresses.mote(Eui64::of_ip(passed.destination)) {
+            world.packets.pass_on(packet, to, hops);
+        }
+        (passed, packet)
+    }
+
     /// A message of the join protocol has come: as registrar, as proxy, or as the pledge itself. What cannot be served ends
     /// here: the pledge will ask again.
     pub(super) fn handle_join(
@@ -64,8 +72,7 @@ impl Mote {
         let Ok(message) = CojpRepr::parse(&udp.payload) else {
             return self.lose(world, datagram.packet, DropReason::Malformed);
         };
-        let hops = u32::from(HOP_LIMIT.saturating_sub(datagram.hop_limit)) + 1;
-        let hops = if datagram.source.is_unicast_link_local() { 1 } else { hops };
+        let hops = hops_of(datagram);
         let now_ns = world.now_ns;
         let answer = match &message {
             CojpRepr::Request { pledge, .. } => match &mut self.registrar {
@@ -80,24 +87,13 @@ impl Mote {
                 None if self.joined => {
                     let root = self.rpl.dodag_id();
                     let passed = self.proxy.handle_request(datagram.source, &message, root, now_ns);
-                    passed.map(|passed| {
-                        let root = world.addresses.mote(Eui64::of_ip(passed.destination));
-                        if let Some(root) = root {
-                            world.packets.pass_on(datagram.packet, root, hops);
-                        }
-                        (passed, datagram.packet)
-                    })
+                    passed.map(|passed| Self::pass_on(world, datagram.packet, passed, hops))
                 }
                 None => Err(DropReason::NotJoined),
             },
             CojpRepr::Response { proxy_state: Some(_), .. } => {
-                self.proxy.handle_response(&message).map(|passed| {
-                    let to = world.addresses.mote(Eui64::of_ip(passed.destination));
-                    if let Some(to) = to {
-                        world.packets.pass_on(datagram.packet, to, hops);
-                    }
-                    (passed, datagram.packet)
-                })
+                let passed = self.proxy.handle_response(&message);
+                passed.map(|passed| Self::pass_on(world, datagram.packet, passed, hops))
             }
             CojpRepr::Response { proxy_state: None, .. } => {
                 world.packets.deliver(datagram.packet, now_ns, hops);

@@ -21,6 +21,14 @@ use std::sync::Arc;
 /// Hops a datagram may take.
 pub const HOP_LIMIT: u8 = 64;
 
+/// Hops that a datagram has taken where it arrives.
+pub(super) fn hops_of(datagram: &Datagram) -> u32 {
+    if datagram.source.is_unicast_link_local() {
+        return 1;
+    }
+    u32::from(HOP_LIMIT.saturating_sub(datagram.hop_limit)) + 1
+}
+
 /// A frame that wants to be sent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Wanted {

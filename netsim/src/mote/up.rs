@@ -1,6 +1,6 @@
 //! From a received frame to the layer it is for.
 
-use super::down::{HOP_LIMIT, Wanted};
+use super::down::{Wanted, hops_of};
 use super::{Brought, Mote, World};
 use crate::join::ports;
 use crate::lowpan::{self, DropReason, Outcome, Step};
@@ -196,8 +196,7 @@ impl Mote {
     fn handle_udp(&mut self, world: &mut World<'_>, datagram: &Datagram, udp: &UdpRepr) {
         match udp.destination_port {
             APPLICATION_PORT | SWARM_PORT => {
-                let hops = u32::from(HOP_LIMIT.saturating_sub(datagram.hop_limit)) + 1;
-                let hops = if datagram.source.is_unicast_link_local() { 1 } else { hops };
+                let hops = hops_of(datagram);
                 let delivered = world.packets.deliver(datagram.packet, world.now_ns, hops);
                 if let Some(packet) = delivered
                     && udp.destination_port == SWARM_PORT

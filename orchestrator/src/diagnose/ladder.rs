@@ -53,9 +53,11 @@ pub struct Trial {
 impl Trial {
     /// As it is told once it was taken: where what it gains by its own measure did not decide, by what it gains on the common split.
     fn taken(self) -> Self {
-        if self.is_acceptable {
-            return self;
-        }
+        if self.is_acceptable { self } else { self.by_common() }
+    }
+
+    /// Accepted by what it gains on the common split.
+    fn by_common(self) -> Self {
         Self {
             gain: self.common,
             is_significant: true,
@@ -307,7 +309,7 @@ impl<'a, S: Study> Search<'a, S> {
                 LEAST_SHARE * share_scale(configured, rungs[rungs.len() - 1].scores.mean_square());
             self.weigh(&mut trials, &accepted, &removed, floor);
             if accepted.is_empty() && !trials.iter().any(|trial| trial.is_acceptable) {
-                beyond_doubt(&mut trials, candidates.iter().filter(|c| c.is_tried()).count());
+                beyond_doubt(&mut trials, self.n_tried());
             }
             let found = self
                 .choose(&trials, &accepted, &removed)
@@ -356,11 +358,16 @@ impl<'a, S: Study> Search<'a, S> {
         Ladder { accepted, rungs, trials, too_little, stopped }
     }
 
+    /// How many candidates chance is counted with.
+    fn n_tried(&self) -> usize {
+        self.study.candidates().iter().filter(|candidate| candidate.is_tried()).count()
+    }
+
     /// Decides which trials are beyond chance, and worth having: by gain, or by the share of the error that is removed, at least
     /// `floor`. What was removed once does not come back.
     fn weigh(&self, trials: &mut [Trial], accepted: &[usize], removed: &[usize], floor: f64) {
         let candidates = self.study.candidates();
-        holm(trials, candidates.iter().filter(|c| c.is_tried()).count());
+        holm(trials, self.n_tried());
         for trial in trials.iter_mut().filter(|trial| trial.gain.p_value < FAMILY_ERROR) {
             let level = candidates[trial.term].level;
             let now = Scores::of(&self.held_out(&with(accepted, trial.term), level));

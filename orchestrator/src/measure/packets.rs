@@ -90,14 +90,15 @@ pub fn read(table: &Table) -> Result<Packets, String> {
     let mut packets = Vec::with_capacity(table.n_rows());
     let mut n_early = 0;
     // Text is written with quotation marks.
-    let is_own = |row: usize| {
-        let mut texts = table.strange[table.strange.partition_point(|(at, ..)| *at < row)..].iter();
-        is_of_run
-            && texts.by_ref().take_while(|(at, ..)| *at == row).any(|(_, column, text)| {
-                table.names()[*column] == "kind" && text.trim_matches('"') == OWN
-            })
-    };
-    let others: Vec<usize> = (0..table.n_rows()).filter(|&row| !is_own(row)).collect();
+    let own: BTreeSet<usize> = table
+        .strange
+        .iter()
+        .filter(|(_, column, text)| {
+            is_of_run && table.names()[*column] == "kind" && text.trim_matches('"') == OWN
+        })
+        .map(|(row, ..)| *row)
+        .collect();
+    let others: Vec<usize> = (0..table.n_rows()).filter(|row| !own.contains(row)).collect();
     for &row in &others {
         let line = table.line(row);
         let (time_s, received_s) = if is_of_run {

@@ -3,7 +3,7 @@
 use super::drive::{Driver, Failure, Stopped};
 use super::interrupt::Interrupt;
 use super::start::{StartOptions, Started, Wanted, connect, ready};
-use super::{RunError, failed};
+use super::{RunError, ended_by};
 use crate::config::{Plan, Tls, Transport};
 use crate::coupling::Coupled;
 use crate::peer::{Network, Peer, Robots};
@@ -118,8 +118,7 @@ impl Sides {
         let (ending, not_formed) = match stopped {
             Ok(Stopped::Complete) => (Ending::complete(), None),
             Err(Failure::NotFormed(account)) => {
-                let failed = failed(&Failure::NotFormed(account.clone()));
-                (Ending { never_formed: true, ..failed }, Some(account))
+                (ended_by(&Failure::NotFormed(account.clone())), Some(account))
             }
             Ok(Stopped::Interrupted(signal)) => {
                 return Err(abandoned(coupled, RunError::Interrupted { signal }).await);

@@ -327,17 +327,7 @@ impl<S: Study> Search<'_, S> {
             let over = self.gain(&with(&rest, rival), accepted, COMMON);
             let is_likely = trial.gain.p_value < LIKELY && common.p_value < FAMILY_ERROR;
             debug!(rival, gain = over.gain, p = trial.gain.p_value, "one for many");
-            (is_likely && 0.0 <= over.gain).then(|| {
-                let sure = Trial {
-                    gain: common,
-                    common,
-                    is_significant: true,
-                    is_plausible: true,
-                    is_acceptable: true,
-                    ..trial
-                };
-                (olds, sure)
-            })
+            (is_likely && 0.0 <= over.gain).then(|| (olds, Trial { common, ..trial }.by_common()))
         })
     }
 }
