@@ -21,6 +21,8 @@ use serde::Serialize;
 pub const CURVE: &str = "curve:";
 /// … and of one of the share of frames that are lost.
 pub const LOSS_CURVE: &str = "loss-curve:";
+/// Of those of either kind with many knots.
+pub const FINE: &str = "fine-";
 /// The covariate of what is the same in every row.
 pub const CONSTANT: &str = "constant";
 
@@ -50,7 +52,13 @@ impl Candidate {
     /// The covariate of a curve.
     #[must_use]
     pub fn curve_over(&self) -> Option<&str> {
-        self.name.strip_prefix(CURVE).or_else(|| self.name.strip_prefix(LOSS_CURVE))
+        let name = self.coarse();
+        name.strip_prefix(CURVE).or_else(|| name.strip_prefix(LOSS_CURVE))
+    }
+
+    /// The name, of a curve with many knots that of the one with few.
+    fn coarse(&self) -> &str {
+        self.name.strip_prefix(FINE).unwrap_or(&self.name)
     }
 
     /// Whether it is tried: it can be tested, and does not only stand in for another.
@@ -62,7 +70,7 @@ impl Candidate {
     /// It is a curve of the share of frames that are lost, not of what is read.
     #[must_use]
     pub fn is_of_losses(&self) -> bool {
-        self.name.starts_with(LOSS_CURVE)
+        self.coarse().starts_with(LOSS_CURVE)
     }
 }
 

@@ -207,6 +207,43 @@ fn what_hardly_differs_from_something_simpler_is_named_first_at_medium_size() {
     }
 }
 
+/// A campaign with a number of dB added to every reading, which follows from the row's time (s) and channel.
+fn shifted(whole: Campaign, shift_db: impl Fn(f64, u32) -> f64) -> Campaign {
+    let mut lines = whole.csv.lines();
+    let head = lines.next().unwrap();
+    let column = |name| head.split(',').position(|one| one == name).unwrap();
+    let [time_s, channel, rssi_dbm] = ["time_s", "channel", "rssi_dbm"].map(column);
+    let mut csv = format!("{head}\n");
+    for line in lines {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if let Ok(reading) = cells[rssi_dbm].parse::<f64>() {
+            let shift_db =
+                shift_db(cells[time_s].parse().unwrap(), cells[channel].parse().unwrap());
+            cells[rssi_dbm] = format!("{:.0}", reading + shift_db);
+        }
+        csv += &(cells.join(",") + "\n");
+    }
+    Campaign { csv, ..whole }
+}
+
+/// What comes and goes eight times in two hours, and what every other channel has, at 0.4 of the noise: few knots and few bins show
+/// neither, and no effect of the catalogue does that.
+#[test]
+fn what_changes_often_over_time_or_channels_is_named_by_what_it_depends_on() {
+    let wave = shifted(campaign(&[], 0), |time_s, _| {
+        0.8 * std::f64::consts::SQRT_2 * (std::f64::consts::TAU * time_s / 900.0).sin()
+    });
+    let alternate =
+        shifted(campaign(&[], 0), |_, channel| if channel % 2 == 0 { 0.8 } else { -0.8 });
+    for (campaign, covariate) in [(wave, "time_s"), (alternate, "frequency_mhz")] {
+        let (found, _, json) = diagnosed(&campaign);
+        assert_eq!(json["verdict"], "unexplained-structure", "{covariate}: {found:?}");
+        assert_eq!(json["missing"].as_array().unwrap().len(), 0, "{covariate}: {found:?}");
+        assert_eq!(json["unexplained"].as_array().unwrap().len(), 1, "{covariate}: {json:#}");
+        assert_eq!(json["unexplained"][0]["covariate"], covariate);
+    }
+}
+
 /// Frames that are lost wherever they are sent, and however strong they are, are no matter of the covariate that happens to fit
 /// them best.
 #[test]

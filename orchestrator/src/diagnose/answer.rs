@@ -111,6 +111,9 @@ pub fn answer<S: Study>(
         let step = ladder.accepted.iter().position(|&other| other == term).unwrap_or_default();
         let (before, after) = (&ladder.rungs[step].scores, &ladder.rungs[step + 1].scores);
         let is_of_losses = candidates[term].is_of_losses();
+        // A curve over the same with other knots is not another cause.
+        let mut others = over(&trial.ties);
+        others.retain(|&other| other != covariate);
         let left = if is_of_losses {
             after.reception_log_loss / before.reception_log_loss
         } else {
@@ -123,7 +126,7 @@ pub fn answer<S: Study>(
             "p_value": number(trial.gain.p_value),
             "formula": formulas.get(name(term)).map(|(text, _)| text),
             "rmse_after": number(formulas.get(name(term)).map_or(after.rmse, |(_, rmse)| *rmse)),
-            "indistinguishable_from": over(&trial.ties),
+            "indistinguishable_from": others,
         }));
     }
     if let Some(left) = left {
@@ -189,8 +192,13 @@ pub fn answer<S: Study>(
             continue;
         }
         let gain = trial.map_or(Gain::NONE, |trial| trial.gain);
-        let ties: Vec<&str> =
-            trial.map_or_else(Vec::new, |trial| trial.ties.iter().map(|&t| name(t)).collect());
+        let is_other = |&&tie: &&usize| {
+            let [a, b] = [candidate, &candidates[tie]];
+            a.curve_over().is_none() || a.curve_over() != b.curve_over()
+        };
+        let ties: Vec<&str> = trial.map_or_else(Vec::new, |trial| {
+            trial.ties.iter().filter(is_other).map(|&tie| name(tie)).collect()
+        });
         let mut parameters = serde_json::Map::new();
         let mut entry = json!({
             "effect": candidate.name,

@@ -52,6 +52,23 @@ impl Blocks {
         Self { unit, of_row, fold_of_block, clusters: None, gaps: Vec::new(), scored: None }
     }
 
+    /// The same, but blocks that follow each other are never left out together: of every five each is in another fold, and the first of
+    /// five is not in that of the last before.
+    #[must_use]
+    pub fn in_turn(mut self) -> Self {
+        let mut last = None;
+        for (group, folds) in self.fold_of_block.chunks_mut(N_FOLDS).enumerate() {
+            let mut order: Vec<u8> = (0..N_FOLDS as u8).collect();
+            order.sort_by_key(|&fold| scramble((group * N_FOLDS) as u64 + u64::from(fold)));
+            if order.first() == last.as_ref() {
+                order.swap(0, 1);
+            }
+            folds.copy_from_slice(&order[..folds.len()]);
+            last = folds.last().copied();
+        }
+        self
+    }
+
     /// Number of blocks.
     #[must_use]
     pub fn n_blocks(&self) -> usize {
@@ -154,6 +171,16 @@ mod tests {
             }
         }
         assert!(out.iter().all(|&times| times == 1));
+    }
+
+    #[test]
+    fn blocks_that_follow_each_other_are_not_left_out_together() {
+        let keys: Vec<u64> = (0..600).map(|row| row / 10).collect();
+        let folds = Blocks::of_keys("blocks", &keys).in_turn().fold_of_block;
+        assert!(folds.windows(2).all(|pair| pair[0] != pair[1]), "{folds:?}");
+        for fold in 0..N_FOLDS as u8 {
+            assert_eq!(folds.iter().filter(|&&other| other == fold).count(), 12);
+        }
     }
 
     #[test]

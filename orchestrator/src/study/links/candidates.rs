@@ -4,15 +4,22 @@ use super::rows::Rows;
 use super::terms::{Curve, Spec};
 use super::{LinkStudy, testable};
 use crate::study::formula::{FORMULA, FormulaError, Wanted};
-use crate::study::{CONSTANT, Candidate, LOSS_CURVE};
+use crate::study::{CONSTANT, Candidate};
 use netsim::phy::effect;
 use proto::effect::{Level, Need};
 use std::sync::Arc;
 
 /// Number of knots of a curve over a covariate.
 const KNOTS: usize = 7;
+/// Number of knots of a fine one: what comes and goes within a campaign. Rows are left out in sixtieths of its time, so that every knot
+/// still sees others.
+const FINE_KNOTS: usize = 25;
+/// A fine curve needs so many rows for each knot.
+const ROWS_PER_KNOT: usize = 40;
 /// Covariates that follow from time and places and may be a cause by themselves.
-const DERIVED: [&str; 3] = [TIME, "midpoint_x_m", "midpoint_y_m"];
+const DERIVED: [&str; 4] = [TIME, CHANNEL, "midpoint_x_m", "midpoint_y_m"];
+/// Its curve has a knot at every channel.
+const CHANNEL: &str = "frequency_mhz";
 /// Beside what is given, losses have a curve only over this.
 const TIME: &str = "time_s";
 
@@ -42,12 +49,19 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
     let covariates: Vec<Curve> = given
         .chain(derived)
         .chain(places)
-        .filter_map(|(name, values, is_derived)| curve(rows, name, values, is_derived))
+        .flat_map(|(name, values, is_derived)| {
+            let is_fine = name == TIME && FINE_KNOTS * ROWS_PER_KNOT <= rows.len();
+            let values: Arc<[f64]> = Arc::from(values);
+            [false, true]
+                .into_iter()
+                .filter(move |fine| is_fine || !fine)
+                .filter_map(move |fine| curve(rows, &name, &values, is_derived, fine))
+        })
         .collect();
     let of_losses = covariates
         .iter()
         .chain([&constant(rows)])
-        .filter(|curve| !curve.is_derived || curve.covariate == TIME)
+        .filter(|curve| !curve.is_derived || curve.covariate == TIME && !curve.is_fine)
         .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }))
         .filter(|_| rows.links.readings.has_losses)
         .collect::<Vec<_>>();
@@ -89,11 +103,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
             about: None,
             level: level_of(rows, curve),
             n_parameters: curve.knots.len(),
-            generalises: if curve.is_loss && curve.covariate != CONSTANT {
-                vec![format!("{LOSS_CURVE}{CONSTANT}")]
-            } else {
-                Vec::new()
-            },
+            generalises: curve.generalises(),
             is_derived: curve.is_derived,
             untestable: None,
             stands_in_for: None,
@@ -126,7 +136,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
 
 /// At which level a curve is judged: what follows from places, on places left out.
 fn level_of(rows: &Rows, curve: &Curve) -> Level {
-    if curve.is_derived && curve.covariate != TIME {
+    if curve.is_derived && ![TIME, CHANNEL].contains(&curve.covariate.as_str()) {
         return Level::Place;
     }
     testable::level_of(rows, &curve.values)
@@ -140,19 +150,37 @@ fn constant(rows: &Rows) -> Curve {
         knots: vec![0.0],
         is_loss: false,
         is_derived: false,
+        is_fine: false,
     }
 }
 
-/// A curve over a covariate with knots at its quantiles; none where too few values are known or differ.
-fn curve(rows: &Rows, covariate: String, values: Vec<f64>, is_derived: bool) -> Option<Curve> {
+/// A curve over a covariate with knots at its quantiles, many of a fine one; none where too few values are known or differ.
+fn curve(
+    rows: &Rows,
+    covariate: &str,
+    values: &Arc<[f64]>,
+    is_derived: bool,
+    is_fine: bool,
+) -> Option<Curve> {
     let mut known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     known.sort_by(f64::total_cmp);
     if known.len() < rows.len() / 2 || known.is_empty() {
         return None;
     }
-    let at = |k: usize| known[k * (known.len() - 1) / (KNOTS - 1)];
-    let mut knots: Vec<f64> = (0..KNOTS).map(at).collect();
+    let n_knots = if is_fine { FINE_KNOTS } else { KNOTS };
+    let at = |k: usize| known[k * (known.len() - 1) / (n_knots - 1)];
+    let mut knots = if covariate == CHANNEL {
+        known.clone()
+    } else {
+        (0..n_knots).map(at).collect::<Vec<f64>>()
+    };
     knots.dedup();
-    let values = Arc::from(values);
-    (2 <= knots.len()).then_some(Curve { covariate, values, knots, is_loss: false, is_derived })
+    (2 <= knots.len()).then(|| Curve {
+        covariate: covariate.to_owned(),
+        values: values.clone(),
+        knots,
+        is_loss: false,
+        is_derived,
+        is_fine,
+    })
 }

@@ -37,7 +37,7 @@ fn time_blocks(rows: &Rows, scored: Option<&[bool]>) -> Blocks {
             keys[row] = first + block as u64;
         }
     }
-    Blocks::of_keys("blocks of time", &keys)
+    Blocks::of_keys("blocks of time", &keys).in_turn()
 }
 
 /// Whether the rows were measured at so many times that blocks of time can be left out.

@@ -3,6 +3,7 @@
 use super::passing::{Averaged, Sampled, Spread};
 use crate::measure::links::{Readings, Row};
 use crate::study::RowScore;
+use density::Density;
 
 /// What a model says about a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,16 +56,25 @@ pub struct Instrument {
     pub tabulated: Option<tables::Frames>,
     /// What rows of which nothing was received say, for usual numbers of frames sent.
     pub silent: Vec<tables::Silent>,
-    /// Variance of a reading about its level beside the spread (dB²): noise and rounding.
-    reading_variance: f64,
-    /// Logarithms of the greatest densities of a reading, and of a strength before it is rounded.
-    ln_peaks: [f64; 2],
+    /// How readings lie about their mean, and strengths before they are rounded.
+    of_reading: Density,
+    of_strength: Density,
+    /// All deviations of strengths from their mean (dB) on a grid, with their weights: what a received row reads is averaged over these.
+    deviations: Vec<(f64, f64)>,
     /// How much less likely a strength is at each of the places looked at than at the middle, where the middle is likeliest.
     falls: [f64; 4],
 }
 
 mod aggregated;
+mod density;
 mod tables;
+
+/// Between two points a step apart, each with its value and slope.
+fn cubic(part: f64, step: f64, a: [f64; 2], b: [f64; 2]) -> f64 {
+    let (rise, rest) = (b[0] - a[0], 1.0 - part);
+    let bend = rest * (a[1] * step - rise) - part * (b[1] * step - rise);
+    a[0] + part * rise + part * rest * bend
+}
 
 /// What varies beside everything that has a cause (standard deviations).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,13 +91,13 @@ const OFFSETS: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
 /// Beyond this ratio (nats) of densities at two of these places next to the middle, products of ratios may overflow.
 const MOST_TILT: f64 = 100.0;
 
+/// The grid over which a reading is averaged: its step, and how far it reaches beyond the levels of the spread (standard deviations of
+/// the noise).
+const READING_STEP_SD: f64 = 1.0 / 3.0;
+const READING_REACH_SD: f64 = 4.0;
+
 /// Stated probabilities are not taken for more certain than this.
 const STRAY: f64 = 1e-3;
-
-/// Logarithm of the greatest density of a normal variable of this variance.
-fn ln_peak(variance: f64) -> f64 {
-    -0.5 * (std::f64::consts::TAU * variance).ln()
-}
 
 impl Instrument {
     /// Of a curve of reception and what varies, nothing tabulated.
@@ -96,14 +106,17 @@ impl Instrument {
         let Noise { sd_db, link_sd_db } = noise;
         let averaged = curve.averaged(sd_db, &spread);
         let reading_variance = sd_db * sd_db + readings.quantum_db * readings.quantum_db / 12.0;
+        let density =
+            |variance: f64| Density::new(&spread, variance, sd_db, !readings.is_aggregated);
         let falls = OFFSETS.map(|offset| {
             let z = offset * readings.quantum_db / sd_db;
             (-0.5 * z * z).exp()
         });
         Self {
             falls,
-            reading_variance,
-            ln_peaks: [reading_variance, sd_db * sd_db].map(ln_peak),
+            of_reading: density(reading_variance),
+            of_strength: density(sd_db * sd_db),
+            deviations: spread.grid(sd_db, READING_STEP_SD, READING_REACH_SD),
             sd_db,
             spread,
             curve,
@@ -129,60 +142,12 @@ impl Instrument {
         Self::new(self.curve.clone(), self.spread.clone(), noise, self.readings)
     }
 
-    /// Log density of a reading that lies `deviation_db` above its mean, its derivative over the mean, minus its second
-    /// derivative, and its derivative over the logarithm of the standard deviation; `extra` is further variance (dB²).
-    #[must_use]
-    pub fn density(&self, deviation_db: f64, extra: f64) -> Slope {
-        let variance = self.reading_variance + extra;
-        let norm = if extra == 0.0 { self.ln_peaks[0] } else { ln_peak(variance) };
-        self.scattered(deviation_db, variance, norm)
-    }
-
-    /// The same about a given variance (dB²), of which `norm` is [`ln_peak`].
-    fn scattered(&self, deviation_db: f64, variance: f64, norm: f64) -> Slope {
-        let share = self.sd_db * self.sd_db / variance;
-        if self.spread.0.len() == 1 {
-            let d = deviation_db - self.spread.0[0].0;
-            let z2 = d * d / variance;
-            return Slope {
-                log: norm - 0.5 * z2,
-                over_level: d / variance,
-                weight: 1.0 / variance,
-                over_ln_sd: share * (z2 - 1.0),
-                over_ln_link_sd: 0.0,
-            };
-        }
-        let exponent = |level: f64| {
-            let d = deviation_db - level;
-            -0.5 * d * d / variance
-        };
-        let greatest =
-            self.spread.0.iter().fold(f64::NEG_INFINITY, |m, &(level, _)| m.max(exponent(level)));
-        let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
-        for &(level, p) in &self.spread.0 {
-            let part = p * (exponent(level) - greatest).exp();
-            let d = deviation_db - level;
-            total += part;
-            first += part * d;
-            second += part * d * d;
-        }
-        let (mean, square) = (first / total, second / total);
-        Slope {
-            log: norm + greatest + total.ln(),
-            over_level: mean / variance,
-            weight: (1.0 / variance - (square - mean * mean) / (variance * variance))
-                .max(0.1 / variance),
-            over_ln_sd: share * (square / variance - 1.0),
-            over_ln_link_sd: 0.0,
-        }
-    }
-
-    /// As [`Self::density`], of all strengths about `power_dbm` that are rounded to the same reading, each by the probability
+    /// As [`Density::at`], of all strengths about `power_dbm` that are rounded to the same reading, each by the probability
     /// that such a frame passes.
     fn rounded(&self, power_dbm: f64, deviation_db: f64) -> Slope {
-        let variance = self.sd_db * self.sd_db;
         if let [(level, _)] = self.spread.0[..] {
             let deviation_db = deviation_db - level;
+            let variance = self.of_strength.variance();
             let tilt = -deviation_db * OFFSETS[2] * self.readings.quantum_db / variance;
             if tilt.abs() < MOST_TILT {
                 return self.rounded_normal(power_dbm, deviation_db, tilt);
@@ -190,7 +155,7 @@ impl Instrument {
         }
         let parts = OFFSETS.map(|offset| {
             let offset_db = offset * self.readings.quantum_db;
-            let part = self.scattered(deviation_db + offset_db, variance, self.ln_peaks[1]);
+            let part = self.of_strength.at(deviation_db + offset_db);
             (part, self.curve.at(power_dbm + offset_db) / OFFSETS.len() as f64)
         });
         let greatest =
@@ -218,7 +183,7 @@ impl Instrument {
     /// As [`Self::rounded`] where nothing varies but by normal noise: densities at places a step apart are in a constant ratio to each
     /// other, e^`tilt` at the first of them above the middle, but for one that does not depend on the deviation.
     fn rounded_normal(&self, power_dbm: f64, deviation_db: f64, tilt: f64) -> Slope {
-        let variance = self.sd_db * self.sd_db;
+        let variance = self.of_strength.variance();
         let up = tilt.exp();
         let ratios = [1.0 / (up * up * up), 1.0 / up, up, up * up * up];
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
@@ -232,7 +197,7 @@ impl Instrument {
         }
         let (mean, square) = (first / total, second / total);
         Slope {
-            log: self.ln_peaks[1] - 0.5 * deviation_db * deviation_db / variance
+            log: self.of_strength.ln_peak() - 0.5 * deviation_db * deviation_db / variance
                 + (total / OFFSETS.len() as f64).ln(),
             over_level: mean / variance,
             weight: (1.0 / variance - (square - mean * mean) / (variance * variance))
@@ -259,7 +224,7 @@ impl Instrument {
                 slope.log += level.ln_survival;
                 return slope;
             }
-            slope = self.density(deviation, 0.0);
+            slope = self.of_reading.at(deviation);
         }
         if !self.readings.has_losses {
             return slope;
@@ -301,20 +266,16 @@ impl Instrument {
         let mean = level.power_dbm + level.register_db + lift_db;
         if level.stated.is_some() || !self.readings.has_losses {
             let shift: f64 = self.spread.0.iter().map(|(level, p)| level * p).sum();
-            return (mean + shift, (self.reading_variance + self.spread.variance()).sqrt());
+            return (mean + shift, (self.of_reading.variance() + self.spread.variance()).sqrt());
         }
         // Frames that pass are stronger than those sent: moments over what passes.
         let power = level.power_dbm + lift_db - level.shift_db;
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
-        for &(offset, p) in &self.spread.0 {
-            for step in -12..=12 {
-                let z = f64::from(step) / 3.0;
-                let deviation = offset + z * self.sd_db;
-                let part = p * (-0.5 * z * z).exp() * self.curve.at(power + deviation);
-                total += part;
-                first += part * deviation;
-                second += part * deviation * deviation;
-            }
+        for &(deviation, weight) in &self.deviations {
+            let part = weight * self.curve.at(power + deviation);
+            total += part;
+            first += part * deviation;
+            second += part * deviation * deviation;
         }
         let (lift, square) = (first / total, second / total);
         let variance = (square - lift * lift).max(0.0)

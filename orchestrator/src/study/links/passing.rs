@@ -9,6 +9,10 @@ const STEP_DB: f64 = 0.1;
 /// The tables reach so many standard deviations beyond the curve.
 const REACH_SD: f64 = 6.0;
 
+/// The grid over which noise is averaged: its greatest step, and how far it reaches (standard deviations of the noise).
+const KERNEL_STEP_SD: f64 = 1.0 / 8.0;
+const KERNEL_REACH_SD: f64 = 5.0;
+
 /// What varies about the mean level from frame to frame beside normal noise: levels (dB) with their probabilities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spread(pub Vec<(f64, f64)>);
@@ -25,6 +29,50 @@ impl Spread {
     pub fn and(&self, other: &Self) -> Self {
         let product = |&(a, p): &(f64, f64)| other.0.iter().map(move |&(b, q)| (a + b, p * q));
         Self(self.0.iter().flat_map(product).collect())
+    }
+
+    /// The weakest level (dB).
+    #[must_use]
+    pub fn least(&self) -> f64 {
+        self.0.iter().fold(f64::INFINITY, |least, (level, _)| least.min(*level))
+    }
+
+    /// The strongest level (dB).
+    #[must_use]
+    pub fn greatest(&self) -> f64 {
+        self.0.iter().fold(f64::NEG_INFINITY, |greatest, (level, _)| greatest.max(*level))
+    }
+
+    /// Deviations (dB) from the mean under normal noise about these levels, at equal steps, with weights that sum to 1. Step and reach
+    /// beyond the levels are in standard deviations of the noise.
+    #[must_use]
+    pub fn grid(&self, sd_db: f64, step_sd: f64, reach_sd: f64) -> Vec<(f64, f64)> {
+        let sums = self.moments(sd_db, step_sd, reach_sd);
+        sums.into_iter().map(|(deviation, [weight, ..])| (deviation, weight)).collect()
+    }
+
+    /// The same with, besides each weight, its products with z and z² − 1, z being how many standard deviations of the noise a deviation
+    /// lies above the level from which it comes.
+    fn moments(&self, sd_db: f64, step_sd: f64, reach_sd: f64) -> Vec<(f64, [f64; 3])> {
+        let (least, beyond) = (self.least(), (reach_sd / step_sd).ceil() as i64);
+        let span = ((self.greatest() - least) / (step_sd * sd_db)).ceil() as i64;
+        let mut grid: Vec<(f64, [f64; 3])> = (-beyond..=span + beyond)
+            .map(|i| (least + i as f64 * step_sd * sd_db, [0.0; 3]))
+            .collect();
+        for &(level, p) in &self.0 {
+            for (deviation, sums) in &mut grid {
+                let z = (*deviation - level) / sd_db;
+                if z.abs() <= reach_sd + step_sd {
+                    let weight = p * (-0.5 * z * z).exp();
+                    sums[0] += weight;
+                    sums[1] += weight * z;
+                    sums[2] += weight * (z * z - 1.0);
+                }
+            }
+        }
+        let total: f64 = grid.iter().map(|(_, [weight, ..])| weight).sum();
+        grid.iter_mut().flat_map(|(_, sums)| sums).for_each(|sum| *sum /= total);
+        grid
     }
 
     /// Variance (dB²).
@@ -106,25 +154,13 @@ impl Sampled {
         let from_dbm = self.from_dbm - reach;
         let span = (self.values.len() - 1) as f64 * STEP_DB + 2.0 * reach;
         let n = (span / step).ceil() as usize + 2;
-        // Normal weights on a grid, normalised: ±5 sd.
-        let fine = (sd_db / 8.0).min(0.5);
-        let half = (5.0 * sd_db / fine).ceil() as i64;
-        let mut kernel: Vec<(f64, f64)> = (-half..=half)
-            .map(|i| {
-                let z = i as f64 * fine / sd_db;
-                (z, (-0.5 * z * z).exp())
-            })
-            .collect();
-        let total: f64 = kernel.iter().map(|(_, weight)| weight).sum();
-        kernel.iter_mut().for_each(|(_, weight)| *weight /= total);
+        let kernel = spread.moments(sd_db, (0.5 / sd_db).min(KERNEL_STEP_SD), KERNEL_REACH_SD);
         let moments = |mean: f64| {
             let mut sums = [0.0; 3];
-            for &(level, p) in &spread.0 {
-                for &(z, weight) in &kernel {
-                    let passes = p * weight * self.at(mean + level + z * sd_db);
-                    sums[0] += passes;
-                    sums[1] += z * passes;
-                    sums[2] += (z * z - 1.0) * passes;
+            for (deviation, weights) in &kernel {
+                let passes = self.at(mean + deviation);
+                for (sum, weight) in sums.iter_mut().zip(weights) {
+                    *sum += weight * passes;
                 }
             }
             sums

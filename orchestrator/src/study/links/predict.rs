@@ -9,6 +9,7 @@ use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
 use crate::diagnose::next::Apart;
 use crate::diagnose::scan::{self, Residuals, Structure};
 use crate::study::{CONSTANT, RowScore};
+use netsim::phy::effect::formula::NAMES;
 use std::collections::BTreeMap;
 
 /// Losses are looked at where at least this share of frames should pass.
@@ -126,6 +127,14 @@ impl LinkStudy {
     /// structure that nothing explains.
     #[must_use]
     pub fn left_over(&self, search: &Search<'_, Self>, ladder: &Ladder) -> LeftOver {
+        let covariates = self.covariates();
+        // What a formula may name, too.
+        let is_known = |name: &String| {
+            NAMES.iter().any(|(known, _)| known == name)
+                || self.rows.links.covariates.iter().any(|(given, _)| given == name)
+        };
+        let others: Vec<(String, Vec<f64>)> =
+            covariates.iter().filter(|(name, _)| is_known(name)).cloned().collect();
         let mut formulas = BTreeMap::new();
         for &term in &ladder.accepted {
             let Spec::Curve(curve) = &self.specs[term] else { continue };
@@ -141,7 +150,7 @@ impl LinkStudy {
             let found = if curve.covariate == CONSTANT {
                 scan::constant(&deviation)
             } else {
-                scan::formula(&curve.covariate, &curve.values, &deviation, &self.time)
+                scan::formula((&curve.covariate, &curve.values), &others, &deviation, &self.time)
             };
             if let Some(found) = found {
                 formulas.insert(curve.name(), found);
@@ -149,7 +158,6 @@ impl LinkStudy {
         }
         let [deviation, scaled, surprise] =
             self.residuals(&search.full(&ladder.accepted, COMMON, None));
-        let covariates = self.covariates();
         let levels = [&self.time, &self.place];
         let mut structure = if ladder.is_complete() && levels.iter().all(|l| l.suffices()) {
             let left = mean(deviation.iter().map(|d| d * d));
@@ -166,7 +174,7 @@ impl LinkStudy {
             && let Some((name, values)) =
                 covariates.iter().find(|(name, _)| *name == structure.covariate)
         {
-            structure.formula = scan::formula(name, values, &deviation, &self.time);
+            structure.formula = scan::formula((name, values), &others, &deviation, &self.time);
         }
         LeftOver { formulas, structure }
     }

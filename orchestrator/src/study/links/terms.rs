@@ -1,7 +1,7 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
 use crate::study::formula::{Asked, set};
-use crate::study::{CURVE, LOSS_CURVE};
+use crate::study::{CONSTANT, CURVE, FINE, LOSS_CURVE};
 use netsim::phy::effect::{Effect, Entry};
 use proto::config::Default;
 use proto::effect::Parameter;
@@ -62,6 +62,8 @@ pub struct Curve {
     pub is_loss: bool,
     /// The covariate follows from time and places.
     pub is_derived: bool,
+    /// It has many knots.
+    pub is_fine: bool,
 }
 
 /// A curve of losses starts here: at none it could not fall.
@@ -74,7 +76,17 @@ impl Curve {
     #[must_use]
     pub fn name(&self) -> String {
         let of = if self.is_loss { LOSS_CURVE } else { CURVE };
-        format!("{of}{}", self.covariate)
+        let fine = if self.is_fine { FINE } else { "" };
+        format!("{fine}{of}{}", self.covariate)
+    }
+
+    /// Names of the curves that it has in it: that with few knots and, of losses, those that are the same everywhere.
+    #[must_use]
+    pub fn generalises(&self) -> Vec<String> {
+        let coarse = self.is_fine.then(|| Self { is_fine: false, ..self.clone() }.name());
+        let is_constant = self.covariate == CONSTANT;
+        let constant = (self.is_loss && !is_constant).then(|| format!("{LOSS_CURVE}{CONSTANT}"));
+        coarse.into_iter().chain(constant).collect()
     }
 
     /// The shares of the knots in a row.

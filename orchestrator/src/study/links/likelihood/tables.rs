@@ -1,6 +1,6 @@
 //! What many rows of several frames ask for, tabulated over the level.
 
-use super::Slope;
+use super::{Slope, cubic};
 
 /// What rows of which nothing was received say by their mean level, tabulated at equal steps.
 #[derive(Clone, Debug)]
@@ -32,13 +32,6 @@ impl Silent {
             over_ln_link_sd: linear(a.over_ln_link_sd, b.over_ln_link_sd),
         })
     }
-}
-
-/// Between two points a step apart, each with its value and slope.
-fn cubic(part: f64, step: f64, a: [f64; 2], b: [f64; 2]) -> f64 {
-    let (rise, rest) = (b[0] - a[0], 1.0 - part);
-    let bend = rest * (a[1] * step - rise) - part * (b[1] * step - rise);
-    a[0] + part * rise + part * rest * bend
 }
 
 /// What frames do by their level, tabulated at equal steps: logarithms of the probabilities that one passes and that it does
