@@ -2,6 +2,7 @@
 
 mod figures;
 pub mod measured;
+mod motes;
 mod network;
 pub mod packets;
 pub(crate) mod svg;
@@ -46,6 +47,7 @@ pub fn page(contents: &Contents<'_>) -> String {
             show(&mut page, &figure);
         }
         page.push_str("</div>\n");
+        motes::section(&mut page, &contents.summary["kpis"], measures);
     }
     experiment(&mut page, contents);
     if let Some(measures) = contents.measures {

@@ -18,7 +18,7 @@ mod energy;
 mod packets;
 mod samples;
 
-pub(crate) use packets::Account;
+pub(crate) use packets::{Account, MotePackets};
 pub(crate) use samples::{Samples, quantile};
 
 use super::period::Period;
@@ -248,6 +248,7 @@ impl Kpis {
         add("is_root", &|mote| statistic("is_root", mote));
         add("first_synced_s", &|mote| statistic("first_synced_ns", mote).map(in_seconds));
         add("first_joined_s", &|mote| statistic("first_joined_ns", mote).map(in_seconds));
+        add("created", &|mote| statistic("packets_created", mote));
         add("delivered", &|mote| of_mote(mote).map(|packets| packets.delivered as f64));
         add("dropped", &|mote| of_mote(mote).map(|packets| packets.dropped as f64));
         add("delivery_ratio", &|mote| of_mote(mote)?.ratio());
@@ -257,7 +258,7 @@ impl Kpis {
         }
         add("mean_latency_s", &|mote| of_mote(mote)?.mean_latency_s());
         for (name, level) in LATENCY_QUANTILES {
-            add(name, &|mote| of_mote(mote)?.latency_quantile_s(level));
+            add(name, &|mote| of_mote(mote)?.latency_quantiles_s([level])[0]);
         }
         add("mean_hops", &|mote| of_mote(mote)?.mean_hops());
         add("parent_changes", &|mote| statistic("parent_changes", mote));
@@ -278,7 +279,7 @@ impl Kpis {
 }
 
 /// Columns of motes: the latencies of a mote's application packets.
-const LATENCY_QUANTILES: [(&str, f64); 4] = [
+pub(crate) const LATENCY_QUANTILES: [(&str, f64); 4] = [
     ("median_latency_s", 0.5),
     ("p95_latency_s", 0.95),
     ("p99_latency_s", 0.99),

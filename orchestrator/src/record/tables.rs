@@ -2,10 +2,12 @@
 
 mod network;
 mod shapes;
+mod told;
 
 pub use shapes::TABLES;
 
 use super::counts::heard;
+use super::kpi::Account;
 use super::output::{Links, OutputConfig};
 use super::period::{Period, distance_m};
 use super::table::{Cell, Table};
@@ -15,6 +17,7 @@ use proto::rng::{Draws, Purpose, ordered_link};
 use proto::types::{AgentStates, MoteStates, NetRecord, Statistic};
 use shapes::{LINKS, MOTES, NEIGHBOURS, PACKETS, SCHEDULE, STEPS, TRANSMISSIONS};
 use std::path::Path;
+use told::Told;
 
 /// The tables that a run writes.
 pub(crate) struct Tables {
@@ -29,6 +32,8 @@ pub(crate) struct Tables {
     motes: Option<Table>,
     schedule: Option<Table>,
     neighbours: Option<Table>,
+    /// What was last told of each mote's packets.
+    told: Vec<Told>,
 }
 
 impl Tables {
@@ -52,6 +57,7 @@ impl Tables {
             motes,
             schedule: table(kept(output.schedule, NetRecord::Schedule), &SCHEDULE)?,
             neighbours: table(kept(output.neighbours, NetRecord::HeardLinks), &NEIGHBOURS)?,
+            told: Vec::new(),
         })
     }
 
@@ -63,12 +69,16 @@ impl Tables {
         statistics: &[Statistic],
     ) -> Result<(), RecordError> {
         self.agents(0, 0, states, &vec![0; states.len()])?;
-        self.motes(0, 0, motes, statistics)
+        self.motes(0, 0, motes, statistics, &Account::default())
     }
 
-    /// Adds a step, if it is one of those asked for.
-    pub(crate) fn add(&mut self, period: &Period<'_>) -> Result<(), RecordError> {
-        self.network(period)?;
+    /// Adds a step, if it is one of those asked for. `account`: what became of packets, those of this step included.
+    pub(crate) fn add(
+        &mut self,
+        period: &Period<'_>,
+        account: &Account,
+    ) -> Result<(), RecordError> {
+        self.network(period, account)?;
         if !self.output.holds(period.step) {
             return Ok(());
         }

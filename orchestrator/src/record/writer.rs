@@ -240,8 +240,8 @@ impl RunWriter {
             schedule: schedule.as_ref(),
             heard_links: heard_links.as_ref(),
         };
-        self.tables.add(&period)?;
         run.measures.add(&period);
+        self.tables.add(&period, &run.measures.kpis.account)?;
         run.states = states;
         run.time_ns = time_ns;
         run.n_steps = step;

@@ -116,7 +116,7 @@ fn routing_graph(kpis: &Kpis, places: &Places) -> Option<Figure> {
 }
 
 /// How many parents there are on the way up from each mote; `None` on a way that never ends.
-fn depths(parents: &[u32]) -> Vec<Option<usize>> {
+pub(super) fn depths(parents: &[u32]) -> Vec<Option<usize>> {
     let climb = |start: usize| {
         let mut mote = start;
         for depth in 0..=parents.len() {

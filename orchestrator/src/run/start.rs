@@ -387,7 +387,7 @@ async fn configure(
     }
     let columns = network_response.statistics.iter().flat_map(|statistics| &statistics.columns);
     if let Some(column) = columns.into_iter().find(|column| is_column_of_motes(&column.name)) {
-        let reason = format!("statistics: {} is the name of a mote's state", column.name);
+        let reason = format!("statistics: motes.parquet has a column {} of its own", column.name);
         let doing = "Configure".to_owned();
         return Err(side(SideError::Garbage { side: Network::SIDE, doing, reason }));
     }

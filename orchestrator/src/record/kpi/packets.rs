@@ -59,9 +59,9 @@ impl MotePackets {
         self.latency_s.mean()
     }
 
-    /// A quantile of the latencies of those delivered (s).
-    pub(crate) fn latency_quantile_s(&self, level: f64) -> Option<f64> {
-        self.latency_s.quantile(level)
+    /// Quantiles of the latencies of those delivered (s).
+    pub(crate) fn latency_quantiles_s<const N: usize>(&self, levels: [f64; N]) -> [Option<f64>; N] {
+        self.latency_s.quantiles(levels)
     }
 
     /// Mean number of hops of those delivered.

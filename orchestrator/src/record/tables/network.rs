@@ -1,14 +1,19 @@
 //! What the network says of itself, as rows: packets, motes, schedules, and who has heard whom.
 
-use super::Tables;
+use super::{Tables, Told};
 use crate::record::RecordError;
+use crate::record::kpi::Account;
 use crate::record::period::Period;
 use crate::record::table::Cell;
 use proto::types::{Bitmap, EVERYONE, MoteStates, Statistic};
 
 impl Tables {
     /// Adds what the network's reply brought.
-    pub(super) fn network(&mut self, period: &Period<'_>) -> Result<(), RecordError> {
+    pub(super) fn network(
+        &mut self,
+        period: &Period<'_>,
+        account: &Account,
+    ) -> Result<(), RecordError> {
         self.packets(period)?;
         let statistics = period.statistics.map(|statistics| &statistics.columns[..]);
         // Without statistics of its own a network is asked for none: then the times are those it would be asked at.
@@ -16,7 +21,8 @@ impl Tables {
             || self.statistics.is_empty()
                 && self.output.holds_motes(period.step, period.from_ns, period.time_ns)
         {
-            self.motes(period.step, period.time_ns, period.motes, statistics.unwrap_or_default())?;
+            let statistics = statistics.unwrap_or_default();
+            self.motes(period.step, period.time_ns, period.motes, statistics, account)?;
         }
         self.cells(period)?;
         self.heard_links(period)
@@ -52,7 +58,9 @@ impl Tables {
         time_ns: u64,
         motes: &MoteStates,
         statistics: &[Statistic],
+        account: &Account,
     ) -> Result<(), RecordError> {
+        self.told.resize(motes.alive.len(), Told::default());
         let Some(table) = &mut self.motes else { return Ok(()) };
         let flag = |bitmap: &Option<Bitmap>, mote| {
             Cell::or_null(bitmap.as_ref().map(|bitmap| bitmap.get(mote)), Cell::Bool)
@@ -79,7 +87,8 @@ impl Tables {
             let counted = columns
                 .iter()
                 .map(|column| Cell::or_null(column.and_then(|column| column.get(mote)), Cell::F64));
-            table.push(states.into_iter().chain(counted))?;
+            let packets = self.told[mote].cells(account, mote);
+            table.push(states.into_iter().chain(packets).chain(counted))?;
         }
         Ok(())
     }

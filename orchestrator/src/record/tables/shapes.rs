@@ -138,8 +138,27 @@ pub(super) const MOTES: TableShape = TableShape {
             "Preferred parent, a mote.",
         ),
         nullable("queue_length", ColumnKind::U32, NO_SUCH_STATE, "Packets waiting."),
+        nullable(
+            "delivered",
+            ColumnKind::U64,
+            NO_PACKETS,
+            "Of the mote's application packets to one destination, how many were delivered until then.",
+        ),
+        nullable("dropped", ColumnKind::U64, NO_PACKETS, "Of the same, how many were dropped."),
+        latency("mean_latency_s", "From creation to delivery, mean over those delivered (s)."),
+        latency("median_latency_s", "The same, median (s)."),
+        latency("p95_latency_s", "The same, 95 % quantile (s)."),
+        latency("p99_latency_s", "The same, 99 % quantile (s)."),
+        latency("max_latency_s", "The same, longest (s)."),
+        latency("mean_hops", "Hops that those delivered took, mean."),
     ],
 };
+
+const NO_PACKETS: &str = "the network has told of no packets";
+
+const fn latency(name: &'static str, doc: &'static str) -> ColumnShape {
+    nullable(name, ColumnKind::F64, "none was delivered", doc)
+}
 
 const OF_MOTE: &str = "The mote, from 0.";
 

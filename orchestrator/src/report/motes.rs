@@ -1,0 +1,369 @@
+//! The motes of a network with protocols, one by one, as a table. It can be sorted without a script: each row carries its
+//! place by every figure that rows can be sorted by.
+
+use super::network::depths;
+use super::text::{count, number, percent};
+use crate::record::Measures;
+use serde_json::Value;
+use std::cmp::Ordering;
+use std::fmt::Write as _;
+
+/// A column: heading, what it says, and the cell of each mote.
+struct Column {
+    heading: &'static str,
+    doc: &'static str,
+    cells: Vec<String>,
+}
+
+/// What rows can be sorted by: words, and each mote's figure. Motes without one come last.
+struct Key {
+    words: &'static str,
+    values: Vec<Option<f64>>,
+    greatest_first: bool,
+}
+
+/// Adds the table, if the network told figures of its motes. `kpis`: of `summary.json`.
+pub(super) fn section(page: &mut String, kpis: &Value, measures: &Measures) {
+    let n = measures.kpis.motes.alive.len();
+    if !kpis["motes"].as_object().is_some_and(|columns| !columns.is_empty()) {
+        return;
+    }
+    let figures = Figures { kpis, measures, n };
+    let shown = figures.shown();
+    let columns: Vec<Column> =
+        figures.columns().into_iter().filter(|column| column.says_something(&shown)).collect();
+    let mut keys = figures.keys();
+    keys.retain(|key| key.values.iter().any(Option::is_some));
+    let open = if n <= MAX_OPEN { " open" } else { "" };
+    let left_out = if shown.len() < n {
+        format!(
+            " Of {} motes these are the {} that do worst: those that never joined, then those of whose packets the smallest share arrived, then those whose packets took longest.",
+            count(n as u64),
+            count(shown.len() as u64)
+        )
+    } else {
+        String::new()
+    };
+    let _ = write!(
+        page,
+        "<h2>Motes</h2>\n<details class=\"motes\"{open}><summary>{} one by one</summary>\n<p>At the end of the run. Packets are the mote's own, of applications, to one destination; what ended at a mote is anything that it had to send.{left_out} All figures of all motes are in <code>summary.json</code>, <code>kpis.motes</code>, and over time in <code>motes.parquet</code>.</p>\n<p class=\"sort\">Sorted by\n<label><input type=\"radio\" name=\"motes\" checked> number</label>\n",
+        super::text::counted(n as u64, "mote"),
+    );
+    for (k, key) in keys.iter().enumerate() {
+        let _ = writeln!(
+            page,
+            "<label><input type=\"radio\" name=\"motes\" id=\"motes-{k}\"> {}</label>",
+            key.words
+        );
+    }
+    let places: Vec<Vec<usize>> = keys.iter().map(|key| key.places(&shown)).collect();
+    let _ = write!(
+        page,
+        "</p>\n<div class=\"scroll\"><table style=\"--n:{}\">\n<thead><tr>",
+        columns.len()
+    );
+    for column in &columns {
+        let _ = write!(page, "<th title=\"{}\">{}</th>", column.doc, column.heading);
+    }
+    page.push_str("</tr></thead>\n<tbody>\n");
+    for (row, &mote) in shown.iter().enumerate() {
+        page.push_str("<tr style=\"");
+        for (k, places) in places.iter().enumerate() {
+            let _ = write!(page, "--k{k}:{};", places[row]);
+        }
+        page.push_str("\">");
+        for column in &columns {
+            let _ = write!(page, "<td>{}</td>", column.cells[mote]);
+        }
+        page.push_str("</tr>\n");
+    }
+    page.push_str("</tbody></table></div></details>\n");
+}
+
+/// Where the figures come from.
+struct Figures<'a> {
+    kpis: &'a Value,
+    measures: &'a Measures,
+    n: usize,
+}
+
+impl Figures<'_> {
+    /// A figure of `summary.json` of each mote.
+    fn of(&self, name: &str) -> Vec<Option<f64>> {
+        let column = &self.kpis["motes"][name];
+        (0..self.n).map(|mote| column[mote].as_f64()).collect()
+    }
+
+    fn is_root(&self, mote: usize) -> bool {
+        self.measures.kpis.is_root(mote)
+    }
+
+    fn parent(&self, mote: usize) -> Option<u32> {
+        self.measures.kpis.motes.parent.get(mote).copied().filter(|&parent| parent != u32::MAX)
+    }
+
+    /// The motes in the table.
+    fn shown(&self) -> Vec<usize> {
+        let mut motes: Vec<usize> = (0..self.n).collect();
+        if MAX_ROWS < self.n {
+            let joined_s = self.of("first_joined_s");
+            let [ratio, latency_s] =
+                ["delivery_ratio", "median_latency_s"].map(|name| self.of(name));
+            let badness = |mote: usize| {
+                let ratio = ratio[mote].unwrap_or(2.0);
+                (joined_s[mote].is_some(), ratio, -latency_s[mote].unwrap_or(0.0))
+            };
+            motes.sort_by(|&a, &b| {
+                let (a, b) = (badness(a), badness(b));
+                a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
+            });
+            motes.truncate(MAX_ROWS);
+            motes.sort_unstable();
+        }
+        motes
+    }
+
+    /// What ended at each mote, and the words for why.
+    fn ended(&self) -> (Vec<Option<f64>>, Vec<String>) {
+        let statistics = self.measures.kpis.statistics();
+        let columns = statistics.map_or(&[][..], |statistics| &statistics.columns);
+        let reasons: Vec<_> = columns
+            .iter()
+            .filter_map(|column| Some((column.name.strip_prefix("drops_")?, column)))
+            .collect();
+        let of_mote = |mote: usize| {
+            let mut why: Vec<(f64, &str)> = reasons
+                .iter()
+                .filter_map(|(reason, column)| Some((column.get(mote)?, *reason)))
+                .filter(|&(n, _)| n != 0.0)
+                .collect();
+            why.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let words: Vec<String> = why
+                .iter()
+                .map(|(n, reason)| format!("{} {}", count(*n as u64), super::escape(reason)))
+                .collect();
+            let sum = (!reasons.is_empty()).then(|| why.iter().map(|(n, _)| n).sum());
+            (sum, words.join(", "))
+        };
+        (0..self.n).map(of_mote).unzip()
+    }
+
+    /// Hops to the root along parents.
+    fn depth(&self) -> Vec<Option<f64>> {
+        let depths = depths(&self.measures.kpis.motes.parent);
+        let is_in = |mote: usize| self.is_root(mote) || self.parent(mote).is_some();
+        let depth = |mote: usize| depths.get(mote).copied().flatten().filter(|_| is_in(mote));
+        (0..self.n).map(|mote| Some(depth(mote)? as f64)).collect()
+    }
+
+    fn columns(&self) -> Vec<Column> {
+        let motes = &self.measures.kpis.motes;
+        let each = |heading, doc, cell: &dyn Fn(usize) -> String| Column {
+            heading,
+            doc,
+            cells: (0..self.n).map(cell).collect(),
+        };
+        let figure =
+            |heading, doc, values: Vec<Option<f64>>, words: &dyn Fn(f64) -> String| Column {
+                heading,
+                doc,
+                cells: values.into_iter().map(|value| value.map_or_else(dash, words)).collect(),
+            };
+        let whole = |value: f64| count(value as u64);
+        let (ended, why) = self.ended();
+        vec![
+            each("mote", "its number", &|mote| {
+                let state = match (self.is_root(mote), motes.alive.get(mote)) {
+                    (_, false) => " off",
+                    (true, true) => " root",
+                    (false, true) => "",
+                };
+                format!("{mote}{state}")
+            }),
+            figure("joined (s)", "when it was first admitted", self.of("first_joined_s"), &number),
+            each("parent", "its preferred parent", &|mote| {
+                self.parent(mote).map_or_else(dash, |parent| parent.to_string())
+            }),
+            each("rank", "its routing rank", &|mote| {
+                let rank = motes.rank.get(mote).filter(|&&rank| rank < INFINITE_RANK);
+                rank.map_or_else(dash, u32::to_string)
+            }),
+            figure("hops", "to the root, along parents", self.depth(), &whole),
+            figure("created", "packets created", self.of("created"), &whole),
+            figure("delivered", "packets delivered", self.of("delivered"), &whole),
+            figure("dropped", "packets dropped on the way", self.of("dropped"), &whole),
+            figure(
+                "delivery",
+                "delivered, of those delivered or dropped",
+                self.of("delivery_ratio"),
+                &percent,
+            ),
+            figure(
+                "latency (s)",
+                "from creation to delivery, median",
+                self.of("median_latency_s"),
+                &number,
+            ),
+            figure("95 %", "95 % quantile of latency (s)", self.of("p95_latency_s"), &number),
+            figure("max", "longest latency (s)", self.of("max_latency_s"), &number),
+            figure(
+                "parents",
+                "changes of the preferred parent, the first choice apart",
+                self.of("parent_changes"),
+                &whole,
+            ),
+            figure(
+                "radio on",
+                "time the radio sent or listened, over the time it was on",
+                self.of("duty_cycle"),
+                &percent,
+            ),
+            figure("charge (C)", "charge drawn", self.of("charge_uc"), &|uc| number(uc / 1e6)),
+            figure(
+                "years",
+                "how long its battery lasts at that rate",
+                self.of("lifetime_years"),
+                &number,
+            ),
+            figure(
+                "ended here",
+                "frames and datagrams of any kind that ended here without arriving",
+                ended,
+                &whole,
+            ),
+            Column { heading: "why", doc: "how many of them for which reason", cells: why },
+        ]
+    }
+
+    fn keys(&self) -> Vec<Key> {
+        let key = |words, values, greatest_first| Key { words, values, greatest_first };
+        vec![
+            key("delivery, worst first", self.of("delivery_ratio"), false),
+            key("latency, longest first", self.of("median_latency_s"), true),
+            key("what ended here, most first", self.ended().0, true),
+            key("hops, most first", self.depth(), true),
+            key("joining, latest first", self.of("first_joined_s"), true),
+            key("radio, longest on first", self.of("duty_cycle"), true),
+        ]
+    }
+}
+
+impl Column {
+    /// Whether any mote has something in it.
+    fn says_something(&self, shown: &[usize]) -> bool {
+        shown.iter().any(|&mote| !self.cells[mote].is_empty() && self.cells[mote] != dash())
+    }
+}
+
+impl Key {
+    /// The place of each of these motes by this figure, from 1.
+    fn places(&self, shown: &[usize]) -> Vec<usize> {
+        let mut rows: Vec<usize> = (0..shown.len()).collect();
+        let value = |row: usize| self.values[shown[row]];
+        rows.sort_by(|&a, &b| match (value(a), value(b)) {
+            (Some(a), Some(b)) if self.greatest_first => b.total_cmp(&a),
+            (Some(a), Some(b)) => a.total_cmp(&b),
+            (Some(_), None) => Ordering::Less,
+            (None, Some(_)) => Ordering::Greater,
+            (None, None) => Ordering::Equal,
+        });
+        let mut places = vec![0; rows.len()];
+        for (place, &row) in (1..).zip(&rows) {
+            places[row] = place;
+        }
+        places
+    }
+}
+
+/// Where there is nothing to say.
+fn dash() -> String {
+    "–".to_owned()
+}
+
+/// Most motes with which the table is open from the beginning.
+const MAX_OPEN: usize = 60;
+/// Most motes in the table.
+const MAX_ROWS: usize = 500;
+/// The rank of a mote without a way to a root (RFC 6550, § 17).
+const INFINITE_RANK: u32 = 65_535;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::record::{Kpis, Task};
+    use proto::site::Site;
+    use proto::types::{AgentStates, Bitmap, MoteStates, MoteStatistics, Statistic};
+
+    /// The section of so many motes, all children of mote 0, of which mote 7 has not joined.
+    fn section_of(n: usize) -> String {
+        let column = |name: &str, value: &dyn Fn(usize) -> f64| Statistic {
+            name: name.to_owned(),
+            values: (0..n).map(value).collect(),
+            ..Statistic::default()
+        };
+        let mut joined = column("first_joined_ns", &|mote| 1e9 * mote as f64);
+        let mut known = Bitmap::filled(n, true);
+        known.set(7, false);
+        joined.known = Some(known);
+        let columns = vec![
+            column("is_root", &|mote| f64::from(u8::from(mote == 0))),
+            joined,
+            column("charge_uc", &|mote| 1e6 * mote as f64),
+            column("up_ns", &|_| 1e9),
+            column("drops_max_retries", &|mote| f64::from(u8::from(mote == 3))),
+            column("drops_no_route", &|mote| 2.0 * f64::from(u8::from(mote == 3))),
+        ];
+        let mut kpis = Kpis::new(None, Some(MoteStatistics { columns }));
+        let parent = (0..n).map(|mote| if mote == 0 { u32::MAX } else { 0 }).collect();
+        kpis.motes = MoteStates {
+            alive: Bitmap::filled(n, true),
+            rank: vec![512; n],
+            parent,
+            ..MoteStates::default()
+        };
+        let summary = kpis.summary();
+        let states = AgentStates::at_origin(n);
+        let measures = Measures::new(Task::of(""), Site::default(), &states, kpis);
+        let mut page = String::new();
+        section(&mut page, &summary, &measures);
+        page
+    }
+
+    #[test]
+    fn each_mote_has_its_row_and_figures_that_nobody_has_no_column() {
+        let page = section_of(9);
+        assert!(page.contains("<details class=\"motes\" open><summary>9 motes one by one"));
+        assert_eq!(page.matches("<tr style").count(), 9);
+        let row = |mote: &str| {
+            page.lines().find(|line| line.contains(&format!("<td>{mote}</td>"))).unwrap()
+        };
+        assert!(
+            row("0 root").contains("<td>0 root</td><td>0</td><td>–</td><td>512</td><td>0</td>")
+        );
+        assert!(row("3").contains("<td>3</td><td>2 no_route, 1 max_retries</td>"), "{}", row("3"));
+        assert!(row("7").contains("<td>7</td><td>–</td><td>0</td>"), "{}", row("7"));
+        assert!(!page.contains(">latency (s)<") && !page.contains("latency, longest"), "{page}");
+        assert!(!page.contains("NaN") && !page.contains("inf"));
+    }
+
+    #[test]
+    fn of_many_motes_the_worst_are_shown_and_the_rest_is_said_to_be_missing() {
+        let page = section_of(2 * MAX_ROWS);
+        assert!(page.contains("<details class=\"motes\"><summary>1,000 motes one by one"));
+        assert_eq!(page.matches("<tr style").count(), MAX_ROWS);
+        assert!(page.contains("Of 1,000 motes these are the 500 that do worst"));
+        assert!(page.contains("<td>7</td><td>–</td>"), "mote 7, which never joined");
+        assert!(section_of(MAX_ROWS).matches("<tr style").count() == MAX_ROWS);
+        assert!(!section_of(MAX_ROWS).contains("do worst"));
+    }
+
+    #[test]
+    fn places_follow_the_figure_and_motes_without_one_come_last() {
+        let values = vec![Some(0.5), None, Some(1.0), Some(0.2)];
+        let key = |greatest_first| Key { words: "", values: values.clone(), greatest_first };
+        assert_eq!(key(false).places(&[0, 1, 2, 3]), [2, 4, 3, 1]);
+        assert_eq!(key(true).places(&[0, 1, 2, 3]), [2, 4, 1, 3]);
+        assert_eq!(key(true).places(&[1, 3]), [2, 1]);
+    }
+}
