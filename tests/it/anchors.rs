@@ -6,6 +6,7 @@
 
 mod forming;
 mod heard;
+mod lost;
 mod standing;
 
 use netsim::sim::Network;

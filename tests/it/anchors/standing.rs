@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use tests::statistics::{Comparison, mean, median, quantile};
 
 /// The simulator's settings that are not behaviour.
-const SETTINGS: &str = "[sf]\nkind = 'msf'\n\
+pub(super) const SETTINGS: &str = "[sf]\nkind = 'msf'\n\
      [mac]\nneighbours_to_wait = 1\nscan_dwell_s = 0.01\n\
      [rpl]\ndao_period_s = 60.0\ndao_ack = false\ndao_delay_s = 0.0\n\
      [swarm]\ntransport = 'none'\n\
@@ -21,7 +21,7 @@ const FULLY_MESHED: &str =
     "[phy]\npropagation = 'full'\nrssi_dbm = -10.0\ninterference = { kind = 'table' }\n";
 
 /// Links from a file.
-const FROM_FILE: &str =
+pub(super) const FROM_FILE: &str =
     "[phy]\npropagation = 'trace'\nfile = 'links.k7'\ninterference = { kind = 'table' }\n";
 
 /// Side of the square (m).
@@ -33,7 +33,7 @@ const LEAST_NEIGHBOURS: usize = 3;
 
 /// The simulator's random topology, as a K7 trace: mote 0 in a corner of the square, the others where they have enough
 /// neighbours; per pair one level, uniform between Friis − 40 dB and Friis, and the reception that follows from it.
-fn random_links(n: usize, seed: u64) -> String {
+pub(super) fn random_links(n: usize, seed: u64) -> String {
     let draws = Draws::new(seed, Purpose::RecordSample);
     let curve = Table::dust();
     let mut places = vec![(0.0, 0.0)];
