@@ -262,6 +262,20 @@ impl Rpl {
         self.select(now_ns, dice);
     }
 
+    /// A neighbour is in quarantine: the scheduling function has nothing to do with it until then (RFC 9033, § 12), so that
+    /// it is no parent before.
+    pub fn handle_quarantine(
+        &mut self,
+        neighbour: Eui64,
+        until_ns: u64,
+        now_ns: u64,
+        dice: &mut Dice,
+    ) {
+        let Some(known) = self.neighbours.get_mut(neighbour) else { return };
+        known.unusable_until_ns = known.unusable_until_ns.max(Some(until_ns));
+        self.select(now_ns, dice);
+    }
+
     /// A frame of a neighbour was heard at strength `rssi_dbm`: it is still there.
     pub fn handle_rssi(&mut self, neighbour: Eui64, rssi_dbm: f64, now_ns: u64) {
         if let Some(known) = self.neighbours.get_mut(neighbour) {

@@ -156,9 +156,9 @@ pub trait SchedulingFunction {
         true
     }
 
-    /// Whether frames from a neighbour shall be dropped unread (RFC 9033, § 12).
-    fn is_quarantined(&self, _neighbour: Eui64) -> bool {
-        false
+    /// Until when (ns) a neighbour is to be left alone, its frames dropped unread (RFC 9033, § 12); `None`: it is not.
+    fn quarantine_ends_ns(&self, _neighbour: Eui64) -> Option<u64> {
+        None
     }
 
     /// The slotframe whose cells a frame may use; `None`: any. The answer for a frame that waits may change whenever parents,
@@ -347,8 +347,8 @@ impl SchedulingFunction for AnySf {
         self.get().is_ready(cx)
     }
 
-    fn is_quarantined(&self, neighbour: Eui64) -> bool {
-        self.get().is_quarantined(neighbour)
+    fn quarantine_ends_ns(&self, neighbour: Eui64) -> Option<u64> {
+        self.get().quarantine_ends_ns(neighbour)
     }
 
     fn slotframe_of(&self, traffic: Traffic) -> Option<u8> {

@@ -63,7 +63,13 @@ impl Mote {
             }
             while let Some(neighbour) = self.unusable.pop() {
                 moved = true;
-                self.rpl.handle_unusable(neighbour, world.now_ns, &mut self.dice.routing);
+                let (now_ns, dice) = (world.now_ns, &mut self.dice.routing);
+                match self.sf.quarantine_ends_ns(neighbour) {
+                    Some(until_ns) => {
+                        self.rpl.handle_quarantine(neighbour, until_ns, now_ns, dice);
+                    }
+                    None => self.rpl.handle_unusable(neighbour, now_ns, dice),
+                }
             }
             while let Some(event) = self.rpl.poll_event() {
                 moved = true;

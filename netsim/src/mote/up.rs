@@ -51,7 +51,7 @@ impl Mote {
             }
             return Verdict { acknowledge: false, deliver: false };
         }
-        if self.sf.is_quarantined(from) {
+        if self.sf.quarantine_ends_ns(from).is_some() {
             return Verdict { acknowledge: false, deliver: false };
         }
         let verdict = self.mac.handle_frame(

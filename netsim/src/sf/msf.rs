@@ -231,8 +231,8 @@ impl SchedulingFunction for Msf {
         Some(self.config.slotframe_slots)
     }
 
-    fn is_quarantined(&self, neighbour: Eui64) -> bool {
-        Self::is_quarantined(self, neighbour)
+    fn quarantine_ends_ns(&self, neighbour: Eui64) -> Option<u64> {
+        self.quarantined.get(&neighbour).copied()
     }
 
     fn handle_parent(&mut self, cx: &mut Context<'_>, _old: Option<Eui64>) {

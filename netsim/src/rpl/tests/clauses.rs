@@ -267,6 +267,20 @@ fn an_unusable_neighbour_gets_another_chance_and_each_time_later() {
 }
 
 #[test]
+fn rfc9033_12_a_neighbour_in_quarantine_is_no_parent_until_that_ends() {
+    let mut bench = joined(Bench::perfect());
+    for _ in 0..2 {
+        let until_ns = bench.now_ns + 300 * SECOND_NS;
+        bench.rpl.handle_quarantine(mote(1), until_ns, bench.now_ns, &mut bench.dice);
+        for (wait_s, parent) in [(61, None), (238, None), (2, Some(mote(1)))] {
+            bench.pass(wait_s * SECOND_NS);
+            bench.hear(1, &dio_of(0, 512));
+            assert_eq!(bench.rpl.parent(), parent, "{wait_s}");
+        }
+    }
+}
+
+#[test]
 fn q21_rfc6550_9_5_the_first_dao_follows_the_join_and_is_repeated_until_acknowledged() {
     let config = Config { dao_ack_wait_ns: 10 * SECOND_NS, dao_max_retries: 3, ..Bench::perfect() };
     let mut bench = Bench::mote(config);

@@ -8,9 +8,9 @@ use netsim::mac::{CellOptions, CellRef};
 use netsim::mesh::packets::Packets;
 use netsim::mote::up::Arrived;
 use netsim::mote::{Mote, World};
-use netsim::sf::AnySf;
 use netsim::sf::msf::hash::autonomous_cell;
 use netsim::sf::msf::{AUTONOMOUS, NEGOTIATED, SFID};
+use netsim::sf::{AnySf, SchedulingFunction};
 use netsim::wire::Eui64;
 use netsim::wire::datagram::{Datagram, UdpRepr, Upper, code_points};
 use netsim::wire::fragment::LowpanRepr;
@@ -324,6 +324,10 @@ fn rfc9033_12_frames_of_a_neighbour_in_quarantine_are_dropped_for_as_long_as_it_
     let refusal = Content::Sixp(SixpRepr { version: 0, sfid: SFID, seqnum, body });
     assert_eq!(lone.hears(refusal), (true, true));
     assert_eq!(lone.hears(Content::KeepAlive), (false, false));
+    // Nor does routing think of it before.
+    let known = lone.mote.rpl.neighbours().iter().find(|known| known.address == root).unwrap();
+    assert_eq!(known.unusable_until_ns, lone.mote.sf.quarantine_ends_ns(root));
+    assert!(known.unusable_until_ns.is_some());
 
     // QUARANTINE_DURATION is five minutes.
     for (after_s, expected) in [(299, (false, false)), (2, (true, true))] {
