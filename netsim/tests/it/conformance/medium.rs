@@ -1,4 +1,4 @@
-//! C1 to C7, B3, B4: who hears whom, acknowledgments, traces.
+//! C1 to C7, B1, B3, B4: who hears whom, acknowledgments, traces.
 
 use super::bench::{Bench, EAGER, LINE, What, line, own_cells, set_up, trace};
 use crate::harness::{at, network, pairs_of, period, reading_dbm, text};
@@ -139,6 +139,48 @@ const BOTNET_LINE_Y_M: [f64; 10] = [
     -8.19588650039104,
     10.231831380250515,
 ];
+
+/// Places on a line (m) of which the first two and the last two are in reach of each other, 10 m.
+const APART_X_M: [f64; 4] = [0.0, 8.0, 20.0, 25.0];
+
+#[test]
+fn b1_mote_i_stands_where_agent_i_stands_and_says_what_agent_i_says() {
+    for order in
+        (0..256_usize).map(|digits| [digits % 4, digits / 4 % 4, digits / 16 % 4, digits / 64])
+    {
+        if (0..4).any(|place| !order.contains(&place)) {
+            continue;
+        }
+        // Agent i stands at the place order[i].
+        let places = order.map(|place| (APART_X_M[place], 0.0));
+        let agent = |place: usize| order.iter().position(|&other| other == place).unwrap() as u32;
+        let mut expected = Vec::new();
+        for (one, other) in [(0, 1), (2, 3)] {
+            expected.extend([(agent(one), agent(other)), (agent(other), agent(one))]);
+        }
+        expected.sort_unstable();
+
+        let mut plain = network(4, "[phy]\npropagation = \"unit-disk\"\nradius_m = 10.0\n");
+        let deliveries = period(&mut plain, &at(&places), 0).deliveries;
+        assert_eq!(pairs_of(&deliveries, 4), expected, "{order:?}");
+        let sent = &deliveries.transmissions;
+        for (sender, payload) in sent.sender.iter().zip(sent.payloads.iter()) {
+            assert_eq!(payload, sender.to_le_bytes(), "{order:?}");
+        }
+    }
+
+    // The full network, whose motes must reach each other to form.
+    let order: [i32; 4] = [2, 0, 3, 1];
+    let places = order.map(|place| (10.0 * f64::from(place), 0.0));
+    let mut bench = Bench::new(&places, &format!("{LINE}{EAGER}{}", own_cells(4, &[])));
+    bench.form();
+    let heard = bench.run(20_000).heard_links.unwrap();
+    let place = |mote: u32| order[mote as usize];
+    let pairs = heard.receiver.iter().zip(&heard.sender);
+    let apart: Vec<i32> = pairs.map(|(&one, &other)| place(one) - place(other)).collect();
+    assert_eq!(apart.len(), 6);
+    assert!(apart.iter().all(|apart| apart.abs() == 1), "{apart:?}");
+}
 
 /// Who hears mote 0, of ten on BotNet's line, in one broadcast of each.
 fn hear_mote_0(phy: &str) -> Vec<u32> {
