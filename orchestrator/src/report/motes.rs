@@ -25,7 +25,7 @@ struct Key {
 /// Adds the table, if the network told figures of its motes. `kpis`: of `summary.json`.
 pub(super) fn section(page: &mut String, kpis: &Value, measures: &Measures) {
     let n = measures.kpis.motes.alive.len();
-    if !kpis["motes"].as_object().is_some_and(|columns| !columns.is_empty()) {
+    if kpis["motes"].as_object().is_none_or(|columns| columns.is_empty()) {
         return;
     }
     let figures = Figures { kpis, measures, n };
