@@ -114,6 +114,34 @@ type Tried<'a> = (usize, Curve<'a>, Vec<(f64, Law)>);
 /// What a round adds, and the model with it.
 type Chosen = ((usize, Fit), Rung);
 
+/// What a gain is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Worth {
+    /// None that chance would not give.
+    Nothing,
+    /// Runs of the network itself that went strangely gain as much by chance. But what is no run of it has been told from them
+    /// already: then the effect may be the one, if the measurement could be a run with it.
+    IfItMends,
+    /// More than chance.
+    More,
+}
+
+impl Worth {
+    /// Of a gain (nats). `chance`: to gain as much; `p_value`: of the comparison with the network without it.
+    fn of(gain: f64, chance: f64, p_value: f64) -> Self {
+        if chance <= ACCEPT {
+            Self::More
+        } else if p_value <= ACCEPT && TIE <= gain {
+            Self::IfItMends
+        } else {
+            Self::Nothing
+        }
+    }
+}
+
+/// A candidate by its number that was looked at closely.
+type Close = (usize, Fit, Worth);
+
 /// The search.
 #[derive(Debug)]
 pub struct Diagnosis<'a> {
@@ -281,18 +309,17 @@ impl<'a> Diagnosis<'a> {
             (trial.gain, trial.p_value) = (Some(*gain), Some(chance(*gain)));
             (trial.fitted, trial.p_with) = (None, None);
         }
-        // Runs of the network itself that went strangely gain much by chance. What is no run of it at that level has been told from
-        // them already: then an effect that gains may be the one, if the measurement could be a run with it.
-        let is_no_run = last.among.placed.p_value <= ACCEPT;
-        let is_hopeful = |gain: f64| chance(gain) <= ACCEPT || (is_no_run && TIE <= gain);
+        let p_value = last.among.placed.p_value;
+        let worth: Vec<Worth> =
+            here.iter().map(|&gain| Worth::of(gain, chance(gain), p_value)).collect();
         let mut order: Vec<usize> =
-            (0..curves.len()).filter(|&place| is_hopeful(here[place])).collect();
+            (0..curves.len()).filter(|&place| worth[place] != Worth::Nothing).collect();
         order.sort_by(|&a, &b| here[b].total_cmp(&here[a]));
         let Some(&best) = order.first() else { return Ok(None) };
         let behind = BEHIND.0.max(BEHIND.1 * here[best]);
         order.retain(|&place| here[best] - behind <= here[place]);
         order.truncate(CLOSELY);
-        let mut close: Vec<(usize, Fit)> = Vec::new();
+        let mut close: Vec<Close> = Vec::new();
         for place in order {
             if self.is_stopped() {
                 found.stopped = Some(round);
@@ -303,7 +330,7 @@ impl<'a> Diagnosis<'a> {
             let fit = self.ground.fit(network, curve, &base)?;
             found.trials[*k].fitted = Some(fit.fitted);
             found.trials[*k].gain = Some(fit.fitted.gain);
-            close.push((*k, fit));
+            close.push((*k, fit, worth[place]));
         }
         close.sort_by(|a, b| b.1.fitted.gain.total_cmp(&a.1.fitted.gain));
         self.choose(network, close, found)
@@ -314,12 +341,13 @@ impl<'a> Diagnosis<'a> {
     fn choose(
         &self,
         network: &toml::Table,
-        close: Vec<(usize, Fit)>,
+        close: Vec<Close>,
         found: &mut Found,
     ) -> Result<Option<Chosen>, ReplayError> {
-        let Some(best) = close.first().map(|(_, fit)| fit.fitted.gain) else { return Ok(None) };
+        let Some(best) = close.first().map(|(_, fit, _)| fit.fitted.gain) else { return Ok(None) };
         let mut rungs: Vec<(usize, Fit, Rung)> = Vec::new();
-        for (k, mut fit) in close {
+        let mends = |rung: &Rung| LEVEL < rung.among.placed.p_value;
+        for (k, mut fit, worth) in close {
             if fit.fitted.gain < best - INSTEAD {
                 continue;
             }
@@ -330,11 +358,10 @@ impl<'a> Diagnosis<'a> {
             self.ground.calibrate(candidate, &mut fit, &runs);
             found.trials[k].fitted = Some(fit.fitted);
             found.trials[k].p_with = Some(rung.among.placed.p_value);
-            rungs.push((k, fit, rung));
+            if worth == Worth::More || mends(&rung) {
+                rungs.push((k, fit, rung));
+            }
         }
-        let mends = |rung: &Rung| LEVEL < rung.among.placed.p_value;
-        let is_beyond_chance = |k: usize| found.trials[k].p_value.is_some_and(|p| p <= ACCEPT);
-        rungs.retain(|(k, _, rung)| is_beyond_chance(*k) || mends(rung));
         if rungs.is_empty() {
             return Ok(None);
         }

@@ -11,6 +11,7 @@
 
 use super::kpis::{Figures, KPIS};
 use crate::network::kpis::Scale;
+use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
 /// How many figures there are.
@@ -202,46 +203,32 @@ fn shrunk(mut correlation: Vec<[f64; D]>, usable: &[usize], n: f64) -> Vec<[f64;
     correlation
 }
 
-/// The lower triangle of a matrix, L of L L'.
+/// A figure of which less than this share is left when those before it are known follows from them.
+const LEAST_LEFT: f64 = 1e-9;
+
+/// The factor L of a matrix L L' of correlations.
 #[derive(Clone, Debug)]
 struct Lower {
-    rows: Vec<Vec<f64>>,
+    factor: DMatrix<f64>,
     /// Logarithm of its determinant.
     log_root: f64,
 }
 
 impl Lower {
     fn of(figures: &[usize], entry: impl Fn(usize, usize) -> f64) -> Option<Self> {
-        let mut rows: Vec<Vec<f64>> = Vec::with_capacity(figures.len());
-        let mut log_root = 0.0;
-        for (i, &k) in figures.iter().enumerate() {
-            let mut row: Vec<f64> = Vec::with_capacity(i + 1);
-            for (j, &l) in figures[..=i].iter().enumerate() {
-                let upper: &[f64] = if i == j { &row } else { &rows[j] };
-                let sum: f64 = row.iter().zip(upper).take(j).map(|(a, b)| a * b).sum();
-                let rest = entry(k, l) - sum;
-                if i != j {
-                    row.push(rest / rows[j][j]);
-                } else if 1e-9 < rest {
-                    row.push(libm::sqrt(rest));
-                    log_root += 0.5 * libm::log(rest);
-                } else {
-                    return None;
-                }
-            }
-            rows.push(row);
-        }
-        Some(Self { rows, log_root })
+        let n = figures.len();
+        let matrix = DMatrix::from_fn(n, n, |i, j| entry(figures[i], figures[j]));
+        let factor = matrix.cholesky()?.unpack();
+        let left: Vec<f64> = factor.diagonal().iter().map(|root| root * root).collect();
+        let log_root = 0.5 * left.iter().map(|&left| libm::log(left)).sum::<f64>();
+        left.iter().all(|&left| LEAST_LEFT < left).then_some(Self { factor, log_root })
     }
 
     /// x' (L L')^-1 x.
     fn squares(&self, x: &[f64]) -> f64 {
-        let mut solved: Vec<f64> = Vec::with_capacity(x.len());
-        for (row, &x) in self.rows.iter().zip(x) {
-            let sum: f64 = row.iter().zip(&solved).map(|(a, b)| a * b).sum();
-            solved.push((x - sum) / row[solved.len()]);
-        }
-        solved.iter().map(|x| x * x).sum()
+        let solved = self.factor.solve_lower_triangular(&DVector::from_row_slice(x));
+        // The diagonal was looked at: nothing of it is 0.
+        solved.map_or(f64::INFINITY, |solved| solved.norm_squared())
     }
 }
 
