@@ -127,7 +127,13 @@ fn odd_links_are_used_with_a_warning_that_says_what_it_does() {
     let mut twice = good();
     twice.rows.extend_from_within(..30);
     let shrunk = good().change("tx", |_, n| if n == 7.0 { "17".into() } else { n.to_string() });
-    let cases: [(&str, Sheet, &[&str]); 14] = [
+    let called = |name: &String| name.replace("humidity_pct", "constant");
+    let cases: [(&str, Sheet, &[&str]); 15] = [
+        (
+            "a column with a name that answers use",
+            Sheet { names: good().names.iter().map(called).collect(), ..good() },
+            &["the column constant is left out", "Name the column otherwise"],
+        ),
         (
             "some readings are positive",
             good().change(

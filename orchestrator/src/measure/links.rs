@@ -2,6 +2,7 @@
 
 use super::table::Table;
 use super::{Rejected, Rejections, TWICE, oddities};
+use crate::study::CONSTANT;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Measured links.
@@ -210,6 +211,12 @@ pub fn read(table: &Table) -> Result<Links, String> {
         let values: Vec<f64> =
             kept.iter().map(|&row| table.column(name).map_or(f64::NAN, |c| c[row])).collect();
         let mut known = values.iter().copied().filter(|value| value.is_finite());
+        if name == CONSTANT {
+            warnings.push(format!(
+                "the column {CONSTANT} is left out: an answer calls by this name what is the same in every row. Name the column otherwise"
+            ));
+            continue;
+        }
         match known.next() {
             None => warnings.push(format!("{name} holds no number: it is left out")),
             Some(first) if known.all(|value| value == first) => {
