@@ -57,7 +57,7 @@ pub(crate) fn named_structure(entry: &Value) -> String {
 }
 
 /// Of a curve of losses.
-const LOSSES: &str = "losses";
+pub(crate) const LOSSES: &str = "losses";
 /// Of a curve of what is read.
 const READINGS: &str = "readings";
 

@@ -101,6 +101,29 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
 }
 
 #[test]
+fn a_loss_that_is_the_same_everywhere_is_said_as_a_share_of_frames() {
+    let json = json!({ "schema": "diagnose/1", "kind": "link", "rows": 40, "used": 40,
+        "sentence": "there is a loss", "verdict": "unexplained-structure",
+        "data": { "file": "links.csv", "sha256": "ab" }, "rejected": [], "warnings": [],
+        "ladder": [{ "model": "as configured", "rmse": 2.0, "log_score": -1.8, "reception_log_loss": 0.64 },
+            { "model": "+ loss-curve:constant", "rmse": 2.0, "log_score": -1.7, "reception_log_loss": 0.55 }],
+        "candidates": [{ "effect": "loss-curve:constant", "accepted": true, "gain": 0.1, "standard_error": 0.01,
+            "p_value": 0.0, "indistinguishable_from": [], "parameters": {} }],
+        "unexplained": [{ "covariate": "constant", "of": "losses", "explained": 0.13, "formula": "0.146" }],
+        "next_measurement": [] });
+    let page = contents(&json, &site(), Some(view(0.0)));
+    for part in [
+        "a share of the frames, the same in every row",
+        "13 % of the log loss of reception",
+        "<code>extend --formula '0.146' --target loss</code>",
+        "0.640 → 0.550",
+    ] {
+        assert!(page.contains(part), "{part} is not in the page");
+    }
+    assert!(!page.contains("a smooth curve"), "there is none");
+}
+
+#[test]
 fn many_rows_are_thinned_the_same_way_every_time() {
     let drawn: Vec<usize> = thinned(100_000).collect();
     assert!((MOST_DOTS * 8 / 10..MOST_DOTS * 12 / 10).contains(&drawn.len()), "{}", drawn.len());

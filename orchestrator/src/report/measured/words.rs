@@ -1,8 +1,9 @@
 //! What a page says in words and tables.
 
 use super::Contents;
-use crate::diagnose::answer::named_structure;
+use crate::diagnose::answer::{LOSSES, named_structure};
 use crate::report::text::{count, escape, number, percent};
+use crate::study::{CONSTANT, LOSS_CURVE};
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -69,6 +70,15 @@ pub(super) fn tiles(page: &mut String, contents: &Contents<'_>) {
             tiles.push(("With what was found".into(), error(of(last, "rmse"))));
             let gained = of(last, "log_score") - of(first, "log_score");
             tiles.push(("Gained".into(), format!("{} <small>nats a row</small>", number(gained))));
+            let losses = [first, last].map(|rung| of(rung, "reception_log_loss"));
+            if losses.iter().all(|loss| loss.is_finite()) {
+                let [before, after] = losses.map(number);
+                let fall = format!("{before} → {after} <small>nats a frame</small>");
+                tiles.push((
+                    "Log loss of reception, as configured → with what was found".into(),
+                    fall,
+                ));
+            }
         }
     } else {
         let key = if unit == "dB" { "rmse_db" } else { "rmse_m" };
@@ -108,8 +118,9 @@ pub(super) fn parameters(page: &mut String, json: &Value) {
         if parameters.is_empty() {
             let _ = writeln!(
                 page,
-                "<tr><td>{}</td><td colspan=\"4\">a smooth curve, see the pictures below</td><td>{}</td></tr>",
+                "<tr><td>{}</td><td colspan=\"4\">{}</td><td>{}</td></tr>",
                 escape(name),
+                curve_in_words(name),
                 escape(warning)
             );
         }
@@ -132,6 +143,17 @@ pub(super) fn parameters(page: &mut String, json: &Value) {
         }
     }
     page.push_str("</table>\n");
+}
+
+/// What a curve that was accepted is, in place of numbers.
+fn curve_in_words(name: &str) -> &'static str {
+    match name.strip_prefix(LOSS_CURVE) {
+        Some(CONSTANT) => {
+            "a share of the frames, the same in every row: how large is said below, where What is left is"
+        }
+        Some(_) => "a share of the frames, as a smooth curve: said below, where What is left is",
+        None => "a smooth curve, see the pictures below",
+    }
 }
 
 /// A number with as many digits as tell it from others half an interval away.
@@ -207,18 +229,23 @@ pub(super) fn left_over(page: &mut String, json: &Value) {
     }
     page.push_str("<ul>\n");
     for entry in structure {
+        let is_of_losses = entry["of"] == LOSSES;
+        let (what, target) =
+            if is_of_losses { ("the share of frames lost", " --target loss") } else { ("it", "") };
         let formula = match entry["formula"].as_str() {
             Some(formula) => format!(
-                ": <code>{}</code> describes it, and can be added with <code>extend --formula</code>",
+                ": <code>{}</code> describes {what}, and can be added with <code>extend --formula '{}'{target}</code>",
+                escape(formula),
                 escape(formula)
             ),
             None => String::new(),
         };
+        let share = percent(entry["explained"].as_f64().unwrap_or(0.0));
+        let error = if is_of_losses { "the log loss of reception" } else { "what was left" };
         let _ = writeln!(
             page,
-            "<li>There is {}, which no known effect explains: {} of what was left{formula}.</li>",
-            escape(&named_structure(entry)),
-            percent(entry["explained"].as_f64().unwrap_or(0.0))
+            "<li>There is {}, which no known effect explains: {share} of {error}{formula}.</li>",
+            escape(&named_structure(entry))
         );
     }
     page.push_str("</ul>\n");
