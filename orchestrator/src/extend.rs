@@ -72,6 +72,26 @@ pub fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> 
     }
 }
 
+/// Fits several new terms. All at once each starts where it would by itself, one after the other where those before it have left
+/// room: of bands that may be disturbed the right one is seen only once the curve of reception is right. The likelier counts.
+fn together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
+    if terms.len() < 2 {
+        return;
+    }
+    let all = study.fitted_rows();
+    let mut best = study.fit(terms, &all, COMMON, None);
+    let mut parent = None;
+    for n in 1..=terms.len() {
+        parent = Some(study.fit(&terms[..n], &all, COMMON, parent.as_ref()));
+    }
+    if let Some(stepwise) = parent
+        && study.log_likelihood(&best) < study.log_likelihood(&stepwise)
+    {
+        best = stepwise;
+    }
+    search.full(terms, COMMON, Some(&best));
+}
+
 /// The configuration with terms added: the text as it was, then the new sections with the fit's provenance.
 ///
 /// * `section`: of an effect, `netsim.phy.effect`.
@@ -96,6 +116,7 @@ pub fn extend<S: Study>(
     if terms.is_empty() {
         return Err(ExtendError::Nothing);
     }
+    together(study, search, &terms);
     let (measured, fit) = numbers(search, study, whole, &terms);
     let before = Scores::of(&search.held_out(&[], COMMON));
     let after = Scores::of(&search.held_out(&terms, COMMON));
