@@ -47,8 +47,9 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     let blocks = study.blocks(COMMON);
     // Of rows of several frames, how far the share received lies from what is predicted.
     let links = &study.rows.links;
-    let pdr_errors: Option<Vec<f64>> = (links.readings.is_aggregated && links.readings.has_losses)
-        .then(|| {
+    let is_given = links.readings.is_given;
+    let pdr_errors: Option<Vec<f64>> =
+        (links.readings.is_aggregated && links.readings.has_losses && !is_given).then(|| {
             let passes = view::held_out(study, search, &[]).passes;
             let rows = links.rows.iter().zip(passes);
             rows.map(|(row, passes)| (row.received / row.frames - passes).powi(2)).collect()
@@ -68,9 +69,9 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
         };
         let mut list = vec![
             ("log_score", all.log_score),
-            ("rmse_db", all.rmse),
-            ("bias_db", mean(&deviation)),
-            ("crps_db", all.crps),
+            (if is_given { "rmse_pdr" } else { "rmse_db" }, all.rmse),
+            (if is_given { "bias_pdr" } else { "bias_db" }, mean(&deviation)),
+            (if is_given { "crps_pdr" } else { "crps_db" }, all.crps),
             ("coverage_90", mean(&inside)),
         ];
         if study.rows.links.readings.has_losses {

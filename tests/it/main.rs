@@ -18,6 +18,7 @@ mod faults;
 mod flocking;
 mod formation;
 mod formula;
+mod given_rssi;
 mod interrupts;
 mod links;
 mod packets;

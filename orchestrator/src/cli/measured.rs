@@ -39,6 +39,10 @@ pub(super) struct DataArgs {
     set: Vec<String>,
     #[command(flatten)]
     choices: ChoiceArgs,
+    /// Of rows that sum up several frames: take the mean reading of each for the level at which its frames arrived, and predict
+    /// what is received of them from it. Only what decides reception is tried and scored
+    #[arg(long)]
+    given_rssi: bool,
     /// Write what was found as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -66,9 +70,23 @@ pub(super) struct ChoiceArgs {
 }
 
 impl DataArgs {
+    fn choices(&self) -> Choices {
+        Choices { given_rssi: self.given_rssi, ..self.choices.choices() }
+    }
+
+    /// What is chosen, as it would be typed.
+    fn words(&self) -> String {
+        format!("{}{}", self.choices.words(), if self.given_rssi { " --given-rssi" } else { "" })
+    }
+
+    /// Unit of errors of links.
+    fn unit(&self) -> &'static str {
+        if self.given_rssi { "pdr" } else { "dB" }
+    }
+
     /// Refuses choices of rows for what is compared as one run.
     fn refuse_choices(&self, what: &str) -> Result<(), Failure> {
-        let words = self.choices.words();
+        let words = self.words();
         if words.is_empty() {
             return Ok(());
         }
@@ -93,6 +111,7 @@ impl ChoiceArgs {
             fit_runs: self.fit_runs.clone(),
             score_runs: self.score_runs.clone(),
             window_s: self.window,
+            given_rssi: false,
         }
     }
 
@@ -169,6 +188,13 @@ impl AnswerArgs {
                 place_for(option, path).map_err(Failure::request)?;
             }
         }
+        if let (true, Some(report)) = (self.data.given_rssi, &self.report) {
+            return Err(Failure::request(format!(
+                "--report {}: a page draws readings beside predicted ones, and --given-rssi predicts none; --json FILE has all \
+                 that is found",
+                report.display()
+            )));
+        }
         Ok(())
     }
 
@@ -210,7 +236,7 @@ impl AnswerArgs {
         let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let contents = Contents {
             config: name,
-            command: self.command(json, &self.data.choices.words()),
+            command: self.command(json, &self.data.words()),
             json,
             site: &config.site,
             rows,
@@ -346,14 +372,14 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) =
-                open::links(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
+                open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
             let search = Search::new(&study, &progress);
             let found = compared(&account, compare::links(&study, &search));
             args.write(&config, &found, || Pictures::of_links(&study, &search, &[]))
         }
         Subject::Robots => {
             let (study, account) =
-                open::robots(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
+                open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
             let search = Search::new(&study, &progress);
             let found = compared(&account, compare::robots(&study, &search));
             args.write(&config, &found, || Pictures::of_robots(&study, &search, &[]))
@@ -399,18 +425,24 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (mut study, account) =
-                open::links(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
+                open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
             if let Some(wanted) = args.formula.wanted() {
                 study.add_formula(&wanted).map_err(Failure::request)?;
             }
             let thin = if args.all { study.thinned() } else { None };
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
-            extend_with(args, (&config, &account), searched, whole, ("netsim.phy.effect", "dB"))
+            extend_with(
+                args,
+                (&config, &account),
+                searched,
+                whole,
+                ("netsim.phy.effect", data.unit()),
+            )
         }
         Subject::Robots => {
             let (mut study, account) =
-                open::robots(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
+                open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
             if let Some(wanted) = args.formula.wanted() {
                 study.add_formula(&wanted).map_err(Failure::request)?;
             }
@@ -478,7 +510,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) =
-                open::links(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
+                open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
             account_text(&account);
             let thin = study.thinned();
             let (searched, whole) =
@@ -486,7 +518,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let search = Search::new(searched, &progress).until(stop);
             let ladder = search.climb();
             let left = searched.left_over(&search, &ladder);
-            let kind = Kind { name: "link", unit: "dB" };
+            let kind = Kind { name: "link", unit: data.unit() };
             let structure = left.structure.as_ref();
             let mut answer =
                 answer::answer(searched, &search, &ladder, kind, &left.formulas, structure, whole);
@@ -505,7 +537,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
         }
         Subject::Robots => {
             let (study, account) =
-                open::robots(&config, &table, &data.choices.choices()).map_err(Failure::request)?;
+                open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
             account_text(&account);
             let search = Search::new(&study, &progress).until(stop);
             let ladder = search.climb();

@@ -31,6 +31,8 @@ pub struct Readings {
     pub quantum_db: f64,
     /// It is known which frames were lost.
     pub has_losses: bool,
+    /// They are taken for the levels at which frames arrived: what is received is predicted from them.
+    pub is_given: bool,
 }
 
 /// A row: a frame, or several of one link and channel.
@@ -240,7 +242,8 @@ pub fn read(table: &Table) -> Result<Links, String> {
         return Err(reason);
     }
     let quantum_db = quantum(&rows, is_aggregated);
-    let readings = Readings { is_aggregated, quantum_db, has_losses: has_losses(&rows) };
+    let has_losses = has_losses(&rows);
+    let readings = Readings { is_aggregated, quantum_db, has_losses, is_given: false };
     let links =
         Links { covariates, rejected: rejections.into_list(), warnings, n_rows, readings, rows };
     if links.rows.iter().all(|row| row.rssi_dbm.is_nan()) {

@@ -18,6 +18,8 @@ pub struct Choices {
     pub score_runs: Vec<u32>,
     /// How far ahead robots are predicted (s).
     pub window_s: Option<f64>,
+    /// The reading of a row of several frames is taken for the level at which they arrived: reception alone is predicted.
+    pub given_rssi: bool,
 }
 
 impl Choices {
@@ -28,6 +30,7 @@ impl Choices {
         fit_runs: Vec::new(),
         score_runs: Vec::new(),
         window_s: None,
+        given_rssi: false,
     };
 }
 
@@ -135,6 +138,42 @@ pub enum ChoiceError {
         "--window is how far ahead robots are predicted, and these are link data: leave it out"
     )]
     NoWindows,
+    /// Robots have no readings.
+    #[error(
+        "--given-rssi predicts who receives from what receivers read, and these are robot data: leave it out"
+    )]
+    NoReadings,
+    /// Every row is one frame, and a lost one shows no reading.
+    #[error(
+        "--given-rssi predicts the share of frames received from the mean reading of a row, and here every row is one frame: \
+         one that was lost shows no reading that it could be predicted from; the nearest are rows that sum up several frames, \
+         with the columns frames and pdr"
+    )]
+    SingleFrames,
+    /// Nothing is known of what was lost, or nothing was.
+    #[error(
+        "--given-rssi predicts which share of frames is received, and of the {rows} rows with a reading none says that a frame \
+         was lost: nothing can be told from them"
+    )]
+    NothingLost {
+        /// How many rows have a reading.
+        rows: usize,
+    },
+    /// What is predicted decided which rows are used.
+    #[error(
+        "--where: {columns} says what was received, and --given-rssi predicts just that: of rows chosen by it nothing can be \
+         told; the nearest condition that may be asked is one over rssi_dbm"
+    )]
+    ChosenByReception {
+        /// The columns.
+        columns: String,
+    },
+    /// The model says who receives, whatever the strength.
+    #[error(
+        "--given-rssi: netsim.phy.propagation states who receives whatever is read, so that nothing follows from a reading; the \
+         nearest that leaves it to the strength is \"friis\""
+    )]
+    Stated,
 }
 
 fn listed(runs: &[u32]) -> String {

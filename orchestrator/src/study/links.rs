@@ -189,6 +189,9 @@ impl LinkStudy {
                 0.0
             }
         };
+        if self.rows.links.readings.is_given {
+            return (Deviations::default(), Free::default());
+        }
         let known = self.configured;
         let sd = Deviations {
             link_db: of(known.link_db, link, 2.0),

@@ -116,6 +116,9 @@ pub fn robots(
     table: &Table,
     choices: &Choices,
 ) -> Result<(RobotStudy, Account), OpenError> {
+    if choices.given_rssi {
+        return Err(ChoiceError::NoReadings.into());
+    }
     let file = table.path.display().to_string();
     let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
     let robots = robots::read(table).map_err(useless)?;
@@ -195,7 +198,11 @@ pub fn links(
     }
     let file = table.path.display().to_string();
     let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
-    let links = links::read(table).map_err(useless)?;
+    let mut links = links::read(table).map_err(useless)?;
+    links.readings.is_given = choices.given_rssi;
+    if choices.given_rssi && !links.readings.is_aggregated {
+        return Err(ChoiceError::SingleFrames.into());
+    }
     let n_motes = links.rows.iter().map(|row| row.tx.max(row.rx) as usize + 1).max().unwrap_or(1);
     let (model, effective) = config.radio(n_motes)?;
     let number = |key: &str| effective.get(key).and_then(toml::Value::as_float);
@@ -216,7 +223,13 @@ pub fn links(
             ),
         });
     }
+    if choices.given_rssi && rows.base.iter().any(|base| base.stated.is_some()) {
+        return Err(ChoiceError::Stated.into());
+    }
     let (rows, choices) = chosen(rows, table, choices)?;
+    if choices.given_rssi && !rows.links.readings.has_losses {
+        return Err(ChoiceError::NothingLost { rows: rows.len() }.into());
+    }
     let mut account = Account {
         file: name_of(table),
         sha256: table.sha256.clone(),
@@ -231,9 +244,9 @@ pub fn links(
     Ok((study, account))
 }
 
-/// Whether a column says what became of frames.
-fn is_outcome(name: &str) -> bool {
-    ["received", "pdr", "rssi_dbm", "rssi_sd_db"].contains(&name)
+/// Whether a column says what became of frames; readings that are given do not.
+fn is_outcome(name: &str, is_given: bool) -> bool {
+    ["received", "pdr"].contains(&name) || !is_given && ["rssi_dbm", "rssi_sd_db"].contains(&name)
 }
 
 /// The rows that are used by choice, and the choices with all campaigns named.
@@ -255,8 +268,12 @@ fn chosen(rows: Rows, table: &Table, choices: &Choices) -> Result<(Rows, Choices
     let mut rows = rows.some(&kept.rows);
     rows.links.rejected.extend(kept.rejected);
     rows.links.readings.has_losses = links::has_losses(&rows.links.rows);
+    let is_given = choices.given_rssi;
     let by_outcome: Vec<&str> =
-        kept.asked.iter().map(String::as_str).filter(|name| is_outcome(name)).collect();
+        kept.asked.iter().map(String::as_str).filter(|name| is_outcome(name, is_given)).collect();
+    if is_given && !by_outcome.is_empty() {
+        return Err(ChoiceError::ChosenByReception { columns: by_outcome.join(" and ") });
+    }
     if rows.links.readings.has_losses && !by_outcome.is_empty() {
         rows.links.readings.has_losses = false;
         rows.links.warnings.push(format!(

@@ -23,6 +23,11 @@ const CHANNEL: &str = "frequency_mhz";
 /// Beside what is given, losses have a curve only over this.
 const TIME: &str = "time_s";
 
+/// Where readings are given, losses have a curve over this, too: nothing else of the catalogue follows the channel there.
+const FREQUENCY: &str = "frequency_mhz";
+/// Why what does not touch reception cannot be tested where readings are given.
+const READING_GIVEN: &str = "changes what is read, and --given-rssi takes readings as they are: only what decides reception is tried";
+
 /// Every term that may be added.
 pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
     let effects =
@@ -61,11 +66,17 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
     let of_losses = covariates
         .iter()
         .chain([&constant(rows)])
-        .filter(|curve| !curve.is_derived || curve.covariate == TIME && !curve.is_fine)
+        .filter(|curve| {
+            !curve.is_derived
+                || curve.covariate == TIME && !curve.is_fine
+                || curve.covariate == CHANNEL && rows.links.readings.is_given
+        })
         .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }))
         .filter(|_| rows.links.readings.has_losses)
         .collect::<Vec<_>>();
-    effects.chain(covariates.iter().cloned().map(Spec::Curve)).chain(of_losses).collect()
+    let of_readings = covariates.iter().cloned().map(Spec::Curve);
+    let of_readings = of_readings.filter(|_| !rows.links.readings.is_given);
+    effects.chain(of_readings).chain(of_losses).collect()
 }
 
 impl LinkStudy {
@@ -127,10 +138,24 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
                 },
                 generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
                 is_derived: false,
-                untestable: (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", "))),
+                untestable: if rows.links.readings.is_given && !decides_reception(spec) {
+                    Some(READING_GIVEN.to_owned())
+                } else {
+                    (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", ")))
+                },
                 stands_in_for: None,
             }
         }
+    }
+}
+
+/// Whether a term says which frames pass at a level.
+fn decides_reception(spec: &Spec) -> bool {
+    match spec {
+        Spec::Formula(_, asked) => ["loss", "noise"]
+            .map(Some)
+            .contains(&asked.table.get("target").and_then(toml::Value::as_str)),
+        _ => spec.entry().is_none_or(|entry| entry.about.needs.contains(&Need::Losses)),
     }
 }
 

@@ -38,7 +38,8 @@ pub fn of(rows: &Rows) -> Vec<(String, Vec<f64>)> {
     add("time_s", &|row| measured[row].time_s);
     add("transmitter", &|row| f64::from(measured[row].tx));
     add("receiver", &|row| f64::from(measured[row].rx));
-    add("predicted_rssi_dbm", &|row| rows.base[row].power_dbm);
+    let level = if rows.links.readings.is_given { "rssi_dbm" } else { "predicted_rssi_dbm" };
+    add(level, &|row| rows.base[row].power_dbm);
     all.extend(rows.links.covariates.iter().cloned());
     all
 }

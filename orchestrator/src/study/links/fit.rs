@@ -88,6 +88,9 @@ pub struct Steps {
 
 /// The noise lies within these (dB).
 const NOISE_DB: (f64, f64) = (0.1, 40.0);
+/// Where readings are given, the share received scatters within these about what is predicted, at first by so much.
+const SHARE_SD: (f64, f64) = (1e-3, 1.0);
+const ROUGH_SHARE_SD: f64 = 0.2;
 /// What is gained in the last step (nats).
 const CONVERGED_NATS: f64 = 1e-4;
 
@@ -165,7 +168,7 @@ impl<'a> Problem<'a> {
             spread = spread.and(&super::spread_of(&scatter.law));
         }
         let instrument = Instrument::new(curve, spread, noise, self.rows.links.readings);
-        if instrument.readings.is_aggregated {
+        if instrument.readings.is_aggregated && !instrument.readings.is_given {
             instrument.with_tables(self.rows.silent_frames())
         } else {
             instrument
@@ -249,7 +252,7 @@ impl<'a> Problem<'a> {
 
     /// The noise that the rows suggest, levels of cells counted as what they are worth.
     fn suggested_noise(&self, here: &Here) -> Noise {
-        let Noise { sd_db, link_sd_db } = here.instrument.noise();
+        let Noise { sd_db, link_sd_db, share_sd } = here.instrument.noise();
         let n_received =
             self.train.iter().filter(|&&row| self.rows.is_received(row as usize)).count() as f64;
         let worth = here.random.n_determined(self.cells);
@@ -262,7 +265,7 @@ impl<'a> Problem<'a> {
         if !self.rows.links.readings.is_aggregated {
             let is_fixed = self.fixed_sd_db.is_some();
             let moved = moved(sd_db, over_ln_sd, information);
-            return Noise { sd_db: if is_fixed { sd_db } else { moved }, link_sd_db };
+            return Noise { sd_db: if is_fixed { sd_db } else { moved }, link_sd_db, share_sd };
         }
         // Levels of cells take from what rows vary; how frames vary about them is another matter.
         let over_link: f64 = here.slopes.iter().map(|slope| slope.over_ln_link_sd).sum();
@@ -272,6 +275,7 @@ impl<'a> Problem<'a> {
         Noise {
             sd_db: if self.fixed_sd_db.is_some() { sd_db } else { frames },
             link_sd_db: moved(link_sd_db, over_link, information),
+            share_sd,
         }
     }
 
@@ -293,7 +297,11 @@ impl<'a> Problem<'a> {
         }
         let sd_db = if n < 1.0 { 3.0 } else { f64::sqrt(sum / n).clamp(0.3, 20.0) };
         let is_aggregated = self.rows.links.readings.is_aggregated;
-        Noise { sd_db: if is_aggregated { 2.0 } else { sd_db }, link_sd_db: sd_db }
+        Noise {
+            sd_db: if is_aggregated { 2.0 } else { sd_db },
+            link_sd_db: sd_db,
+            share_sd: ROUGH_SHARE_SD,
+        }
     }
 
     fn n_parameters(&self, here: &Here) -> usize {
@@ -368,8 +376,12 @@ impl<'a> Problem<'a> {
         }
         let mut noise = here.instrument.noise();
         if index < step.parameters.len() {
-            let change = step.parameters[index].clamp(-0.7, 0.7);
-            noise.sd_db = (noise.sd_db * change.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
+            let factor = step.parameters[index].clamp(-0.7, 0.7).exp();
+            if self.rows.links.readings.is_given {
+                noise.share_sd = (noise.share_sd * factor).clamp(SHARE_SD.0, SHARE_SD.1);
+            } else {
+                noise.sd_db = (noise.sd_db * factor).clamp(NOISE_DB.0, NOISE_DB.1);
+            }
         }
         if index + 1 < step.parameters.len() {
             let change = step.parameters[index + 1].clamp(-0.7, 0.7);
@@ -382,10 +394,11 @@ impl<'a> Problem<'a> {
     /// Derivatives of the levels over the parameters, row by row; then information and gradient of everything that is not
     /// a mean: shifts, losses, curves, noise.
     fn derivatives(&self, here: &Here) -> (Vec<f64>, DMatrix<f64>, DVector<f64>) {
+        let readings = self.rows.links.readings;
         let fits_noise = here.random.sd == Deviations::default()
-            && (self.fixed_sd_db.is_none() || self.rows.links.readings.is_aggregated);
+            && (self.fixed_sd_db.is_none() || readings.is_aggregated);
         let n_terms = self.n_parameters(here);
-        let fits_rows = fits_noise && self.rows.links.readings.is_aggregated;
+        let fits_rows = fits_noise && readings.is_aggregated && !readings.is_given;
         let p = n_terms + usize::from(fits_noise) + usize::from(fits_rows);
         let n = self.train.len();
         let mut jacobian = vec![0.0; n * p];
@@ -469,7 +482,7 @@ impl<'a> Problem<'a> {
             }
         }
         if fits_noise {
-            let is_free = f64::from(u8::from(self.fixed_sd_db.is_none()));
+            let is_free = f64::from(u8::from(self.fixed_sd_db.is_none() || readings.is_given));
             let of_noise = here.slopes.iter().map(|slope| is_free * slope.over_ln_sd);
             scores.push((n_terms, of_noise.collect()));
         }

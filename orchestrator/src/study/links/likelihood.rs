@@ -50,6 +50,8 @@ pub struct Instrument {
     pub readings: Readings,
     /// Standard deviation (dB) of the level that such frames share; without meaning for single frames.
     pub link_sd_db: f64,
+    /// Standard deviation of the share of frames received about the curve, chance apart, where readings are given.
+    pub share_sd: f64,
     /// The same with frames that vary a little more, where derivatives are asked for.
     pub wider: Option<Box<Self>>,
     /// What frames do at every level, where rows sum them up and losses are known.
@@ -67,6 +69,7 @@ pub struct Instrument {
 
 mod aggregated;
 mod density;
+mod given;
 mod tables;
 
 /// Between two points a step apart, each with its value and slope.
@@ -77,12 +80,14 @@ fn cubic(part: f64, step: f64, a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// What varies beside everything that has a cause (standard deviations).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
     /// From frame to frame (dB).
     pub sd_db: f64,
     /// From row to row, where rows sum up several frames (dB).
     pub link_sd_db: f64,
+    /// Of the share of frames received, from row to row, where readings are given.
+    pub share_sd: f64,
 }
 
 /// Where strengths that are rounded to one reading are looked at (steps of the readings).
@@ -103,7 +108,7 @@ impl Instrument {
     /// Of a curve of reception and what varies, nothing tabulated.
     #[must_use]
     pub fn new(curve: Sampled, spread: Spread, noise: Noise, readings: Readings) -> Self {
-        let Noise { sd_db, link_sd_db } = noise;
+        let Noise { sd_db, link_sd_db, share_sd } = noise;
         let averaged = curve.averaged(sd_db, &spread);
         let reading_variance = sd_db * sd_db + readings.quantum_db * readings.quantum_db / 12.0;
         let density =
@@ -123,6 +128,7 @@ impl Instrument {
             averaged,
             readings,
             link_sd_db,
+            share_sd,
             wider: None,
             tabulated: None,
             silent: Vec::new(),
@@ -132,7 +138,7 @@ impl Instrument {
     /// Its noise.
     #[must_use]
     pub fn noise(&self) -> Noise {
-        Noise { sd_db: self.sd_db, link_sd_db: self.link_sd_db }
+        Noise { sd_db: self.sd_db, link_sd_db: self.link_sd_db, share_sd: self.share_sd }
     }
 
     /// With another noise, nothing tabulated.
@@ -210,6 +216,9 @@ impl Instrument {
     /// Log likelihood of a sample: one frame, received or lost. `lift_db` is added to the level.
     #[must_use]
     pub fn sample(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
+        if self.readings.is_given {
+            return self.given(row, level);
+        }
         if self.readings.is_aggregated {
             return self.summed(row, level, lift_db);
         }
@@ -326,8 +335,9 @@ pub(in crate::study::links) mod tests {
     fn instrument(sd_db: f64) -> Instrument {
         let curve = Sampled::of(&Table::dust());
         let spread = Spread::none();
-        let readings = Readings { quantum_db: 1.0, has_losses: true, is_aggregated: false };
-        Instrument::new(curve, spread, Noise { sd_db, link_sd_db: 0.0 }, readings)
+        let readings =
+            Readings { quantum_db: 1.0, has_losses: true, is_aggregated: false, is_given: false };
+        Instrument::new(curve, spread, Noise { sd_db, ..Noise::default() }, readings)
     }
 
     pub(in crate::study::links) fn row(frames: f64, received: f64, rssi_dbm: f64) -> Row {

@@ -62,6 +62,9 @@ impl LinkStudy {
         tables: &mut BTreeMap<i64, Instrument>,
     ) -> RowScore {
         let measured = &self.rows.links.rows[row];
+        if fit.instrument.readings.is_given {
+            return fit.instrument.score_given(measured, level);
+        }
         if fit.instrument.readings.is_aggregated {
             return fit.instrument.score_row(measured, level, lift, extra);
         }
@@ -79,6 +82,12 @@ impl LinkStudy {
             let lift = fit.random.level_db(cells, row);
             let extra = fit.random.variance(cells, row);
             let level_dbm = level.power_dbm + lift - level.shift_db;
+            if fit.instrument.readings.is_given {
+                let measured = &self.rows.links.rows[row];
+                let (passes, passes_sd) = fit.instrument.share_of(measured, &level);
+                let (rssi_dbm, sd_db) = (measured.rssi_dbm, f64::NAN);
+                return Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm };
+            }
             if fit.instrument.readings.is_aggregated {
                 let measured = &self.rows.links.rows[row];
                 let [rssi_dbm, sd_db, passes, passes_sd] =
@@ -95,12 +104,18 @@ impl LinkStudy {
     }
 
     /// What is left of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
-    /// of reception in standard deviations. NaN where there is none.
+    /// of reception in standard deviations. NaN where there is none. Where readings are given, deviations are of the share of
+    /// frames received, and no surprise is beside them.
     #[must_use]
     pub fn residuals(&self, fit: &LinkFit) -> [Vec<f64>; 3] {
         let mut all = [(); 3].map(|()| vec![f64::NAN; self.rows.len()]);
         for (row, predicted) in self.predictions(fit).into_iter().enumerate() {
             let measured = &self.rows.links.rows[row];
+            if self.rows.links.readings.is_given {
+                all[0][row] = measured.received / measured.frames - predicted.passes;
+                all[1][row] = all[0][row] / predicted.passes_sd;
+                continue;
+            }
             if measured.rssi_dbm.is_finite() {
                 all[0][row] = measured.rssi_dbm - predicted.rssi_dbm;
                 all[1][row] = all[0][row] / predicted.sd_db;

@@ -1,7 +1,7 @@
 //! Measured links as the physics sees them.
 
 use crate::measure::Rejections;
-use crate::measure::links::{Links, Row};
+use crate::measure::links::{Links, Row, has_losses};
 use netsim::phy::Model;
 use netsim::phy::effect::Effect;
 use netsim::phy::link::{Covariates, End, Link, Scene};
@@ -100,6 +100,9 @@ impl Rows {
         };
         rows.base = (0..rows.links.rows.len()).map(|row| rows.base_of(row)).collect();
         rows.leave_out_unknown();
+        if rows.links.readings.is_given {
+            rows.links.readings.has_losses = has_losses(&rows.links.rows);
+        }
         rows.look_through();
         rows
     }
@@ -162,7 +165,12 @@ impl Rows {
     /// What an effect adds to a row: power, shift of the curve, logarithm of survival.
     #[must_use]
     pub fn effect(&self, effect: &dyn Effect, row: usize) -> [f64; 3] {
+        let given_dbm = self.given_dbm(row);
         self.link(row, |link| {
+            if let Some(rssi_dbm) = given_dbm {
+                let loss = effect.loss_at(link, rssi_dbm);
+                return [0.0, effect.curve_shift_db(link), ln_survival(loss)];
+            }
             [
                 effect.contribution_db(link),
                 effect.curve_shift_db(link),
@@ -177,7 +185,13 @@ impl Rows {
         self.link(row, |link| effect.register_dbm(link, reading_dbm))
     }
 
+    /// The level that the reading of a row is taken for (dBm), where readings are given.
+    fn given_dbm(&self, row: usize) -> Option<f64> {
+        self.links.readings.is_given.then(|| self.links.rows[row].rssi_dbm)
+    }
+
     fn base_of(&self, row: usize) -> Base {
+        let given_dbm = self.given_dbm(row);
         self.link(row, |link| {
             let prediction = self.model.propagation.predict(link);
             let mut base = Base {
@@ -190,6 +204,14 @@ impl Rows {
                     Reception::Stated(probability) => Some(probability),
                 },
             };
+            if let Some(rssi_dbm) = given_dbm {
+                base.power_dbm = rssi_dbm;
+                for effect in &self.model.effects {
+                    base.shift_db += effect.curve_shift_db(link);
+                    base.ln_survival += ln_survival(effect.loss_at(link, rssi_dbm));
+                }
+                return base;
+            }
             for effect in &self.model.effects {
                 base.power_dbm += effect.contribution_db(link);
                 base.shift_db += effect.curve_shift_db(link);
@@ -207,6 +229,9 @@ impl Rows {
 
     /// Takes out rows about which the model says nothing: where a place is unknown.
     fn leave_out_unknown(&mut self) {
+        if self.links.readings.is_given {
+            self.leave_out_unread();
+        }
         // Where nobody's place is known, distances are nobody's matter.
         let placed = |row: &Row| row.tx_m[0].is_finite() && row.rx_m[0].is_finite();
         let is_placed = self.links.rows.iter().any(placed);
@@ -223,6 +248,22 @@ impl Rows {
         for (row, _) in self.links.rows.iter().zip(&known).filter(|(_, known)| !**known) {
             rejections.add("the place of an end is unknown: the model predicts nothing", row.line);
         }
+        self.links.rejected.extend(rejections.into_list());
+        self.keep(&known);
+    }
+
+    /// Takes out rows without a reading that reception could be predicted from, and those that do not say what was received.
+    fn leave_out_unread(&mut self) {
+        let mut rejections = Rejections::default();
+        for row in &self.links.rows {
+            if row.rssi_dbm.is_nan() {
+                rejections.add("--given-rssi: nothing was received, hence nothing read", row.line);
+            } else if row.received.is_nan() {
+                rejections.add("--given-rssi: it is not known what was received", row.line);
+            }
+        }
+        let is_known = |row: &Row| row.rssi_dbm.is_finite() && row.received.is_finite();
+        let known: Vec<bool> = self.links.rows.iter().map(is_known).collect();
         self.links.rejected.extend(rejections.into_list());
         self.keep(&known);
     }

@@ -22,8 +22,9 @@ impl Curve for Normal {
 }
 
 fn instrument(sd_db: f64, link_sd_db: f64) -> Instrument {
-    let readings = Readings { quantum_db: 0.0, has_losses: true, is_aggregated: true };
-    let noise = Noise { sd_db, link_sd_db };
+    let readings =
+        Readings { quantum_db: 0.0, has_losses: true, is_aggregated: true, is_given: false };
+    let noise = Noise { sd_db, link_sd_db, ..Noise::default() };
     Instrument::new(Sampled::of(&Normal), Spread::none(), noise, readings).with_tables(&[])
 }
 
