@@ -26,7 +26,7 @@ const TIME: &str = "time_s";
 /// Where readings are given, losses have a curve over this, too: nothing else of the catalogue follows the channel there.
 const FREQUENCY: &str = "frequency_mhz";
 /// Why what does not touch reception cannot be tested where readings are given.
-const READING_GIVEN: &str = "changes what is read, and --given-rssi takes readings as they are: only what decides reception is tried";
+const READING_GIVEN: &str = "changes what is read, which --given-rssi takes as it is";
 
 /// Every term that may be added.
 pub(super) fn specs(rows: &Rows) -> Vec<Spec> {

@@ -132,6 +132,12 @@ impl Sampled {
         self.values[index] + part * (self.values[index + 1] - self.values[index])
     }
 
+    /// The same without the frames that go against the curve.
+    #[must_use]
+    pub fn own_at(&self, dbm: f64) -> f64 {
+        ((self.at(dbm) - STRAY) / (1.0 - 2.0 * STRAY)).clamp(0.0, 1.0)
+    }
+
     /// The logarithm of [`Self::at`].
     #[must_use]
     pub fn ln_at(&self, dbm: f64) -> f64 {

@@ -21,15 +21,26 @@ use crate::study::RowScore;
 const HALF_STEP_DB: f64 = 0.01;
 const LN_TAU: f64 = 1.837_877_066_409_345_5;
 
+/// Frames pass with this probability at the least: below it a row with a reading received one, and no more can be told.
+const LEAST_PASSES: f64 = 1e-9;
+
+/// Mean and variance of the share of `frames` that are received, each with the probability `passes`, something being received.
+fn moments(passes: f64, frames: f64) -> (f64, f64) {
+    let any = -(frames * (-passes).ln_1p()).exp_m1();
+    let mean = passes / any;
+    let square = (passes * passes + passes * (1.0 - passes) / frames) / any;
+    (mean, (square - mean * mean).max(0.0))
+}
+
 impl Instrument {
     /// Mean and variance of the share received of a row `away_db` beyond its level.
     fn moments(&self, row: &Row, level: &Level, away_db: f64) -> (f64, f64) {
         let power_dbm = level.power_dbm - level.shift_db + away_db;
-        let passes = self.curve.at(power_dbm) * level.ln_survival.exp();
-        let any = -(row.frames * (-passes).ln_1p()).exp_m1();
-        let mean = passes / any;
-        let square = (passes * passes + passes * (1.0 - passes) / row.frames) / any;
-        (mean, self.share_sd * self.share_sd + (square - mean * mean).max(0.0))
+        let survival = level.ln_survival.exp();
+        // Frames that go against the curve make a share less certain, not greater or less.
+        let own = moments(LEAST_PASSES.max(self.curve.own_at(power_dbm)) * survival, row.frames);
+        let all = moments(self.curve.at(power_dbm) * survival, row.frames);
+        (own.0, self.share_sd * self.share_sd + all.1)
     }
 
     /// The share of the frames of a row that should be received, something being received, and the standard deviation of that.
@@ -118,24 +129,25 @@ mod tests {
 
     #[test]
     fn rows_scatter_by_what_is_added_and_by_chance() {
-        // At -85.5 dBm pass 0.95865 of all frames, half between the points of the table at -86 and -85, a frame in a thousand
-        // against it; of these a share e^-0.1 is not lost otherwise.
+        // At -85.5 dBm pass 0.95865 of all frames, half between the points of the table at -86 and -85; of these a share e^-0.1 is not
+        // lost otherwise. A frame in a thousand may go against it.
         let (mean, sd) = instrument(0.1).share_of(&row(50.0, 50.0, -85.0), &level(-85.0));
-        let expected = (0.001 + 0.998 * 0.958_65) * (-0.1f64).exp();
+        let expected = 0.958_65 * (-0.1f64).exp();
+        let with_stray = (0.001 + 0.998 * 0.958_65) * (-0.1f64).exp();
         assert!((mean - expected).abs() < 1e-9, "{mean} {expected}");
-        assert!((sd * sd - 0.01 - expected * (1.0 - expected) / 50.0).abs() < 1e-9, "{sd}");
+        assert!((sd * sd - 0.01 - with_stray * (1.0 - with_stray) / 50.0).abs() < 1e-9, "{sd}");
         let score = instrument(0.1).score_given(&row(50.0, 25.0, -85.0), &level(-85.0));
         assert!((score.squared_error - (0.5 - expected).powi(2)).abs() < 1e-9, "{score:?}");
     }
 
     #[test]
     fn a_row_with_a_reading_received_something() {
-        // Below the table a frame in a thousand passes, against all odds: of two frames with one at the least that is 0.500 of them.
+        // Below the table nothing passes: of two frames one did, if one at the least.
         let level = Level { power_dbm: -120.0, ln_survival: 0.0, ..level(0.0) };
         let (mean, sd) = instrument(0.0).share_of(&row(2.0, 1.0, -120.0), &level);
         let (p, any) = (0.001f64, 2.0 * 0.001 - 0.001 * 0.001);
-        assert!((mean - p / any).abs() < 1e-9, "{mean}");
-        // One of two, or with a chance of p²/any both.
+        assert!((mean - 0.5).abs() < 1e-8, "{mean}");
+        // A frame in a thousand may pass: one of two did, or with a chance of p²/any both.
         let both = p * p / any;
         let expected = 0.25 * (1.0 - both) + both - (p / any).powi(2);
         assert!((sd * sd - expected).abs() < 1e-9, "{sd}");
