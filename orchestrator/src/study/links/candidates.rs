@@ -18,13 +18,10 @@ const FINE_KNOTS: usize = 25;
 const ROWS_PER_KNOT: usize = 40;
 /// Covariates that follow from time and places and may be a cause by themselves.
 const DERIVED: [&str; 4] = [TIME, CHANNEL, "midpoint_x_m", "midpoint_y_m"];
-/// Its curve has a knot at every channel.
+/// Its curve has a knot at every channel. Where readings are given, nothing of the catalogue follows the channel, and losses have one, too.
 const CHANNEL: &str = "frequency_mhz";
 /// Beside what is given, losses have a curve only over this.
 const TIME: &str = "time_s";
-
-/// Where readings are given, losses have a curve over this, too: nothing else of the catalogue follows the channel there.
-const FREQUENCY: &str = "frequency_mhz";
 /// Why what does not touch reception cannot be tested where readings are given.
 const READING_GIVEN: &str = "changes what is read, which --given-rssi takes as it is";
 
