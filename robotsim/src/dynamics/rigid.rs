@@ -36,7 +36,8 @@ use serde::Deserialize;
 ///
 /// On a plane: z stays, and heights do not count. Rapier lets bodies that are pressed together overlap a little, and gets hold
 /// of them up to one part's way before they touch. A pair keeps its energy as the restitution says; in a room some meetings give
-/// back less, so that elastic discs slow down in time. Friction acts on the impulse of meeting, not on that of parting. How sliding lessens what the ground takes from the spin, and the
+/// back less, so that elastic discs slow down in time. Where several meet at once, a restitution for each pair can give them more than
+/// they had: what they exchange is then lessened until they have as much. Friction acts on the impulse of meeting, not on that of parting. How sliding lessens what the ground takes from the spin, and the
 /// reverse, is left out (Farkas et al., Phys. Rev. Lett. 90, 248302, 2003). Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub(super) struct RigidBody {
@@ -140,6 +141,11 @@ impl RigidBody {
         if spin_radps < 0.0 { -left_radps } else { left_radps }
     }
 
+    /// Moment of inertia (kg m²).
+    fn inertia(&self) -> f64 {
+        0.125 * self.mass_kg * self.body_diameter_m * self.body_diameter_m
+    }
+
     fn collider(&self) -> ColliderBuilder {
         surface(ColliderBuilder::ball(0.5 * self.body_diameter_m))
             .mass(self.mass_kg)
@@ -188,7 +194,9 @@ impl World {
                 None => (RigidBodyBuilder::fixed(), obstacle.centre_m),
             };
             let shape = surface(ColliderBuilder::ball(obstacle.radius_m));
-            let (handle, _) = physics.insert(body.translation(point(centre_m)), shape);
+            let body = body.translation(point(centre_m));
+            let body = if course.is_some() { body.user_data(DRIVEN) } else { body };
+            let (handle, _) = physics.insert(body, shape);
             if let Some(course) = course {
                 moving[course] = handle;
             }
@@ -196,14 +204,89 @@ impl World {
         Self { physics, moving }
     }
 
-    fn add(&mut self, body: &RigidBody, [x, y, _]: [f64; 3], spin_radps: f64) -> RigidBodyHandle {
+    /// Takes in the disc of this number.
+    fn add(
+        &mut self,
+        disc: usize,
+        body: &RigidBody,
+        [x, y, _]: [f64; 3],
+        spin_radps: f64,
+    ) -> RigidBodyHandle {
         let robot = RigidBodyBuilder::dynamic()
+            .user_data(disc as u128 + 1)
             .translation(Vector::new(x, y))
             .angvel(spin_radps)
             .can_sleep(false);
         self.physics.insert(robot, body.collider()).0
     }
+
+    /// The group of each disc, by the number of one of them: those that touch, directly or by way of others. None where one of them
+    /// touches an obstacle that moves.
+    fn groups(&self, n_discs: usize) -> Vec<Option<usize>> {
+        let mut group: Vec<usize> = (0..n_discs).collect();
+        let root = |group: &[usize], mut disc: usize| {
+            while group[disc] != disc {
+                disc = group[disc];
+            }
+            disc
+        };
+        let mut driven = Vec::new();
+        for pair in self.physics.contact_pairs().filter(|pair| pair.has_any_active_contact()) {
+            let ends = [pair.collider1, pair.collider2].map(|collider| {
+                let body = self.physics.colliders.get(collider).and_then(|it| it.parent());
+                body.and_then(|body| self.physics.bodies.get(body)).map_or(0, |it| it.user_data)
+            });
+            match ends {
+                [0, _] | [_, 0] => {}
+                [DRIVEN, disc] | [disc, DRIVEN] => driven.push(disc as usize - 1),
+                [one, other] => {
+                    let [one, other] = [one, other].map(|disc| root(&group, disc as usize - 1));
+                    group[one.max(other)] = one.min(other);
+                }
+            }
+        }
+        let driven: Vec<usize> = driven.into_iter().map(|disc| root(&group, disc)).collect();
+        let of = |disc| Some(root(&group, disc)).filter(|group| !driven.contains(group));
+        (0..n_discs).map(of).collect()
+    }
+
+    /// Lessens what discs exchanged where it has given a group more energy than it had with the velocities (m/s) and spins (rad/s)
+    /// `before`: the share s of all its changes for which it has as much.
+    fn keep_energy(&mut self, discs: &[Disc<'_>], before: &[([f64; 2], f64)]) {
+        // Of each group the energy, and what a share s of the changes adds to it: s · first + s² · second.
+        let mut sums = vec![[0.0; 3]; discs.len()];
+        let groups = self.groups(discs.len());
+        for ((disc, &([x, y], spin)), group) in discs.iter().zip(before).zip(&groups) {
+            let Some(group) = *group else { continue };
+            let robot = &self.physics.bodies[disc.handle];
+            let (mass_kg, inertia) = (disc.body.mass_kg, disc.body.inertia());
+            let (velocity, turn) = (robot.linvel(), robot.angvel() - spin);
+            let [dx, dy] = [velocity.x - x, velocity.y - y];
+            let [energy, first, second] = &mut sums[group];
+            *energy += 0.5 * (mass_kg * (x * x + y * y) + inertia * spin * spin);
+            *first += mass_kg * (x * dx + y * dy) + inertia * spin * turn;
+            *second += 0.5 * (mass_kg * (dx * dx + dy * dy) + inertia * turn * turn);
+        }
+        for ((disc, &([x, y], spin)), group) in discs.iter().zip(before).zip(&groups) {
+            let Some([energy, first, second]) = group.map(|group| sums[group]) else { continue };
+            if first + second <= ROUNDING * energy {
+                continue;
+            }
+            let share = (-first / second).clamp(0.0, 1.0);
+            let robot = &mut self.physics.bodies[disc.handle];
+            let (velocity, turned) = (robot.linvel(), robot.angvel());
+            let within = |before: f64, after: f64| before + share * (after - before);
+            robot.set_linvel(Vector::new(within(x, velocity.x), within(y, velocity.y)), true);
+            robot.set_angvel(within(spin, turned), true);
+        }
+    }
 }
+
+/// What the user data of a body in the world say: nothing of what stands, this of an obstacle that moves, and of a robot which of the
+/// discs it is, from 1 on.
+const DRIVEN: u128 = u128::MAX;
+/// Rounding makes no more energy than this share.
+const ROUNDING: f64 = 1e-12;
 
 /// A robot in the world.
 struct Disc<'a> {
@@ -244,7 +327,7 @@ impl Fleet {
             discs.push(Disc {
                 agent,
                 body,
-                handle: world.add(body, begin_m, memory[agent].spin_radps),
+                handle: world.add(discs.len(), body, begin_m, memory[agent].spin_radps),
                 motion,
                 begin_m,
                 others: near(&others, agent),
@@ -282,7 +365,7 @@ impl Fleet {
                 obstacle.set_next_kinematic_translation(Vector::new(x, y));
             }
         }
-        let mut free_mps = Vec::with_capacity(discs.len());
+        let mut free = Vec::with_capacity(discs.len());
         for disc in discs {
             let agent = disc.agent;
             let surroundings = Surroundings { others: &disc.others, ..*base };
@@ -293,14 +376,16 @@ impl Fleet {
             let (left_mps, way_m) = disc.body.braked([before_mps, after_mps], way_m, h_s);
             memory[agent].drive = left_mps;
             let velocity_mps = [way_m[0] / h_s, way_m[1] / h_s];
-            free_mps.push(velocity_mps);
+            let spin_radps = disc.body.slowed(memory[agent].spin_radps, h_s);
+            free.push((velocity_mps, spin_radps));
             let robot = &mut world.physics.bodies[disc.handle];
             robot.set_linvel(Vector::new(velocity_mps[0], velocity_mps[1]), true);
-            robot.set_angvel(disc.body.slowed(memory[agent].spin_radps, h_s), true);
+            robot.set_angvel(spin_radps, true);
         }
         world.physics.integration_parameters.dt = h_s;
         world.physics.step();
-        for (disc, free_mps) in discs.iter().zip(free_mps) {
+        world.keep_energy(discs, &free);
+        for (disc, (free_mps, _)) in discs.iter().zip(free) {
             let agent = disc.agent;
             let robot = &world.physics.bodies[disc.handle];
             let (place, velocity, spin_radps) =
