@@ -237,7 +237,7 @@ pub fn constant(deviations: &[f64]) -> Option<(String, f64)> {
 #[must_use]
 pub fn formula(
     covariate: (&str, &[f64]),
-    others: &[(String, Vec<f64>)],
+    others: &[&(String, Vec<f64>)],
     deviation_db: &[f64],
     blocks: &Blocks,
 ) -> Option<(String, f64)> {
@@ -381,7 +381,7 @@ mod tests {
         let [_, (other, z)] = covariates;
         let turned: Vec<f64> =
             (0..bent.len()).map(|row| plain[row] + x[row] * (z[row] / n as f64 - 0.5)).collect();
-        let (text, rmse) = formula(("x", &x), &[(other, z)], &turned, &blocks).unwrap();
+        let (text, rmse) = formula(("x", &x), &[&(other, z)], &turned, &blocks).unwrap();
         assert!(text.contains("x * other"), "{text}");
         assert!((rmse - 1.0).abs() < 0.06, "{rmse}");
     }

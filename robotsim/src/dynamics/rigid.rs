@@ -10,8 +10,8 @@ use proto::config::{Default as Absent, Field, Kind, Range};
 use proto::site::Site;
 use proto::types::{AgentStates, seconds};
 use rapier2d_f64::prelude::{
-    CoefficientCombineRule, ColliderBuilder, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
-    Vector,
+    CoefficientCombineRule, ColliderBuilder, ContactPair, PhysicsWorld, RigidBodyBuilder,
+    RigidBodyHandle, Vector,
 };
 use serde::Deserialize;
 
@@ -245,14 +245,20 @@ impl World {
                 }
             }
         }
-        let driven: Vec<usize> = driven.into_iter().map(|disc| root(&group, disc)).collect();
-        let of = |disc| Some(root(&group, disc)).filter(|group| !driven.contains(group));
+        let mut is_driven = vec![false; n_discs];
+        for disc in driven {
+            is_driven[root(&group, disc)] = true;
+        }
+        let of = |disc| Some(root(&group, disc)).filter(|&group| !is_driven[group]);
         (0..n_discs).map(of).collect()
     }
 
     /// Lessens what discs exchanged where it has given a group more energy than it had with the velocities (m/s) and spins (rad/s)
     /// `before`: the share s of all its changes for which it has as much.
     fn keep_energy(&mut self, discs: &[Disc<'_>], before: &[([f64; 2], f64)]) {
+        if !self.physics.contact_pairs().any(ContactPair::has_any_active_contact) {
+            return;
+        }
         // Of each group the energy, and what a share s of the changes adds to it: s · first + s² · second.
         let mut sums = vec![[0.0; 3]; discs.len()];
         let groups = self.groups(discs.len());

@@ -189,12 +189,11 @@ fn curve(
     if known.len() < rows.len() / 2 || known.is_empty() {
         return None;
     }
-    let n_knots = if is_fine { FINE_KNOTS } else { KNOTS };
-    let at = |k: usize| known[k * (known.len() - 1) / (n_knots - 1)];
-    let mut knots = if covariate == CHANNEL {
-        known.clone()
+    let mut knots: Vec<f64> = if covariate == CHANNEL {
+        known
     } else {
-        (0..n_knots).map(at).collect::<Vec<f64>>()
+        let n_knots = if is_fine { FINE_KNOTS } else { KNOTS };
+        (0..n_knots).map(|k| known[k * (known.len() - 1) / (n_knots - 1)]).collect()
     };
     knots.dedup();
     (2 <= knots.len()).then(|| Curve {

@@ -148,8 +148,8 @@ impl LinkStudy {
             NAMES.iter().any(|(known, _)| known == name)
                 || self.rows.links.covariates.iter().any(|(given, _)| given == name)
         };
-        let others: Vec<(String, Vec<f64>)> =
-            covariates.iter().filter(|(name, _)| is_known(name)).cloned().collect();
+        let others: Vec<&(String, Vec<f64>)> =
+            covariates.iter().filter(|(name, _)| is_known(name)).collect();
         let mut formulas = BTreeMap::new();
         for &term in &ladder.accepted {
             let Spec::Curve(curve) = &self.specs[term] else { continue };
