@@ -76,6 +76,7 @@ pub(crate) fn build(
     contacts: Option<Contacts>,
     problems: &mut Vec<Problem>,
 ) -> Option<(Fleet, Team)> {
+    let diameter_m = table.get("diameter_m").and_then(toml::Value::as_float).unwrap_or(0.0);
     if lacks_controller(table) {
         return None;
     }
@@ -84,7 +85,19 @@ pub(crate) fn build(
     let groups = groups(table, path, n_agents, problems);
     let mut kinds = Vec::new();
     let mut controllers: Vec<(usize, Box<dyn Controller>)> = Vec::new();
-    let (mut is_whole, mut rigid) = (true, 0);
+    let is_rigid = |(index, group): (usize, &Group)| {
+        let table = part(table, index, "dynamics", &group.dynamics);
+        table.get("kind").and_then(toml::Value::as_str) == Some("rigid-body")
+    };
+    let are_rigid: Vec<bool> = groups.iter().enumerate().map(is_rigid).collect();
+    let any_rigid = are_rigid.contains(&true);
+    let all_rigid = !are_rigid.contains(&false);
+    if any_rigid && !all_rigid && contacts.is_none() && diameter_m <= 0.0 {
+        let message = "must be greater than 0 where rigid bodies meet other robots";
+        let at = join(path, "diameter_m");
+        problems.push(Problem::new(at, message).value(format!("{diameter_m:?}")));
+    }
+    let mut is_whole = true;
     for (index, group) in groups.into_iter().enumerate() {
         let mut own = Vec::new();
         let at = |key: &str, place: &str| join(path, &join(place, key));
@@ -111,17 +124,18 @@ pub(crate) fn build(
                 .value("\"resolve\""),
             );
         }
-        if dynamics.as_ref().is_some_and(Dynamics::is_rigid) {
-            rigid += 1;
-            if contacts.is_some() {
-                let message = "must be \"count\" for rigid bodies, whose contacts are their own";
-                let at = join(&join(path, "contacts"), "kind");
-                own.push(Problem::new(at, message).value("\"resolve\""));
-            }
-            if controller::is_jumping(table) {
-                let message = "must not be random-jump for rigid bodies, which have a way to go";
-                own.push(Problem::new(join(&context.path, "kind"), message));
-            }
+        if all_rigid && contacts.is_some() {
+            let message = "must be \"count\" for rigid bodies, whose contacts are their own";
+            let at = join(&join(path, "contacts"), "kind");
+            own.push(Problem::new(at, message).value("\"resolve\""));
+        }
+        if any_rigid && controller::is_jumping(table) {
+            let message = if are_rigid[index] {
+                "must not be random-jump for rigid bodies, which have a way to go"
+            } else {
+                "must not be random-jump beside rigid bodies: what pushes them has a way to go"
+            };
+            own.push(Problem::new(join(&context.path, "kind"), message));
         }
         // What groups share is wrong once.
         own.retain(|problem| !unread.contains(&problem.path) && !problems.contains(problem));
@@ -134,12 +148,7 @@ pub(crate) fn build(
             (..) => is_whole = false,
         }
     }
-    if rigid != 0 && rigid < kinds.len() {
-        let message =
-            "must be all of rigid bodies or all of others: these do not give way to those";
-        problems.push(Problem::new(join(path, "group"), message));
-    }
-    is_whole.then(|| (Fleet::new(kinds, contacts), Team::new(controllers)))
+    is_whole.then(|| (Fleet::new(kinds, contacts, diameter_m), Team::new(controllers)))
 }
 
 /// The groups, or the whole swarm as one.

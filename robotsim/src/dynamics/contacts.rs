@@ -1,7 +1,7 @@
 //! Contacts: robots that cannot be where a wall, an obstacle or another robot is.
 
 use super::fleet::{Fleet, near};
-use super::surroundings::Surroundings;
+use super::surroundings::{Other, Surroundings};
 use super::{Command, Memory, Motion, Step, norm};
 use crate::config::field;
 use crate::obstacles::Course;
@@ -315,18 +315,18 @@ impl Fleet {
         &self,
         contacts: &Contacts,
         step: &Step<'_>,
-        base: &Surroundings<'_>,
+        (base, others): (&Surroundings<'_>, &[(usize, Other)]),
         commands: &[Command],
         states: &mut AgentStates,
         memory: &mut [Memory],
     ) {
         let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
         let dt_s = seconds(step.until_ns - step.from_ns);
-        let others = self.others(states);
         let mut solids = solids(step.site);
         let mut fastest_mps = step.courses.iter().map(Course::speed_mps).fold(0.0, f64::max);
         let mut robots = Vec::new();
-        for agent in states.alive.clone().iter_ones() {
+        let bodies: Vec<usize> = self.alive_bodies(states).collect();
+        for agent in bodies {
             let command = commands[agent];
             let own_mps = memory.get(agent).map_or([0.0; 3], |memory| memory.drive);
             let asked_mps = match command {
@@ -339,7 +339,7 @@ impl Fleet {
             fastest_mps = fastest_mps.max(norm(own_mps) + asked_mps);
             let dynamics = self.of(agent);
             let motion = dynamics.take_up(agent, command, from_s, dt_s, states, memory);
-            robots.push((agent, motion, states.position_m(agent), near(&others, agent)));
+            robots.push((agent, motion, states.position_m(agent), near(others, agent)));
         }
         let n = contacts.n_parts(dt_s, fastest_mps);
         let mut discs: Vec<Disc> = Vec::with_capacity(robots.len());
@@ -423,7 +423,7 @@ mod tests {
         let body = "kind = 'double-integrator'\nspeed_cap_mps = 30.0\nacceleration_cap_mps2 = 10.0";
         let contacts = Contacts { radius_m: 0.15, restitution };
         let dynamics = Dynamics::build(&body.parse().unwrap(), "", &mut Vec::new()).unwrap();
-        let dynamics = Fleet::new([(start.len(), dynamics)], Some(contacts));
+        let dynamics = Fleet::new([(start.len(), dynamics)], Some(contacts), 0.3);
         let mut states = AgentStates::at_origin(start.len());
         let mut memory = dynamics.memory(start.len());
         for (agent, &(at_m, velocity_mps)) in start.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use super::contacts::Contacts;
 use super::effect::Localization;
-use super::rigid::RigidBody;
+use super::rigid::{Pusher, RigidBody};
 use super::surroundings::{Other, Surroundings};
 use super::{Command, Dynamics, Memory, Motion, Step};
 use proto::rng::{Draws, Purpose};
@@ -13,22 +13,27 @@ use proto::types::{AgentStates, seconds};
 pub struct Fleet {
     /// For each kind, the number of its last robot plus 1, and how it moves.
     kinds: Vec<(usize, Dynamics)>,
+    /// Of robots that are not rigid bodies.
     pub(super) contacts: Option<Contacts>,
+    /// Diameter (m) of those.
+    diameter_m: f64,
 }
 
 impl Fleet {
-    /// Robots of these numbers and kinds, numbered kind after kind. Contacts are resolved where there are rules for them.
+    /// Robots of these numbers and kinds, numbered kind after kind. Contacts are resolved where there are rules for them; rigid
+    /// bodies have their own, for which other robots are of this diameter (m).
     #[must_use]
     pub(crate) fn new(
         kinds: impl IntoIterator<Item = (usize, Dynamics)>,
         contacts: Option<Contacts>,
+        diameter_m: f64,
     ) -> Self {
         let mut end = 0;
         let numbered = kinds.into_iter().map(|(count, dynamics)| {
             end += count;
             (end, dynamics)
         });
-        Self { kinds: numbered.collect(), contacts }
+        Self { kinds: numbered.collect(), contacts, diameter_m }
     }
 
     /// How a robot moves.
@@ -37,15 +42,27 @@ impl Fleet {
         &self.kinds[kind].1
     }
 
+    /// Those that are there and are not rigid bodies.
+    pub(super) fn alive_bodies<'a>(
+        &'a self,
+        states: &'a AgentStates,
+    ) -> impl Iterator<Item = usize> + 'a {
+        states.alive.iter_ones().filter(|&agent| !self.of(agent).is_rigid())
+    }
+
     fn any(&self, mut has: impl FnMut(&Dynamics) -> bool) -> bool {
         self.kinds.iter().any(|(_, dynamics)| has(dynamics))
     }
 
     /// The rules by which robots that begin in each other or in something solid are put apart.
     pub(super) fn room(&self) -> Option<Contacts> {
-        let diameters = self.kinds.iter().filter_map(|(_, dynamics)| dynamics.physics.rigid());
-        let widest_m = diameters.map(RigidBody::diameter_m).fold(0.0, f64::max);
-        self.contacts.or((0.0 < widest_m).then(|| Contacts::of(widest_m)))
+        if !self.any(Dynamics::is_rigid) {
+            return self.contacts;
+        }
+        let diameters = self.kinds.iter().map(|(_, dynamics)| {
+            dynamics.physics.rigid().map_or(self.diameter_m, RigidBody::diameter_m)
+        });
+        Some(Contacts::of(diameters.fold(0.0, f64::max)))
     }
 
     /// What robots at rest carry. Nothing, where nothing reaches back in time.
@@ -93,13 +110,18 @@ impl Fleet {
             ..Surroundings::default()
         };
         let alive = states.alive.clone();
-        if self.any(Dynamics::is_rigid) {
-            self.advance_rigid(step, &base, commands, states, memory);
-        } else if let Some(contacts) = &self.contacts {
-            self.advance_in_contact(contacts, step, &base, commands, states, memory);
+        let others = self.others(states);
+        let any_rigid = self.any(Dynamics::is_rigid);
+        let mut pushers = Vec::new();
+        if any_rigid {
+            pushers
+                .extend(self.alive_bodies(states).map(|agent| (agent, states.position_m(agent))));
+        }
+        if let Some(contacts) = &self.contacts {
+            self.advance_in_contact(contacts, step, (&base, &others), commands, states, memory);
         } else {
-            let others = self.others(states);
-            for agent in alive.iter_ones() {
+            let bodies: Vec<usize> = self.alive_bodies(states).collect();
+            for agent in bodies {
                 let dynamics = self.of(agent);
                 let motion = dynamics.take_up(agent, commands[agent], from_s, dt_s, states, memory);
                 let near: Vec<Other> = near(&others, agent);
@@ -118,6 +140,15 @@ impl Fleet {
                 states.z_m[agent] += displacement[2];
                 [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] = velocity;
             }
+        }
+        if any_rigid {
+            let pushers = pushers.into_iter().map(|(agent, begin_m)| Pusher {
+                begin_m,
+                end_m: states.position_m(agent),
+                radius_m: 0.5 * self.diameter_m,
+            });
+            let pushers: Vec<Pusher> = pushers.collect();
+            self.advance_rigid(step, (&base, &others, &pushers), commands, states, memory);
         }
         for agent in alive.iter_ones() {
             assert!(

@@ -30,11 +30,14 @@ use serde::Deserialize;
 ///
 /// Contacts with other discs, walls and obstacles are Rapier's (<https://rapier.rs>, `enhanced-determinism`): Newton's law with
 /// restitution e along the normal, Coulomb's friction μ along the surface, which spins the disc; of two that touch the lower e
-/// and the lower μ count, walls and obstacles having neither of their own.
+/// and the lower μ count, walls and obstacles having neither of their own. To them robots that are no rigid bodies are round
+/// bodies that push and are not pushed back, and have neither e nor μ either: off one that moves with u a disc that meets it
+/// head-on with v parts with u + e (u − v).
 ///
 /// # Validity
 ///
-/// On a plane: z stays, and heights do not count. Rapier lets bodies that are pressed together overlap a little, and gets hold
+/// On a plane: z stays, and heights do not count, but that robots which are no rigid bodies pass over all of them where they are
+/// higher than their own radius above the highest. Within a step these go straight, evenly. Rapier lets bodies that are pressed together overlap a little, and gets hold
 /// of them up to one part's way before they touch. A pair keeps its energy as the restitution says; in a room some meetings give
 /// back less, so that elastic discs slow down in time. Where several meet at once, a restitution for each pair can give them more than
 /// they had: what they exchange is then lessened until they have as much. Friction acts on the impulse of meeting, not on that of parting. How sliding lessens what the ground takes from the spin, and the
@@ -168,10 +171,41 @@ struct World {
     physics: PhysicsWorld,
     /// By course, the obstacle that moves.
     moving: Vec<RigidBodyHandle>,
+    /// Robots that are no rigid bodies.
+    pushing: Vec<RigidBodyHandle>,
+}
+
+/// A robot that pushes rigid bodies and is not pushed back: it goes straight, evenly, from one place to another in a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pusher {
+    pub(super) begin_m: [f64; 3],
+    pub(super) end_m: [f64; 3],
+    pub(super) radius_m: f64,
+}
+
+impl Pusher {
+    /// How far it goes in the plane (m).
+    fn way_m(&self) -> f64 {
+        libm::hypot(self.end_m[0] - self.begin_m[0], self.end_m[1] - self.begin_m[1])
+    }
+
+    /// Whether it is ever lower than its radius above this height (m).
+    fn is_below(&self, height_m: f64) -> bool {
+        self.begin_m[2].min(self.end_m[2]) < height_m + self.radius_m
+    }
+
+    /// Where it is after a share of the step.
+    fn at(&self, share: f64) -> Vector {
+        let [x, y]: [f64; 2] = std::array::from_fn(|i| {
+            let (begin_m, end_m) = (self.begin_m[i], self.end_m[i]);
+            if share < 1.0 { begin_m + share * (end_m - begin_m) } else { end_m }
+        });
+        Vector::new(x, y)
+    }
 }
 
 impl World {
-    fn new(site: &Site, courses: &[Course], from_s: f64) -> Self {
+    fn new(site: &Site, courses: &[Course], pushers: &[Pusher], from_s: f64) -> Self {
         let mut physics = PhysicsWorld { gravity: Vector::ZERO, ..PhysicsWorld::default() };
         let parameters = &mut physics.integration_parameters;
         parameters.normalized_max_linear_velocity = f64::MAX;
@@ -201,7 +235,29 @@ impl World {
                 moving[course] = handle;
             }
         }
-        Self { physics, moving }
+        let pushing = pushers.iter().map(|pusher| {
+            let body = RigidBodyBuilder::kinematic_position_based()
+                .translation(pusher.at(0.0))
+                .user_data(DRIVEN);
+            physics.insert(body, surface(ColliderBuilder::ball(pusher.radius_m))).0
+        });
+        let pushing = pushing.collect();
+        Self { physics, moving, pushing }
+    }
+
+    /// Says where everything that is driven is at the end of the next part: at this time, after this share of the step.
+    fn drive(&mut self, courses: &[Course], pushers: &[Pusher], to_s: f64, share: f64) {
+        let obstacles = courses.iter().zip(&self.moving).map(|(course, &handle)| {
+            let [x, y] = course.centre_m(to_s);
+            (handle, Vector::new(x, y))
+        });
+        let robots =
+            pushers.iter().zip(&self.pushing).map(|(pusher, &handle)| (handle, pusher.at(share)));
+        for (handle, at) in obstacles.chain(robots) {
+            if let Some(body) = self.physics.bodies.get_mut(handle) {
+                body.set_next_kinematic_translation(at);
+            }
+        }
     }
 
     /// Takes in the disc of this number.
@@ -221,7 +277,7 @@ impl World {
     }
 
     /// The group of each disc, by the number of one of them: those that touch, directly or by way of others. None where one of them
-    /// touches an obstacle that moves.
+    /// touches what is driven: an obstacle that moves, or a robot that is no rigid body.
     fn groups(&self, n_discs: usize) -> Vec<Option<usize>> {
         let mut group: Vec<usize> = (0..n_discs).collect();
         let root = |group: &[usize], mut disc: usize| {
@@ -288,7 +344,7 @@ impl World {
     }
 }
 
-/// What the user data of a body in the world say: nothing of what stands, this of an obstacle that moves, and of a robot which of the
+/// What the user data of a body in the world say: nothing of what stands, this of what is driven, and of a rigid body which of the
 /// discs it is, from 1 on.
 const DRIVEN: u128 = u128::MAX;
 /// Rounding makes no more energy than this share.
@@ -305,24 +361,33 @@ struct Disc<'a> {
 }
 
 impl Fleet {
-    /// [`Self::advance`] for rigid bodies: in parts, in each of which drive, effects and ground change velocities, and Rapier
-    /// does what contacts do.
+    /// [`Self::advance`] for rigid bodies, all others having gone: in parts, in each of which drive, effects and ground change
+    /// velocities, and Rapier does what contacts do.
     pub(super) fn advance_rigid(
         &self,
         step: &Step<'_>,
-        base: &Surroundings<'_>,
+        (base, others, pushers): (&Surroundings<'_>, &[(usize, Other)], &[Pusher]),
         commands: &[Command],
         states: &mut AgentStates,
         memory: &mut [Memory],
     ) {
         let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
         let dt_s = seconds(step.until_ns - step.from_ns);
-        let others = self.others(states);
-        let mut world = World::new(step.site, step.courses, from_s);
+        let rigid: Vec<usize> =
+            states.alive.iter_ones().filter(|&agent| self.of(agent).is_rigid()).collect();
+        let heights_m = rigid.iter().map(|&agent| states.z_m[agent]);
+        let highest_m = heights_m.fold(f64::NEG_INFINITY, f64::max);
+        let pushers: Vec<Pusher> =
+            pushers.iter().copied().filter(|pusher| pusher.is_below(highest_m)).collect();
+        let mut world = World::new(step.site, step.courses, &pushers, from_s);
         let mut fastest_mps = step.courses.iter().map(Course::speed_mps).fold(0.0, f64::max);
         let mut smallest_m = f64::INFINITY;
+        for pusher in &pushers {
+            fastest_mps = fastest_mps.max(pusher.way_m() / dt_s);
+            smallest_m = smallest_m.min(2.0 * pusher.radius_m);
+        }
         let mut discs = Vec::new();
-        for agent in states.alive.clone().iter_ones() {
+        for agent in rigid {
             let dynamics = self.of(agent);
             let Some(body) = dynamics.physics.rigid() else { continue };
             let motion = dynamics.take_up(agent, commands[agent], from_s, dt_s, states, memory);
@@ -336,7 +401,7 @@ impl Fleet {
                 handle: world.add(discs.len(), body, begin_m, memory[agent].spin_radps),
                 motion,
                 begin_m,
-                others: near(&others, agent),
+                others: near(others, agent),
             });
         }
         let n = (dt_s / PART_S).max(dt_s * fastest_mps.min(1e4) / (0.25 * smallest_m));
@@ -344,7 +409,8 @@ impl Fleet {
         for part in 0..n {
             let at = |part: usize| from_s + dt_s * (part as f64 / n as f64);
             let to_s = if part + 1 == n { until_s } else { at(part + 1) };
-            self.advance_part(&mut world, &discs, [at(part), to_s], step, base, states, memory);
+            world.drive(step.courses, &pushers, to_s, (part + 1) as f64 / n as f64);
+            self.advance_part(&mut world, &discs, [at(part), to_s], base, states, memory);
         }
         for Disc { agent, begin_m, .. } in discs {
             let end_m = states.position_m(agent);
@@ -353,24 +419,16 @@ impl Fleet {
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "one part of what the caller has at hand")]
     fn advance_part(
         &self,
         world: &mut World,
         discs: &[Disc<'_>],
         span_s: [f64; 2],
-        step: &Step<'_>,
         base: &Surroundings<'_>,
         states: &mut AgentStates,
         memory: &mut [Memory],
     ) {
         let h_s = span_s[1] - span_s[0];
-        for (course, &handle) in step.courses.iter().zip(&world.moving) {
-            let [x, y] = course.centre_m(span_s[1]);
-            if let Some(obstacle) = world.physics.bodies.get_mut(handle) {
-                obstacle.set_next_kinematic_translation(Vector::new(x, y));
-            }
-        }
         let mut free = Vec::with_capacity(discs.len());
         for disc in discs {
             let agent = disc.agent;

@@ -139,7 +139,7 @@ robotsim.contacts.kind: must be "count" for random-jump, whose robots are not an
 }
 
 #[test]
-fn rigid_bodies_are_refused_beside_what_does_not_give_way() {
+fn what_rigid_bodies_cannot_be_or_meet_is_refused() {
     let shared = "scenario.kind = 'line'\ndynamics.kind = 'rigid-body'\n";
     insta::assert_snapshot!(
         refusal(&format!("{shared}contacts.kind = 'resolve'\ncontroller.kind = 'random-jump'\n"), None), @r#"
@@ -148,9 +148,15 @@ robotsim.contacts.kind: must be "count" for rigid bodies, whose contacts are the
 robotsim.controller.kind: must not be random-jump for rigid bodies, which have a way to go
 "#);
     insta::assert_snapshot!(
-        refusal(&format!("{shared}controller.kind = 'hold'\n[[group]]\ncount = 2\n[[group]]\ncount = 3\ndynamics.kind = 'car'\n"), None), @r#"
-robotsim.group: must be all of rigid bodies or all of others: these do not give way to those
+        refusal(&format!("{shared}diameter_m = 0\ncontroller.kind = 'hold'\n[[group]]\ncount = 2\n\
+                          [[group]]\ncount = 3\ndynamics.kind = 'car'\ncontroller.kind = 'random-jump'\n"), None), @r#"
+robotsim.diameter_m: must be greater than 0 where rigid bodies meet other robots, got 0.0
+robotsim.group[1].controller.kind: must not be random-jump beside rigid bodies: what pushes them has a way to go
 "#);
+    let mixed = "controller.kind = 'hold'\n[[group]]\ncount = 2\n[[group]]\ncount = 3\ndynamics.kind = 'car'\n";
+    for contacts in ["", "contacts.kind = 'resolve'\n"] {
+        assert!(config::read(&setup(&format!("{shared}{contacts}{mixed}"), 5, 1)).is_ok());
+    }
 }
 
 const FROM_FILE: &str =

@@ -101,3 +101,51 @@ fn a_drive_brings_a_rigid_body_to_its_velocity_and_no_further() {
     }
     assert!((air.states.vx_mps[0] - 4.0).abs() < 1e-9, "{:?}", air.states.vx_mps);
 }
+
+/// Boxes in a room, and robots of two other kinds among them that the walls hold up.
+fn mixed(more: &str) -> Setup {
+    let toml = format!(
+        "scenario = {{ kind = 'grid', spacing_m = 0.8 }}\ncontacts.kind = 'resolve'\n\
+         controller = {{ kind = 'random-waypoint', side_m = 12 }}\n\
+         [[group]]\ncount = 12\ncontroller.kind = 'hold'\n\
+         dynamics = {{ kind = 'rigid-body', force_cap_n = 0.0, restitution = 0.5 }}\n\
+         [[group]]\ncount = 6\n\
+         [[group]]\ncount = 6\ndynamics = {{ kind = 'double-integrator', speed_cap_mps = 3.0 }}\n{more}"
+    );
+    let mut setup = setup(&toml, 24, 5);
+    setup.site.wall = crowd().site.wall;
+    setup
+}
+
+#[test]
+fn robots_of_other_kinds_push_boxes_about_and_go_as_if_there_were_none() {
+    let mut air = Air::new(&mixed(""), |_, _, _, _| true);
+    let gone = "[[absence]]\nrobots = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]\n";
+    let mut alone = Air::new(&mixed(gone), |_, _, _, _| true);
+    let begin = air.states.clone();
+    for step in 1..=40 {
+        air.step();
+        alone.step();
+        for agent in 12..24 {
+            let [with, without] = [&air.states, &alone.states].map(|it| it.position_m(agent));
+            assert_eq!(with, without, "step {step}: {agent}");
+            assert!(with[0].abs() < 3.86 && with[1].abs() < 3.86, "step {step}: {with:?}");
+        }
+    }
+    let moved = (0..12).filter(|&agent| air.states.position_m(agent) != begin.position_m(agent));
+    assert!(6 < moved.count());
+}
+
+#[test]
+fn a_restored_mixed_swarm_goes_on_as_if_it_had_never_stopped() {
+    let mut whole = Air::new(&mixed(""), |_, _, _, _| true);
+    (0..10).for_each(|_| drop(whole.step()));
+    let mut again = Air::new(&mixed(""), |_, _, _, _| true);
+    (0..10).for_each(|_| drop(again.step()));
+    let saved = again.swarm.snapshot();
+    again.swarm = Swarm::default();
+    again.swarm.restore(&saved).unwrap();
+    for step in 0..20 {
+        assert_eq!(whole.step().states, again.step().states, "step {step}");
+    }
+}

@@ -13,6 +13,16 @@ type State = ([f64; 3], [f64; 3], f64);
 
 /// Bodies with these keys, each with a start, under one command for some steps.
 fn run(bodies: &[(&str, State)], command: Command, site: &Site, n_steps: u64) -> Vec<State> {
+    run_each(bodies, &vec![command; bodies.len()], site, n_steps)
+}
+
+/// The same, each under a command of its own.
+fn run_each(
+    bodies: &[(&str, State)],
+    commands: &[Command],
+    site: &Site,
+    n_steps: u64,
+) -> Vec<State> {
     let kinds = bodies.iter().map(|(keys, _)| {
         let defaults = "kind = 'rigid-body'\nspeed_cap_mps = 30.0\nmass_kg = 1.0\nbody_diameter_m = 0.3\n\
                         force_cap_n = 10.0\nfriction = 0.0\nrestitution = 0.0\nground_friction = 0.0";
@@ -20,7 +30,7 @@ fn run(bodies: &[(&str, State)], command: Command, site: &Site, n_steps: u64) ->
         table.extend(keys.parse::<toml::Table>().unwrap());
         (1, Dynamics::build(&table, "", &mut Vec::new()).unwrap())
     });
-    let fleet = Fleet::new(kinds, None);
+    let fleet = Fleet::new(kinds, None, 0.4);
     let mut states = AgentStates::at_origin(bodies.len());
     fleet.complete(&mut states);
     let mut memory = fleet.memory(bodies.len());
@@ -28,11 +38,10 @@ fn run(bodies: &[(&str, State)], command: Command, site: &Site, n_steps: u64) ->
         [states.x_m[agent], states.y_m[agent], states.z_m[agent]] = at_m;
         (memory[agent].drive, memory[agent].spin_radps) = (velocity_mps, spin_radps);
     }
-    let commands = vec![command; bodies.len()];
     for step in 0..n_steps {
         let (from_ns, until_ns) = (step * STEP_NS, (step + 1) * STEP_NS);
         let step = Step { from_ns, until_ns, site, courses: &[], seed: 1 };
-        fleet.advance(&step, &commands, &mut states, &mut memory);
+        fleet.advance(&step, commands, &mut states, &mut memory);
     }
     let end =
         |agent: usize| (states.position_m(agent), memory[agent].drive, memory[agent].spin_radps);
@@ -237,4 +246,50 @@ fn no_energy_from_nowhere(directions: &[f64]) -> Result<(), TestCaseError> {
         prop_assert!(0.6 < libm::hypot(at_m[0], at_m[1]), "{at_m:?}");
     }
     Ok(())
+}
+
+/// A robot of another kind, of 0.4 m, that goes east with this speed (m/s), and a disc with these keys and this start.
+fn beside(speed_mps: f64, height_m: f64, disc: (&str, State), n_steps: u64) -> [State; 2] {
+    let pusher = ("kind = 'point-mass'\ncap = 'norm'", ([0.0, 0.0, height_m], [0.0; 3], 0.0));
+    let commands = [Command::Velocity([speed_mps, 0.0, 0.0]), Command::Acceleration([0.0; 3])];
+    let end = run_each(&[pusher, disc], &commands, &Site::default(), n_steps);
+    [end[0], end[1]]
+}
+
+#[test]
+fn a_robot_of_another_kind_pushes_a_disc_along_at_its_own_speed() {
+    for keys in ["", "mass_kg = 1000.0", "ground_friction = 0.3\nmass_kg = 50.0"] {
+        let disc = (keys, ([1.0, 0.0, 0.0], [0.0; 3], 0.0));
+        let [pusher, (place_m, _, spin_radps)] = beside(2.0, 0.0, disc, 20);
+        // It is not pushed back, whatever it pushes.
+        assert!((pusher.0[0] - 4.0).abs() < 1e-12 && pusher.0[1].abs() < 1e-300, "{pusher:?}");
+        let [_, (before_m, ..)] = beside(2.0, 0.0, disc, 19);
+        assert!((place_m[0] - before_m[0] - 0.2).abs() < 1e-6, "{keys}: {before_m:?} {place_m:?}");
+        assert!(place_m[1].abs() < 1e-9 && spin_radps.abs() < 1e-9, "{keys}");
+        // They touch where radii of 0.2 m and 0.15 m say, up to what Rapier lets overlap and one part's way early.
+        let gap_m = place_m[0] - pusher.0[0] - 0.35;
+        assert!((-0.002..2.0 * PART_S).contains(&gap_m), "{keys}: {gap_m}");
+    }
+}
+
+#[test]
+fn a_disc_comes_back_from_a_robot_of_another_kind_as_off_a_moving_wall() {
+    for restitution in [0.0, 0.5, 1.0] {
+        for own_mps in [-1.0, 0.5] {
+            let keys = format!("restitution = {restitution:?}");
+            let disc = (keys.as_str(), ([1.0, 0.0, 0.0], [own_mps, 0.0, 0.0], 0.0));
+            let [_, (_, velocity_mps, _)] = beside(2.0, 0.0, disc, 10);
+            // v' = u + e (u − v); for e = 1 it is 2 u − v.
+            let expected_mps = 2.0 + restitution * (2.0 - own_mps);
+            assert!((velocity_mps[0] - expected_mps).abs() < 1e-6, "{keys}: {velocity_mps:?}");
+            assert!(velocity_mps[1].abs() < 1e-9, "{keys}: {velocity_mps:?}");
+        }
+    }
+}
+
+#[test]
+fn a_robot_of_another_kind_that_flies_higher_than_its_radius_passes_over_discs() {
+    let still = ([1.0, 0.0, 0.0], [0.0; 3], 0.0);
+    assert_eq!(beside(2.0, 0.2, ("", still), 10)[1], still);
+    assert!(1.0 < beside(2.0, 0.19, ("", still), 10)[1].0[0]);
 }
