@@ -22,6 +22,7 @@ mod pcap;
 mod period;
 pub(crate) mod places;
 pub mod read;
+mod solids;
 mod summary;
 mod swarm;
 pub(crate) mod table;
@@ -41,7 +42,7 @@ pub use measures::{Measures, Sample};
 pub use output::{Links, OutputConfig};
 pub use table::{ColumnKind, ColumnShape, TableShape};
 pub use tables::TABLES;
-pub use task::Task;
+pub use task::{Passage, Task};
 pub use trajectories::Trajectories;
 pub use verify::verify;
 

@@ -29,6 +29,7 @@ mod reference;
 mod refusals;
 mod reports;
 mod simulate;
+mod solids;
 mod sweeps;
 mod task_split;
 mod tidy;

@@ -5,6 +5,7 @@ use super::distances::{DistanceBin, Distances};
 use super::kpi::Kpis;
 use super::lines;
 use super::period::{Period, distance_m};
+use super::solids::Solids;
 use super::swarm::{self, Swarm};
 use super::task::Task;
 use super::trajectories::Trajectories;
@@ -62,6 +63,7 @@ pub struct Measures {
     last_states: AgentStates,
     events: Vec<(f64, &'static str)>,
     swarm: Swarm,
+    solids: Option<Solids>,
 }
 
 /// More orders than this cannot be told apart in a picture.
@@ -83,6 +85,7 @@ impl Measures {
     pub(crate) fn new(task: Task, site: Site, states: &AgentStates, kpis: Kpis) -> Self {
         Self {
             trajectories: Trajectories::new(states, task.leader),
+            solids: Solids::of(&site, &task),
             task,
             site,
             series: Vec::new(),
@@ -118,6 +121,9 @@ impl Measures {
         self.n_steps = period.step;
         self.time_ns = period.time_ns;
         self.kpis.add(period);
+        if let Some(solids) = &mut self.solids {
+            solids.add(&self.task, period);
+        }
         if period.held {
             self.start_ns = period.time_ns;
             return;
@@ -264,7 +270,17 @@ impl Measures {
     /// What the swarm did, by name of the figure.
     #[must_use]
     pub fn swarm_figures(&self) -> serde_json::Map<String, serde_json::Value> {
-        self.swarm.figures(&self.task)
+        let mut figures = self.swarm.figures(&self.task);
+        if let Some(solids) = &self.solids {
+            figures.insert("site_collisions".to_owned(), solids.n_met().into());
+        }
+        figures
+    }
+
+    /// How often robots went into or through walls and obstacles, since nothing holds them up.
+    #[must_use]
+    pub fn n_passed_walls(&self) -> u64 {
+        self.solids.as_ref().map_or(0, Solids::n_passed)
     }
 
     /// Agents alive at the end.

@@ -2,7 +2,8 @@
 
 use super::counts::Counts;
 use proto::types::{
-    AgentStates, Deliveries, Formation, HeardLinks, MoteStates, MoteStatistics, Packets, Schedule,
+    AgentStates, Deliveries, Formation, HeardLinks, MoteStates, MoteStatistics, MovedObstacle,
+    Packets, Schedule,
 };
 
 /// A step and the period that it covers.
@@ -20,6 +21,8 @@ pub(crate) struct Period<'a> {
     pub(crate) states_before: &'a AgentStates,
     /// Where the network took them to be during the period.
     pub(crate) states_on_air: &'a AgentStates,
+    /// Obstacles that moved, where they ended up.
+    pub(crate) moved_obstacles: &'a [MovedObstacle],
     /// What was delivered.
     pub(crate) deliveries: &'a Deliveries,
     /// How many heard and were heard.
@@ -57,6 +60,7 @@ impl<'a> Period<'a> {
             states,
             states_before: before,
             states_on_air: before,
+            moved_obstacles: &[],
             deliveries,
             counts,
             motes,

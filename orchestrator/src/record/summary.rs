@@ -185,6 +185,13 @@ fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<Strin
         Status::Failed => warnings.push(format!("the run failed after {n_steps} steps")),
     }
     if let Some(measures) = measures {
+        let n_passed = measures.n_passed_walls();
+        if n_passed != 0 {
+            let times = if n_passed == 1 { "once".to_owned() } else { format!("{n_passed} times") };
+            warnings.push(format!(
+                "robots went into or through walls and obstacles of [site] {times}, since contacts are not resolved: robotsim.contacts.kind = \"resolve\" makes walls and obstacles solid"
+            ));
+        }
         warnings.extend(measures.kpis.warnings());
         // A network that carries packets of its own may have been asked for nothing else.
         let carries_packets = measures.kpis.account.has_applications();

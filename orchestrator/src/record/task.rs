@@ -13,11 +13,31 @@ pub struct Task {
     pub leader_velocity_mps: Option<[f64; 2]>,
     /// Robots that come closer than this collide (m).
     pub diameter_m: Option<f64>,
+    /// Of each kind of robot the number of its last one plus 1, and what happens where a wall or an obstacle stands in its way.
+    /// Empty: all go through.
+    pub passages: Vec<(usize, Passage)>,
     /// The robots know the true state of all others: a baseline that no radio can reach.
     pub is_truth_baseline: bool,
 }
 
+/// What happens where a wall or an obstacle stands in a robot's way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Passage {
+    /// It goes through, straight from where it is before a step to where it is after it.
+    Through,
+    /// It is held up, or goes around: contacts are resolved.
+    HeldUp,
+    /// It is not anywhere between two places.
+    Jumping,
+}
+
 impl Task {
+    /// What happens where a wall or an obstacle stands in a robot's way.
+    pub(crate) fn passage(&self, agent: usize) -> Passage {
+        let kind = self.passages.partition_point(|(end, _)| *end <= agent);
+        self.passages.get(kind).map_or(Passage::Through, |(_, passage)| *passage)
+    }
+
     /// Reads the robots' effective configuration.
     pub(crate) fn of(robotsim_toml: &str) -> Self {
         let Ok(config) = robotsim_toml.parse::<toml::Table>() else { return Self::default() };
@@ -64,10 +84,40 @@ impl Task {
                     Some([number(vx)?, number(vy)?])
                 }),
             diameter_m: config.get("diameter_m").and_then(number),
+            passages: passages(&config, groups),
             is_truth_baseline: config.get("knowledge").and_then(toml::Value::as_str)
                 == Some("truth"),
         }
     }
+}
+
+/// Kind after kind, as groups are numbered; one where there are none.
+fn passages(config: &toml::Table, groups: &[toml::Value]) -> Vec<(usize, Passage)> {
+    let kind_of = |table: Option<&toml::Value>| table?.get("kind")?.as_str().map(str::to_owned);
+    let is_resolved = kind_of(config.get("contacts")).as_deref() == Some("resolve");
+    let passage = |group: Option<&toml::Value>| {
+        let of =
+            |key: &str| kind_of(group.and_then(|group| group.get(key)).or_else(|| config.get(key)));
+        if of("controller").as_deref() == Some("random-jump") {
+            Passage::Jumping
+        } else if is_resolved || of("dynamics").as_deref() == Some("rigid-body") {
+            Passage::HeldUp
+        } else {
+            Passage::Through
+        }
+    };
+    let mut end = 0usize;
+    let numbered = groups.iter().map(|group| {
+        let count = group.get("count").and_then(toml::Value::as_integer).unwrap_or(1);
+        end = end.saturating_add(usize::try_from(count).unwrap_or(usize::MAX));
+        (end, passage(Some(group)))
+    });
+    let mut passages: Vec<_> = numbered.collect();
+    if groups.is_empty() {
+        passages.push((usize::MAX, passage(None)));
+    }
+    let all_through = passages.iter().all(|(_, passage)| *passage == Passage::Through);
+    if all_through { Vec::new() } else { passages }
 }
 
 #[cfg(test)]
@@ -99,6 +149,22 @@ mod tests {
             "{shared}[[group]]\ncount = 3\n[group.controller]\nkind = \"hold\"\n"
         ));
         assert_eq!((unled.controller.as_deref(), unled.leader), (Some("hold"), None));
+    }
+
+    #[test]
+    fn robots_are_held_up_where_contacts_are_resolved() {
+        let of = |toml: &str| {
+            let task = Task::of(toml);
+            [0, 3, 4].map(|agent| task.passage(agent))
+        };
+        assert_eq!(of("contacts.kind = \"count\""), [Passage::Through; 3]);
+        assert_eq!(of("contacts.kind = \"resolve\""), [Passage::HeldUp; 3]);
+        assert_eq!(of("dynamics.kind = \"rigid-body\""), [Passage::HeldUp; 3]);
+        assert_eq!(of("controller.kind = \"random-jump\""), [Passage::Jumping; 3]);
+        let groups = "dynamics.kind = \"rigid-body\"\n\
+                      [[group]]\ncount = 3\ndynamics.kind = \"car\"\n\
+                      [[group]]\ncount = 1\ncontroller.kind = \"random-jump\"\n[[group]]\ncount = 1\n";
+        assert_eq!(of(groups), [Passage::Through, Passage::Jumping, Passage::HeldUp]);
     }
 
     #[test]

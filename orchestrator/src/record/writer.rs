@@ -209,6 +209,8 @@ impl RunWriter {
         if !robots.held {
             run.measures.task_figures = figures;
         }
+        let moved_obstacles =
+            convert::moved_obstacles(robots.moved_obstacles).map_err(of_robots(step))?;
         let states = convert::states(robots.states, n).map_err(of_robots(step))?;
         let deliveries =
             convert::deliveries(net.deliveries, n).map_err(of_network(step))?.unwrap_or_default();
@@ -229,6 +231,7 @@ impl RunWriter {
                 Coupling::Sequential => &states,
                 Coupling::Parallel | Coupling::Event => &run.states,
             },
+            moved_obstacles: &moved_obstacles,
             deliveries: &deliveries,
             counts: &counts,
             motes: &motes,

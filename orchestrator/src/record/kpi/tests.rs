@@ -72,6 +72,7 @@ fn run(steps: &[Step]) -> Kpis {
             states: &states,
             states_before: &states,
             states_on_air: &states,
+            moved_obstacles: &[],
             deliveries: &deliveries,
             counts: &counts,
             motes: &motes,
