@@ -1,13 +1,19 @@
 //! What is missing from a network, told from packets. As in [`crate::packets`] the measurement is made by the running
-//! simulation under another seed, with an effect that the model lacks.
+//! simulation under another seed, with an effect that the model lacks. Where something else of the configuration makes the
+//! same, that is hidden in place of the effect.
 
 use crate::packets::{MODEL, replay, with};
+use netsim::phy::reception::table::DUST;
+use orchestrator::config::{Overrides, read};
 use orchestrator::measure::packets::Packet;
 use orchestrator::network::compared::Asked;
 use orchestrator::network::diagnosed::{Diagnosis, Found, catalogue, told};
+use orchestrator::network::replay::Replay;
 use orchestrator::network::spread::LEVEL;
+use proto::rng::{Draws, Purpose};
 use serde_json::Value;
 use std::fmt::Write as _;
+use std::path::Path;
 use tests::{folder, orchestrator, said};
 
 /// As few seeds as a diagnosis takes.
@@ -20,10 +26,13 @@ fn measured(tables: &str, number: u64) -> Vec<Packet> {
 }
 
 fn diagnosed(packets: &[Packet]) -> (Found, Value) {
-    let model = replay(MODEL, None);
+    diagnosed_by(&replay(MODEL, None), packets)
+}
+
+fn diagnosed_by(model: &Replay, packets: &[Packet]) -> (Found, Value) {
     let asked = Asked { seeds: SEEDS, ..Asked::default() };
     let candidates = catalogue();
-    let found = Diagnosis::new(&model, packets, asked, &candidates).climb().unwrap();
+    let found = Diagnosis::new(model, packets, asked, &candidates).climb().unwrap();
     let json = told(&found, asked).json;
     (found, json)
 }
@@ -58,6 +67,106 @@ fn nothing_is_found_where_nothing_is_hidden() {
     let (found, json) = diagnosed(&measured("", 1000));
     assert_eq!(json["verdict"], "nothing-missing", "{}", json["sentence"]);
     assert!(found.accepted.is_empty() && json["missing"].as_array().unwrap().is_empty());
+}
+
+/// Six sensors that find the network within seconds, over a quarter of an hour.
+///
+/// * `mac`: keys of `[netsim.mac]`; `more`: further tables.
+fn small(applications: &str, mac: &str, more: &str) -> String {
+    let short = MODEL.replace("duration_s = 1800.0", "duration_s = 900.0");
+    let few = short.replace("agents = 8", "agents = 6");
+    let (head, _) = few.split_once("[[netsim.app]]").unwrap();
+    format!("{head}{applications}\n[netsim.mac]\nbeacon_wait_s = 10.0\n{mac}\n{more}")
+}
+
+fn small_replay(text: &str) -> Replay {
+    let plan = read(Path::new("small.toml"), text.to_owned(), &Overrides::default()).unwrap();
+    Replay::new(plan, None, &[]).unwrap().until(900.0)
+}
+
+/// A packet of each mote every five seconds.
+const OFTEN: &str = "[[netsim.app]]\nkind = \"periodic\"\nperiod_s = 5.0\npayload_bytes = 40\n";
+
+/// What a model finds in the packets of a true network: that `first` is missing; that `effect`, if it is another one,
+/// cannot be told from that; and that the number of `effect` is `value`.
+fn is_found(model: &str, truth: &str, first: &str, effect: &str, (key, value): (&str, f64)) {
+    let truth = small_replay(truth);
+    let packets = truth.packets(&truth.network(), 1000..1001).unwrap().remove(0);
+    let (found, json) = diagnosed_by(&small_replay(model), &packets);
+    let sentence = &json["sentence"];
+    assert_eq!(json["verdict"], "missing-effects", "{sentence}");
+    assert_eq!(json["missing"].as_array().unwrap(), &[first], "{sentence}");
+    let trial = |name: &str| found.trials.iter().find(|it| it.candidate.name == name).unwrap();
+    assert!(effect == first || trial(first).ties.contains(&effect), "{sentence}");
+    let fitted = trial(effect).fitted.unwrap();
+    let [low, high] = fitted.interval;
+    assert!(low <= value && value <= high, "{key}: {low} to {high}, {sentence}");
+    assert!(high < 8.0 * low, "{key}: {low} to {high} says little, {sentence}");
+    let chances: Vec<f64> = found.rungs.iter().map(|rung| rung.among.placed.p_value).collect();
+    assert!(chances[0] <= LEVEL && LEVEL < chances[1], "{chances:?}");
+}
+
+#[test]
+fn clocks_off_their_rating_are_found_with_how_far() {
+    // Clocks that the model takes for right.
+    let model = small(OFTEN, "max_drift_ppm = 0.0", "");
+    let truth = small(OFTEN, "max_drift_ppm = 600.0", "");
+    is_found(&model, &truth, "clock-drift", "clock-drift", ("max_ppm", 600.0));
+}
+
+#[test]
+fn short_queues_are_found_with_their_length() {
+    // Six packets at once, every minute.
+    let burst = |at_s: u32| {
+        format!(
+            "[[netsim.app]]\nkind = \"burst\"\nat_s = {at_s}\nn_packets = 6\npayload_bytes = 40\n"
+        )
+    };
+    let bursts: String = (30..900).step_by(60).map(burst).collect();
+    let (model, truth) = (small(&bursts, "", ""), small(&bursts, "queue_frames = 3", ""));
+    is_found(&model, &truth, "queue-limit", "queue-limit", ("frames", 3.0));
+}
+
+#[test]
+fn rationed_airtime_is_found_with_its_part_of_the_time() {
+    let effect = "[[netsim.mac.effect]]\nkind = \"duty-cycle-limit\"\nfraction = 0.0005\n";
+    let (model, truth) = (small(OFTEN, "", ""), small(OFTEN, "", effect));
+    is_found(&model, &truth, "duty-cycle-limit", "duty-cycle-limit", ("fraction", 0.0005));
+}
+
+#[test]
+fn reboots_are_found_with_the_time_between_them() {
+    // Orders at times of a Poisson process.
+    let mut orders = String::new();
+    let draws = Draws::new(1000, Purpose::Resample);
+    for mote in 1..6 {
+        let mut at_s = 0.0;
+        for k in 0.. {
+            at_s -= 150.0 * (1.0 - draws.uniform(mote, 0, k)).ln();
+            if 898.0 < at_s {
+                break;
+            }
+            for (order, at_s) in [("kill", at_s.floor()), ("revive", at_s.floor() + 1.0)] {
+                writeln!(
+                    orders,
+                    "[[timeline]]\nat_s = {at_s:.1}\norder = \"{order}\"\nmotes = [{mote}]"
+                )
+                .unwrap();
+            }
+        }
+    }
+    let (model, truth) = (small(OFTEN, "", ""), small(OFTEN, "", &orders));
+    is_found(&model, &truth, "node-reboots", "node-reboots", ("mean_interval_s", 150.0));
+}
+
+#[test]
+fn interference_is_found_with_its_part_of_the_time_or_lost_acknowledgments() {
+    // A receiver that misses a quarter of what it would receive.
+    let points = DUST.map(|(rssi_dbm, received)| format!("[{rssi_dbm:.1}, {}]", 0.75 * received));
+    let curve =
+        format!("[netsim.phy.reception]\nkind = \"table\"\npoints = [{}]\n", points.join(", "));
+    let (model, truth) = (small(OFTEN, "", ""), small(OFTEN, "", &curve));
+    is_found(&model, &truth, "ack-loss", "interference", ("duty", 0.25));
 }
 
 #[test]

@@ -24,6 +24,8 @@ pub struct Candidate {
 
 /// The band of IEEE 802.15.4 at 2.4 GHz, as interference on all of its channels. Packets from end to end do not tell channels.
 const WHOLE_BAND: [(&str, f64); 2] = [("centre_mhz", 2440.0), ("width_mhz", 80.0)];
+/// Places that are looked at from a tried value up to the next one.
+const BETWEEN: usize = 12;
 /// Values at which an effect with one start only is tried, as steps from there on its scale.
 const STEPS: [f64; 5] = [-1.0, 0.0, 1.0, 2.0, 3.0];
 
@@ -112,6 +114,23 @@ impl Candidate {
         tries
     }
 
+    /// Where it is looked at between two places of its scale that were tried, the first of them included: at whole numbers
+    /// only, where it must be whole.
+    #[must_use]
+    pub fn between(&self, from: f64, to: f64) -> Vec<f64> {
+        let place = |k: usize| from + k as f64 / BETWEEN as f64 * (to - from);
+        let mut places: Vec<f64> = (0..BETWEEN).map(place).collect();
+        if self.is_whole {
+            for at in &mut places {
+                *at = self.scaled(self.value(*at));
+            }
+            places.dedup();
+            // What is the next tried value, but for rounding, is looked at there.
+            places.retain(|at| *at < to - 1e-6);
+        }
+        places
+    }
+
     /// The keys of its section.
     #[must_use]
     pub fn settings(&self, value: f64) -> toml::Table {
@@ -174,6 +193,19 @@ mod tests {
                 assert!((candidate.scaled(value) - at).abs() < 1e-9, "{}: {value}", candidate.name);
             }
         }
+    }
+
+    #[test]
+    fn whole_numbers_between_those_that_were_tried_are_looked_at() {
+        let all = all();
+        let queue = all.iter().find(|candidate| candidate.is_whole).unwrap();
+        let between = |from: f64, to: f64| -> Vec<f64> {
+            let places = queue.between(queue.scaled(from), queue.scaled(to));
+            places.into_iter().map(|at| queue.value(at)).collect()
+        };
+        assert_eq!(between(1.0, 2.0), [1.0]);
+        assert_eq!(between(2.0, 4.0), [2.0, 3.0]);
+        assert_eq!(between(4.0, 8.0), [4.0, 5.0, 6.0, 7.0]);
     }
 
     #[test]

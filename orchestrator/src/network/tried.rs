@@ -24,8 +24,6 @@ const PLAUSIBLE: f64 = 4.0;
 const INTERVAL: f64 = 1.353;
 /// A standard normal stays below with 95 %.
 const Z_95: f64 = 1.645;
-/// Places that are looked at between two tried values.
-const BETWEEN: usize = 12;
 /// Places that are looked at over what is plausible.
 const PLACES: usize = 120;
 /// How often seeds are drawn again to see what their choice does.
@@ -155,9 +153,7 @@ impl Ground<'_> {
         let moments = curve.moments(curve.tried.iter(), None, &self.usable);
         let mut laws = Vec::new();
         for pair in moments.windows(2) {
-            let n = if curve.candidate.is_whole { 1 } else { BETWEEN };
-            for k in 0..n {
-                let at = pair[0].at + k as f64 / n as f64 * (pair[1].at - pair[0].at);
+            for at in curve.candidate.between(pair[0].at, pair[1].at) {
                 laws.push((at, between(&pair[0], &pair[1], at, &self.usable)));
             }
         }
