@@ -98,8 +98,7 @@ fn diagnosed(study: &LinkStudy) -> Value {
     let ladder = search.climb();
     let left = study.left_over(&search, &ladder);
     let kind = Kind { name: "link", unit: "pdr" };
-    answer::answer(study, &search, &ladder, kind, &left.formulas, left.structure.as_ref(), None)
-        .json
+    answer::answer(study, &search, &ladder, kind, &left, None).json
 }
 
 fn entry<'a>(json: &'a Value, effect: &str) -> &'a Value {

@@ -23,7 +23,6 @@ use crate::study::robots::RobotStudy;
 use crate::study::view::{self, View};
 use clap::Args;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A configuration and measurements.
@@ -519,9 +518,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let ladder = search.climb();
             let left = searched.left_over(&search, &ladder);
             let kind = Kind { name: "link", unit: data.unit() };
-            let structure = left.structure.as_ref();
-            let mut answer =
-                answer::answer(searched, &search, &ladder, kind, &left.formulas, structure, whole);
+            let mut answer = answer::answer(searched, &search, &ladder, kind, &left, whole);
             answer.json["searched"] = json!(searched.n_rows());
             if whole.is_some() {
                 say(format!(
@@ -542,9 +539,8 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let search = Search::new(&study, &progress).until(stop);
             let ladder = search.climb();
             let kind = Kind { name: "robot", unit: "m" };
-            let none = BTreeMap::new();
             let left = study.left_over(&search, &ladder);
-            let answer = answer::answer(&study, &search, &ladder, kind, &none, left.as_ref(), None);
+            let answer = answer::answer(&study, &search, &ladder, kind, &left, None);
             let found = diagnosed(&account, answer);
             args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))?;
             complete(ladder.stopped)

@@ -1,12 +1,12 @@
 //! What a diagnosis found: for programs as JSON, for people as a table and a sentence.
 
+use super::formula::Formula;
 use super::gain::{Gain, Scores};
 use super::ladder::{COMMON, Ladder, Search};
 use super::next;
-use super::scan::Structure;
+use super::scan::LeftOver;
 use crate::study::{CONSTANT, Study};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
@@ -56,6 +56,18 @@ pub(crate) fn named_structure(entry: &Value) -> String {
     named
 }
 
+/// A formula along a second direction.
+fn also(formula: &Formula) -> Option<Value> {
+    let (text, target) = formula.also.as_ref()?;
+    Some(json!({ "formula": text, "target": target }))
+}
+
+/// The formulas of a structure, each with what it is added to.
+pub(crate) fn formulas_of(entry: &Value) -> impl Iterator<Item = (&str, &str)> {
+    let both = [entry, &entry["also"]].into_iter();
+    both.filter_map(|part| Some((part["formula"].as_str()?, part["target"].as_str()?)))
+}
+
 /// Of a curve of losses.
 pub(crate) const LOSSES: &str = "losses";
 /// Of a curve of what is read.
@@ -89,8 +101,7 @@ pub fn answer<S: Study>(
     search: &Search<'_, S>,
     ladder: &Ladder,
     kind: Kind,
-    formulas: &BTreeMap<String, (String, f64)>,
-    left: Option<&Structure>,
+    left_over: &LeftOver,
     whole: Option<&S>,
 ) -> Answer {
     let candidates = study.candidates();
@@ -119,23 +130,28 @@ pub fn answer<S: Study>(
         } else {
             after.mean_square() / before.mean_square()
         };
+        let formula: Option<&Formula> = left_over.formulas.get(name(term));
         structure.push(json!({
             "covariate": covariate,
             "of": if is_of_losses { LOSSES } else { READINGS },
             "explained": number((1.0 - left).max(0.0)),
             "p_value": number(trial.gain.p_value),
-            "formula": formulas.get(name(term)).map(|(text, _)| text),
-            "rmse_after": number(formulas.get(name(term)).map_or(after.rmse, |(_, rmse)| *rmse)),
+            "formula": formula.map(|formula| &formula.text),
+            "target": formula.map(|formula| formula.target),
+            "also": formula.and_then(also),
+            "rmse_after": number(formula.map_or(after.rmse, |formula| formula.rmse)),
             "indistinguishable_from": others,
         }));
     }
-    if let Some(left) = left {
+    if let Some(left) = &left_over.structure {
         structure.push(json!({
             "covariate": left.covariate,
             "explained": number(left.explained),
             "p_value": number(left.p_value),
-            "formula": left.formula.as_ref().map(|(text, _)| text),
-            "rmse_after": left.formula.as_ref().map(|(_, rmse)| number(*rmse)),
+            "formula": left.formula.as_ref().map(|formula| &formula.text),
+            "target": left.formula.as_ref().map(|formula| formula.target),
+            "also": left.formula.as_ref().and_then(also),
+            "rmse_after": left.formula.as_ref().map(|formula| number(formula.rmse)),
             "indistinguishable_from": [],
         }));
     }
@@ -261,18 +277,21 @@ pub fn answer<S: Study>(
         let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
     }
     for entry in &structure {
-        let (unit, share) = if entry["of"] == LOSSES {
-            ("of the frames", "log loss of reception")
-        } else {
-            (kind.unit, "squared error")
-        };
-        let formula =
-            entry["formula"].as_str().map_or(String::new(), |text| format!(": {text} {unit}"));
+        let share = if entry["of"] == LOSSES { "log loss of reception" } else { "squared error" };
+        let formulas: Vec<String> = formulas_of(entry)
+            .map(|(formula, target)| match target {
+                "mean" => format!("{formula} dB"),
+                "loss" => format!("{formula} of the frames"),
+                direction => format!("{formula} m/s {direction}"),
+            })
+            .collect();
+        let colon = if formulas.is_empty() { "" } else { ": " };
         let _ = writeln!(
             text,
-            "left over: {} explains {:.1} % of the {share}{formula}",
+            "left over: {} explains {:.1} % of the {share}{colon}{}",
             named_structure(entry),
-            100.0 * entry["explained"].as_f64().unwrap_or_default()
+            100.0 * entry["explained"].as_f64().unwrap_or_default(),
+            formulas.join(", and ")
         );
     }
     let missing: Vec<&str> = effects.iter().map(|&term| name(term)).collect();

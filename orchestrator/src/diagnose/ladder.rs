@@ -24,6 +24,9 @@ pub(crate) const LEAST_SHARE: f64 = 0.001;
 /// logarithm of a likelihood ratio is m, its variance is about 2 m, so that it stands √(m/2) standard errors above 0, and 2.58 are
 /// needed if it were the only candidate. On rows left out it gains less than on those it was fitted to.
 const HOPELESS_NATS: f64 = 12.0;
+/// A candidate that raises the likelihood by less than this (nats) beyond a special case of it says nothing more than that: for
+/// three numbers more, as much comes by chance in one case of 140.
+const NOTHING_MORE_NATS: f64 = 6.0;
 /// A rival raises the likelihood by at least this share of what the chosen one does.
 const NEARLY: f64 = 0.8;
 /// How often a search says how far it is.
@@ -268,7 +271,11 @@ impl<'a, S: Study> Search<'a, S> {
         };
         let rise = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
         debug!(name = candidate.name, rise, took = ?begun.elapsed(), "fitted");
-        if rise < HOPELESS_NATS {
+        // What its numbers raise by chance they take away again on rows left out; those of a curve are held near 0.
+        let by_chance = if candidate.curve_over().is_none() { candidate.n_parameters } else { 0 };
+        if rise < HOPELESS_NATS + by_chance as f64
+            || self.is_but_a_special_case(accepted, term, rise)
+        {
             return hopeless;
         }
         let gain = self.gain(&terms, accepted, level);
@@ -280,6 +287,28 @@ impl<'a, S: Study> Search<'a, S> {
         };
         debug!(name = candidate.name, gain = gain.gain, p = gain.p_value, took = ?begun.elapsed(), "scored");
         Trial { gain, common, ..hopeless }
+    }
+
+    /// Whether a candidate that raises the likelihood by `rise` (nats) says nothing more than a special case of it.
+    fn is_but_a_special_case(&self, accepted: &[usize], term: usize, rise: f64) -> bool {
+        let candidates = self.study.candidates();
+        let general = &candidates[term];
+        let parent = self.full(accepted, general.level, None);
+        let is_special = |&special: &usize| {
+            let candidate = &candidates[special];
+            candidate.is_tried()
+                && !accepted.contains(&special)
+                && general.generalises.contains(&candidate.name)
+        };
+        (0..candidates.len()).filter(is_special).any(|special| {
+            let terms = with(accepted, special);
+            // As it is tried by itself, perhaps at this moment: whoever comes first, the fit is the same.
+            let fit = self.promising(&terms, general.level, &parent, HOPELESS_NATS / 2.0);
+            fit.is_some_and(|fit| {
+                let risen = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
+                rise < risen + NOTHING_MORE_NATS
+            })
+        })
     }
 
     /// Climbs the ladder.

@@ -1,11 +1,11 @@
-//! What is left over when no effect gains any more: structure over a covariate, and a short formula for it.
+//! What is left over when no effect gains any more: structure over a covariate.
 
-use super::gain::mean;
+use super::formula::Formula;
 use super::ladder::{LEAST_SHARE, WORTH_NATS, WORTH_SHARE};
 use crate::study::folds::Blocks;
-use nalgebra::{DMatrix, DVector};
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, Gamma};
+use std::collections::BTreeMap;
 
 /// All covariates together may be called structure wrongly with this probability.
 const FAMILY_ERROR: f64 = 0.005;
@@ -16,15 +16,6 @@ const FINE_BINS: usize = 30;
 /// Flips of the signs of whole blocks.
 const FLIPS: u64 = 200;
 
-/// A longer formula must bring the rmse to less than this share of what a shorter one leaves …
-const LONGER: f64 = 0.998;
-/// … and one of two covariates, of which many are tried, to less than this.
-const TWOFOLD: f64 = 0.99;
-/// A term whose mean square is less is nothing but rounding.
-const NOTHING: f64 = 1e-12;
-/// Most cycles of a formula over the range of a covariate, in quarters.
-const MOST_QUARTERS: u32 = 48;
-
 /// Structure over a covariate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Structure {
@@ -34,8 +25,17 @@ pub struct Structure {
     pub explained: f64,
     /// Probability of as much by chance.
     pub p_value: f64,
-    /// A short formula of the covariate (dB), if one explains readings, and the rmse of readings after it (dB).
-    pub formula: Option<(String, f64)>,
+    /// A short formula of the covariate, if there is one.
+    pub formula: Option<Formula>,
+}
+
+/// What is left when the search has ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOver {
+    /// Formulas of the curves that were taken, by their names.
+    pub formulas: BTreeMap<String, Formula>,
+    /// The strongest structure that nothing in the model explains.
+    pub structure: Option<Structure>,
 }
 
 /// Residuals that have a mean of 0 and a variance of 1 each where the model is right.
@@ -171,175 +171,6 @@ fn weighed(bins: &[u8], residual: &[f64], levels: &[&Blocks], n_bins: usize) -> 
     Some((((observed - expected) / squares).max(0.0), p_value))
 }
 
-/// A function of a covariate, and of another.
-type Function = Box<dyn Fn(f64, f64) -> f64>;
-
-/// A formula in a covariate, or in two: its terms as text and as functions.
-struct Shape {
-    terms: Vec<(String, Function)>,
-}
-
-impl Shape {
-    fn of(terms: Vec<(String, Function)>) -> Self {
-        let one: (String, Function) = ("1".to_owned(), Box::new(|_, _| 1.0));
-        Self { terms: [one].into_iter().chain(terms).collect() }
-    }
-}
-
-fn term(text: String, function: impl Fn(f64, f64) -> f64 + 'static) -> (String, Function) {
-    (text, Box::new(function))
-}
-
-/// Shapes that a formula in one covariate may have, the simplest first.
-fn shapes(name: &str, known: &[f64]) -> Vec<Shape> {
-    let power = |power: i32| {
-        let text = if power == 1 { name.to_owned() } else { format!("{name}^{power}") };
-        term(text, move |x, _| x.powi(power))
-    };
-    let powers = |highest: i32| Shape::of((1..=highest).map(power).collect());
-    let mut all: Vec<Shape> = (1..=3).map(powers).collect();
-    if known.first().is_some_and(|least| 0.0 < *least) {
-        all.push(Shape::of(vec![term(format!("ln({name})"), |x, _| x.ln())]));
-    }
-    let at = |share: f64| known[((known.len() - 1) as f64 * share) as usize];
-    for share in [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9] {
-        let edge = at(share);
-        let text = format!("step({name} - ({edge:.6}))");
-        all.push(Shape::of(vec![term(text, move |x, _| f64::from(u8::from(edge < x)))]));
-    }
-    let span = at(1.0) - at(0.0);
-    for quarter in 2..=MOST_QUARTERS {
-        let pace = std::f64::consts::TAU * f64::from(quarter) / 4.0 / span;
-        all.push(Shape::of(vec![
-            term(format!("sin({pace:.6e} * {name})"), move |x, _| (pace * x).sin()),
-            term(format!("cos({pace:.6e} * {name})"), move |x, _| (pace * x).cos()),
-        ]));
-    }
-    all
-}
-
-/// Shapes in which what one covariate does depends on another.
-fn products(name: &str, other: &str) -> Vec<Shape> {
-    let product = || term(format!("{name} * {other}"), |x, z| x * z);
-    vec![Shape::of(vec![product()]), Shape::of(vec![term(name.to_owned(), |x, _| x), product()])]
-}
-
-/// The formula of deviations that are the same in every row, and the rmse after it.
-#[must_use]
-pub fn constant(deviations: &[f64]) -> Option<(String, f64)> {
-    let level = mean(deviations.iter().copied());
-    let rmse = mean(deviations.iter().map(|deviation| (deviation - level).powi(2))).sqrt();
-    rmse.is_finite().then(|| (format!("{level:.6}"), rmse))
-}
-
-/// The short formula of a covariate that predicts deviations best on rows left out, and the rmse after it. What the covariate does may
-/// depend on one of the `others`.
-#[must_use]
-pub fn formula(
-    covariate: (&str, &[f64]),
-    others: &[&(String, Vec<f64>)],
-    deviation_db: &[f64],
-    blocks: &Blocks,
-) -> Option<(String, f64)> {
-    let (name, values) = covariate;
-    let rows: Vec<usize> = (0..values.len())
-        .filter(|&row| values[row].is_finite() && deviation_db[row].is_finite())
-        .collect();
-    let mut known: Vec<f64> = rows.iter().map(|&row| values[row]).collect();
-    known.sort_by(f64::total_cmp);
-    if known.len() < 20 * BINS {
-        return None;
-    }
-    let data = Data { values, others: values, deviation_db, rows: &rows };
-    let mut best: Option<(f64, String)> = None;
-    for shape in shapes(name, &known) {
-        data.improve(&mut best, &shape, LONGER, blocks);
-    }
-    let is_known = |other: &[f64]| rows.iter().all(|&row| other[row].is_finite());
-    for (other, others) in others.iter().filter(|(other, of)| other != name && is_known(of)) {
-        for shape in products(name, other) {
-            Data { others, ..data }.improve(&mut best, &shape, TWOFOLD, blocks);
-        }
-    }
-    best.map(|(rmse, text)| (text, rmse))
-}
-
-/// What a formula is fitted to.
-#[derive(Clone, Copy)]
-struct Data<'a> {
-    values: &'a [f64],
-    others: &'a [f64],
-    deviation_db: &'a [f64],
-    rows: &'a [usize],
-}
-
-impl Data<'_> {
-    /// Takes a shape in place of the best so far if the rmse of rows left out falls to less than `share` of that.
-    fn improve(
-        &self,
-        best: &mut Option<(f64, String)>,
-        shape: &Shape,
-        share: f64,
-        blocks: &Blocks,
-    ) {
-        let Some(rmse) = self.held_out(shape, blocks) else { return };
-        if best.as_ref().is_some_and(|(least, _)| share * least <= rmse) {
-            return;
-        }
-        let Some(factors) = self.fitted(shape, self.rows.iter().copied()) else { return };
-        let parts = shape.terms.iter().zip(factors.iter());
-        let text: Vec<String> = parts
-            .map(|((term, _), factor)| match term.as_str() {
-                "1" => format!("{factor:.6}"),
-                term => format!("({factor:.6e}) * {term}"),
-            })
-            .collect();
-        *best = Some((rmse, text.join(" + ")));
-    }
-
-    /// The rmse of rows left out; none where the shape cannot be fitted.
-    fn held_out(&self, shape: &Shape, blocks: &Blocks) -> Option<f64> {
-        let (mut squares, mut n_scored) = (0.0, 0usize);
-        for fold in 0..blocks.n_folds() {
-            let is_test = |row: usize| blocks.fold(row as u32) == fold;
-            let train = self.rows.iter().copied().filter(|&row| !is_test(row));
-            let factors = self.fitted(shape, train)?;
-            for &row in self.rows.iter().filter(|&&row| is_test(row)) {
-                let parts = shape.terms.iter().zip(factors.iter());
-                let (x, z) = (self.values[row], self.others[row]);
-                let value: f64 = parts.map(|((_, term), factor)| factor * term(x, z)).sum();
-                squares += (self.deviation_db[row] - value).powi(2);
-                n_scored += 1;
-            }
-        }
-        let rmse = (squares / n_scored as f64).sqrt();
-        rmse.is_finite().then_some(rmse)
-    }
-
-    /// Factors of the terms by least squares.
-    fn fitted(&self, shape: &Shape, rows: impl Iterator<Item = usize>) -> Option<DVector<f64>> {
-        let n = shape.terms.len();
-        let mut matrix = DMatrix::zeros(n, n);
-        let mut vector = DVector::zeros(n);
-        for row in rows {
-            let (x, z) = (self.values[row], self.others[row]);
-            let at: Vec<f64> = shape.terms.iter().map(|(_, term)| term(x, z)).collect();
-            for i in 0..n {
-                vector[i] += at[i] * self.deviation_db[row];
-                for j in 0..n {
-                    matrix[(i, j)] += at[i] * at[j];
-                }
-            }
-        }
-        // A wave may vanish wherever the covariate was measured: at channels, say.
-        let vanishes = (0..n).any(|i| matrix[(i, i)] < NOTHING * matrix[(0, 0)]);
-        if vanishes {
-            return None;
-        }
-        matrix.cholesky().map(|factor| factor.solve(&vector))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -374,16 +205,6 @@ mod tests {
         // What all rows are off alike is structure over neither.
         let off: Vec<f64> = plain.iter().map(|z| z + 0.3).collect();
         assert_eq!(strongest(&covariates, &[residuals(&off, 1.0)], &[&blocks]), None);
-        let (text, rmse) = formula(("x", &x), &[], &bent, &blocks).unwrap();
-        assert!(text.contains("x^2"), "{text}");
-        // The noise has an rmse of 1 +- 0.013.
-        assert!((rmse - 1.0).abs() < 0.06, "{rmse}");
-        let [_, (other, z)] = covariates;
-        let turned: Vec<f64> =
-            (0..bent.len()).map(|row| plain[row] + x[row] * (z[row] / n as f64 - 0.5)).collect();
-        let (text, rmse) = formula(("x", &x), &[&(other, z)], &turned, &blocks).unwrap();
-        assert!(text.contains("x * other"), "{text}");
-        assert!((rmse - 1.0).abs() < 0.06, "{rmse}");
     }
 
     #[test]
@@ -397,14 +218,5 @@ mod tests {
         assert_eq!(strongest_in(&covariates, &residuals, &[&blocks], BINS), None);
         let found = strongest(&covariates, &residuals, &[&blocks]).unwrap();
         assert!((0.05..0.1).contains(&found.explained), "{found:?}");
-    }
-
-    #[test]
-    fn a_wave_that_vanishes_where_it_was_measured_is_no_formula() {
-        let n = 3000;
-        let x: Vec<f64> = (0..n).map(|row| (row % 16) as f64).collect();
-        let y: Vec<f64> = noise(n).iter().zip(&x).map(|(z, x)| z + (x % 2.0)).collect();
-        let (text, _) = formula(("x", &x), &[], &y, &blocks(n)).unwrap();
-        assert!(!text.contains("e8") && !text.contains("e9") && !text.contains("e1"), "{text}");
     }
 }

@@ -17,6 +17,7 @@ mod screen;
 mod terms;
 #[cfg(test)]
 mod tests;
+mod thresholds;
 mod view;
 
 use super::choices::{ChoiceError, Choices, Seen};
@@ -545,6 +546,12 @@ impl Study for RobotStudy {
             .zip(numbers)
             .enumerate()
             .map(|(index, (parameter, &value))| {
+                let interval = || self.model.threshold_interval(fit, term, &self.fitted_rows());
+                if index == 0
+                    && let Some((low, high)) = interval()
+                {
+                    return Estimate::new(parameter.key, parameter.unit, value, (low, high));
+                }
                 let variance =
                     covariance.as_ref().map_or(f64::NAN, |c| c[(first + index, first + index)]);
                 let half = quantile * variance.sqrt();

@@ -79,7 +79,7 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
               "parameters": { "loss_db": { "value": 4.0, "unit": "dB", "low": 3.5, "high": 4.5 } },
               "settings": { "kind": "hidden-obstacle", "from_m": [1.0, 1.0], "to_m": [3.0, 4.0] } },
             { "effect": "two-ray-ground", "accepted": false, "gain": 0.0, "untestable": "needs heights" }],
-        "unexplained": [{ "covariate": "height", "explained": 0.1, "formula": "1 + height" }],
+        "unexplained": [{ "covariate": "height", "explained": 0.1, "formula": "1 + height", "target": "mean" }],
         "next_measurement": [{ "sentence": "send on channel 11" }] });
     let page = contents(&json, &site(), Some(view(0.0)));
     for part in [
@@ -109,7 +109,7 @@ fn a_loss_that_is_the_same_everywhere_is_said_as_a_share_of_frames() {
             { "model": "+ loss-curve:constant", "rmse": 2.0, "log_score": -1.7, "reception_log_loss": 0.55 }],
         "candidates": [{ "effect": "loss-curve:constant", "accepted": true, "gain": 0.1, "standard_error": 0.01,
             "p_value": 0.0, "indistinguishable_from": [], "parameters": {} }],
-        "unexplained": [{ "covariate": "constant", "of": "losses", "explained": 0.13, "formula": "0.146" }],
+        "unexplained": [{ "covariate": "constant", "of": "losses", "explained": 0.13, "formula": "0.146", "target": "loss" }],
         "next_measurement": [] });
     let page = contents(&json, &site(), Some(view(0.0)));
     for part in [

@@ -1,7 +1,7 @@
 //! What a page says in words and tables.
 
 use super::Contents;
-use crate::diagnose::answer::{LOSSES, named_structure};
+use crate::diagnose::answer::{LOSSES, formulas_of, named_structure};
 use crate::report::text::{count, escape, number, percent};
 use crate::study::{CONSTANT, LOSS_CURVE};
 use serde_json::Value;
@@ -230,16 +230,18 @@ pub(super) fn left_over(page: &mut String, json: &Value) {
     page.push_str("<ul>\n");
     for entry in structure {
         let is_of_losses = entry["of"] == LOSSES;
-        let (what, target) =
-            if is_of_losses { ("the share of frames lost", " --target loss") } else { ("it", "") };
-        let formula = match entry["formula"].as_str() {
-            Some(formula) => format!(
-                ": <code>{}</code> describes {what}, and can be added with <code>extend --formula '{}'{target}</code>",
-                escape(formula),
-                escape(formula)
-            ),
-            None => String::new(),
-        };
+        let what = if is_of_losses { "the share of frames lost" } else { "it" };
+        let formulas: Vec<String> = formulas_of(entry)
+            .map(|(formula, target)| {
+                let formula = escape(formula);
+                format!(
+                    "<code>{formula}</code> describes {what}, and can be added with <code>extend --formula '{formula}' --target \
+                     {target}</code>"
+                )
+            })
+            .collect();
+        let colon = if formulas.is_empty() { "" } else { ": " };
+        let formula = format!("{colon}{}", formulas.join("; and along the other direction "));
         let share = percent(entry["explained"].as_f64().unwrap_or(0.0));
         let error = if is_of_losses { "the log loss of reception" } else { "what was left" };
         let _ = writeln!(

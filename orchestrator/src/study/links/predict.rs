@@ -4,25 +4,21 @@ use super::LinkStudy;
 use super::fit::LinkFit;
 use super::likelihood::{Instrument, Level};
 use super::terms::Spec;
+use crate::diagnose::formula::{self, Deviations};
 use crate::diagnose::gain::mean;
 use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
 use crate::diagnose::next::Apart;
-use crate::diagnose::scan::{self, Residuals, Structure};
+use crate::diagnose::scan::{self, LeftOver, Residuals};
 use crate::study::{CONSTANT, RowScore};
 use netsim::phy::effect::formula::NAMES;
 use std::collections::BTreeMap;
 
 /// Losses are looked at where at least this share of frames should pass.
 const LEAST_PASSES: f64 = 0.3;
-
-/// What is left when the ladder has ended.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LeftOver {
-    /// Formulas of the curves that were taken, by their names, and what is left after each (dB, or share of frames; rms).
-    pub formulas: BTreeMap<String, (String, f64)>,
-    /// The strongest structure that nothing in the model explains.
-    pub structure: Option<Structure>,
-}
+/// What formulas of readings are added to …
+const MEAN: &str = "mean";
+/// … and those of losses.
+const LOSS: &str = "loss";
 
 /// What a model predicts for a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -156,16 +152,18 @@ impl LinkStudy {
             let rest: Vec<usize> =
                 ladder.accepted.iter().copied().filter(|&other| other != term).collect();
             let fit = search.full(&rest, COMMON, None);
-            let deviation = if curve.is_loss {
-                self.losses_left(&fit)
+            let (deviation, target) = if curve.is_loss {
+                (self.losses_left(&fit), LOSS)
             } else {
                 let [deviation, ..] = self.residuals(&fit);
-                deviation
+                (deviation, MEAN)
             };
             let found = if curve.covariate == CONSTANT {
-                scan::constant(&deviation)
+                formula::constant(&deviation, target)
             } else {
-                scan::formula((&curve.covariate, &curve.values), &others, &deviation, &self.time)
+                let covariate = (&curve.covariate[..], &curve.values[..]);
+                let deviations = Deviations { values: &deviation, factor: None, target };
+                formula::of_covariate(covariate, &others, deviations, &self.time)
             };
             if let Some(found) = found {
                 formulas.insert(curve.name(), found);
@@ -189,7 +187,9 @@ impl LinkStudy {
             && let Some((name, values)) =
                 covariates.iter().find(|(name, _)| *name == structure.covariate)
         {
-            structure.formula = scan::formula((name, values), &others, &deviation, &self.time);
+            let deviations = Deviations { values: &deviation, factor: None, target: MEAN };
+            structure.formula =
+                formula::of_covariate((name, values), &others, deviations, &self.time);
         }
         LeftOver { formulas, structure }
     }

@@ -3,7 +3,7 @@
 
 use super::density::{Density, Residual};
 use super::motion::Paths;
-use super::terms::MOST_NUMBERS;
+use super::terms::N_EACH;
 use super::{Model, RobotFit};
 use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Most steps of a fit.
 const MOST_STEPS: usize = 60;
 /// A fit has converged when a step gains less (nats) …
-const CONVERGED_NATS: f64 = 1e-6;
+const CONVERGED_NATS: f64 = 1e-4;
 /// … twice in a row.
 const CONVERGED_TIMES: usize = 2;
 /// A fit to some of the windows, which starts where all of them lead, has converged when a step gains less (nats): what a
@@ -20,6 +20,8 @@ const CONVERGED_TIMES: usize = 2;
 const NEAR_NATS: f64 = 1e-4;
 /// Most steps of such a fit with the derivatives at its start, before they are computed anew.
 const CHORD_STEPS: usize = 8;
+/// Most further steps of such a fit: where the likelihood has jumps, there is no end to them.
+const FOLD_STEPS: usize = 10;
 /// Steps of a first look at each of several starts.
 const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
@@ -110,6 +112,7 @@ impl Model {
         for &term in terms.iter().filter(|term| !known.contains(term)) {
             fit = self.extended(&fit, term, train);
         }
+        fit = self.refined(fit, train);
         // Numbers in the order of the terms.
         if fit.terms == terms { fit } else { self.carried(terms, &fit) }
     }
@@ -193,7 +196,7 @@ impl Model {
         }
         fit.density = at.density;
         fit.values.clone_from(&at.values);
-        self.descended(fit, train, MOST_STEPS, NEAR_NATS)
+        self.descended(fit, train, FOLD_STEPS, NEAR_NATS)
     }
 
     /// A fit where it came to.
@@ -241,8 +244,8 @@ impl Model {
             if let Some(curve) = self.curve(term) {
                 let numbers = fit.numbers(self, term);
                 for (residual, &row) in residuals.iter_mut().zip(rows) {
-                    let columns = self.curve_columns(curve, row, residual);
-                    for (column, number) in columns.iter().zip(numbers) {
+                    for (index, number) in numbers.iter().enumerate() {
+                        let column = self.curve_column(curve, index, row, residual);
                         residual.parts_m[0] -= column[0] * number;
                         residual.parts_m[1] -= column[1] * number;
                     }
@@ -252,25 +255,23 @@ impl Model {
         Some((residuals, paths))
     }
 
-    /// What one unit of each number of a curve adds to a window's motion (m), along and across.
-    fn curve_columns(
+    /// What one unit of a number of a curve adds to a window's motion (m), along and across.
+    fn curve_column(
         &self,
         curve: &super::terms::Curve,
+        index: usize,
         row: u32,
         residual: &Residual,
-    ) -> [[f64; 2]; MOST_NUMBERS] {
-        let functions = curve.functions(row as usize);
+    ) -> [f64; 2] {
+        let value = curve.function(index / N_EACH, row as usize);
         let [cos, sin] = self.directions[row as usize];
         let window_s = self.tracks.window_s(row as usize);
-        std::array::from_fn(|index| {
-            let value = functions[index / 3];
-            match index % 3 {
-                0 => [value * residual.way_m, 0.0],
-                // East and north, seen along and across.
-                1 => [value * window_s * cos, -value * window_s * sin],
-                _ => [value * window_s * sin, value * window_s * cos],
-            }
-        })
+        match index % N_EACH {
+            0 => [value * residual.way_m, 0.0],
+            // East and north, seen along and across.
+            1 => [value * window_s * cos, -value * window_s * sin],
+            _ => [value * window_s * sin, value * window_s * cos],
+        }
     }
 
     fn penalty(&self, fit: &RobotFit) -> f64 {
@@ -378,7 +379,7 @@ impl Model {
         for (index, number) in numbers.iter().enumerate().skip(from) {
             if let Some((curve, k)) = curves[index] {
                 let column = train.iter().zip(at).map(|(&row, residual)| {
-                    let [along, across] = self.curve_columns(curve, row, residual)[k];
+                    let [along, across] = self.curve_column(curve, k, row, residual);
                     [-along, -across, 0.0]
                 });
                 columns.push(column.collect());

@@ -1,34 +1,146 @@
 //! What is left over when no effect gains any more.
 
-use super::RobotStudy;
+use super::density::Residual;
+use super::terms::Term;
+use super::{RobotFit, RobotStudy};
+use crate::diagnose::formula::{self, Deviations, Formula};
+use crate::diagnose::gain::mean;
 use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
-use crate::diagnose::scan::{self, Residuals, Structure};
+use crate::diagnose::scan::{self, LeftOver, Residuals};
+use crate::study::Study as _;
 use crate::study::folds::Blocks;
 use crate::study::view::Viewed as _;
+use robotsim::dynamics::effect::NAMES;
+use std::collections::BTreeMap;
 
 /// A covariate whose error is part of a window's error: both hold the position measured when the window begins.
 const SHARES_ITS_ERROR: &str = "measured_speed_mps";
+/// What formulas may be multiplied by: what robots lose of their way is a share of it.
+const SPEED: &str = "speed_mps";
+
+/// What a formula along a second direction must explain of what the first leaves.
+const LEAST_SHARE: f64 = 0.01;
+
+/// A covariate of each window.
+type Covariate<'a> = (&'a str, &'a [f64]);
 
 impl RobotStudy {
-    /// The strongest structure over a covariate, along or across the motion, that nothing in the model explains.
+    /// What is left over a covariate when the search has ended: for what was taken as a curve its formula, and the strongest
+    /// structure, along or across the motion, that nothing in the model explains.
     #[must_use]
-    pub fn left_over(&self, search: &Search<'_, Self>, ladder: &Ladder) -> Option<Structure> {
+    pub fn left_over(&self, search: &Search<'_, Self>, ladder: &Ladder) -> LeftOver {
+        let covariates = self.covariates();
+        let mut formulas = BTreeMap::new();
+        for &term in &ladder.accepted {
+            let candidate = &self.candidates()[term];
+            let (Term::Curve(curve), Some(name)) =
+                (&self.model.terms[term], candidate.curve_over())
+            else {
+                continue;
+            };
+            let rest: Vec<usize> =
+                ladder.accepted.iter().copied().filter(|&other| other != term).collect();
+            let fit = search.full(&rest, COMMON, None);
+            if let Some(found) = self.formula((name, curve.values()), &covariates, &fit) {
+                formulas.insert(candidate.name.clone(), found);
+            }
+        }
+        let mut structure = None;
         let levels: Vec<&Blocks> = [&self.in_time, &self.in_place]
             .into_iter()
             .filter(|blocks| blocks.suffices())
             .collect();
-        if !ladder.is_complete() || levels.is_empty() {
+        if ladder.is_complete()
+            && !levels.is_empty()
+            && let (Some(first), Some(last)) = (ladder.rungs.first(), ladder.rungs.last())
+        {
+            let fit = search.full(&ladder.accepted, COMMON, None);
+            let view = self.view(&fit);
+            let n = view.predicted.len();
+            let along: Vec<f64> = (0..n).map(|row| view.scaled_at(row)).collect();
+            let across: Vec<f64> = (0..n).map(|row| view.scaled_across(row)).collect();
+            let configured = share_scale(first.scores.mean_square(), last.scores.mean_square());
+            let residuals = [&along[..], &across].map(|values| Residuals { values, configured });
+            let mut looked_at = covariates.clone();
+            looked_at.retain(|(name, _)| name != SHARES_ITS_ERROR);
+            structure = scan::strongest(&looked_at, &residuals, &levels);
+            if let Some(structure) = &mut structure
+                && let Some((name, values)) =
+                    covariates.iter().find(|(name, _)| *name == structure.covariate)
+            {
+                structure.formula = self.formula((name, values), &covariates, &fit);
+            }
+        }
+        LeftOver { formulas, structure }
+    }
+
+    /// The names that formulas may use beside those that every robot has.
+    fn is_known(&self, name: &str) -> bool {
+        NAMES.iter().any(|(known, _)| *known == name)
+            || self.robots().covariates.iter().any(|(given, _)| given == name)
+    }
+
+    /// The short formula of a covariate, along the direction in which it explains most of what a fit leaves.
+    fn formula(
+        &self,
+        covariate: Covariate<'_>,
+        covariates: &[(String, Vec<f64>)],
+        fit: &RobotFit,
+    ) -> Option<Formula> {
+        if !self.is_known(covariate.0) {
             return None;
         }
-        let view = self.view(&search.full(&ladder.accepted, COMMON, None));
-        let n = view.predicted.len();
-        let along: Vec<f64> = (0..n).map(|row| view.scaled_at(row)).collect();
-        let across: Vec<f64> = (0..n).map(|row| view.scaled_across(row)).collect();
-        let mut covariates = self.covariates();
-        covariates.retain(|(name, _)| name != SHARES_ITS_ERROR);
-        let (first, last) = (ladder.rungs.first()?, ladder.rungs.last()?);
-        let configured = share_scale(first.scores.mean_square(), last.scores.mean_square());
-        let residuals = [&along[..], &across].map(|values| Residuals { values, configured });
-        scan::strongest(&covariates, &residuals, &levels)
+        let others: Vec<&(String, Vec<f64>)> =
+            covariates.iter().filter(|(name, _)| self.is_known(name)).collect();
+        let windows: Vec<u32> = (0..self.n_rows() as u32).collect();
+        let residuals = self.model.residuals(fit, &windows)?;
+        let window_s = |row: usize| self.model.tracks.window_s(row);
+        let over_windows = |value: &dyn Fn(usize, &Residual) -> f64| -> Vec<f64> {
+            residuals.iter().enumerate().map(|(row, left)| value(row, left)).collect()
+        };
+        let velocity = |part: usize| over_windows(&|row, left| left.parts_m[part] / window_s(row));
+        let [ahead, left] = [velocity(0), velocity(1)];
+        let turned = |by: &dyn Fn([f64; 2]) -> [f64; 2]| {
+            over_windows(&|row, _| {
+                let [with_ahead, with_left] = by(self.model.directions[row]);
+                with_ahead * ahead[row] + with_left * left[row]
+            })
+        };
+        let east = turned(&|[cos, sin]| [cos, -sin]);
+        let north = turned(&|[cos, sin]| [sin, cos]);
+        let speed = over_windows(&|row, left| left.way_m / window_s(row));
+        let of = |values, target| Deviations { values, factor: None, target };
+        let share = Deviations { factor: Some((SPEED, &speed)), ..of(&ahead[..], "ahead") };
+        let total = mean(residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()));
+        // What a formula takes of the mean square error (m²).
+        let explained = |deviations: Deviations<'_>| {
+            let found = formula::of_covariate(covariate, &others, deviations, &self.in_time)?;
+            let taken = mean((0..residuals.len()).map(|row| {
+                let value = deviations.values[row];
+                let taken = (value * value - found.rmse * found.rmse) * window_s(row).powi(2);
+                if covariate.1[row].is_finite() { taken } else { 0.0 }
+            }));
+            Some((taken, found))
+        };
+        let pairs = [
+            [of(&east, "east"), of(&north, "north")],
+            [share, of(&left, "left")],
+            [of(&ahead, "ahead"), of(&left, "left")],
+        ];
+        let found = pairs.into_iter().filter_map(|pair| {
+            let [Some(one), Some(other)] = pair.map(explained) else { return None };
+            let (more, less) = if one.0 < other.0 { (other, one) } else { (one, other) };
+            let left = total - more.0;
+            let is_along_both = LEAST_SHARE * left < less.0;
+            let left = if is_along_both { left - less.0 } else { left };
+            let also = is_along_both.then_some((less.1.text, less.1.target));
+            Some(Formula { also, rmse: left.max(0.0).sqrt(), ..more.1 })
+        });
+        // Of two that are as good the simpler.
+        let cost = |formula: &Formula| {
+            let parts = if formula.also.is_some() { 2 } else { 1 };
+            formula.rmse * (1.0 + LEAST_SHARE * f64::from(parts))
+        };
+        found.min_by(|a, b| cost(a).total_cmp(&cost(b)))
     }
 }

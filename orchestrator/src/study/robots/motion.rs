@@ -341,7 +341,8 @@ impl Tracks {
         mut robot: Robot,
     ) -> [f64; 3] {
         let from_m = robot.position_m;
-        let mut next = 0;
+        let begin_s = self.robots.samples[window.start as usize].time_s;
+        let mut next = self.orders[track].partition_point(|order| order.from_s <= begin_s);
         for index in window.start as usize..window.end as usize {
             let [a, b] = [index, index + 1].map(|index| self.robots.samples[index].time_s);
             let surroundings = self.surroundings(index);

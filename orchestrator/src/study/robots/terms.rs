@@ -2,8 +2,10 @@
 
 use super::RobotStudy;
 use super::motion::Tracks;
+use crate::diagnose::gain::mean;
+use crate::measure::robots::Sample;
 use crate::study::formula::{FORMULA, FormulaError, Wanted, set};
-use crate::study::{CURVE, Candidate};
+use crate::study::{CURVE, Candidate, FINE};
 use proto::config::{Node, Value, check};
 use proto::effect::{Level, Need, Parameter};
 use robotsim::dynamics::effect::{self, Entry};
@@ -51,16 +53,24 @@ pub(super) struct Curve {
     has_constant: bool,
 }
 
-/// Quantiles between which a curve is linear.
+/// Quantiles between which a curve is linear …
 const N_KNOTS: usize = 7;
-/// Hat functions of a curve: one fewer than knots, for they sum to one.
-const N_HATS: usize = N_KNOTS - 1;
+/// … and a fine one over time: what comes and goes within a campaign.
+const FINE_KNOTS: usize = 25;
+/// A fine curve needs so many windows for each knot.
+const WINDOWS_PER_KNOT: usize = 40;
 /// Numbers of a function: one for the way, two for the drift.
-const N_EACH: usize = 3;
-/// Most numbers of a curve.
-pub(super) const MOST_NUMBERS: usize = N_EACH * (N_HATS + 1);
+pub(super) const N_EACH: usize = 3;
 
 impl EffectTerm {
+    /// Of an effect that does something to commands below a threshold and nothing else to any: which part of commands that is. What
+    /// it does changes with the threshold only where that passes a command.
+    pub(super) fn threshold_on(&self) -> Option<Part> {
+        let text = |key: &str| self.table.get(key).and_then(toml::Value::as_str);
+        let part = if text("on") == Some("turn") { Part::Turn } else { Part::Speed };
+        (text("kind") == Some(DEAD_BAND)).then_some(part)
+    }
+
     /// The effect's table with these numbers.
     pub(super) fn table(&self, values: &[f64]) -> toml::Table {
         let mut table = self.table.clone();
@@ -72,32 +82,24 @@ impl EffectTerm {
 }
 
 impl Curve {
-    fn new(values: Vec<f64>) -> Option<Self> {
+    /// With so many knots; of few values with fewer.
+    fn new(values: Vec<f64>, n_knots: usize) -> Option<Self> {
         let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
         let last = sorted.len().checked_sub(1)?;
-        let mut knots: Vec<f64> = (0..N_KNOTS).map(|k| sorted[k * last / (N_KNOTS - 1)]).collect();
+        let mut knots: Vec<f64> = (0..n_knots).map(|k| sorted[k * last / (n_knots - 1)]).collect();
         knots.dedup();
         if knots.len() < 2 {
             return None;
         }
-        // Few values: knots between the two ends.
-        while knots.len() < N_KNOTS {
-            knots.push(knots[knots.len() - 1] + 1.0);
-        }
-        let means = vec![0.0; N_HATS];
+        let means = vec![0.0; knots.len() - 1];
         let mut curve = Self { knots, means, values, has_constant: false };
-        let mut means = vec![0.0; N_HATS];
-        let mut n = 0.0;
-        for window in 0..curve.values.len() {
-            if curve.values[window].is_finite() {
-                n += 1.0;
-                for (mean, hat) in means.iter_mut().zip(curve.functions(window)) {
-                    *mean += hat;
-                }
-            }
-        }
-        curve.means = means.into_iter().map(|mean| mean / n).collect();
+        curve.means = (0..curve.means.len())
+            .map(|k| {
+                let known = (0..curve.values.len()).filter(|&w| curve.values[w].is_finite());
+                mean(known.map(|window| curve.function(k, window)))
+            })
+            .collect();
         Some(curve)
     }
 
@@ -106,30 +108,32 @@ impl Curve {
         Self { has_constant: true, ..self.clone() }
     }
 
-    /// How many numbers it has.
-    pub(super) fn n_numbers(&self) -> usize {
-        N_EACH * (N_HATS + usize::from(self.has_constant))
+    /// The covariate at the start of each window; NaN where it is missing.
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
     }
 
-    /// Values of the functions at a window, the constant last. Zeros where the covariate is missing.
-    pub(super) fn functions(&self, window: usize) -> [f64; N_HATS + 1] {
+    /// How many numbers it has.
+    pub(super) fn n_numbers(&self) -> usize {
+        N_EACH * (self.means.len() + usize::from(self.has_constant))
+    }
+
+    /// Value of a function at a window: of the hats of all knots but the first, and after them of the constant. Zero where the
+    /// covariate is missing.
+    pub(super) fn function(&self, k: usize, window: usize) -> f64 {
         let value = self.values[window];
         if !value.is_finite() {
-            return [0.0; N_HATS + 1];
+            return 0.0;
         }
-        let value = value.clamp(self.knots[0], self.knots[N_KNOTS - 1]);
-        std::array::from_fn(|k| {
-            if k == N_HATS {
-                return f64::from(u8::from(self.has_constant));
-            }
-            let (below, at) = (self.knots[k], self.knots[k + 1]);
-            let hat = if value <= at {
-                ((value - below) / (at - below)).max(0.0)
-            } else {
-                self.knots.get(k + 2).map_or(0.0, |above| ((above - value) / (above - at)).max(0.0))
-            };
-            hat - self.means[k]
-        })
+        let Some(mean) = self.means.get(k) else { return 1.0 };
+        let value = value.clamp(self.knots[0], self.knots[self.knots.len() - 1]);
+        let (below, at) = (self.knots[k], self.knots[k + 1]);
+        let hat = if value <= at {
+            ((value - below) / (at - below)).max(0.0)
+        } else {
+            self.knots.get(k + 2).map_or(0.0, |above| ((above - value) / (above - at)).max(0.0))
+        };
+        hat - mean
     }
 }
 
@@ -192,16 +196,20 @@ pub(super) fn all(
     let own = tracks.own_covariates();
     let is_known = |(name, _): &&(String, Vec<f64>)| name == "time_s" || !tracks.is_relative();
     for (name, values) in tracks.robots.covariates.iter().chain(own.iter().filter(is_known)) {
-        let at_start = tracks.windows.iter().map(|window| values[window.start as usize]).collect();
-        if let Some(curve) = Curve::new(at_start) {
+        let fine = name == "time_s" && FINE_KNOTS * WINDOWS_PER_KNOT <= tracks.windows.len();
+        let kinds = [("", N_KNOTS), (FINE, FINE_KNOTS)].into_iter().take(1 + usize::from(fine));
+        for (prefix, n_knots) in kinds {
+            let at_start = tracks.windows.iter().map(|window| values[window.start as usize]);
+            let Some(curve) = Curve::new(at_start.collect(), n_knots) else { continue };
             let place = candidates.len();
+            let coarse = format!("{CURVE}{name}");
             for (curve, stands_in_for) in [(curve.clone(), None), (curve.whole(), Some(place))] {
                 candidates.push(Candidate {
-                    name: format!("{CURVE}{name}"),
+                    name: format!("{prefix}{coarse}"),
                     about: None,
                     level: Level::Time,
                     n_parameters: curve.n_numbers(),
-                    generalises: Vec::new(),
+                    generalises: if prefix.is_empty() { Vec::new() } else { vec![coarse.clone()] },
                     is_derived: false,
                     untestable: None,
                     stands_in_for,
@@ -314,9 +322,14 @@ fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter
 fn starts(entry: &Entry, on: Option<&str>, parameters: &[Parameter], tracks: &Tracks) -> Starts {
     let part = if on == Some("turn") { Part::Turn } else { Part::Speed };
     match entry.variant.name {
-        "dead-band" | "speed-limit" => {
+        DEAD_BAND | "speed-limit" => {
             return Starts::At(
                 tracks.thresholds(part).into_iter().map(|value| vec![value]).collect(),
+            );
+        }
+        "acceleration-limit" => {
+            return Starts::At(
+                tracks.accelerations().into_iter().map(|value| vec![value]).collect(),
             );
         }
         "rough-ground" => return Starts::Discs(tracks.discs()),
@@ -337,9 +350,8 @@ fn starts(entry: &Entry, on: Option<&str>, parameters: &[Parameter], tracks: &Tr
     Starts::At(products)
 }
 
-/// How often the share of commands beyond a threshold is halved, from a 24th on: a limit that only the fastest commands meet is
-/// worth finding.
-const TAIL_HALVES: usize = 4;
+/// The effect whose number is a threshold.
+const DEAD_BAND: &str = "dead-band";
 
 /// The effect whose only number is the noise itself.
 pub(super) const NOISE: &str = "localization";
@@ -347,47 +359,12 @@ pub(super) const NOISE: &str = "localization";
 impl Tracks {
     /// Covariates that every file has: time, and place.
     fn own_covariates(&self) -> [(String, Vec<f64>); 3] {
-        let of = |value: &dyn Fn(&crate::measure::robots::Sample) -> f64| {
-            self.robots.samples.iter().map(value).collect()
-        };
+        let of = |value: &dyn Fn(&Sample) -> f64| self.robots.samples.iter().map(value).collect();
         [
             ("time_s".to_owned(), of(&|sample| sample.time_s)),
             ("x_m".to_owned(), of(&|sample| sample.position_m[0])),
             ("y_m".to_owned(), of(&|sample| sample.position_m[1])),
         ]
-    }
-
-    /// Values between which commanded sizes lie: half way from each to the next larger one, about two dozen; closer where few
-    /// commands are smaller, or larger; and beyond all.
-    fn thresholds(&self, part: Part) -> Vec<f64> {
-        let turning = self.robots.shape.is_turning();
-        let size = |command: [f64; 3]| match (part, turning) {
-            (Part::Turn, _) => command[1].abs(),
-            (Part::Speed, true) => command[0].abs(),
-            (Part::Speed, false) => command.iter().map(|part| part * part).sum::<f64>().sqrt(),
-        };
-        let mut sizes: Vec<f64> =
-            self.robots.samples.iter().map(|sample| size(sample.command)).collect();
-        sizes.sort_by(f64::total_cmp);
-        // By quantiles of what was commanded, however often.
-        let steps = 24;
-        let last = sizes.len() - 1;
-        let halves = (1..=TAIL_HALVES).map(|k| last / (steps << k));
-        let mut places: Vec<usize> = (0..=steps).map(|k| k * last / steps).collect();
-        places.extend(halves.flat_map(|few| [few, last - few]));
-        places.sort_unstable();
-        let mut picked: Vec<f64> = places.into_iter().map(|place| sizes[place]).collect();
-        sizes.dedup();
-        let [smallest, largest] = [sizes[0], sizes[sizes.len() - 1]];
-        if sizes.len() <= steps {
-            picked = sizes;
-        }
-        picked.dedup();
-        let middles = picked.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
-        let mut values: Vec<f64> =
-            [smallest].into_iter().chain(middles).chain([largest]).map(|v| v.max(0.01)).collect();
-        values.dedup();
-        values
     }
 
     /// Discs of the plane in which ground may be rough: a grid of centres, several sizes.

@@ -7,7 +7,6 @@ use crate::measure::robots;
 use crate::measure::table::Table;
 use crate::study::folds::scramble;
 use proto::rng::normal;
-use std::collections::BTreeMap;
 
 const STEP_S: f64 = 0.05;
 const NOISE_M: f64 = 0.01;
@@ -128,7 +127,8 @@ fn what_no_effect_explains_is_one_thing_with_its_mean() {
     assert!(likelihoods[0] + 100.0 < likelihoods[1], "{likelihoods:?}");
     assert!(likelihoods[1] + 50.0 < likelihoods[2], "{likelihoods:?}");
     let kind = Kind { name: "robot", unit: "m" };
-    let json = answer(&study, &search, &ladder, kind, &BTreeMap::new(), None, None).json;
+    let json =
+        answer(&study, &search, &ladder, kind, &study.left_over(&search, &ladder), None).json;
     let listed = json["candidates"].as_array().unwrap();
     let curves = listed.iter().filter(|entry| entry["effect"] == "curve:tide_m");
     assert_eq!(curves.map(|entry| &entry["accepted"]).collect::<Vec<_>>(), [true]);

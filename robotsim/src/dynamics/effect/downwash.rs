@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
                 unit: "m/s",
                 min: -100.0,
                 max: 100.0,
-                starts: &[0.3],
+                starts: &[0.0],
                 step: 0.02,
             },
             Parameter {

@@ -62,7 +62,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
         variants: &[],
         level: Level::Place,
-        generalises: &[],
+        generalises: &["slip"],
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(keys::<RoughGround>(table)?)),

@@ -1,0 +1,112 @@
+//! Campaigns of robots with something hidden in them.
+
+use super::{QUIET, far_off};
+use orchestrator::diagnose::answer::{self, Kind};
+use orchestrator::diagnose::ladder::{Ladder, Search};
+use orchestrator::measure::config::Compared;
+use orchestrator::measure::table::Table;
+use orchestrator::study::Study as _;
+use orchestrator::study::choices::Choices;
+use orchestrator::study::open;
+use serde_json::Value;
+use tests::campaign::{Campaign, Drive, Fleet, RobotHidden, Size};
+
+/// Forty seconds of each of five robots …
+const ROWS: usize = 4000;
+/// … and more where the effect is rare, and what comes and goes is to be followed.
+const MANY_ROWS: usize = 20_000;
+
+fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
+    let folder = tempfile::tempdir().unwrap();
+    let (config, data) = (folder.path().join("model.toml"), folder.path().join("robots.csv"));
+    std::fs::write(&config, &campaign.config_toml).unwrap();
+    std::fs::write(&data, &campaign.csv).unwrap();
+    let config = Compared::load(&config, &[]).unwrap();
+    let table = Table::read(&data).unwrap();
+    let (study, _) = open::robots(&config, &table, &Choices::default()).unwrap();
+    let search = Search::new(&study, QUIET);
+    let ladder = search.climb();
+    let kind = Kind { name: "robot", unit: "m" };
+    let left = study.left_over(&search, &ladder);
+    let json = answer::answer(&study, &search, &ladder, kind, &left, None).json;
+    let names = ladder.accepted.iter().map(|&term| study.candidates()[term].name.clone());
+    (names.collect(), ladder, json)
+}
+
+fn campaign(hidden: &[RobotHidden], n_rows: usize) -> Campaign {
+    let clear: Vec<(RobotHidden, Size)> = hidden.iter().map(|&one| (one, Size::Clear)).collect();
+    Campaign::robots(1, &Fleet::showing(hidden[0]), &clear, n_rows)
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_hidden() {
+    for drive in [Drive::Velocity, Drive::Unicycle, Drive::Car] {
+        let campaign = Campaign::robots(1, &Fleet::standard(drive), &[], ROWS);
+        let (found, _, json) = diagnosed(&campaign);
+        assert_eq!(found, [""; 0], "{drive:?}");
+        assert_eq!(json["verdict"], "nothing-missing");
+    }
+}
+
+/// Every effect of the catalogue, hidden at a clear size: the verdict names it first, the error on rows left out falls to within
+/// 5 % of that of the true model, and numbers lie within four standard errors of the truth.
+#[test]
+fn a_clear_effect_is_named_first_and_fitted() {
+    let mut wrong: Vec<String> = Vec::new();
+    for hidden in RobotHidden::KNOWN {
+        // Few commands are as fast as the limit.
+        let n_rows = if hidden == RobotHidden::SpeedLimit { MANY_ROWS } else { ROWS };
+        let campaign = campaign(&[hidden], n_rows);
+        let (found, ladder, json) = diagnosed(&campaign);
+        if found.first().map(String::as_str) != Some(hidden.effect()) {
+            wrong.push(format!("{hidden:?}: {found:?}"));
+            continue;
+        }
+        let last = ladder.rungs[ladder.rungs.len() - 1].scores;
+        let oracle = campaign.oracle;
+        if 1.05 * oracle.rmse < last.rmse || 1.05 * oracle.crps < last.crps {
+            wrong.push(format!("{hidden:?}: {last:?}, {oracle:?}"));
+        }
+        wrong.extend(far_off(&campaign, &json));
+    }
+    assert_eq!(wrong, [""; 0], "{wrong:#?}");
+}
+
+#[test]
+fn two_effects_are_both_found() {
+    for pair in [
+        [RobotHidden::Slip, RobotHidden::Wind],
+        [RobotHidden::HeadingBias, RobotHidden::QuadraticDrag],
+    ] {
+        let (found, ..) = diagnosed(&campaign(&pair, ROWS));
+        let mut names: Vec<&str> = found.iter().map(String::as_str).collect();
+        names.sort_unstable();
+        let mut truth = pair.map(RobotHidden::effect);
+        truth.sort_unstable();
+        assert_eq!(names, truth, "{pair:?}");
+    }
+}
+
+/// What no catalogue has is named by what it depends on, with a formula along the right direction after which most of the excess
+/// is gone.
+#[test]
+fn what_no_effect_explains_is_structure_with_a_formula() {
+    for (hidden, targets) in [
+        (RobotHidden::Payload, &["ahead"][..]),
+        (RobotHidden::Tide, &["east", "north"]),
+        (RobotHidden::Stream, &["east"]),
+    ] {
+        let campaign = campaign(&[hidden], MANY_ROWS);
+        let (found, ladder, json) = diagnosed(&campaign);
+        assert_eq!(json["verdict"], "unexplained-structure", "{hidden:?}: {found:?}");
+        let structure = &json["unexplained"][0];
+        let covariate = structure["covariate"].as_str().unwrap();
+        assert!(campaign.truth[0].covariates.contains(&covariate), "{hidden:?}: {covariate}");
+        let target = structure["target"].as_str().unwrap();
+        assert!(targets.contains(&target), "{hidden:?}: {structure}");
+        let before = ladder.rungs[0].scores.rmse;
+        let after = structure["rmse_after"].as_f64().unwrap();
+        let gone = (before - after) / (before - campaign.oracle.rmse);
+        assert!(0.75 < gone, "{hidden:?}: {gone} by {structure}");
+    }
+}
