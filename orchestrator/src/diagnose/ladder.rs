@@ -506,7 +506,8 @@ fn with(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().chain([term]).collect()
 }
 
-fn without(accepted: &[usize], term: usize) -> Vec<usize> {
+/// These terms but one.
+pub(crate) fn without(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().filter(|&other| other != term).collect()
 }
 

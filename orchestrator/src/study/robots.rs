@@ -539,6 +539,10 @@ impl Study for RobotStudy {
         let covariance = self.model.covariance(fit, &self.in_time);
         let freedom = (self.in_time.n_blocks() as f64 - 1.0).max(1.0);
         let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(1.645, |t| t.inverse_cdf(0.95));
+        // A threshold is the only number of its effect.
+        let by_likelihood = effect
+            .threshold_on()
+            .and_then(|_| self.model.threshold_interval(fit, term, &self.fitted_rows()));
         let mut warning = None;
         let estimates = effect
             .parameters
@@ -546,10 +550,7 @@ impl Study for RobotStudy {
             .zip(numbers)
             .enumerate()
             .map(|(index, (parameter, &value))| {
-                let interval = || self.model.threshold_interval(fit, term, &self.fitted_rows());
-                if index == 0
-                    && let Some((low, high)) = interval()
-                {
+                if let Some((low, high)) = by_likelihood {
                     return Estimate::new(parameter.key, parameter.unit, value, (low, high));
                 }
                 let variance =

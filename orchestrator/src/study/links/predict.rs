@@ -6,7 +6,7 @@ use super::likelihood::{Instrument, Level};
 use super::terms::Spec;
 use crate::diagnose::formula::{self, Deviations};
 use crate::diagnose::gain::mean;
-use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
+use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale, without};
 use crate::diagnose::next::Apart;
 use crate::diagnose::scan::{self, LeftOver, Residuals};
 use crate::study::{CONSTANT, RowScore};
@@ -149,9 +149,7 @@ impl LinkStudy {
         let mut formulas = BTreeMap::new();
         for &term in &ladder.accepted {
             let Spec::Curve(curve) = &self.specs[term] else { continue };
-            let rest: Vec<usize> =
-                ladder.accepted.iter().copied().filter(|&other| other != term).collect();
-            let fit = search.full(&rest, COMMON, None);
+            let fit = search.full(&without(&ladder.accepted, term), COMMON, None);
             let (deviation, target) = if curve.is_loss {
                 (self.losses_left(&fit), LOSS)
             } else {

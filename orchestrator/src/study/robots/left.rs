@@ -5,7 +5,7 @@ use super::terms::Term;
 use super::{RobotFit, RobotStudy};
 use crate::diagnose::formula::{self, Deviations, Formula};
 use crate::diagnose::gain::mean;
-use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale};
+use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale, without};
 use crate::diagnose::scan::{self, LeftOver, Residuals};
 use crate::study::Study as _;
 use crate::study::folds::Blocks;
@@ -29,7 +29,8 @@ impl RobotStudy {
     /// structure, along or across the motion, that nothing in the model explains.
     #[must_use]
     pub fn left_over(&self, search: &Search<'_, Self>, ladder: &Ladder) -> LeftOver {
-        let covariates = self.covariates();
+        let mut covariates = self.covariates();
+        covariates.retain(|(name, _)| name != SHARES_ITS_ERROR);
         let mut formulas = BTreeMap::new();
         for &term in &ladder.accepted {
             let candidate = &self.candidates()[term];
@@ -38,9 +39,7 @@ impl RobotStudy {
             else {
                 continue;
             };
-            let rest: Vec<usize> =
-                ladder.accepted.iter().copied().filter(|&other| other != term).collect();
-            let fit = search.full(&rest, COMMON, None);
+            let fit = search.full(&without(&ladder.accepted, term), COMMON, None);
             if let Some(found) = self.formula((name, curve.values()), &covariates, &fit) {
                 formulas.insert(candidate.name.clone(), found);
             }
@@ -61,9 +60,7 @@ impl RobotStudy {
             let across: Vec<f64> = (0..n).map(|row| view.scaled_across(row)).collect();
             let configured = share_scale(first.scores.mean_square(), last.scores.mean_square());
             let residuals = [&along[..], &across].map(|values| Residuals { values, configured });
-            let mut looked_at = covariates.clone();
-            looked_at.retain(|(name, _)| name != SHARES_ITS_ERROR);
-            structure = scan::strongest(&looked_at, &residuals, &levels);
+            structure = scan::strongest(&covariates, &residuals, &levels);
             if let Some(structure) = &mut structure
                 && let Some((name, values)) =
                     covariates.iter().find(|(name, _)| *name == structure.covariate)
@@ -122,13 +119,12 @@ impl RobotStudy {
             }));
             Some((taken, found))
         };
-        let pairs = [
-            [of(&east, "east"), of(&north, "north")],
-            [share, of(&left, "left")],
-            [of(&ahead, "ahead"), of(&left, "left")],
-        ];
-        let found = pairs.into_iter().filter_map(|pair| {
-            let [Some(one), Some(other)] = pair.map(explained) else { return None };
+        let [east, north] = [of(&east, "east"), of(&north, "north")].map(explained);
+        let [share, ahead] = [share, of(&ahead, "ahead")].map(explained);
+        let left = explained(of(&left, "left"));
+        let pairs = [(east, north), (share, left.clone()), (ahead, left)];
+        let found = pairs.into_iter().filter_map(|(one, other)| {
+            let (one, other) = (one?, other?);
             let (more, less) = if one.0 < other.0 { (other, one) } else { (one, other) };
             let left = total - more.0;
             let is_along_both = LEAST_SHARE * left < less.0;
