@@ -6,6 +6,7 @@
 pub mod choices;
 pub mod folds;
 pub mod formula;
+pub mod knots;
 pub mod links;
 pub mod open;
 pub mod robots;

@@ -4,18 +4,11 @@ use super::rows::Rows;
 use super::terms::{Curve, Spec};
 use super::{LinkStudy, testable};
 use crate::study::formula::{FORMULA, FormulaError, Wanted};
-use crate::study::{CONSTANT, Candidate};
+use crate::study::{CONSTANT, Candidate, knots};
 use netsim::phy::effect;
 use proto::effect::{Level, Need};
 use std::sync::Arc;
 
-/// Number of knots of a curve over a covariate.
-const KNOTS: usize = 7;
-/// Number of knots of a fine one: what comes and goes within a campaign. Rows are left out in sixtieths of its time, so that every knot
-/// still sees others.
-const FINE_KNOTS: usize = 25;
-/// A fine curve needs so many rows for each knot.
-const ROWS_PER_KNOT: usize = 40;
 /// Covariates that follow from time and places and may be a cause by themselves.
 const DERIVED: [&str; 4] = [TIME, CHANNEL, "midpoint_x_m", "midpoint_y_m"];
 /// Its curve has a knot at every channel. Where readings are given, nothing of the catalogue follows the channel, and losses have one, too.
@@ -52,7 +45,7 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
         .chain(derived)
         .chain(places)
         .flat_map(|(name, values, is_derived)| {
-            let is_fine = name == TIME && FINE_KNOTS * ROWS_PER_KNOT <= rows.len();
+            let is_fine = name == TIME && knots::MANY * knots::ROWS_EACH <= rows.len();
             let values: Arc<[f64]> = Arc::from(values);
             [false, true]
                 .into_iter()
@@ -189,13 +182,12 @@ fn curve(
     if known.len() < rows.len() / 2 || known.is_empty() {
         return None;
     }
-    let mut knots: Vec<f64> = if covariate == CHANNEL {
+    let knots = if covariate == CHANNEL {
+        known.dedup();
         known
     } else {
-        let n_knots = if is_fine { FINE_KNOTS } else { KNOTS };
-        (0..n_knots).map(|k| known[k * (known.len() - 1) / (n_knots - 1)]).collect()
+        knots::at_quantiles(&known, if is_fine { knots::MANY } else { knots::FEW })
     };
-    knots.dedup();
     (2 <= knots.len()).then(|| Curve {
         covariate: covariate.to_owned(),
         values: values.clone(),

@@ -1,7 +1,7 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
 use crate::study::formula::{Asked, set};
-use crate::study::{CONSTANT, CURVE, FINE, LOSS_CURVE};
+use crate::study::{CONSTANT, CURVE, FINE, LOSS_CURVE, knots};
 use netsim::phy::effect::{Effect, Entry};
 use proto::config::Default;
 use proto::effect::Parameter;
@@ -93,7 +93,7 @@ impl Curve {
     #[must_use]
     pub fn shares(&self, row: usize) -> [(usize, f64); 2] {
         let x = self.values[row];
-        if x.is_nan() { [(0, 0.0); 2] } else { hat(&self.knots, x) }
+        if x.is_nan() { [(0, 0.0); 2] } else { knots::shares(&self.knots, x) }
     }
 
     /// What it adds to a row with these values at the knots: power, shift of the curve, logarithm of survival.
@@ -207,19 +207,4 @@ impl State {
         }
         table
     }
-}
-
-/// The share of each knot in a curve at `x`: two neighbours, linear between them. Beyond the ends the curve stays level.
-#[must_use]
-pub fn hat(knots: &[f64], x: f64) -> [(usize, f64); 2] {
-    let last = knots.len() - 1;
-    if x <= knots[0] {
-        return [(0, 1.0), (0, 0.0)];
-    }
-    if knots[last] <= x {
-        return [(last, 1.0), (last, 0.0)];
-    }
-    let above = knots.partition_point(|&knot| knot <= x);
-    let part = (x - knots[above - 1]) / (knots[above] - knots[above - 1]);
-    [(above - 1, 1.0 - part), (above, part)]
 }

@@ -5,7 +5,7 @@ use super::motion::Tracks;
 use crate::diagnose::gain::mean;
 use crate::measure::robots::Sample;
 use crate::study::formula::{FORMULA, FormulaError, Wanted, set};
-use crate::study::{CURVE, Candidate, FINE};
+use crate::study::{CURVE, Candidate, FINE, knots};
 use proto::config::{Node, Value, check};
 use proto::effect::{Level, Need, Parameter};
 use robotsim::dynamics::effect::{self, Entry};
@@ -53,12 +53,6 @@ pub(super) struct Curve {
     has_constant: bool,
 }
 
-/// Quantiles between which a curve is linear …
-const N_KNOTS: usize = 7;
-/// … and a fine one over time: what comes and goes within a campaign.
-const FINE_KNOTS: usize = 25;
-/// A fine curve needs so many windows for each knot.
-const WINDOWS_PER_KNOT: usize = 40;
 /// Numbers of a function: one for the way, two for the drift.
 pub(super) const N_EACH: usize = 3;
 
@@ -86,9 +80,7 @@ impl Curve {
     fn new(values: Vec<f64>, n_knots: usize) -> Option<Self> {
         let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
-        let last = sorted.len().checked_sub(1)?;
-        let mut knots: Vec<f64> = (0..n_knots).map(|k| sorted[k * last / (n_knots - 1)]).collect();
-        knots.dedup();
+        let knots = knots::at_quantiles(&sorted, n_knots);
         if knots.len() < 2 {
             return None;
         }
@@ -126,13 +118,9 @@ impl Curve {
             return 0.0;
         }
         let Some(mean) = self.means.get(k) else { return 1.0 };
-        let value = value.clamp(self.knots[0], self.knots[self.knots.len() - 1]);
-        let (below, at) = (self.knots[k], self.knots[k + 1]);
-        let hat = if value <= at {
-            ((value - below) / (at - below)).max(0.0)
-        } else {
-            self.knots.get(k + 2).map_or(0.0, |above| ((above - value) / (above - at)).max(0.0))
-        };
+        let of_knot =
+            knots::shares(&self.knots, value).into_iter().filter(|(knot, _)| *knot == k + 1);
+        let hat: f64 = of_knot.map(|(_, share)| share).sum();
         hat - mean
     }
 }
@@ -196,8 +184,8 @@ pub(super) fn all(
     let own = tracks.own_covariates();
     let is_known = |(name, _): &&(String, Vec<f64>)| name == "time_s" || !tracks.is_relative();
     for (name, values) in tracks.robots.covariates.iter().chain(own.iter().filter(is_known)) {
-        let fine = name == "time_s" && FINE_KNOTS * WINDOWS_PER_KNOT <= tracks.windows.len();
-        let kinds = [("", N_KNOTS), (FINE, FINE_KNOTS)].into_iter().take(1 + usize::from(fine));
+        let fine = name == "time_s" && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
+        let kinds = [("", knots::FEW), (FINE, knots::MANY)].into_iter().take(1 + usize::from(fine));
         for (prefix, n_knots) in kinds {
             let at_start = tracks.windows.iter().map(|window| values[window.start as usize]);
             let Some(curve) = Curve::new(at_start.collect(), n_knots) else { continue };
