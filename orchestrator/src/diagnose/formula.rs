@@ -3,6 +3,7 @@
 use super::gain::mean;
 use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
+use std::f64::consts::FRAC_PI_2;
 
 /// A longer formula must bring the rmse to less than this share of what a shorter one leaves …
 const LONGER: f64 = 0.998;
@@ -12,6 +13,8 @@ const TWOFOLD: f64 = 0.99;
 const NOTHING: f64 = 1e-12;
 /// Most cycles of a formula over the range of a covariate, in quarters.
 const MOST_QUARTERS: u32 = 48;
+/// How often the step between two paces of a wave is halved, from a quarter of a cycle over the range on.
+const HALVES: i32 = 5;
 
 /// Least known values of a covariate, for a formula.
 const LEAST_ROWS: usize = 200;
@@ -41,12 +44,22 @@ type Function = Box<dyn Fn(f64, f64) -> f64>;
 /// A formula in a covariate, or in two: its terms as text and as functions.
 struct Shape {
     terms: Vec<(String, Function)>,
+    /// Of a wave: what the covariate is multiplied by.
+    pace: Option<f64>,
 }
 
 impl Shape {
     fn of(terms: Vec<(String, Function)>) -> Self {
         let one: (String, Function) = ("1".to_owned(), Box::new(|_, _| 1.0));
-        Self { terms: [one].into_iter().chain(terms).collect() }
+        Self { terms: [one].into_iter().chain(terms).collect(), pace: None }
+    }
+
+    fn wave(name: &str, pace: f64) -> Self {
+        let terms = vec![
+            term(format!("sin({pace:.6e} * {name})"), move |x, _| (pace * x).sin()),
+            term(format!("cos({pace:.6e} * {name})"), move |x, _| (pace * x).cos()),
+        ];
+        Self { pace: Some(pace), ..Self::of(terms) }
     }
 }
 
@@ -73,11 +86,7 @@ fn shapes(name: &str, known: &[f64]) -> Vec<Shape> {
     }
     let span = at(1.0) - at(0.0);
     for quarter in 2..=MOST_QUARTERS {
-        let pace = std::f64::consts::TAU * f64::from(quarter) / 4.0 / span;
-        all.push(Shape::of(vec![
-            term(format!("sin({pace:.6e} * {name})"), move |x, _| (pace * x).sin()),
-            term(format!("cos({pace:.6e} * {name})"), move |x, _| (pace * x).cos()),
-        ]));
+        all.push(Shape::wave(name, f64::from(quarter) * FRAC_PI_2 / span));
     }
     all
 }
@@ -127,8 +136,22 @@ pub fn of_covariate(
     }
     let data = Data { values, others: values, deviations, rows: &rows };
     let mut best: Option<(f64, String)> = None;
+    let mut pace = None;
     for shape in shapes(name, &known) {
-        data.improve(&mut best, &shape, LONGER, blocks);
+        if data.improve(&mut best, &shape, LONGER, blocks) {
+            pace = shape.pace;
+        }
+    }
+    if let Some(mut pace) = pace {
+        let quarter = FRAC_PI_2 / (known[known.len() - 1] - known[0]);
+        for half in 1..=HALVES {
+            let step = quarter * 0.5_f64.powi(half);
+            for other in [pace - step, pace + step] {
+                if data.improve(&mut best, &Shape::wave(name, other), 1.0, blocks) {
+                    pace = other;
+                }
+            }
+        }
     }
     let is_known = |other: &[f64]| rows.iter().all(|&row| other[row].is_finite());
     for (other, others) in others.iter().filter(|(other, of)| other != name && is_known(of)) {
@@ -154,19 +177,19 @@ struct Data<'a> {
 }
 
 impl Data<'_> {
-    /// Takes a shape in place of the best so far if the rmse of rows left out falls to less than `share` of that.
+    /// Takes a shape in place of the best so far if the rmse of rows left out falls to less than `share` of that. Whether it did.
     fn improve(
         &self,
         best: &mut Option<(f64, String)>,
         shape: &Shape,
         share: f64,
         blocks: &Blocks,
-    ) {
-        let Some(rmse) = self.held_out(shape, blocks) else { return };
+    ) -> bool {
+        let Some(rmse) = self.held_out(shape, blocks) else { return false };
         if best.as_ref().is_some_and(|(least, _)| share * least <= rmse) {
-            return;
+            return false;
         }
-        let Some(factors) = self.fitted(shape, self.rows.iter().copied()) else { return };
+        let Some(factors) = self.fitted(shape, self.rows.iter().copied()) else { return false };
         let parts = shape.terms.iter().zip(factors.iter());
         let text: Vec<String> = parts
             .map(|((term, _), factor)| match term.as_str() {
@@ -175,6 +198,7 @@ impl Data<'_> {
             })
             .collect();
         *best = Some((rmse, text.join(" + ")));
+        true
     }
 
     /// The rmse of rows left out; none where the shape cannot be fitted.
@@ -270,6 +294,19 @@ mod tests {
             // The noise has an rmse of 1 +- 0.013.
             assert!((formula.rmse - 1.0).abs() < 0.06, "{formula:?}");
         }
+    }
+
+    #[test]
+    fn the_pace_of_a_wave_is_found_between_quarters_of_a_cycle() {
+        // 16.7 rad over all rows: 10.6 quarters of a cycle.
+        let x: Vec<f64> = (0..N).map(|row| row as f64 / 180.0).collect();
+        let y: Vec<f64> = noise().iter().zip(&x).map(|(z, x)| z + 4.0 * (x + 0.3).sin()).collect();
+        let formula = found(&x, &[], &y, None);
+        let after = formula.text.split("sin(").nth(1).unwrap();
+        let pace: f64 = after.split(" *").next().unwrap().parse().unwrap();
+        // A pace that is off by as much moves the wave by a hundredth of a cycle at the ends.
+        assert!((pace - 1.0).abs() < 0.005, "{formula:?}");
+        assert!((formula.rmse - 1.0).abs() < 0.06, "{formula:?}");
     }
 
     #[test]
