@@ -72,8 +72,8 @@ impl Tracks {
         let changes = tracks.flat_map(|track| self.robots.samples[track.clone()].windows(2));
         let greatest_mps = changes.map(change).fold(0.0, f64::max);
         let spacing_s = self.robots.spacing_s();
-        let (least, most) = ((greatest_mps / (100.0 * spacing_s)).clamp(0.01, 1e3), 1e5);
-        (0..12).map(|k| least * (most / least).powf(f64::from(k) / 11.0)).collect()
+        let (least, most) = ((greatest_mps / (100.0 * spacing_s)).clamp(0.01, 1e3), 1e6);
+        (0..14).map(|k| least * (most / least).powf(f64::from(k) / 13.0)).collect()
     }
 }
 
