@@ -254,7 +254,8 @@ impl Effect {
         };
         let (centre, radius_m) = nearest_to_a_third(discs, blocked);
         self.unit = blocked(&(centre, radius_m));
-        self.shape.extend([("x_m", centre[0]), ("y_m", centre[1]), ("radius_m", radius_m)]);
+        self.shape.extend([("centre_x_m", centre[0]), ("centre_y_m", centre[1])]);
+        self.shape.push(("radius_m", radius_m));
     }
 
     fn shape(&self, name: &str) -> f64 {
@@ -390,7 +391,7 @@ impl Effect {
             Hidden::Temperature => parameters.push(("db_per_c", -strength)),
             Hidden::BatterySag => parameters.push(("db_per_hour", -strength)),
             Hidden::MotionFading => parameters.push(("rician_k_db", 20.0 - strength)),
-            Hidden::Diffraction => {}
+            Hidden::Diffraction => parameters.push(("scale", 1.0)),
             Hidden::HumiditySquared
             | Hidden::Sinusoid
             | Hidden::SenderSpeed

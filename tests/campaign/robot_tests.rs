@@ -75,7 +75,7 @@ fn wind_carries_robots_as_far_as_it_blows() {
     let hidden = [(RobotHidden::Wind, Size::Clear)];
     let campaign = Campaign::robots(5, &Fleet::standard(Drive::Velocity), &hidden, 20_000);
     let errors = errors(&campaign, 5);
-    for (axis, name) in ["velocity_x_mps", "velocity_y_mps"].into_iter().enumerate() {
+    for (axis, name) in ["velocity_mps[0]", "velocity_mps[1]"].into_iter().enumerate() {
         let along: Vec<f64> = errors.iter().map(|error| error[axis]).collect();
         let tolerance = 4.0 * 0.0213 / (along.len() as f64).sqrt();
         assert!((mean(&along) - parameter(&campaign, name)).abs() < tolerance);

@@ -381,12 +381,14 @@ impl<'a> Plan<'a> {
             RobotHidden::SteeringBias => vec![("rate_radps", signed)],
             RobotHidden::Wind => {
                 let [x, y] = rotated([strength, 0.0], TAU * shape[0]);
-                vec![("velocity_x_mps", x), ("velocity_y_mps", y)]
+                vec![("velocity_mps[0]", x), ("velocity_mps[1]", y)]
             }
             RobotHidden::Slope | RobotHidden::YawCoupling => vec![("gain", strength)],
             RobotHidden::RoughGround => {
                 let ([x, y], radius_m) = self.rough(shape);
-                vec![("x_m", x), ("y_m", y), ("radius_m", radius_m), ("scale", 1.0 - strength)]
+                let scale = 1.0 - strength;
+                let centre = [("centre_m[0]", x), ("centre_m[1]", y)];
+                centre.into_iter().chain([("radius_m", radius_m), ("scale", scale)]).collect()
             }
             RobotHidden::Downwash => vec![("gain", strength), ("range_m", range_m(shape))],
             RobotHidden::Localization => vec![("sd_m", self.noise_m(strengths))],

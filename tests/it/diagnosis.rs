@@ -122,7 +122,11 @@ fn far_off(campaign: &Campaign, json: &Value) -> Vec<String> {
         (Some(found), Some(from), Some(to)) => (found - to).abs() < (found - from).abs(),
         _ => false,
     };
-    let mut wrong = Vec::new();
+    let estimated = entry["parameters"].as_object().unwrap().keys();
+    let mut wrong: Vec<String> = estimated
+        .filter(|key| of(key).is_none())
+        .map(|key| format!("{}: nothing hidden is called {key}", hidden.effect))
+        .collect();
     for (name, truth) in &hidden.parameters {
         let key = match (is_turned, name.strip_prefix("from_"), name.strip_prefix("to_")) {
             (true, Some(axis), _) => format!("to_{axis}"),
