@@ -6,6 +6,7 @@
 //! the model made of those before by a share that is fitted with the noise.
 
 mod blocks;
+mod curve;
 mod density;
 mod discs;
 mod driven;
@@ -82,6 +83,8 @@ struct Model {
     terms: Vec<Term>,
     /// Directions in which windows go by the configured model: cosine and sine.
     directions: Vec<[f64; 2]>,
+    /// What the configured model moves robots from each sample to the next (m, east and north).
+    steps_m: Vec<[f64; 2]>,
 }
 
 /// What a configuration says beside the dynamics.
@@ -193,7 +196,7 @@ impl Model {
             || terms.iter().any(|&term| matches!(self.terms[term], Term::Noise(_)))
     }
 
-    fn curve(&self, term: usize) -> Option<&terms::Curve> {
+    fn curve(&self, term: usize) -> Option<&curve::Curve> {
         match &self.terms[term] {
             Term::Curve(curve) => Some(curve),
             Term::Effect(_) | Term::Noise(_) => None,
@@ -253,8 +256,13 @@ impl Model {
             }
         }
         let physics = Dynamics::build(&table, "", &mut Vec::new())?.into_physics();
+        Some((physics, self.gains(fit)))
+    }
+
+    /// How much measurements count under a fit.
+    fn gains(&self, fit: &RobotFit) -> Gains {
         let heading = if self.has_direction() { fit.values[1].exp() } else { 1.0 };
-        Some((physics, Gains { position: fit.values[0].exp(), heading }))
+        Gains { position: fit.values[0].exp(), heading }
     }
 }
 
@@ -335,6 +343,7 @@ impl RobotStudy {
             base,
             terms,
             directions: Vec::new(),
+            steps_m: Vec::new(),
         };
         let start = RobotFit {
             terms: Vec::new(),
@@ -349,6 +358,7 @@ impl RobotStudy {
         };
         let (physics, gains) = model.physics(&start).ok_or(RobotStudyError::Dynamics)?;
         model.directions = model.tracks.directions(&physics, gains);
+        model.steps_m = model.tracks.steps_m(&physics, gains);
         let all = in_time.fitted();
         let configured = model.fitted(&[], &all, &start);
         Ok(Self {

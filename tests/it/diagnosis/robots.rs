@@ -71,7 +71,7 @@ fn two_effects_are_both_found() {
     }
 }
 
-/// What no catalogue has is named by what it depends on, with a formula along the right direction after which most of the excess
+/// What no catalogue has is named by what it depends on and nothing else is, with a formula along the right direction after which most of the excess
 /// is gone.
 #[test]
 fn what_no_effect_explains_is_structure_with_a_formula() {
@@ -83,6 +83,7 @@ fn what_no_effect_explains_is_structure_with_a_formula() {
         let campaign = campaign(&[hidden], MANY_ROWS);
         let (found, ladder, json) = diagnosed(&campaign);
         assert_eq!(json["verdict"], "unexplained-structure", "{hidden:?}: {found:?}");
+        assert_eq!(found.len(), 1, "{hidden:?}: {found:?}");
         let structure = &json["unexplained"][0];
         let covariate = structure["covariate"].as_str().unwrap();
         assert!(campaign.truth[0].covariates.contains(&covariate), "{hidden:?}: {covariate}");

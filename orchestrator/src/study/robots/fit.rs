@@ -3,10 +3,10 @@
 
 use super::density::{Density, Residual};
 use super::motion::Paths;
-use super::terms::N_EACH;
 use super::{Model, RobotFit};
 use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// Most steps of a fit.
@@ -243,9 +243,10 @@ impl Model {
         for &term in &fit.terms {
             if let Some(curve) = self.curve(term) {
                 let numbers = fit.numbers(self, term);
+                let acting = self.acting(curve, gains);
                 for (residual, &row) in residuals.iter_mut().zip(rows) {
                     for (index, number) in numbers.iter().enumerate() {
-                        let column = self.curve_column(curve, index, row, residual);
+                        let column = self.curve_column(&acting, index, row, residual);
                         residual.parts_m[0] -= column[0] * number;
                         residual.parts_m[1] -= column[1] * number;
                     }
@@ -253,25 +254,6 @@ impl Model {
             }
         }
         Some((residuals, paths))
-    }
-
-    /// What one unit of a number of a curve adds to a window's motion (m), along and across.
-    fn curve_column(
-        &self,
-        curve: &super::terms::Curve,
-        index: usize,
-        row: u32,
-        residual: &Residual,
-    ) -> [f64; 2] {
-        let value = curve.function(index / N_EACH, row as usize);
-        let [cos, sin] = self.directions[row as usize];
-        let window_s = self.tracks.window_s(row as usize);
-        match index % N_EACH {
-            0 => [value * residual.way_m, 0.0],
-            // East and north, seen along and across.
-            1 => [value * window_s * cos, -value * window_s * sin],
-            _ => [value * window_s * sin, value * window_s * cos],
-        }
     }
 
     fn penalty(&self, fit: &RobotFit) -> f64 {
@@ -368,18 +350,20 @@ impl Model {
         let mut columns = Vec::with_capacity(numbers.len());
         let mut curves = vec![None; numbers.len()];
         let mut first = self.base.len();
+        let gains = self.gains(fit);
         for &term in &fit.terms {
             if let Some(curve) = self.curve(term) {
+                let acting = Rc::new(self.acting(curve, gains));
                 for index in 0..curve.n_numbers() {
-                    curves[first + index] = Some((curve, index));
+                    curves[first + index] = Some((Rc::clone(&acting), index));
                 }
             }
             first += self.n_numbers(term);
         }
         for (index, number) in numbers.iter().enumerate().skip(from) {
-            if let Some((curve, k)) = curves[index] {
+            if let Some((acting, k)) = &curves[index] {
                 let column = train.iter().zip(at).map(|(&row, residual)| {
-                    let [along, across] = self.curve_column(curve, k, row, residual);
+                    let [along, across] = self.curve_column(acting, *k, row, residual);
                     [-along, -across, 0.0]
                 });
                 columns.push(column.collect());

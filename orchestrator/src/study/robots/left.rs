@@ -91,11 +91,13 @@ impl RobotStudy {
             covariates.iter().filter(|(name, _)| self.is_known(name)).collect();
         let windows: Vec<u32> = (0..self.n_rows() as u32).collect();
         let residuals = self.model.residuals(fit, &windows)?;
-        let window_s = |row: usize| self.model.tracks.window_s(row);
+        // What acts all the time has acted before the window, too, and part of that is not corrected yet.
+        let before_s = self.model.uncorrected_s(self.model.gains(fit));
+        let acted_s = |row: usize| self.model.tracks.window_s(row) + before_s[row];
         let over_windows = |value: &dyn Fn(usize, &Residual) -> f64| -> Vec<f64> {
             residuals.iter().enumerate().map(|(row, left)| value(row, left)).collect()
         };
-        let velocity = |part: usize| over_windows(&|row, left| left.parts_m[part] / window_s(row));
+        let velocity = |part: usize| over_windows(&|row, left| left.parts_m[part] / acted_s(row));
         let [ahead, left] = [velocity(0), velocity(1)];
         let turned = |by: &dyn Fn([f64; 2]) -> [f64; 2]| {
             over_windows(&|row, _| {
@@ -105,7 +107,7 @@ impl RobotStudy {
         };
         let east = turned(&|[cos, sin]| [cos, -sin]);
         let north = turned(&|[cos, sin]| [sin, cos]);
-        let speed = over_windows(&|row, left| left.way_m / window_s(row));
+        let speed = over_windows(&|row, left| left.way_m / self.model.tracks.window_s(row));
         let of = |values, target| Deviations { values, factor: None, target };
         let share = Deviations { factor: Some((SPEED, &speed)), ..of(&ahead[..], "ahead") };
         let total = mean(residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()));
@@ -114,7 +116,7 @@ impl RobotStudy {
             let found = formula::of_covariate(covariate, &others, deviations, &self.in_time)?;
             let taken = mean((0..residuals.len()).map(|row| {
                 let value = deviations.values[row];
-                let taken = (value * value - found.rmse * found.rmse) * window_s(row).powi(2);
+                let taken = (value * value - found.rmse * found.rmse) * acted_s(row).powi(2);
                 if covariate.1[row].is_finite() { taken } else { 0.0 }
             }));
             Some((taken, found))

@@ -50,6 +50,8 @@ struct Known {
     /// Where the model alone would be, and by how much (rad) the estimate is turned against it.
     path_m: [f64; 3],
     turned_rad: f64,
+    /// What the model moved the estimate since the sample before.
+    step_m: [f64; 3],
 }
 
 impl Tracks {
@@ -122,6 +124,58 @@ impl Tracks {
     pub(super) fn window_s(&self, window: usize) -> f64 {
         let Window { start, end, .. } = self.windows[window];
         self.robots.samples[end as usize].time_s - self.robots.samples[start as usize].time_s
+    }
+
+    /// Time from a sample to the next of its track (s).
+    pub(super) fn step_s(&self, sample: usize) -> f64 {
+        self.robots.samples[sample + 1].time_s - self.robots.samples[sample].time_s
+    }
+
+    /// Sums of what happens step by step to where robots are believed to be, of which every measurement corrects its share.
+    ///
+    /// * `sums`: room for them.
+    /// * `add`: adds what happens from a sample to the next.
+    /// * `tell`: is told the sums where each window begins.
+    pub(super) fn believed<const N: usize>(
+        &self,
+        gains: Gains,
+        sums: &mut [[f64; N]],
+        add: impl Fn(usize, &mut [[f64; N]]),
+        mut tell: impl FnMut(&[[f64; N]]),
+    ) {
+        for (track, range) in self.robots.tracks.iter().enumerate() {
+            let mut windows = self.windows[self.windows_of[track].clone()].iter().peekable();
+            sums.fill([0.0; N]);
+            for (index, sample) in range.clone().enumerate() {
+                if windows.next_if(|window| window.start as usize == sample).is_some() {
+                    tell(sums);
+                }
+                if windows.peek().is_none() {
+                    break;
+                }
+                add(sample, sums);
+                let (gain, _) = weights(gains, index);
+                for sum in sums.iter_mut().flatten() {
+                    *sum *= 1.0 - gain;
+                }
+            }
+        }
+    }
+
+    /// What the model moves a robot (m, east and north) from each sample to the next of its track.
+    pub(super) fn steps_m(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 2]> {
+        let mut steps_m = vec![[0.0; 2]; self.robots.samples.len()];
+        let paths = self.paths(physics);
+        for (track, range) in self.robots.tracks.iter().enumerate() {
+            if self.windows_of[track].is_empty() {
+                continue;
+            }
+            let known = self.known(track, physics, &paths, gains);
+            for (sample, after) in range.clone().zip(&known[1..]) {
+                steps_m[sample] = [after.step_m[0], after.step_m[1]];
+            }
+        }
+        steps_m
     }
 
     /// Directions (cosine, sine) in which the windows are predicted to go.
@@ -213,11 +267,7 @@ impl Tracks {
             if windows.is_empty() {
                 continue;
             }
-            let known = if is_alike {
-                self.follow(track, &paths[track], physics.shape().is_turning(), gains)
-            } else {
-                self.correct(track, physics, gains)
-            };
+            let known = self.known(track, physics, paths, gains);
             for window in windows {
                 let begin = known[window.start as usize - range.start];
                 let moved_m = if is_alike {
@@ -259,6 +309,14 @@ impl Tracks {
         Robot { position_m: first.position_m, heading_rad, drive, ..Robot::default() }
     }
 
+    /// What is known of a robot at each sample of its track.
+    fn known(&self, track: usize, physics: &Physics, paths: &Paths, gains: Gains) -> Vec<Known> {
+        match paths.get(track) {
+            Some(path) => self.follow(track, path, physics.shape().is_turning(), gains),
+            None => self.correct(track, physics, gains),
+        }
+    }
+
     /// Goes along a track by the model alone.
     fn path(&self, track: usize, physics: &Physics) -> Vec<Robot> {
         let samples = &self.robots.samples[self.robots.tracks[track].clone()];
@@ -282,7 +340,7 @@ impl Tracks {
         let samples = &self.robots.samples[range];
         let robot = path[0];
         let mut known = Vec::with_capacity(samples.len());
-        let mut at = Known { robot, variance: 1.0, path_m: robot.position_m, turned_rad: 0.0 };
+        let mut at = Known { robot, variance: 1.0, path_m: robot.position_m, ..Known::default() };
         known.push(at);
         for (index, (pair, robot)) in samples.windows(2).zip(&path[1..]).enumerate() {
             let step_m: [f64; 3] = std::array::from_fn(|i| robot.position_m[i] - at.path_m[i]);
@@ -299,6 +357,7 @@ impl Tracks {
             }
             at.variance = (1.0 - gain).powi(2) * at.variance + gain * gain;
             at.path_m = robot.position_m;
+            at.step_m = step_m;
             known.push(at);
         }
         known
@@ -317,7 +376,9 @@ impl Tracks {
             let surroundings = self.surroundings(range.start + index);
             let (from_s, until_s) = (pair[0].time_s, pair[1].time_s);
             let orders = &self.orders[track];
+            let from_m = robot.position_m;
             physics.advance(&mut robot, orders, &mut next, from_s, until_s, &surroundings);
+            let step_m = std::array::from_fn(|i| robot.position_m[i] - from_m[i]);
             let (gain, heading_gain) = weights(gains, index);
             for i in 0..3 {
                 robot.position_m[i] += gain * (pair[1].position_m[i] - robot.position_m[i]);
@@ -327,7 +388,7 @@ impl Tracks {
                     heading_gain * wrapped(pair[1].heading_rad - robot.heading_rad);
             }
             variance = (1.0 - gain).powi(2) * variance + gain * gain;
-            known.push(Known { robot, variance, ..Known::default() });
+            known.push(Known { robot, variance, step_m, ..Known::default() });
         }
         known
     }

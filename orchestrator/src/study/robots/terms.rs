@@ -1,8 +1,8 @@
 //! What may be missing from a model of robots: effects of the catalogue, and curves over covariates.
 
 use super::RobotStudy;
+use super::curve::Curve;
 use super::motion::Tracks;
-use crate::diagnose::gain::mean;
 use crate::measure::robots::Sample;
 use crate::study::formula::{FORMULA, FormulaError, Wanted, set};
 use crate::study::{CURVE, Candidate, FINE, knots};
@@ -42,20 +42,6 @@ pub(super) enum Starts {
     Discs(Vec<Vec<f64>>),
 }
 
-/// Hat functions over a covariate, each less its mean over all windows, and perhaps a constant.
-#[derive(Clone, Debug)]
-pub(super) struct Curve {
-    knots: Vec<f64>,
-    means: Vec<f64>,
-    /// The covariate at each window's start; NaN where it is missing.
-    values: Vec<f64>,
-    /// There is a constant beside the functions.
-    has_constant: bool,
-}
-
-/// Numbers of a function: one for the way, two for the drift.
-pub(super) const N_EACH: usize = 3;
-
 impl EffectTerm {
     /// Of an effect that does something to commands below a threshold and nothing else to any: which part of commands that is. What
     /// it does changes with the threshold only where that passes a command.
@@ -72,56 +58,6 @@ impl EffectTerm {
             set(&mut table, parameter.key, value);
         }
         table
-    }
-}
-
-impl Curve {
-    /// With so many knots; of few values with fewer.
-    fn new(values: Vec<f64>, n_knots: usize) -> Option<Self> {
-        let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-        sorted.sort_by(f64::total_cmp);
-        let knots = knots::at_quantiles(&sorted, n_knots);
-        if knots.len() < 2 {
-            return None;
-        }
-        let means = vec![0.0; knots.len() - 1];
-        let mut curve = Self { knots, means, values, has_constant: false };
-        curve.means = (0..curve.means.len())
-            .map(|k| {
-                let known = (0..curve.values.len()).filter(|&w| curve.values[w].is_finite());
-                mean(known.map(|window| curve.function(k, window)))
-            })
-            .collect();
-        Some(curve)
-    }
-
-    /// The same with a constant.
-    fn whole(&self) -> Self {
-        Self { has_constant: true, ..self.clone() }
-    }
-
-    /// The covariate at the start of each window; NaN where it is missing.
-    pub(super) fn values(&self) -> &[f64] {
-        &self.values
-    }
-
-    /// How many numbers it has.
-    pub(super) fn n_numbers(&self) -> usize {
-        N_EACH * (self.means.len() + usize::from(self.has_constant))
-    }
-
-    /// Value of a function at a window: of the hats of all knots but the first, and after them of the constant. Zero where the
-    /// covariate is missing.
-    pub(super) fn function(&self, k: usize, window: usize) -> f64 {
-        let value = self.values[window];
-        if !value.is_finite() {
-            return 0.0;
-        }
-        let Some(mean) = self.means.get(k) else { return 1.0 };
-        let of_knot =
-            knots::shares(&self.knots, value).into_iter().filter(|(knot, _)| *knot == k + 1);
-        let hat: f64 = of_knot.map(|(_, share)| share).sum();
-        hat - mean
     }
 }
 
@@ -187,8 +123,7 @@ pub(super) fn all(
         let fine = name == "time_s" && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
         let kinds = [("", knots::FEW), (FINE, knots::MANY)].into_iter().take(1 + usize::from(fine));
         for (prefix, n_knots) in kinds {
-            let at_start = tracks.windows.iter().map(|window| values[window.start as usize]);
-            let Some(curve) = Curve::new(at_start.collect(), n_knots) else { continue };
+            let Some(curve) = Curve::new(tracks, values.clone(), n_knots) else { continue };
             let place = candidates.len();
             let coarse = format!("{CURVE}{name}");
             for (curve, stands_in_for) in [(curve.clone(), None), (curve.whole(), Some(place))] {
