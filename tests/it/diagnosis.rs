@@ -207,13 +207,16 @@ fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     }
 }
 
-/// A covariate that changes slowly comes in few pieces, losses over it are first of all losses, and an exponent that is a little
-/// wrong is first of all a gain.
+/// A covariate that changes slowly comes in few pieces, losses over it are first of all losses, an exponent that is a little wrong
+/// is first of all a gain, and a step in time is nearly a battery that runs down.
 #[test]
 fn what_hardly_differs_from_something_simpler_is_named_first_at_medium_size() {
-    for (hidden, seed) in
-        [(Hidden::HumiditySquared, 2), (Hidden::HumidityLoss, 1), (Hidden::PathLossExponent, 2)]
-    {
+    for (hidden, seed) in [
+        (Hidden::HumiditySquared, 2),
+        (Hidden::HumidityLoss, 1),
+        (Hidden::PathLossExponent, 2),
+        (Hidden::Step, 1),
+    ] {
         let campaign = campaign(&[(hidden, Size::Medium)], seed);
         let (found, _, json) = diagnosed(&campaign);
         assert_eq!(found.len(), 1, "{hidden:?}: {found:?}");

@@ -349,6 +349,12 @@ impl<'a, S: Study> Search<'a, S> {
                     let new = trials.iter().position(|other| other.term == trial.term)?;
                     trials[new] = trial;
                     Some((new, olds))
+                })
+                .or_else(|| {
+                    let (old, trial) = self.more_than_linear(&accepted, &removed)?;
+                    let new = trials.iter().position(|other| other.term == trial.term)?;
+                    trials[new] = trial;
+                    Some((new, vec![old]))
                 });
             let Some((best, in_place_of)) = found else {
                 last = trials;

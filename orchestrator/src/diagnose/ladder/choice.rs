@@ -14,6 +14,11 @@ const MOSTLY: f64 = 0.85;
 /// What gains so much by chance with at most this probability is likely: enough, where something else is beyond doubt.
 const LIKELY: f64 = 0.05;
 
+/// What a curve explains beyond an effect by chance with at most this probability, were all rows independent, the effect cannot.
+const BEYOND_DOUBT: f64 = 1e-6;
+/// The effect that is a level, which curves have in them.
+const LEVEL: &str = "system-gain";
+
 /// The trial wanted that gains most on the common split; the first of equals.
 fn greatest(trials: &[Trial], wanted: &dyn Fn(&Trial) -> bool) -> Option<usize> {
     (0..trials.len())
@@ -297,6 +302,46 @@ impl<S: Study> Search<'_, S> {
             }
         }
         None
+    }
+
+    /// An accepted effect, and the curve that had better stand in its place: the curve has the effect in it, predicts better, and
+    /// explains what the effect and another level cannot, beyond doubt. To call such a thing by the effect's name would be wrong.
+    pub(super) fn more_than_linear(
+        &self,
+        accepted: &[usize],
+        removed: &[usize],
+    ) -> Option<(usize, Trial)> {
+        let candidates = self.study.candidates();
+        let is_new = |curve: &usize| {
+            candidates[*curve].is_tried()
+                && candidates[*curve].curve_over().is_some()
+                && !accepted.contains(curve)
+                && !removed.contains(curve)
+        };
+        let level = candidates.iter().position(|candidate| candidate.name == LEVEL);
+        let curves: Vec<usize> = (0..candidates.len()).filter(is_new).collect();
+        let effects = accepted.iter().filter(|&&old| candidates[old].curve_over().is_none());
+        let pairs = effects.flat_map(|&old| curves.iter().map(move |&curve| (old, curve)));
+        let has_in_it = |&(old, curve): &(usize, usize)| {
+            candidates[curve].generalises.contains(&candidates[old].name)
+        };
+        let beyond = pairs.filter(has_in_it).filter_map(|(old, curve)| {
+            let all = self.full(accepted, COMMON, None);
+            let terms = with(&without(accepted, old), curve);
+            self.prepare(&terms, &all);
+            let mut within = accepted.to_vec();
+            within.extend(level.filter(|level| !accepted.contains(level)));
+            let [high, low] = [&terms, &within]
+                .map(|terms| self.study.log_likelihood(&self.full(terms, COMMON, Some(&all))));
+            let [n_curve, n_old] = [curve, old].map(|term| candidates[term].n_parameters);
+            let law = ChiSquared::new(n_curve.saturating_sub(n_old + 1) as f64).ok()?;
+            let p_value = law.sf(2.0 * (high - low).max(0.0));
+            let over = self.gain(&terms, accepted, COMMON);
+            debug!(name = candidates[curve].name, p_value, gain = over.gain, "more than linear");
+            (p_value < BEYOND_DOUBT && 0.0 < over.gain).then_some((p_value, old, curve))
+        });
+        let (_, old, curve) = beyond.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((old, self.attempt(&without(accepted, old), curve)))
     }
 
     /// Accepted terms, and the one candidate that had better stand in place of them all: it could not be told from any of them,

@@ -66,6 +66,8 @@ pub struct Curve {
     pub is_fine: bool,
 }
 
+/// Effects that are linear in a covariate.
+const LINEAR: [(&str, &str); 2] = [("time_s", "battery-sag"), ("temperature_c", "temperature")];
 /// A curve of losses starts here: at none it could not fall.
 const SMALL_LOSS: f64 = 0.02;
 /// No curve loses more.
@@ -80,13 +82,17 @@ impl Curve {
         format!("{fine}{of}{}", self.covariate)
     }
 
-    /// Names of the curves that it has in it: that with few knots and, of losses, those that are the same everywhere.
+    /// Names of what it has in it: the curve with few knots, of losses those that are the same everywhere, and effects that are
+    /// linear in its covariate.
     #[must_use]
     pub fn generalises(&self) -> Vec<String> {
+        let is_linear =
+            |(covariate, _): &&(&str, &str)| !self.is_loss && *covariate == self.covariate;
+        let linear = LINEAR.iter().find(is_linear).map(|(_, effect)| (*effect).to_owned());
         let coarse = self.is_fine.then(|| Self { is_fine: false, ..self.clone() }.name());
         let is_constant = self.covariate == CONSTANT;
         let constant = (self.is_loss && !is_constant).then(|| format!("{LOSS_CURVE}{CONSTANT}"));
-        coarse.into_iter().chain(constant).collect()
+        coarse.into_iter().chain(constant).chain(linear).collect()
     }
 
     /// The shares of the knots in a row.
