@@ -146,6 +146,35 @@ def swarm_slots(folder, out):
     figure.savefig(out / "swarm-slots.png", dpi=110)
 
 
+def central_mote(folder, out):
+    """What a radio that is dead for a while costs: the most central mote's, and another's. Every trial is a point."""
+    trials = pd.read_parquet(folder / "central-mote" / "trials.parquet")
+    dead = trials["timeline[1].at_s"] - 10.0
+    keys = {
+        "task.speed_along_leader_mps": "speed along the leader's way (m/s)",
+        "task.leader_connected_ratio": "connected to the leader",
+        "kpis.since_start.joined_ratio": "time in the network",
+    }
+    figure, axes = plt.subplots(1, 3, figsize=(11, 3.4))
+    times = sorted(dead.unique())
+    for axis, (key, title) in zip(axes, keys.items()):
+        undisturbed = trials[trials.case == "nobody's"][key].median()
+        axis.axhline(undisturbed, color="0.6", lw=0.8, ls=":")
+        axis.text(1, undisturbed, "nobody's", ha="center", va="bottom", fontsize=7, color="0.4")
+        for case, color, side in [("the most central mote's radio", "#c43c3c", -1), ("another's radio", "#2a78b8", 1)]:
+            for place, time in enumerate(times):
+                values = trials[(trials.case == case) & (dead == time)][key]
+                spread = [place + side * (0.08 + 0.2 * k / len(values)) for k in range(len(values))]
+                axis.plot(spread, sorted(values), ".", ms=5, alpha=0.6, color=color)
+                axis.plot([place + side * 0.05, place + side * 0.3], [values.median()] * 2, color=color, lw=1.5)
+            axis.plot([], [], "o", ms=4, color=color, label=case)
+        axis.set_xticks(range(len(times)), [f"{time:g}" for time in times])
+        axis.set(xlabel="dead for (s)", title=title, ylim=(0, None))
+    axes[0].legend(frameon=False, fontsize=7, loc="lower left")
+    figure.tight_layout()
+    figure.savefig(out / "paper-central-mote.png", dpi=110)
+
+
 def transfer(folder, out):
     """Gains chosen under one model, used under another. Prints the table, too."""
     trials = pd.read_parquet(folder / "transfer" / "trials.parquet")
@@ -192,6 +221,7 @@ def main():
         "triptych": lambda: triptych(folder, out),
         "formation-paper-density": lambda: formation(folder, out),
         "swarm-slots": lambda: swarm_slots(folder, out),
+        "central-mote": lambda: central_mote(folder, out),
         "transfer": lambda: transfer(folder, out),
     }
     for name, picture in draw.items():
