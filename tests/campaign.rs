@@ -57,6 +57,25 @@ pub struct Truth {
     pub size: f64,
 }
 
+impl Truth {
+    /// Its parameters, the ends of a screen named as they were found: either may be called the first.
+    #[must_use]
+    pub fn named_as(&self, found: &dyn Fn(&str) -> Option<f64>) -> Vec<(&'static str, f64)> {
+        const ENDS: [[&str; 2]; 2] = [["from_x_m", "to_x_m"], ["from_y_m", "to_y_m"]];
+        let other = |name: &'static str| {
+            let ends = ENDS.iter().find(|ends| ends.contains(&name));
+            ends.map_or(name, |&[from, to]| if name == from { to } else { from })
+        };
+        let given = self.parameters.clone();
+        let turned: Vec<(&'static str, f64)> =
+            given.iter().map(|&(name, value)| (other(name), value)).collect();
+        let off = |parameters: &[(&str, f64)]| -> f64 {
+            parameters.iter().filter_map(|(name, value)| Some((found(name)? - value).abs())).sum()
+        };
+        if off(&turned) < off(&given) { turned } else { given }
+    }
+}
+
 /// How well a predictive model does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scores {

@@ -243,7 +243,9 @@ fn intervals(truth: &Truth, diagnosis: &Value) -> Vec<Value> {
     let own =
         candidates.and_then(|all| all.iter().find(|candidate| candidate["effect"] == truth.effect));
     let Some(own) = own else { return Vec::new() };
-    parameters(truth, own)
+    let found = |name: &str| own["parameters"][name]["value"].as_f64();
+    truth
+        .named_as(&found)
         .into_iter()
         .filter_map(|(name, value)| {
             let found = &own["parameters"][name];
@@ -258,26 +260,6 @@ fn intervals(truth: &Truth, diagnosis: &Value) -> Vec<Value> {
             }))
         })
         .collect()
-}
-
-/// The true parameters, with the ends of a screen named as they were found: either may be called the first.
-fn parameters(truth: &Truth, own: &Value) -> Vec<(&'static str, f64)> {
-    let given = truth.parameters.clone();
-    let swapped: Vec<(&'static str, f64)> = given
-        .iter()
-        .map(|&(name, value)| match name {
-            "from_x_m" => ("to_x_m", value),
-            "from_y_m" => ("to_y_m", value),
-            "to_x_m" => ("from_x_m", value),
-            "to_y_m" => ("from_y_m", value),
-            _ => (name, value),
-        })
-        .collect();
-    let off = |parameters: &[(&str, f64)]| -> f64 {
-        let found = |name: &str| own["parameters"][name]["value"].as_f64();
-        parameters.iter().filter_map(|(name, value)| Some((found(name)? - value).abs())).sum()
-    };
-    if off(&swapped) < off(&given) { swapped } else { given }
 }
 
 /// The tables, as Markdown, from the lines kept; sorted by group.

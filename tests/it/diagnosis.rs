@@ -115,25 +115,15 @@ fn far_off(campaign: &Campaign, json: &Value) -> Vec<String> {
     let hidden = &campaign.truth[0];
     let entries = json["candidates"].as_array().unwrap();
     let entry = entries.iter().find(|entry| entry["effect"] == hidden.effect).unwrap();
-    // A screen has no first end.
-    let of = |name: &str| hidden.parameters.iter().find(|(key, _)| *key == name).map(|(_, v)| *v);
-    let found = entry["parameters"]["from_x_m"]["value"].as_f64();
-    let is_turned = match (found, of("from_x_m"), of("to_x_m")) {
-        (Some(found), Some(from), Some(to)) => (found - to).abs() < (found - from).abs(),
-        _ => false,
-    };
+    let found = |name: &str| entry["parameters"][name]["value"].as_f64();
+    let truth = hidden.named_as(&found);
     let estimated = entry["parameters"].as_object().unwrap().keys();
     let mut wrong: Vec<String> = estimated
-        .filter(|key| of(key).is_none())
+        .filter(|key| !truth.iter().any(|(name, _)| name == key))
         .map(|key| format!("{}: nothing hidden is called {key}", hidden.effect))
         .collect();
-    for (name, truth) in &hidden.parameters {
-        let key = match (is_turned, name.strip_prefix("from_"), name.strip_prefix("to_")) {
-            (true, Some(axis), _) => format!("to_{axis}"),
-            (true, _, Some(axis)) => format!("from_{axis}"),
-            _ => (*name).to_owned(),
-        };
-        let parameter = &entry["parameters"][&key];
+    for (name, truth) in truth {
+        let parameter = &entry["parameters"][name];
         let (Some(value), Some(low), Some(high)) =
             (parameter["value"].as_f64(), parameter["low"].as_f64(), parameter["high"].as_f64())
         else {

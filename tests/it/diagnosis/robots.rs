@@ -71,8 +71,8 @@ fn two_effects_are_both_found() {
     }
 }
 
-/// What no catalogue has is named by what it depends on and nothing else is, with a formula along the right direction after which most of the excess
-/// is gone.
+/// What no catalogue has is named by what it depends on, and nothing else is, with a formula along the right direction after
+/// which most of the excess is gone.
 #[test]
 fn what_no_effect_explains_is_structure_with_a_formula() {
     for (hidden, targets) in [
