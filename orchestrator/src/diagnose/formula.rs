@@ -67,8 +67,9 @@ fn term(text: String, function: impl Fn(f64, f64) -> f64 + 'static) -> (String, 
     (text, Box::new(function))
 }
 
-/// Shapes that a formula in one covariate may have, the simplest first.
-fn shapes(name: &str, known: &[f64]) -> Vec<Shape> {
+/// Shapes that a formula in one covariate may have, the simplest first. `quarter`: the pace of a quarter of a cycle over the
+/// values known.
+fn shapes(name: &str, known: &[f64], quarter: f64) -> Vec<Shape> {
     let power = |power: i32| {
         let text = if power == 1 { name.to_owned() } else { format!("{name}^{power}") };
         term(text, move |x, _| x.powi(power))
@@ -84,10 +85,7 @@ fn shapes(name: &str, known: &[f64]) -> Vec<Shape> {
         let text = format!("step({name} - ({edge:.6}))");
         all.push(Shape::of(vec![term(text, move |x, _| f64::from(u8::from(edge < x)))]));
     }
-    let span = at(1.0) - at(0.0);
-    for quarter in 2..=MOST_QUARTERS {
-        all.push(Shape::wave(name, f64::from(quarter) * FRAC_PI_2 / span));
-    }
+    all.extend((2..=MOST_QUARTERS).map(|n| Shape::wave(name, f64::from(n) * quarter)));
     all
 }
 
@@ -137,13 +135,13 @@ pub fn of_covariate(
     let data = Data { values, others: values, deviations, rows: &rows };
     let mut best: Option<(f64, String)> = None;
     let mut pace = None;
-    for shape in shapes(name, &known) {
+    let quarter = FRAC_PI_2 / (known[known.len() - 1] - known[0]);
+    for shape in shapes(name, &known, quarter) {
         if data.improve(&mut best, &shape, LONGER, blocks) {
             pace = shape.pace;
         }
     }
     if let Some(mut pace) = pace {
-        let quarter = FRAC_PI_2 / (known[known.len() - 1] - known[0]);
         for half in 1..=HALVES {
             let step = quarter * 0.5_f64.powi(half);
             for other in [pace - step, pace + step] {
