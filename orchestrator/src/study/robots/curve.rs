@@ -1,10 +1,11 @@
 //! Smooth curves over a covariate: what a robot's way is longer by, and where it drifts.
 
-use super::Model;
 use super::density::Residual;
 use super::motion::{Gains, Tracks};
+use super::{Model, RobotFit};
 use crate::diagnose::gain::mean;
 use crate::study::knots;
+use std::ops::Range;
 
 /// Hat functions over a covariate, each less its mean over all windows, and perhaps a constant.
 #[derive(Clone, Debug)]
@@ -80,14 +81,28 @@ impl Curve {
 /// A curve, and what it has done to where robots are believed to be.
 pub(super) struct Acting<'a> {
     curve: &'a Curve,
+    /// Where its numbers are among all of a fit.
+    pub(super) numbers: Range<usize>,
     /// By window and function: way (m, east and north) and time (s) that a unit of the function has acted on and measurements have
     /// not corrected yet.
     before: Vec<[f64; 3]>,
 }
 
 impl Model {
-    /// What a curve does where measurements count so much.
-    pub(super) fn acting<'a>(&self, curve: &'a Curve, gains: Gains) -> Acting<'a> {
+    /// What the curves of a fit do where measurements count as much as it says.
+    pub(super) fn actings(&self, fit: &RobotFit) -> Vec<Acting<'_>> {
+        let gains = self.gains(fit);
+        let mut first = self.base.len();
+        let mut actings = Vec::new();
+        for &term in &fit.terms {
+            let numbers = first..first + self.n_numbers(term);
+            first = numbers.end;
+            actings.extend(self.curve(term).map(|curve| self.acting(curve, numbers, gains)));
+        }
+        actings
+    }
+
+    fn acting<'a>(&self, curve: &'a Curve, numbers: Range<usize>, gains: Gains) -> Acting<'a> {
         let n_knots = curve.knots.len();
         let mut before = Vec::with_capacity(self.tracks.windows.len() * curve.n_functions());
         // One sum for each knot's hat, and after them one for 1.
@@ -120,11 +135,11 @@ impl Model {
                 }
             },
         );
-        Acting { curve, before }
+        Acting { curve, numbers, before }
     }
 
-    /// What one unit of a number of a curve adds to where a window ends (m), along and across: to its motion, and to where it
-    /// begins.
+    /// What one unit of a number of a curve, the `index`th of its own, adds to where a window ends (m), along and across: to its
+    /// motion, and to where it begins.
     pub(super) fn curve_column(
         &self,
         acting: &Acting<'_>,

@@ -1,12 +1,12 @@
 //! Fitting a model of robots: robust least squares (Levenberg and Marquardt) on the windows' residuals, with the scatter
 //! that makes them likeliest.
 
+use super::curve::Acting;
 use super::density::{Density, Residual};
 use super::motion::Paths;
 use super::{Model, RobotFit};
 use crate::study::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
-use std::rc::Rc;
 use std::sync::Arc;
 
 /// Most steps of a fit.
@@ -39,6 +39,13 @@ pub(super) struct Number {
 
 /// Derivatives of each component of each residual by each number: by columns.
 pub(super) type Columns = Vec<Vec<[f64; 3]>>;
+
+/// What a change of numbers leaves as it is.
+#[derive(Clone, Copy, Default)]
+struct Known<'a> {
+    paths: Option<&'a Paths>,
+    actings: Option<&'a [Acting<'a>]>,
+}
 
 /// The state of a fit.
 pub(super) struct Point {
@@ -213,25 +220,24 @@ impl Model {
     /// Derivatives at all windows under a fit.
     pub(super) fn columns(&self, fit: &RobotFit) -> Option<Columns> {
         let all: Vec<u32> = (0..self.tracks.windows.len() as u32).collect();
-        let (residuals, paths) = self.residuals_and_paths(fit, &all, None)?;
+        let (residuals, paths) = self.residuals_and_paths(fit, &all, Known::default())?;
         self.jacobian(fit, (&residuals, &paths), &all, 0)
     }
 
     /// Residuals of some windows under a fit's numbers.
     pub(super) fn residuals(&self, fit: &RobotFit, rows: &[u32]) -> Option<Vec<Residual>> {
-        self.residuals_and_paths(fit, rows, None).map(|(residuals, _)| residuals)
+        self.residuals_and_paths(fit, rows, Known::default()).map(|(residuals, _)| residuals)
     }
 
-    /// Residuals of some windows under a fit's numbers, and the paths of the model alone. `known`: these paths, if they have
-    /// been computed.
+    /// Residuals of some windows under a fit's numbers, and the paths of the model alone unless these are known.
     fn residuals_and_paths(
         &self,
         fit: &RobotFit,
         rows: &[u32],
-        known: Option<&Paths>,
+        known: Known<'_>,
     ) -> Option<(Vec<Residual>, Paths)> {
         let (physics, gains) = self.physics(fit)?;
-        let (paths, all) = match known {
+        let (paths, all) = match known.paths {
             Some(known) => (Paths::new(), self.tracks.residuals(&physics, known, gains)),
             None => {
                 let paths = self.tracks.paths(&physics);
@@ -240,16 +246,14 @@ impl Model {
             }
         };
         let mut residuals: Vec<Residual> = rows.iter().map(|&row| all[row as usize]).collect();
-        for &term in &fit.terms {
-            if let Some(curve) = self.curve(term) {
-                let numbers = fit.numbers(self, term);
-                let acting = self.acting(curve, gains);
-                for (residual, &row) in residuals.iter_mut().zip(rows) {
-                    for (index, number) in numbers.iter().enumerate() {
-                        let column = self.curve_column(&acting, index, row, residual);
-                        residual.parts_m[0] -= column[0] * number;
-                        residual.parts_m[1] -= column[1] * number;
-                    }
+        let own = known.actings.is_none().then(|| self.actings(fit));
+        for acting in known.actings.or(own.as_deref()).unwrap_or_default() {
+            let numbers = &fit.values[acting.numbers.clone()];
+            for (residual, &row) in residuals.iter_mut().zip(rows) {
+                for (index, number) in numbers.iter().enumerate() {
+                    let column = self.curve_column(acting, index, row, residual);
+                    residual.parts_m[0] -= column[0] * number;
+                    residual.parts_m[1] -= column[1] * number;
                 }
             }
         }
@@ -265,7 +269,7 @@ impl Model {
 
     /// The fit's numbers with their likeliest noise; the ratio of its scatters stays as it is.
     pub(super) fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<Point> {
-        let (residuals, paths) = self.residuals_and_paths(fit, train, None)?;
+        let (residuals, paths) = self.residuals_and_paths(fit, train, Known::default())?;
         let is_noise_free = self.is_noise_free(&fit.terms);
         let density = fit.density.fitted(&residuals, is_noise_free, false);
         let total = density.total(&residuals) - self.penalty(fit);
@@ -348,22 +352,12 @@ impl Model {
     ) -> Option<Columns> {
         let numbers = self.numbers_of(&fit.terms);
         let mut columns = Vec::with_capacity(numbers.len());
-        let mut curves = vec![None; numbers.len()];
-        let mut first = self.base.len();
-        let gains = self.gains(fit);
-        for &term in &fit.terms {
-            if let Some(curve) = self.curve(term) {
-                let acting = Rc::new(self.acting(curve, gains));
-                for index in 0..curve.n_numbers() {
-                    curves[first + index] = Some((Rc::clone(&acting), index));
-                }
-            }
-            first += self.n_numbers(term);
-        }
+        let actings = self.actings(fit);
         for (index, number) in numbers.iter().enumerate().skip(from) {
-            if let Some((acting, k)) = &curves[index] {
+            if let Some(acting) = actings.iter().find(|acting| acting.numbers.contains(&index)) {
+                let k = index - acting.numbers.start;
                 let column = train.iter().zip(at).map(|(&row, residual)| {
-                    let [along, across] = self.curve_column(acting, *k, row, residual);
+                    let [along, across] = self.curve_column(acting, k, row, residual);
                     [-along, -across, 0.0]
                 });
                 columns.push(column.collect());
@@ -373,8 +367,12 @@ impl Model {
             let h = 0.02 * number.step;
             let h = if number.max < fit.values[index] + h { -h } else { h };
             moved.values[index] += h;
-            // How much measurements count does not change what the model does alone.
-            let known = (index < self.n_gains() && !paths.is_empty()).then_some(paths);
+            // How much measurements count does not change what the model does alone; nothing else changes what curves do.
+            let known = if index < self.n_gains() {
+                Known { paths: (!paths.is_empty()).then_some(paths), actings: None }
+            } else {
+                Known { paths: None, actings: Some(&actings) }
+            };
             let (there, _) = self.residuals_and_paths(&moved, train, known)?;
             let column = there.iter().zip(at).map(|(there, here)| {
                 std::array::from_fn(|i| (there.parts_m[i] - here.parts_m[i]) / h)
