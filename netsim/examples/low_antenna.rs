@@ -60,6 +60,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table, _| {

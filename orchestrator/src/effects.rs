@@ -10,7 +10,7 @@ pub use page::page;
 pub use picture::Picture;
 
 use proto::config::{Default, Field, Kind, Tag, Variant, most_similar};
-use proto::effect::{About, Fit, Level};
+use proto::effect::{About, CONSTANT, Fit, Level};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -142,6 +142,11 @@ impl Listed {
         format!("kind = {:?}\n{}", self.variant.name, examples::keys(self))
     }
 
+    /// The covariate over which it is a straight line.
+    fn straight_over(&self) -> Option<&'static str> {
+        self.fit.linear_in.filter(|&covariate| covariate != CONSTANT)
+    }
+
     /// All that it says of itself, for people.
     #[must_use]
     pub fn explained(&self) -> String {
@@ -161,6 +166,12 @@ impl Listed {
             part(
                 "Where one of these explains as much, that one is preferred",
                 &self.fit.generalises.join(", "),
+            );
+        }
+        if let Some(covariate) = self.straight_over() {
+            part(
+                "Where a curve over this explains what a straight line cannot, that is preferred",
+                covariate,
             );
         }
         let _ = writeln!(text, "\nParameters");
@@ -266,6 +277,7 @@ impl Listed {
             "needs": self.needs(),
             "judged": judged(self.fit.level),
             "generalises": self.fit.generalises,
+            "linear_in": self.fit.linear_in,
             "parameters": parameters,
             "example": self.example(),
             "picture": self.picture().map(|picture| picture.to_json()),

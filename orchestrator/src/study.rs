@@ -24,8 +24,6 @@ pub const CURVE: &str = "curve:";
 pub const LOSS_CURVE: &str = "loss-curve:";
 /// Of those of either kind with many knots.
 pub const FINE: &str = "fine-";
-/// The covariate of what is the same in every row.
-pub const CONSTANT: &str = "constant";
 
 /// A term that may be missing from the model: an effect of the catalogue, or a smooth curve over a covariate.
 #[derive(Clone, Debug)]
@@ -40,6 +38,8 @@ pub struct Candidate {
     pub n_parameters: usize,
     /// Effects that it generalises.
     pub generalises: Vec<String>,
+    /// The covariate in which it is linear.
+    pub linear_in: Option<&'static str>,
     /// A curve over a covariate that was not given, but follows from time and places.
     pub is_derived: bool,
     /// Why it cannot be tested on these data: `needs positive antenna heights`.

@@ -98,7 +98,12 @@ pub struct Fit {
     pub level: Level,
     /// Effects of which it is a generalisation. Where one of these explains as much, that one is preferred.
     pub generalises: &'static [&'static str],
+    /// The covariate in which it is linear, alike for all nodes: a curve over that, with a level, does what it does and more.
+    pub linear_in: Option<&'static str>,
 }
+
+/// The covariate of what is the same in every row.
+pub const CONSTANT: &str = "constant";
 
 /// A parameter that is fitted.
 #[derive(Clone, Copy, Debug)]

@@ -274,7 +274,7 @@ impl<'a, S: Study> Search<'a, S> {
         // What its numbers raise by chance they take away again on rows left out; those of a curve are held near 0.
         let by_chance = if candidate.curve_over().is_none() { candidate.n_parameters } else { 0 };
         if rise < HOPELESS_NATS + by_chance as f64
-            || self.is_but_a_special_case(accepted, term, rise)
+            || self.is_but_a_special_case(accepted, term, level, rise)
         {
             return hopeless;
         }
@@ -289,11 +289,17 @@ impl<'a, S: Study> Search<'a, S> {
         Trial { gain, common, ..hopeless }
     }
 
-    /// Whether a candidate that raises the likelihood by `rise` (nats) says nothing more than a special case of it.
-    fn is_but_a_special_case(&self, accepted: &[usize], term: usize, rise: f64) -> bool {
+    /// Whether a candidate that raises the likelihood at a level by `rise` (nats) says nothing more than a special case of it.
+    fn is_but_a_special_case(
+        &self,
+        accepted: &[usize],
+        term: usize,
+        level: Level,
+        rise: f64,
+    ) -> bool {
         let candidates = self.study.candidates();
         let general = &candidates[term];
-        let parent = self.full(accepted, general.level, None);
+        let parent = self.full(accepted, level, None);
         let is_special = |&special: &usize| {
             let candidate = &candidates[special];
             candidate.is_tried()
@@ -303,7 +309,7 @@ impl<'a, S: Study> Search<'a, S> {
         (0..candidates.len()).filter(is_special).any(|special| {
             let terms = with(accepted, special);
             // As it is tried by itself, perhaps at this moment: whoever comes first, the fit is the same.
-            let fit = self.promising(&terms, general.level, &parent, HOPELESS_NATS / 2.0);
+            let fit = self.promising(&terms, level, &parent, HOPELESS_NATS / 2.0);
             fit.is_some_and(|fit| {
                 let risen = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
                 rise < risen + NOTHING_MORE_NATS
@@ -345,16 +351,12 @@ impl<'a, S: Study> Search<'a, S> {
                 .map(|best| (best, Vec::new()))
                 .or_else(|| self.exchange(&trials, &accepted).map(|(old, new)| (new, vec![old])))
                 .or_else(|| {
-                    let (olds, trial) = self.one_for_many(&decided, &accepted, &removed)?;
+                    let (olds, trial) = self
+                        .one_for_many(&decided, &accepted, &removed)
+                        .or_else(|| self.more_than_linear(&accepted, &removed))?;
                     let new = trials.iter().position(|other| other.term == trial.term)?;
                     trials[new] = trial;
                     Some((new, olds))
-                })
-                .or_else(|| {
-                    let (old, trial) = self.more_than_linear(&accepted, &removed)?;
-                    let new = trials.iter().position(|other| other.term == trial.term)?;
-                    trials[new] = trial;
-                    Some((new, vec![old]))
                 });
             let Some((best, in_place_of)) = found else {
                 last = trials;

@@ -75,6 +75,12 @@ fn section(page: &mut String, effect: &Listed, all: &[Listed]) {
         let names: Vec<String> = fit.generalises.iter().map(|name| format!("`{name}`")).collect();
         let _ = writeln!(page, "- Gives way to {} where that explains as much.", names.join(", "));
     }
+    if let Some(covariate) = effect.straight_over() {
+        let _ = writeln!(
+            page,
+            "- Gives way to a curve over `{covariate}` where that explains what a straight line cannot."
+        );
+    }
     let _ = writeln!(page, "\n```toml\n{}\n```", effect.example().trim_end());
 }
 

@@ -2,7 +2,7 @@
 
 use super::table::Table;
 use super::{Rejected, Rejections, TWICE, oddities};
-use crate::study::CONSTANT;
+use proto::effect::CONSTANT;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Measured links.

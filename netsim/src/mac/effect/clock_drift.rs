@@ -47,6 +47,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Run,
         generalises: &[],
+        linear_in: None,
     },
     needs_kept_time: true,
     build: |table| Some(Box::new(table.clone().try_into::<ClockDrift>().ok()?)),

@@ -50,6 +50,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[&[("window_s", Fixed::Number(60.0))]],
         level: Level::Run,
         generalises: &[],
+        linear_in: None,
     },
     needs_kept_time: false,
     build: |table| Some(Box::new(table.clone().try_into::<DutyCycleLimit>().ok()?)),

@@ -42,6 +42,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Run,
         generalises: &[],
+        linear_in: None,
     },
     needs_kept_time: false,
     build: |table| Some(Box::new(table.clone().try_into::<QueueLimit>().ok()?)),

@@ -103,6 +103,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[&[("shape", Fixed::Text("cardioid"))]],
         level: Level::Place,
         generalises: &[],
+        linear_in: None,
     },
     check,
     build: |table, _| {

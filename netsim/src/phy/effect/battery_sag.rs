@@ -52,6 +52,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
+        linear_in: Some("time_s"),
     },
     check: UNCHECKED,
     build: |table, _| {

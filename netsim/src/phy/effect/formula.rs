@@ -56,7 +56,13 @@ pub const ENTRY: Entry = Entry {
         needs: &[Need::Readings],
     },
     // Its parameters are those that the configuration names.
-    fit: Fit { parameters: &[], variants: &[], level: Level::Time, generalises: &[] },
+    fit: Fit {
+        parameters: &[],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+        linear_in: None,
+    },
     check: |table, path, problems| {
         Written::read(table, path, &NAMES.map(|(name, _)| name), problems);
     },

@@ -74,6 +74,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &["wall-attenuation", "vegetation", "diffraction"],
+        linear_in: None,
     },
     check,
     build: |table, _| {

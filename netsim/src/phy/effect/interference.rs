@@ -95,6 +95,7 @@ pub const ENTRY: Entry = Entry {
         ],
         level: Level::Time,
         generalises: &[],
+        linear_in: None,
     },
     check,
     build: |table, _| {

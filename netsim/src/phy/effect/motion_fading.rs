@@ -71,6 +71,7 @@ pub const ENTRY: Entry = Entry {
         ],
         level: Level::Time,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table, _| {

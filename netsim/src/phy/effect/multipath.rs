@@ -64,6 +64,7 @@ pub const ENTRY: Entry = Entry {
             "diffraction",
             "two-ray-ground",
         ],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table, ordinal| {

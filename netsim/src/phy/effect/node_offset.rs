@@ -78,6 +78,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Random,
         generalises: &["antenna-pattern", "battery-sag"],
+        linear_in: None,
     },
     check: |table, path, problems| {
         for end in ["tx", "rx"] {

@@ -40,6 +40,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table, _| {

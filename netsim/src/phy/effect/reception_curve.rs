@@ -60,6 +60,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &["noise-floor"],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table, _| {

@@ -60,6 +60,7 @@ pub const ENTRY: Entry = Entry {
             "diffraction",
             "node-offset",
         ],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table, ordinal| {

@@ -4,7 +4,7 @@ use super::{Effect, Entry, UNCHECKED};
 use crate::phy::keys;
 use crate::phy::link::Link;
 use proto::config::{Default, Field, Kind, Range, Variant};
-use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
+use proto::effect::{About, CONSTANT, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
 /// `kind = "system-gain"`.
@@ -51,6 +51,7 @@ pub const ENTRY: Entry = Entry {
         ],
         level: Level::Time,
         generalises: &[],
+        linear_in: Some(CONSTANT),
     },
     check: UNCHECKED,
     build: |table, _| {

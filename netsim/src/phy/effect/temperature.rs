@@ -62,6 +62,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
+        linear_in: Some("temperature_c"),
     },
     check: UNCHECKED,
     build: |table, _| {

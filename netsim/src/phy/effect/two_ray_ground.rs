@@ -67,6 +67,7 @@ pub const ENTRY: Entry = Entry {
         ],
         level: Level::Place,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table, _| {

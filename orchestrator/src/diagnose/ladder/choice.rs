@@ -3,7 +3,7 @@
 use super::{COMMON, FAMILY_ERROR, NEARLY, Search, Trial, WORTH_NATS, with, without};
 use crate::diagnose::gain::Gain;
 use crate::study::Study;
-use proto::effect::Level;
+use proto::effect::{CONSTANT, Level};
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
@@ -16,8 +16,6 @@ const LIKELY: f64 = 0.05;
 
 /// What a curve explains beyond an effect by chance with at most this probability, were all rows independent, the effect cannot.
 const BEYOND_DOUBT: f64 = 1e-6;
-/// The effect that is a level, which curves have in them.
-const LEVEL: &str = "system-gain";
 
 /// The trial wanted that gains most on the common split; the first of equals.
 fn greatest(trials: &[Trial], wanted: &dyn Fn(&Trial) -> bool) -> Option<usize> {
@@ -223,7 +221,9 @@ impl<S: Study> Search<'_, S> {
         let terms = with(accepted, trial.term);
         let fit = self.promising(&terms, COMMON, &parent, enough);
         debug!(name = candidate.name, rise = ?fit.as_ref().map(|fit| rise(fit)), enough, "rival");
-        fit.is_some_and(|fit| rise(&fit) >= enough)
+        fit.map(|fit| rise(&fit)).is_some_and(|rise| {
+            enough <= rise && !self.is_but_a_special_case(accepted, trial.term, COMMON, rise)
+        })
     }
 
     /// Candidates that cannot be told from the chosen one: other curves from a curve, which no effect explains as well, and from
@@ -257,13 +257,18 @@ impl<S: Study> Search<'_, S> {
         if !general.generalises.contains(&within.name) {
             return None;
         }
-        let [high, low] = [trial, special].map(|trial| {
-            let fit = self.full(&with(accepted, trial.term), COMMON, None);
-            self.study.log_likelihood(&fit)
-        });
         let more = general.n_parameters.saturating_sub(within.n_parameters);
+        let [general, within] =
+            [trial, special].map(|trial| self.full(&with(accepted, trial.term), COMMON, None));
+        Some(self.by_chance(&general, &within, more))
+    }
+
+    /// The probability by chance of what a fit explains beyond another that it has in it, with so many numbers more, were all rows
+    /// independent.
+    fn by_chance(&self, general: &S::Fit, within: &S::Fit, more: usize) -> f64 {
+        let [high, low] = [general, within].map(|fit| self.study.log_likelihood(fit));
         let law = ChiSquared::new(more as f64);
-        Some(law.map_or(1.0, |law| law.sf(2.0 * (high - low).max(0.0))))
+        law.map_or(1.0, |law| law.sf(2.0 * (high - low).max(0.0)))
     }
 
     /// Of the curves that have the chosen one in them that which explains most beyond it, if that is more than likely with all of
@@ -310,7 +315,7 @@ impl<S: Study> Search<'_, S> {
         &self,
         accepted: &[usize],
         removed: &[usize],
-    ) -> Option<(usize, Trial)> {
+    ) -> Option<(Vec<usize>, Trial)> {
         let candidates = self.study.candidates();
         let is_new = |curve: &usize| {
             candidates[*curve].is_tried()
@@ -318,7 +323,7 @@ impl<S: Study> Search<'_, S> {
                 && !accepted.contains(curve)
                 && !removed.contains(curve)
         };
-        let level = candidates.iter().position(|candidate| candidate.name == LEVEL);
+        let level = candidates.iter().position(|candidate| candidate.linear_in == Some(CONSTANT));
         let curves: Vec<usize> = (0..candidates.len()).filter(is_new).collect();
         let effects = accepted.iter().filter(|&&old| candidates[old].curve_over().is_none());
         let pairs = effects.flat_map(|&old| curves.iter().map(move |&curve| (old, curve)));
@@ -331,17 +336,16 @@ impl<S: Study> Search<'_, S> {
             self.prepare(&terms, &all);
             let mut within = accepted.to_vec();
             within.extend(level.filter(|level| !accepted.contains(level)));
-            let [high, low] = [&terms, &within]
-                .map(|terms| self.study.log_likelihood(&self.full(terms, COMMON, Some(&all))));
             let [n_curve, n_old] = [curve, old].map(|term| candidates[term].n_parameters);
-            let law = ChiSquared::new(n_curve.saturating_sub(n_old + 1) as f64).ok()?;
-            let p_value = law.sf(2.0 * (high - low).max(0.0));
+            let [general, within] =
+                [&terms, &within].map(|terms| self.full(terms, COMMON, Some(&all)));
+            let p_value = self.by_chance(&general, &within, n_curve.saturating_sub(n_old + 1));
             let over = self.gain(&terms, accepted, COMMON);
             debug!(name = candidates[curve].name, p_value, gain = over.gain, "more than linear");
             (p_value < BEYOND_DOUBT && 0.0 < over.gain).then_some((p_value, old, curve))
         });
         let (_, old, curve) = beyond.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some((old, self.attempt(&without(accepted, old), curve)))
+        Some((vec![old], self.attempt(&without(accepted, old), curve)))
     }
 
     /// Accepted terms, and the one candidate that had better stand in place of them all: it could not be told from any of them,

@@ -3,7 +3,8 @@
 use super::Contents;
 use crate::diagnose::answer::{LOSSES, formulas_of, named_structure};
 use crate::report::text::{count, escape, number, percent};
-use crate::study::{CONSTANT, LOSS_CURVE};
+use crate::study::LOSS_CURVE;
+use proto::effect::CONSTANT;
 use serde_json::Value;
 use std::fmt::Write as _;
 

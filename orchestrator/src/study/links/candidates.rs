@@ -4,9 +4,9 @@ use super::rows::Rows;
 use super::terms::{Curve, Spec};
 use super::{LinkStudy, testable};
 use crate::study::formula::{FORMULA, FormulaError, Wanted};
-use crate::study::{CONSTANT, Candidate, knots};
+use crate::study::{Candidate, knots};
 use netsim::phy::effect;
-use proto::effect::{Level, Need};
+use proto::effect::{CONSTANT, Level, Need};
 use std::sync::Arc;
 
 /// Covariates that follow from time and places and may be a cause by themselves.
@@ -105,6 +105,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
             level: level_of(rows, curve),
             n_parameters: curve.knots.len(),
             generalises: curve.generalises(),
+            linear_in: None,
             is_derived: curve.is_derived,
             untestable: None,
             stands_in_for: None,
@@ -127,6 +128,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
                     _ => entry.fit.parameters.len(),
                 },
                 generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
+                linear_in: entry.fit.linear_in,
                 is_derived: false,
                 untestable: if rows.links.readings.is_given && !decides_reception(spec) {
                     Some(READING_GIVEN.to_owned())

@@ -9,8 +9,9 @@ use crate::diagnose::gain::mean;
 use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale, without};
 use crate::diagnose::next::Apart;
 use crate::diagnose::scan::{self, LeftOver, Residuals};
-use crate::study::{CONSTANT, RowScore};
+use crate::study::RowScore;
 use netsim::phy::effect::formula::NAMES;
+use proto::effect::CONSTANT;
 use std::collections::BTreeMap;
 
 /// Losses are looked at where at least this share of frames should pass.

@@ -1,10 +1,10 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
 use crate::study::formula::{Asked, set};
-use crate::study::{CONSTANT, CURVE, FINE, LOSS_CURVE, knots};
-use netsim::phy::effect::{Effect, Entry};
+use crate::study::{CURVE, FINE, LOSS_CURVE, knots};
+use netsim::phy::effect::{Effect, Entry, LIST};
 use proto::config::Default;
-use proto::effect::Parameter;
+use proto::effect::{CONSTANT, Parameter};
 use std::sync::Arc;
 
 /// What a term is made of.
@@ -66,8 +66,6 @@ pub struct Curve {
     pub is_fine: bool,
 }
 
-/// Effects that are linear in a covariate.
-const LINEAR: [(&str, &str); 2] = [("time_s", "battery-sag"), ("temperature_c", "temperature")];
 /// A curve of losses starts here: at none it could not fall.
 const SMALL_LOSS: f64 = 0.02;
 /// No curve loses more.
@@ -86,11 +84,12 @@ impl Curve {
     /// linear in its covariate.
     #[must_use]
     pub fn generalises(&self) -> Vec<String> {
-        let is_linear =
-            |(covariate, _): &&(&str, &str)| !self.is_loss && *covariate == self.covariate;
-        let linear = LINEAR.iter().find(is_linear).map(|(_, effect)| (*effect).to_owned());
-        let coarse = self.is_fine.then(|| Self { is_fine: false, ..self.clone() }.name());
         let is_constant = self.covariate == CONSTANT;
+        let is_mean = !self.is_loss && !is_constant;
+        let is_linear =
+            |entry: &&Entry| is_mean && entry.fit.linear_in == Some(self.covariate.as_str());
+        let linear = LIST.iter().filter(is_linear).map(|entry| entry.variant.name.to_owned());
+        let coarse = self.is_fine.then(|| Self { is_fine: false, ..self.clone() }.name());
         let constant = (self.is_loss && !is_constant).then(|| format!("{LOSS_CURVE}{CONSTANT}"));
         coarse.into_iter().chain(constant).chain(linear).collect()
     }

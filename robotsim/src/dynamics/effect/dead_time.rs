@@ -40,6 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
         level: Level::Time,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(keys::<DeadTime>(table)?)),

@@ -50,7 +50,13 @@ pub(super) const ENTRY: Entry = Entry {
         needs: &[],
     },
     // Its parameters are those that the configuration names.
-    fit: Fit { parameters: &[], variants: &[], level: Level::Time, generalises: &[] },
+    fit: Fit {
+        parameters: &[],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+        linear_in: None,
+    },
     check: |table, path, problems| {
         Written::read(table, path, &NAMES.map(|(name, _)| name), problems);
     },

@@ -37,6 +37,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(keys::<HeadingBias>(table)?)),

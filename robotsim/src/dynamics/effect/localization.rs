@@ -53,6 +53,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Random,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(keys::<Localization>(table)?)),

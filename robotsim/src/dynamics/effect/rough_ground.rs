@@ -63,6 +63,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &["slip"],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(keys::<RoughGround>(table)?)),

@@ -37,6 +37,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(keys::<Slope>(table)?)),

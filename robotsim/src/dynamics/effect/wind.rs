@@ -71,6 +71,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[&[("velocity_mps[2]", Fixed::Number(0.0))]],
         level: Level::Time,
         generalises: &[],
+        linear_in: None,
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(keys::<Wind>(table)?)),
