@@ -33,6 +33,7 @@ mod group;
 pub mod likelihood;
 pub mod passing;
 pub mod predict;
+pub mod register;
 pub mod rows;
 pub mod search;
 mod starts;
@@ -50,6 +51,7 @@ use fit::{Free, LinkFit, Problem, Steps};
 use likelihood::Instrument;
 use netsim::phy::scatter::{Law, Renewal};
 use passing::Spread;
+use predict::Above;
 use proto::effect::Level;
 use rows::Rows;
 use std::collections::BTreeMap;
@@ -449,14 +451,14 @@ impl Study for LinkStudy {
     fn scores(&self, fit: &LinkFit, test: &[u32]) -> Vec<RowScore> {
         let specs = self.specs_of(&fit.terms);
         let cells = self.cells(fit.decorrelation_m);
+        let otherwise = fit.otherwise(&self.rows);
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         test.iter()
             .map(|&row| {
                 let row = row as usize;
-                let level = fit.level(&self.rows, &specs, row);
-                let lift = fit.random.level_db(cells, row);
-                let extra = fit.random.variance(cells, row);
-                self.score(fit, row, &level, lift, extra, &mut tables)
+                let level = fit.level((&self.rows, &specs), row, &otherwise);
+                let above = Above::of(fit, cells, row);
+                self.score(fit, row, (&level, &otherwise), above, &mut tables)
             })
             .collect()
     }

@@ -1,27 +1,28 @@
 //! Effects at certain values, and what a model with them says about a row.
 
 use super::likelihood::Level;
+use super::register::{Range, Register};
 use super::rows::Rows;
 use netsim::phy::effect::Effect;
+use netsim::phy::link::Link;
 use std::sync::Arc;
 
 /// An effect at certain values of its parameters.
 #[derive(Clone, Debug)]
 pub(super) struct Active {
     pub(super) effect: Arc<dyn Effect>,
-    /// Registers read otherwise with it.
-    reads_otherwise: bool,
+    /// What registers make of powers with it.
+    register: Register,
 }
 
 impl Active {
     pub(super) fn new(effect: Box<dyn Effect>, rows: &Rows) -> Self {
-        // Readings over the whole range tell whether it touches them at all.
-        let reads_otherwise = !rows.is_empty()
-            && (-60..=10).any(|step| {
-                let dbm = 2.0 * f64::from(step);
-                (rows.register_dbm(&*effect, 0, dbm) - dbm).abs() > 0.0
-            });
-        Self { effect: Arc::from(effect), reads_otherwise }
+        let register = if rows.is_empty() {
+            Register::Exact
+        } else {
+            Register::of(&|dbm| rows.register_dbm(&*effect, 0, dbm))
+        };
+        Self { effect: Arc::from(effect), register }
     }
 
     pub(super) fn get(&self) -> &dyn Effect {
@@ -35,31 +36,73 @@ impl Active {
 
     /// Whether it changes nothing but means.
     pub(super) fn is_plain(&self) -> bool {
-        !self.reads_otherwise && !self.is_instrument()
+        self.register == Register::Exact && !self.is_instrument()
     }
 }
 
 /// Effects with which registers read otherwise.
-pub(super) fn reading_otherwise(effects: &[Option<Active>]) -> impl Iterator<Item = &dyn Effect> {
-    effects.iter().flatten().filter(|active| active.reads_otherwise).map(Active::get)
+#[derive(Clone, Debug)]
+pub(super) struct Otherwise<'a> {
+    effects: Vec<&'a dyn Effect>,
+    is_bent: bool,
 }
 
-/// What a model with terms says about a row. `added`: power, shift, logarithm of survival that the terms add. `otherwise`: those
-/// with which registers read otherwise.
-pub(super) fn level<'a>(
-    rows: &Rows,
-    row: usize,
-    added: [f64; 3],
-    otherwise: impl Iterator<Item = &'a dyn Effect>,
-) -> Level {
+impl<'a> Otherwise<'a> {
+    /// Of the effects of terms, held against these rows.
+    pub(super) fn of(effects: &'a [Option<Active>], rows: &Rows) -> Self {
+        let all = || effects.iter().flatten();
+        let is_bent = rows.is_bent || all().any(|active| active.register == Register::Bent);
+        let otherwise = all().filter(|active| active.register != Register::Exact);
+        Self { effects: otherwise.map(Active::get).collect(), is_bent }
+    }
+
+    /// What the register of a row reads of a power (dBm); none where it but shifts.
+    pub(super) fn read<'b>(
+        &'b self,
+        rows: &'b Rows,
+        row: usize,
+    ) -> Option<impl Fn(f64) -> f64 + 'b> {
+        self.is_bent.then_some(move |power_dbm: f64| {
+            rows.link(row, |link| self.read_of(rows, link, power_dbm))
+        })
+    }
+
+    fn read_of(&self, rows: &Rows, link: &Link<'_>, power_dbm: f64) -> f64 {
+        let configured = rows.model.effects.iter().map(|effect| &**effect);
+        configured
+            .chain(self.effects.iter().copied())
+            .fold(power_dbm, |dbm, effect| effect.register_dbm(link, dbm))
+    }
+}
+
+/// What a model with terms says about a row. `added`: power, shift, logarithm of survival that the terms add.
+pub(super) fn level(rows: &Rows, row: usize, added: [f64; 3], otherwise: &Otherwise<'_>) -> Level {
     let base = &rows.base[row];
     let power_dbm = base.power_dbm + added[0];
-    let reading = otherwise.fold(power_dbm + base.register_db, |reading, effect| {
-        rows.register_dbm(effect, row, reading)
-    });
+    let (register_db, range) = if otherwise.is_bent {
+        let rssi_dbm = rows.links.rows[row].rssi_dbm;
+        rows.link(row, |link| {
+            let read = |dbm: f64| otherwise.read_of(rows, link, dbm);
+            let register_db = read(power_dbm) - power_dbm;
+            let range = if rssi_dbm.is_finite() {
+                Range::of(&read, rssi_dbm, rows.links.readings.quantum_db)
+            } else {
+                Range::shifted(register_db)
+            };
+            (register_db, range)
+        })
+    } else {
+        let shifted_dbm = power_dbm + base.register_db;
+        let reading_dbm = otherwise
+            .effects
+            .iter()
+            .fold(shifted_dbm, |dbm, effect| rows.register_dbm(*effect, row, dbm));
+        (reading_dbm - power_dbm, Range::shifted(reading_dbm - power_dbm))
+    };
     Level {
         power_dbm,
-        register_db: reading - power_dbm,
+        register_db,
+        range,
         shift_db: base.shift_db + added[1],
         ln_survival: base.ln_survival + added[2],
         stated: base.stated,

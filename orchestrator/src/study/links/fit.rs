@@ -1,6 +1,6 @@
 //! Fits a radio model with further terms to rows: Newton's method on the likelihood of the instrument.
 
-use super::active::{Active, level, reading_otherwise};
+use super::active::{Active, Otherwise, level};
 use super::basis::Basis;
 use super::cells::{Cells, Deviations, Random, Solver, Step};
 use super::likelihood::{Instrument, Level, Noise, Slope};
@@ -149,12 +149,12 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        let otherwise: Vec<&dyn Effect> = reading_otherwise(effects).collect();
+        let otherwise = Otherwise::of(effects, self.rows);
         let levels = self
             .train
             .iter()
             .zip(added)
-            .map(|(&row, added)| level(self.rows, row as usize, added, otherwise.iter().copied()))
+            .map(|(&row, added)| level(self.rows, row as usize, added, &otherwise))
             .collect();
         Levels { parts, levels }
     }
@@ -290,7 +290,7 @@ impl<'a> Problem<'a> {
         for (&row, level) in self.train.iter().zip(&levels.levels) {
             let rssi = self.rows.links.rows[row as usize].rssi_dbm;
             if rssi.is_finite() {
-                let deviation = rssi - level.power_dbm - level.register_db;
+                let deviation = rssi - level.power_dbm - level.range.offset_db;
                 sum += deviation * deviation;
                 n += 1.0;
             }
@@ -518,9 +518,18 @@ impl<'a> Problem<'a> {
 }
 
 impl LinkFit {
+    /// Effects with which registers read otherwise.
+    pub(super) fn otherwise(&self, rows: &Rows) -> Otherwise<'_> {
+        Otherwise::of(&self.effects, rows)
+    }
+
     /// What the fitted model says about any row, random levels apart.
-    #[must_use]
-    pub fn level(&self, rows: &Rows, specs: &[&Spec], row: usize) -> Level {
+    pub(super) fn level(
+        &self,
+        (rows, specs): (&Rows, &[&Spec]),
+        row: usize,
+        otherwise: &Otherwise<'_>,
+    ) -> Level {
         let mut added = [0.0; 3];
         for ((spec, state), effect) in specs.iter().zip(&self.states).zip(&self.effects) {
             match (spec, effect) {
@@ -535,7 +544,7 @@ impl LinkFit {
                 (_, None) => {}
             }
         }
-        level(rows, row, added, reading_otherwise(&self.effects))
+        level(rows, row, added, otherwise)
     }
 }
 

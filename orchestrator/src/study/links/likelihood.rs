@@ -1,6 +1,7 @@
 //! How likely a row is under a model: the likelihood of the instrument, lost frames and rounding included.
 
 use super::passing::{Averaged, Sampled, Spread};
+use super::register::{Range, width_db};
 use crate::measure::links::{Readings, Row};
 use crate::study::RowScore;
 use density::Density;
@@ -12,6 +13,8 @@ pub struct Level {
     pub power_dbm: f64,
     /// What the register reads more than that (dB).
     pub register_db: f64,
+    /// The powers of which the row's reading is read.
+    pub range: Range,
     /// By how much the reception curve is shifted (dB).
     pub shift_db: f64,
     /// Logarithm of the probability that nothing but weakness loses a frame.
@@ -19,6 +22,9 @@ pub struct Level {
     /// Probability of reception, where the base model states it.
     pub stated: Option<f64>,
 }
+
+/// What a register reads of a power (dBm).
+pub type Read<'a> = &'a dyn Fn(f64) -> f64;
 
 /// Logarithm of a row's likelihood, and how it changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -93,6 +99,22 @@ pub struct Noise {
 /// Where strengths that are rounded to one reading are looked at (steps of the readings).
 const OFFSETS: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
 
+/// Points and weights of Gauss and Legendre (Abramowitz and Stegun, table 25.4, n = 16), each for both signs.
+const LEGENDRE: [(f64, f64); 8] = [
+    (0.095_012_509_837_637_4, 0.189_450_610_455_068_5),
+    (0.281_603_550_779_258_9, 0.182_603_415_044_923_6),
+    (0.458_016_777_657_227_4, 0.169_156_519_395_002_5),
+    (0.617_876_244_402_643_7, 0.149_595_988_816_576_7),
+    (0.755_404_408_355_003, 0.124_628_971_255_533_9),
+    (0.865_631_202_387_831_7, 0.095_158_511_682_492_8),
+    (0.944_575_023_073_232_6, 0.062_253_523_938_647_9),
+    (0.989_400_934_991_649_9, 0.027_152_459_411_754_1),
+];
+/// Strengths do not lie further from their mean than this, beyond the levels of their spread (standard deviations of the noise).
+const REACH_SD: f64 = 8.0;
+/// Beyond that they are so dense only at the near end of a range (standard deviations of the noise).
+const THERE_SD: f64 = 2.0;
+
 /// Beyond this ratio (nats) of densities at two of these places next to the middle, products of ratios may overflow.
 const MOST_TILT: f64 = 100.0;
 
@@ -159,16 +181,47 @@ impl Instrument {
                 return self.rounded_normal(power_dbm, deviation_db, tilt);
             }
         }
-        let parts = OFFSETS.map(|offset| {
+        self.over(OFFSETS.map(|offset| {
             let offset_db = offset * self.readings.quantum_db;
-            let part = self.of_strength.at(deviation_db + offset_db);
-            (part, self.curve.at(power_dbm + offset_db) / OFFSETS.len() as f64)
+            let passes = self.curve.at(power_dbm + offset_db);
+            (deviation_db + offset_db, passes / OFFSETS.len() as f64)
+        }))
+    }
+
+    /// As [`Self::rounded`], of all strengths in a range that is `stretch` times as wide as the step of readings, about one
+    /// `deviation_db` from the mean; each by the probability that such a frame passes, if `by_curve`, at `power_dbm` in the middle.
+    fn bent(&self, power_dbm: f64, deviation_db: f64, stretch: f64, by_curve: bool) -> Slope {
+        let quantum_db = width_db(self.readings.quantum_db);
+        let half_db = 0.5 * stretch * quantum_db;
+        let (from_db, to_db) = (deviation_db - half_db, deviation_db + half_db);
+        // No further than there is anything; out there where it is most.
+        let (reach_db, there_db) = (REACH_SD * self.sd_db, THERE_SD * self.sd_db);
+        let (least_db, most_db) =
+            (self.spread.least() - reach_db, self.spread.greatest() + reach_db);
+        let low_db = from_db.max(least_db.min(to_db - there_db));
+        let high_db = to_db.min(most_db.max(from_db + there_db));
+        let (middle_db, half_db) = (0.5 * (low_db + high_db), 0.5 * (high_db - low_db));
+        let points: [(f64, f64); 2 * LEGENDRE.len()] = std::array::from_fn(|i| {
+            let (place, weight) = LEGENDRE[i / 2];
+            (if i % 2 == 0 { place } else { -place }, weight)
         });
+        self.over(points.map(|(place, weight)| {
+            let at_db = middle_db + half_db * place;
+            let passes =
+                if by_curve { self.curve.at(power_dbm + at_db - deviation_db) } else { 1.0 };
+            (at_db, weight * passes * half_db / quantum_db)
+        }))
+    }
+
+    /// As [`Density::at`], of several deviations together, each with its weight.
+    fn over<const N: usize>(&self, points: [(f64, f64); N]) -> Slope {
+        let parts =
+            points.map(|(deviation_db, weight)| (self.of_strength.at(deviation_db), weight));
         let greatest =
             parts.iter().fold(f64::NEG_INFINITY, |greatest, (part, _)| greatest.max(part.log));
         let (mut total, mut sum, mut squares) = (0.0, Slope::default(), 0.0);
-        for (part, passes) in &parts {
-            let share = passes * (part.log - greatest).exp();
+        for (part, weight) in &parts {
+            let share = weight * (part.log - greatest).exp();
             total += share;
             sum.over_level += share * part.over_level;
             squares += share * part.over_level * part.over_level;
@@ -223,17 +276,24 @@ impl Instrument {
             return self.summed(row, level, lift_db);
         }
         let is_received = row.received == 1.0;
-        let deviation = row.rssi_dbm - level.power_dbm - level.register_db - lift_db;
+        let Range { offset_db, stretch } = level.range;
+        let deviation = row.rssi_dbm - level.power_dbm - offset_db - lift_db;
         let mut slope = Slope::default();
         if is_received {
             let by_curve = self.readings.has_losses && level.stated.is_none();
-            let power_dbm = row.rssi_dbm - level.register_db - level.shift_db;
-            if by_curve && !self.curve.is_level(power_dbm, 0.5 * self.readings.quantum_db) {
-                let mut slope = self.rounded(power_dbm, deviation);
+            let power_dbm = row.rssi_dbm - offset_db - level.shift_db;
+            let is_bent = stretch != 1.0;
+            let is_cut =
+                by_curve && !self.curve.is_level(power_dbm, 0.5 * self.readings.quantum_db);
+            slope = match (is_bent, is_cut) {
+                (true, _) => self.bent(power_dbm, deviation, stretch, by_curve),
+                (false, true) => self.rounded(power_dbm, deviation),
+                (false, false) => self.of_reading.at(deviation),
+            };
+            if is_bent && by_curve || is_cut {
                 slope.log += level.ln_survival;
                 return slope;
             }
-            slope = self.of_reading.at(deviation);
         }
         if !self.readings.has_losses {
             return slope;
@@ -242,7 +302,7 @@ impl Instrument {
             let passes = (stated * level.ln_survival.exp()).clamp(STRAY, 1.0 - STRAY);
             slope.log += if is_received { passes.ln() } else { (1.0 - passes).ln() };
         } else if is_received {
-            let power_dbm = row.rssi_dbm - level.register_db;
+            let power_dbm = row.rssi_dbm - offset_db;
             slope.log += self.curve.ln_at(power_dbm - level.shift_db) + level.ln_survival;
         } else {
             let chance = self.averaged.at(level.power_dbm + lift_db - level.shift_db);
@@ -269,22 +329,27 @@ impl Instrument {
         survival * passes
     }
 
-    /// What a received row should read (dBm), and the standard deviation of that (dB).
+    /// What a received row should read (dBm), and the standard deviation of that (dB). `read`: what its register reads, where it
+    /// does more than shift.
     #[must_use]
-    pub fn reading(&self, level: &Level, lift_db: f64) -> (f64, f64) {
+    pub fn reading(&self, level: &Level, lift_db: f64, read: Option<Read<'_>>) -> (f64, f64) {
         let mean = level.power_dbm + level.register_db + lift_db;
-        if level.stated.is_some() || !self.readings.has_losses {
+        let by_curve = level.stated.is_none() && self.readings.has_losses;
+        if !by_curve && read.is_none() {
             let shift: f64 = self.spread.0.iter().map(|(level, p)| level * p).sum();
             return (mean + shift, (self.of_reading.variance() + self.spread.variance()).sqrt());
         }
         // Frames that pass are stronger than those sent: moments over what passes.
-        let power = level.power_dbm + lift_db - level.shift_db;
+        let power = level.power_dbm + lift_db;
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
         for &(deviation, weight) in &self.deviations {
-            let part = weight * self.curve.at(power + deviation);
+            let passes =
+                if by_curve { self.curve.at(power + deviation - level.shift_db) } else { 1.0 };
+            let away = read.map_or(deviation, |read| read(power + deviation) - mean);
+            let part = weight * passes;
             total += part;
-            first += part * deviation;
-            second += part * deviation * deviation;
+            first += part * away;
+            second += part * away * away;
         }
         let (lift, square) = (first / total, second / total);
         let variance = (square - lift * lift).max(0.0)
@@ -296,7 +361,13 @@ impl Instrument {
 impl Instrument {
     /// Scores the prediction of a sample.
     #[must_use]
-    pub fn score(&self, row: &Row, level: &Level, lift_db: f64) -> RowScore {
+    pub fn score(
+        &self,
+        row: &Row,
+        level: &Level,
+        lift_db: f64,
+        read: Option<Read<'_>>,
+    ) -> RowScore {
         let mut score = RowScore {
             log: self.sample(row, level, lift_db).log,
             squared_error: f64::NAN,
@@ -304,7 +375,7 @@ impl Instrument {
             reception_log_loss: f64::NAN,
         };
         if row.rssi_dbm.is_finite() {
-            let (mean, sd) = self.reading(level, lift_db);
+            let (mean, sd) = self.reading(level, lift_db, read);
             let deviation = row.rssi_dbm - mean;
             score.squared_error = deviation * deviation;
             score.crps = normal_crps(deviation, sd);
@@ -360,7 +431,14 @@ pub(in crate::study::links) mod tests {
     }
 
     fn level(power_dbm: f64) -> Level {
-        Level { power_dbm, register_db: 0.0, shift_db: 1.3, ln_survival: -0.2, stated: None }
+        Level {
+            power_dbm,
+            register_db: 0.0,
+            range: Range::shifted(0.0),
+            shift_db: 1.3,
+            ln_survival: -0.2,
+            stated: None,
+        }
     }
 
     #[test]
@@ -373,6 +451,36 @@ pub(in crate::study::links) mod tests {
                 .sum();
             let passes = instrument.reception(&level, 0.0);
             assert!((sum - passes).abs() < 2e-3 * passes.max(0.1), "{power_dbm}: {sum} {passes}");
+        }
+    }
+
+    /// A register that flattens in the middle of where frames are lost.
+    fn saturating(power_dbm: f64) -> f64 {
+        power_dbm.min(-93.0) + 0.4 * (power_dbm + 93.0).max(0.0)
+    }
+
+    fn bent(power_dbm: f64, rssi_dbm: f64) -> Level {
+        Level { range: Range::of(&saturating, rssi_dbm, 1.0), ..level(power_dbm) }
+    }
+
+    #[test]
+    fn readings_of_a_bent_register_sum_to_what_is_received() {
+        for power_dbm in [-98.0, -94.0, -90.0, -80.0] {
+            let instrument = instrument(2.0);
+            let (mut sum, mut mean_dbm) = (0.0, 0.0);
+            for rssi_dbm in (-120..-60).map(f64::from) {
+                let level = bent(power_dbm, rssi_dbm);
+                let share = instrument.sample(&row(1.0, 1.0, rssi_dbm), &level, 0.0).log.exp();
+                sum += share;
+                mean_dbm += share * rssi_dbm;
+            }
+            let level =
+                Level { register_db: saturating(power_dbm) - power_dbm, ..level(power_dbm) };
+            let passes = instrument.reception(&level, 0.0);
+            assert!((sum - passes).abs() < 2e-3 * passes.max(0.1), "{power_dbm}: {sum} {passes}");
+            let (reading_dbm, _) = instrument.reading(&level, 0.0, Some(&saturating));
+            let mean_dbm = mean_dbm / sum;
+            assert!((mean_dbm - reading_dbm).abs() < 0.05, "{power_dbm}: {mean_dbm} {reading_dbm}");
         }
     }
 
@@ -396,9 +504,12 @@ pub(in crate::study::links) mod tests {
 
     #[test]
     fn slopes_of_rounded_readings_are_those_of_the_likelihood() {
-        for rssi_dbm in [-96.0, -95.0, -91.0, -79.0] {
+        let plain = [-96.0, -95.0, -91.0, -79.0].map(|rssi_dbm| (rssi_dbm, false));
+        let above = [-95.0, -93.0, -91.0, -87.0].map(|rssi_dbm| (rssi_dbm, true));
+        for (rssi_dbm, is_bent) in plain.into_iter().chain(above) {
             let at = |power_dbm: f64, sd_db: f64| {
-                instrument(sd_db).sample(&row(1.0, 1.0, rssi_dbm), &level(power_dbm), 0.0)
+                let level = if is_bent { bent(power_dbm, rssi_dbm) } else { level(power_dbm) };
+                instrument(sd_db).sample(&row(1.0, 1.0, rssi_dbm), &level, 0.0)
             };
             let (here, h) = (at(-94.0, 2.0), 1e-3);
             let by_level = (at(-94.0 + h, 2.0).log - at(-94.0 - h, 2.0).log) / (2.0 * h);

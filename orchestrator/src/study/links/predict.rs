@@ -1,8 +1,10 @@
 //! What a fitted model predicts for the rows, and what is left of them.
 
 use super::LinkStudy;
+use super::active::Otherwise;
+use super::cells::Cells;
 use super::fit::LinkFit;
-use super::likelihood::{Instrument, Level};
+use super::likelihood::{Instrument, Level, Read};
 use super::terms::Spec;
 use crate::diagnose::formula::{self, Deviations};
 use crate::diagnose::gain::mean;
@@ -47,25 +49,40 @@ pub(super) fn instrument_for<'a>(
     tables.entry(key).or_insert_with(|| fit.instrument.with_sd((key as f64 / 50.0).exp()))
 }
 
+/// What random levels add to a row.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Above {
+    lift_db: f64,
+    /// How uncertain that is (dB²).
+    variance: f64,
+}
+
+impl Above {
+    pub(super) fn of(fit: &LinkFit, cells: &Cells, row: usize) -> Self {
+        Self { lift_db: fit.random.level_db(cells, row), variance: fit.random.variance(cells, row) }
+    }
+}
+
 impl LinkStudy {
     /// Scores one row.
     pub(super) fn score(
         &self,
         fit: &LinkFit,
         row: usize,
-        level: &Level,
-        lift: f64,
-        extra: f64,
+        (level, otherwise): (&Level, &Otherwise<'_>),
+        Above { lift_db, variance }: Above,
         tables: &mut BTreeMap<i64, Instrument>,
     ) -> RowScore {
         let measured = &self.rows.links.rows[row];
+        let read = otherwise.read(&self.rows, row);
+        let read = read.as_ref().map(|read| read as Read<'_>);
         if fit.instrument.readings.is_given {
             return fit.instrument.score_given(measured, level);
         }
         if fit.instrument.readings.is_aggregated {
-            return fit.instrument.score_row(measured, level, lift, extra);
+            return fit.instrument.score_row(measured, level, (lift_db, variance), read);
         }
-        instrument_for(fit, extra, tables).score(measured, level, lift)
+        instrument_for(fit, variance, tables).score(measured, level, lift_db, read)
     }
 
     /// What a fit predicts for every row.
@@ -73,12 +90,14 @@ impl LinkStudy {
     pub fn predictions(&self, fit: &LinkFit) -> Vec<Predicted> {
         let specs = self.specs_of(&fit.terms);
         let cells = self.cells(fit.decorrelation_m);
+        let otherwise = fit.otherwise(&self.rows);
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         let one = |row: usize| {
-            let level = fit.level(&self.rows, &specs, row);
-            let lift = fit.random.level_db(cells, row);
-            let extra = fit.random.variance(cells, row);
-            let level_dbm = level.power_dbm + lift - level.shift_db;
+            let level = fit.level((&self.rows, &specs), row, &otherwise);
+            let Above { lift_db, variance } = Above::of(fit, cells, row);
+            let level_dbm = level.power_dbm + lift_db - level.shift_db;
+            let read = otherwise.read(&self.rows, row);
+            let read = read.as_ref().map(|read| read as Read<'_>);
             if fit.instrument.readings.is_given {
                 let measured = &self.rows.links.rows[row];
                 let (passes, passes_sd) = fit.instrument.share_of(measured, &level);
@@ -88,12 +107,12 @@ impl LinkStudy {
             if fit.instrument.readings.is_aggregated {
                 let measured = &self.rows.links.rows[row];
                 let [rssi_dbm, sd_db, passes, passes_sd] =
-                    fit.instrument.row_of(measured, &level, lift, extra);
+                    fit.instrument.row_of(measured, &level, (lift_db, variance), read);
                 return Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm };
             }
-            let instrument = instrument_for(fit, extra, &mut tables);
-            let (rssi_dbm, sd_db) = instrument.reading(&level, lift);
-            let passes = instrument.reception(&level, lift);
+            let instrument = instrument_for(fit, variance, &mut tables);
+            let (rssi_dbm, sd_db) = instrument.reading(&level, lift_db, read);
+            let passes = instrument.reception(&level, lift_db);
             let passes_sd = (passes * (1.0 - passes)).max(1e-6).sqrt();
             Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm }
         };

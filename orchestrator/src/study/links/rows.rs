@@ -1,5 +1,6 @@
 //! Measured links as the physics sees them.
 
+use super::register::Register;
 use crate::measure::Rejections;
 use crate::measure::links::{Links, Row, has_losses};
 use netsim::phy::Model;
@@ -21,6 +22,8 @@ pub struct Rows {
     pub site: Arc<Site>,
     /// What the model as configured says about each row.
     pub base: Vec<Base>,
+    /// What registers read more than there is depends on the power, by the model as configured.
+    pub is_bent: bool,
     names: Vec<String>,
     values: Vec<f64>,
     ends: Vec<(End, End)>,
@@ -90,6 +93,7 @@ impl Rows {
             model: Arc::new(model),
             site: Arc::new(site),
             base: Vec::new(),
+            is_bent: false,
             names,
             values,
             ends,
@@ -99,6 +103,10 @@ impl Rows {
             silent_frames: Vec::new(),
         };
         rows.base = (0..rows.links.rows.len()).map(|row| rows.base_of(row)).collect();
+        rows.is_bent = !rows.is_empty()
+            && rows.model.effects.iter().any(|effect| {
+                Register::of(&|dbm| rows.register_dbm(&**effect, 0, dbm)) == Register::Bent
+            });
         rows.leave_out_unknown();
         if rows.links.readings.is_given {
             rows.links.readings.has_losses = has_losses(&rows.links.rows);

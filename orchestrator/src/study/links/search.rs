@@ -36,10 +36,11 @@ pub fn left_over(
     cells: &Cells,
     train: &[u32],
 ) -> Vec<Slope> {
+    let otherwise = fit.otherwise(rows);
     train
         .iter()
         .map(|&row| {
-            let level = fit.level(rows, specs, row as usize);
+            let level = fit.level((rows, specs), row as usize, &otherwise);
             let lift = fit.random.level_db(cells, row as usize);
             fit.instrument.sample(&rows.links.rows[row as usize], &level, lift)
         })

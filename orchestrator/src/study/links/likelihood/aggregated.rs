@@ -10,7 +10,7 @@
 //! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
 
 use super::tables::{Frame, Frames, Silent};
-use super::{Instrument, Level, STRAY, Slope};
+use super::{Instrument, Level, Range, Read, STRAY, Slope};
 use crate::measure::links::Row;
 use crate::study::RowScore;
 
@@ -94,8 +94,14 @@ fn worth(frames: f64) -> f64 {
 }
 
 /// A level that nothing but power makes.
-const PLAIN: Level =
-    Level { power_dbm: 0.0, register_db: 0.0, shift_db: 0.0, ln_survival: 0.0, stated: None };
+const PLAIN: Level = Level {
+    power_dbm: 0.0,
+    register_db: 0.0,
+    range: Range::shifted(0.0),
+    shift_db: 0.0,
+    ln_survival: 0.0,
+    stated: None,
+};
 
 /// What an integral over the level gives.
 struct Integral {
@@ -178,7 +184,7 @@ impl Instrument {
         if seen.reading_dbm.is_finite() {
             let variance = mean_variance(frame.variance, seen.readings);
             let ln_variance = (frame.ln_variance - seen.ln_readings).max(LN_LEAST_VARIANCE);
-            let deviation = seen.reading_dbm - level.register_db - u - frame.lift_db;
+            let deviation = seen.reading_dbm - level.range.offset_db - u - frame.lift_db;
             log -= 0.5 * (deviation * deviation / variance + ln_variance + LN_TAU);
         }
         log
@@ -197,7 +203,7 @@ impl Instrument {
         mean: f64,
         variance: f64,
     ) -> Option<Integral> {
-        let read = seen.reading_dbm - level.register_db;
+        let read = seen.reading_dbm - level.range.offset_db;
         let (lift, one, alike_from_dbm) = match &self.tabulated {
             _ if !self.readings.has_losses => {
                 (0.0, self.rounded_variance(self.sd_db * self.sd_db), f64::NEG_INFINITY)
@@ -243,7 +249,7 @@ impl Instrument {
             }
         };
         if seen.reading_dbm.is_finite() {
-            let read = seen.reading_dbm - level.register_db;
+            let read = seen.reading_dbm - level.range.offset_db;
             let (_, lift, own) = self.frames(level, read);
             let own = mean_variance(self.rounded_variance(own), seen.readings);
             start((variance * (read - lift) + own * mean) / (variance + own));
@@ -363,7 +369,7 @@ impl Instrument {
             self.integral(seen, level, mean, variance);
         let away = posterior - mean;
         Slope {
-            log: log + ways(seen),
+            log: log + beside(seen, level),
             over_level: away / variance,
             weight: ((1.0 - left / variance) / variance).max(0.0),
             over_ln_sd,
@@ -407,9 +413,16 @@ impl Instrument {
     }
 
     /// What the mean reading of a row should be (dBm), its standard deviation (dB), the share of frames that should be received
-    /// and the standard deviation of that. `extra`: further variance of the level (dB²).
+    /// and the standard deviation of that. `extra`: further variance of the level (dB²); `read`: what the register reads, where it
+    /// does more than shift.
     #[must_use]
-    pub fn row_of(&self, row: &Row, level: &Level, lift_db: f64, extra: f64) -> [f64; 4] {
+    pub fn row_of(
+        &self,
+        row: &Row,
+        level: &Level,
+        (lift_db, extra): (f64, f64),
+        read: Option<Read<'_>>,
+    ) -> [f64; 4] {
         let seen = Seen::of(row, self);
         let mean = level.power_dbm + lift_db;
         let sd = (self.link_sd_db * self.link_sd_db + extra).sqrt();
@@ -422,7 +435,7 @@ impl Instrument {
             // Rows without a single frame received show no reading.
             let shows = weight * (1.0 - (seen.sent * (1.0 - passes).max(1e-300).ln()).exp());
             let readings = (seen.sent * passes).max(1.0);
-            let reading = u + level.register_db + lift;
+            let reading = read.map_or(u + level.register_db + lift, |read| read(u + lift));
             sums[0] += weight;
             sums[1] += weight * passes;
             sums[2] += weight * (passes * passes + passes * (1.0 - passes) / seen.sent);
@@ -438,13 +451,19 @@ impl Instrument {
 
     /// Scores the prediction of a row of several frames.
     #[must_use]
-    pub fn score_row(&self, row: &Row, level: &Level, lift_db: f64, extra: f64) -> RowScore {
+    pub fn score_row(
+        &self,
+        row: &Row,
+        level: &Level,
+        (lift_db, extra): (f64, f64),
+        read: Option<Read<'_>>,
+    ) -> RowScore {
         let seen = Seen::of(row, self);
         let variance = self.link_sd_db * self.link_sd_db + extra;
         let Integral { log, .. } = self.integral(&seen, level, level.power_dbm + lift_db, variance);
-        let [reading, sd, share, _] = self.row_of(row, level, lift_db, extra);
+        let [reading, sd, share, _] = self.row_of(row, level, (lift_db, extra), read);
         let mut score = RowScore {
-            log: log + ways(&seen),
+            log: log + beside(&seen, level),
             squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
@@ -467,6 +486,13 @@ impl Instrument {
 /// Variance of the mean of readings, the variance of one given (dB²).
 fn mean_variance(variance: f64, readings: f64) -> f64 {
     (variance / readings).max(LEAST_SD_DB * LEAST_SD_DB)
+}
+
+/// Logarithm of what a row's likelihood is multiplied by whatever the level: the number of ways in which so many of the frames are
+/// received, and by how much wider powers lie than readings.
+fn beside(seen: &Seen, level: &Level) -> f64 {
+    let ln_stretch = if seen.reading_dbm.is_finite() { level.range.stretch.ln() } else { 0.0 };
+    ways(seen) + ln_stretch
 }
 
 /// Logarithm of the number of ways in which so many of the frames are received.

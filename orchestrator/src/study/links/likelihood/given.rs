@@ -101,7 +101,14 @@ mod tests {
     }
 
     fn level(power_dbm: f64) -> Level {
-        Level { power_dbm, register_db: 0.0, shift_db: 0.5, ln_survival: -0.1, stated: None }
+        Level {
+            power_dbm,
+            register_db: 0.0,
+            range: crate::study::links::register::Range::shifted(0.0),
+            shift_db: 0.5,
+            ln_survival: -0.1,
+            stated: None,
+        }
     }
 
     #[test]

@@ -29,7 +29,14 @@ fn instrument(sd_db: f64, link_sd_db: f64) -> Instrument {
 }
 
 fn level(power_dbm: f64) -> Level {
-    Level { power_dbm, register_db: 0.0, shift_db: 0.0, ln_survival: 0.0, stated: None }
+    Level {
+        power_dbm,
+        register_db: 0.0,
+        range: Range::shifted(0.0),
+        shift_db: 0.0,
+        ln_survival: 0.0,
+        stated: None,
+    }
 }
 
 #[test]
@@ -137,6 +144,6 @@ fn a_row_that_nobody_received_says_that_the_level_is_low() {
     let weak = instrument(2.0, 2.0).summed(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0);
     assert!(weak.over_level < -0.5, "{weak:?}");
     let [_, _, share, sd] =
-        instrument(2.0, 2.0).row_of(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0, 0.0);
+        instrument(2.0, 2.0).row_of(&row(100.0, 0.0, f64::NAN), &level(-90.0), (0.0, 0.0), None);
     assert!((share - 0.5).abs() < 0.01 && 0.1 < sd, "{share} {sd}");
 }

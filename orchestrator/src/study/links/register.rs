@@ -1,0 +1,173 @@
+//! What a reading says about power, whatever the register makes of it.
+
+/// Registers read powers between these (dBm); where one never reads as much as was read, it was more power than this.
+const POWERS_DBM: (f64, f64) = (-250.0, 100.0);
+/// Readings that are not rounded are taken for ranges of this width (dB).
+const LEAST_QUANTUM_DB: f64 = 0.01;
+/// Ranges of powers that are wider, or narrower, than the step of readings by less than this share are as wide.
+const AS_WIDE: f64 = 1e-6;
+/// Most steps of a search, and how close it comes (dB).
+const MOST_STEPS: usize = 100;
+const CLOSE_DB: f64 = 1e-11;
+
+/// What a register makes of powers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Register {
+    /// It reads what there is.
+    Exact,
+    /// It reads as much more, or less, of every power.
+    Shifted,
+    /// What it reads more depends on the power.
+    Bent,
+}
+
+impl Register {
+    /// Of what is read at every power (dBm).
+    #[must_use]
+    pub fn of(read_dbm: &dyn Fn(f64) -> f64) -> Self {
+        let more_db = |step: i32| {
+            let power_dbm = 2.0 * f64::from(step);
+            read_dbm(power_dbm) - power_dbm
+        };
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for more in (-60..=10).map(more_db) {
+            (least, most) = (least.min(more), most.max(more));
+        }
+        if AS_WIDE < most - least {
+            Self::Bent
+        } else if least != 0.0 || most != 0.0 {
+            Self::Shifted
+        } else {
+            Self::Exact
+        }
+    }
+}
+
+/// The powers that have one reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// The reading less the power in their middle (dB).
+    pub offset_db: f64,
+    /// How wide they lie for a decibel of readings; exactly 1 where the register only shifts.
+    pub stretch: f64,
+}
+
+impl Range {
+    /// Where the register reads as much more of every power (dB).
+    #[must_use]
+    pub const fn shifted(offset_db: f64) -> Self {
+        Self { offset_db, stretch: 1.0 }
+    }
+
+    /// Powers with this reading (dBm), which is rounded to steps (dB; 0: it is not), of a register that never reads less of more.
+    #[must_use]
+    pub fn of(read_dbm: &dyn Fn(f64) -> f64, reading_dbm: f64, quantum_db: f64) -> Self {
+        let quantum_db = width_db(quantum_db);
+        let [low, high] =
+            [-0.5, 0.5].map(|half| power_dbm(read_dbm, reading_dbm + half * quantum_db));
+        let stretch = (high - low) / quantum_db;
+        let is_as_wide = (stretch - 1.0).abs() < AS_WIDE;
+        Self {
+            offset_db: reading_dbm - 0.5 * (low + high),
+            stretch: if is_as_wide { 1.0 } else { stretch.max(AS_WIDE) },
+        }
+    }
+}
+
+/// The width of readings (dB) that are rounded to such steps.
+#[must_use]
+pub fn width_db(quantum_db: f64) -> f64 {
+    quantum_db.max(LEAST_QUANTUM_DB)
+}
+
+/// The least power (dBm) of which as much is read.
+fn power_dbm(read_dbm: &dyn Fn(f64) -> f64, reading_dbm: f64) -> f64 {
+    let missing = |power_dbm: f64| read_dbm(power_dbm) - reading_dbm;
+    // Where it begins to be read lies between two powers, which are moved apart until it does.
+    let (mut low, mut high) = (reading_dbm, reading_dbm);
+    let (mut below, mut above) = (missing(low), missing(high));
+    let mut step = 1.0;
+    while 0.0 <= below && POWERS_DBM.0 < low {
+        (high, above) = (low, below);
+        low = (low - below.max(step)).max(POWERS_DBM.0);
+        below = missing(low);
+        step *= 2.0;
+    }
+    while above < 0.0 && high < POWERS_DBM.1 {
+        (low, below) = (high, above);
+        high = (high - above.min(-step)).min(POWERS_DBM.1);
+        above = missing(high);
+        step *= 2.0;
+    }
+    if 0.0 <= below || above < 0.0 {
+        return if above < 0.0 { high } else { low };
+    }
+    // By false position, the value at an end that stays twice being halved (Illinois): at once where both are on one straight line.
+    let mut was_below = None;
+    for _ in 0..MOST_STEPS {
+        let between = ((low * above - high * below) / (above - below)).clamp(low, high);
+        let there = missing(between);
+        if there.abs() < CLOSE_DB || high - low < CLOSE_DB {
+            return between;
+        }
+        let is_below = there < 0.0;
+        if is_below {
+            (low, below) = (between, there);
+        } else {
+            (high, above) = (between, there);
+        }
+        if was_below == Some(is_below) {
+            *if is_below { &mut above } else { &mut below } *= 0.5;
+        }
+        was_below = Some(is_below);
+    }
+    high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn saturating(slope: f64) -> impl Fn(f64) -> f64 {
+        move |dbm: f64| if dbm <= -50.0 { dbm } else { -50.0 + slope * (dbm + 50.0) }
+    }
+
+    #[test]
+    fn powers_of_a_reading_are_those_that_are_read_so() {
+        let read = saturating(0.25);
+        let range = |reading_dbm: f64| Range::of(&read, reading_dbm, 1.0);
+        assert_eq!(range(-70.0), Range::shifted(0.0));
+        // -48 dBm is read from -44 to -40 dBm, and half a decibel about the knee from -50.5 to -48 dBm.
+        for (reading_dbm, low_dbm, high_dbm) in [(-48.0, -44.0, -40.0), (-50.0, -50.5, -48.0)] {
+            let Range { offset_db, stretch } = range(reading_dbm);
+            assert!((stretch - (high_dbm - low_dbm)).abs() < 1e-9, "{reading_dbm}: {stretch}");
+            let middle_dbm = reading_dbm - offset_db;
+            assert!((middle_dbm - 0.5 * (low_dbm + high_dbm)).abs() < 1e-9, "{reading_dbm}");
+        }
+    }
+
+    #[test]
+    fn what_is_never_read_takes_more_power_than_there_is() {
+        let read = saturating(0.0);
+        let last = Range::of(&read, -50.0, 1.0);
+        assert!((last.stretch - (POWERS_DBM.1 + 50.5)).abs() < 1e-6, "{last:?}");
+        let beyond = Range::of(&read, -48.0, 1.0);
+        assert_eq!(-48.0 - beyond.offset_db, POWERS_DBM.1);
+    }
+
+    #[test]
+    fn a_register_that_is_bent_smoothly_is_inverted() {
+        let read = |dbm: f64| -40.0 - (1.0 + (-0.1 * (dbm + 40.0)).exp()).ln() / 0.1;
+        for reading_dbm in [-95.0, -60.0, -45.0, -41.0] {
+            let there = power_dbm(&read, reading_dbm);
+            assert!((read(there) - reading_dbm).abs() < 1e-9, "{reading_dbm}: {there}");
+        }
+    }
+
+    #[test]
+    fn registers_are_told_by_what_they_read() {
+        assert_eq!(Register::of(&|dbm| dbm), Register::Exact);
+        assert_eq!(Register::of(&|dbm| dbm + 3.0), Register::Shifted);
+        assert_eq!(Register::of(&saturating(0.9)), Register::Bent);
+    }
+}
