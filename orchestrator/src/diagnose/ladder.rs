@@ -389,6 +389,10 @@ impl<'a, S: Study> Search<'a, S> {
             decided.retain(|trial| accepted.contains(&trial.term));
             rungs = self.rungs(&accepted);
         }
+        if stopped.is_none() {
+            (self.report)("which cannot be told apart");
+            self.part(&mut decided, &accepted);
+        }
         let mut trials = decided;
         let is_decided: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
         trials.extend(last.into_iter().filter(|trial| !is_decided.contains(&trial.term)));

@@ -241,6 +241,22 @@ impl<S: Study> Search<'_, S> {
         trials.par_iter().enumerate().filter(is_tied).map(|(_, trial)| trial.term).collect()
     }
 
+    /// Strikes out candidates that could not be told from an accepted one when it was taken, and can with all that came after it.
+    pub(super) fn part(&self, decided: &mut [Trial], accepted: &[usize]) {
+        let Some(&last) = accepted.last() else { return };
+        for trial in decided.iter_mut().filter(|trial| trial.term != last) {
+            let rest = without(accepted, trial.term);
+            let is_still_tied = |&rival: &usize| {
+                let mut again = self.attempt(&rest, rival);
+                again.is_significant = again.gain.p_value < FAMILY_ERROR;
+                (again.is_significant || self.rivals(trial, &again, &rest))
+                    && self.is_tied(trial, &again, &rest)
+            };
+            let ties: Vec<usize> = trial.ties.par_iter().copied().filter(is_still_tied).collect();
+            trial.ties = ties;
+        }
+    }
+
     /// Whether a curve has another in it that is beyond chance, and what it has beyond that is not even likely, were all rows
     /// independent.
     fn says_nothing_more(&self, trial: &Trial, trials: &[Trial], accepted: &[usize]) -> bool {
