@@ -44,7 +44,7 @@ pub const ENTRY: Entry = Entry {
                 unit: "dBm",
                 min: -110.0,
                 max: 0.0,
-                starts: &[-75.0, -60.0, -45.0, -30.0],
+                starts: &[-90.0, -80.0, -70.0, -60.0, -50.0, -40.0, -30.0],
                 step: 0.1,
             },
             Parameter { key: "slope", unit: "", min: 0.0, max: 1.0, starts: &[0.5], step: 0.01 },
