@@ -98,6 +98,15 @@ impl Shape {
         }
     }
 
+    /// Where it is: both ends, or the centre.
+    fn places(&self) -> impl Iterator<Item = [f64; 2]> {
+        let (first, last) = match *self {
+            Self::Segment(a, b) => (a, Some(b)),
+            Self::Disc(centre, _) => (centre, None),
+        };
+        [first].into_iter().chain(last)
+    }
+
     fn of(&self, numbers: &[f64]) -> Self {
         match *self {
             Self::Segment(..) => Self::Segment([numbers[0], numbers[1]], [numbers[2], numbers[3]]),

@@ -10,7 +10,7 @@ use crate::study::links::terms::State;
 use proto::rng::{Draws, Purpose, normal, uniform};
 
 /// Steps of the walk, and how many looks at a way it may take in all.
-const STEPS: (usize, usize) = (1_000, 8_000);
+const STEPS: (usize, usize) = (1_000, 20_000);
 const MOST_LOOKS: usize = 100_000_000;
 /// The first steps are forgotten: one in so many.
 const FORGOTTEN: usize = 8;
@@ -52,12 +52,23 @@ struct Walk {
     /// Of each way, what the fitted obstacle takes (dB).
     taken_db: Vec<f64>,
     shape: Shape,
+    /// Least and greatest coordinates (m) between which ways lie, and what was fitted: beyond them nothing tells where an end is.
+    bounds_m: [[f64; 2]; 2],
 }
 
 impl Walk {
     fn new(ways: Vec<Way>, shape: Shape, loss_db: f64) -> Self {
         let taken = |way: &Way| if shape.is_crossed(way) { loss_db } else { 0.0 };
-        Self { taken_db: ways.iter().map(taken).collect(), ways, shape }
+        let places = ways.iter().flat_map(|way| [way.from_m, way.to_m]);
+        let places = places.chain(shape.places());
+        let mut bounds_m = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        for place in places {
+            for axis in 0..2 {
+                bounds_m[0][axis] = bounds_m[0][axis].min(place[axis]);
+                bounds_m[1][axis] = bounds_m[1][axis].max(place[axis]);
+            }
+        }
+        Self { taken_db: ways.iter().map(taken).collect(), ways, shape, bounds_m }
     }
 
     /// What the likelihood loses (nats) with the obstacle at these numbers, the loss (dB) the last: a parabola about the fit.
@@ -82,8 +93,9 @@ impl Walk {
         let mut drawn = Vec::with_capacity(n_steps);
         for step in 0..n_steps {
             let [what, size, one, other] = draws.words(0, step as u64, 0);
-            let [accept, ..] = draws.words(0, step as u64, 1);
-            let there = self.moved(&here, what, uniform(size), normal(one, other));
+            let [accept, turn, ..] = draws.words(0, step as u64, 1);
+            let size = (uniform(size), uniform(turn));
+            let there = self.moved(&here, what, size, normal(one, other));
             if self.is_possible(&there) {
                 let then = self.lost(&there);
                 if uniform(accept).ln() < lost - then {
@@ -95,20 +107,52 @@ impl Walk {
         drawn.split_off(n_steps / FORGOTTEN)
     }
 
-    /// A move that is as likely as its way back: of one number, or of the whole obstacle along an axis.
-    fn moved(&self, here: &[f64], what: u64, size: f64, by: f64) -> Vec<f64> {
+    /// A move that is as likely as its way back: of one number; of a segment, or of one end of it, along it or across, or about
+    /// an end; of a disc with an edge that stays. `turn`: a number in 0 to 1.
+    fn moved(&self, here: &[f64], what: u64, (size, turn): (f64, f64), by: f64) -> Vec<f64> {
         let scaled = |(least, most): (f64, f64)| by * least * (most / least).powf(size);
         let mut there = here.to_vec();
         let loss = here.len() - 1;
-        let is_segment = matches!(self.shape, Shape::Segment(..));
-        let n_moves = here.len() as u64 + if is_segment { 2 } else { 0 };
-        match (what % n_moves) as usize {
-            k if k == loss => there[k] += scaled(CHANGES_DB),
-            k if k < loss => there[k] += scaled(MOVES_M),
-            k => {
-                let axis = k - here.len();
-                there[axis] += scaled(MOVES_M);
-                there[axis + 2] = here[axis + 2] + (there[axis] - here[axis]);
+        let own_moves = match self.shape {
+            Shape::Segment(..) => 6,
+            Shape::Disc(..) => 2,
+        };
+        let k = (what % (here.len() as u64 + own_moves)) as usize;
+        if k == loss {
+            there[k] += scaled(CHANGES_DB);
+            return there;
+        }
+        let by_m = scaled(MOVES_M);
+        if k < loss {
+            there[k] += by_m;
+            return there;
+        }
+        if let Shape::Disc(..) = self.shape {
+            let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+            there[0] += by_m * cos;
+            there[1] += by_m * sin;
+            there[2] += by_m;
+            return there;
+        }
+        let (east, north) = (here[2] - here[0], here[3] - here[1]);
+        let length_m = east.hypot(north);
+        let (east, north) = (east / length_m, north / length_m);
+        let mut add = |end: usize, east_m: f64, north_m: f64| {
+            there[2 * end] += east_m;
+            there[2 * end + 1] += north_m;
+        };
+        match k - here.len() {
+            // One end along the segment; both, and both across it.
+            end @ (0 | 1) => add(end, by_m * east, by_m * north),
+            2 => (0..2).for_each(|end| add(end, by_m * east, by_m * north)),
+            3 => (0..2).for_each(|end| add(end, -by_m * north, by_m * east)),
+            // One end about the other, by an arc so long.
+            about => {
+                let (sin, cos) = (by_m / length_m).sin_cos();
+                let end = about % 2;
+                let sign = if end == 0 { -1.0 } else { 1.0 };
+                let turned = [east * cos - north * sin - east, east * sin + north * cos - north];
+                add(end, sign * length_m * turned[0], sign * length_m * turned[1]);
             }
         }
         there
@@ -120,7 +164,14 @@ impl Walk {
             Shape::Segment(..) => (place[2] - place[0]).hypot(place[3] - place[1]),
             Shape::Disc(..) => place[2],
         };
-        0.0 < *loss_db && *loss_db < MOST_DB && 0.1 < size_m && size_m < 2.0 * WIDEST_M
+        let [least, most] = self.bounds_m;
+        let is_within =
+            |at: [f64; 2]| (0..2).all(|axis| least[axis] <= at[axis] && at[axis] <= most[axis]);
+        0.0 < *loss_db
+            && *loss_db < MOST_DB
+            && 0.1 < size_m
+            && size_m < 2.0 * WIDEST_M
+            && self.shape.of(place).places().all(is_within)
     }
 }
 
@@ -175,6 +226,22 @@ mod tests {
         assert_eq!(moved(8.1), 80.0, "one way more: half of 16 dB² times 10");
         assert_eq!(moved(6.9), 80.0, "one less");
         assert_eq!(walk.lost(&[3.5, 0.0, 7.5, 0.0, 3.0]), 20.0, "four ways, a decibel each");
+    }
+
+    #[test]
+    fn a_segment_keeps_its_length_as_it_is_moved_or_turned_and_its_line_as_it_grows() {
+        let walk = walk(10.0);
+        let here = [1.0, 2.0, 4.0, 6.0, 3.0];
+        let of = |there: &[f64]| (there[2] - there[0], there[3] - there[1]);
+        for what in 5..11 {
+            let there = walk.moved(&here, what, (0.9, 0.3), 1.3);
+            let (east_m, north_m) = of(&there);
+            let is_grown = what < 7;
+            assert_eq!((east_m.hypot(north_m) - 5.0).abs() < 1e-12, !is_grown, "{what}");
+            let across_m = 4.0 * east_m - 3.0 * north_m;
+            assert_eq!(across_m.abs() < 1e-12, what < 9, "{what}: {there:?}");
+            assert_ne!(there, here, "{what}");
+        }
     }
 
     #[test]
