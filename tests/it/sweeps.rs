@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const EXPERIMENT: &str = "[experiment]\nname = \"s\"\nseed = 3\nduration_s = 2.0\nagents = 8\n\
     [robotsim.scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.1\n\
@@ -379,6 +379,8 @@ fn what_cannot_be_paired_is_said() {
 fn a_sweep_that_is_asked_to_stop_says_how_far_it_came_and_goes_on() {
     let folder = tests::folder();
     experiment(folder.path(), TWO_BY_TWO);
+    let journal = folder.path().join("runs/s/trials.jsonl");
+    let n_done = || std::fs::read_to_string(&journal).map_or(0, |journal| journal.lines().count());
     for signals in [1, 2] {
         let running = Command::new(tests::executable("orchestrator"))
             .args(["sweep", "s.toml", "--set", "sweep.seeds=2000"])
@@ -388,7 +390,11 @@ fn a_sweep_that_is_asked_to_stop_says_how_far_it_came_and_goes_on() {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        std::thread::park_timeout(Duration::from_millis(700));
+        let begun = Instant::now();
+        let before = n_done();
+        while n_done() == before && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::park_timeout(Duration::from_millis(20));
+        }
         for _ in 0..signals {
             let id = running.id().to_string();
             assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
@@ -399,8 +405,7 @@ fn a_sweep_that_is_asked_to_stop_says_how_far_it_came_and_goes_on() {
         assert!(said.contains("stopped by SIGTERM after "), "{said}");
         assert!(said.contains(" of 8000 trials: the same command goes on from there"), "{said}");
     }
-    let journal = std::fs::read_to_string(folder.path().join("runs/s/trials.jsonl")).unwrap();
-    let n = journal.lines().count();
+    let n = n_done();
     assert!(0 < n && n < 8000, "{n}");
     // Fewer seeds than it began with: of those that are done, the ones that still count.
     let said = sweep(folder.path(), &["--set", "sweep.seeds=2"]);
