@@ -62,6 +62,8 @@ pub struct Gain {
     pub standard_error: f64,
     /// Probability of as great a gain by chance.
     pub p_value: f64,
+    /// The same by Student's t alone, however few blocks carry the gain.
+    pub by_t: f64,
     /// Number of blocks.
     pub n_blocks: usize,
     /// Number of rows.
@@ -71,7 +73,7 @@ pub struct Gain {
 impl Gain {
     /// No gain at all.
     pub const NONE: Self =
-        Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, n_blocks: 0, n_rows: 0 };
+        Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, by_t: 1.0, n_blocks: 0, n_rows: 0 };
 
     /// Of all rows together (nats).
     #[must_use]
@@ -105,13 +107,14 @@ impl Gain {
         let standard_error = (blocks / (blocks - 1.0) * squares).sqrt() / n;
         let skewness =
             blocks / (blocks - 2.0) * cubes / squares * ((blocks - 1.0) / squares).sqrt();
-        let p_value = match StudentsT::new(0.0, 1.0, blocks - 1.0) {
-            Ok(t) if 0.0 < standard_error => {
-                t.sf(unskewed(gain / standard_error, skewness, blocks))
+        let [p_value, by_t] = match StudentsT::new(0.0, 1.0, blocks - 1.0) {
+            Ok(law) if 0.0 < standard_error => {
+                let t = gain / standard_error;
+                [unskewed(t, skewness, blocks), t].map(|t| law.sf(t))
             }
-            _ => 1.0,
+            _ => [1.0; 2],
         };
-        Self { gain, standard_error, p_value, n_blocks, n_rows }
+        Self { gain, standard_error, p_value, by_t, n_blocks, n_rows }
     }
 }
 

@@ -225,6 +225,13 @@ impl<'a, S: Study> Search<'a, S> {
         Gain::of(&self.held_out(terms, level), &self.held_out(parent, level), blocks.dependent())
     }
 
+    /// The same of one of the terms. A curve, which names no cause and may stand in for effects that do, is held to Student's t alone.
+    fn gain_of(&self, term: usize, terms: &[usize], parent: &[usize], level: Level) -> Gain {
+        let gain = self.gain(terms, parent, level);
+        let is_curve = self.study.candidates()[term].curve_over().is_some();
+        if is_curve { Gain { p_value: gain.by_t, ..gain } } else { gain }
+    }
+
     /// A fit to all rows with one term more than `parent`; none where a quick one raises the likelihood by less than `least`
     /// (nats).
     fn promising(
@@ -278,12 +285,12 @@ impl<'a, S: Study> Search<'a, S> {
         {
             return hopeless;
         }
-        let gain = self.gain(&terms, accepted, level);
+        let gain = self.gain_of(term, &terms, accepted, level);
         let common = if self.study.judged(level) == COMMON || FAMILY_ERROR < gain.p_value {
             gain
         } else {
             self.full(&terms, COMMON, Some(&fit));
-            self.gain(&terms, accepted, COMMON)
+            self.gain_of(term, &terms, accepted, COMMON)
         };
         debug!(name = candidate.name, gain = gain.gain, p = gain.p_value, took = ?begun.elapsed(), "scored");
         Trial { gain, common, ..hopeless }
@@ -434,7 +441,7 @@ impl<'a, S: Study> Search<'a, S> {
             }
             let all = self.full(accepted, level, None);
             self.prepare(&rest, &all);
-            let gain = self.gain(accepted, &rest, level);
+            let gain = self.gain_of(term, accepted, &rest, level);
             debug!(
                 name = candidates[term].name,
                 gain = gain.gain,

@@ -198,7 +198,7 @@ impl<S: Study> Search<'_, S> {
             let one = self.full(&with(accepted, first.term), COMMON, None);
             self.full(&with(accepted, first.term), level, Some(&one));
             self.full(&both, level, Some(&one));
-            let gain = self.gain(&both, &with(accepted, first.term), level);
+            let gain = self.gain_of(second.term, &both, &with(accepted, first.term), level);
             gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain
         };
         !((b.is_significant && adds(a, b)) || adds(b, a))
