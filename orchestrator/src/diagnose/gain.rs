@@ -62,8 +62,6 @@ pub struct Gain {
     pub standard_error: f64,
     /// Probability of as great a gain by chance.
     pub p_value: f64,
-    /// The same by Student's t alone, however few blocks carry the gain.
-    pub by_t: f64,
     /// Number of blocks.
     pub n_blocks: usize,
     /// Number of rows.
@@ -73,7 +71,7 @@ pub struct Gain {
 impl Gain {
     /// No gain at all.
     pub const NONE: Self =
-        Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, by_t: 1.0, n_blocks: 0, n_rows: 0 };
+        Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, n_blocks: 0, n_rows: 0 };
 
     /// Of all rows together (nats).
     #[must_use]
@@ -107,14 +105,25 @@ impl Gain {
         let standard_error = (blocks / (blocks - 1.0) * squares).sqrt() / n;
         let skewness =
             blocks / (blocks - 2.0) * cubes / squares * ((blocks - 1.0) / squares).sqrt();
-        let [p_value, by_t] = match StudentsT::new(0.0, 1.0, blocks - 1.0) {
-            Ok(law) if 0.0 < standard_error => {
-                let t = gain / standard_error;
-                [unskewed(t, skewness, blocks), t].map(|t| law.sf(t))
+        let unjudged = Self { gain, standard_error, p_value: 1.0, n_blocks, n_rows };
+        unjudged.judged(|t| unskewed(t, skewness, blocks))
+    }
+
+    /// Judged by Student's t alone, however few blocks carry the gain.
+    #[must_use]
+    pub fn by_t(self) -> Self {
+        self.judged(|t| t)
+    }
+
+    /// With the probability by chance that Student's law gives what is made of t.
+    fn judged(self, made_of: impl FnOnce(f64) -> f64) -> Self {
+        let p_value = match StudentsT::new(0.0, 1.0, self.n_blocks as f64 - 1.0) {
+            Ok(law) if 0.0 < self.standard_error => {
+                law.sf(made_of(self.gain / self.standard_error))
             }
-            _ => [1.0; 2],
+            _ => 1.0,
         };
-        Self { gain, standard_error, p_value, by_t, n_blocks, n_rows }
+        Self { p_value, ..self }
     }
 }
 

@@ -229,7 +229,7 @@ impl<'a, S: Study> Search<'a, S> {
     fn gain_of(&self, term: usize, terms: &[usize], parent: &[usize], level: Level) -> Gain {
         let gain = self.gain(terms, parent, level);
         let is_curve = self.study.candidates()[term].curve_over().is_some();
-        if is_curve { Gain { p_value: gain.by_t, ..gain } } else { gain }
+        if is_curve { gain.by_t() } else { gain }
     }
 
     /// A fit to all rows with one term more than `parent`; none where a quick one raises the likelihood by less than `least`

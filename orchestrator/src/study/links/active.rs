@@ -17,11 +17,7 @@ pub(super) struct Active {
 
 impl Active {
     pub(super) fn new(effect: Box<dyn Effect>, rows: &Rows) -> Self {
-        let register = if rows.is_empty() {
-            Register::Exact
-        } else {
-            Register::of(&|dbm| rows.register_dbm(&*effect, 0, dbm))
-        };
+        let register = rows.register_of(&*effect);
         Self { effect: Arc::from(effect), register }
     }
 

@@ -103,10 +103,8 @@ impl Rows {
             silent_frames: Vec::new(),
         };
         rows.base = (0..rows.links.rows.len()).map(|row| rows.base_of(row)).collect();
-        rows.is_bent = !rows.is_empty()
-            && rows.model.effects.iter().any(|effect| {
-                Register::of(&|dbm| rows.register_dbm(&**effect, 0, dbm)) == Register::Bent
-            });
+        let mut registers = rows.model.effects.iter().map(|effect| rows.register_of(&**effect));
+        rows.is_bent = registers.any(|register| register == Register::Bent);
         rows.leave_out_unknown();
         if rows.links.readings.is_given {
             rows.links.readings.has_losses = has_losses(&rows.links.rows);
@@ -191,6 +189,15 @@ impl Rows {
     #[must_use]
     pub fn register_dbm(&self, effect: &dyn Effect, row: usize, reading_dbm: f64) -> f64 {
         self.link(row, |link| effect.register_dbm(link, reading_dbm))
+    }
+
+    /// What an effect makes of readings, by those of the first row.
+    #[must_use]
+    pub fn register_of(&self, effect: &dyn Effect) -> Register {
+        if self.is_empty() {
+            return Register::Exact;
+        }
+        Register::of(&|dbm| self.register_dbm(effect, 0, dbm))
     }
 
     /// The level that the reading of a row is taken for (dBm), where readings are given.

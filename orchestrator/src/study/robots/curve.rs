@@ -92,14 +92,12 @@ impl Model {
     /// What the curves of a fit do where measurements count as much as it says.
     pub(super) fn actings(&self, fit: &RobotFit) -> Vec<Acting<'_>> {
         let gains = self.gains(fit);
-        let mut first = self.base.len();
-        let mut actings = Vec::new();
-        for &term in &fit.terms {
-            let numbers = first..first + self.n_numbers(term);
-            first = numbers.end;
-            actings.extend(self.curve(term).map(|curve| self.acting(curve, numbers, gains)));
-        }
-        actings
+        let acting = |&term: &usize| {
+            let curve = self.curve(term)?;
+            let first = fit.first(self, term);
+            Some(self.acting(curve, first..first + self.n_numbers(term), gains))
+        };
+        fit.terms.iter().filter_map(acting).collect()
     }
 
     fn acting<'a>(&self, curve: &'a Curve, numbers: Range<usize>, gains: Gains) -> Acting<'a> {
