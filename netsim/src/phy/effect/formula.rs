@@ -4,8 +4,8 @@ use super::{Effect, Entry};
 use crate::phy::link::{End, Link, Side};
 use crate::phy::sight::Path;
 use proto::config::{Choice, Default, Field, Kind, Range, Variant};
-use proto::effect::{About, Fit, Level, Need};
-use proto::formula::{Bound, FIELDS, Written};
+use proto::effect::{About, Need};
+use proto::formula::{Bound, FIELDS, FIT, Written};
 
 /// `kind = "formula"`.
 pub const ENTRY: Entry = Entry {
@@ -55,14 +55,7 @@ pub const ENTRY: Entry = Entry {
         trace: "As written: along the covariates that the expression uses.",
         needs: &[Need::Readings],
     },
-    // Its parameters are those that the configuration names.
-    fit: Fit {
-        parameters: &[],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        linear_in: None,
-    },
+    fit: FIT,
     check: |table, path, problems| {
         Written::read(table, path, &NAMES.map(|(name, _)| name), problems);
     },

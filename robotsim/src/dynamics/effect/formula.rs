@@ -3,8 +3,8 @@
 use super::{Effect, Entry, Situation};
 use crate::dynamics::norm;
 use proto::config::{Choice, Default, Field, Kind, Range, Variant};
-use proto::effect::{About, Fit, Level};
-use proto::formula::{Bound, FIELDS, Written};
+use proto::effect::About;
+use proto::formula::{Bound, FIELDS, FIT, Written};
 
 /// `kind = "formula"`.
 pub(super) const ENTRY: Entry = Entry {
@@ -49,14 +49,7 @@ pub(super) const ENTRY: Entry = Entry {
         trace: "As written: along the covariates that the expression uses.",
         needs: &[],
     },
-    // Its parameters are those that the configuration names.
-    fit: Fit {
-        parameters: &[],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        linear_in: None,
-    },
+    fit: FIT,
     check: |table, path, problems| {
         Written::read(table, path, &NAMES.map(|(name, _)| name), problems);
     },
