@@ -8,6 +8,7 @@
 mod blocks;
 mod curve;
 mod density;
+mod derivatives;
 mod discs;
 mod driven;
 mod fit;
@@ -30,7 +31,8 @@ use crate::measure::Rejected;
 use crate::measure::robots::Robots;
 use crate::measure::table::Table;
 use density::{Density, Residual};
-use fit::{Columns, Number};
+use derivatives::Derivatives;
+use fit::Number;
 use motion::{Gains, Tracks};
 use nalgebra::DMatrix;
 use proto::effect::Level;
@@ -126,7 +128,7 @@ pub struct RobotFit {
     density: Density,
     log_likelihood: f64,
     /// Derivatives of all residuals at these numbers, once somebody asked for them.
-    columns: Arc<OnceLock<Option<Columns>>>,
+    derivatives: Arc<OnceLock<Option<Derivatives>>>,
 }
 
 /// The model does not suit the file.
@@ -354,7 +356,7 @@ impl RobotStudy {
                 n_parts,
             },
             log_likelihood: f64::NEG_INFINITY,
-            columns: Arc::default(),
+            derivatives: Arc::default(),
         };
         let (physics, gains) = model.physics(&start).ok_or(RobotStudyError::Dynamics)?;
         model.directions = model.tracks.directions(&physics, gains);
@@ -493,9 +495,9 @@ impl Study for RobotStudy {
         let start = start.unwrap_or(&self.configured);
         // A fold's fit starts where all rows lead.
         if !is_all && start.terms == terms {
-            let columns = start.columns.get_or_init(|| self.model.columns(start));
-            if let Some(columns) = columns {
-                return self.model.refitted(start, columns, train);
+            let derivatives = start.derivatives.get_or_init(|| self.model.derivatives(start));
+            if let Some(derivatives) = derivatives {
+                return self.model.refitted(start, derivatives, train);
             }
         }
         let fit = self.model.fitted(terms, train, start);
@@ -511,8 +513,8 @@ impl Study for RobotStudy {
         if before != parent.terms {
             return None;
         }
-        let columns = parent.columns.get_or_init(|| self.model.columns(parent)).as_ref()?;
-        self.model.screened(parent, columns, term, &self.fitted_rows())
+        let known = parent.derivatives.get_or_init(|| self.model.derivatives(parent)).as_ref()?;
+        self.model.screened(parent, known, term, &self.fitted_rows())
     }
 
     fn apart(&self, one: &RobotFit, other: &RobotFit) -> Option<Apart> {

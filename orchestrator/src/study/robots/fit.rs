@@ -3,6 +3,7 @@
 
 use super::curve::Acting;
 use super::density::{Density, Residual};
+use super::derivatives::Derivatives;
 use super::motion::Paths;
 use super::{Model, RobotFit};
 use crate::study::folds::Blocks;
@@ -15,11 +16,15 @@ const MOST_STEPS: usize = 60;
 const CONVERGED_NATS: f64 = 1e-4;
 /// … twice in a row.
 const CONVERGED_TIMES: usize = 2;
+/// A step that promises less than this share of that is not tried.
+const PROMISING: f64 = 0.1;
 /// A fit to some of the windows, which starts where all of them lead, has converged when a step gains less (nats): what a
-/// fold's fit lacks of its optimum shows in its scores in second order only.
-const NEAR_NATS: f64 = 1e-4;
+/// fold's fit lacks of its optimum shows in its scores in second order only, and decisions are about tens of nats.
+const NEAR_NATS: f64 = 1e-2;
 /// Most steps of such a fit with the derivatives at its start, before they are computed anew.
 const CHORD_STEPS: usize = 8;
+/// Thresholds and other numbers are searched in turn so many times at most.
+const SETTLING_TIMES: usize = 5;
 /// Most further steps of such a fit: where the likelihood has jumps, there is no end to them.
 const FOLD_STEPS: usize = 10;
 /// Steps of a first look at each of several starts.
@@ -27,7 +32,7 @@ const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
 const N_FOLLOWED: usize = 3;
 /// What holds the numbers of a curve near 0: the standard deviation of each, in units of a share of the way, or m/s.
-const CURVE_SD: f64 = 1.0;
+pub(super) const CURVE_SD: f64 = 1.0;
 
 /// A number that a fit sets.
 #[derive(Clone, Copy, Debug)]
@@ -37,14 +42,11 @@ pub(super) struct Number {
     pub(super) step: f64,
 }
 
-/// Derivatives of each component of each residual by each number: by columns.
-pub(super) type Columns = Vec<Vec<[f64; 3]>>;
-
 /// What a change of numbers leaves as it is.
 #[derive(Clone, Copy, Default)]
-struct Known<'a> {
-    paths: Option<&'a Paths>,
-    actings: Option<&'a [Acting<'a>]>,
+pub(super) struct Known<'a> {
+    pub(super) paths: Option<&'a Paths>,
+    pub(super) actings: Option<&'a [Acting<'a>]>,
 }
 
 /// The state of a fit.
@@ -103,12 +105,6 @@ pub(super) fn damped(information: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
     matrix
 }
 
-/// Derivatives at some of the windows.
-pub(super) fn at_rows(columns: &Columns, rows: &[u32]) -> Columns {
-    let of = |column: &Vec<[f64; 3]>| rows.iter().map(|&row| column[row as usize]).collect();
-    columns.iter().map(of).collect()
-}
-
 impl Model {
     /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
     pub(super) fn fitted(&self, terms: &[usize], train: &[u32], start: &RobotFit) -> RobotFit {
@@ -119,7 +115,7 @@ impl Model {
         for &term in terms.iter().filter(|term| !known.contains(term)) {
             fit = self.extended(&fit, term, train);
         }
-        fit = self.refined(fit, train);
+        fit = self.settled(fit, train);
         // Numbers in the order of the terms.
         if fit.terms == terms { fit } else { self.carried(terms, &fit) }
     }
@@ -130,7 +126,7 @@ impl Model {
         for term in terms {
             values.extend_from_slice(fit.numbers(self, *term));
         }
-        RobotFit { terms: terms.to_vec(), values, columns: Arc::default(), ..fit.clone() }
+        RobotFit { terms: terms.to_vec(), values, derivatives: Arc::default(), ..fit.clone() }
     }
 
     /// A fit with one more term: from the best of its starts.
@@ -156,7 +152,7 @@ impl Model {
             let fit = RobotFit {
                 terms: terms.clone(),
                 values: parent.values.iter().copied().chain(start).collect(),
-                columns: Arc::default(),
+                derivatives: Arc::default(),
                 ..parent.clone()
             };
             let point = self.point(&fit, train)?;
@@ -169,6 +165,25 @@ impl Model {
         looks
     }
 
+    /// A fit whose thresholds and other numbers are at their likeliest together: at another threshold others are.
+    fn settled(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        let mut fit = self.refined(fit, train);
+        if !fit.terms.iter().any(|&term| self.has_threshold(term)) {
+            return fit;
+        }
+        for _ in 0..SETTLING_TIMES {
+            let next = self.refined(self.polished(fit.clone(), train), train);
+            let gained = next.log_likelihood - fit.log_likelihood;
+            if 0.0 < gained {
+                fit = next;
+            }
+            if gained < NEAR_NATS {
+                break;
+            }
+        }
+        fit
+    }
+
     /// A fit that has converged.
     fn polished(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
         self.descended(fit, train, MOST_STEPS, CONVERGED_NATS)
@@ -176,17 +191,26 @@ impl Model {
 
     /// A fit to some of the windows by one whose derivatives at all windows are known: by steps with these (the chord method),
     /// and by Newton's method where they do not lead uphill.
-    pub(super) fn refitted(&self, start: &RobotFit, columns: &Columns, train: &[u32]) -> RobotFit {
+    pub(super) fn refitted(
+        &self,
+        start: &RobotFit,
+        derivatives: &Derivatives,
+        train: &[u32],
+    ) -> RobotFit {
         let mut fit = start.clone();
         let Some(mut at) = self.point(&fit, train) else { return self.polished(fit, train) };
         self.settle(&fit, &mut at);
         let numbers = self.numbers_of(&fit.terms);
-        let columns = at_rows(columns, train);
+        let derivatives = derivatives.at_rows(train);
         for _ in 0..CHORD_STEPS {
             fit.density = at.density;
-            let (information, slope) = self.normal_equations(&fit, &at, &columns);
+            let by: Vec<f64> = at.values.iter().zip(&start.values).map(|(a, b)| a - b).collect();
+            let (information, slope) = self.normal_equations(&fit, &at, &derivatives.moved(&by));
             let matrix = damped(&information, 1e-9);
             let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { break };
+            if 0.5 * step.dot(&slope) < NEAR_NATS {
+                return self.ended(fit, at);
+            }
             fit.values = stepped(&at.values, &step, &numbers);
             let Some(mut next) = self.point(&fit, train) else { break };
             self.settle(&fit, &mut next);
@@ -213,15 +237,8 @@ impl Model {
             values: at.values,
             density: at.density,
             log_likelihood: at.total,
-            columns: Arc::default(),
+            derivatives: Arc::default(),
         }
-    }
-
-    /// Derivatives at all windows under a fit.
-    pub(super) fn columns(&self, fit: &RobotFit) -> Option<Columns> {
-        let all: Vec<u32> = (0..self.tracks.windows.len() as u32).collect();
-        let (residuals, paths) = self.residuals_and_paths(fit, &all, Known::default())?;
-        self.jacobian(fit, (&residuals, &paths), &all, 0)
     }
 
     /// Residuals of some windows under a fit's numbers.
@@ -230,7 +247,7 @@ impl Model {
     }
 
     /// Residuals of some windows under a fit's numbers, and the paths of the model alone unless these are known.
-    fn residuals_and_paths(
+    pub(super) fn residuals_and_paths(
         &self,
         fit: &RobotFit,
         rows: &[u32],
@@ -312,8 +329,8 @@ impl Model {
         for _ in 0..most_steps {
             fit.density = at.density;
             let here = (&at.residuals[..], &at.paths);
-            let Some(columns) = self.jacobian(&fit, here, train, 0) else { break };
-            let (information, slope) = self.normal_equations(&fit, &at, &columns);
+            let Some(derivatives) = self.jacobian(&fit, here, train, 0) else { break };
+            let (information, slope) = self.normal_equations(&fit, &at, &derivatives);
             let mut gained = 0.0;
             for _ in 0..8 {
                 let matrix = damped(&information, damping);
@@ -321,6 +338,9 @@ impl Model {
                     damping *= 10.0;
                     continue;
                 };
+                if 0.5 * step.dot(&slope) < PROMISING * converged {
+                    break;
+                }
                 fit.values = stepped(&at.values, &step, &numbers);
                 match self.better(&fit, &at, train) {
                     Some(next) => {
@@ -341,96 +361,14 @@ impl Model {
         self.ended(fit, at)
     }
 
-    /// Derivatives by the numbers from the `from`th on of residuals that are `at` under a fit, `paths` being those of its
-    /// model alone.
-    pub(super) fn jacobian(
-        &self,
-        fit: &RobotFit,
-        (at, paths): (&[Residual], &Paths),
-        train: &[u32],
-        from: usize,
-    ) -> Option<Columns> {
-        let numbers = self.numbers_of(&fit.terms);
-        let mut columns = Vec::with_capacity(numbers.len());
-        let actings = self.actings(fit);
-        for (index, number) in numbers.iter().enumerate().skip(from) {
-            if let Some(acting) = actings.iter().find(|acting| acting.numbers.contains(&index)) {
-                let k = index - acting.numbers.start;
-                let column = train.iter().zip(at).map(|(&row, residual)| {
-                    let [along, across] = self.curve_column(acting, k, row, residual);
-                    [-along, -across, 0.0]
-                });
-                columns.push(column.collect());
-                continue;
-            }
-            let mut moved = fit.clone();
-            let h = 0.02 * number.step;
-            let h = if number.max < fit.values[index] + h { -h } else { h };
-            moved.values[index] += h;
-            // How much measurements count does not change what the model does alone; nothing else changes what curves do.
-            let known = if index < self.n_gains() {
-                Known { paths: (!paths.is_empty()).then_some(paths), actings: None }
-            } else {
-                Known { paths: None, actings: Some(&actings) }
-            };
-            let (there, _) = self.residuals_and_paths(&moved, train, known)?;
-            let column = there.iter().zip(at).map(|(there, here)| {
-                std::array::from_fn(|i| (there.parts_m[i] - here.parts_m[i]) / h)
-            });
-            columns.push(column.collect());
-        }
-        Some(columns)
-    }
-
-    /// Information matrix and slope of the log likelihood, each window counting as much as the density says.
-    pub(super) fn normal_equations(
-        &self,
-        fit: &RobotFit,
-        at: &Point,
-        columns: &Columns,
-    ) -> (DMatrix<f64>, DVector<f64>) {
-        let n = columns.len();
-        let mut information = DMatrix::zeros(n, n);
-        let mut slope = DVector::zeros(n);
-        for (row, residual) in at.residuals.iter().enumerate() {
-            let weight = at.density.log(residual).1;
-            let sd_m = at.density.sd_m(residual);
-            for part in 0..at.density.n_parts {
-                let scale = weight / (sd_m[part] * sd_m[part]);
-                for i in 0..n {
-                    let by_i = columns[i][row][part] * scale;
-                    slope[i] -= by_i * residual.parts_m[part];
-                    for j in 0..=i {
-                        information[(i, j)] += by_i * columns[j][row][part];
-                    }
-                }
-            }
-        }
-        let mut first = self.base.len();
-        for &term in &fit.terms {
-            if self.curve(term).is_some() {
-                for index in first..first + self.n_numbers(term) {
-                    information[(index, index)] += 1.0 / (CURVE_SD * CURVE_SD);
-                    slope[index] -= fit.values[index] / (CURVE_SD * CURVE_SD);
-                }
-            }
-            first += self.n_numbers(term);
-        }
-        for i in 0..n {
-            for j in 0..i {
-                information[(j, i)] = information[(i, j)];
-            }
-        }
-        (information, slope)
-    }
-
     /// Covariance of the numbers of a fit to all windows, blocks of windows being independent; and the correlations by which
     /// some cannot be told apart.
     pub(super) fn covariance(&self, fit: &RobotFit, blocks: &Blocks) -> Option<DMatrix<f64>> {
         let all = blocks.fitted();
         let point = self.point(fit, &all)?;
-        let columns = self.jacobian(fit, (&point.residuals, &point.paths), &all, 0)?;
-        let (mut information, _) = self.normal_equations(fit, &point, &columns);
+        let derivatives = self.jacobian(fit, (&point.residuals, &point.paths), &all, 0)?;
+        let (mut information, _) = self.normal_equations(fit, &point, &derivatives);
+        let columns = &derivatives.by;
         let n = columns.len();
         let n_blocks = blocks.n_blocks();
         let mut scores = DMatrix::zeros(n_blocks, n);

@@ -41,7 +41,7 @@ impl RobotStudy {
             }
         }
         there.values[held] = value;
-        there.columns = std::sync::Arc::default();
+        there.derivatives = std::sync::Arc::default();
         Some(there)
     }
 }

@@ -1,6 +1,7 @@
 //! Whether a term is worth a fit: a few steps from its starts, with what the parent's numbers do taken as known.
 
-use super::fit::{Columns, Point, at_rows, damped, stepped, uphill};
+use super::derivatives::Derivatives;
+use super::fit::{Point, damped, stepped, uphill};
 use super::{Model, RobotFit};
 
 /// Most steps from a start.
@@ -11,16 +12,16 @@ const QUIET_NATS: f64 = 0.5;
 const CLIMBING_NATS: f64 = 1.0;
 
 impl Model {
-    /// The best of a few steps from the starts of a term on top of its parent, whose derivatives (`columns`, at all windows)
+    /// The best of a few steps from the starts of a term on top of its parent, whose derivatives (`known`, at all windows)
     /// are held. None where that does not tell what the term is worth.
     pub(super) fn screened(
         &self,
         parent: &RobotFit,
-        columns: &Columns,
+        known: &Derivatives,
         term: usize,
         train: &[u32],
     ) -> Option<RobotFit> {
-        let known = at_rows(columns, train);
+        let known = known.at_rows(train);
         let followed = self.begun(parent, term, train).into_iter();
         let (last_gain, fit, at) = followed
             .filter_map(|(fit, at)| self.followed(fit, at, &known, train))
@@ -34,18 +35,18 @@ impl Model {
         &self,
         mut fit: RobotFit,
         mut at: Point,
-        known: &Columns,
+        known: &Derivatives,
         train: &[u32],
     ) -> Option<(f64, RobotFit, Point)> {
         self.settle(&fit, &mut at);
         let numbers = self.numbers_of(&fit.terms);
         let mut gained = 0.0;
-        let mut columns = known.clone();
+        let mut derivatives = known.clone();
         for _ in 0..STEPS {
             fit.density = at.density;
-            columns.truncate(known.len());
-            columns.extend(self.jacobian(&fit, (&at.residuals, &at.paths), train, known.len())?);
-            let (information, slope) = self.normal_equations(&fit, &at, &columns);
+            let here = (&at.residuals[..], &at.paths);
+            derivatives.with(known.len(), self.jacobian(&fit, here, train, known.len())?);
+            let (information, slope) = self.normal_equations(&fit, &at, &derivatives);
             gained = 0.0;
             for damping in [1e-3, 0.1, 10.0] {
                 let matrix = damped(&information, damping);

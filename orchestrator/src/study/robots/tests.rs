@@ -10,6 +10,7 @@ use proto::rng::normal;
 
 const STEP_S: f64 = 0.05;
 const NOISE_M: f64 = 0.01;
+const THRESHOLD_MPS: f64 = 0.3;
 
 /// Two robots, far from each other, whose command of a velocity changes every 0.4 to 1.6 s. As columns of a table of robot
 /// samples, and one more. `moved`: moves place and velocity by a step under a command, and says what that column holds.
@@ -146,6 +147,33 @@ fn an_effect_that_does_nothing_gains_nothing() {
     let child = study.fit(&[lag, wash], &all, Level::Time, Some(&parent));
     let rise = study.log_likelihood(&child) - study.log_likelihood(&parent);
     assert!(rise.abs() < 1e-6, "{rise}");
+}
+
+/// Robots that do not move at slow commands.
+fn reluctant(n_steps: usize) -> Table {
+    driven(n_steps, "battery_v", |_, command, at, _| {
+        let is_moving = THRESHOLD_MPS < command[0].hypot(command[1]);
+        for axis in 0..2 {
+            at[axis] += if is_moving { STEP_S * command[axis] } else { 0.0 };
+        }
+        12.0
+    })
+}
+
+/// How much measurements count depends on how well the model moves: with another threshold it is another share, and with that
+/// share again another threshold.
+#[test]
+fn a_threshold_and_what_goes_with_it_are_at_their_likeliest_together() {
+    let study = study(&reluctant(4000));
+    let band = index(&study, "dead-band");
+    let all: Vec<u32> = (0..study.n_rows() as u32).collect();
+    let fit = study.fit(&[band], &all, Level::Time, None);
+    let again = study.model.fitted(&[band], &all, &fit);
+    let rise = study.log_likelihood(&again) - study.log_likelihood(&fit);
+    assert!(rise.abs() < 0.02, "{rise}");
+    let (estimates, _) = study.estimates(&fit, band);
+    let Estimate { low, high, .. } = estimates[0].clone();
+    assert!((low..=high).contains(&THRESHOLD_MPS), "{estimates:?}");
 }
 
 #[test]

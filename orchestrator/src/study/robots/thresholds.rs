@@ -97,6 +97,11 @@ impl Between {
 }
 
 impl Model {
+    /// Whether a term has a threshold.
+    pub(super) fn has_threshold(&self, term: usize) -> bool {
+        matches!(&self.terms[term], Term::Effect(effect) if effect.threshold_on().is_some())
+    }
+
     /// Where the threshold of a term, if it has one, is among the commands.
     fn between(&self, fit: &RobotFit, term: usize) -> Option<Between> {
         let Term::Effect(effect) = &self.terms[term] else { return None };
@@ -115,7 +120,7 @@ impl Model {
         threshold: f64,
         train: &[u32],
     ) -> Option<(RobotFit, Point)> {
-        let mut fit = RobotFit { columns: std::sync::Arc::default(), ..fit.clone() };
+        let mut fit = RobotFit { derivatives: std::sync::Arc::default(), ..fit.clone() };
         let first = fit.first(self, term);
         fit.values[first] = threshold;
         let point = self.point(&fit, train)?;

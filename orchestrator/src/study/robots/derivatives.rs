@@ -1,0 +1,194 @@
+//! How residuals of robots change with the numbers of a fit, and where that leads.
+
+use super::density::Residual;
+use super::fit::{CURVE_SD, Known, Point};
+use super::motion::Paths;
+use super::{Model, RobotFit};
+use nalgebra::{DMatrix, DVector};
+
+/// How far numbers are moved to see how residuals bend, in units of their small steps.
+const BEND_STEPS: f64 = 0.2;
+/// A bend counts as so many times what the slopes of residuals say of the likelihood's curvature at most, downwards and upwards:
+/// where residuals jump there is no telling.
+const MOST_BENT: [f64; 2] = [-0.5, 4.0];
+
+/// How the components of each residual change.
+type Column = Vec<[f64; 3]>;
+
+/// Derivatives of residuals at a fit.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Derivatives {
+    /// By each number.
+    pub(super) by: Vec<Column>,
+    /// More about the first numbers, which say how much measurements count.
+    bends: Vec<Bend>,
+}
+
+/// What a first derivative does not say. How much measurements count does not go into predictions by straight lines: steps that
+/// take it to do so lead beyond the optimum, again and again.
+#[derive(Clone, Debug)]
+struct Bend {
+    /// Second derivatives of residuals.
+    second: Column,
+    /// Derivative of the spread of each.
+    spread: Vec<f64>,
+}
+
+impl Derivatives {
+    /// By how many numbers.
+    pub(super) fn len(&self) -> usize {
+        self.by.len()
+    }
+
+    /// By the first `n` numbers and those of `more`.
+    pub(super) fn with(&mut self, n: usize, more: Self) {
+        self.by.truncate(n);
+        self.by.extend(more.by);
+    }
+
+    /// At some of the windows.
+    pub(super) fn at_rows(&self, rows: &[u32]) -> Self {
+        fn of<T: Copy>(column: &[T], rows: &[u32]) -> Vec<T> {
+            rows.iter().map(|&row| column[row as usize]).collect()
+        }
+        let bend =
+            |bend: &Bend| Bend { second: of(&bend.second, rows), spread: of(&bend.spread, rows) };
+        Self {
+            by: self.by.iter().map(|column| of(column, rows)).collect(),
+            bends: self.bends.iter().map(bend).collect(),
+        }
+    }
+
+    /// Where numbers have moved by so much.
+    pub(super) fn moved(&self, by: &[f64]) -> Self {
+        let mut there = self.clone();
+        for ((column, bend), by) in there.by.iter_mut().zip(&self.bends).zip(by) {
+            for (first, second) in column.iter_mut().zip(&bend.second) {
+                *first = std::array::from_fn(|i| first[i] + by * second[i]);
+            }
+        }
+        there
+    }
+}
+
+impl Model {
+    /// Derivatives at all windows under a fit.
+    pub(super) fn derivatives(&self, fit: &RobotFit) -> Option<Derivatives> {
+        let all: Vec<u32> = (0..self.tracks.windows.len() as u32).collect();
+        let (residuals, paths) = self.residuals_and_paths(fit, &all, Known::default())?;
+        self.jacobian(fit, (&residuals, &paths), &all, 0)
+    }
+
+    /// Derivatives by the numbers from the `from`th on of residuals that are `at` under a fit, `paths` being those of its
+    /// model alone.
+    pub(super) fn jacobian(
+        &self,
+        fit: &RobotFit,
+        (at, paths): (&[Residual], &Paths),
+        train: &[u32],
+        from: usize,
+    ) -> Option<Derivatives> {
+        let numbers = self.numbers_of(&fit.terms);
+        let mut derivatives = Derivatives::default();
+        let actings = self.actings(fit);
+        let moved = |index: usize, by: f64, known: Known<'_>| {
+            let mut moved = fit.clone();
+            moved.values[index] += by;
+            self.residuals_and_paths(&moved, train, known).map(|(residuals, _)| residuals)
+        };
+        for (index, number) in numbers.iter().enumerate().skip(from) {
+            if index < self.n_gains() {
+                // How much measurements count does not change what the model does alone …
+                let known = Known { paths: (!paths.is_empty()).then_some(paths), actings: None };
+                let h = BEND_STEPS * number.step;
+                let [above, below] = [moved(index, h, known)?, moved(index, -h, known)?];
+                let both = || above.iter().zip(&below);
+                let slope = |(a, b): (&Residual, &Residual)| {
+                    std::array::from_fn(|i| (a.parts_m[i] - b.parts_m[i]) / (2.0 * h))
+                };
+                let second = |((a, b), at): ((&Residual, &Residual), &Residual)| {
+                    std::array::from_fn(|i| {
+                        (a.parts_m[i] - 2.0 * at.parts_m[i] + b.parts_m[i]) / (h * h)
+                    })
+                };
+                derivatives.by.push(both().map(slope).collect());
+                derivatives.bends.push(Bend {
+                    second: both().zip(at).map(second).collect(),
+                    spread: both().map(|(a, b)| (a.spread - b.spread) / (2.0 * h)).collect(),
+                });
+                continue;
+            }
+            if let Some(acting) = actings.iter().find(|acting| acting.numbers.contains(&index)) {
+                let k = index - acting.numbers.start;
+                let column = train.iter().zip(at).map(|(&row, residual)| {
+                    let [along, across] = self.curve_column(acting, k, row, residual);
+                    [-along, -across, 0.0]
+                });
+                derivatives.by.push(column.collect());
+                continue;
+            }
+            let h = 0.02 * number.step;
+            let h = if number.max < fit.values[index] + h { -h } else { h };
+            // … and nothing else changes what curves do.
+            let there = moved(index, h, Known { paths: None, actings: Some(&actings) })?;
+            let column = there.iter().zip(at).map(|(there, here)| {
+                std::array::from_fn(|i| (there.parts_m[i] - here.parts_m[i]) / h)
+            });
+            derivatives.by.push(column.collect());
+        }
+        Some(derivatives)
+    }
+
+    /// Information matrix and slope of the log likelihood, each window counting as much as the density says.
+    pub(super) fn normal_equations(
+        &self,
+        fit: &RobotFit,
+        at: &Point,
+        Derivatives { by: columns, bends }: &Derivatives,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let n = columns.len();
+        let mut information = DMatrix::zeros(n, n);
+        let mut slope = DVector::zeros(n);
+        let mut bent = vec![0.0; bends.len()];
+        for (row, residual) in at.residuals.iter().enumerate() {
+            let weight = at.density.log(residual).1;
+            let sd_m = at.density.sd_m(residual);
+            for part in 0..at.density.n_parts {
+                let scale = weight / (sd_m[part] * sd_m[part]);
+                let own = (at.density.sd_m / sd_m[part]).powi(2);
+                let surprise = scale * residual.parts_m[part].powi(2) - 1.0;
+                for (i, bend) in bends.iter().enumerate() {
+                    bent[i] += scale * residual.parts_m[part] * bend.second[row][part];
+                    slope[i] += 0.5 * own * surprise * bend.spread[row];
+                }
+                for i in 0..n {
+                    let by_i = columns[i][row][part] * scale;
+                    slope[i] -= by_i * residual.parts_m[part];
+                    for j in 0..=i {
+                        information[(i, j)] += by_i * columns[j][row][part];
+                    }
+                }
+            }
+        }
+        for (i, bent) in bent.into_iter().enumerate() {
+            let [least, most] = MOST_BENT.map(|share| share * information[(i, i)]);
+            information[(i, i)] += bent.clamp(least, most);
+        }
+        let mut first = self.base.len();
+        for &term in &fit.terms {
+            if self.curve(term).is_some() {
+                for index in first..first + self.n_numbers(term) {
+                    information[(index, index)] += 1.0 / (CURVE_SD * CURVE_SD);
+                    slope[index] -= fit.values[index] / (CURVE_SD * CURVE_SD);
+                }
+            }
+            first += self.n_numbers(term);
+        }
+        for i in 0..n {
+            for j in 0..i {
+                information[(j, i)] = information[(i, j)];
+            }
+        }
+        (information, slope)
+    }
+}
