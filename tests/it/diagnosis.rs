@@ -197,6 +197,27 @@ fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     }
 }
 
+fn standard(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
+    Campaign::link(seed, &Layout::standard(), hidden, ROWS)
+}
+
+/// The mean of it is a gain that is beyond chance with all candidates counted, when the curve is beyond chance only by itself, but
+/// explains three times as much.
+#[test]
+fn what_no_effect_explains_is_not_taken_for_a_gain_because_it_has_a_mean() {
+    let (found, _, json) = diagnosed(&standard(&[(Hidden::HumiditySquared, Size::Medium)], 6));
+    assert_eq!(found, ["curve:humidity_pct"]);
+    assert_eq!(json["verdict"], "unexplained-structure");
+}
+
+/// What levels of links explain comes in small parts from all rows: blocks of time tell little about it.
+#[test]
+fn levels_of_links_are_found_beside_another_effect() {
+    let hidden = [Hidden::Shadowing, Hidden::BatterySag].map(|kind| (kind, Size::Medium));
+    let campaign = standard(&hidden, 3);
+    assert_all_found(diagnosed(&campaign).0, &campaign);
+}
+
 /// A covariate that changes slowly comes in few pieces, losses over it are first of all losses, an exponent that is a little wrong
 /// is first of all a gain, and a step in time is nearly a battery that runs down.
 #[test]

@@ -350,8 +350,12 @@ impl<'a, S: Study> Search<'a, S> {
             let floor =
                 LEAST_SHARE * share_scale(configured, rungs[rungs.len() - 1].scores.mean_square());
             self.weigh(&mut trials, &accepted, &removed, floor);
-            if accepted.is_empty() && !trials.iter().any(|trial| trial.is_acceptable) {
-                beyond_doubt(&mut trials, self.n_tried());
+            if !trials.iter().any(|trial| trial.is_acceptable) {
+                // Beside accepted effects, only levels of links, nodes and channels: what they explain comes in small parts from
+                // all rows, of which blocks of time tell little.
+                let is_random = |term: usize| candidates[term].level == Level::Random;
+                let may_be = |trial: &Trial| accepted.is_empty() || is_random(trial.term);
+                beyond_doubt(&mut trials, may_be, self.n_tried());
             }
             let found = self
                 .choose(&trials, &accepted, &removed)
@@ -540,10 +544,10 @@ pub(crate) fn share_scale(configured: f64, other: f64) -> f64 {
 /// Where blocks are too few, or too unlike, for anything to be beyond chance with all `n` candidates counted, but something is
 /// missing beyond doubt: what would be beyond chance as the only candidate, and gains so much in all that as great a gain of any of
 /// them would be beyond chance, too, were rows independent of each other (a likelihood ratio of rows left out exceeds e^g by chance
-/// with a probability of at most e^-g).
-fn beyond_doubt(trials: &mut [Trial], n: usize) {
+/// with a probability of at most e^-g). Only trials that `may_be` are looked at.
+fn beyond_doubt(trials: &mut [Trial], may_be: impl Fn(&Trial) -> bool, n: usize) {
     let least = (n as f64 / FAMILY_ERROR).ln();
-    for trial in trials.iter_mut().filter(|trial| trial.is_plausible) {
+    for trial in trials.iter_mut().filter(|trial| trial.is_plausible && may_be(trial)) {
         trial.is_significant = least < trial.gain.total();
         trial.is_acceptable = trial.is_significant;
     }

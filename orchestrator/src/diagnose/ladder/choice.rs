@@ -43,10 +43,19 @@ impl<S: Study> Search<'_, S> {
             greatest(trials, &|trial| trial.is_acceptable && wanted(trial))
         };
         let is_curve = |trial: &Trial| self.is_curve(trial);
-        let is_given = |trial: &Trial| is_curve(trial) && !candidates[trial.term].is_derived;
-        let mut curve = best_of(&is_curve);
+        let effect = best_of(&|trial| !is_curve(trial));
+        // That something is missing is beyond doubt where an effect is acceptable: a curve which is beyond chance by itself need not
+        // be so with all candidates counted, to be held against that effect.
+        let best_curve = |wanted: &dyn Fn(&Trial) -> bool| {
+            greatest(trials, &|trial| {
+                let is_likely = effect.is_some() && trial.is_plausible;
+                is_curve(trial) && wanted(trial) && (trial.is_acceptable || is_likely)
+            })
+        };
+        let mut curve = best_curve(&|_| true);
         // What was measured beside is a better name for a cause than time or place, if it explains as much.
-        if let (Some(best), Some(given)) = (curve, best_of(&is_given)) {
+        let given = best_curve(&|trial| !candidates[trial.term].is_derived);
+        if let (Some(best), Some(given)) = (curve, given) {
             let over = self.between(&trials[best], &trials[given], accepted);
             if over.gain <= 2.0 * over.standard_error {
                 curve = Some(given);
@@ -56,7 +65,6 @@ impl<S: Study> Search<'_, S> {
             curve = Some(special);
         }
         curve = curve.map(|best| self.with_more(best, trials, accepted).unwrap_or(best));
-        let effect = best_of(&|trial| !is_curve(trial));
         let Some(mut best) = effect else { return curve };
         let whole = best;
         while let Some(special) = self.special_case(best, trials, accepted) {
@@ -96,8 +104,11 @@ impl<S: Study> Search<'_, S> {
             let over = self.between_at(&trials[curve], &trials[best], accepted, level);
             // A level of its own for every node or link follows any curve: there it need not be much better.
             let is_random = candidates[trials[best].term].level == Level::Random;
-            let margin =
-                if is_random { 0.0 } else { (2.0 * over.standard_error).max(WORTH_NATS / 10.0) };
+            let margin = if is_random && trials[curve].is_acceptable {
+                0.0
+            } else {
+                (2.0 * over.standard_error).max(WORTH_NATS / 10.0)
+            };
             // Levels of nodes and links that explain more of the same than the curve leave it to the law that goes before them.
             let own = self.study.judged(candidates[trials[curve].term].level);
             let is_beaten = whole != best
