@@ -45,15 +45,19 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     (names(&study, &ladder), ladder, json)
 }
 
-fn campaign(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
-    let layout = if seed == 0 { Layout::standard() } else { Layout::drawn(seed) };
-    Campaign::link(seed, &layout, hidden, ROWS)
+fn standard(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
+    Campaign::link(seed, &Layout::standard(), hidden, ROWS)
+}
+
+fn drawn(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
+    Campaign::link(seed, &Layout::drawn(seed), hidden, ROWS)
 }
 
 #[test]
 fn nothing_is_found_where_nothing_is_hidden() {
-    for seed in 0..6 {
-        let (found, _, json) = diagnosed(&campaign(&[], seed));
+    let campaigns = [standard(&[], 0)].into_iter().chain((1..6).map(|seed| drawn(&[], seed)));
+    for (seed, campaign) in campaigns.enumerate() {
+        let (found, _, json) = diagnosed(&campaign);
         assert_eq!(found, [""; 0], "seed {seed}");
         assert_eq!(json["verdict"], "nothing-missing");
     }
@@ -162,7 +166,7 @@ const UNEXPLAINED: [Hidden; 7] = [
 fn a_clear_effect_is_named_first_and_fitted() {
     let mut wrong: Vec<String> = Vec::new();
     for hidden in FOUND {
-        let campaign = campaign(&[(hidden, Size::Clear)], 0);
+        let campaign = standard(&[(hidden, Size::Clear)], 0);
         wrong.extend(faults(&campaign, &diagnosed(&campaign)));
     }
     assert_eq!(wrong, [""; 0], "{wrong:#?}");
@@ -172,7 +176,7 @@ fn a_clear_effect_is_named_first_and_fitted() {
 fn two_effects_are_both_found() {
     for pair in PAIRS {
         let hidden = pair.map(|effect| (effect, Size::Clear));
-        let campaign = campaign(&hidden, 0);
+        let campaign = standard(&hidden, 0);
         assert_all_found(diagnosed(&campaign).0, &campaign);
     }
 }
@@ -181,7 +185,7 @@ fn two_effects_are_both_found() {
 #[test]
 fn one_effect_goes_in_place_of_several_that_it_explains() {
     let hidden = [Hidden::TwoRayGround, Hidden::AntennaPattern].map(|kind| (kind, Size::Medium));
-    let (found, ladder, _) = diagnosed(&campaign(&hidden, 1));
+    let (found, ladder, _) = diagnosed(&drawn(&hidden, 1));
     assert_eq!(found, hidden.map(|(kind, _)| kind.effect()));
     assert_eq!(ladder.rungs.len(), 3);
 }
@@ -189,7 +193,7 @@ fn one_effect_goes_in_place_of_several_that_it_explains() {
 #[test]
 fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     for hidden in UNEXPLAINED {
-        let campaign = campaign(&[(hidden, Size::Clear)], 0);
+        let campaign = standard(&[(hidden, Size::Clear)], 0);
         let (_, _, json) = diagnosed(&campaign);
         assert_eq!(json["verdict"], "unexplained-structure", "{hidden:?}");
         let covariate = json["unexplained"][0]["covariate"].as_str().unwrap();
@@ -197,11 +201,7 @@ fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     }
 }
 
-fn standard(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
-    Campaign::link(seed, &Layout::standard(), hidden, ROWS)
-}
-
-/// The mean of it is a gain that is beyond chance with all candidates counted, when the curve is beyond chance only by itself, but
+/// The mean of what is hidden is a gain that is beyond chance with all candidates counted, when the curve is beyond chance only by itself, but
 /// explains three times as much.
 #[test]
 fn what_no_effect_explains_is_not_taken_for_a_gain_because_it_has_a_mean() {
@@ -228,7 +228,7 @@ fn what_hardly_differs_from_something_simpler_is_named_first_at_medium_size() {
         (Hidden::PathLossExponent, 2),
         (Hidden::Step, 1),
     ] {
-        let campaign = campaign(&[(hidden, Size::Medium)], seed);
+        let campaign = drawn(&[(hidden, Size::Medium)], seed);
         let (found, _, json) = diagnosed(&campaign);
         assert_eq!(found.len(), 1, "{hidden:?}: {found:?}");
         if campaign.truth[0].covariates.is_empty() {
@@ -267,11 +267,11 @@ fn shifted(whole: Campaign, shift_db: impl Fn(f64, u32) -> f64) -> Campaign {
 /// neither, and no effect of the catalogue does that.
 #[test]
 fn what_changes_often_over_time_or_channels_is_named_by_what_it_depends_on() {
-    let wave = shifted(campaign(&[], 0), |time_s, _| {
+    let wave = shifted(standard(&[], 0), |time_s, _| {
         0.8 * std::f64::consts::SQRT_2 * (std::f64::consts::TAU * time_s / 900.0).sin()
     });
     let alternate =
-        shifted(campaign(&[], 0), |_, channel| if channel % 2 == 0 { 0.8 } else { -0.8 });
+        shifted(standard(&[], 0), |_, channel| if channel % 2 == 0 { 0.8 } else { -0.8 });
     for (campaign, covariate) in [(wave, "time_s"), (alternate, "frequency_mhz")] {
         let (found, _, json) = diagnosed(&campaign);
         assert_eq!(json["verdict"], "unexplained-structure", "{covariate}: {found:?}");
@@ -285,7 +285,7 @@ fn what_changes_often_over_time_or_channels_is_named_by_what_it_depends_on() {
 /// them best.
 #[test]
 fn losses_that_are_the_same_everywhere_are_said_to_be() {
-    let whole = campaign(&[], 0);
+    let whole = standard(&[], 0);
     let mut lines = whole.csv.lines();
     let head = lines.next().unwrap();
     let column = |name| head.split(',').position(|one| one == name).unwrap();
@@ -316,7 +316,7 @@ fn losses_that_are_the_same_everywhere_are_said_to_be() {
 
 #[test]
 fn extending_brings_the_promised_fall() {
-    let campaign = campaign(&[(Hidden::Temperature, Size::Clear)], 0);
+    let campaign = standard(&[(Hidden::Temperature, Size::Clear)], 0);
     let folder = tempfile::tempdir().unwrap();
     let (config, study, account) = opened(folder.path(), &campaign);
     let search = Search::new(&study, QUIET);

@@ -39,17 +39,14 @@ impl<S: Study> Search<'_, S> {
         removed: &[usize],
     ) -> Option<usize> {
         let candidates = self.study.candidates();
-        let best_of = |wanted: &dyn Fn(&Trial) -> bool| {
-            greatest(trials, &|trial| trial.is_acceptable && wanted(trial))
-        };
         let is_curve = |trial: &Trial| self.is_curve(trial);
-        let effect = best_of(&|trial| !is_curve(trial));
+        let effect = greatest(trials, &|trial| trial.is_acceptable && !is_curve(trial));
         // That something is missing is beyond doubt where an effect is acceptable: a curve which is beyond chance by itself need not
         // be so with all candidates counted, to be held against that effect.
         let best_curve = |wanted: &dyn Fn(&Trial) -> bool| {
             greatest(trials, &|trial| {
-                let is_likely = effect.is_some() && trial.is_plausible;
-                is_curve(trial) && wanted(trial) && (trial.is_acceptable || is_likely)
+                let may_compete = trial.is_acceptable || effect.is_some() && trial.is_plausible;
+                is_curve(trial) && wanted(trial) && may_compete
             })
         };
         let mut curve = best_curve(&|_| true);

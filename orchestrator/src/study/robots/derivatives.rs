@@ -40,8 +40,9 @@ impl Derivatives {
         self.by.len()
     }
 
-    /// By the first `n` numbers and those of `more`.
+    /// By the first `n` numbers, those that say how much measurements count among them, and those of `more`.
     pub(super) fn with(&mut self, n: usize, more: Self) {
+        debug_assert!(self.bends.len() <= n && more.bends.is_empty(), "gains come first");
         self.by.truncate(n);
         self.by.extend(more.by);
     }
@@ -59,7 +60,7 @@ impl Derivatives {
         }
     }
 
-    /// Where numbers have moved by so much.
+    /// Where numbers have moved by so much. How the spread of residuals changes is taken to be the same there.
     pub(super) fn moved(&self, by: &[f64]) -> Self {
         let mut there = self.clone();
         for ((column, bend), by) in there.by.iter_mut().zip(&self.bends).zip(by) {

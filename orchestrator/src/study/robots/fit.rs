@@ -16,17 +16,18 @@ const MOST_STEPS: usize = 60;
 const CONVERGED_NATS: f64 = 1e-4;
 /// … twice in a row.
 const CONVERGED_TIMES: usize = 2;
-/// A step that promises less than this share of that is not tried.
+/// A step is not tried that promises less than this share of the gain at which a fit has converged.
 const PROMISING: f64 = 0.1;
 /// A fit to some of the windows, which starts where all of them lead, has converged when a step gains less (nats): what a
-/// fold's fit lacks of its optimum shows in its scores in second order only, and decisions are about tens of nats.
+/// fold's fit lacks of its optimum shows in its scores in second order only, and decisions are about tens of nats. So have
+/// thresholds and other numbers that are searched in turn.
 const NEAR_NATS: f64 = 1e-2;
-/// Most steps of such a fit with the derivatives at its start, before they are computed anew.
+/// Most steps of a fit to some of the windows with the derivatives at its start, before they are computed anew.
 const CHORD_STEPS: usize = 8;
-/// Thresholds and other numbers are searched in turn so many times at most.
-const SETTLING_TIMES: usize = 5;
 /// Most further steps of such a fit: where the likelihood has jumps, there is no end to them.
 const FOLD_STEPS: usize = 10;
+/// Thresholds and other numbers are searched in turn so many times at most.
+const SETTLING_TIMES: usize = 5;
 /// Steps of a first look at each of several starts.
 const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
@@ -168,7 +169,7 @@ impl Model {
     /// A fit whose thresholds and other numbers are at their likeliest together: at another threshold others are.
     fn settled(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
         let mut fit = self.refined(fit, train);
-        if !fit.terms.iter().any(|&term| self.has_threshold(term)) {
+        if fit.terms.iter().all(|&term| self.threshold_on(term).is_none()) {
             return fit;
         }
         for _ in 0..SETTLING_TIMES {
@@ -177,7 +178,7 @@ impl Model {
             if 0.0 < gained {
                 fit = next;
             }
-            if gained < NEAR_NATS {
+            if gained.is_nan() || gained < NEAR_NATS {
                 break;
             }
         }

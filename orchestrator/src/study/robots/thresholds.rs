@@ -97,15 +97,17 @@ impl Between {
 }
 
 impl Model {
-    /// Whether a term has a threshold.
-    pub(super) fn has_threshold(&self, term: usize) -> bool {
-        matches!(&self.terms[term], Term::Effect(effect) if effect.threshold_on().is_some())
+    /// The part of commands on which a term has a threshold.
+    pub(super) fn threshold_on(&self, term: usize) -> Option<Part> {
+        match &self.terms[term] {
+            Term::Effect(effect) => effect.threshold_on(),
+            Term::Noise(_) | Term::Curve(_) => None,
+        }
     }
 
     /// Where the threshold of a term, if it has one, is among the commands.
     fn between(&self, fit: &RobotFit, term: usize) -> Option<Between> {
-        let Term::Effect(effect) = &self.terms[term] else { return None };
-        let mut sizes = self.tracks.sizes(effect.threshold_on()?);
+        let mut sizes = self.tracks.sizes(self.threshold_on(term)?);
         sizes.dedup();
         let threshold = fit.numbers(self, term)[0];
         let above = sizes.partition_point(|size| *size < threshold);
