@@ -122,6 +122,11 @@ pub trait Study: Sync {
     /// How many rows there are: frames, sums of frames, or windows of motion.
     fn n_rows(&self) -> usize;
 
+    /// How many rows say what one that is independent of the others would.
+    fn rows_of_one(&self) -> f64 {
+        1.0
+    }
+
     /// Rows that fits may see: all, but those that are only scored.
     fn fitted_rows(&self) -> Vec<u32> {
         self.blocks(COMMON).fitted()

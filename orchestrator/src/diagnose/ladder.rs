@@ -54,6 +54,12 @@ pub struct Trial {
 }
 
 impl Trial {
+    /// Whether it may stand where another does: it is beyond chance with all candidates counted, or neither is, but this one is by
+    /// itself.
+    fn is_as_certain_as(&self, other: &Self) -> bool {
+        self.is_acceptable || self.is_plausible && !other.is_acceptable
+    }
+
     /// As it is told once it was taken: where what it gains by its own measure did not decide, by what it gains on the common split.
     fn taken(self) -> Self {
         if self.is_acceptable { self } else { self.by_common() }
@@ -355,7 +361,8 @@ impl<'a, S: Study> Search<'a, S> {
                 // all rows, of which blocks of time tell little.
                 let is_random = |term: usize| candidates[term].level == Level::Random;
                 let may_be = |trial: &Trial| accepted.is_empty() || is_random(trial.term);
-                beyond_doubt(&mut trials, may_be, self.n_tried());
+                let least = (self.n_tried() as f64 / FAMILY_ERROR).ln() * self.study.rows_of_one();
+                beyond_doubt(&mut trials, may_be, least);
             }
             let found = self
                 .choose(&trials, &accepted, &removed)
@@ -541,12 +548,11 @@ pub(crate) fn share_scale(configured: f64, other: f64) -> f64 {
     if scale.is_finite() { scale.max(1.0) } else { 1.0 }
 }
 
-/// Where blocks are too few, or too unlike, for anything to be beyond chance with all `n` candidates counted, but something is
-/// missing beyond doubt: what would be beyond chance as the only candidate, and gains so much in all that as great a gain of any of
-/// them would be beyond chance, too, were rows independent of each other (a likelihood ratio of rows left out exceeds e^g by chance
-/// with a probability of at most e^-g). Only trials that `may_be` are looked at.
-fn beyond_doubt(trials: &mut [Trial], may_be: impl Fn(&Trial) -> bool, n: usize) {
-    let least = (n as f64 / FAMILY_ERROR).ln();
+/// Where blocks are too few, or too unlike, for anything to be beyond chance with all candidates counted, but something is
+/// missing beyond doubt: what would be beyond chance as the only candidate, and gains so much in all (`least`, nats) that as great a
+/// gain of any of them would be beyond chance, too, were what rows say independent of each other (a likelihood ratio of what was left
+/// out exceeds e^g by chance with a probability of at most e^-g). Only trials that `may_be` are looked at.
+fn beyond_doubt(trials: &mut [Trial], may_be: impl Fn(&Trial) -> bool, least: f64) {
     for trial in trials.iter_mut().filter(|trial| trial.is_plausible && may_be(trial)) {
         trial.is_significant = least < trial.gain.total();
         trial.is_acceptable = trial.is_significant;

@@ -445,8 +445,9 @@ impl RobotStudy {
     /// The noise of measured positions, with an interval: by the number of independent residuals.
     fn noise(&self, fit: &RobotFit) -> Estimate {
         let value = fit.density.sd_m;
-        // Four windows overlap; each has as many residuals as positions have components.
-        let n = (self.n_fitted as f64 / 4.0 * fit.density.n_parts as f64).max(1.0);
+        // Each window has as many residuals as positions have components.
+        let n_windows = self.n_fitted as f64 / self.model.tracks.n_overlapping;
+        let n = (n_windows * fit.density.n_parts as f64).max(1.0);
         let half = 1.645 * value / (2.0 * n).sqrt();
         Estimate::new("sd_m", "m", value, (value - half, value + half))
     }
@@ -467,6 +468,10 @@ impl Study for RobotStudy {
 
     fn n_rows(&self) -> usize {
         self.model.tracks.windows.len()
+    }
+
+    fn rows_of_one(&self) -> f64 {
+        self.model.tracks.n_overlapping
     }
 
     fn blocks(&self, level: Level) -> &Blocks {

@@ -52,7 +52,9 @@ impl<S: Study> Search<'_, S> {
         let mut curve = best_curve(&|_| true);
         // What was measured beside is a better name for a cause than time or place, if it explains as much.
         let given = best_curve(&|trial| !candidates[trial.term].is_derived);
-        if let (Some(best), Some(given)) = (curve, given) {
+        if let (Some(best), Some(given)) = (curve, given)
+            && trials[given].is_as_certain_as(&trials[best])
+        {
             let over = self.between(&trials[best], &trials[given], accepted);
             if over.gain <= 2.0 * over.standard_error {
                 curve = Some(given);
@@ -239,10 +241,12 @@ impl<S: Study> Search<'_, S> {
     pub(super) fn ties(&self, best: usize, trials: &[Trial], accepted: &[usize]) -> Vec<usize> {
         let is_curve = self.is_curve(&trials[best]);
         let is_tied = |(index, trial): &(usize, &Trial)| {
+            let is_likely =
+                trial.is_significant || is_curve && trial.is_as_certain_as(&trials[best]);
             let is_rival = || !is_curve && self.rivals(&trials[best], trial, accepted);
             *index != best
                 && self.is_curve(trial) == is_curve
-                && (trial.is_significant || is_rival())
+                && (is_likely || is_rival())
                 && !(is_curve && self.says_nothing_more(trial, trials, accepted))
                 && self.is_tied(&trials[best], trial, accepted)
         };
@@ -299,7 +303,9 @@ impl<S: Study> Search<'_, S> {
     /// them counted: it names a cause. That the chosen one cannot be told from it is said.
     fn with_more(&self, chosen: usize, trials: &[Trial], accepted: &[usize]) -> Option<usize> {
         let more: Vec<(usize, f64)> = (0..trials.len())
-            .filter(|&index| trials[index].is_acceptable && self.is_curve(&trials[index]))
+            .filter(|&index| {
+                self.is_curve(&trials[index]) && trials[index].is_as_certain_as(&trials[chosen])
+            })
             .filter_map(|index| {
                 Some((index, self.beyond(&trials[index], &trials[chosen], accepted)?))
             })

@@ -1,7 +1,7 @@
 //! How residuals of robots change with the numbers of a fit, and where that leads.
 
 use super::density::Residual;
-use super::fit::{CURVE_SD, Known, Point};
+use super::fit::{CURVE_SD, Known, LEAST_DAMPED, Point, damped};
 use super::motion::Paths;
 use super::{Model, RobotFit};
 use nalgebra::{DMatrix, DVector};
@@ -70,6 +70,17 @@ impl Derivatives {
         }
         there
     }
+}
+
+/// An information matrix with what bends of residuals add to its first diagonal elements. Beside numbers that say nearly the same,
+/// a bend may leave no summit to step to: then it does not count.
+fn with_bends(straight: DMatrix<f64>, bends: &[f64]) -> DMatrix<f64> {
+    let mut bent = straight.clone();
+    for (i, bend) in bends.iter().enumerate() {
+        let [least, most] = MOST_BENT.map(|share| share * straight[(i, i)]);
+        bent[(i, i)] += bend.max(least).min(most);
+    }
+    if damped(&bent, LEAST_DAMPED).cholesky().is_some() { bent } else { straight }
 }
 
 impl Model {
@@ -171,10 +182,6 @@ impl Model {
                 }
             }
         }
-        for (i, bent) in bent.into_iter().enumerate() {
-            let [least, most] = MOST_BENT.map(|share| share * information[(i, i)]);
-            information[(i, i)] += bent.clamp(least, most);
-        }
         let mut first = self.base.len();
         for &term in &fit.terms {
             if self.curve(term).is_some() {
@@ -190,6 +197,23 @@ impl Model {
                 information[(j, i)] = information[(i, j)];
             }
         }
-        (information, slope)
+        (with_bends(information, &bent), slope)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bends_count_within_limits_and_only_where_a_summit_is_left() {
+        let of = |beside: f64| DMatrix::from_row_slice(2, 2, &[4.0, beside, beside, 1.0]);
+        let first = |matrix: DMatrix<f64>| (matrix[(0, 0)], matrix[(1, 1)]);
+        assert_eq!(first(with_bends(of(0.5), &[-1.0])), (3.0, 1.0));
+        assert_eq!(first(with_bends(of(0.5), &[100.0])), (20.0, 1.0));
+        assert_eq!(first(with_bends(of(0.5), &[-100.0])), (2.0, 1.0));
+        assert_eq!(first(with_bends(of(0.5), &[f64::NAN])), (2.0, 1.0));
+        // 4 · 1 − 1.9² is still above 0, 3 · 1 − 1.9² is not.
+        assert_eq!(first(with_bends(of(1.9), &[-1.0])), (4.0, 1.0));
     }
 }

@@ -32,6 +32,8 @@ const SETTLING_TIMES: usize = 5;
 const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
 const N_FOLLOWED: usize = 3;
+/// Least share of an information matrix's diagonal that is added to it.
+pub(super) const LEAST_DAMPED: f64 = 1e-9;
 /// What holds the numbers of a curve near 0: the standard deviation of each, in units of a share of the way, or m/s.
 pub(super) const CURVE_SD: f64 = 1.0;
 
@@ -207,7 +209,7 @@ impl Model {
             fit.density = at.density;
             let by: Vec<f64> = at.values.iter().zip(&start.values).map(|(a, b)| a - b).collect();
             let (information, slope) = self.normal_equations(&fit, &at, &derivatives.moved(&by));
-            let matrix = damped(&information, 1e-9);
+            let matrix = damped(&information, LEAST_DAMPED);
             let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { break };
             if 0.5 * step.dot(&slope) < NEAR_NATS {
                 return self.ended(fit, at);
@@ -347,7 +349,7 @@ impl Model {
                     Some(next) => {
                         gained = next.total - at.total;
                         at = next;
-                        damping = (damping * 0.2).max(1e-9);
+                        damping = (damping * 0.2).max(LEAST_DAMPED);
                         break;
                     }
                     None => damping *= 8.0,

@@ -29,6 +29,8 @@ pub(super) struct Tracks {
     pub(super) robots: Robots,
     /// Sorted by track and start.
     pub(super) windows: Vec<Window>,
+    /// How many windows overlap at any time.
+    pub(super) n_overlapping: f64,
     /// The windows of each track.
     windows_of: Vec<std::ops::Range<usize>>,
     orders: Vec<Vec<Order>>,
@@ -55,7 +57,7 @@ struct Known {
 }
 
 impl Tracks {
-    /// Windows of `window_s`, four of which overlap.
+    /// Windows of `window_s`, four of which overlap where samples are close enough.
     pub(super) fn new(robots: Robots, window_s: f64, terrain: Terrain) -> Self {
         let stride = ((0.25 * window_s / robots.spacing_s()).round() as usize).max(1);
         let tolerance_s = 0.51 * robots.spacing_s();
@@ -90,7 +92,8 @@ impl Tracks {
             orders.push(list);
         }
         let others = others(&robots);
-        Self { robots, windows, windows_of, orders, others, terrain }
+        let n_overlapping = (window_s / (stride as f64 * robots.spacing_s())).max(1.0);
+        Self { robots, windows, n_overlapping, windows_of, orders, others, terrain }
     }
 
     /// Only some of the windows. All samples stay: what is known when a window begins follows from those before.
