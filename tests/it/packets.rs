@@ -154,6 +154,13 @@ fn a_recorded_run_and_the_replay_are_the_same_experiment() {
     assert!(orchestrator(&args, dir.path()).status.success());
     let again: Value = serde_json::from_str(&read("d.json")).unwrap();
     assert_eq!(again["kpis"], found["kpis"]);
+    // Under another seed the network has other luck, and the measurement stays what it is.
+    let other = [&args[..7], &["e.json", "--seed", "2"]].concat();
+    assert!(orchestrator(&other, dir.path()).status.success());
+    let other: Value = serde_json::from_str(&read("e.json")).unwrap();
+    let of = |answer: &Value, what: &str| answer["kpis"][0][what].clone();
+    assert_eq!(of(&other, "measured"), of(&again, "measured"));
+    assert_ne!(of(&other, "model"), of(&again, "model"));
     // With an effect that the run did not have it is another network.
     let wrong = dir.path().join("wrong.toml");
     let effect = "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 1.0";

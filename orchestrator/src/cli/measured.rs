@@ -36,6 +36,9 @@ pub(super) struct DataArgs {
     /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Of packets, and with --heard: seed of every random draw, in place of the file's. Answers about links and robots hang on none
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
     #[command(flatten)]
     choices: ChoiceArgs,
     /// Of rows that sum up several frames: take the mean reading of each for the level at which its frames arrived, and predict
@@ -69,6 +72,12 @@ pub(super) struct ChoiceArgs {
 }
 
 impl DataArgs {
+    /// Keys that are set, the seed among them.
+    fn set(&self) -> Vec<String> {
+        let seed = self.seed.map(|seed| format!("experiment.seed={seed}"));
+        self.set.iter().cloned().chain(seed).collect()
+    }
+
     fn choices(&self) -> Choices {
         Choices { given_rssi: self.given_rssi, ..self.choices.choices() }
     }
@@ -98,7 +107,7 @@ impl DataArgs {
     /// Packets and their experiment. What is chosen by rows is not for them.
     fn open_packets(&self, replay: &ReplayArgs, table: &Table) -> Result<Opened, Failure> {
         self.refuse_choices("packets")?;
-        replay.open(&self.config, &self.set, table)
+        replay.open(&self.config, &self.set(), table)
     }
 }
 
@@ -201,7 +210,7 @@ impl AnswerArgs {
     fn command(&self, json: &Value, choices: &str) -> String {
         let verb = if json["schema"] == "diagnose/1" { "diagnose" } else { "compare" };
         let data = &self.data;
-        let set: String = data.set.iter().map(|key| format!(" --set '{key}'")).collect();
+        let set: String = data.set().iter().map(|key| format!(" --set '{key}'")).collect();
         let report = self.report.as_deref().map(Path::display);
         format!(
             "orchestrator {verb} {} --data {}{set}{choices} --report {}",
@@ -339,12 +348,12 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let data = &args.data;
     if let Some(heard) = heard {
         data.refuse_choices("tracks with --heard")?;
-        let DataArgs { config, set, data, .. } = data;
-        let found = task::split(&Files { config, set, data, heard }, args.replay.asked())?;
+        let files = Files { config: &data.config, set: &data.set(), data: &data.data, heard };
+        let found = task::split(&files, args.replay.asked())?;
         return args.write_network(&found, &format!(" --heard {}", heard.display()));
     }
     let (config, table) =
-        open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
+        open::files(&data.config, &data.set(), &data.data).map_err(Failure::request)?;
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.replay, &table)?;
         let links = match links {
@@ -405,7 +414,7 @@ const NO_FORMULA: &str = "--formula is for measured links and robots: the networ
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
     let (config, table) =
-        open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
+        open::files(&data.config, &data.set(), &data.data).map_err(Failure::request)?;
     if packets::has_shape(&table).is_ok() {
         if args.formula.wanted().is_some() {
             return Err(Failure::request(NO_FORMULA));
@@ -498,7 +507,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
     args.check_places()?;
     let data = &args.data;
     let (config, table) =
-        open::files(&data.config, &data.set, &data.data).map_err(Failure::request)?;
+        open::files(&data.config, &data.set(), &data.data).map_err(Failure::request)?;
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.replay, &table)?;
         let (found, stopped) = super::packets::diagnose(&opened)?;
