@@ -201,8 +201,8 @@ fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     }
 }
 
-/// The mean of what is hidden is a gain that is beyond chance with all candidates counted, when the curve is beyond chance only by itself, but
-/// explains three times as much.
+/// The mean of what is hidden is a gain that is beyond chance with all candidates counted, when the curve is beyond chance only
+/// by itself, but explains three times as much.
 #[test]
 fn what_no_effect_explains_is_not_taken_for_a_gain_because_it_has_a_mean() {
     let (found, _, json) = diagnosed(&standard(&[(Hidden::HumiditySquared, Size::Medium)], 6));

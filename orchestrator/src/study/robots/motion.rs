@@ -59,8 +59,9 @@ struct Known {
 impl Tracks {
     /// Windows of `window_s`, four of which overlap where samples are close enough.
     pub(super) fn new(robots: Robots, window_s: f64, terrain: Terrain) -> Self {
-        let stride = ((0.25 * window_s / robots.spacing_s()).round() as usize).max(1);
-        let tolerance_s = 0.51 * robots.spacing_s();
+        let spacing_s = robots.spacing_s();
+        let stride = ((0.25 * window_s / spacing_s).round() as usize).max(1);
+        let tolerance_s = 0.51 * spacing_s;
         let mut windows = Vec::new();
         let mut windows_of = Vec::new();
         let mut orders = Vec::new();
@@ -92,7 +93,7 @@ impl Tracks {
             orders.push(list);
         }
         let others = others(&robots);
-        let n_overlapping = (window_s / (stride as f64 * robots.spacing_s())).max(1.0);
+        let n_overlapping = (window_s / (stride as f64 * spacing_s)).max(1.0);
         Self { robots, windows, n_overlapping, windows_of, orders, others, terrain }
     }
 
