@@ -13,6 +13,7 @@ mod swarm;
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
 use crate::record::{Configured, Ending, Recorder, RunHeader, StepRecord};
+use crate::report;
 use crate::run::{RunError, StartOptions, Wanted, start};
 use peers::{Figures, ROWS};
 use proto::types::NetRecord;
@@ -348,7 +349,7 @@ fn begin_record(path: &Path, header: RunHeader, made: Configured) -> Result<Reco
 
 fn end_record(recorder: Recorder) -> Result<(), RunError> {
     let ending = Ending::complete();
-    recorder.finish(&ending, Value::Null).map_err(record_failed)?;
+    recorder.finish(&ending, Value::Null, report::page).map_err(record_failed)?;
     Ok(())
 }
 

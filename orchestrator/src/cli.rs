@@ -2,6 +2,7 @@
 
 mod check;
 mod formula;
+mod inputs;
 mod measured;
 mod packets;
 mod power;

@@ -1,12 +1,13 @@
 //! How wrong is a model as configured, and where.
 
 use crate::diagnose::gain::Scores;
-use crate::diagnose::ladder::{COMMON, Search};
+use crate::diagnose::held_out;
+use crate::diagnose::ladder::Search;
 use crate::study::folds::Blocks;
 use crate::study::links::LinkStudy;
 use crate::study::robots::RobotStudy;
-use crate::study::view::{self, Viewed as _};
-use crate::study::{RowScore, Study};
+use crate::study::view::Viewed as _;
+use crate::study::{COMMON, RowScore, Study};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -50,7 +51,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     let is_given = links.readings.is_given;
     let pdr_errors: Option<Vec<f64>> =
         (links.readings.is_aggregated && links.readings.has_losses && !is_given).then(|| {
-            let passes = view::held_out(study, search, &[]).passes;
+            let passes = held_out::predictions(study, search, &[]).passes;
             let rows = links.rows.iter().zip(passes);
             rows.map(|(row, passes)| (row.received / row.frames - passes).powi(2)).collect()
         });

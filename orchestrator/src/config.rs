@@ -1,21 +1,22 @@
 //! An experiment file: from text to something that can be run, or to every problem it has.
 
 mod control;
+pub mod output;
 mod overrides;
-mod refusal;
 mod sides;
+pub mod sweep;
 pub mod timeline;
 
 pub use control::ControlPeriod;
+pub use output::OutputConfig;
 pub use overrides::Overrides;
-pub(crate) use overrides::{opened, set};
-pub use refusal::Refusal;
+pub(crate) use overrides::opened;
 pub use sides::{SideConfig, URL};
 pub use timeline::Timeline;
 
-use crate::record::{self, OutputConfig};
-use crate::sweep;
-use proto::config::{self, Choice, Default, Field, Kind, Node, Problem, Range, TableSpec, Value};
+use proto::config::{
+    self, Choice, Default, Field, Kind, Node, Problem, Range, Refusal, TableSpec, Value,
+};
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
 use sides::{Sides, missing_file};
@@ -260,8 +261,12 @@ pub fn load(path: &Path, overrides: &Overrides) -> Result<Plan, Refusal> {
     read(path, text, overrides)
 }
 
-/// The text of an experiment file.
-pub(crate) fn text_of(path: &Path) -> Result<String, Refusal> {
+/// Reads the text of an experiment file.
+///
+/// # Errors
+///
+/// The file does not exist, cannot be read, or is not UTF-8 text.
+pub fn text_of(path: &Path) -> Result<String, Refusal> {
     std::fs::read_to_string(path).map_err(|error| {
         let reason = match error.kind() {
             std::io::ErrorKind::NotFound => missing_file(path),
@@ -332,8 +337,8 @@ pub fn schema() -> serde_json::Value {
                 "description": "Orders to the network, each at its time.",
                 "items": section(&timeline::SPEC, false),
             },
-            "output": section(&record::output::SPEC, false),
-            "sweep": section(&sweep::spec::SPEC, false),
+            "output": section(&output::SPEC, false),
+            "sweep": section(&sweep::SPEC, false),
         },
         "required": ["experiment"],
         "additionalProperties": false,
@@ -363,7 +368,7 @@ fn plan(
     if let Value::Table(entries) = &tree.value {
         for (key, ..) in entries {
             if !SECTIONS.contains(&key.as_str()) {
-                if key == sweep::spec::KEY {
+                if key == sweep::KEY {
                     problems.push(Problem::new(
                         key,
                         "makes many experiments of this one: orchestrator sweep runs them",
@@ -385,7 +390,7 @@ fn plan(
     let experiment_table =
         config::check(section("experiment"), "experiment", &EXPERIMENT, problems).table;
     let (site, site_table) = site::read(section("site"), "site", problems);
-    let (output, output_table) = record::output::read(section("output"), "output", problems);
+    let (output, output_table) = output::read(section("output"), "output", problems);
 
     let name = experiment_table.get("name").and_then(toml::Value::as_str).unwrap_or("").to_owned();
     let name_known = !problems.iter().any(|problem| problem.path == "experiment.name");

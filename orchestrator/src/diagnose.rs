@@ -2,16 +2,18 @@
 //!
 //! | module | what |
 //! |---|---|
+//! | [`held_out`] | predictions of rows by fits that have not seen them |
 //! | [`ladder`] | the search |
 //! | [`gain`] | how much better one model predicts than another |
 //! | [`next`] | the measurement that would break a tie |
+//! | [`progress`] | what a search reports while it works |
 //! | [`scan`] | structure that is left over |
-//! | [`formula`] | a short formula for it |
 //! | [`answer`] | what was found, as JSON and as a table |
 
 pub mod answer;
-pub mod formula;
 pub mod gain;
+pub mod held_out;
 pub mod ladder;
 pub mod next;
+pub mod progress;
 pub mod scan;

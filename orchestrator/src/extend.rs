@@ -2,10 +2,10 @@
 
 use crate::diagnose::answer::numbers;
 use crate::diagnose::gain::Scores;
-use crate::diagnose::ladder::{COMMON, Search};
+use crate::diagnose::ladder::Search;
 use crate::measure::config::Compared;
-use crate::study::Study;
 use crate::study::open::Account;
+use crate::study::{COMMON, Study};
 use std::fmt::Write as _;
 
 /// Why nothing can be added.

@@ -17,7 +17,6 @@ mod lines;
 mod log;
 mod measurer;
 mod measures;
-pub mod output;
 mod pcap;
 mod period;
 pub(crate) mod places;
@@ -39,7 +38,6 @@ pub(crate) use kpi::quantile;
 pub use kpi::{BATTERY_MAH, Kpis};
 pub use measurer::{Measurer, Steps};
 pub use measures::{Measures, Sample};
-pub use output::{Links, OutputConfig};
 pub use table::{ColumnKind, ColumnShape, TableShape};
 pub use tables::TABLES;
 pub use task::{Passage, Task};
@@ -50,8 +48,7 @@ pub(crate) use directory::SCHEMA_PREFIX;
 pub(crate) use summary::TRUTH_BASELINE;
 pub(crate) use tables::is_column_of_motes;
 
-use crate::config::Start;
-use crate::report;
+use crate::config::{OutputConfig, Start};
 use directory::Directory;
 use proto::digest::Digest;
 use proto::types::{Coupling, MoteCommand, NetRecord};
@@ -63,6 +60,19 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use whole::Fingerprint;
 use writer::{Event, RunWriter, Step, Written};
+
+/// What a finished run hands to whoever makes its report.
+#[derive(Clone, Copy, Debug)]
+pub struct Contents<'a> {
+    /// What was known before the run.
+    pub header: &'a RunHeader,
+    /// Its `summary.json`.
+    pub summary: &'a Value,
+    /// Its measures; `None` of a run that was never configured.
+    pub measures: Option<&'a Measures>,
+    /// Its `provenance.json`.
+    pub provenance: &'a Value,
+}
 
 /// What is known of a run before it begins.
 #[derive(Clone, Debug)]
@@ -274,11 +284,17 @@ impl Recorder {
     /// Makes all files whole, adds summary, provenance and report, and gives the directory its name.
     ///
     /// `provenance` is what depends on when, where and how the run was made: versions, hosts, URLs, threads, wall times.
+    /// `page` makes the report, if the run leaves one.
     ///
     /// # Errors
     ///
     /// What went wrong with this or anything recorded before. What could be written then stands under the temporary name.
-    pub fn finish(mut self, ending: &Ending, provenance: Value) -> Result<Finished, RecordError> {
+    pub fn finish(
+        mut self,
+        ending: &Ending,
+        provenance: Value,
+        page: impl FnOnce(&Contents<'_>) -> String,
+    ) -> Result<Finished, RecordError> {
         self.hand_over()?;
         let written = self.join()?;
         let Some(directory) = self.directory.take() else {
@@ -293,13 +309,13 @@ impl Recorder {
         };
         add("summary.json", pretty(&summary).as_bytes())?;
         if self.header.output.report {
-            let page = report::page(&report::Contents {
+            let contents = Contents {
                 header: &self.header,
                 summary: &summary,
                 measures: written.measures.as_ref(),
                 provenance: &provenance,
-            });
-            add(REPORT_FILE, page.as_bytes())?;
+            };
+            add(REPORT_FILE, page(&contents).as_bytes())?;
         }
         files.insert(
             "config.toml".to_owned(),

@@ -8,25 +8,12 @@ pub mod packets;
 pub(crate) mod svg;
 pub(crate) mod text;
 
-use crate::record::{Measures, RunHeader, TRUTH_BASELINE};
+use crate::record::{Contents, Measures, TRUTH_BASELINE};
 use figures::Figure;
 use proto::types::Coupling;
 use serde_json::Value;
 use std::fmt::Write as _;
 use text::{chosen, count, escape, number, percent};
-
-/// What goes into a report.
-#[derive(Clone, Copy, Debug)]
-pub struct Contents<'a> {
-    /// What was known before the run.
-    pub header: &'a RunHeader,
-    /// Its `summary.json`.
-    pub summary: &'a Value,
-    /// Its measures; `None` of a run that was never configured.
-    pub measures: Option<&'a Measures>,
-    /// Its `provenance.json`.
-    pub provenance: &'a Value,
-}
 
 /// The page.
 #[must_use]

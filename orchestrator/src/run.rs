@@ -9,12 +9,14 @@ mod trial;
 pub use start::{StartOptions, Wanted, start};
 pub use trial::{Outcome, Sides, Trial};
 
-use crate::config::{self, Overrides, Refusal};
+use crate::config::{self, Overrides};
 use crate::console;
 use crate::peer::SideError;
 use crate::record::{self, Ending, Finished, RecordError, Recorder, Status};
+use crate::report;
 use drive::{Driver, Failure, Stopped};
 use interrupt::Interrupt;
+use proto::config::Refusal;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -196,7 +198,7 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
     };
     let interrupted = ending.status == Status::Interrupted;
     let finished = recorder
-        .finish(&ending, provenance.finish(n_steps, time_ns, wall_s))
+        .finish(&ending, provenance.finish(n_steps, time_ns, wall_s), report::page)
         .map_err(|error| RunError::Record { error, before_start: false })?;
     match failure {
         None => Ok(RunReport { finished, n_steps, time_ns, wall_s, interrupted, formed_ns }),

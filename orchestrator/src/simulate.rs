@@ -4,10 +4,11 @@
 //! levels drawn by the same keys; robots through the same
 //! [`Physics::advance`](robotsim::dynamics::physics::Physics::advance).
 
-use crate::diagnose::ladder::{COMMON, Search};
+use crate::diagnose::ladder::Search;
 use crate::measure::config::Compared;
 use crate::measure::links::Row;
 use crate::measure::table::Table;
+use crate::study::COMMON;
 use crate::study::choices::Choices;
 use crate::study::links::LinkStudy;
 use crate::study::links::rows::Rows;

@@ -1,6 +1,6 @@
 //! What a search for missing physics asks of a kind of measurements.
 //!
-//! The search itself ([`crate::diagnose`]) knows neither radio nor robots: it adds terms to a model, fits, and compares how
+//! The search itself knows neither radio nor robots: it adds terms to a model, fits, and compares how
 //! well data that were left out are predicted. A [`Study`] is one file of measurements held against one configuration.
 
 pub mod choices;
@@ -10,13 +10,13 @@ pub mod knots;
 pub mod links;
 pub mod open;
 pub mod robots;
+pub mod symbolic;
 pub mod view;
 
-use crate::diagnose::ladder::COMMON;
-use crate::diagnose::next::Apart;
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};
 use serde::Serialize;
+use symbolic::Formula;
 
 /// Before the covariate in the name of a curve of what is read …
 pub const CURVE: &str = "curve:";
@@ -111,6 +111,48 @@ impl Estimate {
     }
 }
 
+/// The split on which candidates are ordered and rungs of the ladder are compared.
+pub const COMMON: Level = Level::Time;
+
+/// Mean of those values that are not NaN; NaN of none.
+pub(crate) fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, n) = values
+        .filter(|value| !value.is_nan())
+        .fold((0.0, 0usize), |(sum, n), value| (sum + value, n + 1));
+    sum / n as f64
+}
+
+/// By how much the predictions of two models differ, and the covariates of the rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PredictionDifference {
+    /// Absolute difference of the two predictions of each row.
+    pub by_row: Vec<f64>,
+    /// Its unit: `dB`, `points of delivery`, `m`.
+    pub unit: &'static str,
+    /// Covariates: a name, and a value per row.
+    pub covariates: Vec<(String, Vec<f64>)>,
+}
+
+/// Residuals of all rows under a fit, for a search of structure over covariates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residuals {
+    /// Standardised residuals, a value per row; NaN where there is none. Each component has mean 0 and variance 1 where the model is
+    /// right.
+    pub components: Vec<Component>,
+    /// Mean squared error of the rows (dB² or m²), where it is to be computed from the rows that were fitted; otherwise that of rows
+    /// left out counts.
+    pub mean_square: Option<f64>,
+}
+
+/// One component of residuals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Component {
+    /// A value per row.
+    pub standardised: Vec<f64>,
+    /// It is part of the error whose mean square the configured model is compared by; surprise of reception is not.
+    pub is_of_error: bool,
+}
+
 /// Measurements held against a configuration.
 pub trait Study: Sync {
     /// A model fitted to some rows.
@@ -160,10 +202,30 @@ pub trait Study: Sync {
         None
     }
 
-    /// How far two fits are apart in what they predict, row by row; none where that cannot be said.
-    fn apart(&self, _one: &Self::Fit, _other: &Self::Fit) -> Option<Apart> {
+    /// By how much the predictions of two fits differ, row by row; none where that cannot be computed.
+    fn prediction_difference(
+        &self,
+        _one: &Self::Fit,
+        _other: &Self::Fit,
+    ) -> Option<PredictionDifference> {
         None
     }
+
+    /// Covariates over which residuals may have structure: a name, and a value per row (NaN where unknown).
+    fn scanned_covariates(&self) -> Vec<(String, Vec<f64>)>;
+
+    /// The partitions into blocks under which structure must be significant; empty where there are too few blocks for a scan.
+    fn scanned_blocks(&self) -> Vec<&Blocks>;
+
+    /// Residuals of all rows under a fit.
+    fn scanned_residuals(&self, fit: &Self::Fit) -> Residuals;
+
+    /// A short formula of the covariate of an accepted curve, for the residuals of a fit without that curve. None where the term is no
+    /// curve, or no formula fits.
+    fn formula_of_curve(&self, term: usize, fit_without: &Self::Fit) -> Option<Formula>;
+
+    /// A short formula of a covariate for the residuals of a fit.
+    fn formula_of_residuals(&self, covariate: &str, fit: &Self::Fit) -> Option<Formula>;
 
     /// A fit with a parameter of a term at another value, all others following; none where the term has no such parameter.
     fn held(&self, _fit: &Self::Fit, _term: usize, _key: &str, _value: f64) -> Option<Self::Fit> {

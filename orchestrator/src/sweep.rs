@@ -9,19 +9,19 @@ mod journal;
 mod plan;
 mod report;
 mod results;
-pub(crate) mod spec;
 pub(crate) mod statistics;
 pub(crate) mod table;
 mod worker;
 
 pub use journal::JournalError;
 
-use crate::config::{Overrides, Refusal};
+use crate::config::Overrides;
 use crate::console::{self, Progress};
 use crate::record::RecordError;
 use crate::run::{RunError, StartOptions};
 use journal::{Journal, Row};
 use plan::{SweepPlan, Trial};
+use proto::config::Refusal;
 use results::Done;
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
@@ -145,7 +145,7 @@ pub fn is_sweep(path: &Path) -> bool {
     std::fs::read_to_string(path)
         .ok()
         .and_then(|text| proto::config::parse(&text).ok())
-        .is_some_and(|tree| tree.get(spec::KEY).is_some())
+        .is_some_and(|tree| tree.get(crate::config::sweep::KEY).is_some())
 }
 
 /// Checks a sweep without running it. Returns how many settings and trials it has, and what to mind.

@@ -5,12 +5,16 @@
 //! effective configuration with defaults filled in, and the JSON Schema ([`json_schema`]). A checked table deserialises into
 //! the section's typed struct without further questions.
 
+mod assignment;
 mod check;
+mod refusal;
 mod schema;
 mod spec;
 mod tree;
 
+pub use assignment::set;
 pub use check::{Checked, FileReference, check};
+pub use refusal::Refusal;
 pub use schema::json_schema;
 pub use spec::{Choice, Default, Field, Kind, Range, TableSpec, Tag, Variant};
 pub use tree::{Node, Value, parse};

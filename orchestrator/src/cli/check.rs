@@ -1,11 +1,10 @@
 //! `orchestrator check`: an experiment file, or a file of measurements, without running or fitting anything.
 
 use super::measured::{ChoiceArgs, account_json, account_text};
-use super::{Failure, OverrideArgs, write_json};
+use super::{Failure, OverrideArgs, inputs, write_json};
 use crate::check;
 use crate::config;
 use crate::console::{say, warn};
-use crate::measure::config::Compared;
 use crate::measure::table::Table;
 use crate::sweep;
 use clap::Args;
@@ -39,8 +38,8 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 }
 
 fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
-    let config = args.config.as_deref().map(|path| Compared::load(path, &args.change.set));
-    let config = config.transpose().map_err(Failure::request)?;
+    let config = args.config.as_deref().map(|path| inputs::compared(path, &args.change.set));
+    let config = config.transpose()?;
     let table = Table::read(data).map_err(Failure::request)?;
     let mut checked =
         check::data(config, &table, &args.choices.choices()).map_err(Failure::request)?;

@@ -3,27 +3,31 @@
 use super::formula::FormulaArgs;
 use super::packets::{Adding, Opened, ReplayArgs};
 use super::task::{self, Files};
-use super::{Failure, place_for, stop, write_json, write_whole};
+use super::{Failure, inputs, place_for, stop, write_json, write_whole};
 use crate::compare::{self, Comparison};
 use crate::console::{say, warn};
 use crate::diagnose::answer::{self, Answer, Kind};
-use crate::diagnose::ladder::{COMMON, Search};
+use crate::diagnose::ladder::Search;
+use crate::diagnose::progress::Progress;
+use crate::diagnose::{held_out, scan};
 use crate::extend;
 use crate::measure::config::Compared;
 use crate::measure::packets;
 use crate::measure::robots::Sample;
 use crate::measure::table::Table;
 use crate::report::measured::{Contents, LinkRows, RobotRows, Rows, page};
-use crate::study::Study;
 use crate::study::choices::{Choices, Split};
 use crate::study::formula::FORMULA;
 use crate::study::links::LinkStudy;
 use crate::study::open::{self, Account, Subject};
 use crate::study::robots::RobotStudy;
-use crate::study::view::{self, View};
-use clap::Args;
+use crate::study::view::View;
+use crate::study::{COMMON, Study};
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// A configuration and measurements.
 #[derive(Args)]
@@ -50,6 +54,33 @@ pub(super) struct DataArgs {
     json: Option<PathBuf>,
 }
 
+/// The value of `--split`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum SplitArg {
+    /// Parts of the time that was measured
+    Time,
+    /// Pairs of nodes, both directions together
+    Pair,
+    /// Nodes, with every row that they take part in; of robots, whole robots
+    Node,
+    /// Squares of the plane in which nodes or robots move
+    Place,
+    /// Campaigns: equal numbers in the column run
+    Run,
+}
+
+impl From<SplitArg> for Split {
+    fn from(split: SplitArg) -> Self {
+        match split {
+            SplitArg::Time => Self::Time,
+            SplitArg::Pair => Self::Pair,
+            SplitArg::Node => Self::Node,
+            SplitArg::Place => Self::Place,
+            SplitArg::Run => Self::Run,
+        }
+    }
+}
+
 /// Which rows are used, which are left out together, how far robots are predicted.
 #[derive(Args, Clone)]
 pub(super) struct ChoiceArgs {
@@ -59,7 +90,7 @@ pub(super) struct ChoiceArgs {
     condition: Option<String>,
     /// What is left out together, in place of the unit that suits each effect
     #[arg(long, value_name = "UNIT")]
-    split: Option<Split>,
+    split: Option<SplitArg>,
     /// Fit to these runs only, numbers of the column run: 1,2. Scored are those of --score-runs, or all others
     #[arg(long, value_name = "RUNS", value_delimiter = ',')]
     fit_runs: Vec<u32>,
@@ -115,7 +146,7 @@ impl ChoiceArgs {
     pub(super) fn choices(&self) -> Choices {
         Choices {
             condition: self.condition.clone(),
-            split: self.split,
+            split: self.split.map(Split::from),
             fit_runs: self.fit_runs.clone(),
             score_runs: self.score_runs.clone(),
             window_s: self.window,
@@ -131,7 +162,7 @@ impl ChoiceArgs {
         };
         [
             self.condition.as_ref().map_or_else(String::new, |text| format!(" --where '{text}'")),
-            self.split.map_or_else(String::new, |split| format!(" --split {split}")),
+            self.split.map_or_else(String::new, |split| format!(" --split {}", Split::from(split))),
             runs("fit-runs", &self.fit_runs),
             runs("score-runs", &self.score_runs),
             self.window.map_or_else(String::new, |window_s| format!(" --window {window_s}")),
@@ -268,7 +299,7 @@ struct Pictures {
 
 impl Pictures {
     fn of_links(study: &LinkStudy, search: &Search<'_, LinkStudy>, terms: &[usize]) -> Self {
-        progress("drawing");
+        tracing::info!("drawing");
         let measured = &study.rows.links.rows;
         let rows = LinkRows {
             ends: measured
@@ -284,14 +315,14 @@ impl Pictures {
         };
         Self {
             rows: Rows::Links(rows),
-            before: view::held_out(study, search, &[]),
-            after: (!terms.is_empty()).then(|| view::held_out(study, search, terms)),
+            before: held_out::predictions(study, search, &[]),
+            after: (!terms.is_empty()).then(|| held_out::predictions(study, search, terms)),
             covariates: study.covariates(),
         }
     }
 
     fn of_robots(study: &RobotStudy, search: &Search<'_, RobotStudy>, terms: &[usize]) -> Self {
-        progress("drawing");
+        tracing::info!("drawing");
         let robots = study.robots();
         let place = |sample: &Sample| [sample.position_m[0], sample.position_m[1]];
         let before = study.errors_by_horizon(&search.full(&[], COMMON, None));
@@ -315,8 +346,8 @@ impl Pictures {
         };
         Self {
             rows: Rows::Robots(rows),
-            before: view::held_out(study, search, &[]),
-            after: (!terms.is_empty()).then(|| view::held_out(study, search, terms)),
+            before: held_out::predictions(study, search, &[]),
+            after: (!terms.is_empty()).then(|| held_out::predictions(study, search, terms)),
             covariates: study.covariates(),
         }
     }
@@ -352,8 +383,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         let found = task::split(&files, args.replay.asked())?;
         return args.write_network(&found, &format!(" --heard {}", heard.display()));
     }
-    let (config, table) =
-        open::files(&data.config, &data.set(), &data.data).map_err(Failure::request)?;
+    let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.replay, &table)?;
         let links = match links {
@@ -381,14 +411,18 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         Subject::Links => {
             let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
-            let search = Search::new(&study, &progress);
+            let log = SearchLog::new();
+            let report = |progress: Progress<'_>| log.log(progress);
+            let search = Search::new(&study, &report);
             let found = compared(&account, compare::links(&study, &search));
             args.write(&config, &found, || Pictures::of_links(&study, &search, &[]))
         }
         Subject::Robots => {
             let (study, account) =
                 open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
-            let search = Search::new(&study, &progress);
+            let log = SearchLog::new();
+            let report = |progress: Progress<'_>| log.log(progress);
+            let search = Search::new(&study, &report);
             let found = compared(&account, compare::robots(&study, &search));
             args.write(&config, &found, || Pictures::of_robots(&study, &search, &[]))
         }
@@ -402,8 +436,44 @@ fn compared(account: &Account, mut found: Comparison) -> Value {
     found.json
 }
 
-fn progress(line: &str) {
-    tracing::info!("{line}");
+/// How often a search logs how many candidates it has tried.
+const LOG_EVERY: Duration = Duration::from_secs(5);
+
+/// Logs the progress of a search, with the time left.
+struct SearchLog {
+    /// When the round began, and when a count was logged last.
+    times: Mutex<(Instant, Instant)>,
+}
+
+impl SearchLog {
+    fn new() -> Self {
+        let now = Instant::now();
+        Self { times: Mutex::new((now, now)) }
+    }
+
+    fn log(&self, progress: Progress<'_>) {
+        let mut times = self.times.lock().unwrap_or_else(PoisonError::into_inner);
+        match progress {
+            Progress::Round { round } => {
+                *times = (Instant::now(), Instant::now());
+                tracing::info!("round {round}: trying what may be missing");
+            }
+            Progress::Tried { round, done, of } => {
+                if times.1.elapsed() < LOG_EVERY {
+                    return;
+                }
+                times.1 = Instant::now();
+                let left_s = times.0.elapsed().as_secs_f64() * (of - done) as f64 / done as f64;
+                tracing::info!("round {round}: {done} of {of} tried, about {left_s:.0} s left");
+            }
+            Progress::Accepted { name } => tracing::info!("+ {name}"),
+            Progress::Exchanged { new, old } => {
+                tracing::info!("{new} in place of {}", old.join(", "));
+            }
+            Progress::Removed { name } => tracing::info!("- {name}"),
+            Progress::Ties => tracing::info!("collecting candidates that cannot be told apart"),
+        }
+    }
 }
 
 /// Packets have no rows to fit an expression to.
@@ -413,8 +483,7 @@ const NO_FORMULA: &str = "--formula is for measured links and robots: the networ
 /// `orchestrator extend`.
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
-    let (config, table) =
-        open::files(&data.config, &data.set(), &data.data).map_err(Failure::request)?;
+    let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
     if packets::has_shape(&table).is_ok() {
         if args.formula.wanted().is_some() {
             return Err(Failure::request(NO_FORMULA));
@@ -467,7 +536,9 @@ fn extend_with<S: Study>(
     (section, unit): (&str, &str),
 ) -> Result<(), Failure> {
     account_text(account);
-    let search = Search::new(study, &progress);
+    let log = SearchLog::new();
+    let report = |progress: Progress<'_>| log.log(progress);
+    let search = Search::new(study, &report);
     let terms = if args.all {
         search.climb().accepted
     } else {
@@ -506,8 +577,7 @@ fn extend_with<S: Study>(
 pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
     args.check_places()?;
     let data = &args.data;
-    let (config, table) =
-        open::files(&data.config, &data.set(), &data.data).map_err(Failure::request)?;
+    let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.replay, &table)?;
         let (found, stopped) = super::packets::diagnose(&opened)?;
@@ -523,9 +593,11 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let thin = study.thinned();
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
-            let search = Search::new(searched, &progress).until(stop);
+            let log = SearchLog::new();
+            let report = |progress: Progress<'_>| log.log(progress);
+            let search = Search::new(searched, &report).until(stop);
             let ladder = search.climb();
-            let left = searched.left_over(&search, &ladder);
+            let left = scan::left_over(searched, &search, &ladder);
             let kind = Kind { name: "link", unit: data.unit() };
             let mut answer = answer::answer(searched, &search, &ladder, kind, &left, whole);
             answer.json["searched"] = json!(searched.n_rows());
@@ -545,10 +617,12 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let (study, account) =
                 open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
             account_text(&account);
-            let search = Search::new(&study, &progress).until(stop);
+            let log = SearchLog::new();
+            let report = |progress: Progress<'_>| log.log(progress);
+            let search = Search::new(&study, &report).until(stop);
             let ladder = search.climb();
             let kind = Kind { name: "robot", unit: "m" };
-            let left = study.left_over(&search, &ladder);
+            let left = scan::left_over(&study, &search, &ladder);
             let answer = answer::answer(&study, &search, &ladder, kind, &left, None);
             let found = diagnosed(&account, answer);
             args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))?;

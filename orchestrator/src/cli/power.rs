@@ -1,10 +1,9 @@
 //! `orchestrator power`: how large an effect a campaign would show.
 
 use super::measured::ChoiceArgs;
-use super::{Failure, place_for, write_json};
+use super::{Failure, inputs, place_for, write_json};
 use crate::console::say;
 use crate::power::{self, PowerError, Question};
-use crate::study::open;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -45,8 +44,7 @@ pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         place_for("--json", path).map_err(Failure::request)?;
     }
-    let (config, table) =
-        open::files(&args.config, &args.set, &args.like).map_err(Failure::request)?;
+    let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
     let question = Question {
         effect: &args.effect,
         with: &args.with,

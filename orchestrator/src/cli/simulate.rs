@@ -1,9 +1,8 @@
 //! `orchestrator simulate`: the campaign that a model would have measured.
 
-use super::{Failure, place_for, write_json};
+use super::{Failure, inputs, place_for, write_json};
 use crate::console::{say, warn};
 use crate::simulate::{self, Simulated};
-use crate::study::open;
 use clap::Args;
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -43,8 +42,7 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
         )));
     }
     place_for("--output", &args.output).map_err(Failure::request)?;
-    let (config, table) =
-        open::files(&args.config, &args.set, &args.like).map_err(Failure::request)?;
+    let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
     let simulated =
         simulate::simulate(&config, &table, args.seed, None).map_err(Failure::request)?;
     write(&args.output, ending, &simulated)?;

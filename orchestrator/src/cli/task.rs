@@ -1,10 +1,9 @@
 //! The command that splits the error of a swarm's task.
 
-use super::Failure;
 use super::measured::account_json;
+use super::{Failure, inputs};
 use crate::config::{self, Overrides};
 use crate::console::say;
-use crate::measure::config::Compared;
 use crate::measure::table::Table;
 use crate::network::compared::Asked;
 use crate::network::replay::Replay;
@@ -35,7 +34,7 @@ pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<Value, Failure> {
     }
     let overrides = Overrides { set: files.set.to_vec(), ..Overrides::default() };
     let plan = config::load(files.config, &overrides).map_err(Failure::request)?;
-    let compared = Compared::load(files.config, files.set).map_err(Failure::request)?;
+    let compared = inputs::compared(files.config, files.set)?;
     let (tracks, table) = Tracks::with_table(files.data).map_err(Failure::request)?;
     let tracks = tracks
         .since(asked.from_s)

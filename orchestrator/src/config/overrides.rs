@@ -1,7 +1,7 @@
 //! What the command line puts over an experiment file.
 
-use super::{Refusal, Tls};
-use proto::config::{self, Node, Problem, Value};
+use super::Tls;
+use proto::config::{self, Node, Problem, Refusal, Value, set};
 use std::path::Path;
 
 /// What the command line puts over the file.
@@ -48,20 +48,4 @@ pub(crate) fn opened(
         }
     }
     Ok((tree, problems))
-}
-
-/// `--set key=value`: the value is TOML, or a bare word taken as a text.
-pub(crate) fn set(tree: &mut Node, assignment: &str) -> Result<(), Problem> {
-    let (key, value) = assignment.split_once('=').ok_or_else(|| {
-        Problem::new(format!("--set {assignment}"), "must be key=value, such as experiment.seed=2")
-    })?;
-    let (key, value) = (key.trim(), value.trim());
-    let parsed: toml::Value = toml::from_str::<toml::Table>(&format!("v = {value}"))
-        .ok()
-        .and_then(|mut table| table.remove("v"))
-        .unwrap_or_else(|| toml::Value::String(value.to_owned()));
-    tree.set(key, Value::from(&parsed)).map_err(|problem| Problem {
-        message: format!("{} (in --set {assignment})", problem.message),
-        ..problem
-    })
 }

@@ -151,9 +151,7 @@ impl Sides<'_> {
 
     fn url(&mut self, path: &str, url: &str) -> Option<String> {
         let host = url.strip_prefix("http://").or_else(|| url.strip_prefix("https://"));
-        if host.is_some_and(|host| !host.is_empty())
-            && tonic::transport::Endpoint::from_shared(url.to_owned()).is_ok()
-        {
+        if host.is_some_and(|host| !host.is_empty()) && url.parse::<http::Uri>().is_ok() {
             return Some(url.to_owned());
         }
         let mut problem = Problem::new(path, "must be http://HOST:PORT or https://HOST:PORT")

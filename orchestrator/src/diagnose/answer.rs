@@ -1,11 +1,11 @@
 //! What a diagnosis found: for programs as JSON, for people as a table and a sentence.
 
-use super::formula::Formula;
 use super::gain::{Gain, Scores};
-use super::ladder::{COMMON, Ladder, Search};
+use super::ladder::{Ladder, Search};
 use super::next;
 use super::scan::LeftOver;
-use crate::study::Study;
+use crate::study::symbolic::Formula;
+use crate::study::{COMMON, Study};
 use proto::effect::CONSTANT;
 use serde_json::{Value, json};
 use std::fmt::Write as _;

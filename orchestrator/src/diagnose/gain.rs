@@ -1,6 +1,6 @@
 //! How well rows that were left out are predicted, and how much better than by another model.
 
-use crate::study::RowScore;
+use crate::study::{RowScore, mean};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// Means of the scores over all rows.
@@ -14,14 +14,6 @@ pub struct Scores {
     pub crps: f64,
     /// Log loss of reception (nats per frame); NaN where reception is unknown.
     pub reception_log_loss: f64,
-}
-
-/// Mean of what is a number.
-pub(crate) fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = values
-        .filter(|value| !value.is_nan())
-        .fold((0.0, 0usize), |(sum, n), value| (sum + value, n + 1));
-    sum / n as f64
 }
 
 impl Scores {

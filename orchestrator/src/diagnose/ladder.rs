@@ -3,13 +3,13 @@
 mod choice;
 
 use super::gain::{Gain, Scores};
-use crate::study::{Candidate, RowScore, Study};
+use super::progress::Progress;
+use crate::study::{COMMON, Candidate, RowScore, Study};
 use proto::effect::Level;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
 use tracing::debug;
 
 /// All candidates together may accept wrongly with this probability (Holm).
@@ -29,8 +29,6 @@ const HOPELESS_NATS: f64 = 12.0;
 const NOTHING_MORE_NATS: f64 = 6.0;
 /// A rival raises the likelihood by at least this share of what the chosen one does.
 const NEARLY: f64 = 0.8;
-/// How often a search says how far it is.
-const TELL_EVERY: Duration = Duration::from_secs(5);
 /// No ladder has more rungs.
 const MOST_TERMS: usize = 8;
 
@@ -115,7 +113,7 @@ pub struct Search<'a, S: Study> {
     all: Vec<u32>,
     held_out: Cache<Arc<Vec<RowScore>>>,
     full: Cache<Arc<S::Fit>>,
-    report: &'a (dyn Fn(&str) + Sync),
+    report: &'a (dyn Fn(Progress<'_>) + Sync),
     stop: Option<&'a AtomicBool>,
 }
 
@@ -132,7 +130,7 @@ fn keep<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
 
 impl<'a, S: Study> Search<'a, S> {
     /// A search; `report` is told what is being done.
-    pub fn new(study: &'a S, report: &'a (dyn Fn(&str) + Sync)) -> Self {
+    pub fn new(study: &'a S, report: &'a (dyn Fn(Progress<'_>) + Sync)) -> Self {
         Self {
             study,
             all: study.fitted_rows(),
@@ -275,15 +273,14 @@ impl<'a, S: Study> Search<'a, S> {
         {
             return hopeless;
         }
-        let begun = Instant::now();
         let parent = self.full(accepted, level, None);
         let terms = with(accepted, term);
         let Some(fit) = self.promising(&terms, level, &parent, HOPELESS_NATS / 2.0) else {
-            debug!(name = candidate.name, took = ?begun.elapsed(), "screened out");
+            debug!(name = candidate.name, "screened out");
             return hopeless;
         };
         let rise = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
-        debug!(name = candidate.name, rise, took = ?begun.elapsed(), "fitted");
+        debug!(name = candidate.name, rise, "fitted");
         // What its numbers raise by chance they take away again on rows left out; those of a curve are held near 0.
         let by_chance = if candidate.curve_over().is_none() { candidate.n_parameters } else { 0 };
         if rise < HOPELESS_NATS + by_chance as f64
@@ -298,7 +295,7 @@ impl<'a, S: Study> Search<'a, S> {
             self.full(&terms, COMMON, Some(&fit));
             self.gain_of(term, &terms, accepted, COMMON)
         };
-        debug!(name = candidate.name, gain = gain.gain, p = gain.p_value, took = ?begun.elapsed(), "scored");
+        debug!(name = candidate.name, gain = gain.gain, p = gain.p_value, "scored");
         Trial { gain, common, ..hopeless }
     }
 
@@ -344,7 +341,7 @@ impl<'a, S: Study> Search<'a, S> {
         let mut round = 0;
         while too_little.is_none() && accepted.len() < MOST_TERMS {
             round += 1;
-            (self.report)(&format!("round {round}: trying what may be missing"));
+            (self.report)(Progress::Round { round });
             for level in self.levels() {
                 self.held_out(&accepted, level);
             }
@@ -382,11 +379,10 @@ impl<'a, S: Study> Search<'a, S> {
             };
             let name = |term: usize| candidates[term].name.as_str();
             if in_place_of.is_empty() {
-                (self.report)(&format!("+ {}", name(trials[best].term)));
+                (self.report)(Progress::Accepted { name: name(trials[best].term) });
             } else {
-                let olds: Vec<&str> = in_place_of.iter().map(|&old| name(old)).collect();
-                let new = name(trials[best].term);
-                (self.report)(&format!("{new} in place of {}", olds.join(", ")));
+                let old = in_place_of.iter().map(|&old| name(old)).collect();
+                (self.report)(Progress::Exchanged { new: name(trials[best].term), old });
                 accepted.retain(|term| !in_place_of.contains(term));
                 removed.extend(in_place_of);
             }
@@ -408,7 +404,7 @@ impl<'a, S: Study> Search<'a, S> {
             rungs = self.rungs(&accepted);
         }
         if stopped.is_none() {
-            (self.report)("which cannot be told apart");
+            (self.report)(Progress::Ties);
             self.part(&mut decided, &accepted);
         }
         let mut trials = decided;
@@ -460,7 +456,7 @@ impl<'a, S: Study> Search<'a, S> {
                 "weighed again"
             );
             if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
-                (self.report)(&format!("- {}", candidates[term].name));
+                (self.report)(Progress::Removed { name: &candidates[term].name });
                 *accepted = rest;
                 removed.push(term);
             } else {
@@ -476,25 +472,18 @@ impl<'a, S: Study> Search<'a, S> {
         all.position(|candidate| candidate.stands_in_for == Some(term)).unwrap_or(term)
     }
 
-    /// Tries every candidate, and says now and then how many are left.
+    /// Tries every candidate.
     fn trials(&self, accepted: &[usize], round: usize) -> Vec<Trial> {
         let candidates = self.study.candidates();
         let wanted: Vec<usize> = (0..candidates.len())
             .filter(|&term| candidates[term].stands_in_for.is_none())
             .collect();
         let n = wanted.len();
-        let begun = Instant::now();
-        let (done, told) = (AtomicUsize::new(0), Mutex::new(begun));
+        let done = AtomicUsize::new(0);
         let try_one = |term| {
             let trial = self.attempt(accepted, term);
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
-            if TELL_EVERY <= told.elapsed() {
-                *told = Instant::now();
-                let left_s = begun.elapsed().as_secs_f64() * (n - done) as f64 / done as f64;
-                let text = format!("round {round}: {done} of {n} tried, about {left_s:.0} s left");
-                (self.report)(&text);
-            }
+            (self.report)(Progress::Tried { round, done, of: n });
             trial
         };
         wanted.into_par_iter().map(try_one).collect()
@@ -529,21 +518,18 @@ impl<'a, S: Study> Search<'a, S> {
     }
 }
 
-/// The split on which candidates are ordered and ladders are drawn.
-pub const COMMON: Level = Level::Time;
-
 fn with(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().chain([term]).collect()
 }
 
 /// These terms but one.
-pub(crate) fn without(accepted: &[usize], term: usize) -> Vec<usize> {
+pub(super) fn without(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().filter(|&other| other != term).collect()
 }
 
 /// How much greater the mean squared error of the model as configured is than that of another: shares of the one are so many
 /// times smaller than shares of the other.
-pub(crate) fn share_scale(configured: f64, other: f64) -> f64 {
+pub(super) fn share_scale(configured: f64, other: f64) -> f64 {
     let scale = configured / other;
     if scale.is_finite() { scale.max(1.0) } else { 1.0 }
 }

@@ -1,25 +1,14 @@
 //! The next measurement: where two models that the data cannot tell apart differ most. They are rivals, or one model at both ends
 //! of the interval of a parameter.
 
-use super::ladder::{COMMON, Ladder, Search};
-use crate::study::{Estimate, Study};
+use super::ladder::{Ladder, Search};
+use crate::study::{COMMON, Estimate, PredictionDifference, Study};
 use serde_json::{Value, json};
 
 /// Bins of a covariate.
 const BINS: usize = 10;
 /// A bin with fewer rows says nothing.
 const FEWEST_ROWS: usize = 20;
-
-/// What two models say about the rows: how far they are apart, in units of people, and the covariates by which rows differ.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Apart {
-    /// Absolute difference of the two predictions of each row.
-    pub by_row: Vec<f64>,
-    /// Its unit.
-    pub unit: &'static str,
-    /// What rows differ by: a name, and a value per row.
-    pub covariates: Vec<(String, Vec<f64>)>,
-}
 
 /// Conditions under which models differ: a range of one covariate.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,16 +27,16 @@ pub struct Condition {
 
 /// The tenth of the rows, by one covariate, in which two models differ most.
 #[must_use]
-pub fn greatest(apart: &Apart) -> Option<Condition> {
-    let total: f64 = apart.by_row.iter().sum();
-    let n = apart.by_row.len();
+pub fn greatest(difference: &PredictionDifference) -> Option<Condition> {
+    let total: f64 = difference.by_row.iter().sum();
+    let n = difference.by_row.len();
     let mut best: Option<Condition> = None;
-    for (name, values) in &apart.covariates {
+    for (name, values) in &difference.covariates {
         let mut order: Vec<usize> = (0..n).filter(|&row| values[row].is_finite()).collect();
         order.sort_by(|&a, &b| values[a].total_cmp(&values[b]).then(a.cmp(&b)));
         for part in order.chunks(order.len().div_ceil(BINS).max(FEWEST_ROWS)) {
             let (Some(&first), Some(&last)) = (part.first(), part.last()) else { continue };
-            let sum: f64 = part.iter().map(|&row| apart.by_row[row]).sum();
+            let sum: f64 = part.iter().map(|&row| difference.by_row[row]).sum();
             if part.len() < FEWEST_ROWS || n <= part.len() {
                 continue;
             }
@@ -113,9 +102,9 @@ fn measurement<S: Study>(
     between: [&str; 2],
     aim: &str,
 ) -> Option<Value> {
-    let apart = study.apart(one, other)?;
+    let difference = study.prediction_difference(one, other)?;
     // What would be told as 0.00 is no condition to measure under.
-    let at = greatest(&apart).filter(|at| 0.005 <= at.inside)?;
+    let at = greatest(&difference).filter(|at| 0.005 <= at.inside)?;
     Some(json!({
         "between": between,
         "covariate": at.covariate,
@@ -123,10 +112,10 @@ fn measurement<S: Study>(
         "to": at.to,
         "difference": at.inside,
         "elsewhere": at.outside,
-        "unit": apart.unit,
+        "unit": difference.unit,
         "sentence": format!(
             "{aim}, measure where {} is {:.3} to {:.3}: there they differ by {:.2} {}, elsewhere by {:.2} {}",
-            at.covariate, at.from, at.to, at.inside, apart.unit, at.outside, apart.unit
+            at.covariate, at.from, at.to, at.inside, difference.unit, at.outside, difference.unit
         ),
     }))
 }
@@ -141,7 +130,7 @@ mod tests {
         let by_row = x.iter().map(|x| if (300.0..400.0).contains(x) { 2.0 } else { 0.5 }).collect();
         let other = (0..1000).map(|row| f64::from(row % 13)).collect();
         let covariates = vec![("other".to_owned(), other), ("x".to_owned(), x)];
-        let found = greatest(&Apart { by_row, unit: "dB", covariates }).unwrap();
+        let found = greatest(&PredictionDifference { by_row, unit: "dB", covariates }).unwrap();
         assert_eq!((found.covariate.as_str(), found.from, found.to), ("x", 300.0, 399.0));
         assert_eq!((found.inside, found.outside), (2.0, 0.5));
     }

@@ -1,8 +1,9 @@
 //! What is left over when no effect gains any more: structure over a covariate.
 
-use super::formula::Formula;
-use super::ladder::{LEAST_SHARE, WORTH_NATS, WORTH_SHARE};
+use super::ladder::{LEAST_SHARE, Ladder, Search, WORTH_NATS, WORTH_SHARE, share_scale, without};
 use crate::study::folds::Blocks;
+use crate::study::symbolic::Formula;
+use crate::study::{COMMON, Study};
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, Gamma};
 use std::collections::BTreeMap;
@@ -54,6 +55,45 @@ impl Residuals<'_> {
         let nats = -0.5 * (1.0 - explained).ln();
         WORTH_NATS <= nats || WORTH_SHARE.max(LEAST_SHARE * self.configured) <= explained
     }
+}
+
+/// What the ladder leaves unexplained: for each curve that was accepted its formula, and the strongest structure of the residuals over a
+/// covariate.
+#[must_use]
+pub fn left_over<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> LeftOver {
+    let mut formulas = BTreeMap::new();
+    for &term in &ladder.accepted {
+        let candidate = &study.candidates()[term];
+        if candidate.curve_over().is_none() {
+            continue;
+        }
+        let fit = search.full(&without(&ladder.accepted, term), COMMON, None);
+        if let Some(formula) = study.formula_of_curve(term, &fit) {
+            formulas.insert(candidate.name.clone(), formula);
+        }
+    }
+    let levels = study.scanned_blocks();
+    if !ladder.is_complete() || levels.is_empty() {
+        return LeftOver { formulas, structure: None };
+    }
+    let fit = search.full(&ladder.accepted, COMMON, None);
+    let unexplained = study.scanned_residuals(&fit);
+    let (first, last) = (&ladder.rungs[0], &ladder.rungs[ladder.rungs.len() - 1]);
+    let mean_square = unexplained.mean_square.unwrap_or_else(|| last.scores.mean_square());
+    let scale = share_scale(first.scores.mean_square(), mean_square);
+    let residuals: Vec<Residuals<'_>> = unexplained
+        .components
+        .iter()
+        .map(|component| Residuals {
+            values: &component.standardised,
+            configured: if component.is_of_error { scale } else { 1.0 },
+        })
+        .collect();
+    let mut structure = strongest(&study.scanned_covariates(), &residuals, &levels);
+    if let Some(structure) = &mut structure {
+        structure.formula = study.formula_of_residuals(&structure.covariate, &fit);
+    }
+    LeftOver { formulas, structure }
 }
 
 /// The strongest structure, if there is any, in these residuals over `covariates`. Rows of one block of `levels` may depend on

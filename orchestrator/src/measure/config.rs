@@ -1,8 +1,7 @@
 //! The part of a configuration that is held against measurements.
 
-use crate::config::{self, Refusal};
 use netsim::phy::Model;
-use proto::config::{Node, Problem, Value};
+use proto::config::{Node, Problem, Refusal, Value};
 use proto::site::{self, Site};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -26,26 +25,17 @@ const SECTIONS: [&str; 7] =
     ["experiment", "site", "robotsim", "netsim", "timeline", "output", "sweep"];
 
 impl Compared {
-    /// Reads a configuration.
+    /// Reads the text of a configuration; `path` is named in refusals.
     ///
     /// # Errors
     ///
     /// Every problem it has, with its place.
-    pub fn load(path: &Path, set: &[String]) -> Result<Self, Refusal> {
-        Self::of_text(path, config::text_of(path)?, set)
-    }
-
-    /// Reads a configuration that is at hand; `path` is what it is called.
-    ///
-    /// # Errors
-    ///
-    /// See [`Compared::load`].
     pub fn of_text(path: &Path, text: String, set: &[String]) -> Result<Self, Refusal> {
         let mut tree = proto::config::parse(&text)
             .map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
         let mut problems = Vec::new();
         for assignment in set {
-            if let Err(problem) = config::set(&mut tree, assignment) {
+            if let Err(problem) = proto::config::set(&mut tree, assignment) {
                 problems.push(problem);
             }
         }
@@ -76,7 +66,8 @@ impl Compared {
     /// There can be no such key.
     pub fn with(&self, assignment: &str) -> Result<Self, Refusal> {
         let mut other = self.clone();
-        config::set(&mut other.tree, assignment).map_err(|problem| self.refuse(vec![problem]))?;
+        proto::config::set(&mut other.tree, assignment)
+            .map_err(|problem| self.refuse(vec![problem]))?;
         Ok(other)
     }
 

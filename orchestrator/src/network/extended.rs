@@ -4,9 +4,10 @@ use super::candidates::Candidate;
 use super::diagnosed::{Diagnosis, Effects, Rung};
 use super::replay::ReplayError;
 use super::tried::Fitted;
-use crate::config::{self, Overrides, Refusal};
+use crate::config::{self, Overrides};
 use crate::extend::ExtendError;
 use crate::study::open::Account;
+use proto::config::Refusal;
 use std::fmt::Write as _;
 use std::path::Path;
 

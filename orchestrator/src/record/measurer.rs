@@ -1,10 +1,10 @@
 //! What a run comes to, without leaving anything on disk.
 
-use super::output::Links;
 use super::writer::{Event, RunWriter, Step};
 use super::{
     Configured, Ending, OutputConfig, RecordError, Recorder, RunHeader, StepRecord, summary,
 };
+use crate::config::output::Links;
 use serde_json::Value;
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 
 use super::directory::SCHEMA_PREFIX;
 use super::measures::Measures;
-use super::output::Links;
 use super::writer::Written;
 use super::{Ending, RunHeader, Status};
+use crate::config::output::Links;
 use proto::digest::hex;
 use proto::types::seconds;
 use serde_json::{Map, Value, json};

@@ -8,11 +8,11 @@ pub use shapes::TABLES;
 
 use super::counts::heard;
 use super::kpi::Account;
-use super::output::{Links, OutputConfig};
 use super::period::{Period, distance_m};
 use super::table::{Cell, Table};
 use super::whole::Fingerprint;
 use super::{RecordError, RunHeader};
+use crate::config::output::{Links, OutputConfig};
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::types::{AgentStates, MoteStates, NetRecord, Statistic};
 use shapes::{LINKS, MOTES, NEIGHBOURS, PACKETS, SCHEDULE, STEPS, TRANSMISSIONS};

@@ -5,6 +5,8 @@ mod tables;
 use super::log::Topic;
 use super::read::{ReadError, Reader};
 use super::*;
+use crate::config::output::Links;
+use crate::report::page;
 use bytes::Bytes;
 use proto::convert;
 use proto::digest::of_step;
@@ -138,7 +140,7 @@ fn complete() -> Ending {
 }
 
 fn finished(out: &Path, header: RunHeader) -> Finished {
-    record(out, header, STEPS).finish(&complete(), json!({ "host": "here" })).unwrap()
+    record(out, header, STEPS).finish(&complete(), json!({ "host": "here" }), page).unwrap()
 }
 
 fn names(dir: &Path) -> Vec<String> {
@@ -259,7 +261,7 @@ fn a_wrong_digest_is_found_with_its_step() {
         digest: digest(3, Coupling::Sequential),
     };
     recorder.step(wrong).unwrap();
-    let dir = recorder.finish(&complete(), Value::Null).unwrap().dir;
+    let dir = recorder.finish(&complete(), Value::Null, page).unwrap().dir;
     let report = verify(&dir).unwrap();
     assert_eq!((report.steps, report.digests), (4, 3));
     assert!(report.problems[0].contains("step 4: the digest"), "{:?}", report.problems);
@@ -342,7 +344,7 @@ fn an_interrupted_run_keeps_what_it_recorded_and_says_so() {
     let out = tempfile::tempdir().unwrap();
     let recorder = record(out.path(), header("run"), 5);
     let ending = Ending::early(Status::Interrupted, "stopped by Ctrl-C".to_owned());
-    let run = recorder.finish(&ending, Value::Null).unwrap();
+    let run = recorder.finish(&ending, Value::Null, page).unwrap();
     assert_eq!(run.summary["status"], "interrupted");
     assert_eq!(run.summary["reason"], "stopped by Ctrl-C");
     assert_eq!(run.summary["steps"], 5);
@@ -355,7 +357,7 @@ fn a_run_that_failed_before_it_was_configured_leaves_a_summary_too() {
     let out = tempfile::tempdir().unwrap();
     let recorder = Recorder::create(out.path(), header("run")).unwrap();
     let ending = Ending::early(Status::Failed, "no such host".to_owned());
-    let run = recorder.finish(&ending, Value::Null).unwrap();
+    let run = recorder.finish(&ending, Value::Null, page).unwrap();
     assert_eq!(run.summary["steps"], 0);
     assert_eq!(run.summary["task"], Value::Null);
     let report = verify(&run.dir).unwrap();
@@ -407,7 +409,7 @@ fn steps_out_of_order_are_refused() {
     let error = (0..).find_map(|_| recorder.step(skipped).err()).unwrap();
     assert!(matches!(error, RecordError::Order { got: 4, expected: 3 }), "{error}");
     // Finishing all the same tells the same reason again.
-    let error = recorder.finish(&complete(), Value::Null).unwrap_err();
+    let error = recorder.finish(&complete(), Value::Null, page).unwrap_err();
     assert!(matches!(&error, RecordError::Stopped { .. }), "{error}");
     assert!(error.to_string().contains("step 4 cannot be recorded: step 3 is next"), "{error}");
 }
@@ -472,7 +474,7 @@ fn speeds_are_means_over_time_not_over_steps() {
         digest: digest(2, Coupling::Sequential),
     };
     recorder.step(still).unwrap();
-    let task = recorder.finish(&complete(), Value::Null).unwrap().summary["task"].clone();
+    let task = recorder.finish(&complete(), Value::Null, page).unwrap().summary["task"].clone();
     for key in ["flock_speed_mps", "mean_speed_mps"] {
         // Up to rounding.
         assert!((task[key].as_f64().unwrap() - 0.5).abs() < 1e-9, "{key}: {}", task[key]);

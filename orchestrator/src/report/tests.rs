@@ -1,8 +1,8 @@
 //! Pages of made-up runs.
 
 use super::*;
-use crate::config::Start;
-use crate::record::OutputConfig;
+use crate::config::{OutputConfig, Start};
+use crate::record::RunHeader;
 use proto::types::Coupling;
 use serde_json::json;
 use std::collections::BTreeMap;

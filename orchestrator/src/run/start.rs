@@ -1,10 +1,11 @@
 //! Starting, connecting and configuring both sides.
 
 use super::RunError;
-use crate::config::{EXPERIMENT, Plan, Refusal, SideConfig, Start, timeline};
+use crate::config::{EXPERIMENT, Plan, SideConfig, Start, timeline};
 use crate::coupling::Coupled;
 use crate::peer::{Launch, Network, Peer, Reach, Robots, Service, SideError};
 use crate::record::{Configured, RunHeader, is_column_of_motes};
+use proto::config::Refusal;
 use proto::config::{Node, Problem, Value};
 use proto::types::{Coupling, DeliveryColumn, NetRecord};
 use proto::{convert, v1};

@@ -8,6 +8,7 @@ use crate::config::{Plan, Tls, Transport};
 use crate::coupling::Coupled;
 use crate::peer::{Network, Peer, Robots};
 use crate::record::{Ending, Measurer, RecordError, Recorder, Steps};
+use crate::report;
 use serde_json::Value;
 use std::path::Path;
 
@@ -169,7 +170,7 @@ impl Sink {
     fn finish(self, ending: &Ending) -> Result<Value, RecordError> {
         match self {
             Self::Record(recorder) => {
-                recorder.finish(ending, Value::Null).map(|finished| finished.summary)
+                recorder.finish(ending, Value::Null, report::page).map(|finished| finished.summary)
             }
             Self::Measure(measurer) => measurer.finish(ending),
         }

@@ -35,17 +35,17 @@ impl Choices {
 }
 
 /// What is left out together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
-    /// Parts of the time that was measured
+    /// Parts of the time that was measured.
     Time,
-    /// Pairs of nodes, both directions together
+    /// Pairs of nodes, both directions together.
     Pair,
-    /// Nodes, with every row that they take part in; of robots, whole robots
+    /// Nodes, with every row that they take part in; of robots, whole robots.
     Node,
-    /// Squares of the plane in which nodes or robots move
+    /// Squares of the plane in which nodes or robots move.
     Place,
-    /// Campaigns: equal numbers in the column run
+    /// Campaigns: equal numbers in the column run.
     Run,
 }
 

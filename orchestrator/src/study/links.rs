@@ -43,8 +43,8 @@ mod view;
 
 use super::choices::{ChoiceError, Choices};
 use super::folds::Blocks;
-use super::{Candidate, Estimate, RowScore, Study};
-use crate::diagnose::next::Apart;
+use super::symbolic::Formula;
+use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study};
 use basis::{Bases, Basis};
 use cells::{Cells, Deviations, Random};
 use fit::{Free, LinkFit, Problem, Steps};
@@ -436,8 +436,33 @@ impl Study for LinkStudy {
         self.best_of(terms, starts, &all, From::trial(level, Some(parent)))
     }
 
-    fn apart(&self, one: &LinkFit, other: &LinkFit) -> Option<Apart> {
-        Some(self.apart_in_rows(one, other))
+    fn prediction_difference(
+        &self,
+        one: &LinkFit,
+        other: &LinkFit,
+    ) -> Option<PredictionDifference> {
+        Some(self.difference_by_row(one, other))
+    }
+
+    fn scanned_covariates(&self) -> Vec<(String, Vec<f64>)> {
+        self.covariates()
+    }
+
+    fn scanned_blocks(&self) -> Vec<&Blocks> {
+        let levels = [&self.time, &self.place];
+        if levels.iter().all(|blocks| blocks.suffices()) { levels.to_vec() } else { Vec::new() }
+    }
+
+    fn scanned_residuals(&self, fit: &LinkFit) -> Residuals {
+        self.standardised(fit)
+    }
+
+    fn formula_of_curve(&self, term: usize, fit_without: &LinkFit) -> Option<Formula> {
+        self.curve_as_formula(term, fit_without)
+    }
+
+    fn formula_of_residuals(&self, covariate: &str, fit: &LinkFit) -> Option<Formula> {
+        self.residuals_as_formula(covariate, fit)
     }
 
     fn held(&self, fit: &LinkFit, term: usize, key: &str, value: f64) -> Option<LinkFit> {

@@ -7,15 +7,13 @@ use super::links::LinkStudy;
 use super::links::covariates;
 use super::links::rows::Rows;
 use super::robots::{Given, RobotStudy, RobotStudyError};
-use crate::config::Refusal;
 use crate::measure::config::Compared;
 use crate::measure::table::Table;
 use crate::measure::{DataError, Rejected};
 use crate::measure::{links, packets, robots};
-use proto::config::{Node, Problem, Value};
+use proto::config::{Node, Problem, Refusal, Value};
 use proto::effect::Level;
 use std::collections::BTreeSet;
-use std::path::Path;
 
 /// Why measurements cannot be held against a configuration.
 #[derive(Debug, thiserror::Error)]
@@ -340,13 +338,4 @@ fn too_few<S: Study>(study: &S) -> Vec<String> {
         ));
     }
     warnings
-}
-
-/// Reads both files.
-///
-/// # Errors
-///
-/// What is wrong with either.
-pub fn files(config: &Path, set: &[String], data: &Path) -> Result<(Compared, Table), OpenError> {
-    Ok((Compared::load(config, set)?, Table::read(data)?))
 }

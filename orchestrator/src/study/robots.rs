@@ -12,7 +12,7 @@ mod derivatives;
 mod discs;
 mod driven;
 mod fit;
-mod left;
+mod formulas;
 mod motion;
 mod rivals;
 mod screen;
@@ -25,8 +25,8 @@ mod view;
 use super::choices::{ChoiceError, Choices, Seen};
 use super::folds::Blocks;
 use super::formula::set;
-use super::{Candidate, Estimate, RowScore, Study, is_at_bound};
-use crate::diagnose::next::Apart;
+use super::symbolic::Formula;
+use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, is_at_bound};
 use crate::measure::Rejected;
 use crate::measure::robots::Robots;
 use crate::measure::table::Table;
@@ -522,8 +522,39 @@ impl Study for RobotStudy {
         self.model.screened(parent, known, term, &self.fitted_rows())
     }
 
-    fn apart(&self, one: &RobotFit, other: &RobotFit) -> Option<Apart> {
-        self.apart_in_the_end(one, other)
+    fn prediction_difference(
+        &self,
+        one: &RobotFit,
+        other: &RobotFit,
+    ) -> Option<PredictionDifference> {
+        self.difference_of_ends(one, other)
+    }
+
+    fn scanned_covariates(&self) -> Vec<(String, Vec<f64>)> {
+        self.independent_covariates()
+    }
+
+    fn scanned_blocks(&self) -> Vec<&Blocks> {
+        [&self.in_time, &self.in_place].into_iter().filter(|blocks| blocks.suffices()).collect()
+    }
+
+    fn scanned_residuals(&self, fit: &RobotFit) -> Residuals {
+        self.standardised(fit)
+    }
+
+    fn formula_of_curve(&self, term: usize, fit_without: &RobotFit) -> Option<Formula> {
+        let (Term::Curve(curve), Some(name)) =
+            (&self.model.terms[term], self.candidates[term].curve_over())
+        else {
+            return None;
+        };
+        self.formula((name, curve.values()), &self.independent_covariates(), fit_without)
+    }
+
+    fn formula_of_residuals(&self, covariate: &str, fit: &RobotFit) -> Option<Formula> {
+        let covariates = self.independent_covariates();
+        let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
+        self.formula((name, values), &covariates, fit)
     }
 
     fn held(&self, fit: &RobotFit, term: usize, key: &str, value: f64) -> Option<RobotFit> {

@@ -1,8 +1,6 @@
 //! What a model says of rows that it has not seen, beside what was measured: as pictures need it.
 
 use super::Study;
-use crate::diagnose::ladder::{COMMON, Search};
-use rayon::prelude::*;
 
 /// Predictions and measurements, a value per row. NaN where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,7 +53,8 @@ impl View {
         known.iter().filter(|z| z.abs() <= 1.645).count() as f64 / known.len() as f64
     }
 
-    fn take(&mut self, other: &Self, rows: &[u32]) {
+    /// Takes these rows from another view.
+    pub fn take(&mut self, other: &Self, rows: &[u32]) {
         fn copy<T: Copy>(to: &mut [T], from: &[T], row: usize) {
             if let (Some(to), Some(from)) = (to.get_mut(row), from.get(row)) {
                 *to = *from;
@@ -77,26 +76,4 @@ impl View {
 pub trait Viewed: Study {
     /// All rows under a fit.
     fn view(&self, fit: &Self::Fit) -> View;
-}
-
-/// Every row as predicted by a fit to the other folds.
-pub fn held_out<S: Viewed>(study: &S, search: &Search<'_, S>, terms: &[usize]) -> View {
-    let start = search.full(terms, COMMON, None);
-    let blocks = study.blocks(COMMON);
-    let parts: Vec<(Vec<u32>, View)> = (0..blocks.n_folds())
-        .into_par_iter()
-        .map(|fold| {
-            let (train, test) = blocks.split(fold);
-            if train.is_empty() {
-                return (Vec::new(), View::default());
-            }
-            let view = study.view(&study.fit(terms, &train, COMMON, Some(&start)));
-            (test, view)
-        })
-        .collect();
-    let mut view = study.view(&start);
-    for (rows, part) in &parts {
-        view.take(part, rows);
-    }
-    view
 }

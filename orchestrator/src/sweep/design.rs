@@ -1,6 +1,6 @@
 //! From what varies to settings: one experiment each, but for the seed.
 
-use super::spec::{Range, Sampling, Sweep};
+use crate::config::sweep::{self as spec, Range, Sampling, Sweep};
 use proto::config::{Node, Value};
 use proto::rng::{Draws, Purpose};
 
@@ -65,7 +65,7 @@ pub(crate) fn settings(sweep: &Sweep, seed: u64) -> Vec<Setting> {
     let mut settings: Vec<Setting> = if sweep.cases.is_empty() {
         vec![Setting { case: None, values: Vec::new(), n_of_case: 0 }]
     } else {
-        let of_case = |case: &super::spec::Case| Setting {
+        let of_case = |case: &spec::Case| Setting {
             case: Some(case.name.clone()),
             values: case.values.clone(),
             n_of_case: case.values.len(),
@@ -156,7 +156,6 @@ impl Range {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sweep::spec;
 
     fn of(text: &str) -> (Vec<String>, Vec<String>) {
         let mut problems = Vec::new();

@@ -1,8 +1,9 @@
 //! A sweep that has been read and checked: its settings, its trials, and what identifies each.
 
 use super::design::{self, Setting};
-use super::spec::{self, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
-use crate::config::{self, Overrides, Plan, Refusal};
+use crate::config::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
+use crate::config::{self, Overrides, Plan};
+use proto::config::Refusal;
 use proto::config::{Node, Problem, Value};
 use proto::digest::hex;
 use rayon::prelude::*;

@@ -4,7 +4,7 @@ use super::covariance::{Length, Products};
 use super::fit::LinkFit;
 use super::terms::Spec;
 use super::{From, LinkStudy, group, search};
-use crate::diagnose::ladder::COMMON;
+use crate::study::COMMON;
 use crate::study::{Estimate, Study as _};
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;

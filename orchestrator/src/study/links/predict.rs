@@ -6,12 +6,8 @@ use super::cells::Cells;
 use super::fit::LinkFit;
 use super::likelihood::{Instrument, Level, Read};
 use super::terms::Spec;
-use crate::diagnose::formula::{self, Deviations};
-use crate::diagnose::gain::mean;
-use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale, without};
-use crate::diagnose::next::Apart;
-use crate::diagnose::scan::{self, LeftOver, Residuals};
-use crate::study::RowScore;
+use crate::study::symbolic::{self, Deviations, Formula};
+use crate::study::{Component, PredictionDifference, Residuals, RowScore, mean};
 use netsim::phy::effect::formula::NAMES;
 use proto::effect::CONSTANT;
 use std::collections::BTreeMap;
@@ -154,62 +150,56 @@ impl LinkStudy {
         self.predictions(fit).into_iter().enumerate().map(lost).collect()
     }
 
-    /// What is left over a covariate when the ladder has ended: for what was taken as a curve its formula, and the strongest
-    /// structure that nothing explains.
-    #[must_use]
-    pub fn left_over(&self, search: &Search<'_, Self>, ladder: &Ladder) -> LeftOver {
-        let covariates = self.covariates();
-        // What a formula may name, too.
+    /// Covariates of these rows that a formula may name.
+    fn formula_covariates<'a>(
+        &self,
+        covariates: &'a [(String, Vec<f64>)],
+    ) -> Vec<&'a (String, Vec<f64>)> {
         let is_known = |name: &String| {
             NAMES.iter().any(|(known, _)| known == name)
                 || self.rows.links.covariates.iter().any(|(given, _)| given == name)
         };
-        let others: Vec<&(String, Vec<f64>)> =
-            covariates.iter().filter(|(name, _)| is_known(name)).collect();
-        let mut formulas = BTreeMap::new();
-        for &term in &ladder.accepted {
-            let Spec::Curve(curve) = &self.specs[term] else { continue };
-            let fit = search.full(&without(&ladder.accepted, term), COMMON, None);
-            let (deviation, target) = if curve.is_loss {
-                (self.losses_left(&fit), LOSS)
-            } else {
-                let [deviation, ..] = self.residuals(&fit);
-                (deviation, MEAN)
-            };
-            let found = if curve.covariate == CONSTANT {
-                formula::constant(&deviation, target)
-            } else {
-                let covariate = (&curve.covariate[..], &curve.values[..]);
-                let deviations = Deviations { values: &deviation, factor: None, target };
-                formula::of_covariate(covariate, &others, deviations, &self.time)
-            };
-            if let Some(found) = found {
-                formulas.insert(curve.name(), found);
-            }
+        covariates.iter().filter(|(name, _)| is_known(name)).collect()
+    }
+
+    /// Standardised residuals of readings and of reception.
+    pub(super) fn standardised(&self, fit: &LinkFit) -> Residuals {
+        let [deviation, scaled, surprise] = self.residuals(fit);
+        Residuals {
+            components: vec![
+                Component { standardised: scaled, is_of_error: true },
+                Component { standardised: surprise, is_of_error: false },
+            ],
+            mean_square: Some(mean(deviation.iter().map(|d| d * d))),
         }
-        let [deviation, scaled, surprise] =
-            self.residuals(&search.full(&ladder.accepted, COMMON, None));
-        let levels = [&self.time, &self.place];
-        let mut structure = if ladder.is_complete() && levels.iter().all(|l| l.suffices()) {
-            let left = mean(deviation.iter().map(|d| d * d));
-            let configured = share_scale(ladder.rungs[0].scores.mean_square(), left);
-            let residuals = [
-                Residuals { values: &scaled, configured },
-                Residuals { values: &surprise, configured: 1.0 },
-            ];
-            scan::strongest(&covariates, &residuals, &levels)
+    }
+
+    /// The formula of an accepted curve, for the residuals of a fit without it.
+    pub(super) fn curve_as_formula(&self, term: usize, fit_without: &LinkFit) -> Option<Formula> {
+        let Spec::Curve(curve) = &self.specs[term] else { return None };
+        let (deviation, target) = if curve.is_loss {
+            (self.losses_left(fit_without), LOSS)
         } else {
-            None
+            let [deviation, ..] = self.residuals(fit_without);
+            (deviation, MEAN)
         };
-        if let Some(structure) = &mut structure
-            && let Some((name, values)) =
-                covariates.iter().find(|(name, _)| *name == structure.covariate)
-        {
-            let deviations = Deviations { values: &deviation, factor: None, target: MEAN };
-            structure.formula =
-                formula::of_covariate((name, values), &others, deviations, &self.time);
+        if curve.covariate == CONSTANT {
+            return symbolic::constant(&deviation, target);
         }
-        LeftOver { formulas, structure }
+        let covariates = self.covariates();
+        let others = self.formula_covariates(&covariates);
+        let deviations = Deviations { values: &deviation, factor: None, target };
+        symbolic::of_covariate((&curve.covariate, &curve.values), &others, deviations, &self.time)
+    }
+
+    /// The formula of a covariate, for the residuals of readings.
+    pub(super) fn residuals_as_formula(&self, covariate: &str, fit: &LinkFit) -> Option<Formula> {
+        let covariates = self.covariates();
+        let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
+        let [deviation, ..] = self.residuals(fit);
+        let others = self.formula_covariates(&covariates);
+        let deviations = Deviations { values: &deviation, factor: None, target: MEAN };
+        symbolic::of_covariate((name, values), &others, deviations, &self.time)
     }
 }
 
@@ -217,9 +207,9 @@ impl LinkStudy {
 const SAME_DB: f64 = 1e-6;
 
 impl LinkStudy {
-    /// How far two fits are apart, row by row: in the levels that they predict or, where these are the same, in what gets
-    /// through.
-    pub(super) fn apart_in_rows(&self, one: &LinkFit, other: &LinkFit) -> Apart {
+    /// The difference of two fits, row by row: of the levels that they predict or, where these are the same, of the probability of
+    /// reception.
+    pub(super) fn difference_by_row(&self, one: &LinkFit, other: &LinkFit) -> PredictionDifference {
         let (one, other) = (self.predictions(one), self.predictions(other));
         let both = || one.iter().zip(&other);
         let by_row: Vec<f64> = both().map(|(a, b)| (a.rssi_dbm - b.rssi_dbm).abs()).collect();
@@ -229,6 +219,6 @@ impl LinkStudy {
             let points = both().map(|(a, b)| 100.0 * (a.passes - b.passes).abs());
             (points.collect(), "points of delivery")
         };
-        Apart { by_row, unit, covariates: self.covariates() }
+        PredictionDifference { by_row, unit, covariates: self.covariates() }
     }
 }

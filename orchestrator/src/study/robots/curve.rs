@@ -3,8 +3,8 @@
 use super::density::Residual;
 use super::motion::{Gains, Tracks};
 use super::{Model, RobotFit};
-use crate::diagnose::gain::mean;
 use crate::study::knots;
+use crate::study::mean;
 use std::ops::Range;
 
 /// Hat functions over a covariate, each less its mean over all windows, and perhaps a constant.

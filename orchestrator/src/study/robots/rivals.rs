@@ -2,11 +2,15 @@
 
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
-use crate::diagnose::next::Apart;
+use crate::study::PredictionDifference;
 
 impl RobotStudy {
-    /// How far apart (m) two fits predict each window to end.
-    pub(super) fn apart_in_the_end(&self, one: &RobotFit, other: &RobotFit) -> Option<Apart> {
+    /// The distance (m) between the ends that two fits predict of each window.
+    pub(super) fn difference_of_ends(
+        &self,
+        one: &RobotFit,
+        other: &RobotFit,
+    ) -> Option<PredictionDifference> {
         let ends = |fit: &RobotFit| {
             let (physics, gains) = self.model.physics(fit)?;
             Some(self.model.tracks.ends_m(&physics, gains))
@@ -16,7 +20,7 @@ impl RobotStudy {
             .zip(ends(other)?)
             .map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt())
             .collect();
-        Some(Apart { by_row, unit: "m", covariates: self.covariates() })
+        Some(PredictionDifference { by_row, unit: "m", covariates: self.covariates() })
     }
 
     /// A fit with a number of an effect at another value; the others follow as far as their estimates are correlated with it.

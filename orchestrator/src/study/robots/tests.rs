@@ -2,9 +2,11 @@
 
 use super::*;
 use crate::diagnose::answer::{Kind, answer};
-use crate::diagnose::ladder::{COMMON, Search};
+use crate::diagnose::ladder::Search;
+use crate::diagnose::scan;
 use crate::measure::robots;
 use crate::measure::table::Table;
+use crate::study::COMMON;
 use crate::study::folds::scramble;
 use proto::rng::normal;
 
@@ -129,7 +131,8 @@ fn what_no_effect_explains_is_one_thing_with_its_mean() {
     assert!(likelihoods[1] + 50.0 < likelihoods[2], "{likelihoods:?}");
     let kind = Kind { name: "robot", unit: "m" };
     let json =
-        answer(&study, &search, &ladder, kind, &study.left_over(&search, &ladder), None).json;
+        answer(&study, &search, &ladder, kind, &scan::left_over(&study, &search, &ladder), None)
+            .json;
     let listed = json["candidates"].as_array().unwrap();
     let curves = listed.iter().filter(|entry| entry["effect"] == "curve:tide_m");
     assert_eq!(curves.map(|entry| &entry["accepted"]).collect::<Vec<_>>(), [true]);

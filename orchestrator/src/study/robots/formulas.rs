@@ -1,17 +1,11 @@
-//! What is left over when no effect gains any more.
+//! Residuals of windows, and short formulas for their structure.
 
 use super::density::Residual;
-use super::terms::Term;
 use super::{RobotFit, RobotStudy};
-use crate::diagnose::formula::{self, Deviations, Formula};
-use crate::diagnose::gain::mean;
-use crate::diagnose::ladder::{COMMON, Ladder, Search, share_scale, without};
-use crate::diagnose::scan::{self, LeftOver, Residuals};
-use crate::study::Study as _;
-use crate::study::folds::Blocks;
+use crate::study::symbolic::{self, Deviations, Formula};
 use crate::study::view::Viewed as _;
+use crate::study::{Component, Residuals, Study as _, mean};
 use robotsim::dynamics::effect::NAMES;
-use std::collections::BTreeMap;
 
 /// A covariate whose error is part of a window's error: both hold the position measured when the window begins.
 const SHARES_ITS_ERROR: &str = "measured_speed_mps";
@@ -25,50 +19,21 @@ const LEAST_SHARE: f64 = 0.01;
 type Covariate<'a> = (&'a str, &'a [f64]);
 
 impl RobotStudy {
-    /// What is left over a covariate when the search has ended: for what was taken as a curve its formula, and the strongest
-    /// structure, along or across the motion, that nothing in the model explains.
-    #[must_use]
-    pub fn left_over(&self, search: &Search<'_, Self>, ladder: &Ladder) -> LeftOver {
+    /// Covariates of each window whose errors are independent of the window's.
+    pub(super) fn independent_covariates(&self) -> Vec<(String, Vec<f64>)> {
         let mut covariates = self.covariates();
         covariates.retain(|(name, _)| name != SHARES_ITS_ERROR);
-        let mut formulas = BTreeMap::new();
-        for &term in &ladder.accepted {
-            let candidate = &self.candidates()[term];
-            let (Term::Curve(curve), Some(name)) =
-                (&self.model.terms[term], candidate.curve_over())
-            else {
-                continue;
-            };
-            let fit = search.full(&without(&ladder.accepted, term), COMMON, None);
-            if let Some(found) = self.formula((name, curve.values()), &covariates, &fit) {
-                formulas.insert(candidate.name.clone(), found);
-            }
-        }
-        let mut structure = None;
-        let levels: Vec<&Blocks> = [&self.in_time, &self.in_place]
-            .into_iter()
-            .filter(|blocks| blocks.suffices())
-            .collect();
-        if ladder.is_complete()
-            && !levels.is_empty()
-            && let (Some(first), Some(last)) = (ladder.rungs.first(), ladder.rungs.last())
-        {
-            let fit = search.full(&ladder.accepted, COMMON, None);
-            let view = self.view(&fit);
-            let n = view.predicted.len();
-            let along: Vec<f64> = (0..n).map(|row| view.scaled_at(row)).collect();
-            let across: Vec<f64> = (0..n).map(|row| view.scaled_across(row)).collect();
-            let configured = share_scale(first.scores.mean_square(), last.scores.mean_square());
-            let residuals = [&along[..], &across].map(|values| Residuals { values, configured });
-            structure = scan::strongest(&covariates, &residuals, &levels);
-            if let Some(structure) = &mut structure
-                && let Some((name, values)) =
-                    covariates.iter().find(|(name, _)| *name == structure.covariate)
-            {
-                structure.formula = self.formula((name, values), &covariates, &fit);
-            }
-        }
-        LeftOver { formulas, structure }
+        covariates
+    }
+
+    /// Standardised residuals along and across the motion.
+    pub(super) fn standardised(&self, fit: &RobotFit) -> Residuals {
+        let view = self.view(fit);
+        let n = view.predicted.len();
+        let along = (0..n).map(|row| view.scaled_at(row)).collect();
+        let across = (0..n).map(|row| view.scaled_across(row)).collect();
+        let component = |standardised| Component { standardised, is_of_error: true };
+        Residuals { components: [along, across].map(component).to_vec(), mean_square: None }
     }
 
     /// The names that formulas may use beside those that every robot has.
@@ -78,7 +43,7 @@ impl RobotStudy {
     }
 
     /// The short formula of a covariate, along the direction in which it explains most of what a fit leaves.
-    fn formula(
+    pub(super) fn formula(
         &self,
         covariate: Covariate<'_>,
         covariates: &[(String, Vec<f64>)],
@@ -113,7 +78,7 @@ impl RobotStudy {
         let total = mean(residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()));
         // What a formula takes of the mean square error (m²).
         let explained = |deviations: Deviations<'_>| {
-            let found = formula::of_covariate(covariate, &others, deviations, &self.in_time)?;
+            let found = symbolic::of_covariate(covariate, &others, deviations, &self.in_time)?;
             let taken = mean((0..residuals.len()).map(|row| {
                 let value = deviations.values[row];
                 let taken = (value * value - found.rmse * found.rmse) * acted_s(row).powi(2);

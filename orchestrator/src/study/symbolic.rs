@@ -1,7 +1,7 @@
-//! A short formula for structure that no effect explains.
+//! Symbolic regression: the short formula of a covariate that predicts residuals best on rows left out.
 
-use super::gain::mean;
-use crate::study::folds::Blocks;
+use super::folds::Blocks;
+use super::mean;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::FRAC_PI_2;
 

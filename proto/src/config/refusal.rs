@@ -1,6 +1,6 @@
-//! An experiment file that cannot be run, as a person reads it.
+//! A configuration file that is refused: every problem, placed on its line.
 
-use proto::config::{Node, Problem};
+use super::{Node, Problem};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -19,13 +19,15 @@ struct Placed {
 }
 
 impl Refusal {
-    /// A file that cannot be read at all.
-    pub(crate) fn of_file(path: &Path, reason: String) -> Self {
+    /// A file that cannot be read at all, and why.
+    #[must_use]
+    pub fn of_file(path: &Path, reason: String) -> Self {
         Self { path: path.to_owned(), problems: vec![Placed { line: None, text: reason }] }
     }
 
-    /// Places each problem on its line.
-    pub(crate) fn new(path: &Path, text: &str, tree: &Node, problems: Vec<Problem>) -> Self {
+    /// Places each problem on its line: `text` is the file's content, `tree` what was parsed of it and set over it.
+    #[must_use]
+    pub fn new(path: &Path, text: &str, tree: &Node, problems: Vec<Problem>) -> Self {
         let mut placed: Vec<Placed> = problems
             .into_iter()
             .map(|problem| {
@@ -45,8 +47,8 @@ impl Refusal {
         Self { path: path.to_owned(), problems: placed }
     }
 
-    /// Adds those of another reading of the same file.
-    pub(crate) fn merge(&mut self, other: Self) {
+    /// Adds the problems of another reading of the same file, without repetition.
+    pub fn merge(&mut self, other: Self) {
         for problem in other.problems {
             if !self.problems.contains(&problem) {
                 self.problems.push(problem);

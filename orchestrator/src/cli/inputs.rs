@@ -1,0 +1,22 @@
+//! Reads the files that commands about measurements take.
+
+use super::Failure;
+use crate::config;
+use crate::measure::config::Compared;
+use crate::measure::table::Table;
+use std::path::Path;
+
+/// The configuration that is held against measurements, with `--set` applied.
+pub(super) fn compared(path: &Path, set: &[String]) -> Result<Compared, Failure> {
+    let text = config::text_of(path).map_err(Failure::request)?;
+    Compared::of_text(path, text, set).map_err(Failure::request)
+}
+
+/// A configuration and a file of measurements.
+pub(super) fn files(
+    config: &Path,
+    set: &[String],
+    data: &Path,
+) -> Result<(Compared, Table), Failure> {
+    Ok((compared(config, set)?, Table::read(data).map_err(Failure::request)?))
+}

@@ -1,0 +1,39 @@
+//! What a search reports while it works. The caller words it, and knows the time.
+
+/// One step of a search.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Progress<'a> {
+    /// A round begins: every candidate is tried on top of what was accepted.
+    Round {
+        /// From 1.
+        round: usize,
+    },
+    /// A candidate was tried.
+    Tried {
+        /// The round, from 1.
+        round: usize,
+        /// Candidates tried in this round, this one included.
+        done: usize,
+        /// Candidates of the round.
+        of: usize,
+    },
+    /// A candidate was accepted.
+    Accepted {
+        /// Its name.
+        name: &'a str,
+    },
+    /// A candidate was accepted in place of others.
+    Exchanged {
+        /// The name of the new one.
+        new: &'a str,
+        /// The names of those that it replaces.
+        old: Vec<&'a str>,
+    },
+    /// An accepted term was removed: it gains nothing beside what was accepted after it.
+    Removed {
+        /// Its name.
+        name: &'a str,
+    },
+    /// The search has ended; candidates that cannot be told from the accepted ones are collected.
+    Ties,
+}
