@@ -86,7 +86,7 @@ fn cores_take_elementary_functions_from_libm() {
         ".tanh()",
         ".exp2()",
     ];
-    for name in ["netsim", "robotsim", "proto"] {
+    for name in ["netsim", "robotsim", "proto/core"] {
         for file in rust_files(&tests::repository().join(name).join("src")) {
             let text = std::fs::read_to_string(&file).unwrap();
             let core = text.split("#[cfg(test)]").next().unwrap();
@@ -112,7 +112,7 @@ fn the_two_simulators_do_not_know_each_other() {
     assert!(!manifest("netsim").contains("robotsim.workspace"));
     assert!(!manifest("robotsim").contains("netsim.workspace"));
     for other in ["netsim", "robotsim", "orchestrator"] {
-        assert!(!manifest("proto").contains(&format!("{other}.workspace")));
+        assert!(!manifest("proto/core").contains(&format!("{other}.workspace")));
     }
 }
 

@@ -72,7 +72,7 @@ mod tests {
         };
         let digest = hex(&of_step(1, 100_000_000, &states, None));
         assert_eq!(digest, "1a6b36f92f4bb3089267b7047a25683d1803dbf826dbcf1d7bd3cc425c9828ed");
-        let file = include_str!("../cosim/v1/common.proto");
+        let file = include_str!("../../cosim/v1/common.proto");
         assert!(file.contains(&digest), "common.proto states another digest");
     }
 }
