@@ -2,10 +2,10 @@
 //!
 //! It serves the real simulator behind a wrapper that spoils replies, so that everything but the fault is right.
 
-use proto::host::{NetHost, RobotHost};
-use proto::v1;
-use proto::v1::net_sim_service_server::{NetSimService, NetSimServiceServer};
-use proto::v1::robot_sim_service_server::{RobotSimService, RobotSimServiceServer};
+use proto_host::services::net_sim_service_server::{NetSimService, NetSimServiceServer};
+use proto_host::services::robot_sim_service_server::{RobotSimService, RobotSimServiceServer};
+use proto_host::{NetHost, RobotHost};
+use proto_messages::v1;
 use std::net::SocketAddr;
 use std::time::Duration;
 use tokio::net::TcpListener;

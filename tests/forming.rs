@@ -7,14 +7,13 @@
 use crate::fake::Faulty;
 use bytes::Bytes;
 use proto::config::{Node, Problem, Value};
-use proto::host::NetHost;
 use proto::side::{NetInput, NetOutput, NetSimulator, NetStart, NotASnapshot, Setup};
 use proto::types::{
-    Bitmap, DeliveryColumn, Formation, HeardLinks, MoteStates, MoteStatistics, NS_PER_S, NetRecord,
-    PacketKind, Packets, Schedule, Statistic,
+    Bitmap, DeliveryColumn, Formation, HeardLinks, MoteCommandKind, MoteStates, MoteStatistics,
+    NS_PER_S, NetRecord, PacketKind, Packets, Schedule, Statistic,
 };
-use proto::v1::MoteCommandKind;
-use proto::v1::net_sim_service_server::NetSimServiceServer;
+use proto_host::NetHost;
+use proto_host::services::net_sim_service_server::NetSimServiceServer;
 
 /// Serves such a network. It ends with the test's process.
 #[must_use]

@@ -22,8 +22,7 @@ use proto::config::{
     Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, Tag, Variant, check, join,
 };
 use proto::side::Setup;
-use proto::types::{NS_PER_S, seconds};
-use proto::v1::MoteCommandKind;
+use proto::types::{MoteCommandKind, NS_PER_S, seconds};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -10,7 +10,7 @@
 //! | [`k7`] | traces of link quality |
 //!
 //! Nothing here knows what a robot is, reads a clock or a file, or opens a socket: the shell around [`sim::Network`] is
-//! `proto::host`.
+//! the crate `proto-host`.
 
 pub mod app;
 pub mod broadcast;

@@ -1,7 +1,7 @@
 //! The network simulator as a process of its own.
 
 use clap::Parser;
-use proto::host::{ServeArgs, serve_network};
+use proto_host::{ServeArgs, serve_network};
 use std::io::Write as _;
 use std::process::ExitCode;
 

@@ -9,8 +9,7 @@ use bytes::Bytes;
 use proto::config::{Node, Problem, Value, json_schema};
 use proto::side::{NetInput, NetOutput, NetSimulator, NetStart, NotASnapshot, Setup};
 use proto::site::Site;
-use proto::types::{DeliveryColumn, Experiment, NetRecord};
-use proto::v1::MoteCommandKind;
+use proto::types::{DeliveryColumn, Experiment, MoteCommandKind, NetRecord};
 use serde::{Deserialize, Serialize};
 
 /// The network simulator. Does nothing until it is configured.

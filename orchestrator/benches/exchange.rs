@@ -2,8 +2,9 @@
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use prost::Message as _;
+use proto::digest;
 use proto::types::{AgentStates, Deliveries, Heard, Payloads, Transmissions};
-use proto::{convert, digest, v1};
+use proto_messages::{convert, v1};
 use std::hint::black_box;
 
 /// Bytes that a built-in robot says.

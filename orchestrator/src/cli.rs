@@ -19,8 +19,8 @@ use crate::effects;
 use crate::record;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
 use clap::{Args, Parser, Subcommand};
-use proto::host::{ServeArgs, init_logging, serve_network, serve_robots};
 use proto::types::seconds;
+use proto_host::{ServeArgs, init_logging, serve_network, serve_robots};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -298,7 +298,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn served(result: Result<(), proto::host::ServeError>) -> ExitCode {
+fn served(result: Result<(), proto_host::ServeError>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -47,7 +47,7 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         Field {
             key: "agents",
             doc: "How many robots, each with a radio.",
-            kind: Kind::Integer { min: 1, max: proto::host::MAX_AGENTS as i64 },
+            kind: Kind::Integer { min: 1, max: proto::side::MAX_AGENTS as i64 },
             default: Default::Required,
         },
         Field {

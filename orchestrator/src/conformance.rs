@@ -140,7 +140,7 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
     let version = described.contract_version;
     found(
         "Describe states a name and version 1 of the contract",
-        if described.name.is_empty() || version != proto::CONTRACT_VERSION {
+        if described.name.is_empty() || version != proto_messages::CONTRACT_VERSION {
             Err(format!("name {:?}, version {version}", described.name))
         } else {
             Ok(())

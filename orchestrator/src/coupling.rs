@@ -5,13 +5,13 @@
 
 use crate::peer::{Network, Peer, Robots, Service as _, SideError, Standing};
 use bytes::Bytes;
-use proto::convert::{self, InvalidField};
 use proto::digest::{self, Digest};
 use proto::types::{
     AgentCommand, AgentMessage, AgentStates, Coupling, Deliveries, Experiment, Formation,
     MoteCommand, MoteOrder, MovedObstacle, NetRecord, Payloads,
 };
-use proto::v1;
+use proto_messages::convert::{self, InvalidField};
+use proto_messages::v1;
 
 /// Both simulators, configured, and what was exchanged last.
 pub struct Coupled {

@@ -12,7 +12,7 @@ pub use service::{Network, Robots, Service};
 use crate::config::{Tls, Transport};
 use awake::Awake;
 use process::ChildProcess;
-use proto::host::{CONNECTION_WINDOW_BYTES, STREAM_WINDOW_BYTES};
+use proto_host::{CONNECTION_WINDOW_BYTES, STREAM_WINDOW_BYTES};
 use service::Described;
 use std::future::Future;
 use std::time::{Duration, Instant};
@@ -108,14 +108,14 @@ impl<S: Service> Peer<S> {
             }
             (Err(error), None) => return Err(error),
         };
-        if described.contract_version != proto::CONTRACT_VERSION {
+        if described.contract_version != proto_messages::CONTRACT_VERSION {
             return Err(SideError::Cannot {
                 side: S::SIDE,
                 what: format!(
                     "{} speaks version {} of the contract, this is version {}",
                     described.name,
                     described.contract_version,
-                    proto::CONTRACT_VERSION
+                    proto_messages::CONTRACT_VERSION
                 ),
             });
         }

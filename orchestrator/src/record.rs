@@ -52,7 +52,7 @@ use crate::config::{OutputConfig, Start};
 use directory::Directory;
 use proto::digest::Digest;
 use proto::types::{Coupling, MoteCommand, NetRecord};
-use proto::v1;
+use proto_messages::v1;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! The robot simulator as a process of its own.
 
 use clap::Parser;
-use proto::host::{ServeArgs, serve_robots};
+use proto_host::{ServeArgs, serve_robots};
 use std::io::Write as _;
 use std::process::ExitCode;
 

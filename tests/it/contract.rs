@@ -2,11 +2,11 @@
 
 use futures::StreamExt as _;
 use proto::types::{AgentStates, Payloads};
-use proto::v1;
-use proto::v1::net_sim_service_client::NetSimServiceClient;
-use proto::v1::robot_sim_service_client::RobotSimServiceClient;
-use proto::v1::robot_sim_service_session_request::Request as SessionCall;
-use proto::v1::robot_sim_service_session_response::Response as SessionReply;
+use proto_host::services::net_sim_service_client::NetSimServiceClient;
+use proto_host::services::robot_sim_service_client::RobotSimServiceClient;
+use proto_messages::v1;
+use proto_messages::v1::robot_sim_service_session_request::Request as SessionCall;
+use proto_messages::v1::robot_sim_service_session_response::Response as SessionReply;
 use tests::Server;
 use tonic::transport::Channel;
 use tonic::{Code, Status};
@@ -360,7 +360,7 @@ async fn a_mote_that_is_killed_neither_sends_nor_hears() {
 }
 
 fn heard(reply: &v1::NetSimServiceStepResponse) -> usize {
-    proto::convert::deliveries(reply.deliveries.clone(), AGENTS as usize)
+    proto_messages::convert::deliveries(reply.deliveries.clone(), AGENTS as usize)
         .unwrap()
         .unwrap()
         .n_deliveries()

@@ -4,7 +4,7 @@ use orchestrator::record::read::Reader;
 use orchestrator::record::verify;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::{Field, Row};
-use proto::v1::mote_command::Order;
+use proto_messages::v1::mote_command::Order;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Output;

@@ -3,8 +3,7 @@
 use proto::config::{
     Choice, Default, Field, Kind, Node, Problem, Range, TableSpec, Tag, Variant, check,
 };
-use proto::types::{MoteCommand, MoteOrder, NS_PER_S, seconds};
-use proto::v1::MoteCommandKind;
+use proto::types::{MoteCommand, MoteCommandKind, MoteOrder, NS_PER_S, seconds};
 
 /// Description of an entry.
 pub const SPEC: TableSpec = TableSpec {

@@ -5,7 +5,7 @@ use crate::peer::{Network, Robots, Service};
 use prost::Message as _;
 use proto::digest::{self, Digest};
 use proto::types::{AgentStates, Deliveries, Heard, Payloads, Transmissions};
-use proto::{convert, v1};
+use proto_messages::{convert, v1};
 use tokio_stream::StreamExt as _;
 use tonic::Status;
 

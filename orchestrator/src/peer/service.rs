@@ -1,10 +1,10 @@
 //! The two services behind one face.
 
 use super::Standing;
-use proto::host::MAX_MESSAGE_BYTES;
-use proto::v1;
-use proto::v1::net_sim_service_client::NetSimServiceClient;
-use proto::v1::robot_sim_service_client::RobotSimServiceClient;
+use proto_host::MAX_MESSAGE_BYTES;
+use proto_host::services::net_sim_service_client::NetSimServiceClient;
+use proto_host::services::robot_sim_service_client::RobotSimServiceClient;
+use proto_messages::v1;
 use std::future::Future;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;

@@ -1,7 +1,7 @@
 //! What can go wrong while recording.
 
 use parquet::errors::ParquetError;
-use proto::convert::InvalidField;
+use proto_messages::convert::InvalidField;
 use std::path::PathBuf;
 
 /// Why a run could not be recorded. Every variant names the path it is about; all end the recording.

@@ -149,7 +149,7 @@ fn failed(path: &Path, source: mcap::McapError) -> RecordError {
 
 /// The descriptors without comments, which readers of a recording have no use for.
 fn descriptors() -> Vec<u8> {
-    let mut set = prost_types::FileDescriptorSet::decode(proto::FILE_DESCRIPTOR_SET)
+    let mut set = prost_types::FileDescriptorSet::decode(proto_messages::FILE_DESCRIPTOR_SET)
         .expect("the descriptors were compiled into the program");
     for file in &mut set.file {
         file.source_code_info = None;

@@ -6,7 +6,7 @@ use super::writer::LOG_FILE;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use prost::Message;
-use proto::v1;
+use proto_messages::v1;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};

@@ -8,9 +8,9 @@ use super::*;
 use crate::config::output::Links;
 use crate::report::page;
 use bytes::Bytes;
-use proto::convert;
 use proto::digest::of_step;
 use proto::types::{Bitmap, Deliveries, Heard, Payloads, Transmissions};
+use proto_messages::convert;
 use std::fs;
 
 const N: usize = 7;

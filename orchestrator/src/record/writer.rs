@@ -11,11 +11,11 @@ use super::task::Task;
 use super::whole::Fingerprint;
 use super::{Configured, RecordError, RunHeader};
 use proto::config;
-use proto::convert;
 use proto::digest::Digest;
 use proto::site;
 use proto::types::{AgentStates, Coupling, MoteCommand, MoteOrder, NetRecord};
-use proto::v1;
+use proto_messages::convert;
+use proto_messages::v1;
 use std::collections::BTreeMap;
 use std::path::Path;
 

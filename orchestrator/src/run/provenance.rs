@@ -38,7 +38,7 @@ impl Provenance {
             .collect();
         let value = json!({
             "schema": "provenance/1",
-            "orchestrator": { "version": env!("CARGO_PKG_VERSION"), "contract_version": proto::CONTRACT_VERSION },
+            "orchestrator": { "version": env!("CARGO_PKG_VERSION"), "contract_version": proto_messages::CONTRACT_VERSION },
             "robotsim": side(&started.robots),
             "netsim": side(&started.network),
             "command_line": std::env::args().collect::<Vec<_>>(),

@@ -8,7 +8,7 @@ use crate::record::{Configured, RunHeader, is_column_of_motes};
 use proto::config::Refusal;
 use proto::config::{Node, Problem, Value};
 use proto::types::{Coupling, DeliveryColumn, NetRecord};
-use proto::{convert, v1};
+use proto_messages::{convert, v1};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -241,7 +241,7 @@ fn announced(
         .entries()
         .iter()
         .filter(|entry| {
-            let kind: i32 = entry.order.kind().into();
+            let kind = v1::MoteCommandKind::from(entry.order.kind()).into();
             !network.described().mote_commands.contains(&kind)
         })
         .map(|entry| {

@@ -1,18 +1,20 @@
 //! What a simulator is to the shell around it: a plain object, without sockets, threads, clocks or messages.
 //!
-//! [`crate::host`] serves an object of this kind over gRPC. It keeps count of steps and time, checks every request,
+//! The crate `proto-host` serves an object of this kind over gRPC. It keeps count of steps and time, checks every request,
 //! remembers the latest reply and computes the digest; the simulator only simulates.
 
 use crate::config::{Node, Problem};
 use crate::site::Site;
 use crate::types::{
     AgentCommand, AgentMessage, AgentStates, Deliveries, DeliveryColumn, Experiment, Formation,
-    HeardLinks, MoteCommand, MoteStates, MoteStatistics, MovedObstacle, NetRecord, Packets,
-    Payloads, Schedule, TaskFigure,
+    HeardLinks, MoteCommand, MoteCommandKind, MoteStates, MoteStatistics, MovedObstacle, NetRecord,
+    Packets, Payloads, Schedule, TaskFigure,
 };
-use crate::v1::MoteCommandKind;
 use bytes::Bytes;
 use std::collections::BTreeMap;
+
+/// The largest capacity (agents) that the built-in simulators take.
+pub const MAX_AGENTS: u32 = 100_000;
 
 /// Everything a simulator is told when an experiment begins.
 #[derive(Clone, Debug)]

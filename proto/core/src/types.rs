@@ -455,6 +455,35 @@ pub enum MoteOrder {
     },
 }
 
+impl MoteOrder {
+    /// Which announced kind of order this is.
+    #[must_use]
+    pub fn kind(&self) -> MoteCommandKind {
+        match self {
+            Self::Kill(_) => MoteCommandKind::Kill,
+            Self::Revive(_) => MoteCommandKind::Revive,
+            Self::Add(_) => MoteCommandKind::Add,
+            Self::Jam { .. } => MoteCommandKind::Jam,
+            Self::Send { .. } => MoteCommandKind::Send,
+        }
+    }
+}
+
+/// A kind of [`MoteOrder`]: a network announces the kinds that it obeys.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MoteCommandKind {
+    /// [`MoteOrder::Kill`].
+    Kill,
+    /// [`MoteOrder::Revive`].
+    Revive,
+    /// [`MoteOrder::Add`].
+    Add,
+    /// [`MoteOrder::Jam`].
+    Jam,
+    /// [`MoteOrder::Send`].
+    Send,
+}
+
 /// A fault or some traffic.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MoteCommand {

@@ -1,11 +1,13 @@
 //! What both sides' lifecycles share: counting steps and time, and running a simulator where it cannot do harm.
 
-use crate::config::{self, Node, Problem};
-use crate::digest::{self, Digest};
-use crate::site::{self, Site};
-use crate::types::{AgentStates, Coupling, Experiment};
-use crate::{convert, v1};
 use bytes::Bytes;
+use proto::config::{self, Node, Problem};
+use proto::digest::{self, Digest};
+use proto::side::{MAX_AGENTS, Setup};
+use proto::site::{self, Site};
+use proto::types::{AgentStates, Coupling, Experiment};
+use proto_messages::convert::{self, InvalidField};
+use proto_messages::v1;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -134,23 +136,22 @@ pub(super) struct ConfigureFields {
 }
 
 impl ConfigureFields {
-    pub(super) fn setup(self) -> Result<crate::side::Setup, Status> {
+    pub(super) fn setup(self) -> Result<Setup, Status> {
         if self.agent_count == 0 {
             return Err(Status::invalid_argument("agent_count: must be at least 1, got 0"));
         }
-        if super::MAX_AGENTS < self.agent_count {
+        if MAX_AGENTS < self.agent_count {
             return Err(Status::resource_exhausted(format!(
-                "agent_count: must be at most {}, got {}",
-                super::MAX_AGENTS,
+                "agent_count: must be at most {MAX_AGENTS}, got {}",
                 self.agent_count
             )));
         }
         if self.step_ns == 0 {
             return Err(Status::invalid_argument("step_ns: must be at least 1, got 0"));
         }
-        let coupling: Coupling = convert::coupling(self.coupling)?;
-        let columns = convert::columns(&self.columns)?;
-        let records = convert::records(&self.records)?;
+        let coupling: Coupling = convert::coupling(self.coupling).map_err(malformed)?;
+        let columns = convert::columns(&self.columns).map_err(malformed)?;
+        let records = convert::records(&self.records).map_err(malformed)?;
         let mut problems = Vec::new();
         let site = parse("site_toml", &self.site_toml, &mut problems)
             .map_or_else(Site::default, |node| site::read(&node, "site", &mut problems).0);
@@ -167,7 +168,7 @@ impl ConfigureFields {
             coupling,
         };
         let path = String::new();
-        Ok(crate::side::Setup { experiment, site, config, path, files, columns, records })
+        Ok(Setup { experiment, site, config, path, files, columns, records })
     }
 }
 
@@ -179,6 +180,11 @@ fn parse(field: &str, text: &str, problems: &mut Vec<Problem>) -> Option<Node> {
             None
         }
     }
+}
+
+/// The status of a call whose message breaks the contract.
+pub(super) fn malformed(invalid: InvalidField) -> Status {
+    Status::invalid_argument(invalid.to_string())
 }
 
 /// All problems of a configuration as one status.

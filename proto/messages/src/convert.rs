@@ -10,13 +10,13 @@ mod tasks;
 pub use records::{formation, heard_links, packets, records, schedule, statistics};
 pub use tasks::{agent_messages, task_figures};
 
-use crate::types::{
+use crate::v1;
+use bytes::Bytes;
+use proto::types::{
     AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Covariate, Deliveries, DeliveryColumn,
     EVERYONE, Heard, Medium, MoteCommand, MoteOrder, MoteStates, MovedObstacle, Payloads,
     Transmissions,
 };
-use crate::v1;
-use bytes::Bytes;
 
 /// A field of a message that breaks the contract.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,12 +36,6 @@ impl InvalidField {
 
     fn within(self, outer: &str) -> Self {
         Self { field: format!("{outer}.{}", self.field), reason: self.reason }
-    }
-}
-
-impl From<InvalidField> for tonic::Status {
-    fn from(invalid: InvalidField) -> Self {
-        Self::invalid_argument(invalid.to_string())
     }
 }
 

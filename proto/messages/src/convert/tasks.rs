@@ -2,9 +2,9 @@
 //! task is.
 
 use super::{InvalidField, NUMBER, Result, is_number};
-use crate::types::{AgentMessage, TaskFigure, is_statistic_name};
 use crate::v1;
 use bytes::{Bytes, BytesMut};
+use proto::types::{AgentMessage, TaskFigure, is_statistic_name};
 
 /// Messages to single agents.
 ///

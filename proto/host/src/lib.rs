@@ -1,9 +1,10 @@
 //! The shell around a simulator: gRPC service, lifecycle, TLS, readiness and shutdown.
 //!
-//! [`RobotHost`] and [`NetHost`] turn a [`crate::side`] object into the service of the contract: they check every request
+//! [`RobotHost`] and [`NetHost`] turn a [`proto::side`] object into the service of the contract: they check every request
 //! before the simulator sees it, count steps, answer a repeated step from memory and compute the digest.
 //! [`serve_robots`] and [`serve_network`] put such a service on a listening socket together with health and reflection.
 
+pub mod codec;
 mod lifecycle;
 mod network;
 mod robots;
@@ -13,11 +14,14 @@ pub use network::NetHost;
 pub use robots::RobotHost;
 pub use serve::{ServeArgs, ServeError, init_logging, serve_network, serve_robots};
 
+/// The services of `cosim/v1`: a client and a server of each. Their documentation is in the `.proto` files.
+#[allow(missing_docs, clippy::all, unreachable_pub, reason = "generated code")]
+pub mod services {
+    tonic::include_proto!("cosim.v1");
+}
+
 /// The largest message either side decodes (bytes), announced in `Describe`.
 pub const MAX_MESSAGE_BYTES: usize = 256 << 20;
-
-/// The largest capacity that the built-in simulators take.
-pub const MAX_AGENTS: u32 = 100_000;
 
 /// HTTP/2 flow-control window of a stream (bytes). Smaller than a step's message, every step would wait for updates.
 pub const STREAM_WINDOW_BYTES: u32 = 64 << 20;

@@ -1,18 +1,19 @@
 //! The network's service.
 
 use super::lifecycle::{
-    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, queue,
-    refusal,
+    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, malformed, not_configured,
+    queue, refusal,
 };
-use crate::side::{NetInput, NetOutput, NetSimulator, NotASnapshot};
-use crate::types::{AgentStates, Deliveries, MoteCommand, NetRecord};
-use crate::v1::net_sim_service_server::NetSimService;
-use crate::v1::net_sim_service_session_request::Request as SessionCall;
-use crate::v1::net_sim_service_session_response::Response as SessionReply;
-use crate::v1::{self, Limits};
-use crate::{CONTRACT_VERSION, convert, digest};
+use crate::services::net_sim_service_server::NetSimService;
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
 use prost::Message as _;
+use proto::digest;
+use proto::side::{MAX_AGENTS, NetInput, NetOutput, NetSimulator, NotASnapshot};
+use proto::types::{AgentStates, Deliveries, MoteCommand, NetRecord};
+use proto_messages::v1::net_sim_service_session_request::Request as SessionCall;
+use proto_messages::v1::net_sim_service_session_response::Response as SessionReply;
+use proto_messages::v1::{self, Limits};
+use proto_messages::{CONTRACT_VERSION, convert};
 use serde::{Deserialize, Serialize};
 use tonic::{Request, Response, Status, Streaming};
 
@@ -83,11 +84,14 @@ impl<S: NetSimulator> Lifecycle<S> {
             contract_version: CONTRACT_VERSION,
             limits: Some(Limits {
                 max_message_bytes: super::MAX_MESSAGE_BYTES as u64,
-                max_agents: super::MAX_AGENTS,
+                max_agents: MAX_AGENTS,
             }),
             session: true,
             snapshots: true,
-            commands: S::commands().iter().map(|&kind| kind.into()).collect(),
+            commands: S::commands()
+                .iter()
+                .map(|&kind| v1::MoteCommandKind::from(kind).into())
+                .collect(),
             parallel: true,
             stop_at_first_delivery: true,
             columns: S::columns()
@@ -152,13 +156,14 @@ impl<S: NetSimulator> Lifecycle<S> {
             return Ok(active.last.clone());
         }
         let n = ledger.agent_count();
-        let states = convert::states(request.states, n)?;
-        let payloads = convert::payloads(request.payloads, n)?;
-        let moved_obstacles = convert::moved_obstacles(request.moved_obstacles)?;
+        let states = convert::states(request.states, n).map_err(malformed)?;
+        let payloads = convert::payloads(request.payloads, n).map_err(malformed)?;
+        let moved_obstacles =
+            convert::moved_obstacles(request.moved_obstacles).map_err(malformed)?;
         let mut commands = obeyed(&self.simulator, request.commands, n)?;
         commands.extend_from_slice(&active.pending);
         commands.sort_by(|a, b| a.source.cmp(&b.source));
-        let records = convert::records(&request.records)?;
+        let records = convert::records(&request.records).map_err(malformed)?;
         if let Some(record) =
             records.iter().find(|record| !record.is_state() || !active.records.contains(record))
         {
@@ -300,14 +305,14 @@ fn obeyed<S: NetSimulator>(
     messages: Vec<v1::MoteCommand>,
     n: usize,
 ) -> Result<Vec<MoteCommand>, Status> {
-    let commands = convert::mote_commands(messages, n)?;
+    let commands = convert::mote_commands(messages, n).map_err(malformed)?;
     for command in &commands {
         let kind = command.order.kind();
         if !simulator.obeys(kind) {
             return Err(Status::unimplemented(format!(
                 "commands: {}, as it is configured, does not obey {}",
                 S::NAME,
-                kind.as_str_name()
+                v1::MoteCommandKind::from(kind).as_str_name()
             )));
         }
     }

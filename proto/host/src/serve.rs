@@ -4,10 +4,10 @@ use super::{
     CONNECTION_WINDOW_BYTES, FRAME_BYTES, MAX_MESSAGE_BYTES, NetHost, RobotHost,
     STREAM_WINDOW_BYTES,
 };
-use crate::FILE_DESCRIPTOR_SET;
-use crate::side::{NetSimulator, RobotSimulator};
-use crate::v1::net_sim_service_server::NetSimServiceServer;
-use crate::v1::robot_sim_service_server::RobotSimServiceServer;
+use crate::services::net_sim_service_server::NetSimServiceServer;
+use crate::services::robot_sim_service_server::RobotSimServiceServer;
+use proto::side::{NetSimulator, RobotSimulator};
+use proto_messages::FILE_DESCRIPTOR_SET;
 use std::io::{IsTerminal as _, Read as _, Write as _};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};

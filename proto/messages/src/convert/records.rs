@@ -1,12 +1,12 @@
 //! Records of the network, from messages to values and back.
 
 use super::{InvalidField, NUMBER, Result, bitmap, is_number};
-use crate::types::{
+use crate::v1;
+use bytes::Bytes;
+use proto::types::{
     Formation, HeardLinks, MoteStatistics, NetRecord, PacketKind, Packets, Schedule, Statistic,
     is_statistic_name,
 };
-use crate::v1;
-use bytes::Bytes;
 
 /// Kinds of record from their numbers.
 ///

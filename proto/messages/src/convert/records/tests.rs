@@ -1,5 +1,5 @@
 use super::*;
-use crate::types::Bitmap;
+use proto::types::Bitmap;
 
 const N: usize = 9;
 

@@ -1,11 +1,11 @@
 //! From values to messages. A value is valid, so this cannot fail.
 
-use crate::types::{
-    AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Deliveries, DeliveryColumn, Heard,
-    Medium, MoteCommand, MoteOrder, MoteStates, MovedObstacle, Payloads,
-};
 use crate::v1;
 use bytes::Bytes;
+use proto::types::{
+    AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Deliveries, DeliveryColumn, Heard,
+    Medium, MoteCommand, MoteCommandKind, MoteOrder, MoteStates, MovedObstacle, Payloads,
+};
 
 impl From<AgentStates> for v1::AgentStates {
     fn from(states: AgentStates) -> Self {
@@ -112,16 +112,14 @@ impl From<MoteCommand> for v1::MoteCommand {
     }
 }
 
-impl MoteOrder {
-    /// Which announced kind of order this is.
-    #[must_use]
-    pub fn kind(&self) -> v1::MoteCommandKind {
-        match self {
-            Self::Kill(_) => v1::MoteCommandKind::Kill,
-            Self::Revive(_) => v1::MoteCommandKind::Revive,
-            Self::Add(_) => v1::MoteCommandKind::Add,
-            Self::Jam { .. } => v1::MoteCommandKind::Jam,
-            Self::Send { .. } => v1::MoteCommandKind::Send,
+impl From<MoteCommandKind> for v1::MoteCommandKind {
+    fn from(kind: MoteCommandKind) -> Self {
+        match kind {
+            MoteCommandKind::Kill => Self::Kill,
+            MoteCommandKind::Revive => Self::Revive,
+            MoteCommandKind::Add => Self::Add,
+            MoteCommandKind::Jam => Self::Jam,
+            MoteCommandKind::Send => Self::Send,
         }
     }
 }

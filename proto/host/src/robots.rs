@@ -1,18 +1,19 @@
 //! The robots' service.
 
 use super::lifecycle::{
-    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, not_configured, queue,
-    refusal,
+    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, malformed, not_configured,
+    queue, refusal,
 };
-use crate::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator};
-use crate::types::{AgentCommand, Coupling};
-use crate::v1::robot_sim_service_server::RobotSimService;
-use crate::v1::robot_sim_service_session_request::Request as SessionCall;
-use crate::v1::robot_sim_service_session_response::Response as SessionReply;
-use crate::v1::{self, Limits};
-use crate::{CONTRACT_VERSION, convert, digest};
+use crate::services::robot_sim_service_server::RobotSimService;
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
 use prost::Message as _;
+use proto::digest;
+use proto::side::{MAX_AGENTS, NotASnapshot, RobotInput, RobotOutput, RobotSimulator};
+use proto::types::{AgentCommand, Coupling};
+use proto_messages::v1::robot_sim_service_session_request::Request as SessionCall;
+use proto_messages::v1::robot_sim_service_session_response::Response as SessionReply;
+use proto_messages::v1::{self, Limits};
+use proto_messages::{CONTRACT_VERSION, convert};
 use serde::{Deserialize, Serialize};
 use tonic::{Request, Response, Status, Streaming};
 
@@ -77,7 +78,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
             contract_version: CONTRACT_VERSION,
             limits: Some(Limits {
                 max_message_bytes: super::MAX_MESSAGE_BYTES as u64,
-                max_agents: super::MAX_AGENTS,
+                max_agents: MAX_AGENTS,
             }),
             session: true,
             snapshots: true,
@@ -135,9 +136,13 @@ impl<S: RobotSimulator> Lifecycle<S> {
             return Ok(active.last.clone());
         }
         let n = ledger.agent_count();
-        let deliveries = convert::deliveries(request.deliveries, n)?;
-        let motes = request.motes.map(|motes| convert::motes(Some(motes), n)).transpose()?;
-        let mut commands = convert::agent_commands(request.commands, n)?;
+        let deliveries = convert::deliveries(request.deliveries, n).map_err(malformed)?;
+        let motes = request
+            .motes
+            .map(|motes| convert::motes(Some(motes), n))
+            .transpose()
+            .map_err(malformed)?;
+        let mut commands = convert::agent_commands(request.commands, n).map_err(malformed)?;
         commands.extend_from_slice(&active.pending);
         convert::sort_agent_commands(&mut commands);
 
@@ -208,7 +213,8 @@ impl<S: RobotSimulator> Lifecycle<S> {
         request: v1::RobotSimServiceCommandRequest,
     ) -> Result<v1::RobotSimServiceCommandResponse, Status> {
         let active = self.active()?;
-        let commands = convert::agent_commands(request.commands, active.ledger.agent_count())?;
+        let n = active.ledger.agent_count();
+        let commands = convert::agent_commands(request.commands, n).map_err(malformed)?;
         queue(&mut active.pending, commands)?;
         convert::sort_agent_commands(&mut active.pending);
         Ok(v1::RobotSimServiceCommandResponse { applies_at_step: active.ledger.step + 1 })
