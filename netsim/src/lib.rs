@@ -9,8 +9,8 @@
 //! | [`config`] | the `[netsim]` section |
 //! | [`k7`] | traces of link quality |
 //!
-//! Nothing here knows what a robot is, reads a clock or a file, or opens a socket: the shell around [`sim::Network`] is
-//! the crate `proto-host`.
+//! Nothing here knows what a robot is, reads a clock or a file, or opens a socket. The crate `proto-host` serves
+//! [`sim::Network`] over gRPC; `netsim/process` is the program that does so.
 
 pub mod app;
 pub mod broadcast;

@@ -2,7 +2,8 @@
 //!
 //! The crate is a pure core: [`sim::Swarm`] is a plain object that is configured, stepped, saved and restored. It opens
 //! no file and no socket, reads no clock, and draws only keyed random numbers, so that the same seed and configuration
-//! give the same motion for any number of threads. `main.rs` serves it over gRPC.
+//! give the same motion for any number of threads. The crate `proto-host` serves it over gRPC; `robotsim/process` is the
+//! program that does so.
 //!
 //! In reading order:
 //!

@@ -55,9 +55,6 @@ fn cores_touch_no_socket_file_thread_or_clock() {
     ];
     for name in ["netsim", "robotsim"] {
         for file in rust_files(&tests::repository().join(name).join("src")) {
-            if file.ends_with("main.rs") {
-                continue;
-            }
             let text = std::fs::read_to_string(&file).unwrap();
             // Tests at the end of a file may measure and read.
             let core = text.split("#[cfg(test)]").next().unwrap();
