@@ -1,6 +1,7 @@
 //! What the compiler cannot enforce about the shape of the code.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
@@ -18,6 +19,9 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
     files.sort();
     files
 }
+
+/// Folders of the crates that are functions of their arguments.
+const CORES: [&str; 3] = ["proto/core", "netsim", "robotsim"];
 
 fn crates() -> [PathBuf; 5] {
     ["proto", "netsim", "robotsim", "orchestrator", "tests"]
@@ -53,7 +57,7 @@ fn cores_touch_no_socket_file_thread_or_clock() {
         "tokio",
         "tonic",
     ];
-    for name in ["netsim", "robotsim"] {
+    for name in CORES {
         for file in rust_files(&tests::repository().join(name).join("src")) {
             let text = std::fs::read_to_string(&file).unwrap();
             // Tests at the end of a file may measure and read.
@@ -83,7 +87,7 @@ fn cores_take_elementary_functions_from_libm() {
         ".tanh()",
         ".exp2()",
     ];
-    for name in ["netsim", "robotsim", "proto/core"] {
+    for name in CORES {
         for file in rust_files(&tests::repository().join(name).join("src")) {
             let text = std::fs::read_to_string(&file).unwrap();
             let core = text.split("#[cfg(test)]").next().unwrap();
@@ -108,9 +112,51 @@ fn the_two_simulators_do_not_know_each_other() {
     };
     assert!(!manifest("netsim").contains("robotsim.workspace"));
     assert!(!manifest("robotsim").contains("netsim.workspace"));
-    for other in ["netsim", "robotsim", "orchestrator"] {
-        assert!(!manifest("proto/core").contains(&format!("{other}.workspace")));
+    for part in ["proto/core", "proto/messages", "proto/host"] {
+        for other in ["netsim", "robotsim", "orchestrator"] {
+            assert!(!manifest(part).contains(&format!("{other}.workspace")));
+        }
     }
+}
+
+/// What serves, parses a command line or knows the wire: no core may link it.
+const SHELL: &[&str] = &["clap", "hyper", "mcap", "prost", "tokio", "tonic"];
+
+/// Packages, and the families of packages (`tonic`: also `tonic-types`) that they may not link, however indirectly.
+const WALLS: &[(&str, &[&str])] = &[
+    ("proto", SHELL),
+    ("netsim", SHELL),
+    ("robotsim", SHELL),
+    ("proto-messages", &["clap", "hyper", "mcap", "tokio", "tonic"]),
+    ("proto-host", &["mcap"]),
+];
+
+#[test]
+fn what_a_package_links_stays_behind_its_wall() {
+    for (package, forbidden) in WALLS {
+        let linked = linked_by(package);
+        assert!(linked.iter().any(|name| name == package), "{package}: {linked:?}");
+        for family in *forbidden {
+            let found = linked.iter().find(|name| {
+                name.strip_prefix(family)
+                    .is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+            });
+            assert!(found.is_none(), "{package} links {}", found.unwrap());
+        }
+    }
+}
+
+/// Names of the packages that `package` links, itself included: tests and build scripts may use others.
+fn linked_by(package: &str) -> Vec<String> {
+    let tree = Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--locked", "--edges", "normal", "--prefix", "none"])
+        .args(["--format", "{p}", "--package", package])
+        .current_dir(tests::repository())
+        .output()
+        .unwrap();
+    assert!(tree.status.success(), "{}", String::from_utf8_lossy(&tree.stderr));
+    let text = String::from_utf8(tree.stdout).unwrap();
+    text.lines().filter_map(|line| line.split(' ').next()).map(str::to_owned).collect()
 }
 
 #[test]
