@@ -1,16 +1,17 @@
 //! Choices by hand: which rows are used, which are left out together, which campaigns are scored, how far robots are predicted.
 
 use orchestrator::compare;
-use orchestrator::diagnose::ladder::{COMMON, Search};
+use orchestrator::diagnose::ladder::Search;
+use orchestrator::diagnose::progress::Progress;
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
 use orchestrator::study::choices::{Choices, Split};
 use orchestrator::study::open;
-use orchestrator::study::{Study as _, links::LinkStudy, robots::RobotStudy};
+use orchestrator::study::{COMMON, Study as _, links::LinkStudy, robots::RobotStudy};
 use std::fmt::Write as _;
 use std::path::Path;
 
-const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
 const FRIIS: &str =
     "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = 0.0\nnoise_sd_db = 2.0\n";
 const POINTS: &str = "[robotsim.dynamics]\nkind = \"point-mass\"\n";

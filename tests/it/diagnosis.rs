@@ -5,6 +5,8 @@ mod robots;
 use orchestrator::compare;
 use orchestrator::diagnose::answer::{self, Kind};
 use orchestrator::diagnose::ladder::{Ladder, Search};
+use orchestrator::diagnose::progress::Progress;
+use orchestrator::diagnose::scan;
 use orchestrator::extend;
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
@@ -17,14 +19,13 @@ use std::path::Path;
 use tests::campaign::{Campaign, Hidden, Layout, Size};
 
 const ROWS: usize = 5000;
-const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
 
 fn opened(folder: &Path, campaign: &Campaign) -> (Compared, LinkStudy, Account) {
     let config = folder.join("model.toml");
     let data = folder.join("links.csv");
-    std::fs::write(&config, &campaign.config_toml).unwrap();
     std::fs::write(&data, &campaign.csv).unwrap();
-    let config = Compared::load(&config, &[]).unwrap();
+    let config = Compared::of_text(&config, campaign.config_toml.clone(), &[]).unwrap();
     let (study, account) =
         open::links(&config, &Table::read(&data).unwrap(), &Choices::default()).unwrap();
     (config, study, account)
@@ -40,7 +41,7 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     let search = Search::new(&study, QUIET);
     let ladder = search.climb();
     let kind = Kind { name: "link", unit: "dB" };
-    let left = study.left_over(&search, &ladder);
+    let left = scan::left_over(&study, &search, &ladder);
     let json = answer::answer(&study, &search, &ladder, kind, &left, None).json;
     (names(&study, &ladder), ladder, json)
 }
@@ -355,10 +356,8 @@ fn data_that_cannot_carry_an_answer_are_refused_in_words() {
         (many("-70", "2"), "received is not 0 or 1"),
         (String::new(), "no frame"),
     ];
-    let folder = tempfile::tempdir().unwrap();
-    let config = folder.path().join("model.toml");
-    std::fs::write(&config, "[netsim.phy]\npropagation = \"friis\"\n").unwrap();
-    let config = Compared::load(&config, &[]).unwrap();
+    let config = "[netsim.phy]\npropagation = \"friis\"\n".to_owned();
+    let config = Compared::of_text(Path::new("model.toml"), config, &[]).unwrap();
     for (rows, part) in cases {
         let table = Table::of_csv(Path::new("links.csv"), format!("{header}{rows}").as_bytes());
         let error =

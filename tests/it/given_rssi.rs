@@ -4,19 +4,21 @@
 use orchestrator::compare;
 use orchestrator::diagnose::answer::{self, Kind};
 use orchestrator::diagnose::gain::Scores;
-use orchestrator::diagnose::ladder::{COMMON, Search};
+use orchestrator::diagnose::ladder::Search;
+use orchestrator::diagnose::progress::Progress;
+use orchestrator::diagnose::scan;
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
 use orchestrator::study::choices::{ChoiceError, Choices};
 use orchestrator::study::links::LinkStudy;
 use orchestrator::study::open::{self, OpenError};
-use orchestrator::study::{Study as _, links::rows::Rows};
+use orchestrator::study::{COMMON, Study as _, links::rows::Rows};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
 use tests::{folder, orchestrator, said};
 
-const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
 /// Nothing of this is near what was measured: levels are given.
 const FRIIS: &str = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = -60.0\n";
 const MOTES: u32 = 12;
@@ -96,7 +98,7 @@ fn study(text: &str, table: &Table) -> LinkStudy {
 fn diagnosed(study: &LinkStudy) -> Value {
     let search = Search::new(study, QUIET);
     let ladder = search.climb();
-    let left = study.left_over(&search, &ladder);
+    let left = scan::left_over(study, &search, &ladder);
     let kind = Kind { name: "link", unit: "pdr" };
     answer::answer(study, &search, &ladder, kind, &left, None).json
 }

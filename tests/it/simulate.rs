@@ -2,6 +2,7 @@
 
 use orchestrator::compare;
 use orchestrator::diagnose::ladder::Search;
+use orchestrator::diagnose::progress::Progress;
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
 use orchestrator::simulate::simulate;
@@ -11,7 +12,7 @@ use orchestrator::study::{Candidate, Study};
 use std::path::Path;
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
-const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
 
 fn config(text: &str) -> Compared {
     Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
@@ -57,10 +58,8 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
         ladder.accepted.iter().map(|&term| study.candidates()[term].name.as_str()).collect();
     assert_eq!(names, ["temperature"]);
     let term = ladder.accepted[0];
-    let (estimates, _) = study.estimates(
-        &search.full(&ladder.accepted, orchestrator::diagnose::ladder::COMMON, None),
-        term,
-    );
+    let (estimates, _) =
+        study.estimates(&search.full(&ladder.accepted, orchestrator::study::COMMON, None), term);
     let slope = estimates.iter().find(|estimate| estimate.name == "db_per_c").unwrap();
     let error = (slope.high - slope.low) / 3.29;
     assert!((slope.value + 0.3).abs() < 4.0 * error, "{slope:?}");

@@ -3,6 +3,7 @@
 use super::{QUIET, assert_all_found, faults, names};
 use orchestrator::diagnose::answer::{self, Kind};
 use orchestrator::diagnose::ladder::{Ladder, Search};
+use orchestrator::diagnose::scan;
 use orchestrator::measure::config::Compared;
 use orchestrator::measure::table::Table;
 use orchestrator::study::choices::Choices;
@@ -18,15 +19,14 @@ const MANY_ROWS: usize = 20_000;
 fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     let folder = tempfile::tempdir().unwrap();
     let (config, data) = (folder.path().join("model.toml"), folder.path().join("robots.csv"));
-    std::fs::write(&config, &campaign.config_toml).unwrap();
     std::fs::write(&data, &campaign.csv).unwrap();
-    let config = Compared::load(&config, &[]).unwrap();
+    let config = Compared::of_text(&config, campaign.config_toml.clone(), &[]).unwrap();
     let table = Table::read(&data).unwrap();
     let (study, _) = open::robots(&config, &table, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
     let ladder = search.climb();
     let kind = Kind { name: "robot", unit: "m" };
-    let left = study.left_over(&search, &ladder);
+    let left = scan::left_over(&study, &search, &ladder);
     let json = answer::answer(&study, &search, &ladder, kind, &left, None).json;
     (names(&study, &ladder), ladder, json)
 }
