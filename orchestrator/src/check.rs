@@ -1,19 +1,19 @@
 //! What a file of measurements holds, and which effects it can show: nothing is fitted.
 
-use crate::measure::config::Compared;
-use crate::measure::links::Row;
-use crate::measure::table::Table;
-use crate::study::choices::Choices;
-use crate::study::links::LinkStudy;
-use crate::study::open::{self, Account, OpenError, Subject};
-use crate::study::robots::{RobotStudy, WINDOW_S};
-use crate::study::{Candidate, Study};
+use measure::config::Compared;
+use measure::links::Row;
+use measure::table::Table;
 use proto::effect::Level;
 use robotsim::dynamics::Shape;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
+use study::choices::Choices;
+use study::links::LinkStudy;
+use study::open::{self, Account, OpenError, Subject};
+use study::robots::{RobotStudy, WINDOW_S};
+use study::{Candidate, Study};
 
 /// What was seen in a file.
 #[derive(Clone, Debug)]
@@ -65,7 +65,7 @@ fn bare(subject: Subject, table: &Table) -> Result<Compared, OpenError> {
     let text = match subject {
         Subject::Links => "[netsim.phy]\npropagation = \"friis\"\n".to_owned(),
         Subject::Robots => {
-            let kind = match crate::measure::robots::has_shape(table) {
+            let kind = match measure::robots::has_shape(table) {
                 Ok(Shape::Unicycle) => "unicycle",
                 Ok(Shape::Car) => "car",
                 _ => "point-mass",
@@ -262,7 +262,7 @@ fn finished<S: Study>(
         None => {
             let blocks = study.blocks(candidate.level);
             (!blocks.suffices()).then(|| {
-                let few = crate::study::folds::FEWEST_BLOCKS;
+                let few = study::folds::FEWEST_BLOCKS;
                 format!("has {} {}, needs at least {few}", blocks.n_scored(), blocks.unit)
             })
         }

@@ -14,14 +14,7 @@
 //! | [`record`] | what a run leaves |
 //! | [`report`] | the page that shows it |
 //! | [`network`] | the network against measured packets |
-//! | [`measure`] | measurements, and the part of a configuration that is held against them |
 //! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
-//! | [`mod@compare`] | how wrong a model is as configured, and where |
-//! | [`mod@extend`] | a configuration with a missing effect added, fitted |
-//! | [`study`] | what a search for missing physics asks of measurements |
-//! | [`diagnose`] | the search: which physical effect is missing |
-//! | [`mod@simulate`] | the campaign that a model would have measured |
-//! | [`mod@power`] | how large an effect a campaign would show |
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`mod@bench`] | speed through the real processes |
@@ -30,22 +23,15 @@
 pub mod bench;
 pub mod check;
 pub mod cli;
-pub mod compare;
 pub mod compare_runs;
 pub mod config;
 pub mod conformance;
 pub mod console;
 pub mod coupling;
-pub mod diagnose;
 pub mod effects;
-pub mod extend;
-pub mod measure;
 pub mod network;
 pub mod peer;
-pub mod power;
 pub mod record;
 pub mod report;
 pub mod run;
-pub mod simulate;
-pub mod study;
 pub mod sweep;

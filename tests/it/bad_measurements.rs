@@ -1,12 +1,12 @@
 //! Measurements that something is wrong with: refused in words, or used with a warning that says what was seen and what it does
 //! to the answer.
 
+use measure::config::Compared;
+use measure::table::Table;
 use orchestrator::check::{self, Checked};
-use orchestrator::measure::config::Compared;
-use orchestrator::measure::table::Table;
-use orchestrator::study::choices::Choices;
-use orchestrator::study::open::{self, OpenError};
 use std::path::Path;
+use study::choices::Choices;
+use study::open::{self, OpenError};
 use tests::campaign::{Campaign, Layout};
 
 /// A file as rows of fields.

@@ -1,15 +1,15 @@
 //! Choices by hand: which rows are used, which are left out together, which campaigns are scored, how far robots are predicted.
 
-use orchestrator::compare;
-use orchestrator::diagnose::ladder::Search;
-use orchestrator::diagnose::progress::Progress;
-use orchestrator::measure::config::Compared;
-use orchestrator::measure::table::Table;
-use orchestrator::study::choices::{Choices, Split};
-use orchestrator::study::open;
-use orchestrator::study::{COMMON, Study as _, links::LinkStudy, robots::RobotStudy};
+use diagnose::compare;
+use diagnose::ladder::Search;
+use diagnose::progress::Progress;
+use measure::config::Compared;
+use measure::table::Table;
 use std::fmt::Write as _;
 use std::path::Path;
+use study::choices::{Choices, Split};
+use study::open;
+use study::{COMMON, Study as _, links::LinkStudy, robots::RobotStudy};
 
 const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
 const FRIIS: &str =
@@ -77,7 +77,7 @@ fn condition(text: &str) -> Choices {
     Choices { condition: Some(text.to_owned()), ..Choices::default() }
 }
 
-fn term(study: &impl orchestrator::study::Study, name: &str) -> usize {
+fn term(study: &impl study::Study, name: &str) -> usize {
     study.candidates().iter().position(|candidate| candidate.name == name).unwrap()
 }
 
@@ -123,7 +123,7 @@ fn campaigns_that_are_scored_are_not_seen_by_the_fit() {
     let found = compare::links(&study, &search).json;
     let rmse_db = found["scores"]["rmse_db"].as_f64().unwrap();
     assert!((rmse_db - 68f64.sqrt()).abs() < 0.2, "as configured, 8 dB off: {found:#}");
-    let after = orchestrator::diagnose::gain::Scores::of(&scores);
+    let after = diagnose::gain::Scores::of(&scores);
     assert!((after.rmse - 13f64.sqrt()).abs() < 0.2, "{after:?}");
 
     let choices = Choices { score_runs: vec![5], ..Choices::default() };
@@ -132,7 +132,7 @@ fn campaigns_that_are_scored_are_not_seen_by_the_fit() {
     let slip = term(&study, "slip");
     let (estimates, _) = study.estimates(&search.full(&[slip], COMMON, None), slip);
     assert!((estimates[0].value - 0.9).abs() < 0.001, "{estimates:?}");
-    let scores = orchestrator::diagnose::gain::Scores::of(&search.held_out(&[slip], COMMON));
+    let scores = diagnose::gain::Scores::of(&search.held_out(&[slip], COMMON));
     // Windows of 1 s, one in four with a turn in it: a tenth of 1 m/s, of those without.
     assert!((0.07..0.1).contains(&scores.rmse), "{scores:?}");
 }
@@ -184,7 +184,7 @@ fn windows_are_as_long_as_chosen() {
             ..Choices::default()
         });
         let search = Search::new(&study, QUIET);
-        orchestrator::diagnose::gain::Scores::of(&search.held_out(&[], COMMON)).rmse
+        diagnose::gain::Scores::of(&search.held_out(&[], COMMON)).rmse
     };
     // From the begin of each campaign: a tenth of the way at 1 m/s, and noise of 1 mm.
     assert!((rmse_m(1.0) - 0.1).abs() < 0.01, "{}", rmse_m(1.0));

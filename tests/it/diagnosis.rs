@@ -2,20 +2,20 @@
 
 mod robots;
 
-use orchestrator::compare;
-use orchestrator::diagnose::answer::{self, Kind};
-use orchestrator::diagnose::ladder::{Ladder, Search};
-use orchestrator::diagnose::progress::Progress;
-use orchestrator::diagnose::scan;
-use orchestrator::extend;
-use orchestrator::measure::config::Compared;
-use orchestrator::measure::table::Table;
-use orchestrator::study::Study;
-use orchestrator::study::choices::Choices;
-use orchestrator::study::links::LinkStudy;
-use orchestrator::study::open::{self, Account};
+use diagnose::answer::{self, Kind};
+use diagnose::compare;
+use diagnose::extend;
+use diagnose::ladder::{Ladder, Search};
+use diagnose::progress::Progress;
+use diagnose::scan;
+use measure::config::Compared;
+use measure::table::Table;
 use serde_json::Value;
 use std::path::Path;
+use study::Study;
+use study::choices::Choices;
+use study::links::LinkStudy;
+use study::open::{self, Account};
 use tests::campaign::{Campaign, Hidden, Layout, Size};
 
 const ROWS: usize = 5000;

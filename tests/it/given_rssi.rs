@@ -1,21 +1,21 @@
 //! Reception predicted from readings that are given. The rows are made here: by a waterfall and losses of their own, by counting
 //! frame by frame, at levels that follow from nothing.
 
-use orchestrator::compare;
-use orchestrator::diagnose::answer::{self, Kind};
-use orchestrator::diagnose::gain::Scores;
-use orchestrator::diagnose::ladder::Search;
-use orchestrator::diagnose::progress::Progress;
-use orchestrator::diagnose::scan;
-use orchestrator::measure::config::Compared;
-use orchestrator::measure::table::Table;
-use orchestrator::study::choices::{ChoiceError, Choices};
-use orchestrator::study::links::LinkStudy;
-use orchestrator::study::open::{self, OpenError};
-use orchestrator::study::{COMMON, Study as _, links::rows::Rows};
+use diagnose::answer::{self, Kind};
+use diagnose::compare;
+use diagnose::gain::Scores;
+use diagnose::ladder::Search;
+use diagnose::progress::Progress;
+use diagnose::scan;
+use measure::config::Compared;
+use measure::table::Table;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
+use study::choices::{ChoiceError, Choices};
+use study::links::LinkStudy;
+use study::open::{self, OpenError};
+use study::{COMMON, Study as _, links::rows::Rows};
 use tests::{folder, orchestrator, said};
 
 const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};

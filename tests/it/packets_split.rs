@@ -2,15 +2,15 @@
 //! another seed, with a fault in one of the three: places from where the run's robots went, links by `simulate`, packets by
 //! the run.
 
+use diagnose::simulate::simulate;
+use measure::config::Compared;
+use measure::packets;
+use measure::table::Table;
 use orchestrator::config::{Overrides, read};
-use orchestrator::measure::config::Compared;
-use orchestrator::measure::packets;
-use orchestrator::measure::table::Table;
 use orchestrator::network::compared::Asked;
 use orchestrator::network::replay::Replay;
 use orchestrator::network::split::{Split, split};
 use orchestrator::network::tracks::Tracks;
-use orchestrator::simulate::simulate;
 use proto::types::AgentStates;
 use serde_json::Value;
 use std::path::Path;

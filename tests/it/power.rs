@@ -1,10 +1,10 @@
 //! How large an effect a campaign would show.
 
-use orchestrator::measure::config::Compared;
-use orchestrator::measure::table::Table;
-use orchestrator::power::{Question, power};
-use orchestrator::study::choices::{Choices, Split};
+use diagnose::power::{Question, power};
+use measure::config::Compared;
+use measure::table::Table;
 use std::path::Path;
+use study::choices::{Choices, Split};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
 const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};

@@ -1,15 +1,15 @@
 //! Campaigns that a model would have measured: what is put in is found again.
 
-use orchestrator::compare;
-use orchestrator::diagnose::ladder::Search;
-use orchestrator::diagnose::progress::Progress;
-use orchestrator::measure::config::Compared;
-use orchestrator::measure::table::Table;
-use orchestrator::simulate::simulate;
-use orchestrator::study::choices::Choices;
-use orchestrator::study::open;
-use orchestrator::study::{Candidate, Study};
+use diagnose::compare;
+use diagnose::ladder::Search;
+use diagnose::progress::Progress;
+use diagnose::simulate::simulate;
+use measure::config::Compared;
+use measure::table::Table;
 use std::path::Path;
+use study::choices::Choices;
+use study::open;
+use study::{Candidate, Study};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
 const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
@@ -58,8 +58,7 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
         ladder.accepted.iter().map(|&term| study.candidates()[term].name.as_str()).collect();
     assert_eq!(names, ["temperature"]);
     let term = ladder.accepted[0];
-    let (estimates, _) =
-        study.estimates(&search.full(&ladder.accepted, orchestrator::study::COMMON, None), term);
+    let (estimates, _) = study.estimates(&search.full(&ladder.accepted, study::COMMON, None), term);
     let slope = estimates.iter().find(|estimate| estimate.name == "db_per_c").unwrap();
     let error = (slope.high - slope.low) / 3.29;
     assert!((slope.value + 0.3).abs() < 4.0 * error, "{slope:?}");

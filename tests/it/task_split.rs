@@ -83,7 +83,7 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     let slip = "[[robotsim.dynamics.effect]]\nkind = \"slip\"\nscale = 0.8";
     write("truth.toml", &MODEL.replace("# here", slip));
     let out = run(&dir.path().join("truth.toml"), dir.path(), &[]);
-    let table = |name: &str| orchestrator::measure::table::Table::read(&out.join(name)).unwrap();
+    let table = |name: &str| measure::table::Table::read(&out.join(name)).unwrap();
     // As robots would log it: clocks began 100 s before the task.
     let (steps, links) = (table("steps.parquet"), table("links.parquet"));
     let mut robots = "time_s,agent,x_m,y_m\n".to_owned();

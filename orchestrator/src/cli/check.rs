@@ -5,9 +5,9 @@ use super::{Failure, OverrideArgs, inputs, write_json};
 use crate::check;
 use crate::config;
 use crate::console::{say, warn};
-use crate::measure::table::Table;
 use crate::sweep;
 use clap::Args;
+use measure::table::Table;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]

@@ -1,7 +1,7 @@
 //! A formula of the user's on the command line.
 
-use crate::study::formula::Wanted;
 use clap::Args;
+use study::formula::Wanted;
 
 /// A formula to be fitted.
 #[derive(Args)]

@@ -2,8 +2,8 @@
 
 use super::Failure;
 use crate::config;
-use crate::measure::config::Compared;
-use crate::measure::table::Table;
+use measure::config::Compared;
+use measure::table::Table;
 use std::path::Path;
 
 /// The configuration that is held against measurements, with `--set` applied.

@@ -2,22 +2,22 @@
 
 use super::measured::{account_json, account_text, complete};
 use super::{Failure, stop, write_json, write_whole};
-use crate::compare::Comparison;
 use crate::config::{self, Overrides, Plan};
 use crate::console::say;
-use crate::measure::config::Compared;
-use crate::measure::packets::{self, Packets};
-use crate::measure::table::Table;
 use crate::network::compared::{self, Asked};
 use crate::network::diagnosed::{self, ACCEPT, Diagnosis, FEWEST_SEEDS, told};
 use crate::network::extended;
 use crate::network::replay::Replay;
 use crate::network::split;
 use crate::network::tracks::Tracks;
-use crate::study::open::{self, Account};
 use clap::Args;
+use diagnose::compare::Comparison;
+use measure::config::Compared;
+use measure::packets::{self, Packets};
+use measure::table::Table;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use study::open::{self, Account};
 
 /// How packets are replayed.
 #[derive(Args, Clone)]

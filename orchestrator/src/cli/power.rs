@@ -3,8 +3,8 @@
 use super::measured::ChoiceArgs;
 use super::{Failure, inputs, place_for, write_json};
 use crate::console::say;
-use crate::power::{self, PowerError, Question};
 use clap::Args;
+use diagnose::power::{self, PowerError, Question};
 use std::path::PathBuf;
 
 #[derive(Args)]

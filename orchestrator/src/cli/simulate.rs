@@ -2,8 +2,8 @@
 
 use super::{Failure, inputs, place_for, write_json};
 use crate::console::{say, warn};
-use crate::simulate::{self, Simulated};
 use clap::Args;
+use diagnose::simulate::{self, Simulated};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde_json::json;

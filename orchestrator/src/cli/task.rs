@@ -4,15 +4,15 @@ use super::measured::account_json;
 use super::{Failure, inputs};
 use crate::config::{self, Overrides};
 use crate::console::say;
-use crate::measure::table::Table;
 use crate::network::compared::Asked;
 use crate::network::replay::Replay;
 use crate::network::task::heard::Hearing;
 use crate::network::task::{self, FEWEST_SEEDS, Measured};
 use crate::network::tracks::Tracks;
-use crate::study::open::{self, Account};
+use measure::table::Table;
 use serde_json::{Value, json};
 use std::path::Path;
+use study::open::{self, Account};
 
 /// Files of a swarm that was measured, and the experiment that is held against it.
 pub(super) struct Files<'a> {

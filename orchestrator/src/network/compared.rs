@@ -3,11 +3,11 @@
 use super::kpis::{Figures, KPIS, OfMote};
 use super::replay::{Replay, ReplayError};
 use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, entry, place};
-use crate::compare::Comparison;
-use crate::measure::packets::Packet;
 use crate::record::quantile;
 use crate::report::measured::words::upper;
 use crate::report::text::number;
+use diagnose::compare::Comparison;
+use measure::packets::Packet;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

@@ -10,7 +10,7 @@ use super::likelihood::{self, Law, Run};
 use super::replay::{Replay, ReplayError};
 use super::spread::LEVEL;
 use super::tried::{Curve, Fit, Fitted, Ground};
-use crate::measure::packets::Packet;
+use measure::packets::Packet;
 use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) use told::said;
 pub use told::{parameters, told};

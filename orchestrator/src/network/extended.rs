@@ -5,11 +5,11 @@ use super::diagnosed::{Diagnosis, Effects, Rung};
 use super::replay::ReplayError;
 use super::tried::Fitted;
 use crate::config::{self, Overrides};
-use crate::extend::ExtendError;
-use crate::study::open::Account;
+use diagnose::extend::ExtendError;
 use proto::config::Refusal;
 use std::fmt::Write as _;
 use std::path::Path;
+use study::open::Account;
 
 /// Why nothing can be written.
 #[derive(Debug, thiserror::Error)]

@@ -1,8 +1,8 @@
 //! The figures of packets that are compared.
 
 use super::figure::{Figure, figure};
-use crate::measure::packets::Packet;
 use crate::record::quantile;
+use measure::packets::Packet;
 use std::collections::BTreeMap;
 
 /// How a figure is spread about its middle: on which scale differences are told.

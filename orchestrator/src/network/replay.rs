@@ -3,8 +3,8 @@
 use super::kpis::Figures;
 use super::tracks::Tracks;
 use crate::config::{Plan, SideConfig, Start};
-use crate::measure::packets::{OWN, Packet};
 use bytes::Bytes;
+use measure::packets::{OWN, Packet};
 use netsim::sim::Network;
 use proto::config::{Node, Problem};
 use proto::rng::{Draws, Purpose};

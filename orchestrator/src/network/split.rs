@@ -12,17 +12,17 @@ use super::compared::Asked;
 use super::kpis::{Figures, KPIS};
 use super::replay::{Replay, ReplayError};
 use super::spread::place;
-use crate::measure::config::Compared;
-use crate::measure::links::{self, Row};
-use crate::measure::packets::Packet;
-use crate::measure::table::Table;
-use crate::simulate;
-use crate::study::open::OpenError;
 use bytes::Bytes;
+use diagnose::simulate;
+use measure::config::Compared;
+use measure::links::{self, Row};
+use measure::packets::Packet;
+use measure::table::Table;
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use study::open::OpenError;
 pub use told::{json, text};
 
 /// Campaigns that the model measures of its own links.

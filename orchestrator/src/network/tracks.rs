@@ -1,6 +1,6 @@
 //! Where robots were measured: places over time, straight between them.
 
-use crate::measure::table::Table;
+use measure::table::Table;
 use proto::types::AgentStates;
 use std::fmt::Write as _;
 use std::path::Path;

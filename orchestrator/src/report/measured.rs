@@ -8,10 +8,10 @@ pub(crate) mod words;
 
 use super::svg::{Axis, Chart};
 use super::text::{count, escape};
-use crate::study::view::View;
 use proto::site::Site;
 use serde_json::Value;
 use std::fmt::Write as _;
+use study::view::View;
 
 /// Marks of a key: class of the mark, words.
 pub(super) type Key = Vec<(&'static str, String)>;
@@ -201,7 +201,7 @@ const MOST_DOTS: usize = 1500;
 /// Rows to draw: all where they are few, else about [`MOST_DOTS`] of them, chosen by their numbers alone.
 fn thinned(n: usize) -> impl Iterator<Item = usize> {
     let limit = if n <= MOST_DOTS { u64::MAX } else { u64::MAX / n as u64 * MOST_DOTS as u64 };
-    (0..n).filter(move |&row| crate::study::folds::scramble(row as u64) <= limit)
+    (0..n).filter(move |&row| study::folds::scramble(row as u64) <= limit)
 }
 
 /// How many rows are drawn, in words.

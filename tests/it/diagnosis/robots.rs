@@ -1,14 +1,14 @@
 //! Campaigns of robots with something hidden in them.
 
 use super::{QUIET, assert_all_found, faults, names};
-use orchestrator::diagnose::answer::{self, Kind};
-use orchestrator::diagnose::ladder::{Ladder, Search};
-use orchestrator::diagnose::scan;
-use orchestrator::measure::config::Compared;
-use orchestrator::measure::table::Table;
-use orchestrator::study::choices::Choices;
-use orchestrator::study::open;
+use diagnose::answer::{self, Kind};
+use diagnose::ladder::{Ladder, Search};
+use diagnose::scan;
+use measure::config::Compared;
+use measure::table::Table;
 use serde_json::Value;
+use study::choices::Choices;
+use study::open;
 use tests::campaign::{Campaign, Drive, Fleet, RobotHidden, Size};
 
 /// Forty seconds of each of five robots …

@@ -1,7 +1,6 @@
 //! What a search found of a network: for programs as JSON, for people as a table and a sentence.
 
 use super::{Found, Trial};
-use crate::diagnose::answer::Answer;
 use crate::network::candidates::Candidate;
 use crate::network::compared::{Asked, body, sentence as compared};
 use crate::network::kpis::KPIS;
@@ -9,6 +8,7 @@ use crate::network::spread::LEVEL;
 use crate::network::tried::Fitted;
 use crate::report::measured::words::upper;
 use crate::report::text::number;
+use diagnose::answer::Answer;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 

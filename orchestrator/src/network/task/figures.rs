@@ -181,7 +181,7 @@ const MOST_LOOKS: f64 = 400.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::table::Table;
+    use measure::table::Table;
     use std::fmt::Write as _;
     use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! Who heard whom, and when: as it was measured, or as a network would have had it. What was said is not part of it.
 
-use crate::measure::table::Table;
-use crate::measure::{links, packets};
 use bytes::Bytes;
+use measure::table::Table;
+use measure::{links, packets};
 use proto::types::{Deliveries, Heard, NS_PER_S, Payloads, Transmissions};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -4,8 +4,8 @@ use super::{Contents, Picture, Rows, bin, drawn, edges, half, quantiles, thinned
 use crate::record::DistanceBin;
 use crate::report::svg::Axis;
 use crate::report::text::{number, percent};
-use crate::study::view::View;
 use std::collections::BTreeSet;
+use study::view::View;
 
 /// Bins of a curve.
 const BINS: usize = 12;

@@ -4,8 +4,8 @@ use super::{Contents, LinkRows, Picture, RobotRows, Rows};
 use crate::report::figures::{WIDE, equal_scales};
 use crate::report::svg::Chart;
 use crate::report::text::number;
-use crate::study::view::View;
 use std::collections::BTreeMap;
+use study::view::View;
 
 /// Classes of errors, from far too low to far too high.
 const CLASSES: [&str; 5] = ["low2", "low1", "none", "high1", "high2"];

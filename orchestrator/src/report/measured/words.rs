@@ -1,12 +1,12 @@
 //! What a page says in words and tables.
 
 use super::Contents;
-use crate::diagnose::answer::{LOSSES, formulas_of, named_structure};
 use crate::report::text::{count, escape, number, percent};
-use crate::study::LOSS_CURVE;
+use diagnose::answer::{LOSSES, formulas_of, named_structure};
 use proto::effect::CONSTANT;
 use serde_json::Value;
 use std::fmt::Write as _;
+use study::LOSS_CURVE;
 
 fn list(value: &Value) -> impl Iterator<Item = &Value> {
     value.as_array().into_iter().flatten()

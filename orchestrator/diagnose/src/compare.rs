@@ -1,0 +1,270 @@
+//! How wrong is a model as configured, and where.
+
+use crate::gain::Scores;
+use crate::held_out;
+use crate::ladder::Search;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use study::folds::Blocks;
+use study::links::LinkStudy;
+use study::robots::RobotStudy;
+use study::view::Viewed as _;
+use study::{COMMON, RowScore, Study};
+
+/// Resamples of the blocks.
+const RESAMPLES: u64 = 400;
+/// Bins of a covariate.
+const BINS: usize = 8;
+
+/// A comparison.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// As JSON, `compare/1`.
+    pub json: Value,
+    /// As a person reads it.
+    pub text: String,
+}
+
+/// Scores by name.
+type Named = Vec<(&'static str, f64)>;
+
+/// A score with its 90 % interval.
+struct Interval {
+    name: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+}
+
+/// Holds a link model against its measurements, nothing refitted but the noise.
+pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
+    let scores = search.held_out(&[], COMMON);
+    let fit = search.full(&[], COMMON, None);
+    let [deviation, scaled, surprise] = study.residuals(&fit);
+    let inside: Vec<f64> = scaled
+        .iter()
+        .map(|z| if z.is_nan() { f64::NAN } else { f64::from(u8::from(z.abs() <= 1.645)) })
+        .collect();
+    let blocks = study.blocks(COMMON);
+    // Of rows of several frames, how far the share received lies from what is predicted.
+    let links = &study.rows.links;
+    let is_given = links.readings.is_given;
+    let pdr_errors: Option<Vec<f64>> =
+        (links.readings.is_aggregated && links.readings.has_losses && !is_given).then(|| {
+            let passes = held_out::predictions(study, search, &[]).passes;
+            let rows = links.rows.iter().zip(passes);
+            rows.map(|(row, passes)| (row.received / row.frames - passes).powi(2)).collect()
+        });
+    let of = |rows: &[usize]| -> Named {
+        let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
+        let all = Scores::of(&part);
+        let mean = |values: &[f64]| {
+            let known = rows.iter().map(|&row| values[row]).filter(|value| !value.is_nan());
+            let (sum, n) = known.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
+            sum / n
+        };
+        let brier = |row: &usize| {
+            let loss = scores[*row].reception_log_loss;
+            let missed = 1.0 - (-loss).exp();
+            missed * missed
+        };
+        let mut list = vec![
+            ("log_score", all.log_score),
+            (if is_given { "rmse_pdr" } else { "rmse_db" }, all.rmse),
+            (if is_given { "bias_pdr" } else { "bias_db" }, mean(&deviation)),
+            (if is_given { "crps_pdr" } else { "crps_db" }, all.crps),
+            ("coverage_90", mean(&inside)),
+        ];
+        if study.rows.links.readings.has_losses {
+            list.push(("reception_log_loss", all.reception_log_loss));
+            list.push(("reception_brier", rows.iter().map(brier).sum::<f64>() / rows.len() as f64));
+        }
+        if let Some(errors) = &pdr_errors {
+            list.push(("rmse_pdr", mean(errors).sqrt()));
+        }
+        list
+    };
+    let intervals = bootstrap(&of(&scored(blocks)), blocks, &of);
+    let places = ranked(&study.covariates(), &deviation, &surprise);
+    finished("link", blocks.unit, &intervals, &places)
+}
+
+/// A comparison as JSON and as text.
+fn finished(kind: &str, unit: &str, intervals: &[Interval], places: &[Value]) -> Comparison {
+    let mut text = String::new();
+    let _ = writeln!(text, "{:<22} {:>10}   90 % interval", "score (held out)", "value");
+    for interval in intervals {
+        let _ = writeln!(
+            text,
+            "{:<22} {:>10.4}   {:.4} to {:.4}",
+            interval.name, interval.value, interval.low, interval.high
+        );
+    }
+    if !places.is_empty() {
+        let _ = writeln!(text, "\nwhere the error is: share that each covariate explains");
+    }
+    for place in places.iter().take(8) {
+        let _ = writeln!(
+            text,
+            "{:<22} {:>9.1} %   p = {:.2e}",
+            place["covariate"].as_str().unwrap_or_default(),
+            100.0 * place["explained"].as_f64().unwrap_or_default(),
+            place["p_value"].as_f64().unwrap_or(1.0)
+        );
+    }
+    let table = |value: &dyn Fn(&Interval) -> Value| {
+        let entries = intervals.iter().map(|interval| (interval.name.to_owned(), value(interval)));
+        Value::Object(entries.collect())
+    };
+    let json = json!({
+        "schema": "compare/1",
+        "kind": kind,
+        "unit": unit,
+        "scores": table(&|interval| json!(interval.value)),
+        "intervals": table(&|interval| json!([interval.low, interval.high])),
+        "where": places,
+    });
+    Comparison { json, text }
+}
+
+/// Holds a model of robots against their samples, nothing refitted but the noise: scores of windows, held out.
+pub fn robots(study: &RobotStudy, search: &Search<'_, RobotStudy>) -> Comparison {
+    let scores = search.held_out(&[], COMMON);
+    let view = study.view(&search.full(&[], COMMON, None));
+    let along = view.residuals();
+    let blocks = study.blocks(COMMON);
+    let of = |rows: &[usize]| -> Named {
+        let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
+        let all = Scores::of(&part);
+        let n = 2.0 * rows.len() as f64;
+        let inside = rows.iter().map(|&row| [view.scaled_at(row), view.scaled_across(row)]);
+        let inside = inside.flatten().filter(|z| z.abs() <= 1.645).count() as f64;
+        let bias = rows.iter().map(|&row| along[row]).sum::<f64>() / rows.len() as f64;
+        vec![
+            ("log_score", all.log_score),
+            ("rmse_m", all.rmse),
+            ("bias_m", bias),
+            ("crps_m", all.crps),
+            ("coverage_90", inside / n),
+        ]
+    };
+    let intervals = bootstrap(&of(&scored(blocks)), blocks, &of);
+    let nothing = vec![f64::NAN; along.len()];
+    let places = ranked(&study.covariates(), &along, &nothing);
+    finished("robot", blocks.unit, &intervals, &places)
+}
+
+/// Rows that are scored.
+fn scored(blocks: &Blocks) -> Vec<usize> {
+    let is_scored = |row: &usize| blocks.scored.as_ref().is_none_or(|scored| scored[*row]);
+    (0..blocks.of_row.len()).filter(is_scored).collect()
+}
+
+/// 90 % intervals by resampling blocks. The draws are fixed: the same file gives the same interval.
+fn bootstrap(values: &Named, blocks: &Blocks, of: &dyn Fn(&[usize]) -> Named) -> Vec<Interval> {
+    let mut rows_of_block: Vec<Vec<usize>> = vec![Vec::new(); blocks.n_blocks()];
+    for row in scored(blocks) {
+        rows_of_block[blocks.of_row[row] as usize].push(row);
+    }
+    rows_of_block.retain(|rows| !rows.is_empty());
+    let n_blocks = rows_of_block.len();
+    let draws = proto::rng::Draws::new(1, proto::rng::Purpose::Resample);
+    let mut resampled: Vec<Vec<f64>> = vec![Vec::new(); values.len()];
+    for resample in 0..RESAMPLES {
+        let picked: Vec<usize> = (0..n_blocks)
+            .map(|k| {
+                let [word, ..] = draws.words(resample, k as u64, 0);
+                (proto::rng::uniform(word) * n_blocks as f64) as usize
+            })
+            .collect();
+        let rows: Vec<usize> =
+            picked.iter().flat_map(|&block| rows_of_block[block].iter().copied()).collect();
+        for (list, (_, value)) in resampled.iter_mut().zip(of(&rows)) {
+            list.push(value);
+        }
+    }
+    values
+        .iter()
+        .zip(&mut resampled)
+        .map(|(&(name, value), list)| {
+            list.sort_by(f64::total_cmp);
+            let at = |share: f64| list[(share * (list.len() - 1) as f64).round() as usize];
+            Interval { name, value, low: at(0.05), high: at(0.95) }
+        })
+        .collect()
+}
+
+/// Covariates by how much of the error their bins explain, most first.
+fn ranked(covariates: &[(String, Vec<f64>)], deviation: &[f64], surprise: &[f64]) -> Vec<Value> {
+    let mut places: Vec<(f64, Value)> = covariates
+        .iter()
+        .filter_map(|(name, values)| place(name, values, deviation, surprise))
+        .collect();
+    places.sort_by(|a, b| b.0.total_cmp(&a.0));
+    places.into_iter().map(|(_, place)| place).collect()
+}
+
+/// What the bins of a covariate explain of the error of readings, and of the surprise of reception.
+fn place(name: &str, values: &[f64], deviation: &[f64], surprise: &[f64]) -> Option<(f64, Value)> {
+    let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    known.sort_by(f64::total_cmp);
+    if known.len() < 10 * BINS {
+        return None;
+    }
+    let mut edges: Vec<f64> = (0..=BINS).map(|k| known[k * (known.len() - 1) / BINS]).collect();
+    edges.dedup();
+    if edges.len() < 2 {
+        return None;
+    }
+    let n_bins = edges.len() - 1;
+    let bin = |value: f64| edges[1..n_bins].partition_point(|&edge| edge <= value);
+    let explained = |errors: &[f64]| -> (f64, f64, Vec<(usize, f64, f64)>) {
+        let mut sums = vec![(0usize, 0.0, 0.0); n_bins];
+        for (&value, &error) in values.iter().zip(errors) {
+            if value.is_finite() && error.is_finite() {
+                let sum = &mut sums[bin(value)];
+                *sum = (sum.0 + 1, sum.1 + error, sum.2 + error * error);
+            }
+        }
+        let n: f64 = sums.iter().map(|sum| sum.0 as f64).sum();
+        let squares: f64 = sums.iter().map(|sum| sum.2).sum();
+        let between: f64 =
+            sums.iter().filter(|sum| 0 < sum.0).map(|sum| sum.1 * sum.1 / sum.0 as f64).sum();
+        let free = n_bins as f64;
+        let f = between / free / ((squares - between) / (n - free));
+        let p = statrs::distribution::FisherSnedecor::new(free, n - free)
+            .map_or(1.0, |f_law| statrs::distribution::ContinuousCDF::sf(&f_law, f));
+        // What as many bins of nothing would explain is taken off.
+        (((between / squares) - free / n).max(0.0), p, sums)
+    };
+    let (share, p_value, sums) = explained(deviation);
+    let reception = if surprise.iter().any(|value| value.is_finite()) {
+        let (share, p_value, _) = explained(surprise);
+        json!({ "explained": share, "p_value": p_value })
+    } else {
+        Value::Null
+    };
+    let bins: Vec<Value> = sums
+        .iter()
+        .enumerate()
+        .filter(|(_, sum)| 0 < sum.0)
+        .map(|(k, sum)| {
+            let n = sum.0 as f64;
+            json!({
+                "from": edges[k],
+                "to": edges[k + 1],
+                "n": sum.0,
+                "bias": sum.1 / n,
+                "rmse": (sum.2 / n).sqrt(),
+            })
+        })
+        .collect();
+    let entry = json!({
+        "covariate": name,
+        "explained": share,
+        "p_value": p_value,
+        "reception": reception,
+        "bins": bins,
+    });
+    Some((share, entry))
+}

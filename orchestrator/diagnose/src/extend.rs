@@ -1,0 +1,164 @@
+//! Writes a configuration with a missing effect added, fitted.
+
+use crate::answer::numbers;
+use crate::gain::Scores;
+use crate::ladder::Search;
+use measure::config::Compared;
+use std::fmt::Write as _;
+use study::open::Account;
+use study::{COMMON, Study};
+
+/// Why nothing can be added.
+#[derive(Debug, thiserror::Error)]
+pub enum ExtendError {
+    /// There is no such candidate.
+    #[error("{name:?} is no effect that can be added to this model; {hint}")]
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        hint: String,
+    },
+    /// It cannot be tested.
+    #[error("{name} cannot be fitted to these data: it {why}")]
+    Untestable {
+        /// What was asked for.
+        name: String,
+        /// What is lacking.
+        why: String,
+    },
+    /// Nothing was accepted.
+    #[error("diagnose accepts no effect on these data: there is nothing to add")]
+    Nothing,
+}
+
+/// A configuration with effects added.
+#[derive(Clone, Debug)]
+pub struct Extended {
+    /// The new file's text.
+    pub text: String,
+    /// What was added.
+    pub names: Vec<String>,
+    /// Held-out scores before.
+    pub before: Scores,
+    /// Held-out scores after.
+    pub after: Scores,
+}
+
+/// The candidate of a name.
+///
+/// # Errors
+///
+/// There is none, or the data do not suffice for it.
+pub fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> {
+    let candidates = study.candidates();
+    let found = candidates
+        .iter()
+        .position(|candidate| candidate.name == name && candidate.curve_over().is_none())
+        .ok_or_else(|| {
+            let names = candidates
+                .iter()
+                .filter(|candidate| candidate.curve_over().is_none())
+                .map(|candidate| candidate.name.as_str());
+            let hint = proto::config::most_similar(name, names.clone()).map_or_else(
+                || format!("there are {}", names.collect::<Vec<_>>().join(", ")),
+                |nearest| format!("did you mean {nearest}?"),
+            );
+            ExtendError::Unknown { name: name.to_owned(), hint }
+        })?;
+    match &candidates[found].untestable {
+        Some(why) => Err(ExtendError::Untestable { name: name.to_owned(), why: why.clone() }),
+        None => Ok(found),
+    }
+}
+
+/// Fits several new terms. All at once each starts where it would by itself, one after the other where those before it have left
+/// room: of bands that may be disturbed the right one is seen only once the curve of reception is right. The likelier counts.
+fn together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
+    if terms.len() < 2 {
+        return;
+    }
+    let all = study.fitted_rows();
+    let mut best = study.fit(terms, &all, COMMON, None);
+    let mut parent = None;
+    for n in 1..=terms.len() {
+        parent = Some(study.fit(&terms[..n], &all, COMMON, parent.as_ref()));
+    }
+    if let Some(stepwise) = parent
+        && study.log_likelihood(&best) < study.log_likelihood(&stepwise)
+    {
+        best = stepwise;
+    }
+    search.full(terms, COMMON, Some(&best));
+}
+
+/// The configuration with terms added: the text as it was, then the new sections with the fit's provenance.
+///
+/// * `section`: of an effect, `netsim.phy.effect`.
+/// * `whole`: all rows, where the search looked at some of them.
+/// * `noise_key`: where the noise of the model stands, if it is to be written: section, key, value.
+///
+/// # Errors
+///
+/// There is nothing to add.
+pub fn extend<S: Study>(
+    config: &Compared,
+    account: &Account,
+    study: &S,
+    search: &Search<'_, S>,
+    terms: &[usize],
+    section: &str,
+    whole: Option<&S>,
+) -> Result<Extended, ExtendError> {
+    let candidates = study.candidates();
+    let terms: Vec<usize> =
+        terms.iter().copied().filter(|&term| candidates[term].curve_over().is_none()).collect();
+    if terms.is_empty() {
+        return Err(ExtendError::Nothing);
+    }
+    together(study, search, &terms);
+    let (measured, fit) = numbers(search, study, whole, &terms);
+    let before = Scores::of(&search.held_out(&[], COMMON));
+    let after = Scores::of(&search.held_out(&terms, COMMON));
+    let mut text = config.text.trim_end().to_owned();
+    text.push('\n');
+    let mut names = Vec::new();
+    for &term in &terms {
+        let name = &candidates[term].name;
+        names.push(name.clone());
+        let (estimates, warning) = measured.estimates(&fit, term);
+        let _ = write!(
+            text,
+            "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Held out, log score {:.4} before and {:.4} with all \
+             that was added; rmse {:.4} and {:.4}.\n",
+            account.file,
+            account.sha256,
+            account.used,
+            account.rows,
+            before.log_score,
+            after.log_score,
+            before.rmse,
+            after.rmse,
+        );
+        for estimate in &estimates {
+            let _ = writeln!(
+                text,
+                "# {} = {:.4} {}, 90 % interval {:.4} to {:.4}",
+                estimate.name, estimate.value, estimate.unit, estimate.low, estimate.high
+            );
+        }
+        if let Some(warning) = warning {
+            let _ = writeln!(text, "# warning: {warning}");
+        }
+        let _ = writeln!(text, "[[{section}]]");
+        if let Some(keys) = measured.settings(&fit, term).as_object() {
+            let table: toml::Table =
+                serde_json::from_value(keys.clone().into()).unwrap_or_default();
+            // Tables within it stay on one line: a heading would begin a section of its own.
+            for (key, value) in &table {
+                let _ = writeln!(text, "{key} = {value}");
+            }
+        }
+    }
+    Ok(Extended { text, names, before, after })
+}

@@ -1,0 +1,184 @@
+//! How well rows that were left out are predicted, and how much better than by another model.
+
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use study::{RowScore, mean};
+
+/// Means of the scores over all rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scores {
+    /// Log predictive density (nats per row).
+    pub log_score: f64,
+    /// Root of the mean squared error (dB or m).
+    pub rmse: f64,
+    /// Continuous ranked probability score (dB or m).
+    pub crps: f64,
+    /// Log loss of reception (nats per frame); NaN where reception is unknown.
+    pub reception_log_loss: f64,
+}
+
+impl Scores {
+    /// Of rows.
+    #[must_use]
+    pub fn of(rows: &[RowScore]) -> Self {
+        Self {
+            log_score: mean(rows.iter().map(|row| row.log)),
+            rmse: mean(rows.iter().map(|row| row.squared_error)).sqrt(),
+            crps: mean(rows.iter().map(|row| row.crps)),
+            reception_log_loss: mean(rows.iter().map(|row| row.reception_log_loss)),
+        }
+    }
+
+    /// Mean squared error (dB² or m²).
+    pub(crate) fn mean_square(&self) -> f64 {
+        self.rmse * self.rmse
+    }
+
+    /// The greatest share of an error that `self` has less than `parent`.
+    pub(crate) fn share_removed(&self, parent: &Self) -> f64 {
+        let share = |now: f64, before: f64| {
+            let share = 1.0 - now / before;
+            if share.is_finite() { share } else { 0.0 }
+        };
+        share(self.mean_square(), parent.mean_square())
+            .max(share(self.crps, parent.crps))
+            .max(share(self.reception_log_loss, parent.reception_log_loss))
+    }
+}
+
+/// What adding a term gains on rows left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gain {
+    /// Nats per row.
+    pub gain: f64,
+    /// Its standard error, over blocks.
+    pub standard_error: f64,
+    /// Probability of as great a gain by chance.
+    pub p_value: f64,
+    /// Number of blocks.
+    pub n_blocks: usize,
+    /// Number of rows.
+    pub n_rows: usize,
+}
+
+impl Gain {
+    /// No gain at all.
+    pub const NONE: Self =
+        Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, n_blocks: 0, n_rows: 0 };
+
+    /// Of all rows together (nats).
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.gain * self.n_rows as f64
+    }
+
+    /// Of rows in blocks: scores of the candidate less those of its parent.
+    #[must_use]
+    pub fn of(candidate: &[RowScore], parent: &[RowScore], block_of_row: &[u32]) -> Self {
+        let n_blocks = block_of_row.iter().max().map_or(0, |&last| last as usize + 1);
+        let mut sums = vec![(0.0, 0usize); n_blocks];
+        for ((a, b), &block) in candidate.iter().zip(parent).zip(block_of_row) {
+            let difference = a.log - b.log;
+            if !difference.is_nan() {
+                sums[block as usize].0 += difference;
+                sums[block as usize].1 += 1;
+            }
+        }
+        // Rows that are not scored have no part in it.
+        sums.retain(|&(_, n)| 0 < n);
+        let n_blocks = sums.len();
+        let n_rows = sums.iter().map(|&(_, n)| n).sum::<usize>();
+        let n = n_rows as f64;
+        let gain = sums.iter().map(|(sum, _)| sum).sum::<f64>() / n;
+        let blocks = n_blocks as f64;
+        let moment = |power: i32| -> f64 {
+            sums.iter().map(|&(sum, n)| (sum - n as f64 * gain).powi(power)).sum()
+        };
+        let (squares, cubes) = (moment(2), moment(3));
+        let standard_error = (blocks / (blocks - 1.0) * squares).sqrt() / n;
+        let skewness =
+            blocks / (blocks - 2.0) * cubes / squares * ((blocks - 1.0) / squares).sqrt();
+        let unjudged = Self { gain, standard_error, p_value: 1.0, n_blocks, n_rows };
+        unjudged.judged(|t| unskewed(t, skewness, blocks))
+    }
+
+    /// Judged by Student's t alone, however few blocks carry the gain.
+    #[must_use]
+    pub fn by_t(self) -> Self {
+        self.judged(|t| t)
+    }
+
+    /// With the probability by chance that Student's law gives what is made of t.
+    fn judged(self, made_of: impl FnOnce(f64) -> f64) -> Self {
+        let p_value = match StudentsT::new(0.0, 1.0, self.n_blocks as f64 - 1.0) {
+            Ok(law) if 0.0 < self.standard_error => {
+                law.sf(made_of(self.gain / self.standard_error))
+            }
+            _ => 1.0,
+        };
+        Self { p_value, ..self }
+    }
+}
+
+/// Student's t of a mean above 0, of so many values that are skewed to the right: where few of them make up the mean they make up its
+/// standard error as well, and t says too little (L. Chen, Testing the mean of skewed distributions, J. Am. Stat. Assoc. 90, 1995).
+fn unskewed(t: f64, skewness: f64, n: f64) -> f64 {
+    if t.is_nan() || t <= 0.0 || skewness.is_nan() || skewness <= 0.0 {
+        return t;
+    }
+    let a = skewness / (6.0 * n.sqrt());
+    t + a * (1.0 + 2.0 * t * t) + 4.0 * a * a * (t + 2.0 * t * t * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::rng::{Draws, Purpose};
+
+    fn gain(values: &[f64]) -> Gain {
+        let score = |log: f64| RowScore {
+            log,
+            squared_error: f64::NAN,
+            crps: f64::NAN,
+            reception_log_loss: f64::NAN,
+        };
+        let candidate: Vec<RowScore> = values.iter().map(|&value| score(value)).collect();
+        let parent = vec![score(0.0); values.len()];
+        let blocks: Vec<u32> = (0..values.len() as u32).collect();
+        Gain::of(&candidate, &parent, &blocks)
+    }
+
+    #[test]
+    fn values_that_lie_evenly_are_judged_by_students_t() {
+        let values: Vec<f64> = (0..60).map(|k| 0.1 + if k % 2 == 0 { 0.5 } else { -0.5 }).collect();
+        let Gain { gain, standard_error, p_value, .. } = gain(&values);
+        let law = StudentsT::new(0.0, 1.0, 59.0).unwrap();
+        assert!((p_value - law.sf(gain / standard_error)).abs() < 1e-9, "{p_value}");
+    }
+
+    #[test]
+    fn few_values_that_gain_much_are_no_chance_and_two_are() {
+        let with = |n: usize| {
+            gain(&(0..60).map(|k| if k < n { 50.0 } else { 0.0 }).collect::<Vec<f64>>()).p_value
+        };
+        // Student's t would say 0.0017 and 0.08.
+        assert!((1e-6..1e-4).contains(&with(8)), "{}", with(8));
+        assert!((0.005..0.05).contains(&with(2)), "{}", with(2));
+    }
+
+    /// Gains under a model that is right lie below 0 in the mean, and e^gain is 1 in the mean: a gain of few blocks by chance is
+    /// not taken for more than that.
+    #[test]
+    fn gains_by_chance_are_found_as_often_as_stated_or_less() {
+        let draws = Draws::new(5, Purpose::Resample);
+        for spread in [0.1_f64, 0.5, 1.0, 2.0] {
+            let n_found = (0..2000)
+                .filter(|&trial| {
+                    let value =
+                        |block| spread * draws.normal(trial, block, 0) - 0.5 * spread * spread;
+                    gain(&(0..60).map(value).collect::<Vec<f64>>()).p_value < 0.01
+                })
+                .count();
+            assert!(n_found <= 32, "{spread}: {n_found} of 2000");
+        }
+    }
+}

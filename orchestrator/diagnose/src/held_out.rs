@@ -1,0 +1,28 @@
+//! Predictions of rows by fits that have not seen them.
+
+use super::ladder::Search;
+use rayon::prelude::*;
+use study::COMMON;
+use study::view::{View, Viewed};
+
+/// Every row as predicted by a fit to the other folds.
+pub fn predictions<S: Viewed>(study: &S, search: &Search<'_, S>, terms: &[usize]) -> View {
+    let start = search.full(terms, COMMON, None);
+    let blocks = study.blocks(COMMON);
+    let parts: Vec<(Vec<u32>, View)> = (0..blocks.n_folds())
+        .into_par_iter()
+        .map(|fold| {
+            let (train, test) = blocks.split(fold);
+            if train.is_empty() {
+                return (Vec::new(), View::default());
+            }
+            let view = study.view(&study.fit(terms, &train, COMMON, Some(&start)));
+            (test, view)
+        })
+        .collect();
+    let mut view = study.view(&start);
+    for (rows, part) in &parts {
+        view.take(part, rows);
+    }
+    view
+}

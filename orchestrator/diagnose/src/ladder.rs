@@ -1,0 +1,559 @@
+//! The search: which term makes the model predict data that it has not seen better; then which next; until none does.
+
+mod choice;
+
+use super::gain::{Gain, Scores};
+use super::progress::Progress;
+use proto::effect::Level;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use study::{COMMON, Candidate, RowScore, Study};
+use tracing::debug;
+
+/// All candidates together may accept wrongly with this probability (Holm).
+pub const FAMILY_ERROR: f64 = 0.005;
+/// A term is worth having from this gain on (nats per row) …
+pub(crate) const WORTH_NATS: f64 = 0.01;
+/// … or from this share of the error removed.
+pub(crate) const WORTH_SHARE: f64 = 0.01;
+/// In any case it removes this share of the error of the model as configured.
+pub(crate) const LEAST_SHARE: f64 = 0.001;
+/// A term that raises the likelihood of all rows together by less (nats) is not beyond chance on rows left out: where the mean of a
+/// logarithm of a likelihood ratio is m, its variance is about 2 m, so that it stands √(m/2) standard errors above 0, and 2.58 are
+/// needed if it were the only candidate. On rows left out it gains less than on those it was fitted to.
+const HOPELESS_NATS: f64 = 12.0;
+/// A candidate that raises the likelihood by less than this (nats) beyond a special case of it says nothing more than that: for
+/// three numbers more, as much comes by chance in one case of 140.
+const NOTHING_MORE_NATS: f64 = 6.0;
+/// A rival raises the likelihood by at least this share of what the chosen one does.
+const NEARLY: f64 = 0.8;
+/// No ladder has more rungs.
+const MOST_TERMS: usize = 8;
+
+/// What was found about a candidate when it was last tried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// Which candidate.
+    pub term: usize,
+    /// Gain at its own level.
+    pub gain: Gain,
+    /// Gain on the common split, by which candidates are ordered.
+    pub common: Gain,
+    /// Beyond chance with all candidates counted.
+    pub is_significant: bool,
+    /// Beyond chance if it were the only candidate, and worth having.
+    pub is_plausible: bool,
+    /// Significant, and worth having.
+    pub is_acceptable: bool,
+    /// Candidates that these data cannot tell from it.
+    pub ties: Vec<usize>,
+}
+
+impl Trial {
+    /// Whether it may stand where another does: it is beyond chance with all candidates counted, or neither is, but this one is by
+    /// itself.
+    fn is_as_certain_as(&self, other: &Self) -> bool {
+        self.is_acceptable || self.is_plausible && !other.is_acceptable
+    }
+
+    /// As it is told once it was taken: where what it gains by its own measure did not decide, by what it gains on the common split.
+    fn taken(self) -> Self {
+        if self.is_acceptable { self } else { self.by_common() }
+    }
+
+    /// Accepted by what it gains on the common split.
+    fn by_common(self) -> Self {
+        Self {
+            gain: self.common,
+            is_significant: true,
+            is_plausible: true,
+            is_acceptable: true,
+            ..self
+        }
+    }
+}
+
+/// A rung of the ladder.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rung {
+    /// Terms in the model.
+    pub terms: Vec<usize>,
+    /// How well it predicts what it has not seen, on the common split.
+    pub scores: Scores,
+}
+
+/// What a search found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ladder {
+    /// Terms in the order in which they were added.
+    pub accepted: Vec<usize>,
+    /// The model as configured, then with each term.
+    pub rungs: Vec<Rung>,
+    /// For each candidate the trial that decided: of the round in which it was accepted, else of the last.
+    pub trials: Vec<Trial>,
+    /// Why nothing can be told, if so.
+    pub too_little: Option<String>,
+    /// The round in which the search was stopped, if so: what was accepted before stands, nothing more was looked for.
+    pub stopped: Option<usize>,
+}
+
+impl Ladder {
+    /// Whether there was enough to tell something, and the search came to its end.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.too_little.is_none() && self.stopped.is_none()
+    }
+}
+
+/// Predictions of all rows by models that had not seen them, and fits to all rows: computed once.
+pub struct Search<'a, S: Study> {
+    study: &'a S,
+    all: Vec<u32>,
+    held_out: Cache<Arc<Vec<RowScore>>>,
+    full: Cache<Arc<S::Fit>>,
+    report: &'a (dyn Fn(Progress<'_>) + Sync),
+    stop: Option<&'a AtomicBool>,
+}
+
+type Key = (Vec<usize>, Level);
+type Cache<T> = Mutex<BTreeMap<Key, T>>;
+
+fn look<T: Clone>(cache: &Cache<T>, key: &Key) -> Option<T> {
+    cache.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
+}
+
+fn keep<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
+    cache.lock().unwrap_or_else(PoisonError::into_inner).insert(key, value.clone());
+}
+
+impl<'a, S: Study> Search<'a, S> {
+    /// A search; `report` is told what is being done.
+    pub fn new(study: &'a S, report: &'a (dyn Fn(Progress<'_>) + Sync)) -> Self {
+        Self {
+            study,
+            all: study.fitted_rows(),
+            held_out: Mutex::default(),
+            full: Mutex::default(),
+            report,
+            stop: None,
+        }
+    }
+
+    /// The same, but its climb ends as soon as this becomes true.
+    #[must_use]
+    pub fn until(self, stop: &'a AtomicBool) -> Self {
+        Self { stop: Some(stop), ..self }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
+
+    /// A fit to all rows, which starts from `parent` if it has not been made yet.
+    pub fn full(&self, terms: &[usize], level: Level, parent: Option<&S::Fit>) -> Arc<S::Fit> {
+        let key = (terms.to_vec(), self.study.judged(level));
+        if let Some(fit) = look(&self.full, &key) {
+            return fit;
+        }
+        let fit = Arc::new(self.study.fit(terms, &self.all, level, parent));
+        keep(&self.full, key, &fit);
+        fit
+    }
+
+    /// Every row predicted by a fit to the other folds, in blocks of `level`.
+    pub fn held_out(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
+        let level = self.study.judged(level);
+        let key = (terms.to_vec(), level);
+        if let Some(scores) = look(&self.held_out, &key) {
+            return scores;
+        }
+        let start = self.full(terms, level, None);
+        let blocks = self.study.blocks(level);
+        let n_folds = blocks.n_folds();
+        let parts: Vec<(Vec<u32>, Vec<RowScore>)> = (0..n_folds)
+            .into_par_iter()
+            .map(|fold| {
+                let (train, test) = blocks.split(fold);
+                if train.is_empty() || test.is_empty() {
+                    return (Vec::new(), Vec::new());
+                }
+                let scores = if n_folds == 1 {
+                    self.study.scores(&start, &test)
+                } else {
+                    let fit = self.study.fit(terms, &train, level, Some(&start));
+                    self.study.scores(&fit, &test)
+                };
+                (test, scores)
+            })
+            .collect();
+        let nothing = RowScore {
+            log: f64::NAN,
+            squared_error: f64::NAN,
+            crps: f64::NAN,
+            reception_log_loss: f64::NAN,
+        };
+        let mut scores = vec![nothing; self.study.n_rows()];
+        for (rows, part) in parts {
+            for (row, score) in rows.into_iter().zip(part) {
+                scores[row as usize] = score;
+            }
+        }
+        let scores = Arc::new(scores);
+        keep(&self.held_out, key, &scores);
+        scores
+    }
+
+    /// Fits to all rows at every level, from one at some level.
+    fn prepare(&self, terms: &[usize], from: &S::Fit) {
+        self.levels().into_par_iter().for_each(|level| {
+            self.full(terms, level, Some(from));
+        });
+    }
+
+    /// Levels at which candidates are judged.
+    fn levels(&self) -> Vec<Level> {
+        let is_used = |level: &Level| {
+            let is_judged = |c: &Candidate| c.is_tried() && self.study.judged(c.level) == *level;
+            *level == COMMON
+                || (self.study.candidates().iter().any(is_judged)
+                    && self.study.blocks(*level).suffices())
+        };
+        [Level::Time, Level::Place, Level::Random].into_iter().filter(is_used).collect()
+    }
+
+    /// Gain of `terms` over `parent`, at a level.
+    pub fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
+        let blocks = self.study.blocks(level);
+        Gain::of(&self.held_out(terms, level), &self.held_out(parent, level), blocks.dependent())
+    }
+
+    /// The same of one of the terms. A curve, which names no cause and may stand in for effects that do, is held to Student's t alone.
+    fn gain_of(&self, term: usize, terms: &[usize], parent: &[usize], level: Level) -> Gain {
+        let gain = self.gain(terms, parent, level);
+        let is_curve = self.study.candidates()[term].curve_over().is_some();
+        if is_curve { gain.by_t() } else { gain }
+    }
+
+    /// A fit to all rows with one term more than `parent`; none where a quick one raises the likelihood by less than `least`
+    /// (nats).
+    fn promising(
+        &self,
+        terms: &[usize],
+        level: Level,
+        parent: &S::Fit,
+        least: f64,
+    ) -> Option<Arc<S::Fit>> {
+        let start = self.study.screen(terms, level, parent);
+        let before = self.study.log_likelihood(parent);
+        if start.as_ref().is_some_and(|start| self.study.log_likelihood(start) - before < least) {
+            return None;
+        }
+        Some(self.full(terms, level, Some(start.as_ref().unwrap_or(parent))))
+    }
+
+    /// Tries a candidate on top of `accepted`.
+    fn attempt(&self, accepted: &[usize], term: usize) -> Trial {
+        let candidate = &self.study.candidates()[term];
+        let hopeless = Trial {
+            term,
+            gain: Gain::NONE,
+            common: Gain::NONE,
+            is_significant: false,
+            is_plausible: false,
+            is_acceptable: false,
+            ties: Vec::new(),
+        };
+        let level = candidate.level;
+        if self.is_stopped()
+            || !candidate.is_tried()
+            || accepted.contains(&term)
+            || !self.study.blocks(level).suffices()
+        {
+            return hopeless;
+        }
+        let parent = self.full(accepted, level, None);
+        let terms = with(accepted, term);
+        let Some(fit) = self.promising(&terms, level, &parent, HOPELESS_NATS / 2.0) else {
+            debug!(name = candidate.name, "screened out");
+            return hopeless;
+        };
+        let rise = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
+        debug!(name = candidate.name, rise, "fitted");
+        // What its numbers raise by chance they take away again on rows left out; those of a curve are held near 0.
+        let by_chance = if candidate.curve_over().is_none() { candidate.n_parameters } else { 0 };
+        if rise < HOPELESS_NATS + by_chance as f64
+            || self.is_but_a_special_case(accepted, term, level, rise)
+        {
+            return hopeless;
+        }
+        let gain = self.gain_of(term, &terms, accepted, level);
+        let common = if self.study.judged(level) == COMMON || FAMILY_ERROR < gain.p_value {
+            gain
+        } else {
+            self.full(&terms, COMMON, Some(&fit));
+            self.gain_of(term, &terms, accepted, COMMON)
+        };
+        debug!(name = candidate.name, gain = gain.gain, p = gain.p_value, "scored");
+        Trial { gain, common, ..hopeless }
+    }
+
+    /// Whether a candidate that raises the likelihood at a level by `rise` (nats) says nothing more than a special case of it.
+    fn is_but_a_special_case(
+        &self,
+        accepted: &[usize],
+        term: usize,
+        level: Level,
+        rise: f64,
+    ) -> bool {
+        let candidates = self.study.candidates();
+        let general = &candidates[term];
+        let parent = self.full(accepted, level, None);
+        let is_special = |&special: &usize| {
+            let candidate = &candidates[special];
+            candidate.is_tried()
+                && !accepted.contains(&special)
+                && general.generalises.contains(&candidate.name)
+        };
+        (0..candidates.len()).filter(is_special).any(|special| {
+            let terms = with(accepted, special);
+            // As it is tried by itself, perhaps at this moment: whoever comes first, the fit is the same.
+            let fit = self.promising(&terms, level, &parent, HOPELESS_NATS / 2.0);
+            fit.is_some_and(|fit| {
+                let risen = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
+                rise < risen + NOTHING_MORE_NATS
+            })
+        })
+    }
+
+    /// Climbs the ladder.
+    pub fn climb(&self) -> Ladder {
+        let candidates = self.study.candidates();
+        let mut accepted: Vec<usize> = Vec::new();
+        let mut decided: Vec<Trial> = Vec::new();
+        let mut rungs = vec![self.rung(&[])];
+        let too_little = self.too_little();
+        let configured = rungs[0].scores.mean_square();
+        let mut removed: Vec<usize> = Vec::new();
+        let mut last: Vec<Trial> = Vec::new();
+        let mut stopped = None;
+        let mut round = 0;
+        while too_little.is_none() && accepted.len() < MOST_TERMS {
+            round += 1;
+            (self.report)(Progress::Round { round });
+            for level in self.levels() {
+                self.held_out(&accepted, level);
+            }
+            let mut trials = self.trials(&accepted, round);
+            if self.is_stopped() {
+                stopped = Some(round);
+                break;
+            }
+            let floor =
+                LEAST_SHARE * share_scale(configured, rungs[rungs.len() - 1].scores.mean_square());
+            self.weigh(&mut trials, &accepted, &removed, floor);
+            if !trials.iter().any(|trial| trial.is_acceptable) {
+                // Beside accepted effects, only levels of links, nodes and channels: what they explain comes in small parts from
+                // all rows, of which blocks of time tell little.
+                let is_random = |term: usize| candidates[term].level == Level::Random;
+                let may_be = |trial: &Trial| accepted.is_empty() || is_random(trial.term);
+                let least = (self.n_tried() as f64 / FAMILY_ERROR).ln() * self.study.rows_of_one();
+                beyond_doubt(&mut trials, may_be, least);
+            }
+            let found = self
+                .choose(&trials, &accepted, &removed)
+                .map(|best| (best, Vec::new()))
+                .or_else(|| self.exchange(&trials, &accepted).map(|(old, new)| (new, vec![old])))
+                .or_else(|| {
+                    let (olds, trial) = self
+                        .one_for_many(&decided, &accepted, &removed)
+                        .or_else(|| self.more_than_linear(&accepted, &removed))?;
+                    let new = trials.iter().position(|other| other.term == trial.term)?;
+                    trials[new] = trial;
+                    Some((new, olds))
+                });
+            let Some((best, in_place_of)) = found else {
+                last = trials;
+                break;
+            };
+            let name = |term: usize| candidates[term].name.as_str();
+            if in_place_of.is_empty() {
+                (self.report)(Progress::Accepted { name: name(trials[best].term) });
+            } else {
+                let old = in_place_of.iter().map(|&old| name(old)).collect();
+                (self.report)(Progress::Exchanged { new: name(trials[best].term), old });
+                accepted.retain(|term| !in_place_of.contains(term));
+                removed.extend(in_place_of);
+            }
+            let ties = self.ties(best, &trials, &accepted);
+            let trial = Trial { ties, ..trials.swap_remove(best).taken() };
+            accepted = with(&accepted, trial.term);
+            let fit = self.full(&accepted, candidates[trial.term].level, None);
+            self.prepare(&accepted, &fit);
+            decided.push(trial);
+            removed.extend(self.weed(&mut accepted));
+            for trial in &mut decided {
+                let in_its_place = |&&term: &&usize| {
+                    !accepted.contains(&trial.term)
+                        && candidates[term].stands_in_for == Some(trial.term)
+                };
+                trial.term = accepted.iter().find(in_its_place).copied().unwrap_or(trial.term);
+            }
+            decided.retain(|trial| accepted.contains(&trial.term));
+            rungs = self.rungs(&accepted);
+        }
+        if stopped.is_none() {
+            (self.report)(Progress::Ties);
+            self.part(&mut decided, &accepted);
+        }
+        let mut trials = decided;
+        let is_decided: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
+        trials.extend(last.into_iter().filter(|trial| !is_decided.contains(&trial.term)));
+        Ladder { accepted, rungs, trials, too_little, stopped }
+    }
+
+    /// How many candidates chance is counted with.
+    fn n_tried(&self) -> usize {
+        self.study.candidates().iter().filter(|candidate| candidate.is_tried()).count()
+    }
+
+    /// Decides which trials are beyond chance, and worth having: by gain, or by the share of the error that is removed, at least
+    /// `floor`. What was removed once does not come back.
+    fn weigh(&self, trials: &mut [Trial], accepted: &[usize], removed: &[usize], floor: f64) {
+        let candidates = self.study.candidates();
+        holm(trials, self.n_tried());
+        for trial in trials.iter_mut().filter(|trial| trial.gain.p_value < FAMILY_ERROR) {
+            let level = candidates[trial.term].level;
+            let now = Scores::of(&self.held_out(&with(accepted, trial.term), level));
+            let before = Scores::of(&self.held_out(accepted, level));
+            let is_worth_it = WORTH_NATS <= trial.gain.gain
+                || WORTH_SHARE.max(floor) <= now.share_removed(&before);
+            trial.is_plausible = is_worth_it && !removed.contains(&trial.term);
+            trial.is_acceptable = trial.is_significant && trial.is_plausible;
+        }
+    }
+
+    /// Takes out what gains nothing any more: what was accepted before may have stood in for what came last.
+    fn weed(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
+        let candidates = self.study.candidates();
+        let mut removed = Vec::new();
+        let mut index = 0;
+        while index + 1 < accepted.len() {
+            let term = accepted[index];
+            let level = candidates[term].level;
+            let mut rest = without(accepted, term);
+            if candidates[term].curve_over().is_none() {
+                rest.iter_mut().for_each(|term| *term = self.whole(*term));
+            }
+            let all = self.full(accepted, level, None);
+            self.prepare(&rest, &all);
+            let gain = self.gain_of(term, accepted, &rest, level);
+            debug!(
+                name = candidates[term].name,
+                gain = gain.gain,
+                p = gain.p_value,
+                "weighed again"
+            );
+            if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
+                (self.report)(Progress::Removed { name: &candidates[term].name });
+                *accepted = rest;
+                removed.push(term);
+            } else {
+                index += 1;
+            }
+        }
+        removed
+    }
+
+    /// Of a curve without a constant part, the one that stands in for it.
+    fn whole(&self, term: usize) -> usize {
+        let mut all = self.study.candidates().iter();
+        all.position(|candidate| candidate.stands_in_for == Some(term)).unwrap_or(term)
+    }
+
+    /// Tries every candidate.
+    fn trials(&self, accepted: &[usize], round: usize) -> Vec<Trial> {
+        let candidates = self.study.candidates();
+        let wanted: Vec<usize> = (0..candidates.len())
+            .filter(|&term| candidates[term].stands_in_for.is_none())
+            .collect();
+        let n = wanted.len();
+        let done = AtomicUsize::new(0);
+        let try_one = |term| {
+            let trial = self.attempt(accepted, term);
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            (self.report)(Progress::Tried { round, done, of: n });
+            trial
+        };
+        wanted.into_par_iter().map(try_one).collect()
+    }
+
+    fn too_little(&self) -> Option<String> {
+        let blocks = self.study.blocks(COMMON);
+        (!blocks.suffices()).then(|| {
+            format!(
+                "too few independent blocks to tell: {} {}, at least {} are needed",
+                blocks.n_scored(),
+                blocks.unit,
+                study::folds::FEWEST_BLOCKS
+            )
+        })
+    }
+
+    /// The model as configured, then with each term.
+    fn rungs(&self, accepted: &[usize]) -> Vec<Rung> {
+        let all = self.full(accepted, COMMON, None);
+        let upto = |n: usize| {
+            if 0 < n {
+                self.prepare(&accepted[..n], &all);
+            }
+            self.rung(&accepted[..n])
+        };
+        (0..=accepted.len()).map(upto).collect()
+    }
+
+    fn rung(&self, terms: &[usize]) -> Rung {
+        Rung { terms: terms.to_vec(), scores: Scores::of(&self.held_out(terms, COMMON)) }
+    }
+}
+
+fn with(accepted: &[usize], term: usize) -> Vec<usize> {
+    accepted.iter().copied().chain([term]).collect()
+}
+
+/// These terms but one.
+pub(super) fn without(accepted: &[usize], term: usize) -> Vec<usize> {
+    accepted.iter().copied().filter(|&other| other != term).collect()
+}
+
+/// How much greater the mean squared error of the model as configured is than that of another: shares of the one are so many
+/// times smaller than shares of the other.
+pub(super) fn share_scale(configured: f64, other: f64) -> f64 {
+    let scale = configured / other;
+    if scale.is_finite() { scale.max(1.0) } else { 1.0 }
+}
+
+/// Where blocks are too few, or too unlike, for anything to be beyond chance with all candidates counted, but something is
+/// missing beyond doubt: what would be beyond chance as the only candidate, and gains so much in all (`least`, nats) that as great a
+/// gain of any of them would be beyond chance, too, were what rows say independent of each other (a likelihood ratio of what was left
+/// out exceeds e^g by chance with a probability of at most e^-g). Only trials that `may_be` are looked at.
+fn beyond_doubt(trials: &mut [Trial], may_be: impl Fn(&Trial) -> bool, least: f64) {
+    for trial in trials.iter_mut().filter(|trial| trial.is_plausible && may_be(trial)) {
+        trial.is_significant = least < trial.gain.total();
+        trial.is_acceptable = trial.is_significant;
+    }
+}
+
+/// Marks what is beyond chance with `n` candidates counted (Holm 1979).
+fn holm(trials: &mut [Trial], n: usize) {
+    let mut order: Vec<usize> = (0..trials.len()).collect();
+    order.sort_by(|&a, &b| trials[a].gain.p_value.total_cmp(&trials[b].gain.p_value));
+    for (rank, index) in order.into_iter().enumerate() {
+        let left = n.saturating_sub(rank).max(1) as f64;
+        if FAMILY_ERROR / left < trials[index].gain.p_value {
+            return;
+        }
+        trials[index].is_significant = true;
+    }
+}

@@ -1,0 +1,27 @@
+//! Which physical effect is missing: the search, and what it says.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`held_out`] | predictions of rows by fits that have not seen them |
+//! | [`ladder`] | the search |
+//! | [`gain`] | how much better one model predicts than another |
+//! | [`next`] | the measurement that would break a tie |
+//! | [`progress`] | what a search reports while it works |
+//! | [`scan`] | structure that is left over |
+//! | [`answer`] | what was found, as JSON and as a table |
+//! | [`mod@compare`] | how large the model's error is as configured, and under which conditions |
+//! | [`mod@extend`] | a configuration with a missing effect added, fitted |
+//! | [`mod@simulate`] | the campaign that a model would have measured |
+//! | [`mod@power`] | how large an effect a campaign would show |
+
+pub mod answer;
+pub mod compare;
+pub mod extend;
+pub mod gain;
+pub mod held_out;
+pub mod ladder;
+pub mod next;
+pub mod power;
+pub mod progress;
+pub mod scan;
+pub mod simulate;

@@ -1,0 +1,525 @@
+//! How large an effect a campaign would show: by simulated campaigns at the rows of a file, with the effect in them at several
+//! sizes, each judged by the rule by which `diagnose` accepts an effect.
+//!
+//! The effect is tried alone on the model as configured: what it gains on data left out must be beyond chance with all
+//! candidates counted (the first step of Holm's rule), and worth having. Whether rivals would be named in its place is not
+//! asked.
+
+use crate::extend::{self, ExtendError};
+use crate::gain::Scores;
+use crate::ladder::{FAMILY_ERROR, Search, WORTH_NATS, WORTH_SHARE};
+use crate::simulate;
+use measure::config::Compared;
+use measure::table::Table;
+use proto::effect::{Fixed, Parameter};
+use proto::rng::{Draws, Purpose};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
+use std::fmt::Write as _;
+use study::Study;
+use study::choices::Choices;
+use study::open::{self, OpenError, Subject};
+
+/// The probability with which the effect is to be found.
+pub const POWER: f64 = 0.8;
+/// Campaigns of a first look at a size.
+const LOOKS: u64 = 3;
+/// First looks at most.
+const MOST_LOOKS: usize = 8;
+/// Sizes at which detections are counted, relative to the first estimate.
+const SIZES: [f64; 4] = [0.7, 0.9, 1.1, 1.4];
+
+/// What is asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// Name of the effect.
+    pub effect: &'a str,
+    /// Further keys of it, as TOML: `reference_c=18`.
+    pub with: &'a [String],
+    /// The key that is its size; by default the first that is fitted.
+    pub vary: Option<&'a str>,
+    /// Campaigns at each size.
+    pub campaigns: u64,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Keys of the configuration that the command line sets.
+    pub set: &'a [String],
+    /// Which rows are judged, what is left out together, how far robots are predicted: of the file, and of every campaign.
+    pub choices: &'a Choices,
+}
+
+/// Why there is no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum PowerError {
+    /// One of the files cannot be used, or the effect cannot be built.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// There is no such effect, or these data cannot show it at any size.
+    #[error(transparent)]
+    Effect(#[from] ExtendError),
+    /// The data are too few.
+    #[error(
+        "these data cannot show {effect} at any size: {n_blocks} {unit}, at least {least} are needed"
+    )]
+    TooFew {
+        /// What was asked for.
+        effect: String,
+        /// How many blocks there are.
+        n_blocks: usize,
+        /// What they are.
+        unit: &'static str,
+        /// How many are needed.
+        least: usize,
+    },
+    /// There is no such key.
+    #[error("--vary {key}: {effect} has no such number; there are {known}")]
+    Key {
+        /// The key.
+        key: String,
+        /// The effect.
+        effect: String,
+        /// What there is.
+        known: String,
+    },
+}
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub struct Power {
+    /// As JSON, `power/1`.
+    pub json: Value,
+    /// As a person reads it.
+    pub text: String,
+}
+
+/// A number that is the size of an effect.
+struct Knob {
+    key: String,
+    unit: &'static str,
+    /// The value at which the effect does nothing.
+    neutral: f64,
+    /// One unit of size: added to `neutral`.
+    unit_size: f64,
+    /// Greatest size, in such units.
+    greatest: f64,
+}
+
+/// A campaign with the effect in it, judged.
+#[derive(Clone, Copy, Debug)]
+struct Outcome {
+    is_found: bool,
+    /// Gain in standard errors, less what is needed for significance.
+    margin: f64,
+    rmse: [f64; 2],
+}
+
+/// Finds the smallest size of an effect that a campaign like the file would show with a probability of [`POWER`].
+///
+/// # Errors
+///
+/// What is wrong with the files or the question.
+pub fn power(
+    config: &Compared,
+    table: &Table,
+    question: &Question<'_>,
+    report: &(dyn Fn(&str) + Sync),
+) -> Result<Power, PowerError> {
+    let subject = open::subject(table)?;
+    let plan = Plan::new(config, table, question, subject)?;
+    let knob = plan.knob()?;
+    let mut asked = 0;
+    let mut at = |size: f64, n: u64| -> Result<Vec<Outcome>, PowerError> {
+        let first = asked;
+        asked += n;
+        report(&format!("{} = {:.4}: {n} campaigns", knob.key, plan.value(&knob, size)));
+        (first..asked)
+            .into_par_iter()
+            .map(|k| plan.outcome(&knob, size, question.seed + k))
+            .collect()
+    };
+    // A first estimate: the gain in standard errors grows in proportion to the size.
+    let needed = Normal::standard().inverse_cdf(POWER);
+    let mut size = knob.greatest.min(1.0);
+    for _ in 0..MOST_LOOKS {
+        let outcomes = at(size, LOOKS)?;
+        let margin = outcomes.iter().map(|o| o.margin).sum::<f64>() / outcomes.len() as f64;
+        let excess = margin - needed;
+        if excess.abs() < 0.7 || size == knob.greatest && excess < 0.0 {
+            break;
+        }
+        let critical = plan.critical();
+        let factor = ((critical + needed) / (critical + margin).max(0.5)).clamp(0.2, 3.0);
+        size = (size * factor).min(knob.greatest);
+    }
+    let mut points: Vec<(f64, u64, Vec<Outcome>)> = Vec::new();
+    for relative in SIZES {
+        let size = (size * relative).min(knob.greatest);
+        if points.iter().all(|(other, ..)| *other != size) {
+            points.push((size, question.campaigns, at(size, question.campaigns)?));
+        }
+    }
+    // Detections may begin elsewhere, where it is not significance that decides but whether it is worth having.
+    for _ in 0..4 {
+        let share = |point: &(f64, u64, Vec<Outcome>)| found(&point.2) as f64 / point.1 as f64;
+        let next = match (points.first(), points.last()) {
+            (Some(first), _) if POWER <= share(first) => first.0 * 0.6,
+            (_, Some(last)) if share(last) < POWER && last.0 < knob.greatest => {
+                (last.0 * 1.5).min(knob.greatest)
+            }
+            _ => break,
+        };
+        points.push((next, question.campaigns, at(next, question.campaigns)?));
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    Ok(plan.answer(&knob, &points))
+}
+
+fn found(outcomes: &[Outcome]) -> usize {
+    outcomes.iter().filter(|outcome| outcome.is_found).count()
+}
+
+/// The size at which a normal law over the logarithm of sizes reaches [`POWER`]: the likeliest one. `None`: even the greatest
+/// size is hardly ever found.
+fn size_of(points: &[(f64, u64, Vec<Outcome>)]) -> Option<f64> {
+    let law = Normal::standard();
+    let mut best: Option<(f64, f64)> = None;
+    let (low, high) = (points.first()?.0 * 0.5, points.last()?.0 * 1.25);
+    for i in 0..=200 {
+        let middle = low.ln() + f64::from(i) / 200.0 * (high / low).ln();
+        for width in [0.05, 0.08, 0.12, 0.18, 0.27, 0.4] {
+            let log: f64 = points
+                .iter()
+                .map(|(size, n, outcomes)| {
+                    let p = law.cdf((size.ln() - middle) / width).clamp(1e-3, 1.0 - 1e-3);
+                    let k = found(outcomes) as f64;
+                    k * p.ln() + (*n as f64 - k) * (1.0 - p).ln()
+                })
+                .sum();
+            let size = (middle + law.inverse_cdf(POWER) * width).exp();
+            if best.is_none_or(|(other, _)| other < log) {
+                best = Some((log, size));
+            }
+        }
+    }
+    let (_, size) = best?;
+    (size <= points.last()?.0 * 1.0001).then_some(size)
+}
+
+/// Files and question, read.
+struct Plan<'a> {
+    config: &'a Compared,
+    table: &'a Table,
+    question: &'a Question<'a>,
+    subject: Subject,
+    /// `netsim.phy.effect`, `robotsim.dynamics.effect`.
+    section: &'static str,
+    /// Standard deviation of the noise that all campaigns have.
+    noise: f64,
+    n_candidates: usize,
+    n_blocks: usize,
+    parameters: &'static [Parameter],
+    /// Keys that are not varied.
+    keys: Vec<(String, toml::Value)>,
+}
+
+impl<'a> Plan<'a> {
+    fn new(
+        config: &'a Compared,
+        table: &'a Table,
+        question: &'a Question<'a>,
+        subject: Subject,
+    ) -> Result<Self, PowerError> {
+        let (n_candidates, n_blocks) = match subject {
+            Subject::Links => {
+                judged(&open::links(config, table, question.choices)?.0, question.effect)?
+            }
+            Subject::Robots => {
+                judged(&open::robots(config, table, question.choices)?.0, question.effect)?
+            }
+        };
+        let kind = question.effect.trim_end_matches(" (turn)");
+        let (parameters, variants, section) = match subject {
+            Subject::Links => netsim::phy::effect::LIST
+                .iter()
+                .find(|entry| entry.variant.name == kind)
+                .map(|entry| (entry.fit.parameters, entry.fit.variants, "netsim.phy.effect")),
+            Subject::Robots => robotsim::dynamics::effect::LIST
+                .iter()
+                .find(|entry| entry.variant.name == kind)
+                .map(|entry| {
+                    (entry.fit.parameters, entry.fit.variants, "robotsim.dynamics.effect")
+                }),
+        }
+        .unwrap_or((&[], &[], ""));
+        let is_turn = question.effect != kind;
+        let variant = variants
+            .iter()
+            .find(|keys| {
+                let turns = keys.iter().any(|(key, on)| *key == "on" && is_text(on, "turn"));
+                turns == is_turn
+            })
+            .copied()
+            .unwrap_or_default();
+        let mut keys: Vec<(String, toml::Value)> =
+            vec![("kind".to_owned(), toml::Value::String(kind.to_owned()))];
+        keys.extend(variant.iter().map(|(key, value)| ((*key).to_owned(), value.value())));
+        keys.extend(
+            parameters.iter().map(|parameter| {
+                (parameter.key.to_owned(), toml::Value::Float(parameter.starts[0]))
+            }),
+        );
+        // Noise as in the file, or as configured: the same in every campaign.
+        let noise = simulate::noise(config, table, question.choices)?;
+        let mut plan = Self {
+            config,
+            table,
+            question,
+            subject,
+            section,
+            noise,
+            n_candidates,
+            n_blocks,
+            parameters,
+            keys,
+        };
+        plan.take_given()?;
+        Ok(plan)
+    }
+
+    /// Keys from the command line go before what a fit would start from.
+    fn take_given(&mut self) -> Result<(), PowerError> {
+        let text: String = self.question.with.iter().map(|key| format!("{key}\n")).collect();
+        let table: toml::Table = toml::from_str(&text).map_err(|error| OpenError::Useless {
+            file: "--with".to_owned(),
+            reason: format!("must be KEY=VALUE as in a configuration: {}", error.message()),
+        })?;
+        for (key, value) in table {
+            match self.keys.iter_mut().find(|(other, _)| *other == key) {
+                Some((_, other)) => *other = value,
+                None => self.keys.push((key, value)),
+            }
+        }
+        Ok(())
+    }
+
+    /// The configuration with the effect in it.
+    fn with_effect(&self, key: &str, value: f64) -> Result<Compared, PowerError> {
+        let mut text = format!("{}\n[[{}]]\n", self.config.text.trim_end(), self.section);
+        let mut table = toml::Table::new();
+        table.extend(self.keys.iter().cloned());
+        table.insert(key.to_owned(), toml::Value::Float(value));
+        // Entries of lists, `name[i]`, stand under the list's name.
+        let lists: Vec<String> = table.keys().filter(|key| key.contains('[')).cloned().collect();
+        for entry in lists {
+            let value = table.remove(&entry);
+            let name = entry.split('[').next().unwrap_or_default().to_owned();
+            let list = table.entry(name).or_insert_with(|| toml::Value::Array(Vec::new()));
+            if let (Some(list), Some(value)) = (list.as_array_mut(), value) {
+                list.push(value);
+            }
+        }
+        text.push_str(&table.to_string());
+        Ok(Compared::of_text(&self.config.path, text, self.question.set)
+            .map_err(OpenError::from)?)
+    }
+
+    /// What the effect does at a value, in a measure of its own that is 0 where it does nothing.
+    fn measure(&self, key: &str, value: f64) -> Result<f64, PowerError> {
+        let with = self.with_effect(key, value)?;
+        Ok(match self.subject {
+            Subject::Links => {
+                let (plain, _) = open::links(self.config, self.table, &Choices::NONE)?;
+                let (study, _) = open::links(&with, self.table, &Choices::NONE)?;
+                let of = |rows: &study::links::rows::Rows, row: usize| {
+                    rows.link(row, |link| rows.model.evaluate(link))
+                };
+                let sum: f64 = (0..study.rows.len().min(plain.rows.len()))
+                    .map(|row| {
+                        let (a, b) = (of(&plain.rows, row), of(&study.rows, row));
+                        (a.register_rssi_dbm - b.register_rssi_dbm).abs()
+                            + 10.0 * (a.reception_probability - b.reception_probability).abs()
+                    })
+                    .sum();
+                let scatter = |rows: &study::links::rows::Rows| {
+                    rows.model.scatters().iter().map(|s| s.max_loss_db()).sum::<f64>()
+                };
+                sum / study.rows.len() as f64 + scatter(&study.rows) - scatter(&plain.rows)
+            }
+            Subject::Robots => {
+                let draws = Draws::new(1, Purpose::Gust);
+                let plain = open::robots(self.config, self.table, &Choices::NONE)?.0.driven(draws);
+                let driven = open::robots(&with, self.table, &Choices::NONE)?.0.driven(draws);
+                let way: f64 = plain
+                    .places_m
+                    .iter()
+                    .zip(&driven.places_m)
+                    .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]))
+                    .sum();
+                way / plain.places_m.len() as f64 + driven.more_sd_m
+            }
+        })
+    }
+
+    /// The key that is the size, where it does nothing, and how it is counted.
+    fn knob(&self) -> Result<Knob, PowerError> {
+        let parameter = match self.question.vary {
+            None => self.parameters.first(),
+            Some(key) => self.parameters.iter().find(|parameter| parameter.key == key),
+        };
+        let Some(parameter) = parameter else {
+            let known: Vec<&str> = self.parameters.iter().map(|parameter| parameter.key).collect();
+            return Err(PowerError::Key {
+                key: self.question.vary.unwrap_or_default().to_owned(),
+                effect: self.question.effect.to_owned(),
+                known: known.join(", "),
+            });
+        };
+        let (min, max) = (parameter.min, parameter.max);
+        let mut neutral = (f64::INFINITY, min);
+        for value in [0.0, 1.0, 2.0, min, max] {
+            if (min..=max).contains(&value)
+                && let Ok(measure) = self.measure(parameter.key, value)
+                && measure < neutral.0 - 1e-12
+            {
+                neutral = (measure, value);
+            }
+        }
+        if neutral.0 == f64::INFINITY {
+            // The reason why it cannot be built.
+            self.measure(parameter.key, min)?;
+        }
+        let neutral = neutral.1;
+        let start = parameter.starts[0];
+        let unit_size = if (start - neutral).abs() < 1e-12 {
+            let step = 10.0 * parameter.step;
+            if neutral + step <= max { step } else { -step }
+        } else {
+            start - neutral
+        };
+        let greatest = (if 0.0 < unit_size { max - neutral } else { min - neutral }) / unit_size;
+        let (key, unit) = (parameter.key.to_owned(), parameter.unit);
+        Ok(Knob { key, unit, neutral, unit_size, greatest })
+    }
+
+    fn value(&self, knob: &Knob, size: f64) -> f64 {
+        knob.neutral + size * knob.unit_size
+    }
+
+    /// Standard errors that a gain must exceed.
+    fn critical(&self) -> f64 {
+        StudentsT::new(0.0, 1.0, (self.n_blocks.max(2) - 1) as f64)
+            .map_or(f64::INFINITY, |t| -t.inverse_cdf(FAMILY_ERROR / self.n_candidates as f64))
+    }
+
+    fn outcome(&self, knob: &Knob, size: f64, seed: u64) -> Result<Outcome, PowerError> {
+        let truth = self.with_effect(&knob.key, self.value(knob, size))?;
+        let made = simulate::simulate(&truth, self.table, seed, Some(self.noise))?.to_table();
+        let Question { effect, choices, .. } = *self.question;
+        match self.subject {
+            Subject::Links => self.tried(&open::links(self.config, &made, choices)?.0, effect),
+            Subject::Robots => self.tried(&open::robots(self.config, &made, choices)?.0, effect),
+        }
+    }
+
+    /// Whether an effect is accepted on a campaign.
+    fn tried<S: Study>(&self, study: &S, effect: &str) -> Result<Outcome, PowerError> {
+        let term = extend::candidate(study, effect)?;
+        let level = study.candidates()[term].level;
+        let search = Search::new(study, &|_| {});
+        let gain = search.gain(&[term], &[], level);
+        let [before, after] =
+            [&[][..], &[term]].map(|terms| Scores::of(&search.held_out(terms, level)));
+        let is_significant = gain.p_value * self.n_candidates as f64 <= FAMILY_ERROR;
+        let is_worth = WORTH_NATS <= gain.gain || WORTH_SHARE <= after.share_removed(&before);
+        let t = if 0.0 < gain.standard_error { gain.gain / gain.standard_error } else { 0.0 };
+        Ok(Outcome {
+            is_found: is_significant && is_worth,
+            margin: t - self.critical(),
+            rmse: [before.rmse, after.rmse],
+        })
+    }
+
+    fn answer(&self, knob: &Knob, points: &[(f64, u64, Vec<Outcome>)]) -> Power {
+        let effect = self.question.effect;
+        let unit = if self.subject == Subject::Links { "dB" } else { "m" };
+        let mut text = format!(
+            "{:>14} {:>10} {:>24}\n",
+            knob.key,
+            "found",
+            format!("rmse without, with ({unit})")
+        );
+        let mut tried = Vec::new();
+        for (size, n, outcomes) in points {
+            let value = self.value(knob, *size);
+            let mean = |k: usize| outcomes.iter().map(|o| o.rmse[k]).sum::<f64>() / *n as f64;
+            let _ = writeln!(
+                text,
+                "{value:>14.4} {:>10} {:>24}",
+                format!("{} of {n}", found(outcomes)),
+                format!("{:.4}, {:.4}", mean(0), mean(1))
+            );
+            tried.push(json!({
+                "value": value, "found": found(outcomes), "campaigns": n, "rmse": [mean(0), mean(1)],
+            }));
+        }
+        let size = size_of(points);
+        let value = size.map(|size| self.value(knob, size));
+        let percent = 100.0 * POWER;
+        let from = format!("it does nothing at {} = {}", knob.key, knob.neutral);
+        let sentence = match value {
+            Some(value) => format!(
+                "a campaign like this shows {effect} with a probability of {percent} % from {} = {value:.4} {} on ({from})",
+                knob.key, knob.unit
+            ),
+            None => {
+                let last = points.last().map_or(knob.neutral, |(size, ..)| self.value(knob, *size));
+                format!(
+                    "a campaign like this does not show {effect} with a probability of {percent} % even at {} = {last:.4} {} ({from})",
+                    knob.key, knob.unit
+                )
+            }
+        };
+        let _ = write!(
+            text,
+            "\n{sentence}\n(simulated campaigns, noise {:.4} {unit}; accepted by the rule of diagnose, tried alone, {} candidates counted)",
+            self.noise, self.n_candidates
+        );
+        let json = json!({
+            "schema": "power/1",
+            "effect": effect,
+            "parameter": knob.key,
+            "unit": knob.unit,
+            "neutral": knob.neutral,
+            "power": POWER,
+            "value": value,
+            "sentence": sentence,
+            "noise": self.noise,
+            "candidates": self.n_candidates,
+            "tried": tried,
+            "method": "simulation",
+        });
+        Power { json, text }
+    }
+}
+
+fn is_text(fixed: &Fixed, wanted: &str) -> bool {
+    fixed.value().as_str() == Some(wanted)
+}
+
+/// How many candidates are counted, and into how many blocks the data fall at the level of an effect.
+fn judged<S: Study>(study: &S, effect: &str) -> Result<(usize, usize), PowerError> {
+    let term = extend::candidate(study, effect)?;
+    let candidates = study.candidates();
+    let blocks = study.blocks(candidates[term].level);
+    if !blocks.suffices() {
+        return Err(PowerError::TooFew {
+            effect: effect.to_owned(),
+            n_blocks: blocks.n_blocks(),
+            unit: blocks.unit,
+            least: study::folds::FEWEST_BLOCKS,
+        });
+    }
+    let n = candidates.iter().filter(|candidate| candidate.is_tried()).count();
+    Ok((n, blocks.n_blocks()))
+}

@@ -1,0 +1,262 @@
+//! What is left over when no effect gains any more: structure over a covariate.
+
+use super::ladder::{LEAST_SHARE, Ladder, Search, WORTH_NATS, WORTH_SHARE, share_scale, without};
+use proto::rng::{Draws, Purpose};
+use statrs::distribution::{ContinuousCDF, Gamma};
+use std::collections::BTreeMap;
+use study::folds::Blocks;
+use study::symbolic::Formula;
+use study::{COMMON, Study};
+
+/// All covariates together may be called structure wrongly with this probability.
+const FAMILY_ERROR: f64 = 0.005;
+/// Bins of a covariate …
+const BINS: usize = 10;
+/// … and, where nothing is found so, of one that comes and goes.
+const FINE_BINS: usize = 30;
+/// Flips of the signs of whole blocks.
+const FLIPS: u64 = 200;
+
+/// Structure over a covariate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Structure {
+    /// The covariate.
+    pub covariate: String,
+    /// The share of what is left that it explains, what chance explains taken off.
+    pub explained: f64,
+    /// Probability of as much by chance.
+    pub p_value: f64,
+    /// A short formula of the covariate, if there is one.
+    pub formula: Option<Formula>,
+}
+
+/// What is left when the search has ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOver {
+    /// Formulas of the curves that were taken, by their names.
+    pub formulas: BTreeMap<String, Formula>,
+    /// The strongest structure that nothing in the model explains.
+    pub structure: Option<Structure>,
+}
+
+/// Residuals that have a mean of 0 and a variance of 1 each where the model is right.
+#[derive(Clone, Copy, Debug)]
+pub struct Residuals<'a> {
+    /// Row by row.
+    pub values: &'a [f64],
+    /// How many times greater the mean square error of the model as configured is than what is left: shares of the one are so
+    /// many times smaller than shares of the other. At least 1.
+    pub configured: f64,
+}
+
+impl Residuals<'_> {
+    /// Whether structure that explains this share is worth telling: as for effects, by nats, or by the share of the error.
+    fn are_worth(&self, explained: f64) -> bool {
+        let nats = -0.5 * (1.0 - explained).ln();
+        WORTH_NATS <= nats || WORTH_SHARE.max(LEAST_SHARE * self.configured) <= explained
+    }
+}
+
+/// What the ladder leaves unexplained: for each curve that was accepted its formula, and the strongest structure of the residuals over a
+/// covariate.
+#[must_use]
+pub fn left_over<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> LeftOver {
+    let mut formulas = BTreeMap::new();
+    for &term in &ladder.accepted {
+        let candidate = &study.candidates()[term];
+        if candidate.curve_over().is_none() {
+            continue;
+        }
+        let fit = search.full(&without(&ladder.accepted, term), COMMON, None);
+        if let Some(formula) = study.formula_of_curve(term, &fit) {
+            formulas.insert(candidate.name.clone(), formula);
+        }
+    }
+    let levels = study.scanned_blocks();
+    if !ladder.is_complete() || levels.is_empty() {
+        return LeftOver { formulas, structure: None };
+    }
+    let fit = search.full(&ladder.accepted, COMMON, None);
+    let unexplained = study.scanned_residuals(&fit);
+    let (first, last) = (&ladder.rungs[0], &ladder.rungs[ladder.rungs.len() - 1]);
+    let mean_square = unexplained.mean_square.unwrap_or_else(|| last.scores.mean_square());
+    let scale = share_scale(first.scores.mean_square(), mean_square);
+    let residuals: Vec<Residuals<'_>> = unexplained
+        .components
+        .iter()
+        .map(|component| Residuals {
+            values: &component.standardised,
+            configured: if component.is_of_error { scale } else { 1.0 },
+        })
+        .collect();
+    let mut structure = strongest(&study.scanned_covariates(), &residuals, &levels);
+    if let Some(structure) = &mut structure {
+        structure.formula = study.formula_of_residuals(&structure.covariate, &fit);
+    }
+    LeftOver { formulas, structure }
+}
+
+/// The strongest structure, if there is any, in these residuals over `covariates`. Rows of one block of `levels` may depend on
+/// each other.
+#[must_use]
+pub fn strongest(
+    covariates: &[(String, Vec<f64>)],
+    residuals: &[Residuals<'_>],
+    levels: &[&Blocks],
+) -> Option<Structure> {
+    let in_bins = |n_bins| strongest_in(covariates, residuals, levels, n_bins);
+    in_bins(BINS).or_else(|| in_bins(FINE_BINS))
+}
+
+/// The same in so many bins of each covariate.
+fn strongest_in(
+    covariates: &[(String, Vec<f64>)],
+    residuals: &[Residuals<'_>],
+    levels: &[&Blocks],
+    n_bins: usize,
+) -> Option<Structure> {
+    let tests = (2 * covariates.len() * residuals.len()).max(1) as f64;
+    let mut best: Option<Structure> = None;
+    for (name, values) in covariates {
+        let Some(bins) = binned(values, n_bins) else { continue };
+        for residual in residuals {
+            let Some((explained, p_value)) = weighed(&bins, residual.values, levels, n_bins) else {
+                continue;
+            };
+            let found = p_value < FAMILY_ERROR / tests
+                && residual.are_worth(explained)
+                && best.as_ref().is_none_or(|best| best.explained < explained);
+            if found {
+                best =
+                    Some(Structure { covariate: name.clone(), explained, p_value, formula: None });
+            }
+        }
+    }
+    best
+}
+
+/// The bin of each row; `u8::MAX` where the covariate is unknown.
+fn binned(values: &[f64], n_bins: usize) -> Option<Vec<u8>> {
+    let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    known.sort_by(f64::total_cmp);
+    if known.len() < 20 * n_bins {
+        return None;
+    }
+    let mut edges: Vec<f64> = (1..n_bins).map(|k| known[k * (known.len() - 1) / n_bins]).collect();
+    edges.dedup();
+    let bin = |value: &f64| {
+        if value.is_finite() { edges.partition_point(|edge| edge <= value) as u8 } else { u8::MAX }
+    };
+    Some(values.iter().map(bin).collect())
+}
+
+/// The share of a residual's squares between bins, chance taken off, and its probability by chance: signs of whole blocks
+/// flipped at random (the wild cluster bootstrap of Cameron, Gelbach and Miller 2008), a gamma law fitted to what comes.
+fn weighed(bins: &[u8], residual: &[f64], levels: &[&Blocks], n_bins: usize) -> Option<(f64, f64)> {
+    let rows: Vec<usize> =
+        (0..bins.len()).filter(|&row| bins[row] != u8::MAX && residual[row].is_finite()).collect();
+    if rows.len() < 20 * n_bins {
+        return None;
+    }
+    let mut counts = [0.0f64; 256];
+    for &row in &rows {
+        counts[usize::from(bins[row])] += 1.0;
+    }
+    let n_rows = rows.len() as f64;
+    // About the mean: what is the same everywhere is no structure over anything.
+    let between = |sums: &[f64]| -> f64 {
+        let within = sums.iter().zip(&counts).filter(|(_, n)| 0.0 < **n);
+        let total: f64 = sums.iter().sum();
+        within.map(|(sum, n)| sum * sum / n).sum::<f64>() - total * total / n_rows
+    };
+    let mean = rows.iter().map(|&row| residual[row]).sum::<f64>() / n_rows;
+    let squares: f64 = rows.iter().map(|&row| (residual[row] - mean).powi(2)).sum();
+    let mut sums = [0.0; 256];
+    for &row in &rows {
+        sums[usize::from(bins[row])] += residual[row];
+    }
+    let observed = between(&sums);
+    let mut p_value: f64 = 0.0;
+    let mut expected: f64 = 0.0;
+    let draws = Draws::new(2, Purpose::Resample);
+    for blocks in levels {
+        // Sums by block and bin: a flip then costs no pass over the rows.
+        let n_bins = n_bins + 1;
+        let mut parts = vec![0.0; blocks.n_blocks() * n_bins];
+        for &row in &rows {
+            let block = blocks.of_row[row] as usize;
+            parts[block * n_bins + usize::from(bins[row])] += residual[row];
+        }
+        let (mut first, mut second) = (0.0, 0.0);
+        for flip in 0..FLIPS {
+            let mut sums = [0.0; 256];
+            for (block, part) in parts.chunks(n_bins).enumerate() {
+                let [word, ..] = draws.words(flip, block as u64, 0);
+                let sign = if word & 1 == 0 { 1.0 } else { -1.0 };
+                for (sum, part) in sums.iter_mut().zip(part) {
+                    *sum += sign * part;
+                }
+            }
+            let chance = between(&sums);
+            first += chance;
+            second += chance * chance;
+        }
+        let n = FLIPS as f64;
+        let mean = first / n;
+        let variance = (second / n - mean * mean).max(1e-12);
+        let law = Gamma::new(mean * mean / variance, mean / variance).ok()?;
+        p_value = p_value.max(law.sf(observed));
+        expected = expected.max(mean);
+    }
+    Some((((observed - expected) / squares).max(0.0), p_value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(n: u64) -> Vec<f64> {
+        let draws = Draws::new(9, Purpose::Resample);
+        (0..n).map(|row| draws.normal(row, 0, 0)).collect()
+    }
+
+    fn blocks(n: u64) -> Blocks {
+        let keys: Vec<u64> = (0..n).map(|row| row / 50).collect();
+        Blocks::of_keys("blocks", &keys)
+    }
+
+    #[test]
+    fn nothing_is_found_in_noise_and_a_parabola_where_there_is_one() {
+        let n = 3000;
+        let x: Vec<f64> = (0..n).map(|row| (row * 7919 % n) as f64 / n as f64).collect();
+        let other: Vec<f64> = (0..n).map(|row| (row * 104_729 % n) as f64).collect();
+        let covariates = [("x".to_owned(), x.clone()), ("other".to_owned(), other)];
+        let blocks = blocks(n);
+        let plain = noise(n);
+        let residuals = |values, configured| Residuals { values, configured };
+        assert_eq!(strongest(&covariates, &[residuals(&plain, 1.0)], &[&blocks]), None);
+        let bent: Vec<f64> = plain
+            .iter()
+            .zip(&x)
+            .map(|(z, x)| z + 4.0 * (x - 0.5) * (x - 0.5) - 1.0 / 3.0)
+            .collect();
+        let found = strongest(&covariates, &[residuals(&bent, 1.0)], &[&blocks]).unwrap();
+        assert_eq!(found.covariate, "x");
+        // What all rows are off alike is structure over neither.
+        let off: Vec<f64> = plain.iter().map(|z| z + 0.3).collect();
+        assert_eq!(strongest(&covariates, &[residuals(&off, 1.0)], &[&blocks]), None);
+    }
+
+    #[test]
+    fn what_comes_and_goes_is_found_where_few_bins_show_nothing() {
+        let n = 3000;
+        let x: Vec<f64> = (0..n).map(|row| (row * 7919 % n) as f64 / n as f64).collect();
+        let pulse = |x: &f64| if (10.0 * x).fract() < 0.5 { 0.3 } else { -0.3 };
+        let values: Vec<f64> = noise(n).iter().zip(&x).map(|(z, x)| z + pulse(x)).collect();
+        let residuals = [Residuals { values: &values, configured: 1.0 }];
+        let (covariates, blocks) = ([("x".to_owned(), x)], blocks(n));
+        assert_eq!(strongest_in(&covariates, &residuals, &[&blocks], BINS), None);
+        let found = strongest(&covariates, &residuals, &[&blocks]).unwrap();
+        assert!((0.05..0.1).contains(&found.explained), "{found:?}");
+    }
+}

@@ -1,0 +1,339 @@
+//! Link samples, one row per frame sent and possible receiver; and aggregated link tables, one row per link and channel.
+
+use super::table::Table;
+use super::{Rejected, Rejections, TWICE, oddities};
+use proto::effect::CONSTANT;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Measured links.
+#[derive(Clone, Debug)]
+pub struct Links {
+    /// What could be used, in the order of the file.
+    pub rows: Vec<Row>,
+    /// Every other numeric column that says anything: a value per row, NaN where it is missing.
+    pub covariates: Vec<(String, Vec<f64>)>,
+    /// What could not be used.
+    pub rejected: Vec<Rejected>,
+    /// What was seen in the file, and what it does to an answer.
+    pub warnings: Vec<String>,
+    /// Rows in the file.
+    pub n_rows: usize,
+    /// What rows are.
+    pub readings: Readings,
+}
+
+/// What the rows of a file have in common.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Readings {
+    /// Rows sum up several frames.
+    pub is_aggregated: bool,
+    /// Readings are rounded to whole multiples of this (dB); 0: they are not.
+    pub quantum_db: f64,
+    /// It is known which frames were lost.
+    pub has_losses: bool,
+    /// They are taken for the levels at which frames arrived: what is received is predicted from them.
+    pub is_given: bool,
+}
+
+/// A row: a frame, or several of one link and channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Line of the file.
+    pub line: usize,
+    /// From the start of the campaign (s); NaN where unknown.
+    pub time_s: f64,
+    /// Number of the campaign.
+    pub run: u32,
+    /// Who sends.
+    pub tx: u32,
+    /// Who may receive.
+    pub rx: u32,
+    /// IEEE 802.15.4 channel, if it is known.
+    pub channel: Option<u8>,
+    /// Place of the sender's antenna (m); NaN where unknown.
+    pub tx_m: [f64; 3],
+    /// Place of the receiver's antenna (m); NaN where unknown.
+    pub rx_m: [f64; 3],
+    /// Where the sender faces (rad); NaN where unknown.
+    pub tx_heading_rad: f64,
+    /// Where the receiver faces (rad); NaN where unknown.
+    pub rx_heading_rad: f64,
+    /// Reading, or mean of the readings (dBm); NaN where no frame was received.
+    pub rssi_dbm: f64,
+    /// Frames sent.
+    pub frames: f64,
+    /// Frames received; NaN where unknown.
+    pub received: f64,
+}
+
+/// Columns of both shapes.
+const COMMON: [&str; 4] = ["time_s", "tx", "rx", "rssi_dbm"];
+/// Columns with a meaning of their own, which are no covariates.
+pub const KNOWN: [&str; 18] = [
+    "time_s",
+    "tx",
+    "rx",
+    "rssi_dbm",
+    "channel",
+    "received",
+    "frames",
+    "pdr",
+    "rssi_sd_db",
+    "run",
+    "tx_x_m",
+    "tx_y_m",
+    "tx_z_m",
+    "rx_x_m",
+    "rx_y_m",
+    "rx_z_m",
+    "tx_heading_rad",
+    "rx_heading_rad",
+];
+/// Readings above this (dBm) are no readings of a radio.
+const GREATEST_DBM: f64 = 20.0;
+/// Headings beyond this (rad) are degrees.
+const GREATEST_RAD: f64 = 6.4;
+
+/// Whether a table has the shape of link samples or of an aggregated link table; otherwise the columns it lacks for that.
+///
+/// # Errors
+///
+/// The columns it lacks.
+pub fn has_shape(table: &Table) -> Result<(), Vec<String>> {
+    let mut lacking: Vec<String> = COMMON
+        .iter()
+        .filter(|name| table.column(name).is_none())
+        .map(|name| (*name).to_owned())
+        .collect();
+    let is_there = |name| table.column(name).is_some();
+    if !(is_there("received") || is_there("frames") && is_there("pdr")) {
+        lacking.push("received (or frames and pdr)".to_owned());
+    }
+    if lacking.is_empty() { Ok(()) } else { Err(lacking) }
+}
+
+/// Reads link samples or an aggregated link table.
+///
+/// # Errors
+///
+/// What makes the whole file useless, in words for its author.
+pub fn read(table: &Table) -> Result<Links, String> {
+    if let Err(lacking) = has_shape(table) {
+        return Err(format!("no link samples: the file lacks {}", lacking.join(", ")));
+    }
+    let n_rows = table.n_rows();
+    let column = |name: &str| table.column(name);
+    let at = |column: Option<&[f64]>, row: usize| column.map_or(f64::NAN, |column| column[row]);
+    let is_aggregated = column("received").is_none();
+    let strange: BTreeMap<usize, usize> =
+        table.strange.iter().rev().map(|&(row, column, _)| (row, column)).collect();
+
+    let mut warnings = Vec::new();
+    let readings = column("rssi_dbm").unwrap_or_default();
+    let n_readings = readings.iter().filter(|rssi| rssi.is_finite()).count();
+    let n_positive = readings.iter().filter(|&&rssi| 0.0 < rssi).count();
+    if n_readings < 2 * n_positive {
+        return Err(format!(
+            "rssi_dbm is positive in {n_positive} of {n_readings} rows: readings of a radio in dBm are negative (about -100 \
+             to -20). Was the sign lost, or is it another unit?"
+        ));
+    }
+    let headings = |name: &str, warnings: &mut Vec<String>| {
+        let values = column(name)?;
+        let greatest = values.iter().filter(|v| v.is_finite()).fold(0.0f64, |m, v| m.max(v.abs()));
+        if GREATEST_RAD < greatest {
+            warnings.push(format!(
+                "{name} reaches {greatest}: degrees? Headings are in rad, -3.15 to 6.29. The column is left out, so that \
+                 antenna patterns cannot be tested"
+            ));
+            return None;
+        }
+        Some(values)
+    };
+    let tx_heading = headings("tx_heading_rad", &mut warnings);
+    let rx_heading = headings("rx_heading_rad", &mut warnings);
+
+    let mut rejections = Rejections::default();
+    let mut rows: Vec<Row> = Vec::with_capacity(n_rows);
+    let mut kept: Vec<usize> = Vec::with_capacity(n_rows);
+    let mut seen = BTreeSet::new();
+    for index in 0..n_rows {
+        let line = table.line(index);
+        if let Some(&column) = strange.get(&index) {
+            let name = &table.names()[column];
+            rejections.add(&format!("{name} is not a finite number"), line);
+            continue;
+        }
+        let number = |name: &str| at(column(name), index);
+        let row = Row {
+            line,
+            time_s: number("time_s"),
+            run: whole(number("run")).unwrap_or(0),
+            tx: 0,
+            rx: 0,
+            channel: None,
+            tx_m: [number("tx_x_m"), number("tx_y_m"), number("tx_z_m")],
+            rx_m: [number("rx_x_m"), number("rx_y_m"), number("rx_z_m")],
+            tx_heading_rad: at(tx_heading, index),
+            rx_heading_rad: at(rx_heading, index),
+            rssi_dbm: number("rssi_dbm"),
+            frames: if is_aggregated { number("frames") } else { 1.0 },
+            received: if is_aggregated {
+                number("frames") * number("pdr")
+            } else {
+                number("received")
+            },
+        };
+        match checked(row, number("tx"), number("rx"), number("channel"), is_aggregated) {
+            Ok(row) => {
+                // The same frame twice says nothing twice.
+                let key = [row.time_s, f64::from(row.run), row.rssi_dbm, row.received]
+                    .map(f64::to_bits)
+                    .to_vec();
+                let place = [row.tx_m, row.rx_m].concat().into_iter().map(f64::to_bits);
+                let key: Vec<u64> = key
+                    .into_iter()
+                    .chain(place)
+                    .chain([u64::from(row.tx), u64::from(row.rx)])
+                    .chain([u64::from(row.channel.unwrap_or(0)), row.frames.to_bits()])
+                    .collect();
+                if row.time_s.is_finite() && !seen.insert(key) {
+                    rejections.add(TWICE, line);
+                } else {
+                    rows.push(row);
+                    kept.push(index);
+                }
+            }
+            Err(reason) => rejections.add(&reason, line),
+        }
+    }
+
+    let mut covariates = Vec::new();
+    for name in table.names().iter().filter(|name| !KNOWN.contains(&name.as_str())) {
+        let values: Vec<f64> =
+            kept.iter().map(|&row| table.column(name).map_or(f64::NAN, |c| c[row])).collect();
+        let mut known = values.iter().copied().filter(|value| value.is_finite());
+        if name == CONSTANT {
+            warnings.push(format!(
+                "the column {CONSTANT} is left out: an answer calls by this name what is the same in every row. Name the column otherwise"
+            ));
+            continue;
+        }
+        match known.next() {
+            None => warnings.push(format!("{name} holds no number: it is left out")),
+            Some(first) if known.all(|value| value == first) => {
+                warnings
+                    .push(format!("{name} is {first} throughout: nothing can be learned from it"));
+            }
+            Some(_) => covariates.push((name.clone(), values)),
+        }
+    }
+    let (frames, received) = counts(&rows);
+    if !rows.is_empty() && 0.0 < frames && frames <= received {
+        warnings.push(
+            "every frame was received: what decides reception cannot be tested, and weak readings may be missing \
+             without a trace"
+                .to_owned(),
+        );
+    }
+    warnings.extend(oddities::of(&rows));
+    warnings.extend(oddities::of_rejected(&rejections.clone().into_list(), n_rows));
+    if let Some(reason) = oddities::stuck(&rows) {
+        return Err(reason);
+    }
+    let quantum_db = quantum(&rows, is_aggregated);
+    let has_losses = has_losses(&rows);
+    let readings = Readings { is_aggregated, quantum_db, has_losses, is_given: false };
+    let links =
+        Links { covariates, rejected: rejections.into_list(), warnings, n_rows, readings, rows };
+    if links.rows.iter().all(|row| row.rssi_dbm.is_nan()) {
+        return Err(format!(
+            "no frame of {} usable rows was received: there is no reading to compare with{}",
+            links.rows.len(),
+            links.rejected.first().map_or_else(String::new, |rejected| format!(
+                " ({} rows rejected: {}, first on line {})",
+                rejected.rows, rejected.reason, rejected.first_line
+            ))
+        ));
+    }
+    Ok(links)
+}
+
+/// Frames sent and received, of rows that say both.
+fn counts(rows: &[Row]) -> (f64, f64) {
+    rows.iter()
+        .filter(|row| row.received.is_finite())
+        .fold((0.0, 0.0), |(frames, received), row| (frames + row.frames, received + row.received))
+}
+
+/// Whether rows say which frames were lost, and some were and some were not.
+#[must_use]
+pub fn has_losses(rows: &[Row]) -> bool {
+    let (frames, received) = counts(rows);
+    0.0 < received && received < frames
+}
+
+/// A whole number that fits.
+fn whole(number: f64) -> Option<u32> {
+    (number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number))
+        .then_some(number as u32)
+}
+
+/// A row with numbers of motes and channel, or why it cannot be used.
+fn checked(row: Row, tx: f64, rx: f64, channel: f64, is_aggregated: bool) -> Result<Row, String> {
+    let mote = |name: &str, number: f64| {
+        whole(number).ok_or_else(|| {
+            if number.is_nan() {
+                format!("{name} is missing")
+            } else {
+                format!("{name} is no mote number")
+            }
+        })
+    };
+    let (tx, rx) = (mote("tx", tx)?, mote("rx", rx)?);
+    if tx == rx {
+        return Err("tx and rx are the same mote".to_owned());
+    }
+    let channel = match whole(channel) {
+        Some(channel @ 11..=26) => Some(channel as u8),
+        None if channel.is_nan() => None,
+        _ => return Err("channel is not 11 to 26".to_owned()),
+    };
+    if GREATEST_DBM < row.rssi_dbm || row.rssi_dbm < -200.0 {
+        return Err(format!("rssi_dbm is not within -200 to {GREATEST_DBM}"));
+    }
+    if is_aggregated {
+        if !(1.0 <= row.frames && row.frames.fract() == 0.0) {
+            return Err("frames is not a whole number of at least 1".to_owned());
+        }
+        if !row.received.is_nan() && !(0.0..=row.frames).contains(&row.received) {
+            return Err("pdr is not within 0 to 1".to_owned());
+        }
+        if 0.0 < row.received && row.rssi_dbm.is_nan() {
+            return Err("frames were received, but rssi_dbm is missing".to_owned());
+        }
+        if row.received.is_nan() && row.rssi_dbm.is_nan() {
+            return Err("pdr and rssi_dbm are both missing".to_owned());
+        }
+    } else {
+        match row.received {
+            1.0 if row.rssi_dbm.is_nan() => {
+                return Err("received is 1, but rssi_dbm is missing".to_owned());
+            }
+            0.0 if row.rssi_dbm.is_finite() => {
+                return Err("received is 0, but rssi_dbm is there".to_owned());
+            }
+            0.0 | 1.0 => {}
+            received if received.is_nan() => return Err("received is missing".to_owned()),
+            _ => return Err("received is not 0 or 1".to_owned()),
+        }
+    }
+    let received = if is_aggregated { row.received.round() } else { row.received };
+    Ok(Row { tx, rx, channel, received, ..row })
+}
+
+/// The step of the readings: 1 where they are whole dB, 0 where they are not.
+fn quantum(rows: &[Row], is_aggregated: bool) -> f64 {
+    let mut readings = rows.iter().map(|row| row.rssi_dbm).filter(|rssi| rssi.is_finite());
+    if !is_aggregated && readings.all(|rssi| rssi.fract() == 0.0) { 1.0 } else { 0.0 }
+}

@@ -1,0 +1,244 @@
+//! Measured packets: from end to end, sent and received.
+
+use super::table::Table;
+use super::{Rejected, Rejections, TWICE};
+use std::collections::BTreeSet;
+
+/// A packet from end to end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Packet {
+    /// When it was made (s), from when the network was switched on.
+    pub time_s: f64,
+    /// The mote that made it.
+    pub source: u32,
+    /// The mote it was for.
+    pub destination: u32,
+    /// When it arrived (s); `None`: it was lost.
+    pub received_s: Option<f64>,
+    /// Hops it took; `None`: not known, or it was lost.
+    pub hops: Option<u32>,
+    /// Its payload (bytes); `None`: not known.
+    pub payload_bytes: Option<u32>,
+}
+
+/// Measured packets, in the order of their times.
+#[derive(Clone, Debug)]
+pub struct Packets {
+    /// Those that can be used.
+    pub packets: Vec<Packet>,
+    /// What could not be used.
+    pub rejected: Vec<Rejected>,
+    /// What was seen in the file, and what it does to an answer.
+    pub warnings: Vec<String>,
+    /// Rows in the file, but for packets that a run's network sent by itself, to come into being.
+    pub n_rows: usize,
+}
+
+/// The kind of packets that a network sends by itself, to come into being: no application's, and nothing that anybody measured.
+pub const OWN: &str = netsim::mesh::packets::PacketKind::Join.name();
+
+/// Columns of packets as people write them.
+const COLUMNS: [&str; 4] = ["time_s", "source", "destination", "received_s"];
+/// Columns of packets as a run leaves them.
+const OF_RUN: [&str; 5] = ["created_ns", "source", "destination", "ended_ns", "delivered"];
+/// Columns with a meaning.
+pub const KNOWN: [&str; 6] =
+    ["time_s", "source", "destination", "received_s", "hops", "payload_bytes"];
+/// Fewer usable packets carry nothing.
+const FEWEST: usize = 20;
+
+/// Whether a table has packets.
+///
+/// # Errors
+///
+/// The columns it lacks.
+pub fn has_shape(table: &Table) -> Result<(), Vec<String>> {
+    let lacking = |names: &[&str]| -> Vec<String> {
+        let is_lacking = |name: &&&str| table.column(name).is_none();
+        names.iter().filter(is_lacking).map(|name| (*name).to_owned()).collect()
+    };
+    let as_written = lacking(&COLUMNS);
+    if as_written.is_empty() || lacking(&OF_RUN).is_empty() { Ok(()) } else { Err(as_written) }
+}
+
+/// Reads packets.
+///
+/// # Errors
+///
+/// What makes the whole file useless, in words for its author.
+pub fn read(table: &Table) -> Result<Packets, String> {
+    has_shape(table)
+        .map_err(|lacking| format!("no packets: the file lacks {}", lacking.join(", ")))?;
+    let at = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
+    let is_of_run = table.column("time_s").is_none();
+    let mut runs: Vec<f64> = table.column("run").unwrap_or_default().to_vec();
+    runs.sort_by(f64::total_cmp);
+    runs.dedup();
+    if 1 < runs.len() {
+        return Err(format!(
+            "holds {} campaigns, by its column run: a network is compared with one at a time",
+            runs.len()
+        ));
+    }
+    let strange: BTreeSet<(usize, &str)> = table
+        .strange
+        .iter()
+        .map(|(row, column, _)| (*row, table.names()[*column].as_str()))
+        .collect();
+    let mut rejections = Rejections::default();
+    let mut seen = BTreeSet::new();
+    let mut packets = Vec::with_capacity(table.n_rows());
+    let mut n_early = 0;
+    // Text is written with quotation marks.
+    let own: BTreeSet<usize> = table
+        .strange
+        .iter()
+        .filter(|(_, column, text)| {
+            is_of_run && table.names()[*column] == "kind" && text.trim_matches('"') == OWN
+        })
+        .map(|(row, ..)| *row)
+        .collect();
+    let others: Vec<usize> = (0..table.n_rows()).filter(|row| !own.contains(row)).collect();
+    for &row in &others {
+        let line = table.line(row);
+        let (time_s, received_s) = if is_of_run {
+            let arrived = at("delivered", row) != 0.0;
+            let ended_s = at("ended_ns", row) * 1e-9;
+            (at("created_ns", row) * 1e-9, if arrived { ended_s } else { f64::NAN })
+        } else {
+            (at("time_s", row), at("received_s", row))
+        };
+        let mote = |name: &str| {
+            let number = at(name, row);
+            let is_whole = number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number);
+            is_whole.then_some(number as u32)
+        };
+        let why = match (mote("source"), mote("destination")) {
+            _ if !time_s.is_finite() || time_s < 0.0 => "time_s is no time from the beginning on",
+            // A lost packet has an empty field there, not a word.
+            _ if strange.contains(&(row, "received_s")) => "received_s is not a finite number",
+            (None, _) => "source is no mote",
+            (_, None) => "destination is no mote",
+            (Some(source), Some(destination)) if source == destination => {
+                "source and destination are the same mote"
+            }
+            _ if received_s < time_s => {
+                n_early += 1;
+                "received_s lies before time_s"
+            }
+            (Some(source), Some(destination)) => {
+                let key = (time_s.to_bits(), received_s.to_bits(), source, destination);
+                // A run numbers its packets: two alike are two.
+                if is_of_run || seen.insert(key) {
+                    let of = |name| mote(name).filter(|_| received_s.is_finite());
+                    packets.push(Packet {
+                        time_s,
+                        source,
+                        destination,
+                        received_s: Some(received_s).filter(|at_s| at_s.is_finite()),
+                        hops: of("hops").filter(|&hops| hops != 0),
+                        payload_bytes: mote("payload_bytes").filter(|&bytes| bytes != 0),
+                    });
+                    continue;
+                }
+                TWICE
+            }
+        };
+        rejections.add(why, line);
+    }
+    if others.len() < 2 * n_early {
+        return Err("most packets are received before they are sent: are time_s and received_s times of one clock, in s?"
+            .to_owned());
+    }
+    if packets.len() < FEWEST {
+        return Err(format!(
+            "{} packets can be used, at least {FEWEST} are needed: too few to tell anything",
+            packets.len()
+        ));
+    }
+    packets.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then(a.source.cmp(&b.source)));
+    let warnings = warnings(&packets);
+    Ok(Packets { packets, rejected: rejections.into_list(), warnings, n_rows: others.len() })
+}
+
+/// What to check before an answer is trusted.
+fn warnings(packets: &[Packet]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let arrived: Vec<&Packet> =
+        packets.iter().filter(|packet| packet.received_s.is_some()).collect();
+    if arrived.is_empty() {
+        warnings.push(
+            "no packet arrived: nothing can be told but that. Is received_s empty throughout?"
+                .to_owned(),
+        );
+    } else if arrived.iter().all(|packet| packet.hops.is_none()) {
+        warnings.push(
+            "hops are not known: whether packets take the ways that they should cannot be told"
+                .to_owned(),
+        );
+    }
+    let times_s = packets.iter().map(|packet| packet.time_s);
+    let span_s = times_s.clone().fold(0.0, f64::max) - times_s.fold(f64::INFINITY, f64::min);
+    let late = arrived.iter().filter(|p| p.received_s.is_some_and(|at| span_s < at - p.time_s));
+    if 2 * late.count() > arrived.len() {
+        warnings.push(
+            "most packets took longer than all of them were sent within: are times in s?"
+                .to_owned(),
+        );
+    }
+    warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fmt::Write as _;
+    use std::path::Path;
+
+    fn table(rows: impl Fn(usize) -> String) -> Table {
+        let mut text = "time_s,source,destination,received_s,hops\n".to_owned();
+        for row in 0..30 {
+            writeln!(text, "{}", rows(row)).unwrap();
+        }
+        Table::of_csv(Path::new("packets.csv"), text.as_bytes()).unwrap()
+    }
+
+    #[test]
+    fn packets_are_read_and_what_cannot_be_used_is_counted() {
+        let read = read(&table(|row| match row {
+            3 => "3,1,0,,".to_owned(),
+            4 => "4,1,0,3.5,1".to_owned(),
+            5 => "5,1,1,6,1".to_owned(),
+            6 => "6,x,0,7,1".to_owned(),
+            8 => "7,1,0,7.5,2".to_owned(),
+            9 => "9,1,0,lost,".to_owned(),
+            _ => format!("{row},1,0,{},2", row as f64 + 0.5),
+        }))
+        .unwrap();
+        assert_eq!(read.packets.len(), 25);
+        assert_eq!(read.packets[3].received_s, None);
+        assert_eq!((read.packets[0].received_s, read.packets[0].hops), (Some(0.5), Some(2)));
+        let rejected: Vec<(&str, usize)> =
+            read.rejected.iter().map(|one| (one.reason.as_str(), one.first_line)).collect();
+        assert_eq!(
+            rejected,
+            [
+                ("received_s lies before time_s", 6),
+                ("source and destination are the same mote", 7),
+                ("source is no mote", 8),
+                (TWICE, 10),
+                ("received_s is not a finite number", 11),
+            ]
+        );
+    }
+
+    #[test]
+    fn files_that_cannot_carry_an_answer_are_refused() {
+        let early = read(&table(|row| format!("{},1,0,{row},1", row + 7))).unwrap_err();
+        assert!(early.contains("one clock"), "{early}");
+        let few = read(&table(|row| format!("{0},1,0,{0}.5,1", row % 4))).unwrap_err();
+        assert!(few.contains("too few"), "{few}");
+        let other = Table::of_csv(Path::new("x.csv"), "time_s,source\n0,1\n".as_bytes()).unwrap();
+        assert_eq!(has_shape(&other).unwrap_err(), ["destination", "received_s"]);
+    }
+}

@@ -1,0 +1,396 @@
+//! What is chosen by hand: which rows are used, which of them are left out together, how far robots are predicted.
+
+use measure::Rejected;
+use measure::table::Table;
+use proto::formula::{Formula, FormulaError};
+use std::fmt;
+
+/// Choices by hand. The default leaves all of them to the study.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Choices {
+    /// A condition over columns and derived covariates: rows on which it does not hold are not used.
+    pub condition: Option<String>,
+    /// What is left out together, at every level.
+    pub split: Option<Split>,
+    /// Campaigns that models are fitted to; empty: all that are not scored.
+    pub fit_runs: Vec<u32>,
+    /// Campaigns that are predicted; empty: all that are not fitted to. Both empty: folds.
+    pub score_runs: Vec<u32>,
+    /// How far ahead robots are predicted (s).
+    pub window_s: Option<f64>,
+    /// The reading of a row of several frames is taken for the level at which they arrived: reception alone is predicted.
+    pub given_rssi: bool,
+}
+
+impl Choices {
+    /// All rows, everything left to the study.
+    pub const NONE: Self = Self {
+        condition: None,
+        split: None,
+        fit_runs: Vec::new(),
+        score_runs: Vec::new(),
+        window_s: None,
+        given_rssi: false,
+    };
+}
+
+/// What is left out together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Split {
+    /// Parts of the time that was measured.
+    Time,
+    /// Pairs of nodes, both directions together.
+    Pair,
+    /// Nodes, with every row that they take part in; of robots, whole robots.
+    Node,
+    /// Squares of the plane in which nodes or robots move.
+    Place,
+    /// Campaigns: equal numbers in the column run.
+    Run,
+}
+
+impl Split {
+    /// As it is typed.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Pair => "pair",
+            Self::Node => "node",
+            Self::Place => "place",
+            Self::Run => "run",
+        }
+    }
+}
+
+impl fmt::Display for Split {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A choice that these data do not allow.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ChoiceError {
+    /// The condition cannot be read.
+    #[error("--where: {0}")]
+    Condition(#[from] FormulaError),
+    /// It holds nowhere.
+    #[error("--where: {condition:?} holds on none of {rows} rows, so that nothing is left")]
+    Nowhere {
+        /// The condition.
+        condition: String,
+        /// How many rows there are.
+        rows: usize,
+    },
+    /// Rows cannot be left out in this way.
+    #[error("--split {split}: {reason}; the nearest that these data allow is --split {nearest}")]
+    Split {
+        /// What was asked for.
+        split: Split,
+        /// Why not.
+        reason: String,
+        /// What can be asked for.
+        nearest: Split,
+    },
+    /// There is no such campaign.
+    #[error("{option}: there is no run {run}, the nearest is {nearest}; there are {}", listed(.known))]
+    NoRun {
+        /// The option.
+        option: &'static str,
+        /// What was asked for.
+        run: u32,
+        /// The nearest that there is.
+        nearest: u32,
+        /// All that there are.
+        known: Vec<u32>,
+    },
+    /// A campaign is both.
+    #[error(
+        "run {run} stands in --fit-runs and in --score-runs: what is scored must not be seen by a fit"
+    )]
+    Both {
+        /// The campaign.
+        run: u32,
+    },
+    /// Nothing is left for the other part.
+    #[error("{option} names every run of the file ({}): none is left to be {rest}", listed(.known))]
+    NoneLeft {
+        /// The option.
+        option: &'static str,
+        /// What the others would be.
+        rest: &'static str,
+        /// All that there are.
+        known: Vec<u32>,
+    },
+    /// A window that does not fit.
+    #[error("--window {window_s}: {reason}; the nearest that can be scored is {nearest_s}")]
+    Window {
+        /// What was asked for (s).
+        window_s: f64,
+        /// Why not.
+        reason: String,
+        /// What can be asked for (s).
+        nearest_s: f64,
+    },
+    /// Links have no windows.
+    #[error(
+        "--window is how far ahead robots are predicted, and these are link data: leave it out"
+    )]
+    NoWindows,
+    /// Robots have no readings.
+    #[error(
+        "--given-rssi predicts who receives from what receivers read, and these are robot data: leave it out"
+    )]
+    NoReadings,
+    /// Every row is one frame, and a lost one shows no reading.
+    #[error(
+        "--given-rssi predicts the share of frames received from the mean reading of a row, and here every row is one frame: \
+         one that was lost shows no reading that it could be predicted from; the nearest are rows that sum up several frames, \
+         with the columns frames and pdr"
+    )]
+    SingleFrames,
+    /// Nothing is known of what was lost, or nothing was.
+    #[error(
+        "--given-rssi predicts which share of frames is received, and of the {rows} rows with a reading none says that a frame \
+         was lost: nothing can be told from them"
+    )]
+    NothingLost {
+        /// How many rows have a reading.
+        rows: usize,
+    },
+    /// What is predicted decided which rows are used.
+    #[error(
+        "--where: {columns} says what was received, and --given-rssi predicts just that: of rows chosen by it nothing can be \
+         told; the nearest condition that may be asked is one over rssi_dbm"
+    )]
+    ChosenByReception {
+        /// The columns.
+        columns: String,
+    },
+    /// The model says who receives, whatever the strength.
+    #[error(
+        "--given-rssi: netsim.phy.propagation states who receives whatever is read, so that nothing follows from a reading; the \
+         nearest that leaves it to the strength is \"friis\""
+    )]
+    Stated,
+}
+
+fn listed(runs: &[u32]) -> String {
+    runs.iter().map(u32::to_string).collect::<Vec<_>>().join(", ")
+}
+
+/// Rows of a study as a condition sees them.
+pub struct Seen<'a> {
+    /// The file.
+    pub table: &'a Table,
+    /// The line of each row in it.
+    pub lines: Vec<usize>,
+    /// The campaign of each row.
+    pub runs: Vec<u32>,
+    /// What follows from columns: a value per row.
+    pub derived: Vec<(String, Vec<f64>)>,
+    /// What a row is, in words: ` when a window begins`, or nothing.
+    pub when: &'static str,
+}
+
+/// Which rows are used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// Row by row.
+    pub rows: Vec<bool>,
+    /// The others, by reason.
+    pub rejected: Vec<Rejected>,
+    /// Columns and covariates that the condition asks for.
+    pub asked: Vec<String>,
+}
+
+impl Choices {
+    /// Both lists of campaigns, each completed by the other.
+    ///
+    /// # Errors
+    ///
+    /// A campaign is not there, or is in both.
+    pub fn resolved(&self, runs: &[u32]) -> Result<Self, ChoiceError> {
+        let mut known = runs.to_vec();
+        known.sort_unstable();
+        known.dedup();
+        for (option, list) in [("--fit-runs", &self.fit_runs), ("--score-runs", &self.score_runs)] {
+            if let Some(&run) = list.iter().find(|run| !known.contains(run)) {
+                let nearest = known.iter().copied().min_by_key(|known| known.abs_diff(run));
+                let nearest = nearest.unwrap_or_default();
+                return Err(ChoiceError::NoRun { option, run, nearest, known });
+            }
+        }
+        if let Some(&run) = self.fit_runs.iter().find(|run| self.score_runs.contains(run)) {
+            return Err(ChoiceError::Both { run });
+        }
+        let others = |list: &[u32]| -> Vec<u32> {
+            known.iter().copied().filter(|run| !list.contains(run)).collect()
+        };
+        let mut all = self.clone();
+        match (self.fit_runs.is_empty(), self.score_runs.is_empty()) {
+            (true, true) | (false, false) => return Ok(all),
+            (false, true) => all.score_runs = others(&self.fit_runs),
+            (true, false) => all.fit_runs = others(&self.score_runs),
+        }
+        if all.score_runs.is_empty() {
+            return Err(ChoiceError::NoneLeft { option: "--fit-runs", rest: "scored", known });
+        }
+        if all.fit_runs.is_empty() {
+            let option = "--score-runs";
+            return Err(ChoiceError::NoneLeft { option, rest: "fitted to", known });
+        }
+        Ok(all)
+    }
+
+    /// Which rows are used: those on which the condition holds, of campaigns that are fitted to or scored.
+    ///
+    /// # Errors
+    ///
+    /// The condition cannot be read, or holds nowhere.
+    pub fn kept(&self, seen: &Seen<'_>) -> Result<Kept, ChoiceError> {
+        let n = seen.lines.len();
+        let mut kept = Kept { rows: vec![true; n], rejected: Vec::new(), asked: Vec::new() };
+        if let Some(condition) = &self.condition {
+            let (truths, asked) = truths(condition, seen)?;
+            kept.asked = asked;
+            let when = seen.when;
+            kept.leave_out(seen, format!("--where {condition:?} does not hold{when}"), |row| {
+                truths[row] == 0.0
+            });
+            kept.leave_out(
+                seen,
+                format!("--where {condition:?} asks for a value that is missing{when}"),
+                |row| truths[row].is_nan(),
+            );
+            if !kept.rows.contains(&true) {
+                return Err(ChoiceError::Nowhere { condition: condition.clone(), rows: n });
+            }
+        }
+        if !self.score_runs.is_empty() {
+            kept.leave_out(seen, "its run is neither fitted to nor scored".to_owned(), |row| {
+                let run = &seen.runs[row];
+                !self.fit_runs.contains(run) && !self.score_runs.contains(run)
+            });
+        }
+        Ok(kept)
+    }
+
+    /// Which rows are scored, by a fit to all others, of rows of these campaigns; none where rows are left out in turn.
+    #[must_use]
+    pub fn scored(&self, runs: &[u32]) -> Option<Vec<bool>> {
+        let of_runs = || runs.iter().map(|run| self.score_runs.contains(run)).collect();
+        (!self.score_runs.is_empty()).then(of_runs)
+    }
+}
+
+impl Kept {
+    /// Leaves rows out that are still in.
+    fn leave_out(&mut self, seen: &Seen<'_>, reason: String, is_out: impl Fn(usize) -> bool) {
+        let mut first_line = usize::MAX;
+        let mut n = 0;
+        for row in 0..self.rows.len() {
+            if self.rows[row] && is_out(row) {
+                self.rows[row] = false;
+                n += 1;
+                first_line = first_line.min(seen.lines[row]);
+            }
+        }
+        if 0 < n {
+            self.rejected.push(Rejected { reason, rows: n, first_line });
+        }
+    }
+}
+
+/// The value of a condition on each row, and what it asks for.
+fn truths(condition: &str, seen: &Seen<'_>) -> Result<(Vec<f64>, Vec<String>), ChoiceError> {
+    let columns = seen.table.names().iter().map(String::as_str);
+    let derived = seen.derived.iter().map(|(name, _)| name.as_str());
+    let mut known: Vec<&str> = columns.chain(derived).collect();
+    known.sort_unstable();
+    known.dedup();
+    let formula = Formula::condition(condition, &known)?;
+    let first = seen.table.line(0);
+    let of_name = |name: &String| -> Vec<f64> {
+        match seen.table.column(name) {
+            Some(column) => seen.lines.iter().map(|line| column[line - first]).collect(),
+            None => seen
+                .derived
+                .iter()
+                .find(|(other, _)| other == name)
+                .map_or_else(Vec::new, |(_, values)| values.clone()),
+        }
+    };
+    let columns: Vec<Vec<f64>> = formula.names().iter().map(of_name).collect();
+    let mut values = vec![0.0; columns.len()];
+    let of_row = |row| {
+        for (value, column) in values.iter_mut().zip(&columns) {
+            *value = column[row];
+        }
+        formula.evaluate(&values)
+    };
+    Ok(((0..seen.lines.len()).map(of_row).collect(), formula.names().to_vec()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(table: &Table) -> Seen<'_> {
+        Seen {
+            table,
+            lines: vec![2, 3, 4, 5],
+            runs: vec![1, 1, 2, 3],
+            derived: vec![("distance_m".to_owned(), vec![1.0, 2.0, 3.0, f64::NAN])],
+            when: "",
+        }
+    }
+
+    fn table() -> Table {
+        let columns = vec![vec![0.9, 0.2, f64::NAN, 0.8], vec![1.0, 2.0, 3.0, 4.0]];
+        Table::of_columns(vec!["pdr".to_owned(), "tx".to_owned()], columns)
+    }
+
+    #[test]
+    fn a_condition_keeps_rows_by_columns_and_by_what_follows_from_them() {
+        let table = table();
+        let of = |condition: &str| {
+            let choices = Choices { condition: Some(condition.to_owned()), ..Choices::default() };
+            choices.kept(&seen(&table))
+        };
+        let kept = of("pdr > 0.5").unwrap();
+        assert_eq!(kept.rows, [true, false, false, true]);
+        let told: Vec<(usize, usize)> =
+            kept.rejected.iter().map(|rejected| (rejected.rows, rejected.first_line)).collect();
+        assert_eq!(told, [(1, 3), (1, 4)]);
+        assert!(kept.rejected[1].reason.contains("missing"), "{:?}", kept.rejected);
+        assert_eq!(of("distance_m < 2.5 or tx == 4").unwrap().rows, [true, true, false, true]);
+        let error = of("distanc_m < 2").unwrap_err().to_string();
+        assert!(error.contains("did you mean distance_m?") && error.contains("\n    ^"), "{error}");
+        let error = of("pdr > 2").unwrap_err().to_string();
+        assert!(error.contains("none of 4 rows"), "{error}");
+    }
+
+    #[test]
+    fn campaigns_that_are_not_named_are_the_others() {
+        let of = |fit: &[u32], score: &[u32]| {
+            let choices = Choices {
+                fit_runs: fit.to_vec(),
+                score_runs: score.to_vec(),
+                ..Choices::default()
+            };
+            choices.resolved(&[1, 1, 2, 3])
+        };
+        assert_eq!(of(&[1], &[]).unwrap().score_runs, [2, 3]);
+        assert_eq!(of(&[], &[3]).unwrap().fit_runs, [1, 2]);
+        let both = of(&[1], &[3]).unwrap();
+        let table = table();
+        assert_eq!(both.kept(&seen(&table)).unwrap().rows, [true, true, false, true]);
+        assert_eq!(of(&[1], &[1]).unwrap_err(), ChoiceError::Both { run: 1 });
+        let error = of(&[1], &[9]).unwrap_err().to_string();
+        assert!(error.contains("no run 9, the nearest is 3; there are 1, 2, 3"), "{error}");
+        let error = of(&[1, 2, 3], &[]).unwrap_err().to_string();
+        assert!(error.contains("none is left to be scored"), "{error}");
+    }
+}

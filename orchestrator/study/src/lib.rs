@@ -1,0 +1,254 @@
+//! What a search for missing physics asks of a kind of measurements.
+//!
+//! The search itself knows neither radio nor robots: it adds terms to a model, fits, and compares how
+//! well data that were left out are predicted. A [`Study`] is one file of measurements held against one configuration.
+
+pub mod choices;
+pub mod folds;
+pub mod formula;
+pub mod knots;
+pub mod links;
+pub mod open;
+pub mod robots;
+pub mod symbolic;
+pub mod view;
+
+use folds::Blocks;
+use proto::effect::{About, Level, Parameter};
+use serde::Serialize;
+use symbolic::Formula;
+
+/// Before the covariate in the name of a curve of what is read …
+pub const CURVE: &str = "curve:";
+/// … and of one of the share of frames that are lost.
+pub const LOSS_CURVE: &str = "loss-curve:";
+/// Of those of either kind with many knots.
+pub const FINE: &str = "fine-";
+
+/// A term that may be missing from the model: an effect of the catalogue, or a smooth curve over a covariate.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// `two-ray-ground`, `curve:humidity_pct`, …
+    pub name: String,
+    /// What people should know of it; none for curves.
+    pub about: Option<&'static About>,
+    /// Where its covariate varies.
+    pub level: Level,
+    /// How many numbers a fit of it sets, places of a search included.
+    pub n_parameters: usize,
+    /// Effects that it generalises.
+    pub generalises: Vec<String>,
+    /// The covariate in which it is linear.
+    pub linear_in: Option<&'static str>,
+    /// A curve over a covariate that was not given, but follows from time and places.
+    pub is_derived: bool,
+    /// Why it cannot be tested on these data: `needs positive antenna heights`.
+    pub untestable: Option<String>,
+    /// The curve without a constant part that this is, with one. It is not tried by itself, but stands in for that curve where
+    /// it explains what an effect did that was accepted before.
+    pub stands_in_for: Option<usize>,
+}
+
+impl Candidate {
+    /// The covariate of a curve.
+    #[must_use]
+    pub fn curve_over(&self) -> Option<&str> {
+        let name = self.coarse();
+        name.strip_prefix(CURVE).or_else(|| name.strip_prefix(LOSS_CURVE))
+    }
+
+    /// The name, of a curve with many knots that of the one with few.
+    fn coarse(&self) -> &str {
+        self.name.strip_prefix(FINE).unwrap_or(&self.name)
+    }
+
+    /// Whether it is tried: it can be tested, and does not only stand in for another.
+    #[must_use]
+    pub fn is_tried(&self) -> bool {
+        self.untestable.is_none() && self.stands_in_for.is_none()
+    }
+
+    /// It is a curve of the share of frames that are lost, not of what is read.
+    #[must_use]
+    pub fn is_of_losses(&self) -> bool {
+        self.coarse().starts_with(LOSS_CURVE)
+    }
+}
+
+/// How well one row was predicted by a model that had not seen it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowScore {
+    /// Log predictive density or probability (nats).
+    pub log: f64,
+    /// Squared error (dB² or m²); NaN where nothing was read.
+    pub squared_error: f64,
+    /// Continuous ranked probability score (dB or m); NaN where nothing was read.
+    pub crps: f64,
+    /// Log loss of the prediction of reception (nats); NaN where it is unknown.
+    pub reception_log_loss: f64,
+}
+
+/// A fitted number.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Its key.
+    pub name: String,
+    /// The estimate.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// Lower end of the 90 % interval.
+    pub low: f64,
+    /// Upper end of the 90 % interval.
+    pub high: f64,
+}
+
+impl Estimate {
+    /// A number with its 90 % interval, from its lower to its upper end.
+    #[must_use]
+    pub fn new(name: &str, unit: &str, value: f64, (low, high): (f64, f64)) -> Self {
+        Self { name: name.to_owned(), value, unit: unit.to_owned(), low, high }
+    }
+}
+
+/// The split on which candidates are ordered and rungs of the ladder are compared.
+pub const COMMON: Level = Level::Time;
+
+/// Mean of those values that are not NaN; NaN of none.
+pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, n) = values
+        .filter(|value| !value.is_nan())
+        .fold((0.0, 0usize), |(sum, n), value| (sum + value, n + 1));
+    sum / n as f64
+}
+
+/// By how much the predictions of two models differ, and the covariates of the rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PredictionDifference {
+    /// Absolute difference of the two predictions of each row.
+    pub by_row: Vec<f64>,
+    /// Its unit: `dB`, `points of delivery`, `m`.
+    pub unit: &'static str,
+    /// Covariates: a name, and a value per row.
+    pub covariates: Vec<(String, Vec<f64>)>,
+}
+
+/// Residuals of all rows under a fit, for a search of structure over covariates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residuals {
+    /// Standardised residuals, a value per row; NaN where there is none. Each component has mean 0 and variance 1 where the model is
+    /// right.
+    pub components: Vec<Component>,
+    /// Mean squared error of the rows (dB² or m²), where it is to be computed from the rows that were fitted; otherwise that of rows
+    /// left out counts.
+    pub mean_square: Option<f64>,
+}
+
+/// One component of residuals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Component {
+    /// A value per row.
+    pub standardised: Vec<f64>,
+    /// It is part of the error whose mean square the configured model is compared by; surprise of reception is not.
+    pub is_of_error: bool,
+}
+
+/// Measurements held against a configuration.
+pub trait Study: Sync {
+    /// A model fitted to some rows.
+    type Fit: Clone + Send + Sync;
+
+    /// What may be missing, in a fixed order.
+    fn candidates(&self) -> &[Candidate];
+
+    /// How many rows there are: frames, sums of frames, or windows of motion.
+    fn n_rows(&self) -> usize;
+
+    /// How many rows say what one that is independent of the others would.
+    fn rows_of_one(&self) -> f64 {
+        1.0
+    }
+
+    /// Rows that fits may see: all, but those that are only scored.
+    fn fitted_rows(&self) -> Vec<u32> {
+        self.blocks(COMMON).fitted()
+    }
+
+    /// Which rows are independent of which, where a covariate varies at this level.
+    fn blocks(&self, level: Level) -> &Blocks;
+
+    /// The level that decides how rows are left out: what is random is judged on blocks of time, unless told otherwise.
+    fn judged(&self, level: Level) -> Level {
+        if level == Level::Random { Level::Time } else { level }
+    }
+
+    /// Fits the configured model, its noise, and the terms (indices of candidates) together, to convergence.
+    ///
+    /// * `train`: the rows.
+    /// * `level`: at which the fit will be judged. At [`Level::Place`] every model carries what is random per link or node,
+    ///   so that nothing that is fixed per link can pass for something else.
+    /// * `start`: a fit of fewer or other terms, from which the search may start.
+    fn fit(
+        &self,
+        terms: &[usize],
+        train: &[u32],
+        level: Level,
+        start: Option<&Self::Fit>,
+    ) -> Self::Fit;
+
+    /// A quick fit to all rows of the last of `terms` on top of its parent: whether it is worth a fit. What the parent has is
+    /// held or taken for straight lines. None where there is no quick way.
+    fn screen(&self, _terms: &[usize], _level: Level, _parent: &Self::Fit) -> Option<Self::Fit> {
+        None
+    }
+
+    /// By how much the predictions of two fits differ, row by row; none where that cannot be computed.
+    fn prediction_difference(
+        &self,
+        _one: &Self::Fit,
+        _other: &Self::Fit,
+    ) -> Option<PredictionDifference> {
+        None
+    }
+
+    /// Covariates over which residuals may have structure: a name, and a value per row (NaN where unknown).
+    fn scanned_covariates(&self) -> Vec<(String, Vec<f64>)>;
+
+    /// The partitions into blocks under which structure must be significant; empty where there are too few blocks for a scan.
+    fn scanned_blocks(&self) -> Vec<&Blocks>;
+
+    /// Residuals of all rows under a fit.
+    fn scanned_residuals(&self, fit: &Self::Fit) -> Residuals;
+
+    /// A short formula of the covariate of an accepted curve, for the residuals of a fit without that curve. None where the term is no
+    /// curve, or no formula fits.
+    fn formula_of_curve(&self, term: usize, fit_without: &Self::Fit) -> Option<Formula>;
+
+    /// A short formula of a covariate for the residuals of a fit.
+    fn formula_of_residuals(&self, covariate: &str, fit: &Self::Fit) -> Option<Formula>;
+
+    /// A fit with a parameter of a term at another value, all others following; none where the term has no such parameter.
+    fn held(&self, _fit: &Self::Fit, _term: usize, _key: &str, _value: f64) -> Option<Self::Fit> {
+        None
+    }
+
+    /// Log likelihood of the rows to which it was fitted (nats), its penalties included.
+    fn log_likelihood(&self, fit: &Self::Fit) -> f64;
+
+    /// Predicts rows that the fit has not seen.
+    fn scores(&self, fit: &Self::Fit, test: &[u32]) -> Vec<RowScore>;
+
+    /// The numbers of a term, with intervals, from a fit to all rows; and a warning where two cannot be told apart.
+    fn estimates(&self, fit: &Self::Fit, term: usize) -> (Vec<Estimate>, Option<String>);
+
+    /// The configuration of a term as fitted: the keys of its section, `kind` among them. Null where it is not in the fit,
+    /// or is no effect.
+    fn settings(&self, fit: &Self::Fit, term: usize) -> serde_json::Value;
+}
+
+/// Whether a value lies at an end of a parameter's range.
+#[must_use]
+pub fn is_at_bound(parameter: &Parameter, value: f64) -> bool {
+    let span = parameter.max - parameter.min;
+    value - parameter.min < 1e-6 * span || parameter.max - value < 1e-6 * span
+}

@@ -1,0 +1,201 @@
+//! What may be missing: every effect of the catalogue, and a smooth curve over every covariate.
+
+use super::rows::Rows;
+use super::terms::{Curve, Spec};
+use super::{LinkStudy, testable};
+use crate::formula::{FORMULA, FormulaError, Wanted};
+use crate::{Candidate, knots};
+use netsim::phy::effect;
+use proto::effect::{CONSTANT, Level, Need};
+use std::sync::Arc;
+
+/// Covariates that follow from time and places and may be a cause by themselves.
+const DERIVED: [&str; 4] = [TIME, CHANNEL, "midpoint_x_m", "midpoint_y_m"];
+/// Its curve has a knot at every channel. Where readings are given, nothing of the catalogue follows the channel, and losses have one, too.
+const CHANNEL: &str = "frequency_mhz";
+/// Beside what is given, losses have a curve only over this.
+const TIME: &str = "time_s";
+/// Why what does not touch reception cannot be tested where readings are given.
+const READING_GIVEN: &str = "changes what is read, which --given-rssi takes as it is";
+
+/// Every term that may be added.
+pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
+    let effects =
+        effect::LIST.iter().filter(|entry| entry.variant.name != FORMULA).map(|entry| match entry
+            .variant
+            .name
+        {
+            "node-offset" => Spec::NodeOffset(entry),
+            "shadowing" => Spec::Shadowing(entry),
+            "multipath" => Spec::Multipath(entry),
+            _ => Spec::Effect(entry),
+        });
+    let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
+    let measured = &rows.links.rows;
+    let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
+        let of = |row: &measure::links::Row| if end == "tx" { row.tx_m } else { row.rx_m };
+        let values: Vec<f64> = measured.iter().map(|row| of(row)[axis]).collect();
+        (format!("{end}_{}_m", ["x", "y"][axis]), values, true)
+    });
+    let derived = super::covariates::of(rows)
+        .into_iter()
+        .filter(|(name, _)| DERIVED.contains(&name.as_str()))
+        .map(|(name, values)| (name, values, true));
+    let covariates: Vec<Curve> = given
+        .chain(derived)
+        .chain(places)
+        .flat_map(|(name, values, is_derived)| {
+            let is_fine = name == TIME && knots::MANY * knots::ROWS_EACH <= rows.len();
+            let values: Arc<[f64]> = Arc::from(values);
+            [false, true]
+                .into_iter()
+                .filter(move |fine| is_fine || !fine)
+                .filter_map(move |fine| curve(rows, &name, &values, is_derived, fine))
+        })
+        .collect();
+    let of_losses = covariates
+        .iter()
+        .chain([&constant(rows)])
+        .filter(|curve| {
+            !curve.is_derived
+                || curve.covariate == TIME && !curve.is_fine
+                || curve.covariate == CHANNEL && rows.links.readings.is_given
+        })
+        .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }))
+        .filter(|_| rows.links.readings.has_losses)
+        .collect::<Vec<_>>();
+    let of_readings = covariates.iter().cloned().map(Spec::Curve);
+    let of_readings = of_readings.filter(|_| !rows.links.readings.is_given);
+    effects.chain(of_readings).chain(of_losses).collect()
+}
+
+impl LinkStudy {
+    /// Adds a formula of the user's to what may be added to the model.
+    ///
+    /// # Errors
+    ///
+    /// The formula is wrong, or names what is neither a parameter nor known of these rows.
+    pub fn add_formula(&mut self, wanted: &Wanted) -> Result<(), FormulaError> {
+        let entry = effect::LIST.iter().find(|entry| entry.variant.name == FORMULA);
+        let Some(entry) = entry else { return Ok(()) };
+        let columns = self.rows.links.covariates.iter().map(|(name, _)| name.as_str());
+        // Of a column of both ends, its name without the end is their mean.
+        let columns: Vec<&str> = columns
+            .flat_map(|name| {
+                let of_both = name.strip_prefix("tx_").or(name.strip_prefix("rx_"));
+                [Some(name), of_both]
+            })
+            .flatten()
+            .collect();
+        let known = effect::formula::NAMES.map(|(name, _)| name);
+        let asked = wanted.checked(&effect::SPEC, entry.check, &known, &columns)?;
+        let spec = Spec::Formula(entry, asked);
+        self.candidates.push(candidate(&spec, &self.rows));
+        self.specs.push(spec);
+        Ok(())
+    }
+}
+
+/// How a term stands among the others.
+pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
+    match spec {
+        Spec::Curve(curve) => Candidate {
+            name: curve.name(),
+            about: None,
+            level: level_of(rows, curve),
+            n_parameters: curve.knots.len(),
+            generalises: curve.generalises(),
+            linear_in: None,
+            is_derived: curve.is_derived,
+            untestable: None,
+            stands_in_for: None,
+        },
+        _ => {
+            let entry = spec.entry().expect("everything but a curve is in the catalogue");
+            let lacking: Vec<String> = entry
+                .about
+                .needs
+                .iter()
+                .filter(|need| !testable::has(rows, **need))
+                .map(|need: &Need| need.describe())
+                .collect();
+            Candidate {
+                name: entry.variant.name.to_owned(),
+                about: Some(&entry.about),
+                level: entry.fit.level,
+                n_parameters: match spec {
+                    Spec::Formula(_, asked) => asked.parameters.len(),
+                    _ => entry.fit.parameters.len(),
+                },
+                generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
+                linear_in: entry.fit.linear_in,
+                is_derived: false,
+                untestable: if rows.links.readings.is_given && !decides_reception(spec) {
+                    Some(READING_GIVEN.to_owned())
+                } else {
+                    (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", ")))
+                },
+                stands_in_for: None,
+            }
+        }
+    }
+}
+
+/// Whether a term says which frames pass at a level.
+fn decides_reception(spec: &Spec) -> bool {
+    match spec {
+        Spec::Formula(_, asked) => ["loss", "noise"]
+            .map(Some)
+            .contains(&asked.table.get("target").and_then(toml::Value::as_str)),
+        _ => spec.entry().is_none_or(|entry| entry.about.needs.contains(&Need::Losses)),
+    }
+}
+
+/// At which level a curve is judged: what follows from places, on places left out.
+fn level_of(rows: &Rows, curve: &Curve) -> Level {
+    if curve.is_derived && ![TIME, CHANNEL].contains(&curve.covariate.as_str()) {
+        return Level::Place;
+    }
+    testable::level_of(rows, &curve.values)
+}
+
+/// The same in every row: of losses, those that are alike everywhere, which every other curve of losses has in it.
+fn constant(rows: &Rows) -> Curve {
+    Curve {
+        covariate: CONSTANT.to_owned(),
+        values: Arc::from(vec![0.0; rows.len()]),
+        knots: vec![0.0],
+        is_loss: false,
+        is_derived: false,
+        is_fine: false,
+    }
+}
+
+/// A curve over a covariate with knots at its quantiles, many of a fine one; none where too few values are known or differ.
+fn curve(
+    rows: &Rows,
+    covariate: &str,
+    values: &Arc<[f64]>,
+    is_derived: bool,
+    is_fine: bool,
+) -> Option<Curve> {
+    let mut known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    known.sort_by(f64::total_cmp);
+    if known.len() < rows.len() / 2 || known.is_empty() {
+        return None;
+    }
+    let knots = if covariate == CHANNEL {
+        known.dedup();
+        known
+    } else {
+        knots::at_quantiles(&known, if is_fine { knots::MANY } else { knots::FEW })
+    };
+    (2 <= knots.len()).then(|| Curve {
+        covariate: covariate.to_owned(),
+        values: values.clone(),
+        knots,
+        is_loss: false,
+        is_derived,
+        is_fine,
+    })
+}

@@ -1,0 +1,354 @@
+//! The numbers of a fit: with intervals, and as a section of a configuration.
+
+use super::covariance::{Length, Products};
+use super::fit::LinkFit;
+use super::terms::Spec;
+use super::{From, LinkStudy, group, search};
+use crate::COMMON;
+use crate::{Estimate, Study as _};
+use statrs::distribution::{ChiSquared, ContinuousCDF as _};
+use std::collections::BTreeMap;
+
+/// Standard errors to either side of a 90 % interval, and what lies beyond each of its ends.
+const NINETY: f64 = 1.645;
+const TAIL: f64 = 0.05;
+/// Estimates that are correlated beyond this cannot be told apart.
+const CONFUSABLE: f64 = 0.97;
+
+impl LinkStudy {
+    pub(super) fn estimates_of(
+        &self,
+        fit: &LinkFit,
+        term: usize,
+    ) -> (Vec<Estimate>, Option<String>) {
+        let specs = self.specs_of(&fit.terms);
+        let Some(place) = fit.terms.iter().position(|&other| other == term) else {
+            return (Vec::new(), None);
+        };
+        let cells = self.cells(fit.decorrelation_m);
+        let (_, determined) = fit.random.suggested(cells);
+        let sd = fit.random.sd;
+        match specs[place] {
+            Spec::Shadowing(_) => {
+                // Levels of neighbouring places are not independent of each other.
+                let n = determined[0].min(group::n_pairs(&self.rows) as f64);
+                let level = spread("sd_db", sd.link_db, n);
+                return with_length(level, "decorrelation_m", "m", self.decorrelation(fit));
+            }
+            Spec::Multipath(_) => {
+                let (sd_db, coherence) = self.fading(fit);
+                let level = spread("sd_db", sd_db, determined[1]);
+                return with_length(level, "coherence_mhz", "MHz", coherence);
+            }
+            Spec::NodeOffset(_) => {
+                let all = vec![
+                    spread("tx_sd_db", sd.tx_db, determined[2]),
+                    spread("rx_sd_db", sd.rx_db, determined[3]),
+                ];
+                return (all, None);
+            }
+            Spec::Effect(_) | Spec::Formula(..) | Spec::Curve { .. } => {}
+        }
+        let before: usize = fit.states[..place].iter().map(|state| state.values.len()).sum();
+        let parameters = specs[place].parameters();
+        let inverse = fit.information.clone().try_inverse();
+        let mut warning = None;
+        let mut estimates: Vec<Estimate> = parameters
+            .iter()
+            .enumerate()
+            .map(|(k, parameter)| {
+                let value = fit.states[place].values[k];
+                let error = inverse.as_ref().map_or(f64::INFINITY, |inverse| {
+                    inverse[(before + k, before + k)].max(0.0).sqrt()
+                });
+                let curved = 0.0 < error && error.is_finite() && MOST_PROFILED < self.rows.len();
+                let (low, high) = if curved {
+                    let low = (value - NINETY * error).max(parameter.min);
+                    (low, (value + NINETY * error).min(parameter.max))
+                } else {
+                    self.profile(fit, place, k, error)
+                };
+                if parameter.max - parameter.min <= high - low {
+                    warning = Some(format!("{} is not determined by these data", parameter.key));
+                }
+                Estimate::new(parameter.key, parameter.unit, value, (low, high))
+            })
+            .collect();
+        self.add_searched(fit, place, &mut estimates);
+        if let Some(inverse) = inverse {
+            warning = warning.or_else(|| self.confusable(fit, &specs, &inverse, place));
+        }
+        (estimates, warning)
+    }
+
+    /// What a search found beside the numbers of a fit: places, with how well they are known; and numbers that were found
+    /// together with headings are known less well than the fit, which holds the headings, says.
+    fn add_searched(&self, fit: &LinkFit, place: usize, estimates: &mut Vec<Estimate>) {
+        let specs = self.specs_of(&fit.terms);
+        let state = &fit.states[place];
+        let has_headings = state.table.contains_key("headings_rad");
+        let name = specs[place].entry().map_or("", |entry| entry.variant.name);
+        if !has_headings && name != "hidden-obstacle" {
+            return;
+        }
+        let all = self.fitted_rows();
+        let left = self.slopes_left(fit, &all);
+        if has_headings {
+            let errors = search::headings::errors(&self.rows, &all, &left, state);
+            for (estimate, error) in estimates.iter_mut().zip(errors.into_iter().flatten()) {
+                estimate.low = estimate.low.min(estimate.value - NINETY * error);
+                estimate.high = estimate.high.max(estimate.value + NINETY * error);
+            }
+            return;
+        }
+        for found in search::places::coordinates(&self.rows, &all, &left, state, TAIL) {
+            match estimates.iter_mut().find(|estimate| estimate.name == found.name) {
+                // The loss is known less well than the fit, which holds the place, says.
+                Some(estimate) => {
+                    estimate.low = estimate.low.min(found.low);
+                    estimate.high = estimate.high.max(found.high);
+                }
+                None => {
+                    let ends = (found.low, found.high);
+                    estimates.push(Estimate::new(found.name, "m", found.value, ends));
+                }
+            }
+        }
+    }
+
+    pub(super) fn settings_of(&self, fit: &LinkFit, term: usize) -> serde_json::Value {
+        let Some(place) = fit.terms.iter().position(|&other| other == term) else {
+            return serde_json::Value::Null;
+        };
+        let spec = &self.specs[term];
+        let Some(entry) = spec.entry() else { return serde_json::Value::Null };
+        let mut keys = toml::Table::new();
+        keys.insert("kind".to_owned(), toml::Value::String(entry.variant.name.to_owned()));
+        keys.extend(fit.states[place].keys(spec));
+        if let Spec::Shadowing(_) | Spec::Multipath(_) | Spec::NodeOffset(_) = spec {
+            for spread in self.estimates_of(fit, term).0 {
+                keys.insert(spread.name, toml::Value::Float(spread.value));
+            }
+        }
+        serde_json::to_value(keys).unwrap_or_default()
+    }
+
+    /// Spread of multipath fading (dB) and, where nothing else makes a link's channels alike, its coherence (MHz).
+    fn fading(&self, fit: &LinkFit) -> (f64, Option<Length>) {
+        let sd = fit.random.sd;
+        if self.specs_of(&fit.terms).iter().any(|spec| matches!(spec, Spec::Shadowing(_))) {
+            return (sd.channel_db, None);
+        }
+        let edges = (0..16).map(|apart| 5.0 * f64::from(apart) + 2.5).collect();
+        let products = self.products(fit, edges, |one, other| {
+            let channel = |row: usize| self.rows.links.rows[row].channel;
+            let apart = channel(one)?.abs_diff(channel(other)?);
+            (self.way_m(one, other) < group::HALF_WAVE_M).then_some(5.0 * f64::from(apart))
+        });
+        (sd.channel_db.hypot(sd.link_db), products.length())
+    }
+
+    /// The length over which shadowing changes (m), where nodes move.
+    fn decorrelation(&self, fit: &LinkFit) -> Option<Length> {
+        if self.cells.len() < 2 {
+            return None;
+        }
+        let edges =
+            [0.125, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0];
+        self.products(fit, edges.to_vec(), |one, other| Some(self.way_m(one, other))).length()
+    }
+
+    /// What both ends of a link have moved between two rows (m).
+    fn way_m(&self, one: usize, other: usize) -> f64 {
+        let ends = |row: usize| {
+            let (tx, rx) = self.rows.ends(row);
+            if tx.id < rx.id { [tx, rx] } else { [rx, tx] }.map(|end| end.position_m)
+        };
+        let moved = |(a, b): ([f64; 3], [f64; 3])| {
+            (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+        };
+        ends(one).into_iter().zip(ends(other)).map(moved).sum()
+    }
+
+    /// Products of what is left of readings, levels of nodes apart, by the lag of two rows of a link; none: they are not compared.
+    /// Rows that might as well have been lost are left out: they are read only where their level is high.
+    fn products(
+        &self,
+        fit: &LinkFit,
+        edges: Vec<f64>,
+        lag: impl Fn(usize, usize) -> Option<f64>,
+    ) -> Products {
+        let mut marginal = fit.clone();
+        marginal.random = fit.random.of_nodes();
+        let mut links: BTreeMap<(u32, u32), Vec<(usize, f64)>> = BTreeMap::new();
+        for (row, predicted) in self.predictions(&marginal).into_iter().enumerate() {
+            let measured = &self.rows.links.rows[row];
+            if self.rows.is_received(row) && CERTAIN < predicted.passes {
+                let key = (measured.tx.min(measured.rx), measured.tx.max(measured.rx));
+                let left_db = measured.rssi_dbm - predicted.rssi_dbm;
+                links.entry(key).or_default().push((row, left_db));
+            }
+        }
+        let mut products = Products::new(edges);
+        for (link, rows) in links.values().enumerate() {
+            let each = rows.len().div_ceil(MOST_OF_LINK);
+            let rows: Vec<&(usize, f64)> = rows.iter().step_by(each).collect();
+            for (index, &&(one, left)) in rows.iter().enumerate() {
+                for &&(other, right) in &rows[index + 1..] {
+                    if let Some(lag) = lag(one, other) {
+                        products.add(link, lag, left * right);
+                    }
+                }
+            }
+        }
+        products
+    }
+
+    /// Two parameters of which one hides the other.
+    fn confusable(
+        &self,
+        fit: &LinkFit,
+        specs: &[&Spec],
+        inverse: &nalgebra::DMatrix<f64>,
+        place: usize,
+    ) -> Option<String> {
+        let names: Vec<(usize, String)> = specs
+            .iter()
+            .enumerate()
+            .flat_map(|(index, spec)| {
+                let term = &self.candidates[fit.terms[index]].name;
+                (0..fit.states[index].values.len()).map(move |k| {
+                    let key = spec.parameters().get(k).map_or("a knot", |parameter| parameter.key);
+                    (index, format!("{key} of {term}"))
+                })
+            })
+            .collect();
+        for i in 0..names.len() {
+            for j in 0..i {
+                if names[i].0 != place && names[j].0 != place {
+                    continue;
+                }
+                let r = inverse[(i, j)] / (inverse[(i, i)] * inverse[(j, j)]).sqrt();
+                if CONFUSABLE < r.abs() {
+                    return Some(format!(
+                        "{} and {} can hardly be told apart on these data",
+                        names[j].1, names[i].1
+                    ));
+                }
+            }
+        }
+        None
+    }
+}
+
+/// A standard deviation (dB) with its interval: `n` levels of its law are known.
+fn spread(name: &str, value: f64, n: f64) -> Estimate {
+    let n = n.max(0.5);
+    let ends = match ChiSquared::new(n) {
+        Ok(law) => [1.0 - TAIL, TAIL].map(|part| value * (n / law.inverse_cdf(part)).sqrt()),
+        Err(_) => [0.0, f64::INFINITY],
+    };
+    Estimate::new(name, "dB", value, (ends[0], ends[1]))
+}
+
+/// The spread of levels with the length over which they change, if the data tell one, and a warning if they hardly do.
+fn with_length(
+    mut level: Estimate,
+    name: &str,
+    unit: &str,
+    length: Option<Length>,
+) -> (Vec<Estimate>, Option<String>) {
+    let Some(length) = length else { return (vec![level], None) };
+    widen(&mut level, &length);
+    let warning =
+        (!length.is_determined).then(|| format!("{name} is not determined by these data"));
+    (vec![level, Estimate::new(name, unit, length.value, (length.low, length.high))], warning)
+}
+
+/// Widens the interval of the spread of levels to what the covariance of residuals says of it: a fit takes levels for constant
+/// within a place, and those of channels for independent.
+fn widen(spread: &mut Estimate, length: &Length) {
+    let at = |sds: f64| length.sd_db * (sds * length.sd_error).exp();
+    spread.low = spread.low.min(at(-NINETY));
+    spread.high = spread.high.max(at(NINETY));
+}
+
+/// The share of frames like a row's that must pass for its reading to say what levels are like.
+const CERTAIN: f64 = 0.9;
+/// Rows of a link of which every two are compared.
+const MOST_OF_LINK: usize = 150;
+/// Half of the squared standard errors of a 90 % interval: by so much the log likelihood falls at its ends (nats).
+const FALL_NATS: f64 = 0.5 * NINETY * NINETY;
+/// With more rows the likelihood is a parabola, and its curvature says as much as a profile.
+const MOST_PROFILED: usize = 50_000;
+/// Steps in which an end is found.
+const END_STEPS: usize = 6;
+
+impl LinkStudy {
+    /// A fit with a parameter at another value, all others fitted again.
+    pub(super) fn held_at(
+        &self,
+        fit: &LinkFit,
+        term: usize,
+        key: &str,
+        value: f64,
+    ) -> Option<LinkFit> {
+        let place = fit.terms.iter().position(|&other| other == term)?;
+        let parameters = self.specs[term].parameters();
+        let k = parameters.iter().position(|parameter| parameter.key == key)?;
+        let mut states = fit.states.clone();
+        states[place].values[k] = value;
+        let from = From { held: Some((place, k)), ..From::trial(COMMON, Some(fit)) };
+        Some(self.run(&fit.terms, states, &self.fitted_rows(), from))
+    }
+
+    /// The 90 % interval of a parameter by its profile: how far it can be moved, all others fitted again, until the
+    /// likelihood has fallen as far as chance lets it.
+    pub(super) fn profile(&self, fit: &LinkFit, place: usize, k: usize, error: f64) -> (f64, f64) {
+        let specs = self.specs_of(&fit.terms);
+        let parameter = &specs[place].parameters()[k];
+        let best = fit.states[place].values[k];
+        let all = self.fitted_rows();
+        let from = |held| From { held, ..From::trial(COMMON, Some(fit)) };
+        let fall = |value: f64, top: f64| {
+            let mut states = fit.states.clone();
+            states[place].values[k] = value;
+            let there = self.run(&fit.terms, states, &all, from(Some((place, k))));
+            (top - there.log_likelihood).max(0.0)
+        };
+        let top = self.run(&fit.terms, fit.states.clone(), &all, from(Some((place, k))));
+        let top = top.log_likelihood.max(fit.log_likelihood);
+        let end = |sign: f64| {
+            let bound = if sign < 0.0 { parameter.min } else { parameter.max };
+            let reach = (bound - best).abs();
+            // The root of the fall is nearly a straight line: regula falsi, between what is too near and what too far.
+            let (mut near, mut far) = (0.0, f64::INFINITY);
+            let first =
+                if error.is_finite() && 0.0 < error { NINETY * error } else { parameter.step };
+            let mut step = first.min(reach);
+            for _ in 0..END_STEPS {
+                let now = fall(best + sign * step, top);
+                if now < FALL_NATS {
+                    near = step;
+                    if reach <= step {
+                        break;
+                    }
+                } else {
+                    far = step;
+                }
+                let ratio = (FALL_NATS / now.max(1e-9)).sqrt().clamp(0.25, 4.0);
+                let next = (step * ratio).min(reach);
+                step = if far.is_finite() && (next <= near || far <= next) {
+                    0.5 * (near + far)
+                } else {
+                    next
+                };
+                if (ratio - 1.0).abs() < 0.02 {
+                    break;
+                }
+            }
+            best + sign * step
+        };
+        (end(-1.0), end(1.0))
+    }
+}

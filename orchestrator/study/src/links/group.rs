@@ -1,0 +1,276 @@
+//! Which rows belong together: blocks that are left out together, and cells that share a random level.
+
+use super::cells::Cells;
+use super::rows::Rows;
+use crate::choices::{ChoiceError, Choices, Split};
+use crate::folds::{Blocks, FEWEST_BLOCKS, scramble};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Blocks of time.
+const TIME_BLOCKS: usize = 60;
+/// Half a wavelength at 2.44 GHz (m).
+pub(super) const HALF_WAVE_M: f64 = 0.0614;
+
+/// Rows by time in blocks of equal numbers; by pair where time is unknown or constant. Rows that are `scored` by a fit to the
+/// others are in blocks of their own, as many as else of all.
+fn time_blocks(rows: &Rows, scored: Option<&[bool]>) -> Blocks {
+    if !has_times(rows) {
+        return Blocks::of_keys("pairs of nodes", &pairs(rows));
+    }
+    let measured = &rows.links.rows;
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    let time = |row: usize| (measured[row].run, measured[row].time_s);
+    order.sort_by(|&a, &b| {
+        time(a).0.cmp(&time(b).0).then(time(a).1.total_cmp(&time(b).1)).then(a.cmp(&b))
+    });
+    let is_scored = |row: &usize| scored.is_some_and(|scored| scored[*row]);
+    let parts: (Vec<usize>, Vec<usize>) = order.into_iter().partition(is_scored);
+    let mut keys = vec![0u64; rows.len()];
+    for (first, part) in [(0, parts.0), (TIME_BLOCKS as u64, parts.1)] {
+        let n_blocks = TIME_BLOCKS.min(part.len() / 8).max(1);
+        let mut block = 0;
+        for (rank, &row) in part.iter().enumerate() {
+            // Rows of one moment stay together.
+            if rank * n_blocks / part.len() != block && time(row) != time(part[rank - 1]) {
+                block = rank * n_blocks / part.len();
+            }
+            keys[row] = first + block as u64;
+        }
+    }
+    Blocks::of_keys("blocks of time", &keys).in_turn()
+}
+
+/// Whether the rows were measured at so many times that blocks of time can be left out.
+fn has_times(rows: &Rows) -> bool {
+    let mut times: Vec<(u32, u64)> =
+        rows.links.rows.iter().map(|row| (row.run, row.time_s.to_bits())).collect();
+    times.sort_unstable();
+    times.dedup();
+    FEWEST_BLOCKS <= times.len() && rows.links.rows.iter().all(|row| row.time_s.is_finite())
+}
+
+/// Rows of links that were measured once: a link and channel is predicted from other channels and from the other direction.
+/// Those of one pair of nodes depend on each other.
+fn link_channel_blocks(rows: &Rows) -> Blocks {
+    let measured = &rows.links.rows;
+    let keys: Vec<u64> = measured
+        .iter()
+        .map(|row| {
+            let link = (u64::from(row.tx) << 32) | u64::from(row.rx);
+            scramble(link ^ scramble(u64::from(row.channel.unwrap_or(0))))
+        })
+        .collect();
+    let clusters = Some(Blocks::of_keys("pairs of nodes", &pairs(rows)).of_row);
+    Blocks { clusters, ..Blocks::of_keys("links and channels", &keys) }
+}
+
+fn pair(a: u32, b: u32) -> u64 {
+    (u64::from(a.min(b)) << 32) | u64::from(a.max(b))
+}
+
+/// The unordered pair of nodes of each row, as a key.
+fn pairs(rows: &Rows) -> Vec<u64> {
+    rows.links.rows.iter().map(|row| pair(row.tx, row.rx)).collect()
+}
+
+/// How many unordered pairs of nodes there are.
+pub(super) fn n_pairs(rows: &Rows) -> usize {
+    pairs(rows).into_iter().collect::<BTreeSet<_>>().len()
+}
+
+/// Rows by unordered pair of nodes; by place where there are too few pairs.
+fn place_blocks(rows: &Rows) -> Blocks {
+    let by_pair = Blocks::of_keys("pairs of nodes", &pairs(rows));
+    if by_pair.suffices() || rows.still().values().all(|&still| still) {
+        return by_pair;
+    }
+    let places = blocks_of_squares(rows);
+    if by_pair.n_blocks() < places.n_blocks() { places } else { by_pair }
+}
+
+/// Rows by the places of the nodes that move: squares as large as leaves at least 40 of them.
+fn blocks_of_squares(rows: &Rows) -> Blocks {
+    let mut best: Option<Blocks> = None;
+    for side_m in [8.0, 4.0, 2.0, 1.0] {
+        let keys: Vec<u64> = (0..rows.len())
+            .map(|row| {
+                let (tx, rx) = rows.ends(row);
+                let mut key = 0u64;
+                for end in [tx, rx] {
+                    if !rows.still().get(&end.id).copied().unwrap_or(true) {
+                        key = scramble(key ^ square(end.position_m, side_m));
+                    }
+                }
+                key
+            })
+            .collect();
+        let blocks = Blocks::of_keys("places", &keys);
+        let enough = 40 <= blocks.n_blocks();
+        if best.as_ref().is_none_or(|best| best.n_blocks() < blocks.n_blocks()) {
+            best = Some(blocks);
+        }
+        if enough {
+            break;
+        }
+    }
+    best.unwrap_or_else(|| Blocks::of_keys("places", &vec![0; rows.len()]))
+}
+
+/// Rows by one of their ends: with a fold, every row that one of its nodes takes part in is kept from training.
+fn node_blocks(rows: &Rows) -> Blocks {
+    let measured = &rows.links.rows;
+    // One end of each pair, each as often as the other.
+    let keys: Vec<u64> = measured
+        .iter()
+        .map(|row| {
+            let (low, high) = (row.tx.min(row.rx), row.tx.max(row.rx));
+            let is_low = scramble(pair(low, high)) & 1 == 0;
+            u64::from(if is_low { low } else { high })
+        })
+        .collect();
+    let mut blocks = Blocks::of_keys("nodes", &keys);
+    let mut fold_of_node: BTreeMap<u32, usize> = BTreeMap::new();
+    for (row, &key) in keys.iter().enumerate() {
+        fold_of_node.insert(key as u32, blocks.fold(row as u32));
+    }
+    let gaps = measured.iter().enumerate().flat_map(|(row, ends)| {
+        let own = blocks.fold(row as u32);
+        let folds = [ends.tx, ends.rx].map(|node| fold_of_node.get(&node).copied());
+        let others: BTreeSet<usize> =
+            folds.into_iter().flatten().filter(|&fold| fold != own).collect();
+        others.into_iter().map(move |fold| (row as u32, fold as u8))
+    });
+    blocks.gaps = gaps.collect();
+    blocks
+}
+
+/// Blocks by what varies: in time, with places, and, where nothing was measured twice, links and channels.
+pub(super) struct Grouped {
+    pub(super) time: Blocks,
+    pub(super) place: Blocks,
+    pub(super) once: Option<Blocks>,
+}
+
+/// Rows in blocks, as chosen or as suits them.
+pub(super) fn grouped(rows: &Rows, choices: &Choices) -> Result<Grouped, ChoiceError> {
+    let runs: Vec<u32> = rows.links.rows.iter().map(|row| row.run).collect();
+    let scored = choices.scored(&runs);
+    let grouped = match choices.split {
+        Some(split) => {
+            let blocks = split_blocks(rows, split, scored.as_deref())?;
+            Grouped { time: blocks.clone(), place: blocks, once: None }
+        }
+        None => Grouped {
+            time: time_blocks(rows, scored.as_deref()),
+            place: place_blocks(rows),
+            once: (!has_times(rows)).then(|| link_channel_blocks(rows)),
+        },
+    };
+    let folded = |blocks: Blocks| Blocks { scored: scored.clone(), ..blocks };
+    Ok(Grouped {
+        time: folded(grouped.time),
+        place: folded(grouped.place),
+        once: grouped.once.map(folded),
+    })
+}
+
+/// Rows that are left out together by choice.
+fn split_blocks(rows: &Rows, split: Split, scored: Option<&[bool]>) -> Result<Blocks, ChoiceError> {
+    let refused =
+        |reason: &str, nearest| ChoiceError::Split { split, reason: reason.to_owned(), nearest };
+    let blocks = match split {
+        Split::Time if !has_times(rows) => {
+            let reason = "rows have no times, or fewer than 20 different ones";
+            return Err(refused(reason, Split::Pair));
+        }
+        Split::Time => time_blocks(rows, scored),
+        Split::Pair => Blocks::of_keys("pairs of nodes", &pairs(rows)),
+        Split::Node => node_blocks(rows),
+        Split::Place if rows.still().values().all(|&still| still) => {
+            return Err(refused("no node moves, or no places are known", Split::Pair));
+        }
+        Split::Place => blocks_of_squares(rows),
+        Split::Run => {
+            let runs = rows.links.rows.iter().map(|row| u64::from(row.run));
+            Blocks::of_keys("campaigns", &runs.collect::<Vec<_>>())
+        }
+    };
+    if blocks.n_blocks() < 2 {
+        let nearest = if has_times(rows) { Split::Time } else { Split::Pair };
+        let reason = format!("all rows are of one of the {}", blocks.unit);
+        return Err(refused(&reason, nearest));
+    }
+    Ok(blocks)
+}
+
+/// The square (or cube) of a place.
+fn square(place_m: [f64; 3], side_m: f64) -> u64 {
+    place_m
+        .iter()
+        .fold(17, |key, coordinate| scramble(key ^ ((coordinate / side_m).floor() as i64 as u64)))
+}
+
+/// Cells of random levels.
+pub(super) fn cells_of(rows: &Rows, side_m: f64) -> Cells {
+    let ids: Vec<u32> = rows.still().keys().copied().collect();
+    let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
+    let places = |row: usize, side_m: f64| {
+        let (tx, rx) = rows.ends(row);
+        let (low, high) = if tx.id < rx.id { (tx, rx) } else { (rx, tx) };
+        [low, high].iter().fold(0u64, |key, end| {
+            if rows.still().get(&end.id).copied().unwrap_or(true) {
+                key
+            } else {
+                scramble(key ^ square(end.position_m, side_m))
+            }
+        })
+    };
+    let links: Vec<(u64, u64)> = (0..rows.len())
+        .map(|row| {
+            let measured = &rows.links.rows[row];
+            (pair(measured.tx, measured.rx), places(row, side_m))
+        })
+        .collect();
+    let (link, n_links) = numbered(&links);
+    let channels: Vec<(u32, (u8, u64))> = (0..rows.len())
+        .map(|row| {
+            let channel = rows.links.rows[row].channel.unwrap_or(0);
+            (link[row], (channel, places(row, HALF_WAVE_M)))
+        })
+        .collect();
+    let (channel, n_channels) = numbered(&channels);
+    let mut link_of_channel = vec![0; n_channels];
+    for (row, &cell) in channel.iter().enumerate() {
+        link_of_channel[cell as usize] = link[row];
+    }
+    let nodes = rows.links.rows.iter().map(|row| (node(row.tx), node(row.rx))).collect();
+    Cells { link, channel, link_of_channel, n_links, nodes, n_nodes: ids.len() }
+}
+
+/// Numbers keys in the order in which they sort.
+fn numbered<T: Ord + Clone>(keys: &[T]) -> (Vec<u32>, usize) {
+    let mut sorted = keys.to_vec();
+    sorted.sort_unstable();
+    sorted.dedup();
+    let number = |key: &T| sorted.binary_search(key).unwrap_or_default() as u32;
+    (keys.iter().map(number).collect(), sorted.len())
+}
+
+/// Rows of one pair that follow each other stay together where rows are left out: so many.
+const RUN_ROWS: u64 = 8;
+
+/// Marks about `most` of the rows: short runs of each pair's, spread evenly over everything.
+pub(super) fn spread_evenly(rows: &Rows, most: usize) -> Vec<bool> {
+    let mut seen: BTreeMap<u64, u64> = BTreeMap::new();
+    let share = most as f64 / rows.len() as f64;
+    let limit = (share * u64::MAX as f64) as u64;
+    pairs(rows)
+        .into_iter()
+        .map(|key| {
+            let n = seen.entry(key).or_insert(0);
+            let run = *n / RUN_ROWS;
+            *n += 1;
+            scramble(key ^ scramble(run)) <= limit
+        })
+        .collect()
+}

@@ -1,0 +1,508 @@
+//! How likely a row of several frames is: their number received and their mean reading, the level of the link integrated out.
+//!
+//! Frames of one link and channel share a level. With the level u ~ N(μ, τ²), k frames sent and r received, p(u) the probability
+//! that a frame passes, and the mean reading m normal about u + lift(u) with a variance of v(u)/r:
+//!
+//! ```text
+//! L(μ) = ∫ N(u; μ, τ²) · Binomial(r; k, p(u)) · N(m; u + lift(u), v(u)/r) du
+//! ```
+//!
+//! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
+
+use super::tables::{Frame, Frames, Silent};
+use super::{Instrument, Level, Range, Read, STRAY, Slope};
+use crate::RowScore;
+use measure::links::Row;
+
+/// The mean of any number of readings is not known better than this (dB): registers read in steps, and drift.
+const LEAST_SD_DB: f64 = 0.3;
+/// The logarithm of its square.
+const LN_LEAST_VARIANCE: f64 = -2.407_945_608_651_872;
+const LN_TAU: f64 = 1.837_877_066_409_345_5;
+/// Frames of one row fare a little alike, since whatever disturbs them comes and goes: so much they are correlated, and k frames say
+/// as much as k / (1 + (k − 1) ρ) independent ones.
+const ALIKE: f64 = 0.01;
+/// Points of an integral. It reaches on both sides to where the integrand has fallen by so much (nats).
+const POINTS: usize = 25;
+const REACH_NATS: f64 = 14.0;
+/// A part of an integrand less than this share of the greatest is taken not to change with the noise.
+const LEAST_PART: f64 = 1e-4;
+/// Integrands narrower than this (standard deviations of the noise, over which chances of reception change) are summed at few
+/// points: those of Gauss and Hermite with their weights (Abramowitz and Stegun, table 25.10), for unit width.
+const NARROW: f64 = 0.4;
+/// … if the outermost of them lie so much lower than the top (nats), as they do on a normal density: 7.
+const OUTERMOST_NATS: f64 = 5.0;
+const HERMITE: [(f64, f64); 7] = [
+    (-3.750_439_717_725_742_5, 1.557_516_854_473_175_2),
+    (-2.366_759_410_734_541_5, 1.268_810_629_590_737_8),
+    (-1.154_405_394_739_968_2, 1.171_940_823_270_109_2),
+    (0.0, 1.145_887_211_259_886_1),
+    (1.154_405_394_739_968_2, 1.171_940_823_270_109_2),
+    (2.366_759_410_734_541_5, 1.268_810_629_590_737_8),
+    (3.750_439_717_725_742_5, 1.557_516_854_473_175_2),
+];
+/// Frames of levels this many standard deviations below the likeliest must pass alike for an integral in closed form.
+const ALIKE_SD: f64 = 7.0;
+/// What rows of which nothing was received say is tabulated so many standard deviations of their level beyond the curve, at about so
+/// many points.
+const SILENT_SD: f64 = 5.0;
+const SILENT_POINTS: usize = 300;
+/// Steps to the top of an integrand.
+const TOP_STEPS: usize = 16;
+/// By how much the spread of frames is changed for a derivative.
+const WIDER: f64 = 1.02;
+
+/// What is seen of a row.
+#[derive(Clone, Copy)]
+struct Seen {
+    /// Frames sent, as many as were worth as much if they were independent.
+    sent: f64,
+    /// Of these received.
+    received: f64,
+    reading_dbm: f64,
+    readings: f64,
+    ln_readings: f64,
+    knows_losses: bool,
+}
+
+impl Seen {
+    fn of(row: &Row, instrument: &Instrument) -> Self {
+        let knows_losses = instrument.readings.has_losses && row.received.is_finite();
+        let sent = if row.frames.is_finite() { row.frames.max(1.0) } else { 1.0 };
+        let received = if row.received.is_finite() { row.received } else { sent };
+        let share = worth(sent) / sent;
+        Self {
+            sent: worth(sent),
+            received: received * share,
+            reading_dbm: row.rssi_dbm,
+            readings: received.max(1.0),
+            ln_readings: received.max(1.0).ln(),
+            knows_losses,
+        }
+    }
+}
+
+impl Seen {
+    fn is_silent(&self) -> bool {
+        self.knows_losses && self.received == 0.0
+    }
+}
+
+/// As many independent frames say as much as so many of a row.
+fn worth(frames: f64) -> f64 {
+    frames / (1.0 + (frames - 1.0) * ALIKE)
+}
+
+/// A level that nothing but power makes.
+const PLAIN: Level = Level {
+    power_dbm: 0.0,
+    register_db: 0.0,
+    range: Range::shifted(0.0),
+    shift_db: 0.0,
+    ln_survival: 0.0,
+    stated: None,
+};
+
+/// What an integral over the level gives.
+struct Integral {
+    /// Its logarithm.
+    log: f64,
+    /// The mean of the level, given what was seen (dBm).
+    level: f64,
+    /// Its variance (dB²).
+    left: f64,
+    /// Its derivative over the logarithm of the noise's standard deviation.
+    over_ln_sd: f64,
+}
+
+impl Instrument {
+    /// Chance that a frame passes at a level, how much stronger those that pass are in the mean (dB), and their variance (dB²).
+    fn frames(&self, level: &Level, u: f64) -> (f64, f64, f64) {
+        let chance = self.averaged.at(u - level.shift_db);
+        let survival = if level.ln_survival == 0.0 { 1.0 } else { level.ln_survival.exp() };
+        match level.stated {
+            Some(stated) => {
+                let passes = (stated * survival).clamp(STRAY, 1.0 - STRAY);
+                (passes, 0.0, self.sd_db * self.sd_db)
+            }
+            None if !self.readings.has_losses => (1.0, 0.0, self.sd_db * self.sd_db),
+            None => {
+                let z = chance.lift_db / self.sd_db;
+                let share = (1.0 + chance.over_ln_sd / chance.passes - z * z).clamp(0.05, 2.0);
+                (survival * chance.passes, chance.lift_db, self.sd_db * self.sd_db * share)
+            }
+        }
+    }
+
+    /// What frames do at every level, where losses are known.
+    fn table(&self) -> Frames {
+        let rows: Vec<[f64; 7]> = self
+            .averaged
+            .points()
+            .map(|u| {
+                let (passes, lift_db, variance) = self.frames(&PLAIN, u);
+                let slope = self.averaged.at(u).slope;
+                let fails = 1.0 - passes;
+                let variance = self.rounded_variance(variance);
+                let (by_passes, by_fails) = (slope / passes, -slope / fails);
+                [passes.ln(), by_passes, fails.ln(), by_fails, lift_db, variance, variance.ln()]
+            })
+            .collect();
+        let top = rows[rows.len() - 1];
+        let is_alike = |row: &[f64; 7]| {
+            (row[0] - top[0]).abs() < 1e-9
+                && (row[2] - top[2]).abs() < 1e-6
+                && (row[5] / top[5] - 1.0).abs() < 1e-6
+        };
+        let n_below = rows.iter().rposition(|row| !is_alike(row)).map_or(0, |last| last + 1);
+        let (from_dbm, step) = (self.averaged.from_dbm, self.averaged.step);
+        Frames { from_dbm, step, rows, alike_from_dbm: from_dbm + n_below as f64 * step }
+    }
+
+    /// Log likelihood of what was seen at a level.
+    fn seen_at(&self, seen: &Seen, level: &Level, u: f64) -> f64 {
+        let frame = match &self.tabulated {
+            Some(frames) if level.stated.is_none() => {
+                let mut frame = frames.at(u - level.shift_db);
+                if level.ln_survival != 0.0 {
+                    frame.ln_passes += level.ln_survival;
+                    frame.ln_fails = (-frame.ln_passes.exp_m1()).ln();
+                }
+                frame
+            }
+            _ => {
+                let (passes, lift_db, variance) = self.frames(level, u);
+                let variance = self.rounded_variance(variance);
+                let (ln_passes, ln_fails) = (passes.ln(), (1.0 - passes).ln());
+                Frame { ln_passes, ln_fails, lift_db, variance, ln_variance: variance.ln() }
+            }
+        };
+        let mut log = 0.0;
+        if seen.knows_losses {
+            log += seen.received * frame.ln_passes + (seen.sent - seen.received) * frame.ln_fails;
+        }
+        if seen.reading_dbm.is_finite() {
+            let variance = mean_variance(frame.variance, seen.readings);
+            let ln_variance = (frame.ln_variance - seen.ln_readings).max(LN_LEAST_VARIANCE);
+            let deviation = seen.reading_dbm - level.range.offset_db - u - frame.lift_db;
+            log -= 0.5 * (deviation * deviation / variance + ln_variance + LN_TAU);
+        }
+        log
+    }
+
+    /// Variance of a reading (dB²), the frames' own given: they are rounded.
+    fn rounded_variance(&self, variance: f64) -> f64 {
+        variance + self.readings.quantum_db * self.readings.quantum_db / 12.0
+    }
+
+    /// The integral where frames of every level that is likely pass alike: that of a product of two normal densities.
+    fn integral_of_reading(
+        &self,
+        seen: &Seen,
+        level: &Level,
+        mean: f64,
+        variance: f64,
+    ) -> Option<Integral> {
+        let read = seen.reading_dbm - level.range.offset_db;
+        let (lift, one, alike_from_dbm) = match &self.tabulated {
+            _ if !self.readings.has_losses => {
+                (0.0, self.rounded_variance(self.sd_db * self.sd_db), f64::NEG_INFINITY)
+            }
+            Some(frames) if level.stated.is_none() => {
+                let Frame { lift_db, variance, .. } = frames.at(read - level.shift_db);
+                (lift_db, variance, frames.alike_from_dbm)
+            }
+            _ => return None,
+        };
+        let own = mean_variance(one, seen.readings);
+        let both = variance + own;
+        let left = variance * own / both;
+        let deviation = read - lift - mean;
+        let posterior = mean + variance * deviation / both;
+        let lowest = (posterior - ALIKE_SD * left.sqrt()).min(read) - level.shift_db;
+        if read.is_nan() || lowest < alike_from_dbm {
+            return None;
+        }
+        let by_frames = self.seen_at(&Seen { reading_dbm: f64::NAN, ..*seen }, level, posterior);
+        let share = deviation * deviation / both;
+        let is_least = own <= LEAST_SD_DB * LEAST_SD_DB;
+        let own_over_ln_sd =
+            if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / seen.readings };
+        Some(Integral {
+            log: by_frames - 0.5 * (share + both.ln() + LN_TAU),
+            level: posterior,
+            left,
+            over_ln_sd: 0.5 * own_over_ln_sd * (share - 1.0) / both,
+        })
+    }
+
+    /// The integral over the level, `variance` being its variance before anything is seen.
+    fn integral(&self, seen: &Seen, level: &Level, mean: f64, variance: f64) -> Integral {
+        if let Some(integral) = self.integral_of_reading(seen, level, mean, variance) {
+            return integral;
+        }
+        let at = |u: f64| self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance;
+        let mut top = mean;
+        let mut start = |there: f64| {
+            if at(top) < at(there) {
+                top = there;
+            }
+        };
+        if seen.reading_dbm.is_finite() {
+            let read = seen.reading_dbm - level.range.offset_db;
+            let (_, lift, own) = self.frames(level, read);
+            let own = mean_variance(self.rounded_variance(own), seen.readings);
+            start((variance * (read - lift) + own * mean) / (variance + own));
+        }
+        if !seen.reading_dbm.is_finite() {
+            for k in [-3.0, -2.0, -1.0, 1.0] {
+                start(mean + k * variance.sqrt());
+            }
+        }
+        let mut width = variance.sqrt();
+        for _ in 0..TOP_STEPS {
+            let h = 0.05;
+            let (below, here, above) = (at(top - h), at(top), at(top + h));
+            let (slope, bend) =
+                ((above - below) / (2.0 * h), (2.0 * here - above - below) / (h * h));
+            let bend = bend.max(1.0 / variance);
+            width = bend.sqrt().recip();
+            let step = (slope / bend).clamp(-2.0 * width - 1.0, 2.0 * width + 1.0);
+            top += step;
+            if step.abs() < 0.05 * width {
+                break;
+            }
+        }
+        // Beside a reading nothing but a normal density is left of the integrand; without one a wall of losses on one side leaves a
+        // long slope on the other.
+        if seen.reading_dbm.is_finite() && width < NARROW * self.sd_db {
+            let few = HERMITE.map(|(z, weight)| (z * width, weight * width));
+            let logs = few.map(|(away, _)| at(top + away));
+            let is_normal = |log: &f64| *log < logs[3] - OUTERMOST_NATS;
+            if [&logs[0], &logs[6]].into_iter().all(is_normal) {
+                return self.sum_over(seen, level, (mean, variance), top, &few, &logs);
+            }
+        }
+        let points = Self::trapezia(&at, top, width, variance);
+        let logs = points.map(|(away, _)| at(top + away));
+        self.sum_over(seen, level, (mean, variance), top, &points, &logs)
+    }
+
+    /// Points about the top of an integrand at equal steps, to where it has fallen low, each with its weight.
+    fn trapezia(
+        at: &dyn Fn(f64) -> f64,
+        top: f64,
+        width: f64,
+        variance: f64,
+    ) -> [(f64, f64); POINTS] {
+        let here = at(top);
+        let reach = |sign: f64| {
+            let mut reach = 2.0 * width;
+            while reach < 20.0 * variance.sqrt() && here - REACH_NATS < at(top + sign * reach) {
+                reach *= 1.5;
+            }
+            sign * reach
+        };
+        let (low, high) = (reach(-1.0), reach(1.0));
+        let step = (high - low) / (POINTS - 1) as f64;
+        std::array::from_fn(|k| (low + k as f64 * step, step))
+    }
+
+    /// The integral by points about the top of its integrand, each with its weight, and the logarithms of the integrand there.
+    fn sum_over<const N: usize>(
+        &self,
+        seen: &Seen,
+        level: &Level,
+        (mean, variance): (f64, f64),
+        top: f64,
+        points: &[(f64, f64); N],
+        logs: &[f64; N],
+    ) -> Integral {
+        let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
+        for (&(away, weight), log) in points.iter().zip(logs) {
+            let part = weight * (log - best).exp();
+            total += part;
+            first += part * away;
+            second += part * away * away;
+        }
+        let (shift, square) = (first / total, second / total);
+        let log = best + total.ln() - 0.5 * (variance.ln() + LN_TAU);
+        let left = (square - shift * shift).max(1e-12);
+        // The same integral with frames that vary a little more, as a ratio.
+        let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
+            let mut sum = 0.0;
+            for (&(away, weight), log) in points.iter().zip(logs) {
+                let part = (log - best).exp();
+                if LEAST_PART < part {
+                    let u = top + away;
+                    let prior = -0.5 * (u - mean) * (u - mean) / variance;
+                    let ratio = wider.seen_at(seen, level, u) + prior - log;
+                    sum += weight * part * ratio.exp();
+                } else {
+                    sum += weight * part;
+                }
+            }
+            (sum / total).ln() / WIDER.ln()
+        });
+        Integral { log, level: top + shift, left, over_ln_sd }
+    }
+
+    /// Log likelihood of a row of several frames. `lift_db` is added to the level.
+    pub(super) fn summed(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
+        let seen = Seen::of(row, self);
+        let mean = level.power_dbm + lift_db;
+        let is_plain = level.stated.is_none() && level.ln_survival == 0.0;
+        if is_plain && seen.is_silent() {
+            let known = self.silent.iter().find(|silent| silent.sent == seen.sent);
+            if let Some(slope) = known.and_then(|silent| silent.at(mean - level.shift_db)) {
+                return slope;
+            }
+        }
+        self.integrated(&seen, level, mean)
+    }
+
+    /// Log likelihood of what was seen, by an integral.
+    fn integrated(&self, seen: &Seen, level: &Level, mean: f64) -> Slope {
+        let variance = self.link_sd_db * self.link_sd_db;
+        let Integral { log, level: posterior, left, over_ln_sd } =
+            self.integral(seen, level, mean, variance);
+        let away = posterior - mean;
+        Slope {
+            log: log + beside(seen, level),
+            over_level: away / variance,
+            weight: ((1.0 - left / variance) / variance).max(0.0),
+            over_ln_sd,
+            over_ln_link_sd: (away * away + left) / variance - 1.0,
+        }
+    }
+
+    /// With what many rows ask for, computed once: what frames do at every level, the same with frames that vary a little more, for
+    /// derivatives, and rows of which nothing was received, for these numbers of frames sent.
+    #[must_use]
+    pub fn with_tables(self, silent_frames: &[f64]) -> Self {
+        let tabulated =
+            |one: Self| Self { tabulated: one.readings.has_losses.then(|| one.table()), ..one };
+        let wider = tabulated(self.with_sd(WIDER * self.sd_db));
+        let mut with = Self { wider: Some(Box::new(wider)), ..tabulated(self) };
+        if with.readings.has_losses {
+            with.silent = silent_frames.iter().map(|&frames| with.silent(frames)).collect();
+        }
+        with
+    }
+
+    /// What rows of so many frames, none of them received, say at every mean level.
+    fn silent(&self, frames: f64) -> Silent {
+        let sent = worth(frames);
+        let seen = Seen {
+            sent,
+            received: 0.0,
+            reading_dbm: f64::NAN,
+            readings: 1.0,
+            ln_readings: 0.0,
+            knows_losses: true,
+        };
+        let below = SILENT_SD * self.link_sd_db;
+        let from_dbm = self.averaged.from_dbm - below;
+        let width = self.averaged.width_db() + below + below;
+        let step = (width / SILENT_POINTS as f64).max(0.1 * self.link_sd_db);
+        let rows = (0..=(width / step) as usize)
+            .map(|i| self.integrated(&seen, &PLAIN, from_dbm + i as f64 * step))
+            .collect();
+        Silent { sent, from_dbm, step, rows }
+    }
+
+    /// What the mean reading of a row should be (dBm), its standard deviation (dB), the share of frames that should be received
+    /// and the standard deviation of that. `extra`: further variance of the level (dB²); `read`: what the register reads, where it
+    /// does more than shift.
+    #[must_use]
+    pub fn row_of(
+        &self,
+        row: &Row,
+        level: &Level,
+        (lift_db, extra): (f64, f64),
+        read: Option<Read<'_>>,
+    ) -> [f64; 4] {
+        let seen = Seen::of(row, self);
+        let mean = level.power_dbm + lift_db;
+        let sd = (self.link_sd_db * self.link_sd_db + extra).sqrt();
+        let mut sums = [0.0; 6];
+        for k in 0..POINTS {
+            let z = 8.0 * k as f64 / (POINTS - 1) as f64 - 4.0;
+            let u = mean + z * sd;
+            let (passes, lift, variance) = self.frames(level, u);
+            let weight = (-0.5 * z * z).exp();
+            // Rows without a single frame received show no reading.
+            let shows = weight * (1.0 - (seen.sent * (1.0 - passes).max(1e-300).ln()).exp());
+            let readings = (seen.sent * passes).max(1.0);
+            let reading = read.map_or(u + level.register_db + lift, |read| read(u + lift));
+            sums[0] += weight;
+            sums[1] += weight * passes;
+            sums[2] += weight * (passes * passes + passes * (1.0 - passes) / seen.sent);
+            sums[3] += shows;
+            sums[4] += shows * reading;
+            sums[5] += shows
+                * (reading * reading + mean_variance(self.rounded_variance(variance), readings));
+        }
+        let (share, reading) = (sums[1] / sums[0], sums[4] / sums[3]);
+        let sd_of = |square: f64, mean: f64| (square - mean * mean).max(1e-9).sqrt();
+        [reading, sd_of(sums[5] / sums[3], reading), share, sd_of(sums[2] / sums[0], share)]
+    }
+
+    /// Scores the prediction of a row of several frames.
+    #[must_use]
+    pub fn score_row(
+        &self,
+        row: &Row,
+        level: &Level,
+        (lift_db, extra): (f64, f64),
+        read: Option<Read<'_>>,
+    ) -> RowScore {
+        let seen = Seen::of(row, self);
+        let variance = self.link_sd_db * self.link_sd_db + extra;
+        let Integral { log, .. } = self.integral(&seen, level, level.power_dbm + lift_db, variance);
+        let [reading, sd, share, _] = self.row_of(row, level, (lift_db, extra), read);
+        let mut score = RowScore {
+            log: log + beside(&seen, level),
+            squared_error: f64::NAN,
+            crps: f64::NAN,
+            reception_log_loss: f64::NAN,
+        };
+        if row.rssi_dbm.is_finite() {
+            let deviation = row.rssi_dbm - reading;
+            score.squared_error = deviation * deviation;
+            score.crps = super::normal_crps(deviation, sd);
+        }
+        if seen.knows_losses {
+            let share = share.clamp(1e-9, 1.0 - 1e-9);
+            let measured = seen.received / seen.sent;
+            score.reception_log_loss =
+                -measured * share.ln() - (1.0 - measured) * (1.0 - share).ln();
+        }
+        score
+    }
+}
+
+/// Variance of the mean of readings, the variance of one given (dB²).
+fn mean_variance(variance: f64, readings: f64) -> f64 {
+    (variance / readings).max(LEAST_SD_DB * LEAST_SD_DB)
+}
+
+/// Logarithm of what a row's likelihood is multiplied by whatever the level: the number of ways in which so many of the frames are
+/// received, and by how much wider powers lie than readings.
+fn beside(seen: &Seen, level: &Level) -> f64 {
+    let ln_stretch = if seen.reading_dbm.is_finite() { level.range.stretch.ln() } else { 0.0 };
+    ways(seen) + ln_stretch
+}
+
+/// Logarithm of the number of ways in which so many of the frames are received.
+fn ways(seen: &Seen) -> f64 {
+    if !seen.knows_losses {
+        return 0.0;
+    }
+    let factorial = |n: f64| libm::lgamma(n + 1.0);
+    factorial(seen.sent) - factorial(seen.received) - factorial(seen.sent - seen.received)
+}
+
+#[cfg(test)]
+mod tests;

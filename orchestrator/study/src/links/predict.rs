@@ -1,0 +1,224 @@
+//! What a fitted model predicts for the rows, and what is left of them.
+
+use super::LinkStudy;
+use super::active::Otherwise;
+use super::cells::Cells;
+use super::fit::LinkFit;
+use super::likelihood::{Instrument, Level, Read};
+use super::terms::Spec;
+use crate::symbolic::{self, Deviations, Formula};
+use crate::{Component, PredictionDifference, Residuals, RowScore, mean};
+use netsim::phy::effect::formula::NAMES;
+use proto::effect::CONSTANT;
+use std::collections::BTreeMap;
+
+/// Losses are looked at where at least this share of frames should pass.
+const LEAST_PASSES: f64 = 0.3;
+/// What formulas of readings are added to …
+const MEAN: &str = "mean";
+/// … and those of losses.
+const LOSS: &str = "loss";
+
+/// What a model predicts for a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Predicted {
+    /// What a received row should read (dBm).
+    pub rssi_dbm: f64,
+    /// Standard deviation of that (dB).
+    pub sd_db: f64,
+    /// Probability of reception, or the share of frames.
+    pub passes: f64,
+    /// Standard deviation of what is received about that.
+    pub passes_sd: f64,
+    /// The mean level that decides over reception (dBm).
+    pub level_dbm: f64,
+}
+
+/// The instrument of a fit where the level has a variance (dB²) of its own: made in steps of 2 % of the noise.
+pub(super) fn instrument_for<'a>(
+    fit: &LinkFit,
+    extra: f64,
+    tables: &'a mut BTreeMap<i64, Instrument>,
+) -> &'a Instrument {
+    let variance = fit.instrument.sd_db * fit.instrument.sd_db + extra;
+    let key = (25.0 * variance.ln()).round() as i64;
+    tables.entry(key).or_insert_with(|| fit.instrument.with_sd((key as f64 / 50.0).exp()))
+}
+
+/// What random levels add to a row.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Above {
+    lift_db: f64,
+    /// How uncertain that is (dB²).
+    variance: f64,
+}
+
+impl Above {
+    pub(super) fn of(fit: &LinkFit, cells: &Cells, row: usize) -> Self {
+        Self { lift_db: fit.random.level_db(cells, row), variance: fit.random.variance(cells, row) }
+    }
+}
+
+impl LinkStudy {
+    /// Scores one row.
+    pub(super) fn score(
+        &self,
+        fit: &LinkFit,
+        row: usize,
+        (level, otherwise): (&Level, &Otherwise<'_>),
+        Above { lift_db, variance }: Above,
+        tables: &mut BTreeMap<i64, Instrument>,
+    ) -> RowScore {
+        let measured = &self.rows.links.rows[row];
+        let read = otherwise.read(&self.rows, row);
+        let read = read.as_ref().map(|read| read as Read<'_>);
+        if fit.instrument.readings.is_given {
+            return fit.instrument.score_given(measured, level);
+        }
+        if fit.instrument.readings.is_aggregated {
+            return fit.instrument.score_row(measured, level, (lift_db, variance), read);
+        }
+        instrument_for(fit, variance, tables).score(measured, level, lift_db, read)
+    }
+
+    /// What a fit predicts for every row.
+    #[must_use]
+    pub fn predictions(&self, fit: &LinkFit) -> Vec<Predicted> {
+        let specs = self.specs_of(&fit.terms);
+        let cells = self.cells(fit.decorrelation_m);
+        let otherwise = fit.otherwise(&self.rows);
+        let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
+        let one = |row: usize| {
+            let level = fit.level((&self.rows, &specs), row, &otherwise);
+            let Above { lift_db, variance } = Above::of(fit, cells, row);
+            let level_dbm = level.power_dbm + lift_db - level.shift_db;
+            let read = otherwise.read(&self.rows, row);
+            let read = read.as_ref().map(|read| read as Read<'_>);
+            if fit.instrument.readings.is_given {
+                let measured = &self.rows.links.rows[row];
+                let (passes, passes_sd) = fit.instrument.share_of(measured, &level);
+                let (rssi_dbm, sd_db) = (measured.rssi_dbm, f64::NAN);
+                return Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm };
+            }
+            if fit.instrument.readings.is_aggregated {
+                let measured = &self.rows.links.rows[row];
+                let [rssi_dbm, sd_db, passes, passes_sd] =
+                    fit.instrument.row_of(measured, &level, (lift_db, variance), read);
+                return Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm };
+            }
+            let instrument = instrument_for(fit, variance, &mut tables);
+            let (rssi_dbm, sd_db) = instrument.reading(&level, lift_db, read);
+            let passes = instrument.reception(&level, lift_db);
+            let passes_sd = (passes * (1.0 - passes)).max(1e-6).sqrt();
+            Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm }
+        };
+        (0..self.rows.len()).map(one).collect()
+    }
+
+    /// What is left of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
+    /// of reception in standard deviations. NaN where there is none. Where readings are given, deviations are of the share of
+    /// frames received, and no surprise is beside them.
+    #[must_use]
+    pub fn residuals(&self, fit: &LinkFit) -> [Vec<f64>; 3] {
+        let mut all = [(); 3].map(|()| vec![f64::NAN; self.rows.len()]);
+        for (row, predicted) in self.predictions(fit).into_iter().enumerate() {
+            let measured = &self.rows.links.rows[row];
+            if self.rows.links.readings.is_given {
+                all[0][row] = measured.received / measured.frames - predicted.passes;
+                all[1][row] = all[0][row] / predicted.passes_sd;
+                continue;
+            }
+            if measured.rssi_dbm.is_finite() {
+                all[0][row] = measured.rssi_dbm - predicted.rssi_dbm;
+                all[1][row] = all[0][row] / predicted.sd_db;
+            }
+            if self.rows.links.readings.has_losses && measured.received.is_finite() {
+                let share = measured.received / measured.frames;
+                all[2][row] = (share - predicted.passes) / predicted.passes_sd;
+            }
+        }
+        all
+    }
+
+    /// The share of frames that was lost of those that should have passed, row by row; NaN where hardly one should.
+    fn losses_left(&self, fit: &LinkFit) -> Vec<f64> {
+        let lost = |(row, predicted): (usize, Predicted)| {
+            let measured = &self.rows.links.rows[row];
+            let share = 1.0 - measured.received / measured.frames / predicted.passes;
+            if predicted.passes < LEAST_PASSES { f64::NAN } else { share }
+        };
+        self.predictions(fit).into_iter().enumerate().map(lost).collect()
+    }
+
+    /// Covariates of these rows that a formula may name.
+    fn formula_covariates<'a>(
+        &self,
+        covariates: &'a [(String, Vec<f64>)],
+    ) -> Vec<&'a (String, Vec<f64>)> {
+        let is_known = |name: &String| {
+            NAMES.iter().any(|(known, _)| known == name)
+                || self.rows.links.covariates.iter().any(|(given, _)| given == name)
+        };
+        covariates.iter().filter(|(name, _)| is_known(name)).collect()
+    }
+
+    /// Standardised residuals of readings and of reception.
+    pub(super) fn standardised(&self, fit: &LinkFit) -> Residuals {
+        let [deviation, scaled, surprise] = self.residuals(fit);
+        Residuals {
+            components: vec![
+                Component { standardised: scaled, is_of_error: true },
+                Component { standardised: surprise, is_of_error: false },
+            ],
+            mean_square: Some(mean(deviation.iter().map(|d| d * d))),
+        }
+    }
+
+    /// The formula of an accepted curve, for the residuals of a fit without it.
+    pub(super) fn curve_as_formula(&self, term: usize, fit_without: &LinkFit) -> Option<Formula> {
+        let Spec::Curve(curve) = &self.specs[term] else { return None };
+        let (deviation, target) = if curve.is_loss {
+            (self.losses_left(fit_without), LOSS)
+        } else {
+            let [deviation, ..] = self.residuals(fit_without);
+            (deviation, MEAN)
+        };
+        if curve.covariate == CONSTANT {
+            return symbolic::constant(&deviation, target);
+        }
+        let covariates = self.covariates();
+        let others = self.formula_covariates(&covariates);
+        let deviations = Deviations { values: &deviation, factor: None, target };
+        symbolic::of_covariate((&curve.covariate, &curve.values), &others, deviations, &self.time)
+    }
+
+    /// The formula of a covariate, for the residuals of readings.
+    pub(super) fn residuals_as_formula(&self, covariate: &str, fit: &LinkFit) -> Option<Formula> {
+        let covariates = self.covariates();
+        let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
+        let [deviation, ..] = self.residuals(fit);
+        let others = self.formula_covariates(&covariates);
+        let deviations = Deviations { values: &deviation, factor: None, target: MEAN };
+        symbolic::of_covariate((name, values), &others, deviations, &self.time)
+    }
+}
+
+/// Levels that are closer (dB) are the same.
+const SAME_DB: f64 = 1e-6;
+
+impl LinkStudy {
+    /// The difference of two fits, row by row: of the levels that they predict or, where these are the same, of the probability of
+    /// reception.
+    pub(super) fn difference_by_row(&self, one: &LinkFit, other: &LinkFit) -> PredictionDifference {
+        let (one, other) = (self.predictions(one), self.predictions(other));
+        let both = || one.iter().zip(&other);
+        let by_row: Vec<f64> = both().map(|(a, b)| (a.rssi_dbm - b.rssi_dbm).abs()).collect();
+        let (by_row, unit) = if by_row.iter().any(|&apart_db| SAME_DB < apart_db) {
+            (by_row, "dB")
+        } else {
+            let points = both().map(|(a, b)| 100.0 * (a.passes - b.passes).abs());
+            (points.collect(), "points of delivery")
+        };
+        PredictionDifference { by_row, unit, covariates: self.covariates() }
+    }
+}

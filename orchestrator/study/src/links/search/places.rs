@@ -1,0 +1,260 @@
+//! How well the place of a hidden obstacle is known: the places that the likelihood allows, drawn by a random walk.
+//!
+//! The likelihood is a staircase in the coordinates: it changes where an edge passes another way. A profile stops at the first
+//! step that is high; a walk goes on to what lies behind it.
+
+use super::{Shape, Way, ways};
+use crate::links::likelihood::Slope;
+use crate::links::rows::Rows;
+use crate::links::terms::State;
+use proto::rng::{Draws, Purpose, normal, uniform};
+
+/// Steps of the walk, and how many looks at a way it may take in all.
+const STEPS: (usize, usize) = (1_000, 20_000);
+const MOST_LOOKS: usize = 100_000_000;
+/// The first steps are forgotten: one in so many.
+const FORGOTTEN: usize = 8;
+/// Least and greatest size of a move (m), and of a change of the loss (dB).
+const MOVES_M: (f64, f64) = (0.02, 6.0);
+const CHANGES_DB: (f64, f64) = (0.02, 2.0);
+/// No obstacle is larger (m), none attenuates more (dB).
+const WIDEST_M: f64 = 50.0;
+const MOST_DB: f64 = 60.0;
+
+/// A number of an obstacle with its interval (m; of the loss dB).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coordinate {
+    /// `from_x_m`, `centre_y_m`, `radius_m`, …, `loss_db`.
+    pub name: &'static str,
+    /// What was found.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// The place of an obstacle in a state.
+fn shape_of(state: &State) -> Option<Shape> {
+    let list = |key: &str| -> Option<[f64; 2]> {
+        let list = state.table.get(key)?.as_array()?;
+        Some([list.first()?.as_float()?, list.get(1)?.as_float()?])
+    };
+    if let (Some(a), Some(b)) = (list("from_m"), list("to_m")) {
+        return Some(Shape::Segment(a, b));
+    }
+    Some(Shape::Disc(list("centre_m")?, state.table.get("radius_m")?.as_float()?))
+}
+
+/// An obstacle that was fitted, and the ways with what the rows on them still ask for.
+struct Walk {
+    ways: Vec<Way>,
+    /// Of each way, what the fitted obstacle takes (dB).
+    taken_db: Vec<f64>,
+    shape: Shape,
+    /// Least and greatest coordinates (m) between which ways lie, and what was fitted: beyond them nothing tells where an end is.
+    bounds_m: [[f64; 2]; 2],
+}
+
+impl Walk {
+    fn new(ways: Vec<Way>, shape: Shape, loss_db: f64) -> Self {
+        let taken = |way: &Way| if shape.is_crossed(way) { loss_db } else { 0.0 };
+        let places = ways.iter().flat_map(|way| [way.from_m, way.to_m]);
+        let places = places.chain(shape.places());
+        let mut bounds_m = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        for place in places {
+            for axis in 0..2 {
+                bounds_m[0][axis] = bounds_m[0][axis].min(place[axis]);
+                bounds_m[1][axis] = bounds_m[1][axis].max(place[axis]);
+            }
+        }
+        Self { taken_db: ways.iter().map(taken).collect(), ways, shape, bounds_m }
+    }
+
+    /// What the likelihood loses (nats) with the obstacle at these numbers, the loss (dB) the last: a parabola about the fit.
+    fn lost(&self, numbers: &[f64]) -> f64 {
+        let (loss_db, place) =
+            numbers.split_last().map_or((0.0, numbers), |(l, place)| (*l, place));
+        let there = self.shape.of(place);
+        let lost = self.ways.iter().zip(&self.taken_db).map(|(way, taken_db)| {
+            let takes_db = if there.is_crossed(way) { loss_db } else { 0.0 };
+            let change = taken_db - takes_db;
+            change * (0.5 * change * way.weight - way.slope)
+        });
+        lost.sum()
+    }
+
+    /// Numbers that the likelihood allows, as often as it allows them, from a start.
+    fn drawn(&self, start: Vec<f64>) -> Vec<Vec<f64>> {
+        let draws = Draws::new(4, Purpose::Resample);
+        let n_steps = (MOST_LOOKS / self.ways.len().max(1)).clamp(STEPS.0, STEPS.1);
+        let mut here = start;
+        let mut lost = self.lost(&here);
+        let mut drawn = Vec::with_capacity(n_steps);
+        for step in 0..n_steps {
+            let [what, size, one, other] = draws.words(0, step as u64, 0);
+            let [accept, turn, ..] = draws.words(0, step as u64, 1);
+            let size = (uniform(size), uniform(turn));
+            let there = self.moved(&here, what, size, normal(one, other));
+            if self.is_possible(&there) {
+                let then = self.lost(&there);
+                if uniform(accept).ln() < lost - then {
+                    (here, lost) = (there, then);
+                }
+            }
+            drawn.push(here.clone());
+        }
+        drawn.split_off(n_steps / FORGOTTEN)
+    }
+
+    /// A move that is as likely as its way back: of one number; of a segment, or of one end of it, along it or across, or about
+    /// an end; of a disc with an edge that stays. `turn`: a number in 0 to 1.
+    fn moved(&self, here: &[f64], what: u64, (size, turn): (f64, f64), by: f64) -> Vec<f64> {
+        let scaled = |(least, most): (f64, f64)| by * least * (most / least).powf(size);
+        let mut there = here.to_vec();
+        let loss = here.len() - 1;
+        let own_moves = match self.shape {
+            Shape::Segment(..) => 6,
+            Shape::Disc(..) => 2,
+        };
+        let k = (what % (here.len() as u64 + own_moves)) as usize;
+        if k == loss {
+            there[k] += scaled(CHANGES_DB);
+            return there;
+        }
+        let by_m = scaled(MOVES_M);
+        if k < loss {
+            there[k] += by_m;
+            return there;
+        }
+        if let Shape::Disc(..) = self.shape {
+            let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+            there[0] += by_m * cos;
+            there[1] += by_m * sin;
+            there[2] += by_m;
+            return there;
+        }
+        let (east, north) = (here[2] - here[0], here[3] - here[1]);
+        let length_m = east.hypot(north);
+        let (east, north) = (east / length_m, north / length_m);
+        let mut add = |end: usize, east_m: f64, north_m: f64| {
+            there[2 * end] += east_m;
+            there[2 * end + 1] += north_m;
+        };
+        match k - here.len() {
+            // One end along the segment; both, and both across it.
+            end @ (0 | 1) => add(end, by_m * east, by_m * north),
+            2 => (0..2).for_each(|end| add(end, by_m * east, by_m * north)),
+            3 => (0..2).for_each(|end| add(end, -by_m * north, by_m * east)),
+            // One end about the other, by an arc so long.
+            about => {
+                let (sin, cos) = (by_m / length_m).sin_cos();
+                let end = about % 2;
+                let sign = if end == 0 { -1.0 } else { 1.0 };
+                let turned = [east * cos - north * sin - east, east * sin + north * cos - north];
+                add(end, sign * length_m * turned[0], sign * length_m * turned[1]);
+            }
+        }
+        there
+    }
+
+    fn is_possible(&self, numbers: &[f64]) -> bool {
+        let Some((loss_db, place)) = numbers.split_last() else { return false };
+        let size_m = match self.shape {
+            Shape::Segment(..) => (place[2] - place[0]).hypot(place[3] - place[1]),
+            Shape::Disc(..) => place[2],
+        };
+        let [least, most] = self.bounds_m;
+        let is_within =
+            |at: [f64; 2]| (0..2).all(|axis| least[axis] <= at[axis] && at[axis] <= most[axis]);
+        0.0 < *loss_db
+            && *loss_db < MOST_DB
+            && 0.1 < size_m
+            && size_m < 2.0 * WIDEST_M
+            && self.shape.of(place).places().all(is_within)
+    }
+}
+
+/// The coordinates of a hidden obstacle and its loss, each with the interval in which `1 − 2 * tail` of what the likelihood allows
+/// lies. `left`: slopes under the fit with it.
+#[must_use]
+pub fn coordinates(
+    rows: &Rows,
+    train: &[u32],
+    left: &[Slope],
+    state: &State,
+    tail: f64,
+) -> Vec<Coordinate> {
+    let (Some(shape), Some(&loss_db)) = (shape_of(state), state.values.first()) else {
+        return Vec::new();
+    };
+    let names: &[&'static str] = match shape {
+        Shape::Segment(..) => &["from_x_m", "from_y_m", "to_x_m", "to_y_m", "loss_db"],
+        Shape::Disc(..) => &["centre_x_m", "centre_y_m", "radius_m", "loss_db"],
+    };
+    let found: Vec<f64> = shape.numbers().into_iter().chain([loss_db]).collect();
+    let drawn = Walk::new(ways(rows, train, left), shape, loss_db).drawn(found.clone());
+    names
+        .iter()
+        .zip(found)
+        .enumerate()
+        .map(|(k, (name, value))| {
+            let mut values: Vec<f64> = drawn.iter().map(|numbers| numbers[k]).collect();
+            values.sort_by(f64::total_cmp);
+            let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
+            Coordinate { name, value, low: at(tail).min(value), high: at(1.0 - tail).max(value) }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ways along y, a metre apart, longer than any segment; the segment along x cuts those at 4 to 7.
+    fn walk(weight: f64) -> Walk {
+        let way = |x: f64| Way { from_m: [x, -200.0], to_m: [x, 200.0], slope: 0.0, weight };
+        let ways = (0..11).map(|x| way(f64::from(x))).collect();
+        Walk::new(ways, Shape::Segment([3.5, 0.0], [7.5, 0.0]), 4.0)
+    }
+
+    #[test]
+    fn an_edge_lies_between_the_ways_that_it_parts() {
+        let walk = walk(10.0);
+        let moved = |to: f64| walk.lost(&[3.5, 0.0, to, 0.0, 4.0]);
+        assert_eq!(moved(7.9), 0.0);
+        assert_eq!(moved(8.1), 80.0, "one way more: half of 16 dB² times 10");
+        assert_eq!(moved(6.9), 80.0, "one less");
+        assert_eq!(walk.lost(&[3.5, 0.0, 7.5, 0.0, 3.0]), 20.0, "four ways, a decibel each");
+    }
+
+    #[test]
+    fn a_segment_keeps_its_length_as_it_is_moved_or_turned_and_its_line_as_it_grows() {
+        let walk = walk(10.0);
+        let here = [1.0, 2.0, 4.0, 6.0, 3.0];
+        let of = |there: &[f64]| (there[2] - there[0], there[3] - there[1]);
+        for what in 5..11 {
+            let there = walk.moved(&here, what, (0.9, 0.3), 1.3);
+            let (east_m, north_m) = of(&there);
+            let is_grown = what < 7;
+            assert_eq!((east_m.hypot(north_m) - 5.0).abs() < 1e-12, !is_grown, "{what}");
+            let across_m = 4.0 * east_m - 3.0 * north_m;
+            assert_eq!(across_m.abs() < 1e-12, what < 9, "{what}: {there:?}");
+            assert_ne!(there, here, "{what}");
+        }
+    }
+
+    #[test]
+    fn what_the_likelihood_allows_is_drawn_evenly() {
+        let drawn = walk(10.0).drawn(vec![3.5, 0.0, 7.5, 0.0, 4.0]);
+        let ends: Vec<f64> = drawn.iter().map(|numbers| numbers[2]).collect();
+        let mean = ends.iter().sum::<f64>() / ends.len() as f64;
+        // Anywhere between the ways at 7 and 8, not beyond.
+        assert!(ends.iter().all(|x| (6.99..8.01).contains(x)));
+        assert!((mean - 7.5).abs() < 0.1, "{mean}");
+        // A normal law of 1/sqrt(4 * 10) dB.
+        let losses = drawn.iter().map(|numbers| numbers[4] - 4.0);
+        let sd_db = (losses.map(|db| db * db).sum::<f64>() / drawn.len() as f64).sqrt();
+        assert!((0.12..0.20).contains(&sd_db), "{sd_db}");
+    }
+}

@@ -1,0 +1,142 @@
+//! From where a fit starts, and which start is best.
+
+use super::fit::LinkFit;
+use super::likelihood::Slope;
+use super::terms::{Spec, State};
+use super::{From, LinkStudy, search};
+use crate::Study;
+use proto::effect::Level;
+
+/// From more starts than so many a trial goes on from the best few after its first step.
+const MANY_STARTS: usize = 4;
+const FINALISTS: usize = 3;
+/// Rounds in which a pattern and the headings of still nodes are found in turn.
+const HEADING_ROUNDS: usize = 3;
+
+impl LinkStudy {
+    /// The best of short fits from several starts.
+    pub(super) fn best_of(
+        &self,
+        terms: &[usize],
+        starts: Vec<Vec<State>>,
+        train: &[u32],
+        from: From<'_>,
+    ) -> Option<LinkFit> {
+        let mut best: Option<LinkFit> = None;
+        for states in self.promising(terms, starts, train, from) {
+            let fit = self.run(terms, states, train, from);
+            if best.as_ref().is_none_or(|best| best.log_likelihood < fit.log_likelihood) {
+                best = Some(fit);
+            }
+        }
+        best
+    }
+
+    /// Of many starts of trials those that are best after a step.
+    pub(super) fn promising(
+        &self,
+        terms: &[usize],
+        starts: Vec<Vec<State>>,
+        train: &[u32],
+        from: From<'_>,
+    ) -> Vec<Vec<State>> {
+        if !from.is_trial || starts.len() <= MANY_STARTS {
+            return starts;
+        }
+        let from = From { most_steps: 1, ..from };
+        let mut first: Vec<LinkFit> =
+            starts.into_iter().map(|states| self.run(terms, states, train, from)).collect();
+        first.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
+        first.truncate(FINALISTS);
+        first.into_iter().map(|fit| fit.states).collect()
+    }
+
+    /// Whether a term has a spread of links, over one of several lengths.
+    pub(super) fn asks_for_links(&self, term: usize) -> bool {
+        matches!(self.specs[term], Spec::Shadowing(_))
+    }
+
+    /// Whether the term has places or nodes that a search finds.
+    pub(super) fn is_searched(&self, term: usize) -> bool {
+        let name = self.specs[term].entry().map(|entry| entry.variant.name);
+        matches!(name, Some("antenna-pattern" | "battery-sag" | "hidden-obstacle"))
+    }
+
+    /// What the rows say about their levels under a fit.
+    pub(super) fn slopes_left(&self, fit: &LinkFit, train: &[u32]) -> Vec<Slope> {
+        let specs = self.specs_of(&fit.terms);
+        search::left_over(&self.rows, fit, &specs, self.cells(fit.decorrelation_m), train)
+    }
+
+    /// A pattern with headings of still nodes, on top of `parent`: pattern and headings are found in turn.
+    pub(super) fn heading(
+        &self,
+        term: usize,
+        mut state: State,
+        train: &[u32],
+        level: Level,
+        parent: &LinkFit,
+    ) -> State {
+        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
+        for _ in 0..HEADING_ROUNDS {
+            let states = parent.states.iter().cloned().chain([state.clone()]).collect();
+            let fit = self.run(&terms, states, train, From::trial(level, Some(parent)));
+            let left = self.slopes_left(&fit, train);
+            if let Some(last) = fit.states.last() {
+                state = search::headings::again(&self.rows, train, &left, last);
+            }
+        }
+        state
+    }
+
+    /// The states from which a search for a term starts, `parent` being the fit without it.
+    pub(super) fn starts_of(
+        &self,
+        term: usize,
+        terms: &[usize],
+        train: &[u32],
+        level: Level,
+        parent: Option<&LinkFit>,
+    ) -> Vec<State> {
+        let spec = &self.specs[term];
+        let states = State::starts(spec);
+        if self.is_searched(term) {
+            // Searches take turns: each is made on top of those before it.
+            let place = terms.iter().position(|&other| other == term).unwrap_or_default();
+            let terms: Vec<usize> = terms
+                .iter()
+                .enumerate()
+                .filter(|&(index, &other)| {
+                    other != term && (index < place || !self.is_searched(other))
+                })
+                .map(|(_, &other)| other)
+                .collect();
+            let parent = self.fit(&terms, train, level, parent);
+            let left = self.slopes_left(&parent, train);
+            let name = spec.entry().map_or("", |entry| entry.variant.name);
+            return match name {
+                "antenna-pattern" => {
+                    let found = search::headings::patterns(&self.rows, train, &left, &states);
+                    match <[State; 1]>::try_from(found) {
+                        Ok([state]) => vec![self.heading(term, state, train, level, &parent)],
+                        Err(found) => found,
+                    }
+                }
+                "hidden-obstacle" => search::obstacles(&self.rows, train, &left, &states[0]),
+                _ => search::sagging(&self.rows, train, &left, &states[0]),
+            };
+        }
+        if !matches!(spec, Spec::Shadowing(_)) {
+            return states;
+        }
+        self.lengths()
+            .flat_map(|length| {
+                states.iter().map(move |state| {
+                    let mut state = state.clone();
+                    state.table.insert("decorrelation_m".to_owned(), toml::Value::Float(length));
+                    state
+                })
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,215 @@
+//! Terms that may be added to a radio model, and their state in a fit.
+
+use crate::formula::{Asked, set};
+use crate::{CURVE, FINE, LOSS_CURVE, knots};
+use netsim::phy::effect::{Effect, Entry, LIST};
+use proto::config::Default;
+use proto::effect::{CONSTANT, Parameter};
+use std::sync::Arc;
+
+/// What a term is made of.
+#[derive(Clone, Debug)]
+pub enum Spec {
+    /// An effect of the catalogue.
+    Effect(&'static Entry),
+    /// A smooth curve over a covariate.
+    Curve(Curve),
+    /// A random level per node.
+    NodeOffset(&'static Entry),
+    /// A random level per link and place.
+    Shadowing(&'static Entry),
+    /// A random level per link, channel and fine place.
+    Multipath(&'static Entry),
+    /// A formula of the user's.
+    Formula(&'static Entry, Asked),
+}
+
+impl Spec {
+    /// The entry of the catalogue.
+    #[must_use]
+    pub fn entry(&self) -> Option<&'static Entry> {
+        match self {
+            Self::Effect(entry)
+            | Self::NodeOffset(entry)
+            | Self::Shadowing(entry)
+            | Self::Multipath(entry)
+            | Self::Formula(entry, _) => Some(entry),
+            Self::Curve(_) => None,
+        }
+    }
+
+    /// The parameters that a fit sets by their slopes. Random levels have none: their spread is found otherwise.
+    #[must_use]
+    pub fn parameters(&self) -> &[Parameter] {
+        match self {
+            Self::Effect(entry) => entry.fit.parameters,
+            Self::Formula(_, asked) => &asked.parameters,
+            _ => &[],
+        }
+    }
+}
+
+/// A smooth curve over a covariate, linear between knots: of the mean level (dB), or of the share of frames lost.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// The covariate.
+    pub covariate: String,
+    /// Its value in every row; NaN where it is unknown: there the curve adds nothing.
+    pub values: Arc<[f64]>,
+    /// The knots, ascending.
+    pub knots: Vec<f64>,
+    /// It says how many frames are lost, not how strong they are.
+    pub is_loss: bool,
+    /// The covariate follows from time and places.
+    pub is_derived: bool,
+    /// It has many knots.
+    pub is_fine: bool,
+}
+
+/// A curve of losses starts here: at none it could not fall.
+const SMALL_LOSS: f64 = 0.02;
+/// No curve loses more.
+const MOST_LOST: f64 = 0.95;
+
+impl Curve {
+    /// The name of the candidate.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let of = if self.is_loss { LOSS_CURVE } else { CURVE };
+        let fine = if self.is_fine { FINE } else { "" };
+        format!("{fine}{of}{}", self.covariate)
+    }
+
+    /// Names of what it has in it: the curve with few knots, of losses those that are the same everywhere, and effects that are
+    /// linear in its covariate.
+    #[must_use]
+    pub fn generalises(&self) -> Vec<String> {
+        let is_constant = self.covariate == CONSTANT;
+        let is_mean = !self.is_loss && !is_constant;
+        let is_linear =
+            |entry: &&Entry| is_mean && entry.fit.linear_in == Some(self.covariate.as_str());
+        let linear = LIST.iter().filter(is_linear).map(|entry| entry.variant.name.to_owned());
+        let coarse = self.is_fine.then(|| Self { is_fine: false, ..self.clone() }.name());
+        let constant = (self.is_loss && !is_constant).then(|| format!("{LOSS_CURVE}{CONSTANT}"));
+        coarse.into_iter().chain(constant).chain(linear).collect()
+    }
+
+    /// The shares of the knots in a row.
+    #[must_use]
+    pub fn shares(&self, row: usize) -> [(usize, f64); 2] {
+        let x = self.values[row];
+        if x.is_nan() { [(0, 0.0); 2] } else { knots::shares(&self.knots, x) }
+    }
+
+    /// What it adds to a row with these values at the knots: power, shift of the curve, logarithm of survival.
+    #[must_use]
+    pub fn at(&self, values: &[f64], row: usize) -> [f64; 3] {
+        let value = self.shares(row).iter().map(|&(k, part)| part * values[k]).sum::<f64>();
+        if self.is_loss {
+            [0.0, 0.0, (1.0 - value.clamp(0.0, MOST_LOST)).ln()]
+        } else {
+            [value, 0.0, 0.0]
+        }
+    }
+}
+
+/// A term in a fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Keys that are not fitted by slopes.
+    pub table: toml::Table,
+    /// Values of the parameters, or of a curve at its knots.
+    pub values: Vec<f64>,
+}
+
+/// The keys of an effect with their defaults.
+fn defaults(entry: &Entry) -> toml::Table {
+    let mut table = toml::Table::new();
+    for field in entry.variant.fields {
+        let value = match field.default {
+            Default::Bool(truth) => toml::Value::Boolean(truth),
+            Default::Integer(number) => toml::Value::Integer(number),
+            Default::Number(number) => toml::Value::Float(number),
+            Default::Text(text) => toml::Value::String(text.to_owned()),
+            Default::Required | Default::Absent | Default::Table => continue,
+        };
+        table.insert(field.key.to_owned(), value);
+    }
+    table
+}
+
+impl State {
+    /// The states from which a search for this term starts.
+    #[must_use]
+    pub fn starts(spec: &Spec) -> Vec<Self> {
+        match spec {
+            Spec::Curve(curve) => {
+                let start = if curve.is_loss { SMALL_LOSS } else { 0.0 };
+                vec![Self { table: toml::Table::new(), values: vec![start; curve.knots.len()] }]
+            }
+            Spec::NodeOffset(entry) | Spec::Shadowing(entry) | Spec::Multipath(entry) => {
+                vec![Self { table: defaults(entry), values: Vec::new() }]
+            }
+            Spec::Formula(_, asked) => {
+                vec![Self { table: asked.table.clone(), values: asked.starts() }]
+            }
+            Spec::Effect(entry) => {
+                let mut tables = vec![defaults(entry)];
+                if !entry.fit.variants.is_empty() {
+                    tables = entry
+                        .fit
+                        .variants
+                        .iter()
+                        .map(|keys| {
+                            let mut table = defaults(entry);
+                            for (key, value) in *keys {
+                                table.insert((*key).to_owned(), value.value());
+                            }
+                            table
+                        })
+                        .collect();
+                }
+                let mut values: Vec<Vec<f64>> = vec![Vec::new()];
+                for parameter in entry.fit.parameters {
+                    values = values
+                        .into_iter()
+                        .flat_map(|before| {
+                            parameter
+                                .starts
+                                .iter()
+                                .map(move |&start| before.iter().copied().chain([start]).collect())
+                        })
+                        .collect();
+                }
+                tables
+                    .into_iter()
+                    .flat_map(|table| {
+                        values.iter().map(move |values| Self {
+                            table: table.clone(),
+                            values: values.clone(),
+                        })
+                    })
+                    .collect()
+            }
+        }
+    }
+
+    /// The effect with these values.
+    #[must_use]
+    pub fn build(&self, spec: &Spec) -> Option<Box<dyn Effect>> {
+        match spec {
+            Spec::Effect(entry) | Spec::Formula(entry, _) => (entry.build)(&self.keys(spec), 0),
+            _ => None,
+        }
+    }
+
+    /// Its keys with the fitted values.
+    #[must_use]
+    pub fn keys(&self, spec: &Spec) -> toml::Table {
+        let mut table = self.table.clone();
+        for (parameter, &value) in spec.parameters().iter().zip(&self.values) {
+            set(&mut table, parameter.key, value);
+        }
+        table
+    }
+}

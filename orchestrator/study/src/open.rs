@@ -1,0 +1,341 @@
+//! From two files, measurements and a configuration, to a study.
+
+use super::Study;
+use super::choices::{ChoiceError, Choices, Seen};
+use super::folds::FEWEST_BLOCKS;
+use super::links::LinkStudy;
+use super::links::covariates;
+use super::links::rows::Rows;
+use super::robots::{Given, RobotStudy, RobotStudyError};
+use measure::config::Compared;
+use measure::table::Table;
+use measure::{DataError, Rejected};
+use measure::{links, packets, robots};
+use proto::config::{Node, Problem, Refusal, Value};
+use proto::effect::Level;
+use std::collections::BTreeSet;
+
+/// Why measurements cannot be held against a configuration.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The configuration is refused.
+    #[error(transparent)]
+    Config(#[from] Refusal),
+    /// The data cannot be read.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// What was chosen by hand cannot be.
+    #[error(transparent)]
+    Choice(#[from] ChoiceError),
+    /// The data can be read, but not used.
+    #[error("{file}: {reason}")]
+    Useless {
+        /// The file.
+        file: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// What is told of a file beside any answer.
+#[derive(Clone, Debug)]
+pub struct Account {
+    /// The file's name.
+    pub file: String,
+    /// Its SHA-256.
+    pub sha256: String,
+    /// Rows in it.
+    pub rows: usize,
+    /// Rows used.
+    pub used: usize,
+    /// Rows that were not.
+    pub rejected: Vec<Rejected>,
+    /// What to check before an answer is trusted.
+    pub warnings: Vec<String>,
+}
+
+/// What a file of measurements is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// Links.
+    Links,
+    /// Robots.
+    Robots,
+}
+
+/// What a table is about, by its columns.
+///
+/// # Errors
+///
+/// It has neither shape: the columns it lacks for each.
+pub fn subject(table: &Table) -> Result<Subject, OpenError> {
+    if packets::has_shape(table).is_ok() {
+        return Err(OpenError::Useless {
+            file: table.path.display().to_string(),
+            reason: "packets from end to end are taken by compare, diagnose and extend only"
+                .to_owned(),
+        });
+    }
+    match (links::has_shape(table), robots::has_shape(table)) {
+        (Ok(()), _) => Ok(Subject::Links),
+        (Err(_), Ok(_)) => Ok(Subject::Robots),
+        (Err(link), Err(robot)) => Err(OpenError::Useless {
+            file: table.path.display().to_string(),
+            reason: format!(
+                "neither link samples (it lacks {}) nor robot samples (it lacks {}) nor packets (it lacks {})",
+                hinted(&link, table),
+                hinted(&robot, table),
+                hinted(&packets::has_shape(table).err().unwrap_or_default(), table)
+            ),
+        }),
+    }
+}
+
+/// Columns that are lacking, each with the one that may be meant.
+fn hinted(lacking: &[String], table: &Table) -> String {
+    let is_known = |name: &str| {
+        [&links::KNOWN[..], &robots::KNOWN, &packets::KNOWN].iter().any(|list| list.contains(&name))
+    };
+    let names = || table.names().iter().map(String::as_str).filter(|name| !is_known(name));
+    let hint = |name: &String| match proto::config::most_similar(name, names()) {
+        Some(nearest) => format!("{name}: is it {nearest}?"),
+        None => name.clone(),
+    };
+    lacking.iter().map(hint).collect::<Vec<_>>().join(", ")
+}
+
+/// Robot samples, read and held against the dynamics of a configuration.
+///
+/// # Errors
+///
+/// What is wrong with either, in words for its author.
+pub fn robots(
+    config: &Compared,
+    table: &Table,
+    choices: &Choices,
+) -> Result<(RobotStudy, Account), OpenError> {
+    if choices.given_rssi {
+        return Err(ChoiceError::NoReadings.into());
+    }
+    let file = table.path.display().to_string();
+    let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
+    let robots = robots::read(table).map_err(useless)?;
+    let written = config.section("robotsim", "dynamics");
+    let mut problems = Vec::new();
+    let dynamics = proto::config::check(
+        &written,
+        "robotsim.dynamics",
+        &robotsim::dynamics::SPEC,
+        &mut problems,
+    )
+    .table;
+    if matches!(&config.section("robotsim", "group").value, Value::List(groups) if !groups.is_empty())
+    {
+        problems.push(Problem::new(
+            "robotsim.group",
+            "must not be given where tracks of robots are held against a model: they are of one kind of robots, \
+             as [robotsim.dynamics] says",
+        ));
+    }
+    if !problems.is_empty() {
+        return Err(config.refuse(problems).into());
+    }
+    let mut account = Account {
+        file: name_of(table),
+        sha256: table.sha256.clone(),
+        rows: robots.n_rows,
+        used: robots.samples.len(),
+        rejected: robots.rejected.clone(),
+        warnings: robots.warnings.clone(),
+    };
+    let given = Given {
+        is_wheelbase_given: written.get("wheelbase_m").is_some(),
+        sd_m: localization_sd_m(config),
+        terrain: config.site.terrain.clone(),
+    };
+    let study =
+        RobotStudy::new(robots, &dynamics, given, (choices, table)).map_err(
+            |error| match error {
+                RobotStudyError::Choice(error) => error.into(),
+                other => useless(other.to_string()),
+            },
+        )?;
+    account.rejected.extend_from_slice(study.rejected());
+    account.warnings.extend(too_few(&study));
+    Ok((study, account))
+}
+
+/// The noise of measured positions that a configuration gives (m).
+#[must_use]
+pub fn localization_sd_m(config: &Compared) -> Option<f64> {
+    let sd_m = match config.section("robotsim", "localization").get("sd_m").map(Node::to_toml) {
+        Some(toml::Value::Float(sd_m)) => sd_m,
+        Some(toml::Value::Integer(sd_m)) => sd_m as f64,
+        _ => return None,
+    };
+    (0.0 < sd_m).then_some(sd_m)
+}
+
+/// The name of the file.
+pub fn name_of(table: &Table) -> String {
+    table.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+/// Measured links, read and held against the radio of a configuration.
+///
+/// # Errors
+///
+/// What is wrong with either, in words for its author.
+pub fn links(
+    config: &Compared,
+    table: &Table,
+    choices: &Choices,
+) -> Result<(LinkStudy, Account), OpenError> {
+    if choices.window_s.is_some() {
+        return Err(ChoiceError::NoWindows.into());
+    }
+    let file = table.path.display().to_string();
+    let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
+    let mut links = links::read(table).map_err(useless)?;
+    links.readings.is_given = choices.given_rssi;
+    if choices.given_rssi && !links.readings.is_aggregated {
+        return Err(ChoiceError::SingleFrames.into());
+    }
+    let n_motes = links.rows.iter().map(|row| row.tx.max(row.rx) as usize + 1).max().unwrap_or(1);
+    let (model, effective) = config.radio(n_motes)?;
+    let number = |key: &str| effective.get(key).and_then(toml::Value::as_float);
+    let fixed_sd_db = number("noise_sd_db").filter(|sd_db| 0.0 < *sd_db);
+    let height_m = number("antenna_height_m").unwrap_or_default();
+    let rows = Rows::new(links, model, config.site.clone(), height_m);
+    if rows.is_empty() {
+        return Err(OpenError::Useless {
+            file,
+            reason: rows.links.rejected.iter().fold(
+                "no row can be used".to_owned(),
+                |text, rejected| {
+                    format!(
+                        "{text}; {} rows: {} (first on line {})",
+                        rejected.rows, rejected.reason, rejected.first_line
+                    )
+                },
+            ),
+        });
+    }
+    if choices.given_rssi && rows.base.iter().any(|base| base.stated.is_some()) {
+        return Err(ChoiceError::Stated.into());
+    }
+    let (rows, choices) = chosen(rows, table, choices)?;
+    if choices.given_rssi && !rows.links.readings.has_losses {
+        return Err(ChoiceError::NothingLost { rows: rows.len() }.into());
+    }
+    let mut account = Account {
+        file: name_of(table),
+        sha256: table.sha256.clone(),
+        rows: rows.links.n_rows,
+        used: rows.len(),
+        rejected: rows.links.rejected.clone(),
+        warnings: rows.links.warnings.clone(),
+    };
+    account.warnings.extend(absent(config, &rows));
+    let study = LinkStudy::new(rows, fixed_sd_db, &choices)?;
+    account.warnings.extend(too_few(&study));
+    Ok((study, account))
+}
+
+/// Whether a column says what became of frames; readings that are given do not.
+fn is_outcome(name: &str, is_given: bool) -> bool {
+    ["received", "pdr"].contains(&name) || !is_given && ["rssi_dbm", "rssi_sd_db"].contains(&name)
+}
+
+/// The rows that are used by choice, and the choices with all campaigns named.
+fn chosen(rows: Rows, table: &Table, choices: &Choices) -> Result<(Rows, Choices), ChoiceError> {
+    let measured = &rows.links.rows;
+    let runs: Vec<u32> = measured.iter().map(|row| row.run).collect();
+    let choices = choices.resolved(&runs)?;
+    let seen = Seen {
+        table,
+        lines: measured.iter().map(|row| row.line).collect(),
+        runs,
+        derived: if choices.condition.is_some() { covariates::of(&rows) } else { Vec::new() },
+        when: "",
+    };
+    let kept = choices.kept(&seen)?;
+    if !kept.rows.contains(&false) {
+        return Ok((rows, choices));
+    }
+    let mut rows = rows.some(&kept.rows);
+    rows.links.rejected.extend(kept.rejected);
+    rows.links.readings.has_losses = links::has_losses(&rows.links.rows);
+    let is_given = choices.given_rssi;
+    let by_outcome: Vec<&str> =
+        kept.asked.iter().map(String::as_str).filter(|name| is_outcome(name, is_given)).collect();
+    if is_given && !by_outcome.is_empty() {
+        return Err(ChoiceError::ChosenByReception { columns: by_outcome.join(" and ") });
+    }
+    if rows.links.readings.has_losses && !by_outcome.is_empty() {
+        rows.links.readings.has_losses = false;
+        rows.links.warnings.push(format!(
+            "rows are chosen by {}, by what was received: what decides reception cannot be told from them, readings alone count",
+            by_outcome.join(" and ")
+        ));
+    }
+    Ok((rows, choices))
+}
+
+/// Motes that effects of a configuration name, and that never appear in the measurements.
+fn absent(config: &Compared, rows: &Rows) -> Option<String> {
+    let motes: BTreeSet<i64> =
+        rows.links.rows.iter().flat_map(|row| [row.tx, row.rx]).map(i64::from).collect();
+    let effects = config.section("netsim", "phy").get("effect").map(Node::to_toml);
+    let named: BTreeSet<i64> = effects
+        .as_ref()
+        .and_then(toml::Value::as_array)
+        .into_iter()
+        .flatten()
+        .filter_map(|effect| effect.get("nodes")?.as_array())
+        .flatten()
+        .filter_map(toml::Value::as_integer)
+        .filter(|mote| !motes.contains(mote))
+        .collect();
+    let list: Vec<String> = named.iter().take(5).map(i64::to_string).collect();
+    (!list.is_empty()).then(|| {
+        format!(
+            "effects of the configuration name motes that never appear in the measurements: {}. Are motes numbered otherwise there? \
+             Then the effect acts on none, or on the wrong ones",
+            list.join(", ")
+        )
+    })
+}
+
+/// What cannot be told because too few parts of the data are independent of each other.
+fn too_few<S: Study>(study: &S) -> Vec<String> {
+    let names = |level: Level| {
+        let names: Vec<&str> = study
+            .candidates()
+            .iter()
+            .filter(|c| c.curve_over().is_none() && c.untestable.is_none() && c.level == level)
+            .map(|candidate| candidate.name.as_str())
+            .collect();
+        names.join(", ")
+    };
+    let mut warnings = Vec::new();
+    let blocks = study.blocks(Level::Time);
+    if !blocks.suffices() {
+        warnings.push(format!(
+            "{} {}, at least {FEWEST_BLOCKS} are needed: too few to tell anything. No effect is accepted",
+            blocks.n_scored(),
+            blocks.unit
+        ));
+        return warnings;
+    }
+    let blocks = study.blocks(Level::Place);
+    if !blocks.suffices() {
+        warnings.push(format!(
+            "{} {}, at least {FEWEST_BLOCKS} are needed: too few to tell what differs from place to place. Not tried: {}",
+            blocks.n_scored(),
+            blocks.unit,
+            names(Level::Place)
+        ));
+    }
+    warnings
+}

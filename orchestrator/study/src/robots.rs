@@ -1,0 +1,630 @@
+//! Robot samples held against `[robotsim.dynamics]`.
+//!
+//! A row is a window of a track: from all positions and commands up to its start, and the commands within it, the model says
+//! where the robot will be at its end. Velocity is not measured: what the actuators do at the start follows from earlier
+//! commands. The position (and heading) at the start is estimated from all earlier ones, each new measurement correcting what
+//! the model made of those before by a share that is fitted with the noise.
+
+mod blocks;
+mod curve;
+mod density;
+mod derivatives;
+mod discs;
+mod driven;
+mod fit;
+mod formulas;
+mod motion;
+mod rivals;
+mod screen;
+mod terms;
+#[cfg(test)]
+mod tests;
+mod thresholds;
+mod view;
+
+use super::choices::{ChoiceError, Choices, Seen};
+use super::folds::Blocks;
+use super::formula::set;
+use super::symbolic::Formula;
+use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, is_at_bound};
+use density::{Density, Residual};
+use derivatives::Derivatives;
+use fit::Number;
+use measure::Rejected;
+use measure::robots::Robots;
+use measure::table::Table;
+use motion::{Gains, Tracks};
+use nalgebra::DMatrix;
+use proto::effect::Level;
+use proto::site::Terrain;
+use robotsim::dynamics::physics::Physics;
+use robotsim::dynamics::{Dynamics, Shape};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use terms::{Starts, Term};
+
+/// Length of the windows that decide (s).
+pub const WINDOW_S: f64 = 1.0;
+/// Lengths of windows that are compared (s).
+pub const HORIZONS_S: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
+/// What effects may remember of the time before a window (s): so far apart are rows that are fitted and rows that are
+/// scored, beside the window.
+const MEMORY_S: f64 = 0.5;
+/// Blocks that a study would like to have.
+const WANTED_BLOCKS: f64 = 60.0;
+
+/// Estimates that are correlated by more than this can hardly be told apart.
+const CONFOUNDED: f64 = 0.95;
+
+/// Robot samples held against a configuration.
+#[derive(Debug)]
+pub struct RobotStudy {
+    model: Model,
+    candidates: Vec<Candidate>,
+    in_time: Blocks,
+    in_place: Blocks,
+    configured: RobotFit,
+    /// Windows that are left out by choice.
+    rejected: Vec<Rejected>,
+    /// How many windows fits may see.
+    n_fitted: usize,
+    cache: Mutex<BTreeMap<Vec<usize>, RobotFit>>,
+}
+
+/// The configured model and what may be added to it.
+#[derive(Debug)]
+struct Model {
+    tracks: Tracks,
+    dynamics: toml::Table,
+    is_wheelbase_free: bool,
+    /// Standard deviation of the noise of measured positions (m), where it is given.
+    given_sd_m: Option<f64>,
+    /// Numbers that every model has: shares by which measurements correct, a car's wheelbase where it is not given.
+    base: Vec<Number>,
+    terms: Vec<Term>,
+    /// Directions in which windows go by the configured model: cosine and sine.
+    directions: Vec<[f64; 2]>,
+    /// What the configured model moves robots from each sample to the next (m, east and north).
+    steps_m: Vec<[f64; 2]>,
+}
+
+/// What a configuration says beside the dynamics.
+#[derive(Clone, Debug, Default)]
+pub struct Given {
+    /// It says a car's wheelbase; otherwise that is fitted with the noise.
+    pub is_wheelbase_given: bool,
+    /// Standard deviation of the noise of measured positions (m), where it says that.
+    pub sd_m: Option<f64>,
+    /// The ground.
+    pub terrain: Terrain,
+}
+
+/// Refuses windows that are shorter than the time between samples, or longer than every track.
+fn check_window(robots: &Robots, window_s: f64) -> Result<(), ChoiceError> {
+    let spacing_s = robots.spacing_s();
+    let length_s = |track: &std::ops::Range<usize>| {
+        robots.samples[track.end - 1].time_s - robots.samples[track.start].time_s
+    };
+    let longest_s = robots.tracks.iter().map(length_s).fold(0.0, f64::max);
+    let refused = |reason: String, nearest_s: f64| {
+        let nearest_s = (nearest_s * 1e6).round() * 1e-6;
+        Err(ChoiceError::Window { window_s, reason, nearest_s })
+    };
+    if !(0.5 * spacing_s..).contains(&window_s) {
+        return refused(format!("samples of a robot are {spacing_s:.6} s apart"), spacing_s);
+    }
+    if longest_s + 0.5 * spacing_s < window_s {
+        return refused(format!("the longest track lasts {longest_s:.6} s"), longest_s);
+    }
+    Ok(())
+}
+
+/// A model fitted to some windows.
+#[derive(Clone, Debug)]
+pub struct RobotFit {
+    terms: Vec<usize>,
+    values: Vec<f64>,
+    density: Density,
+    log_likelihood: f64,
+    /// Derivatives of all residuals at these numbers, once somebody asked for them.
+    derivatives: Arc<OnceLock<Option<Derivatives>>>,
+}
+
+/// The model does not suit the file.
+#[derive(Debug, thiserror::Error)]
+pub enum RobotStudyError {
+    /// The configured body takes other commands than the file has.
+    #[error(
+        "the file has commands for {needed}, the configuration robotsim.dynamics.kind = {kind:?}: set it to {needed:?}"
+    )]
+    Body {
+        /// What the file needs.
+        needed: &'static str,
+        /// What the configuration has.
+        kind: String,
+    },
+    /// What was chosen by hand cannot be.
+    #[error(transparent)]
+    Choice(#[from] ChoiceError),
+    /// No two samples are a window apart.
+    #[error(
+        "no two samples of a robot are {window_s} s apart: windows of that length cannot be scored. --window sets another"
+    )]
+    NoWindow {
+        /// Length of a window (s).
+        window_s: f64,
+    },
+    /// The dynamics cannot be built.
+    #[error("robotsim.dynamics cannot be built")]
+    Dynamics,
+}
+
+impl RobotFit {
+    /// The numbers of a term.
+    fn numbers(&self, model: &Model, term: usize) -> &[f64] {
+        if !self.terms.contains(&term) {
+            return &[];
+        }
+        let first = self.first(model, term);
+        &self.values[first..first + model.n_numbers(term)]
+    }
+
+    /// Where the numbers of a term, which the fit has, begin among all.
+    fn first(&self, model: &Model, term: usize) -> usize {
+        let before = self.terms.iter().take_while(|&&other| other != term);
+        model.base.len() + before.map(|&other| model.n_numbers(other)).sum::<usize>()
+    }
+
+    /// Standard deviation of one measured position, per component (m).
+    #[must_use]
+    pub fn sd_m(&self) -> f64 {
+        self.density.sd_m
+    }
+}
+
+impl Model {
+    fn n_numbers(&self, term: usize) -> usize {
+        match &self.terms[term] {
+            Term::Effect(effect) => effect.parameters.len(),
+            Term::Noise(_) => 0,
+            Term::Curve(curve) => curve.n_numbers(),
+        }
+    }
+
+    /// Whether a fit estimates the noise of measured positions.
+    fn is_noise_free(&self, terms: &[usize]) -> bool {
+        self.given_sd_m.is_none()
+            || terms.iter().any(|&term| matches!(self.terms[term], Term::Noise(_)))
+    }
+
+    fn curve(&self, term: usize) -> Option<&curve::Curve> {
+        match &self.terms[term] {
+            Term::Curve(curve) => Some(curve),
+            Term::Effect(_) | Term::Noise(_) => None,
+        }
+    }
+
+    /// Where a search for one more term starts.
+    fn starts(&self, term: usize, parent: &RobotFit, train: &[u32]) -> Vec<Vec<f64>> {
+        match &self.terms[term] {
+            Term::Effect(effect) => match &effect.starts {
+                Starts::At(starts) => starts.clone(),
+                Starts::Discs(discs) => self.likely_discs(parent, discs, train),
+            },
+            Term::Noise(_) => vec![Vec::new()],
+            Term::Curve(curve) => vec![vec![0.0; curve.n_numbers()]],
+        }
+    }
+
+    fn numbers_of(&self, terms: &[usize]) -> Vec<Number> {
+        let mut numbers = self.base.clone();
+        for &term in terms {
+            match &self.terms[term] {
+                Term::Effect(effect) => numbers.extend(effect.parameters.iter().map(|parameter| {
+                    Number { min: parameter.min, max: parameter.max, step: parameter.step }
+                })),
+                Term::Noise(_) => {}
+                Term::Curve(curve) => {
+                    let number = Number { min: -1e3, max: 1e3, step: 0.1 };
+                    numbers.extend(std::iter::repeat_n(number, curve.n_numbers()));
+                }
+            }
+        }
+        numbers
+    }
+
+    /// Whether errors of the measured heading scatter predictions across the motion.
+    fn has_direction(&self) -> bool {
+        self.tracks.robots.shape.is_turning()
+    }
+
+    /// How many numbers, the first ones, say how much measurements count.
+    fn n_gains(&self) -> usize {
+        if self.has_direction() { 2 } else { 1 }
+    }
+
+    /// What a fit says of the robot, and of how much measurements count.
+    fn physics(&self, fit: &RobotFit) -> Option<(Physics, Gains)> {
+        let mut table = self.dynamics.clone();
+        if self.is_wheelbase_free {
+            set(&mut table, "wheelbase_m", fit.values[self.base.len() - 1]);
+        }
+        let effects = table.entry("effect").or_insert_with(|| toml::Value::Array(Vec::new()));
+        for &term in &fit.terms {
+            if let (Term::Effect(effect), Some(list)) = (&self.terms[term], effects.as_array_mut())
+            {
+                list.push(effect.table(fit.numbers(self, term)).into());
+            }
+        }
+        let physics = Dynamics::build(&table, "", &mut Vec::new())?.into_physics();
+        Some((physics, self.gains(fit)))
+    }
+
+    /// How much measurements count under a fit.
+    fn gains(&self, fit: &RobotFit) -> Gains {
+        let heading = if self.has_direction() { fit.values[1].exp() } else { 1.0 };
+        Gains { position: fit.values[0].exp(), heading }
+    }
+}
+
+impl RobotStudy {
+    /// Holds robot samples against a checked `[robotsim.dynamics]`.
+    ///
+    /// * `given`: what the configuration says beside the dynamics.
+    /// * `choices`, `table`: what is chosen by hand, and the file that the samples come from.
+    ///
+    /// # Errors
+    ///
+    /// The configured body takes other commands, no window fits into the samples, or a choice cannot be.
+    pub fn new(
+        robots: Robots,
+        dynamics: &toml::Table,
+        given: Given,
+        (choices, table): (&Choices, &Table),
+    ) -> Result<Self, RobotStudyError> {
+        let Given { is_wheelbase_given, sd_m: given_sd_m, terrain } = given;
+        let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
+        let needed = match robots.shape {
+            Shape::Velocity => "point-mass",
+            Shape::Unicycle => "unicycle",
+            Shape::Car => "car",
+        };
+        if kind != needed {
+            return Err(RobotStudyError::Body { needed, kind: kind.to_owned() });
+        }
+        let shape = robots.shape;
+        let n_parts = if robots.is_spatial { 3 } else { 2 };
+        let window_s = choices.window_s.unwrap_or(WINDOW_S);
+        if choices.window_s.is_some() {
+            check_window(&robots, window_s)?;
+        }
+        let mut tracks = Tracks::new(robots, window_s, terrain);
+        if tracks.windows.is_empty() {
+            return Err(RobotStudyError::NoWindow { window_s });
+        }
+        let choices = choices.resolved(&tracks.runs())?;
+        let seen = Seen {
+            table,
+            lines: tracks.lines(),
+            runs: tracks.runs(),
+            derived: if choices.condition.is_some() { tracks.covariates() } else { Vec::new() },
+            when: " when a window begins",
+        };
+        let kept = choices.kept(&seen)?;
+        tracks.keep(&kept.rows);
+        let is_wheelbase_free = shape == Shape::Car && !is_wheelbase_given;
+        let gain = Number { min: -6.0, max: 0.0, step: 0.5 };
+        let mut base = vec![gain];
+        let mut values = vec![-1.0];
+        if shape.is_turning() {
+            base.push(gain);
+            values.push(-1.0);
+        }
+        if is_wheelbase_free {
+            base.push(Number { min: 0.01, max: 50.0, step: 0.01 });
+            values
+                .push(dynamics.get("wheelbase_m").and_then(toml::Value::as_float).unwrap_or(0.33));
+        }
+        let (candidates, terms) = terms::all(&tracks, dynamics, given_sd_m.is_some());
+        let (in_time, in_place) = match choices.split {
+            Some(split) => {
+                let blocks = tracks.split_blocks(window_s, split)?;
+                (blocks.clone(), blocks)
+            }
+            None => (tracks.blocks_in_time(window_s), tracks.blocks_in_place()),
+        };
+        let scored = choices.scored(&tracks.runs());
+        let [in_time, in_place] =
+            [in_time, in_place].map(|blocks| Blocks { scored: scored.clone(), ..blocks });
+        let mut model = Model {
+            tracks,
+            dynamics: dynamics.clone(),
+            is_wheelbase_free,
+            given_sd_m,
+            base,
+            terms,
+            directions: Vec::new(),
+            steps_m: Vec::new(),
+        };
+        let start = RobotFit {
+            terms: Vec::new(),
+            values,
+            density: Density {
+                sd_m: given_sd_m.unwrap_or(0.1),
+                sd_rad: if shape.is_turning() { 0.01 } else { 0.0 },
+                n_parts,
+            },
+            log_likelihood: f64::NEG_INFINITY,
+            derivatives: Arc::default(),
+        };
+        let (physics, gains) = model.physics(&start).ok_or(RobotStudyError::Dynamics)?;
+        model.directions = model.tracks.directions(&physics, gains);
+        model.steps_m = model.tracks.steps_m(&physics, gains);
+        let all = in_time.fitted();
+        let configured = model.fitted(&[], &all, &start);
+        Ok(Self {
+            model,
+            candidates,
+            in_time,
+            in_place,
+            configured,
+            rejected: kept.rejected,
+            n_fitted: all.len(),
+            cache: Mutex::default(),
+        })
+    }
+
+    /// Windows that are left out by choice, by reason.
+    #[must_use]
+    pub fn rejected(&self) -> &[Rejected] {
+        &self.rejected
+    }
+
+    /// The samples.
+    #[must_use]
+    pub fn robots(&self) -> &Robots {
+        &self.model.tracks.robots
+    }
+
+    /// The model as configured, with its noise estimated from all rows.
+    #[must_use]
+    pub fn configured(&self) -> &RobotFit {
+        &self.configured
+    }
+
+    fn known(&self, terms: &[usize]) -> Option<RobotFit> {
+        self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(terms).cloned()
+    }
+
+    /// Says which other term the first number of a term can hardly be told from.
+    fn confounded(
+        &self,
+        fit: &RobotFit,
+        term: usize,
+        covariance: Option<&DMatrix<f64>>,
+    ) -> Option<String> {
+        let covariance = covariance?;
+        let first = fit.first(&self.model, term);
+        for &other in fit.terms.iter().filter(|&&other| other != term) {
+            let begin = fit.first(&self.model, other);
+            for index in begin..begin + self.model.n_numbers(other) {
+                let correlation = covariance[(first, index)]
+                    / (covariance[(first, first)] * covariance[(index, index)]).sqrt();
+                if CONFOUNDED < correlation.abs() {
+                    return Some(format!(
+                        "can hardly be told from {}: their estimates are correlated by {correlation:.2}",
+                        self.candidates[other].name
+                    ));
+                }
+            }
+        }
+        None
+    }
+
+    /// The `[[robotsim.dynamics.effect]]` that a term of a fit is; none where it is a curve.
+    #[must_use]
+    pub fn effect_table(&self, fit: &RobotFit, term: usize) -> Option<toml::Table> {
+        if !fit.terms.contains(&term) {
+            return None;
+        }
+        match &self.model.terms[term] {
+            Term::Effect(effect) => Some(effect.table(fit.numbers(&self.model, term))),
+            Term::Noise(table) => {
+                // What there is beside the noise that the configuration says.
+                let given_m = self.model.given_sd_m.unwrap_or(0.0);
+                let more_m = (fit.density.sd_m.powi(2) - given_m * given_m).max(0.0).sqrt();
+                let mut table = table.clone();
+                set(&mut table, "sd_m", more_m);
+                Some(table)
+            }
+            Term::Curve(_) => None,
+        }
+    }
+
+    /// The noise of measured positions, with an interval: by the number of independent residuals.
+    fn noise(&self, fit: &RobotFit) -> Estimate {
+        let value = fit.density.sd_m;
+        // Each window has as many residuals as positions have components.
+        let n_windows = self.n_fitted as f64 / self.model.tracks.n_overlapping;
+        let n = (n_windows * fit.density.n_parts as f64).max(1.0);
+        let half = 1.645 * value / (2.0 * n).sqrt();
+        Estimate::new("sd_m", "m", value, (value - half, value + half))
+    }
+
+    /// A car's wheelbase (m), where it is fitted.
+    #[must_use]
+    pub fn wheelbase_m(&self, fit: &RobotFit) -> Option<f64> {
+        self.model.is_wheelbase_free.then(|| fit.values[self.model.base.len() - 1])
+    }
+}
+
+impl Study for RobotStudy {
+    type Fit = RobotFit;
+
+    fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    fn n_rows(&self) -> usize {
+        self.model.tracks.windows.len()
+    }
+
+    fn rows_of_one(&self) -> f64 {
+        self.model.tracks.n_overlapping
+    }
+
+    fn blocks(&self, level: Level) -> &Blocks {
+        match level {
+            Level::Place => &self.in_place,
+            Level::Time | Level::Random | Level::Run => &self.in_time,
+        }
+    }
+
+    fn fit(
+        &self,
+        terms: &[usize],
+        train: &[u32],
+        _level: Level,
+        start: Option<&RobotFit>,
+    ) -> RobotFit {
+        let is_all = train.len() == self.n_fitted;
+        let sorted = {
+            let mut sorted = terms.to_vec();
+            sorted.sort_unstable();
+            sorted
+        };
+        if is_all && let Some(fit) = self.known(&sorted) {
+            return self.model.carried(terms, &fit);
+        }
+        let start = start.unwrap_or(&self.configured);
+        // A fold's fit starts where all rows lead.
+        if !is_all && start.terms == terms {
+            let derivatives = start.derivatives.get_or_init(|| self.model.derivatives(start));
+            if let Some(derivatives) = derivatives {
+                return self.model.refitted(start, derivatives, train);
+            }
+        }
+        let fit = self.model.fitted(terms, train, start);
+        if is_all {
+            let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+            cache.insert(sorted.clone(), self.model.carried(&sorted, &fit));
+        }
+        fit
+    }
+
+    fn screen(&self, terms: &[usize], _level: Level, parent: &RobotFit) -> Option<RobotFit> {
+        let (&term, before) = terms.split_last()?;
+        if before != parent.terms {
+            return None;
+        }
+        let known = parent.derivatives.get_or_init(|| self.model.derivatives(parent)).as_ref()?;
+        self.model.screened(parent, known, term, &self.fitted_rows())
+    }
+
+    fn prediction_difference(
+        &self,
+        one: &RobotFit,
+        other: &RobotFit,
+    ) -> Option<PredictionDifference> {
+        self.difference_of_ends(one, other)
+    }
+
+    fn scanned_covariates(&self) -> Vec<(String, Vec<f64>)> {
+        self.independent_covariates()
+    }
+
+    fn scanned_blocks(&self) -> Vec<&Blocks> {
+        [&self.in_time, &self.in_place].into_iter().filter(|blocks| blocks.suffices()).collect()
+    }
+
+    fn scanned_residuals(&self, fit: &RobotFit) -> Residuals {
+        self.standardised(fit)
+    }
+
+    fn formula_of_curve(&self, term: usize, fit_without: &RobotFit) -> Option<Formula> {
+        let (Term::Curve(curve), Some(name)) =
+            (&self.model.terms[term], self.candidates[term].curve_over())
+        else {
+            return None;
+        };
+        self.formula((name, curve.values()), &self.independent_covariates(), fit_without)
+    }
+
+    fn formula_of_residuals(&self, covariate: &str, fit: &RobotFit) -> Option<Formula> {
+        let covariates = self.independent_covariates();
+        let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
+        self.formula((name, values), &covariates, fit)
+    }
+
+    fn held(&self, fit: &RobotFit, term: usize, key: &str, value: f64) -> Option<RobotFit> {
+        self.held_at(fit, term, key, value)
+    }
+
+    fn log_likelihood(&self, fit: &RobotFit) -> f64 {
+        fit.log_likelihood
+    }
+
+    fn scores(&self, fit: &RobotFit, test: &[u32]) -> Vec<RowScore> {
+        let residuals = self.model.residuals(fit, test).unwrap_or_default();
+        let score = |residual: &Residual| RowScore {
+            log: fit.density.log(residual).0,
+            squared_error: residual.parts_m.iter().map(|part| part * part).sum(),
+            crps: fit.density.crps_m(residual),
+            reception_log_loss: f64::NAN,
+        };
+        residuals.iter().map(score).collect()
+    }
+
+    fn estimates(&self, fit: &RobotFit, term: usize) -> (Vec<Estimate>, Option<String>) {
+        let effect = match &self.model.terms[term] {
+            Term::Effect(effect) => effect,
+            Term::Noise(_) => return (vec![self.noise(fit)], None),
+            Term::Curve(_) => return (Vec::new(), None),
+        };
+        let numbers = fit.numbers(&self.model, term);
+        let first = fit.first(&self.model, term);
+        let covariance = self.model.covariance(fit, &self.in_time);
+        let freedom = (self.in_time.n_blocks() as f64 - 1.0).max(1.0);
+        let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(1.645, |t| t.inverse_cdf(0.95));
+        // A threshold is the only number of its effect.
+        let by_likelihood = effect
+            .threshold_on()
+            .and_then(|_| self.model.threshold_interval(fit, term, &self.fitted_rows()));
+        let mut warning = None;
+        let estimates = effect
+            .parameters
+            .iter()
+            .zip(numbers)
+            .enumerate()
+            .map(|(index, (parameter, &value))| {
+                if let Some((low, high)) = by_likelihood {
+                    return Estimate::new(parameter.key, parameter.unit, value, (low, high));
+                }
+                let variance =
+                    covariance.as_ref().map_or(f64::NAN, |c| c[(first + index, first + index)]);
+                let half = quantile * variance.sqrt();
+                let span = parameter.max - parameter.min;
+                if half.is_nan() || span <= half {
+                    warning = Some(format!("{} is not determined by these data", parameter.key));
+                } else if is_at_bound(parameter, value) {
+                    warning = Some(format!("{} lies at the end of its range", parameter.key));
+                }
+                let (low, high) = if half.is_finite() {
+                    ((value - half).max(parameter.min), (value + half).min(parameter.max))
+                } else {
+                    (parameter.min, parameter.max)
+                };
+                Estimate::new(parameter.key, parameter.unit, value, (low, high))
+            })
+            .collect();
+        (estimates, warning.or_else(|| self.confounded(fit, term, covariance.as_ref())))
+    }
+
+    fn settings(&self, fit: &RobotFit, term: usize) -> serde_json::Value {
+        let table = self.effect_table(fit, term);
+        table.map_or(serde_json::Value::Null, |table| {
+            serde_json::to_value(table).unwrap_or_default()
+        })
+    }
+}

@@ -1,0 +1,124 @@
+//! Which windows are independent of which.
+
+use super::motion::Tracks;
+use super::{MEMORY_S, WANTED_BLOCKS};
+use crate::choices::{ChoiceError, Split};
+use crate::folds::{Blocks, N_FOLDS};
+use measure::robots::Sample;
+use std::collections::BTreeMap;
+
+/// Shortest blocks, in windows.
+const SHORTEST: f64 = 2.0;
+/// Longest blocks, in windows.
+const LONGEST: f64 = 20.0;
+
+impl Tracks {
+    /// Blocks of windows that are left out together by choice.
+    pub(super) fn split_blocks(&self, window_s: f64, split: Split) -> Result<Blocks, ChoiceError> {
+        let whole = |unit, key: &dyn Fn(&Sample) -> u32| {
+            let keys = self.windows.iter().map(|window| u64::from(key(self.start(window))));
+            Blocks::of_keys(unit, &keys.collect::<Vec<_>>())
+        };
+        let refused = |reason: String, nearest| Err(ChoiceError::Split { split, reason, nearest });
+        let blocks = match split {
+            Split::Time => self.blocks_in_time(window_s),
+            Split::Place => self.blocks_in_place(),
+            Split::Run => whole("campaigns", &|sample| sample.run),
+            Split::Node => whole("robots", &|sample| sample.agent),
+            Split::Pair => {
+                return refused("robots are measured one by one".to_owned(), Split::Node);
+            }
+        };
+        if blocks.n_blocks() < 2 {
+            let reason = format!("all windows are of one of the {}", blocks.unit);
+            return refused(reason, Split::Time);
+        }
+        Ok(blocks)
+    }
+
+    /// Blocks of time: parts of a robot's track.
+    pub(super) fn blocks_in_time(&self, window_s: f64) -> Blocks {
+        let begins: Vec<f64> = self
+            .robots
+            .tracks
+            .iter()
+            .map(|track| self.robots.samples[track.start].time_s)
+            .collect();
+        let lengths = self
+            .robots
+            .tracks
+            .iter()
+            .zip(&begins)
+            .map(|(track, begin)| self.robots.samples[track.end - 1].time_s - begin);
+        let lengths: Vec<f64> = lengths.collect();
+        let total_s: f64 = lengths.iter().sum();
+        let block_s = (total_s / WANTED_BLOCKS).clamp(SHORTEST * window_s, LONGEST * window_s);
+        let key = |window: &super::motion::Window| {
+            let track = window.track as usize;
+            let sample = &self.robots.samples[window.start as usize];
+            // Parts of equal length, so that none is a scrap.
+            let n = (lengths[track] / block_s).round().max(1.0);
+            let part = (sample.time_s - begins[track]) / lengths[track] * n;
+            (track as u64) << 32 | part.min(n - 1.0) as u64
+        };
+        let keys: Vec<u64> = self.windows.iter().map(key).collect();
+        let mut blocks = Blocks::of_keys("parts of tracks", &keys);
+        blocks.gaps = self.gaps(&blocks, window_s + MEMORY_S);
+        blocks
+    }
+
+    /// Blocks of place: the squares of a grid in which windows begin.
+    pub(super) fn blocks_in_place(&self) -> Blocks {
+        let places = || {
+            self.windows.iter().map(|window| self.robots.samples[window.start as usize].position_m)
+        };
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for place in places() {
+            for axis in 0..2 {
+                low[axis] = low[axis].min(place[axis]);
+                high[axis] = high[axis].max(place[axis]);
+            }
+        }
+        let side_m = (high[0] - low[0]).max(high[1] - low[1]).max(1e-3) / PLACES_ACROSS;
+        let cell = |place: [f64; 3], axis: usize| ((place[axis] - low[axis]) / side_m) as u64;
+        let keys: Vec<u64> = places().map(|place| cell(place, 0) << 32 | cell(place, 1)).collect();
+        Blocks::of_keys("places", &keys)
+    }
+
+    /// Windows that lie so near to windows of a fold, on the same track, that training without the fold leaves them out.
+    fn gaps(&self, blocks: &Blocks, gap_s: f64) -> Vec<(u32, u8)> {
+        let mut by_track: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for (row, window) in self.windows.iter().enumerate() {
+            by_track.entry(window.track).or_default().push(row as u32);
+        }
+        let start_s =
+            |row: u32| self.robots.samples[self.windows[row as usize].start as usize].time_s;
+        let mut gaps = Vec::new();
+        for rows in by_track.values() {
+            let mut first = 0;
+            for &row in rows {
+                while start_s(rows[first]) < start_s(row) - gap_s {
+                    first += 1;
+                }
+                let mut near = [false; N_FOLDS];
+                for &other in rows[first..]
+                    .iter()
+                    .take_while(|&&other| start_s(other) <= start_s(row) + gap_s)
+                {
+                    near[blocks.fold(other)] = true;
+                }
+                let own = blocks.fold(row);
+                gaps.extend(
+                    (0..N_FOLDS)
+                        .filter(|&fold| near[fold] && fold != own)
+                        .map(|fold| (row, fold as u8)),
+                );
+            }
+        }
+        gaps.sort_unstable();
+        gaps
+    }
+}
+
+/// Squares of the grid along the longer side.
+const PLACES_ACROSS: f64 = 9.0;

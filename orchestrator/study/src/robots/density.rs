@@ -1,0 +1,204 @@
+//! How predicted positions scatter.
+
+use std::f64::consts::TAU;
+
+/// Share of windows that are wrong for reasons of their own.
+const BROAD_SHARE: f64 = 0.01;
+/// How much broader those scatter.
+const BROAD: f64 = 10.0;
+
+/// A residual in the directions along and across the predicted motion, and upwards.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Residual {
+    /// Measured less predicted (m): along, across, up.
+    pub(super) parts_m: [f64; 3],
+    /// Variance of the difference, per variance of one measured position.
+    pub(super) spread: f64,
+    /// Predicted way (m).
+    pub(super) way_m: f64,
+}
+
+/// Scatter of residuals: a normal law and, for one window in a hundred, one that is ten times as broad, so that a single
+/// window at the edge of a threshold does not decide.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Density {
+    /// Standard deviation of one measured position, per component (m).
+    pub(super) sd_m: f64,
+    /// Standard deviation of the direction at the window's start (rad): scatter across the motion grows with the way.
+    pub(super) sd_rad: f64,
+    /// Components that are measured: 2 or 3.
+    pub(super) n_parts: usize,
+}
+
+impl Density {
+    /// Standard deviations (m) of the components of a residual.
+    pub(super) fn sd_m(&self, residual: &Residual) -> [f64; 3] {
+        let own = self.sd_m * self.sd_m * residual.spread;
+        let turned = self.sd_rad * residual.way_m;
+        [own.sqrt(), (own + turned * turned).sqrt(), own.sqrt()]
+    }
+
+    /// Log density (nats), and how much the window counts in a least squares fit.
+    pub(super) fn log(&self, residual: &Residual) -> (f64, f64) {
+        let sd_m = self.sd_m(residual);
+        let (mut square, mut norm) = (0.0, 0.0);
+        for (part, sd) in residual.parts_m.iter().zip(sd_m).take(self.n_parts) {
+            square += (part / sd) * (part / sd);
+            norm += (sd * TAU.sqrt()).ln();
+        }
+        let narrow = (1.0 - BROAD_SHARE).ln() - 0.5 * square;
+        let broad =
+            BROAD_SHARE.ln() - self.n_parts as f64 * BROAD.ln() - 0.5 * square / (BROAD * BROAD);
+        let top = narrow.max(broad);
+        let sum = (narrow - top).exp() + (broad - top).exp();
+        let share = (narrow - top).exp() / sum;
+        (top + sum.ln() - norm, share + (1.0 - share) / (BROAD * BROAD))
+    }
+
+    /// Sum of log densities (nats).
+    pub(super) fn total(&self, residuals: &[Residual]) -> f64 {
+        residuals.iter().map(|residual| self.log(residual).0).sum()
+    }
+
+    /// The likeliest density, searched from this one. The ratio of its two scatters is searched only where asked; positions
+    /// scatter as they do where not `is_noise_free`.
+    pub(super) fn fitted(
+        self,
+        residuals: &[Residual],
+        is_noise_free: bool,
+        searches_ratio: bool,
+    ) -> Self {
+        let with = |density: Self, ratio: f64| {
+            if is_noise_free {
+                density.with_ratio(residuals, ratio)
+            } else {
+                Self { sd_rad: ratio * density.sd_m, ..density }
+            }
+        };
+        let mut best = with(self, self.sd_rad / self.sd_m);
+        if !searches_ratio {
+            return best;
+        }
+        let mut best_total = best.total(residuals);
+        // By a pattern search over the logarithm of the ratio: its likelihood has one peak.
+        let mut ratio = (best.sd_rad / best.sd_m).max(1e-3);
+        let mut factor = 1.5f64;
+        while 1.002 < factor {
+            let mut moved = false;
+            for trial in [ratio * factor, ratio / factor] {
+                let density = with(best, trial.clamp(1e-4, 1e3));
+                let total = density.total(residuals);
+                if best_total < total {
+                    (best, best_total, ratio, moved) = (density, total, trial, true);
+                    break;
+                }
+            }
+            if !moved {
+                factor = factor.sqrt();
+            }
+        }
+        best
+    }
+
+    /// The likeliest density with a given ratio of `sd_rad` to `sd_m`, by expectation and maximisation.
+    fn with_ratio(mut self, residuals: &[Residual], ratio: f64) -> Self {
+        let n = (residuals.len() * self.n_parts) as f64;
+        if n == 0.0 {
+            return self;
+        }
+        for _ in 0..60 {
+            self.sd_rad = ratio * self.sd_m;
+            let mut sum = 0.0;
+            for residual in residuals {
+                let weight = self.log(residual).1;
+                let sd_m = self.sd_m(residual);
+                for (part, sd) in residual.parts_m.iter().zip(sd_m).take(self.n_parts) {
+                    sum += weight * (part / sd) * (part / sd);
+                }
+            }
+            let step = (sum / n).sqrt();
+            self.sd_m = (self.sd_m * step).max(1e-9);
+            if (step - 1.0).abs() < 1e-9 {
+                break;
+            }
+        }
+        self.sd_rad = ratio * self.sd_m;
+        self
+    }
+
+    /// Continuous ranked probability score (m), the mean over components: that of the normal law.
+    pub(super) fn crps_m(&self, residual: &Residual) -> f64 {
+        let sd_m = self.sd_m(residual);
+        let parts = residual.parts_m.iter().zip(sd_m).take(self.n_parts);
+        let sum: f64 = parts
+            .map(|(part, sd)| {
+                let z = part / sd;
+                let density = (-0.5 * z * z).exp() / TAU.sqrt();
+                let below = libm::erf(z / std::f64::consts::SQRT_2);
+                sd * (z * below + 2.0 * density - 1.0 / std::f64::consts::PI.sqrt())
+            })
+            .sum();
+        sum / self.n_parts as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::rng::normal;
+
+    fn normals(n: u64, sd_m: f64, sd_rad: f64) -> Vec<Residual> {
+        let draw = |k: u64| {
+            let word = |j| crate::folds::scramble(2 * k + j);
+            normal(word(0), word(1))
+        };
+        (0..n)
+            .map(|row| {
+                let way_m = 0.5 * (row % 7) as f64;
+                let across = draw(3 * row) * sd_rad * way_m;
+                Residual {
+                    parts_m: [draw(3 * row + 1) * sd_m, draw(3 * row + 2) * sd_m + across, 0.0],
+                    spread: 1.0,
+                    way_m,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_scatter_that_was_put_in_is_found() {
+        let mut residuals = normals(20_000, 0.02, 0.01);
+        // And one window in two hundred is far off.
+        for residual in residuals.iter_mut().step_by(200) {
+            residual.parts_m[0] += 0.3;
+        }
+        let start = Density { sd_m: 1.0, sd_rad: 1.0, n_parts: 2 };
+        let found = start.fitted(&residuals, true, true);
+        // Standard errors about 0.7 % and 2 %; the far ones add a little.
+        assert!((found.sd_m / 0.02 - 1.0).abs() < 0.03, "{found:?}");
+        assert!((found.sd_rad / 0.01 - 1.0).abs() < 0.1, "{found:?}");
+    }
+
+    #[test]
+    fn densities_sum_to_one() {
+        let density = Density { sd_m: 0.02, sd_rad: 0.03, n_parts: 2 };
+        let h = 0.004;
+        let mut sum = 0.0;
+        for i in -400..400 {
+            for j in -400..400 {
+                let parts_m = [f64::from(i) * h, f64::from(j) * h, 0.0];
+                let residual = Residual { parts_m, spread: 1.5, way_m: 2.0 };
+                sum += density.log(&residual).0.exp() * h * h;
+            }
+        }
+        assert!((sum - 1.0).abs() < 1e-3, "{sum}");
+    }
+
+    #[test]
+    fn the_crps_of_a_normal_law_is_that_of_the_literature() {
+        // Gneiting and Raftery 2007, at z = 0: sd (2 φ(0) − 1/√π) = 0.233695 sd.
+        let density = Density { sd_m: 2.0, sd_rad: 0.0, n_parts: 2 };
+        let residual = Residual { parts_m: [0.0; 3], spread: 1.0, way_m: 0.0 };
+        assert!((density.crps_m(&residual) - 2.0 * 0.233_695).abs() < 1e-6);
+    }
+}

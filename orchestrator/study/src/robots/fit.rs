@@ -1,0 +1,417 @@
+//! Fitting a model of robots: robust least squares (Levenberg and Marquardt) on the windows' residuals, with the scatter
+//! that makes them likeliest.
+
+use super::curve::Acting;
+use super::density::{Density, Residual};
+use super::derivatives::Derivatives;
+use super::motion::Paths;
+use super::{Model, RobotFit};
+use crate::folds::Blocks;
+use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
+
+/// Most steps of a fit.
+const MOST_STEPS: usize = 60;
+/// A fit has converged when a step gains less (nats) …
+const CONVERGED_NATS: f64 = 1e-4;
+/// … twice in a row.
+const CONVERGED_TIMES: usize = 2;
+/// A step is not tried that promises less than this share of the gain at which a fit has converged.
+const PROMISING: f64 = 0.1;
+/// A fit to some of the windows, which starts where all of them lead, has converged when a step gains less (nats): what a
+/// fold's fit lacks of its optimum shows in its scores in second order only, and decisions are about tens of nats. So have
+/// thresholds and other numbers that are searched in turn.
+const NEAR_NATS: f64 = 1e-2;
+/// Most steps of a fit to some of the windows with the derivatives at its start, before they are computed anew.
+const CHORD_STEPS: usize = 8;
+/// Most further steps of such a fit: where the likelihood has jumps, there is no end to them.
+const FOLD_STEPS: usize = 10;
+/// Thresholds and other numbers are searched in turn so many times at most.
+const SETTLING_TIMES: usize = 5;
+/// Steps of a first look at each of several starts.
+const LOOK_STEPS: usize = 6;
+/// How many of several starts are followed.
+const N_FOLLOWED: usize = 3;
+/// Least share of an information matrix's diagonal that is added to it.
+pub(super) const LEAST_DAMPED: f64 = 1e-9;
+/// What holds the numbers of a curve near 0: the standard deviation of each, in units of a share of the way, or m/s.
+pub(super) const CURVE_SD: f64 = 1.0;
+
+/// A number that a fit sets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Number {
+    pub(super) min: f64,
+    pub(super) max: f64,
+    pub(super) step: f64,
+}
+
+/// What a change of numbers leaves as it is.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Known<'a> {
+    pub(super) paths: Option<&'a Paths>,
+    pub(super) actings: Option<&'a [Acting<'a>]>,
+}
+
+/// The state of a fit.
+pub(super) struct Point {
+    pub(super) values: Vec<f64>,
+    pub(super) paths: Paths,
+    pub(super) residuals: Vec<Residual>,
+    pub(super) density: Density,
+    pub(super) total: f64,
+}
+
+/// Numbers after a step, each within its range.
+pub(super) fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -> Vec<f64> {
+    values
+        .iter()
+        .zip(step.iter())
+        .zip(numbers)
+        .map(|((value, step), number)| (value + step).clamp(number.min, number.max))
+        .collect()
+}
+
+/// The step to the optimum of a quadratic form. A number at an end of its range stays there where the step would lead beyond:
+/// cut off only afterwards, it would leave the others short of their optimum, and a fit would creep along the end.
+pub(super) fn uphill(
+    information: &DMatrix<f64>,
+    slope: &DVector<f64>,
+    values: &[f64],
+    numbers: &[Number],
+) -> Option<DVector<f64>> {
+    let (mut matrix, mut slope) = (information.clone(), slope.clone());
+    loop {
+        let step = matrix.clone().cholesky()?.solve(&slope);
+        let leads_out = |&i: &usize| {
+            let Number { min, max, .. } = numbers[i];
+            values[i] <= min && step[i] < 0.0 || max <= values[i] && 0.0 < step[i]
+        };
+        let ends: Vec<usize> = (0..numbers.len()).filter(leads_out).collect();
+        if ends.is_empty() {
+            return Some(step);
+        }
+        for i in ends {
+            matrix.row_mut(i).fill(0.0);
+            matrix.column_mut(i).fill(0.0);
+            matrix[(i, i)] = 1.0;
+            slope[i] = 0.0;
+        }
+    }
+}
+
+/// An information matrix with this share of its diagonal added. Numbers that change nothing stay where they are.
+pub(super) fn damped(information: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
+    let mut matrix = information.clone();
+    for i in 0..matrix.nrows() {
+        matrix[(i, i)] += share * information[(i, i)] + 1e-12;
+    }
+    matrix
+}
+
+impl Model {
+    /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
+    pub(super) fn fitted(&self, terms: &[usize], train: &[u32], start: &RobotFit) -> RobotFit {
+        // Numbers that are known, and the first term that is not.
+        let known: Vec<usize> =
+            terms.iter().copied().filter(|term| start.terms.contains(term)).collect();
+        let mut fit = self.polished(self.carried(&known, start), train);
+        for &term in terms.iter().filter(|term| !known.contains(term)) {
+            fit = self.extended(&fit, term, train);
+        }
+        fit = self.settled(fit, train);
+        // Numbers in the order of the terms.
+        if fit.terms == terms { fit } else { self.carried(terms, &fit) }
+    }
+
+    /// The numbers of a fit for other terms, all of which it has.
+    pub(super) fn carried(&self, terms: &[usize], fit: &RobotFit) -> RobotFit {
+        let mut values = fit.values[..self.base.len()].to_vec();
+        for term in terms {
+            values.extend_from_slice(fit.numbers(self, *term));
+        }
+        RobotFit { terms: terms.to_vec(), values, derivatives: Arc::default(), ..fit.clone() }
+    }
+
+    /// A fit with one more term: from the best of its starts.
+    fn extended(&self, parent: &RobotFit, term: usize, train: &[u32]) -> RobotFit {
+        let followed = self
+            .begun(parent, term, train)
+            .into_iter()
+            .map(|(fit, _)| self.descended(fit, train, LOOK_STEPS, CONVERGED_NATS))
+            .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
+        let best = followed.unwrap_or_else(|| parent.clone());
+        self.polished(best, train)
+    }
+
+    /// Fits with one more term, at the best of its starts.
+    pub(super) fn begun(
+        &self,
+        parent: &RobotFit,
+        term: usize,
+        train: &[u32],
+    ) -> Vec<(RobotFit, Point)> {
+        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
+        let begin = |start: Vec<f64>| {
+            let fit = RobotFit {
+                terms: terms.clone(),
+                values: parent.values.iter().copied().chain(start).collect(),
+                derivatives: Arc::default(),
+                ..parent.clone()
+            };
+            let point = self.point(&fit, train)?;
+            Some((fit, point))
+        };
+        let mut looks: Vec<(RobotFit, Point)> =
+            self.starts(term, parent, train).into_iter().filter_map(begin).collect();
+        looks.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
+        looks.truncate(N_FOLLOWED);
+        looks
+    }
+
+    /// A fit whose thresholds and other numbers are at their likeliest together: at another threshold others are.
+    fn settled(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        let mut fit = self.refined(fit, train);
+        if fit.terms.iter().all(|&term| self.threshold_on(term).is_none()) {
+            return fit;
+        }
+        for _ in 0..SETTLING_TIMES {
+            let next = self.refined(self.polished(fit.clone(), train), train);
+            let gained = next.log_likelihood - fit.log_likelihood;
+            if 0.0 < gained {
+                fit = next;
+            }
+            if gained.is_nan() || gained < NEAR_NATS {
+                break;
+            }
+        }
+        fit
+    }
+
+    /// A fit that has converged.
+    fn polished(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        self.descended(fit, train, MOST_STEPS, CONVERGED_NATS)
+    }
+
+    /// A fit to some of the windows by one whose derivatives at all windows are known: by steps with these (the chord method),
+    /// and by Newton's method where they do not lead uphill.
+    pub(super) fn refitted(
+        &self,
+        start: &RobotFit,
+        derivatives: &Derivatives,
+        train: &[u32],
+    ) -> RobotFit {
+        let mut fit = start.clone();
+        let Some(mut at) = self.point(&fit, train) else { return self.polished(fit, train) };
+        self.settle(&fit, &mut at);
+        let numbers = self.numbers_of(&fit.terms);
+        let derivatives = derivatives.at_rows(train);
+        for _ in 0..CHORD_STEPS {
+            fit.density = at.density;
+            let by: Vec<f64> = at.values.iter().zip(&start.values).map(|(a, b)| a - b).collect();
+            let (information, slope) = self.normal_equations(&fit, &at, &derivatives.moved(&by));
+            let matrix = damped(&information, LEAST_DAMPED);
+            let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { break };
+            if 0.5 * step.dot(&slope) < NEAR_NATS {
+                return self.ended(fit, at);
+            }
+            fit.values = stepped(&at.values, &step, &numbers);
+            let Some(mut next) = self.point(&fit, train) else { break };
+            self.settle(&fit, &mut next);
+            let gained = next.total - at.total;
+            if 0.0 < gained {
+                at = next;
+            }
+            if gained.abs() < NEAR_NATS {
+                return self.ended(fit, at);
+            }
+            if gained < 0.0 {
+                break;
+            }
+        }
+        fit.density = at.density;
+        fit.values.clone_from(&at.values);
+        self.descended(fit, train, FOLD_STEPS, NEAR_NATS)
+    }
+
+    /// A fit where it came to.
+    pub(super) fn ended(&self, fit: RobotFit, at: Point) -> RobotFit {
+        RobotFit {
+            terms: fit.terms,
+            values: at.values,
+            density: at.density,
+            log_likelihood: at.total,
+            derivatives: Arc::default(),
+        }
+    }
+
+    /// Residuals of some windows under a fit's numbers.
+    pub(super) fn residuals(&self, fit: &RobotFit, rows: &[u32]) -> Option<Vec<Residual>> {
+        self.residuals_and_paths(fit, rows, Known::default()).map(|(residuals, _)| residuals)
+    }
+
+    /// Residuals of some windows under a fit's numbers, and the paths of the model alone unless these are known.
+    pub(super) fn residuals_and_paths(
+        &self,
+        fit: &RobotFit,
+        rows: &[u32],
+        known: Known<'_>,
+    ) -> Option<(Vec<Residual>, Paths)> {
+        let (physics, gains) = self.physics(fit)?;
+        let (paths, all) = match known.paths {
+            Some(known) => (Paths::new(), self.tracks.residuals(&physics, known, gains)),
+            None => {
+                let paths = self.tracks.paths(&physics);
+                let all = self.tracks.residuals(&physics, &paths, gains);
+                (paths, all)
+            }
+        };
+        let mut residuals: Vec<Residual> = rows.iter().map(|&row| all[row as usize]).collect();
+        let own = known.actings.is_none().then(|| self.actings(fit));
+        for acting in known.actings.or(own.as_deref()).unwrap_or_default() {
+            let numbers = &fit.values[acting.numbers.clone()];
+            for (residual, &row) in residuals.iter_mut().zip(rows) {
+                for (index, number) in numbers.iter().enumerate() {
+                    let column = self.curve_column(acting, index, row, residual);
+                    residual.parts_m[0] -= column[0] * number;
+                    residual.parts_m[1] -= column[1] * number;
+                }
+            }
+        }
+        Some((residuals, paths))
+    }
+
+    fn penalty(&self, fit: &RobotFit) -> f64 {
+        let curves = fit.terms.iter().filter(|&&term| self.curve(term).is_some());
+        let squares: f64 =
+            curves.flat_map(|&term| fit.numbers(self, term)).map(|number| number * number).sum();
+        0.5 * squares / (CURVE_SD * CURVE_SD)
+    }
+
+    /// The fit's numbers with their likeliest noise; the ratio of its scatters stays as it is.
+    pub(super) fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<Point> {
+        let (residuals, paths) = self.residuals_and_paths(fit, train, Known::default())?;
+        let is_noise_free = self.is_noise_free(&fit.terms);
+        let density = fit.density.fitted(&residuals, is_noise_free, false);
+        let total = density.total(&residuals) - self.penalty(fit);
+        let values = fit.values.clone();
+        total.is_finite().then_some(Point { values, paths, residuals, density, total })
+    }
+
+    /// The fit's numbers, if they are likelier than those of a point.
+    pub(super) fn better(&self, fit: &RobotFit, at: &Point, train: &[u32]) -> Option<Point> {
+        let mut next = self.point(fit, train).filter(|next| at.total < next.total)?;
+        self.settle(fit, &mut next);
+        Some(next)
+    }
+
+    /// Searches the ratio of the scatters at a point, where directions scatter.
+    pub(super) fn settle(&self, fit: &RobotFit, at: &mut Point) {
+        if self.has_direction() {
+            let is_noise_free = self.is_noise_free(&fit.terms);
+            at.density = at.density.fitted(&at.residuals, is_noise_free, true);
+            at.total = at.density.total(&at.residuals) - self.penalty(fit);
+        }
+    }
+
+    /// Climbs the likelihood for at most so many steps, until one gains less than `converged` (nats).
+    fn descended(
+        &self,
+        mut fit: RobotFit,
+        train: &[u32],
+        most_steps: usize,
+        converged: f64,
+    ) -> RobotFit {
+        let Some(mut at) = self.point(&fit, train) else {
+            fit.log_likelihood = f64::NEG_INFINITY;
+            return fit;
+        };
+        self.settle(&fit, &mut at);
+        let numbers = self.numbers_of(&fit.terms);
+        let mut damping = 1e-3;
+        let mut quiet = 0;
+        for _ in 0..most_steps {
+            fit.density = at.density;
+            let here = (&at.residuals[..], &at.paths);
+            let Some(derivatives) = self.jacobian(&fit, here, train, 0) else { break };
+            let (information, slope) = self.normal_equations(&fit, &at, &derivatives);
+            let mut gained = 0.0;
+            for _ in 0..8 {
+                let matrix = damped(&information, damping);
+                let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else {
+                    damping *= 10.0;
+                    continue;
+                };
+                if 0.5 * step.dot(&slope) < PROMISING * converged {
+                    break;
+                }
+                fit.values = stepped(&at.values, &step, &numbers);
+                match self.better(&fit, &at, train) {
+                    Some(next) => {
+                        gained = next.total - at.total;
+                        at = next;
+                        damping = (damping * 0.2).max(LEAST_DAMPED);
+                        break;
+                    }
+                    None => damping *= 8.0,
+                }
+            }
+            fit.values.clone_from(&at.values);
+            quiet = if gained < converged { quiet + 1 } else { 0 };
+            if gained == 0.0 || quiet == CONVERGED_TIMES {
+                break;
+            }
+        }
+        self.ended(fit, at)
+    }
+
+    /// Covariance of the numbers of a fit to all windows, blocks of windows being independent; and the correlations by which
+    /// some cannot be told apart.
+    pub(super) fn covariance(&self, fit: &RobotFit, blocks: &Blocks) -> Option<DMatrix<f64>> {
+        let all = blocks.fitted();
+        let point = self.point(fit, &all)?;
+        let derivatives = self.jacobian(fit, (&point.residuals, &point.paths), &all, 0)?;
+        let (mut information, _) = self.normal_equations(fit, &point, &derivatives);
+        let columns = &derivatives.by;
+        let n = columns.len();
+        let n_blocks = blocks.n_blocks();
+        let mut scores = DMatrix::zeros(n_blocks, n);
+        for (row, (residual, &window)) in point.residuals.iter().zip(&all).enumerate() {
+            let weight = point.density.log(residual).1;
+            let sd_m = point.density.sd_m(residual);
+            for part in 0..point.density.n_parts {
+                let pull = weight * residual.parts_m[part] / (sd_m[part] * sd_m[part]);
+                for i in 0..n {
+                    scores[(blocks.of_row[window as usize] as usize, i)] -=
+                        pull * columns[i][row][part];
+                }
+            }
+        }
+        for i in 0..n {
+            information[(i, i)] = information[(i, i)] * (1.0 + 1e-10) + 1e-12;
+        }
+        let inverse = information.cholesky()?.inverse();
+        let share = n_blocks as f64 / (n_blocks as f64 - 1.0).max(1.0);
+        Some(&inverse * (scores.transpose() * &scores) * share * &inverse)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_at_the_end_of_its_range_does_not_hold_the_others_back() {
+        let numbers = [Number { min: 0.0, max: 1.0, step: 0.1 }; 2];
+        // Nearly a ridge: alone the first would go far up, and the second as far down.
+        let information = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.99, 1.0]);
+        let slope = DVector::from_row_slice(&[1.0, 0.9]);
+        let free = uphill(&information, &slope, &[0.5, 0.5], &numbers).unwrap();
+        assert!((information.clone() * free - &slope).amax() < 1e-12);
+        // The first stays, and the second goes to its optimum beside it.
+        let step = uphill(&information, &slope, &[1.0, 0.05], &numbers).unwrap();
+        assert!(step[0].abs() < 1e-12 && (step[1] - 0.9).abs() < 1e-12, "{step}");
+        // Where both ends are in the way nothing moves.
+        let step = uphill(&information, &slope, &[1.0, 1.0], &numbers).unwrap();
+        assert!(step.amax() < 1e-12, "{step}");
+    }
+}

@@ -1,0 +1,109 @@
+//! Residuals of windows, and short formulas for their structure.
+
+use super::density::Residual;
+use super::{RobotFit, RobotStudy};
+use crate::symbolic::{self, Deviations, Formula};
+use crate::view::Viewed as _;
+use crate::{Component, Residuals, Study as _, mean};
+use robotsim::dynamics::effect::NAMES;
+
+/// A covariate whose error is part of a window's error: both hold the position measured when the window begins.
+const SHARES_ITS_ERROR: &str = "measured_speed_mps";
+/// What formulas may be multiplied by: what robots lose of their way is a share of it.
+const SPEED: &str = "speed_mps";
+
+/// What a formula along a second direction must explain of what the first leaves.
+const LEAST_SHARE: f64 = 0.01;
+
+/// A covariate of each window.
+type Covariate<'a> = (&'a str, &'a [f64]);
+
+impl RobotStudy {
+    /// Covariates of each window whose errors are independent of the window's.
+    pub(super) fn independent_covariates(&self) -> Vec<(String, Vec<f64>)> {
+        let mut covariates = self.covariates();
+        covariates.retain(|(name, _)| name != SHARES_ITS_ERROR);
+        covariates
+    }
+
+    /// Standardised residuals along and across the motion.
+    pub(super) fn standardised(&self, fit: &RobotFit) -> Residuals {
+        let view = self.view(fit);
+        let n = view.predicted.len();
+        let along = (0..n).map(|row| view.scaled_at(row)).collect();
+        let across = (0..n).map(|row| view.scaled_across(row)).collect();
+        let component = |standardised| Component { standardised, is_of_error: true };
+        Residuals { components: [along, across].map(component).to_vec(), mean_square: None }
+    }
+
+    /// The names that formulas may use beside those that every robot has.
+    fn is_known(&self, name: &str) -> bool {
+        NAMES.iter().any(|(known, _)| *known == name)
+            || self.robots().covariates.iter().any(|(given, _)| given == name)
+    }
+
+    /// The short formula of a covariate, along the direction in which it explains most of what a fit leaves.
+    pub(super) fn formula(
+        &self,
+        covariate: Covariate<'_>,
+        covariates: &[(String, Vec<f64>)],
+        fit: &RobotFit,
+    ) -> Option<Formula> {
+        if !self.is_known(covariate.0) {
+            return None;
+        }
+        let others: Vec<&(String, Vec<f64>)> =
+            covariates.iter().filter(|(name, _)| self.is_known(name)).collect();
+        let windows: Vec<u32> = (0..self.n_rows() as u32).collect();
+        let residuals = self.model.residuals(fit, &windows)?;
+        // What acts all the time has acted before the window, too, and part of that is not corrected yet.
+        let before_s = self.model.uncorrected_s(self.model.gains(fit));
+        let acted_s = |row: usize| self.model.tracks.window_s(row) + before_s[row];
+        let over_windows = |value: &dyn Fn(usize, &Residual) -> f64| -> Vec<f64> {
+            residuals.iter().enumerate().map(|(row, left)| value(row, left)).collect()
+        };
+        let velocity = |part: usize| over_windows(&|row, left| left.parts_m[part] / acted_s(row));
+        let [ahead, left] = [velocity(0), velocity(1)];
+        let turned = |by: &dyn Fn([f64; 2]) -> [f64; 2]| {
+            over_windows(&|row, _| {
+                let [with_ahead, with_left] = by(self.model.directions[row]);
+                with_ahead * ahead[row] + with_left * left[row]
+            })
+        };
+        let east = turned(&|[cos, sin]| [cos, -sin]);
+        let north = turned(&|[cos, sin]| [sin, cos]);
+        let speed = over_windows(&|row, left| left.way_m / self.model.tracks.window_s(row));
+        let of = |values, target| Deviations { values, factor: None, target };
+        let share = Deviations { factor: Some((SPEED, &speed)), ..of(&ahead[..], "ahead") };
+        let total = mean(residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()));
+        // What a formula takes of the mean square error (m²).
+        let explained = |deviations: Deviations<'_>| {
+            let found = symbolic::of_covariate(covariate, &others, deviations, &self.in_time)?;
+            let taken = mean((0..residuals.len()).map(|row| {
+                let value = deviations.values[row];
+                let taken = (value * value - found.rmse * found.rmse) * acted_s(row).powi(2);
+                if covariate.1[row].is_finite() { taken } else { 0.0 }
+            }));
+            Some((taken, found))
+        };
+        let [east, north] = [of(&east, "east"), of(&north, "north")].map(explained);
+        let [share, ahead] = [share, of(&ahead, "ahead")].map(explained);
+        let left = explained(of(&left, "left"));
+        let pairs = [(east, north), (share, left.clone()), (ahead, left)];
+        let found = pairs.into_iter().filter_map(|(one, other)| {
+            let (one, other) = (one?, other?);
+            let (more, less) = if one.0 < other.0 { (other, one) } else { (one, other) };
+            let left = total - more.0;
+            let is_along_both = LEAST_SHARE * left < less.0;
+            let left = if is_along_both { left - less.0 } else { left };
+            let also = is_along_both.then_some((less.1.text, less.1.target));
+            Some(Formula { also, rmse: left.max(0.0).sqrt(), ..more.1 })
+        });
+        // Of two that are as good the simpler.
+        let cost = |formula: &Formula| {
+            let parts = if formula.also.is_some() { 2 } else { 1 };
+            formula.rmse * (1.0 + LEAST_SHARE * f64::from(parts))
+        };
+        found.min_by(|a, b| cost(a).total_cmp(&cost(b)))
+    }
+}

@@ -1,0 +1,513 @@
+//! From positions and commands up to a moment, and the commands after it, to where the robot will be.
+
+use super::density::Residual;
+use measure::robots::{Robots, Sample};
+use proto::rng::Draws;
+use proto::site::Terrain;
+use robotsim::dynamics::physics::{Order, Physics, Robot};
+use robotsim::dynamics::surroundings::{Columns, Other, Surroundings};
+use robotsim::dynamics::wrapped;
+
+/// A row: from one sample of a track to a later one, as indices of samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Window {
+    pub(super) track: u32,
+    pub(super) start: u32,
+    pub(super) end: u32,
+}
+
+/// How much a new measurement counts against what the model made of all earlier ones: 1 trusts it alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Gains {
+    pub(super) position: f64,
+    pub(super) heading: f64,
+}
+
+/// Measured tracks, ready to be predicted.
+#[derive(Debug)]
+pub(super) struct Tracks {
+    pub(super) robots: Robots,
+    /// Sorted by track and start.
+    pub(super) windows: Vec<Window>,
+    /// How many windows overlap at any time.
+    pub(super) n_overlapping: f64,
+    /// The windows of each track.
+    windows_of: Vec<std::ops::Range<usize>>,
+    orders: Vec<Vec<Order>>,
+    /// The others of the same campaign at each sample; empty where they do not matter.
+    others: Vec<Vec<Other>>,
+    terrain: Terrain,
+}
+
+/// Where the model alone takes each robot, sample by sample: for motion that is alike everywhere, whatever measurements
+/// count. Empty where motion depends on the place.
+pub(super) type Paths = Vec<Vec<Robot>>;
+
+/// What is known of a robot when a window begins.
+#[derive(Clone, Copy, Debug, Default)]
+struct Known {
+    robot: Robot,
+    /// Variance of the position, per variance of one measurement.
+    variance: f64,
+    /// Where the model alone would be, and by how much (rad) the estimate is turned against it.
+    path_m: [f64; 3],
+    turned_rad: f64,
+    /// What the model moved the estimate since the sample before.
+    step_m: [f64; 3],
+}
+
+impl Tracks {
+    /// Windows of `window_s`, four of which overlap where samples are close enough.
+    pub(super) fn new(robots: Robots, window_s: f64, terrain: Terrain) -> Self {
+        let spacing_s = robots.spacing_s();
+        let stride = ((0.25 * window_s / spacing_s).round() as usize).max(1);
+        let tolerance_s = 0.51 * spacing_s;
+        let mut windows = Vec::new();
+        let mut windows_of = Vec::new();
+        let mut orders = Vec::new();
+        for (number, track) in robots.tracks.iter().enumerate() {
+            let first = windows.len();
+            let samples = &robots.samples[track.clone()];
+            let mut end = 0;
+            for start in (0..samples.len()).step_by(stride) {
+                let until_s = samples[start].time_s + window_s;
+                while end < samples.len() && samples[end].time_s < until_s - tolerance_s {
+                    end += 1;
+                }
+                if end < samples.len() && samples[end].time_s <= until_s + tolerance_s {
+                    windows.push(Window {
+                        track: number as u32,
+                        start: (track.start + start) as u32,
+                        end: (track.start + end) as u32,
+                    });
+                }
+            }
+            windows_of.push(first..windows.len());
+            // What was commanded at first is taken to have been in force before.
+            let mut list = vec![Order { from_s: f64::NEG_INFINITY, demand: samples[0].command }];
+            for sample in samples {
+                if list.last().is_some_and(|last| last.demand != sample.command) {
+                    list.push(Order { from_s: sample.time_s, demand: sample.command });
+                }
+            }
+            orders.push(list);
+        }
+        let others = others(&robots);
+        let n_overlapping = (window_s / (stride as f64 * spacing_s)).max(1.0);
+        Self { robots, windows, n_overlapping, windows_of, orders, others, terrain }
+    }
+
+    /// Only some of the windows. All samples stay: what is known when a window begins follows from those before.
+    pub(super) fn keep(&mut self, kept: &[bool]) {
+        let mut first = 0;
+        for range in &mut self.windows_of {
+            let n = kept[range.clone()].iter().filter(|kept| **kept).count();
+            *range = first..first + n;
+            first += n;
+        }
+        let mut at = kept.iter();
+        self.windows.retain(|_| at.next().is_some_and(|kept| *kept));
+    }
+
+    /// The sample at which a window begins.
+    pub(super) fn start(&self, window: &Window) -> &Sample {
+        &self.robots.samples[window.start as usize]
+    }
+
+    /// The campaign of each window.
+    pub(super) fn runs(&self) -> Vec<u32> {
+        self.windows.iter().map(|window| self.start(window).run).collect()
+    }
+
+    /// The line of the file on which each window begins.
+    pub(super) fn lines(&self) -> Vec<usize> {
+        self.windows.iter().map(|window| self.start(window).line).collect()
+    }
+
+    /// Length of a window (s).
+    pub(super) fn window_s(&self, window: usize) -> f64 {
+        let Window { start, end, .. } = self.windows[window];
+        self.robots.samples[end as usize].time_s - self.robots.samples[start as usize].time_s
+    }
+
+    /// Time from a sample to the next of its track (s).
+    pub(super) fn step_s(&self, sample: usize) -> f64 {
+        self.robots.samples[sample + 1].time_s - self.robots.samples[sample].time_s
+    }
+
+    /// Sums of what happens step by step to where robots are believed to be, of which every measurement corrects its share.
+    ///
+    /// * `sums`: room for them.
+    /// * `add`: adds what happens from a sample to the next.
+    /// * `tell`: is told the sums where each window begins.
+    pub(super) fn believed<const N: usize>(
+        &self,
+        gains: Gains,
+        sums: &mut [[f64; N]],
+        add: impl Fn(usize, &mut [[f64; N]]),
+        mut tell: impl FnMut(&[[f64; N]]),
+    ) {
+        for (track, range) in self.robots.tracks.iter().enumerate() {
+            let mut windows = self.windows[self.windows_of[track].clone()].iter().peekable();
+            sums.fill([0.0; N]);
+            for (index, sample) in range.clone().enumerate() {
+                if windows.next_if(|window| window.start as usize == sample).is_some() {
+                    tell(sums);
+                }
+                if windows.peek().is_none() {
+                    break;
+                }
+                add(sample, sums);
+                let (gain, _) = weights(gains, index);
+                for sum in sums.iter_mut().flatten() {
+                    *sum *= 1.0 - gain;
+                }
+            }
+        }
+    }
+
+    /// What the model moves a robot (m, east and north) from each sample to the next of its track.
+    pub(super) fn steps_m(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 2]> {
+        let mut steps_m = vec![[0.0; 2]; self.robots.samples.len()];
+        let paths = self.paths(physics);
+        for (track, range) in self.robots.tracks.iter().enumerate() {
+            if self.windows_of[track].is_empty() {
+                continue;
+            }
+            let known = self.known(track, physics, &paths, gains);
+            for (sample, after) in range.clone().zip(&known[1..]) {
+                steps_m[sample] = [after.step_m[0], after.step_m[1]];
+            }
+        }
+        steps_m
+    }
+
+    /// Directions (cosine, sine) in which the windows are predicted to go.
+    pub(super) fn directions(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 2]> {
+        self.predictions(physics, &self.paths(physics), gains)
+            .into_iter()
+            .map(|(_, moved_m)| direction(moved_m))
+            .collect()
+    }
+
+    /// Whether positions are counted from where each campaign began: a direction or a place of the plane is then another one
+    /// in every campaign.
+    pub(super) fn is_relative(&self) -> bool {
+        let first = |track: &std::ops::Range<usize>| &self.robots.samples[track.start];
+        let mut runs: Vec<u32> = self.robots.tracks.iter().map(|track| first(track).run).collect();
+        runs.dedup();
+        let [begin, rest @ ..] = &self.robots.tracks[..] else { return false };
+        let place_m = first(begin).position_m;
+        let is_same = |track: &std::ops::Range<usize>| {
+            let other_m = first(track).position_m;
+            (0..2).all(|axis| (other_m[axis] - place_m[axis]).abs() < SAME_M)
+        };
+        FEWEST_ALIKE <= runs.len() && rest.iter().all(is_same)
+    }
+
+    /// Whether the height of the ground is known.
+    pub(super) fn has_terrain(&self) -> bool {
+        !self.terrain.is_level()
+    }
+
+    /// The ground.
+    pub(super) fn terrain(&self) -> &Terrain {
+        &self.terrain
+    }
+
+    /// Whether some robot has company.
+    pub(super) fn has_others(&self) -> bool {
+        self.others.iter().any(|others| !others.is_empty())
+    }
+
+    /// Goes along every track by the model alone, where that tells what it does from any estimate.
+    pub(super) fn paths(&self, physics: &Physics) -> Paths {
+        if !physics.is_alike_everywhere() {
+            return Paths::new();
+        }
+        (0..self.robots.tracks.len())
+            .map(|track| {
+                if self.windows_of[track].is_empty() {
+                    Vec::new()
+                } else {
+                    self.path(track, physics)
+                }
+            })
+            .collect()
+    }
+
+    /// Predicts all windows, and says how far measurements lie from that. `paths`: those of this physics.
+    pub(super) fn residuals(
+        &self,
+        physics: &Physics,
+        paths: &Paths,
+        gains: Gains,
+    ) -> Vec<Residual> {
+        let predictions = self.predictions(physics, paths, gains);
+        let both = self.windows.iter().zip(predictions);
+        both.map(|(window, (begin, moved_m))| self.residual(window, &begin, moved_m)).collect()
+    }
+
+    /// Where each window is predicted to end (m).
+    pub(super) fn ends_m(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 3]> {
+        let predictions = self.predictions(physics, &self.paths(physics), gains);
+        let end = |(begin, moved_m): (Known, [f64; 3])| {
+            std::array::from_fn(|i| begin.robot.position_m[i] + moved_m[i])
+        };
+        predictions.into_iter().map(end).collect()
+    }
+
+    /// What is known when each window begins, and what the robot is predicted to move in it (m).
+    fn predictions(
+        &self,
+        physics: &Physics,
+        paths: &Paths,
+        gains: Gains,
+    ) -> Vec<(Known, [f64; 3])> {
+        let mut predictions = Vec::with_capacity(self.windows.len());
+        let is_alike = !paths.is_empty();
+        for (track, range) in self.robots.tracks.iter().enumerate() {
+            let windows = &self.windows[self.windows_of[track].clone()];
+            if windows.is_empty() {
+                continue;
+            }
+            let known = self.known(track, physics, paths, gains);
+            for window in windows {
+                let begin = known[window.start as usize - range.start];
+                let moved_m = if is_alike {
+                    let end = &known[window.end as usize - range.start];
+                    let path_m = std::array::from_fn(|i| end.path_m[i] - begin.path_m[i]);
+                    rotated(path_m, begin.turned_rad)
+                } else {
+                    self.simulate(physics, track, window, begin.robot)
+                };
+                predictions.push((begin, moved_m));
+            }
+        }
+        predictions
+    }
+
+    /// The residual of a window whose motion is predicted.
+    fn residual(&self, window: &Window, begin: &Known, moved_m: [f64; 3]) -> Residual {
+        let measured_m = self.robots.samples[window.end as usize].position_m;
+        let error_m: [f64; 3] =
+            std::array::from_fn(|i| measured_m[i] - (begin.robot.position_m[i] + moved_m[i]));
+        let way_m = moved_m[0].hypot(moved_m[1]);
+        let [cos, sin] = direction(moved_m);
+        Residual {
+            parts_m: [
+                error_m[0] * cos + error_m[1] * sin,
+                error_m[1] * cos - error_m[0] * sin,
+                error_m[2],
+            ],
+            spread: 1.0 + begin.variance,
+            way_m,
+        }
+    }
+
+    /// A robot where its track begins, doing what is commanded there.
+    fn begin(&self, track: usize, physics: &Physics) -> Robot {
+        let first = &self.robots.samples[self.robots.tracks[track].start];
+        let heading_rad = if first.heading_rad.is_nan() { 0.0 } else { first.heading_rad };
+        let drive = physics.target(first.command);
+        Robot { position_m: first.position_m, heading_rad, drive, ..Robot::default() }
+    }
+
+    /// What is known of a robot at each sample of its track.
+    fn known(&self, track: usize, physics: &Physics, paths: &Paths, gains: Gains) -> Vec<Known> {
+        match paths.get(track) {
+            Some(path) => self.follow(track, path, physics.shape().is_turning(), gains),
+            None => self.correct(track, physics, gains),
+        }
+    }
+
+    /// Goes along a track by the model alone.
+    fn path(&self, track: usize, physics: &Physics) -> Vec<Robot> {
+        let samples = &self.robots.samples[self.robots.tracks[track].clone()];
+        let mut robot = self.begin(track, physics);
+        let mut path = Vec::with_capacity(samples.len());
+        path.push(robot);
+        let (mut next, surroundings) = (0, Surroundings::default());
+        for pair in samples.windows(2) {
+            let (from_s, until_s) = (pair[0].time_s, pair[1].time_s);
+            let orders = &self.orders[track];
+            physics.advance(&mut robot, orders, &mut next, from_s, until_s, &surroundings);
+            path.push(robot);
+        }
+        path
+    }
+
+    /// Lets estimates follow the path of the model alone: for motion that is alike everywhere, so that what the model does
+    /// from an estimate is what it does by itself, moved and turned.
+    fn follow(&self, track: usize, path: &[Robot], is_turning: bool, gains: Gains) -> Vec<Known> {
+        let range = self.robots.tracks[track].clone();
+        let samples = &self.robots.samples[range];
+        let robot = path[0];
+        let mut known = Vec::with_capacity(samples.len());
+        let mut at = Known { robot, variance: 1.0, path_m: robot.position_m, ..Known::default() };
+        known.push(at);
+        for (index, (pair, robot)) in samples.windows(2).zip(&path[1..]).enumerate() {
+            let step_m: [f64; 3] = std::array::from_fn(|i| robot.position_m[i] - at.path_m[i]);
+            let step_m = rotated(step_m, at.turned_rad);
+            let (gain, heading_gain) = weights(gains, index);
+            let measured_m = pair[1].position_m;
+            at.robot.position_m = std::array::from_fn(|i| {
+                let expected = at.robot.position_m[i] + step_m[i];
+                expected + gain * (measured_m[i] - expected)
+            });
+            if is_turning {
+                let expected = robot.heading_rad + at.turned_rad;
+                at.turned_rad += heading_gain * wrapped(pair[1].heading_rad - expected);
+            }
+            at.variance = (1.0 - gain).powi(2) * at.variance + gain * gain;
+            at.path_m = robot.position_m;
+            at.step_m = step_m;
+            known.push(at);
+        }
+        known
+    }
+
+    /// Goes along a track by the model, corrected by every measurement.
+    fn correct(&self, track: usize, physics: &Physics, gains: Gains) -> Vec<Known> {
+        let range = self.robots.tracks[track].clone();
+        let samples = &self.robots.samples[range.clone()];
+        let mut robot = self.begin(track, physics);
+        let mut variance = 1.0;
+        let mut known = Vec::with_capacity(samples.len());
+        known.push(Known { robot, variance, ..Known::default() });
+        let mut next = 0;
+        for (index, pair) in samples.windows(2).enumerate() {
+            let surroundings = self.surroundings(range.start + index);
+            let (from_s, until_s) = (pair[0].time_s, pair[1].time_s);
+            let orders = &self.orders[track];
+            let from_m = robot.position_m;
+            physics.advance(&mut robot, orders, &mut next, from_s, until_s, &surroundings);
+            let step_m = std::array::from_fn(|i| robot.position_m[i] - from_m[i]);
+            let (gain, heading_gain) = weights(gains, index);
+            for i in 0..3 {
+                robot.position_m[i] += gain * (pair[1].position_m[i] - robot.position_m[i]);
+            }
+            if physics.shape().is_turning() {
+                robot.heading_rad +=
+                    heading_gain * wrapped(pair[1].heading_rad - robot.heading_rad);
+            }
+            variance = (1.0 - gain).powi(2) * variance + gain * gain;
+            known.push(Known { robot, variance, step_m, ..Known::default() });
+        }
+        known
+    }
+
+    /// What a robot moves (m) in a window.
+    fn simulate(
+        &self,
+        physics: &Physics,
+        track: usize,
+        window: &Window,
+        mut robot: Robot,
+    ) -> [f64; 3] {
+        let from_m = robot.position_m;
+        let begin_s = self.robots.samples[window.start as usize].time_s;
+        let mut next = self.orders[track].partition_point(|order| order.from_s <= begin_s);
+        for index in window.start as usize..window.end as usize {
+            let [a, b] = [index, index + 1].map(|index| self.robots.samples[index].time_s);
+            let surroundings = self.surroundings(index);
+            physics.advance(&mut robot, &self.orders[track], &mut next, a, b, &surroundings);
+        }
+        std::array::from_fn(|i| robot.position_m[i] - from_m[i])
+    }
+
+    /// A robot at each sample of a track by the model alone, from where the track begins.
+    pub(super) fn driven(&self, track: usize, physics: &Physics, draws: Draws) -> Vec<Robot> {
+        let range = self.robots.tracks[track].clone();
+        let mut robot = self.begin(track, physics);
+        let (mut next, mut driven) = (0, vec![robot]);
+        for index in range.start..range.end - 1 {
+            let [a, b] = [index, index + 1].map(|index| self.robots.samples[index].time_s);
+            let surroundings = Surroundings { draws: Some(draws), ..self.surroundings(index) };
+            physics.advance(&mut robot, &self.orders[track], &mut next, a, b, &surroundings);
+            driven.push(robot);
+        }
+        driven
+    }
+
+    fn surroundings(&self, sample: usize) -> Surroundings<'_> {
+        Surroundings {
+            terrain: Some(&self.terrain),
+            others: self.others.get(sample).map_or(&[], |others| others),
+            others_at_s: self.robots.samples[sample].time_s,
+            columns: Columns { all: &self.robots.covariates, row: sample },
+            draws: None,
+        }
+    }
+}
+
+/// Measured positions do not agree so closely (m), unless they are counted from there.
+const SAME_M: f64 = 1e-6;
+/// So many campaigns that all begin at one place are no accident.
+const FEWEST_ALIKE: usize = 5;
+
+/// Weights of the measurement after step `index`: the first ones count in full, as a mean of all so far does.
+fn weights(gains: Gains, index: usize) -> (f64, f64) {
+    let mean = 1.0 / (index + 2) as f64;
+    (gains.position.max(mean), gains.heading.max(mean))
+}
+
+/// Cosine and sine of the direction of a motion; east where there is none.
+fn direction(moved_m: [f64; 3]) -> [f64; 2] {
+    let way_m = moved_m[0].hypot(moved_m[1]);
+    if way_m < 1e-9 { [1.0, 0.0] } else { [moved_m[0] / way_m, moved_m[1] / way_m] }
+}
+
+fn rotated([x, y, z]: [f64; 3], angle_rad: f64) -> [f64; 3] {
+    if angle_rad == 0.0 {
+        return [x, y, z];
+    }
+    let (sin, cos) = angle_rad.sin_cos();
+    [x * cos - y * sin, x * sin + y * cos, z]
+}
+
+/// For each sample the other robots of its campaign at that time, where they were measured within one spacing, with the
+/// velocities of their last step. Other robots' measured positions are a covariate: they are known within the window, too.
+fn others(robots: &Robots) -> Vec<Vec<Other>> {
+    let mut by_run: std::collections::BTreeMap<u32, Vec<usize>> = std::collections::BTreeMap::new();
+    for (number, track) in robots.tracks.iter().enumerate() {
+        by_run.entry(robots.samples[track.start].run).or_default().push(number);
+    }
+    if by_run.values().all(|tracks| tracks.len() < 2) {
+        return Vec::new();
+    }
+    let within_s = 1.01 * robots.spacing_s();
+    let mut others = vec![Vec::new(); robots.samples.len()];
+    for tracks in by_run.values() {
+        for &own in tracks {
+            for &other in tracks.iter().filter(|&&other| other != own) {
+                let samples = &robots.samples[robots.tracks[other].clone()];
+                let mut near = 0;
+                for index in robots.tracks[own].clone() {
+                    let time_s = robots.samples[index].time_s;
+                    while near + 1 < samples.len() && samples[near + 1].time_s <= time_s {
+                        near += 1;
+                    }
+                    if within_s < (samples[near].time_s - time_s).abs() {
+                        continue;
+                    }
+                    let velocity_mps = match samples.get(near + 1) {
+                        Some(after) => std::array::from_fn(|i| {
+                            (after.position_m[i] - samples[near].position_m[i])
+                                / (after.time_s - samples[near].time_s)
+                        }),
+                        None => [0.0; 3],
+                    };
+                    let ahead_s = time_s - samples[near].time_s;
+                    others[index].push(Other {
+                        position_m: std::array::from_fn(|i| {
+                            samples[near].position_m[i] + velocity_mps[i] * ahead_s
+                        }),
+                        velocity_mps,
+                    });
+                }
+            }
+        }
+    }
+    others
+}

@@ -1,0 +1,51 @@
+//! Models that are held against each other: where they differ tells what to measure next.
+
+use super::terms::Term;
+use super::{RobotFit, RobotStudy};
+use crate::PredictionDifference;
+
+impl RobotStudy {
+    /// The distance (m) between the ends that two fits predict of each window.
+    pub(super) fn difference_of_ends(
+        &self,
+        one: &RobotFit,
+        other: &RobotFit,
+    ) -> Option<PredictionDifference> {
+        let ends = |fit: &RobotFit| {
+            let (physics, gains) = self.model.physics(fit)?;
+            Some(self.model.tracks.ends_m(&physics, gains))
+        };
+        let by_row = ends(one)?
+            .iter()
+            .zip(ends(other)?)
+            .map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt())
+            .collect();
+        Some(PredictionDifference { by_row, unit: "m", covariates: self.covariates() })
+    }
+
+    /// A fit with a number of an effect at another value; the others follow as far as their estimates are correlated with it.
+    pub(super) fn held_at(
+        &self,
+        fit: &RobotFit,
+        term: usize,
+        key: &str,
+        value: f64,
+    ) -> Option<RobotFit> {
+        let Term::Effect(effect) = &self.model.terms[term] else { return None };
+        let k = effect.parameters.iter().position(|parameter| parameter.key == key)?;
+        let held = fit.first(&self.model, term) + k;
+        let covariance = self.model.covariance(fit, &self.in_time)?;
+        let moved = value - fit.values[held];
+        let mut there = fit.clone();
+        for (index, number) in self.model.numbers_of(&fit.terms).iter().enumerate() {
+            let follows = covariance[(index, held)] / covariance[(held, held)];
+            if follows.is_finite() {
+                there.values[index] =
+                    (there.values[index] + follows * moved).clamp(number.min, number.max);
+            }
+        }
+        there.values[held] = value;
+        there.derivatives = std::sync::Arc::default();
+        Some(there)
+    }
+}

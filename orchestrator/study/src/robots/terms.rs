@@ -1,0 +1,320 @@
+//! What may be missing from a model of robots: effects of the catalogue, and curves over covariates.
+
+use super::RobotStudy;
+use super::curve::Curve;
+use super::motion::Tracks;
+use crate::formula::{FORMULA, FormulaError, Wanted, set};
+use crate::{CURVE, Candidate, FINE, knots};
+use measure::robots::Sample;
+use proto::config::{Node, Value, check};
+use proto::effect::{Level, Need, Parameter};
+use robotsim::dynamics::effect::{self, Entry};
+use robotsim::dynamics::{Part, Shape};
+
+/// A term that a fit may contain.
+#[derive(Clone, Debug)]
+pub(super) enum Term {
+    /// An effect of the catalogue.
+    Effect(EffectTerm),
+    /// More noise of measured positions than the configuration says.
+    Noise(toml::Table),
+    /// A smooth curve over a covariate: what the window's motion is longer by, and where it drifts.
+    Curve(Curve),
+}
+
+/// An effect, and the numbers of it that are fitted.
+#[derive(Clone, Debug)]
+pub(super) struct EffectTerm {
+    /// Its checked table, to be filled in.
+    table: toml::Table,
+    /// What is filled in.
+    pub(super) parameters: Vec<Parameter>,
+    /// Where searches start.
+    pub(super) starts: Starts,
+}
+
+/// Where searches for an effect start.
+#[derive(Clone, Debug)]
+pub(super) enum Starts {
+    /// At each of these.
+    At(Vec<Vec<f64>>),
+    /// At those of these discs of the plane (centre, radius, what speed is scaled by in it) that explain most of what is left.
+    Discs(Vec<Vec<f64>>),
+}
+
+impl EffectTerm {
+    /// Of an effect that does something to commands below a threshold and nothing else to any: which part of commands that is. What
+    /// it does changes with the threshold only where that passes a command.
+    pub(super) fn threshold_on(&self) -> Option<Part> {
+        let text = |key: &str| self.table.get(key).and_then(toml::Value::as_str);
+        let part = if text("on") == Some("turn") { Part::Turn } else { Part::Speed };
+        (text("kind") == Some(DEAD_BAND)).then_some(part)
+    }
+
+    /// The effect's table with these numbers.
+    pub(super) fn table(&self, values: &[f64]) -> toml::Table {
+        let mut table = self.table.clone();
+        for (parameter, &value) in self.parameters.iter().zip(values) {
+            set(&mut table, parameter.key, value);
+        }
+        table
+    }
+}
+
+/// All that may be missing.
+pub(super) fn all(
+    tracks: &Tracks,
+    dynamics: &toml::Table,
+    is_noise_given: bool,
+) -> (Vec<Candidate>, Vec<Term>) {
+    let mut candidates = Vec::new();
+    let mut terms = Vec::new();
+    let shape = tracks.robots.shape;
+    for entry in effect::LIST.iter().filter(|entry| entry.variant.name != FORMULA) {
+        let variants: &[&[_]] =
+            if entry.fit.variants.is_empty() { &[&[]] } else { entry.fit.variants };
+        for variant in variants {
+            let keys: Vec<(&str, toml::Value)> =
+                variant.iter().map(|(key, fixed)| (*key, fixed.value())).collect();
+            let on = keys.iter().find(|(key, _)| *key == "on").and_then(|(_, v)| v.as_str());
+            if on == Some("turn") && !shape.is_turning() {
+                continue;
+            }
+            let name = match on {
+                Some("turn") => format!("{} (turn)", entry.variant.name),
+                _ => entry.variant.name.to_owned(),
+            };
+            let parameters: Vec<Parameter> = entry
+                .fit
+                .parameters
+                .iter()
+                .copied()
+                .filter(|parameter| match parameter.key {
+                    "angle_rad" if entry.variant.name == "steering-bias" => shape == Shape::Car,
+                    "rate_radps" => shape == Shape::Unicycle,
+                    _ => true,
+                })
+                .collect();
+            let starts = starts(entry, on, &parameters, tracks);
+            candidates.push(Candidate {
+                name,
+                about: Some(&entry.about),
+                level: entry.fit.level,
+                n_parameters: parameters.len(),
+                generalises: entry.fit.generalises.iter().map(|s| (*s).to_owned()).collect(),
+                linear_in: entry.fit.linear_in,
+                is_derived: false,
+                untestable: untestable(entry, on, tracks, dynamics, is_noise_given),
+                stands_in_for: None,
+            });
+            if entry.variant.name == NOISE {
+                terms.push(Term::Noise(template(entry, &keys, &parameters)));
+                continue;
+            }
+            terms.push(Term::Effect(EffectTerm {
+                table: template(entry, &keys, &parameters),
+                parameters,
+                starts,
+            }));
+        }
+    }
+    let own = tracks.own_covariates();
+    let is_known = |(name, _): &&(String, Vec<f64>)| name == "time_s" || !tracks.is_relative();
+    for (name, values) in tracks.robots.covariates.iter().chain(own.iter().filter(is_known)) {
+        let fine = name == "time_s" && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
+        let kinds = [("", knots::FEW), (FINE, knots::MANY)].into_iter().take(1 + usize::from(fine));
+        for (prefix, n_knots) in kinds {
+            let Some(curve) = Curve::new(tracks, values.clone(), n_knots) else { continue };
+            let place = candidates.len();
+            let coarse = format!("{CURVE}{name}");
+            for (curve, stands_in_for) in [(curve.clone(), None), (curve.whole(), Some(place))] {
+                candidates.push(Candidate {
+                    name: format!("{prefix}{coarse}"),
+                    about: None,
+                    level: Level::Time,
+                    n_parameters: curve.n_numbers(),
+                    generalises: if prefix.is_empty() { Vec::new() } else { vec![coarse.clone()] },
+                    linear_in: None,
+                    is_derived: false,
+                    untestable: None,
+                    stands_in_for,
+                });
+                terms.push(Term::Curve(curve));
+            }
+        }
+    }
+    (candidates, terms)
+}
+
+impl RobotStudy {
+    /// Adds a formula of the user's to what may be added to the model.
+    ///
+    /// # Errors
+    ///
+    /// The formula is wrong, or names what is neither a parameter nor known of these samples.
+    pub fn add_formula(&mut self, wanted: &Wanted) -> Result<(), FormulaError> {
+        let entry = effect::LIST.iter().find(|entry| entry.variant.name == FORMULA);
+        let Some(entry) = entry else { return Ok(()) };
+        let covariates = &self.model.tracks.robots.covariates;
+        let columns: Vec<&str> = covariates.iter().map(|(name, _)| name.as_str()).collect();
+        let known = effect::NAMES.map(|(name, _)| name);
+        let asked = wanted.checked(&effect::SPEC, entry.check, &known, &columns)?;
+        self.candidates.push(Candidate {
+            name: FORMULA.to_owned(),
+            about: Some(&entry.about),
+            level: entry.fit.level,
+            n_parameters: asked.parameters.len(),
+            generalises: Vec::new(),
+            linear_in: None,
+            is_derived: false,
+            untestable: None,
+            stands_in_for: None,
+        });
+        self.model.terms.push(Term::Effect(EffectTerm {
+            starts: Starts::At(vec![asked.starts()]),
+            table: asked.table,
+            parameters: asked.parameters,
+        }));
+        Ok(())
+    }
+}
+
+/// Why an effect cannot be told from these data.
+fn untestable(
+    entry: &Entry,
+    on: Option<&str>,
+    tracks: &Tracks,
+    dynamics: &toml::Table,
+    is_noise_given: bool,
+) -> Option<String> {
+    if entry.variant.name == NOISE && !is_noise_given {
+        return Some(
+            "its noise is estimated for every model, as robotsim.localization.sd_m is not given; its scale is the same as \
+             slip, its delay the same as dead-time"
+                .to_owned(),
+        );
+    }
+    let configured = dynamics.get("effect").and_then(toml::Value::as_array);
+    let is_there = configured.into_iter().flatten().any(|table| {
+        let text = |key: &str| table.get(key).and_then(toml::Value::as_str);
+        text("kind") == Some(entry.variant.name) && (on.is_none() || text("on") == on)
+    });
+    if is_there {
+        return Some("is in the model already".to_owned());
+    }
+    let is_of_the_plane = ["wind", "rough-ground", "slope"].contains(&entry.variant.name);
+    if is_of_the_plane && tracks.is_relative() {
+        return Some(
+            "needs positions in one frame: here every campaign begins at the same place to the last digit, so that positions \
+             are counted from there, and directions and places of one campaign are not those of another"
+                .to_owned(),
+        );
+    }
+    let shape = tracks.robots.shape;
+    entry
+        .about
+        .needs
+        .iter()
+        .find(|need| match need {
+            Need::TurningCommands => !shape.is_turning(),
+            Need::Steering => shape != Shape::Car,
+            Need::Terrain => !tracks.has_terrain(),
+            Need::OtherAgents => !tracks.has_others(),
+            _ => false,
+        })
+        .map(|need| format!("needs {}", need.describe()))
+}
+
+/// The effect's table with all defaults, and the numbers to be filled in at some allowed value.
+fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter]) -> toml::Table {
+    let mut table = toml::Table::new();
+    table.insert("kind".to_owned(), entry.variant.name.into());
+    for parameter in parameters {
+        set(&mut table, parameter.key, parameter.starts[0].max(parameter.min));
+    }
+    for (key, value) in keys {
+        match value {
+            toml::Value::Float(number) => set(&mut table, key, *number),
+            other => {
+                table.insert((*key).to_owned(), other.clone());
+            }
+        }
+    }
+    let node = Node { value: Value::from(&toml::Value::Table(table)), span: None };
+    check(&node, "", &effect::SPEC, &mut Vec::new()).table
+}
+
+/// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart.
+fn starts(entry: &Entry, on: Option<&str>, parameters: &[Parameter], tracks: &Tracks) -> Starts {
+    let part = if on == Some("turn") { Part::Turn } else { Part::Speed };
+    match entry.variant.name {
+        DEAD_BAND | "speed-limit" => {
+            return Starts::At(
+                tracks.thresholds(part).into_iter().map(|value| vec![value]).collect(),
+            );
+        }
+        "acceleration-limit" => {
+            return Starts::At(
+                tracks.accelerations().into_iter().map(|value| vec![value]).collect(),
+            );
+        }
+        "rough-ground" => return Starts::Discs(tracks.discs()),
+        _ => {}
+    }
+    let mut products: Vec<Vec<f64>> = vec![Vec::new()];
+    for parameter in parameters {
+        products = products
+            .iter()
+            .flat_map(|begin| {
+                parameter
+                    .starts
+                    .iter()
+                    .map(move |&start| begin.iter().copied().chain([start]).collect::<Vec<f64>>())
+            })
+            .collect();
+    }
+    Starts::At(products)
+}
+
+/// The effect whose number is a threshold.
+const DEAD_BAND: &str = "dead-band";
+
+/// The effect whose only number is the noise itself.
+pub(super) const NOISE: &str = "localization";
+
+impl Tracks {
+    /// Covariates that every file has: time, and place.
+    fn own_covariates(&self) -> [(String, Vec<f64>); 3] {
+        let of = |value: &dyn Fn(&Sample) -> f64| self.robots.samples.iter().map(value).collect();
+        [
+            ("time_s".to_owned(), of(&|sample| sample.time_s)),
+            ("x_m".to_owned(), of(&|sample| sample.position_m[0])),
+            ("y_m".to_owned(), of(&|sample| sample.position_m[1])),
+        ]
+    }
+
+    /// Discs of the plane in which ground may be rough: a grid of centres, several sizes.
+    fn discs(&self) -> Vec<Vec<f64>> {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for sample in &self.robots.samples {
+            for axis in 0..2 {
+                low[axis] = low[axis].min(sample.position_m[axis]);
+                high[axis] = high[axis].max(sample.position_m[axis]);
+            }
+        }
+        let size = (high[0] - low[0]).max(high[1] - low[1]).max(0.1);
+        let n = 15;
+        let mut discs = Vec::new();
+        for i in 0..n {
+            for j in 0..n {
+                for part in [0.04, 0.07, 0.11, 0.16, 0.23, 0.33] {
+                    let at = |axis: usize, k: i32| {
+                        low[axis] + (f64::from(k) + 0.5) / f64::from(n) * (high[axis] - low[axis])
+                    };
+                    discs.push(vec![at(0, i), at(1, j), part * size, 1.0]);
+                }
+            }
+        }
+        discs
+    }
+}

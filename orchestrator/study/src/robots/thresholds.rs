@@ -1,0 +1,186 @@
+//! Numbers that count only where they pass a command: thresholds, and limits of change.
+
+use super::fit::Point;
+use super::motion::Tracks;
+use super::terms::Term;
+use super::{Model, RobotFit};
+use measure::robots::Sample;
+use robotsim::dynamics::Part;
+
+/// How often the share of commands beyond a threshold is halved, from a 24th on: a limit that only the fastest commands meet is
+/// worth finding.
+const TAIL_HALVES: usize = 4;
+
+/// A threshold is looked for in steps of this part of all commands, a quarter of what its starts are apart …
+const COARSE: usize = 96;
+/// … so many to each side, and then in steps that are so many times smaller.
+const PARTS: usize = 8;
+/// A threshold is likely while it is less likely than the best by less (nats), were windows independent: for a 90 % interval.
+const LIKELY_NATS: f64 = 1.353;
+/// Most commands that an interval has on each side of the threshold.
+const MOST_PASSED: usize = 500;
+
+impl Tracks {
+    /// Sizes of a part of all commands, sorted.
+    fn sizes(&self, part: Part) -> Vec<f64> {
+        let turning = self.robots.shape.is_turning();
+        let size = |command: [f64; 3]| match (part, turning) {
+            (Part::Turn, _) => command[1].abs(),
+            (Part::Speed, true) => command[0].abs(),
+            (Part::Speed, false) => command.iter().map(|part| part * part).sum::<f64>().sqrt(),
+        };
+        let mut sizes: Vec<f64> =
+            self.robots.samples.iter().map(|sample| size(sample.command)).collect();
+        sizes.sort_by(f64::total_cmp);
+        sizes
+    }
+
+    /// Values between which commanded sizes lie: half way from each to the next larger one, about two dozen; closer where few
+    /// commands are smaller, or larger; and beyond all.
+    pub(super) fn thresholds(&self, part: Part) -> Vec<f64> {
+        let mut sizes = self.sizes(part);
+        // By quantiles of what was commanded, however often.
+        let steps = 24;
+        let last = sizes.len() - 1;
+        let halves = (1..=TAIL_HALVES).map(|k| last / (steps << k));
+        let mut places: Vec<usize> = (0..=steps).map(|k| k * last / steps).collect();
+        places.extend(halves.flat_map(|few| [few, last - few]));
+        places.sort_unstable();
+        let mut picked: Vec<f64> = places.into_iter().map(|place| sizes[place]).collect();
+        sizes.dedup();
+        let [smallest, largest] = [sizes[0], sizes[sizes.len() - 1]];
+        if sizes.len() <= steps {
+            picked = sizes;
+        }
+        picked.dedup();
+        let middles = picked.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+        let mut values: Vec<f64> =
+            [smallest].into_iter().chain(middles).chain([largest]).map(|v| v.max(0.01)).collect();
+        values.dedup();
+        values
+    }
+
+    /// Accelerations (m/s²) with which the greatest change of a commanded speed would take from a hundred times the time between
+    /// samples to next to nothing.
+    pub(super) fn accelerations(&self) -> Vec<f64> {
+        let n_parts = if self.robots.shape.is_turning() { 1 } else { 3 };
+        let change = |pair: &[Sample]| -> f64 {
+            let parts = 0..n_parts;
+            parts.map(|k| (pair[1].command[k] - pair[0].command[k]).powi(2)).sum::<f64>().sqrt()
+        };
+        let tracks = self.robots.tracks.iter();
+        let changes = tracks.flat_map(|track| self.robots.samples[track.clone()].windows(2));
+        let greatest_mps = changes.map(change).fold(0.0, f64::max);
+        let spacing_s = self.robots.spacing_s();
+        let (least, most) = ((greatest_mps / (100.0 * spacing_s)).clamp(0.01, 1e3), 1e6);
+        (0..14).map(|k| least * (most / least).powf(f64::from(k) / 13.0)).collect()
+    }
+}
+
+/// Commands of different sizes, sorted, and a threshold between two of them.
+struct Between {
+    sizes: Vec<f64>,
+    /// The threshold is greater than so many of them.
+    above: usize,
+}
+
+impl Between {
+    /// The threshold above so many commands: half way to the next.
+    fn at(&self, above: usize) -> f64 {
+        match (above.checked_sub(1).map(|last| self.sizes[last]), self.sizes.get(above)) {
+            (Some(below), Some(next)) => 0.5 * (below + next),
+            (None, Some(next)) => 0.5 * next,
+            (Some(below), None) => below * 1.01,
+            (None, None) => 0.0,
+        }
+    }
+}
+
+impl Model {
+    /// The part of commands on which a term has a threshold.
+    pub(super) fn threshold_on(&self, term: usize) -> Option<Part> {
+        match &self.terms[term] {
+            Term::Effect(effect) => effect.threshold_on(),
+            Term::Noise(_) | Term::Curve(_) => None,
+        }
+    }
+
+    /// Where the threshold of a term, if it has one, is among the commands.
+    fn between(&self, fit: &RobotFit, term: usize) -> Option<Between> {
+        let mut sizes = self.tracks.sizes(self.threshold_on(term)?);
+        sizes.dedup();
+        let threshold = fit.numbers(self, term)[0];
+        let above = sizes.partition_point(|size| *size < threshold);
+        Some(Between { sizes, above })
+    }
+
+    /// A fit with another threshold of a term, and its likelihood.
+    fn with_threshold(
+        &self,
+        fit: &RobotFit,
+        term: usize,
+        threshold: f64,
+        train: &[u32],
+    ) -> Option<(RobotFit, Point)> {
+        let mut fit = RobotFit { derivatives: std::sync::Arc::default(), ..fit.clone() };
+        let first = fit.first(self, term);
+        fit.values[first] = threshold;
+        let point = self.point(&fit, train)?;
+        Some((fit, point))
+    }
+
+    /// A fit whose thresholds are the likeliest nearby: a likelihood that changes in jumps has no slope that leads there.
+    pub(super) fn refined(&self, mut fit: RobotFit, train: &[u32]) -> RobotFit {
+        for term in fit.terms.clone() {
+            let Some(mut between) = self.between(&fit, term) else { continue };
+            let mut stride = (between.sizes.len() / COARSE).max(1);
+            loop {
+                let first = between.above.saturating_sub(PARTS * stride);
+                let last = (between.above + PARTS * stride).min(between.sizes.len());
+                for above in (first..=last).step_by(stride) {
+                    let threshold = between.at(above);
+                    let there = self.with_threshold(&fit, term, threshold, train);
+                    if let Some((there, at)) = there
+                        && fit.log_likelihood < at.total
+                    {
+                        fit = self.ended(there, at);
+                        between.above = above;
+                    }
+                }
+                if stride == 1 {
+                    break;
+                }
+                stride = (stride / PARTS).max(1);
+            }
+        }
+        fit
+    }
+
+    /// The 90 % interval of the threshold of a term, from one command to another, by the likelihood.
+    pub(super) fn threshold_interval(
+        &self,
+        fit: &RobotFit,
+        term: usize,
+        train: &[u32],
+    ) -> Option<(f64, f64)> {
+        let between = self.between(fit, term)?;
+        let least = fit.log_likelihood - self.tracks.n_overlapping * LIKELY_NATS;
+        let is_likely = |above: usize| {
+            self.with_threshold(fit, term, between.at(above), train)
+                .is_some_and(|(_, at)| least < at.total)
+        };
+        let (mut low, mut high) = (between.above, between.above);
+        while 0 < low && between.above - low < MOST_PASSED && is_likely(low - 1) {
+            low -= 1;
+        }
+        while high < between.sizes.len()
+            && high - between.above < MOST_PASSED
+            && is_likely(high + 1)
+        {
+            high += 1;
+        }
+        let below = low.checked_sub(1).map_or(0.0, |last| between.sizes[last]);
+        let above = between.sizes.get(high).copied();
+        Some((below, above.unwrap_or_else(|| between.at(high))))
+    }
+}
