@@ -15,6 +15,7 @@ use crate::coupling::{Coupled, StepOutcome, StepPlan};
 use crate::record::{Configured, Ending, Recorder, RunHeader, StepRecord};
 use crate::report;
 use crate::run::{RunError, StartOptions, Wanted, start};
+use numbers::statistics::quantile_lower;
 use peers::{Figures, ROWS};
 use proto::types::NetRecord;
 use serde_json::{Value, json};
@@ -277,13 +278,7 @@ fn record_failed(error: crate::record::RecordError) -> RunError {
     RunError::Record { error, before_start: false }
 }
 
-/// Of values in ascending order; of none, not a number.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
-    let last = sorted.len().saturating_sub(1);
-    sorted.get((last as f64 * q) as usize).copied().unwrap_or(f64::NAN)
-}
-
-fn number(value: Option<f64>) -> String {
+fn number_or_dash(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |value| value.to_string())
 }
 
@@ -330,8 +325,8 @@ async fn measure(
         robots,
         mode,
         n_steps: times_ms.len(),
-        median_ms: quantile(&times_ms, 0.5),
-        p90_ms: quantile(&times_ms, 0.9),
+        median_ms: quantile_lower(&times_ms, 0.5),
+        p90_ms: quantile_lower(&times_ms, 0.9),
     })
 }
 
@@ -424,7 +419,7 @@ async fn exchange_ms(options: &BenchOptions) -> Result<f64, RunError> {
     coupled.stop().await;
     let mut times_ms = times_ms?;
     times_ms.sort_by(f64::total_cmp);
-    Ok(quantile(&times_ms, 0.5))
+    Ok(quantile_lower(&times_ms, 0.5))
 }
 
 /// Wall time of each of many barriers (ms).
@@ -519,9 +514,9 @@ impl fmt::Display for Cell {
             model.name(),
             robots.name(),
             mode.name(),
-            number(figures.and_then(|figures| figures.goal_ms(*model))),
-            number(botnet_ms),
-            number(peers.and_then(|figures| figures.paper_ms(*model))),
+            number_or_dash(figures.and_then(|figures| figures.goal_ms(*model))),
+            number_or_dash(botnet_ms),
+            number_or_dash(peers.and_then(|figures| figures.paper_ms(*model))),
             botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.1}", peer / median_ms)),
         )
     }

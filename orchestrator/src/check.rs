@@ -3,6 +3,8 @@
 use measure::config::Compared;
 use measure::links::Row;
 use measure::table::Table;
+use numbers::format::rounded;
+use numbers::statistics::quantile_lower;
 use proto::effect::Level;
 use robotsim::dynamics::Shape;
 use serde_json::{Value, json};
@@ -88,8 +90,7 @@ fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
 
 /// Rounded as a person would.
 fn short(value: f64) -> String {
-    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
-    format!("{rounded}")
+    rounded(value, 4).to_string()
 }
 
 fn from_to(name: &'static str, key: &'static str, unit: &str, range: Option<[f64; 2]>) -> Fact {
@@ -193,8 +194,8 @@ fn robots(study: &RobotStudy, account: Account, window_s: f64) -> Checked {
     });
     let mut speeds: Vec<f64> = speeds.filter(|speed| speed.is_finite()).collect();
     speeds.sort_by(f64::total_cmp);
-    let at =
-        |share: f64| speeds.get((share * speeds.len().saturating_sub(1) as f64) as usize).copied();
+    let most_speeds = [0.01, 0.99].map(|share| quantile_lower(&speeds, share));
+    let most_speeds = (!speeds.is_empty()).then_some(most_speeds);
     let mut facts = vec![
         from_to("time", "time_s", "s", range(samples.iter().map(|sample| sample.time_s))),
         Fact("campaigns", runs.len().to_string(), "runs", json!(runs.len())),
@@ -203,7 +204,7 @@ fn robots(study: &RobotStudy, account: Account, window_s: f64) -> Checked {
         Fact("commands", command.to_owned(), "commands", json!(command)),
         from_to("x", "x_m", "m", place(0)),
         from_to("y", "y_m", "m", place(1)),
-        from_to("speed", "speed_mps", "m/s", at(0.01).zip(at(0.99)).map(<[f64; 2]>::from)),
+        from_to("speed", "speed_mps", "m/s", most_speeds),
         Fact(
             "windows",
             format!("{} of {window_s} s", study.n_rows()),

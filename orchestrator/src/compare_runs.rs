@@ -2,8 +2,8 @@
 
 mod rows;
 
-use crate::report::text::{counted, number};
 use crate::sweep::statistics::Spread;
+use numbers::format::{count_of, number};
 use rows::{Found, Pairing};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -212,7 +212,7 @@ impl<'a> Change<'a> {
 }
 
 fn table(text: &mut String, heading: &str, n_pairs: usize, changes: &[Change<'_>]) {
-    let pairs = counted(n_pairs as u64, "pair");
+    let pairs = count_of(n_pairs as u64, "pair");
     let heading = if heading.is_empty() { pairs.clone() } else { format!("{heading} ({pairs})") };
     let (changed, same): (Vec<_>, Vec<_>) = changes.iter().partition(|change| change.is_change());
     let _ = writeln!(text, "\n{heading}");
@@ -251,6 +251,6 @@ fn table(text: &mut String, heading: &str, n_pairs: usize, changes: &[Change<'_>
         text.push('\n');
     }
     if !same.is_empty() {
-        let _ = writeln!(text, "  {} do not differ", counted(same.len() as u64, "further figure"));
+        let _ = writeln!(text, "  {} do not differ", count_of(same.len() as u64, "further figure"));
     }
 }

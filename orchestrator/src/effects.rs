@@ -6,6 +6,7 @@ mod examples;
 mod page;
 mod picture;
 
+use numbers::format::trimmed;
 pub use page::page;
 pub use picture::Picture;
 
@@ -100,6 +101,8 @@ pub fn table() -> String {
     text
 }
 
+/// Most decimals of numbers for people.
+const DECIMALS: usize = 3;
 /// Width of text for people.
 const WIDTH: usize = 110;
 
@@ -237,8 +240,9 @@ impl Listed {
 
     fn fitted(&self, key: &str) -> Option<String> {
         let parameter = self.fit.parameters.iter().find(|parameter| parameter.key == key)?;
-        let starts: Vec<String> = parameter.starts.iter().map(|&start| number(start)).collect();
-        let (min, max) = (number(parameter.min), number(parameter.max));
+        let starts: Vec<String> =
+            parameter.starts.iter().map(|&start| trimmed(start, DECIMALS)).collect();
+        let (min, max) = (trimmed(parameter.min, DECIMALS), trimmed(parameter.max, DECIMALS));
         Some(format!("fitted from {min} to {max}, starting at {}", starts.join(", ")))
     }
 
@@ -293,13 +297,6 @@ fn judged(level: Level) -> &'static str {
         Level::Run => "by simulation under many seeds",
         Level::Random => "on blocks of time that are left out, its values drawn towards zero",
     }
-}
-
-/// A number without needless digits.
-fn number(value: f64) -> String {
-    let text = format!("{value:.3}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
 /// What a key may be.

@@ -34,7 +34,6 @@ mod writer;
 
 pub use distances::DistanceBin;
 pub use error::RecordError;
-pub(crate) use kpi::quantile;
 pub use kpi::{BATTERY_MAH, Kpis};
 pub use measurer::{Measurer, Steps};
 pub use measures::{Measures, Sample};

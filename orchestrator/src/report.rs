@@ -10,10 +10,11 @@ pub(crate) mod text;
 
 use crate::record::{Contents, Measures, TRUTH_BASELINE};
 use figures::Figure;
+use numbers::format::{count, number, percent, shortest};
 use proto::types::Coupling;
 use serde_json::Value;
 use std::fmt::Write as _;
-use text::{chosen, count, escape, number, percent};
+use text::escape;
 
 /// The page.
 #[must_use]
@@ -60,7 +61,7 @@ fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
         .unwrap_or_default();
     let formation = match summary["robots_started_s"].as_f64() {
         Some(started_s) if 0.0 < started_s => {
-            format!(", the first {} of them without the robots", chosen(started_s))
+            format!(", the first {} of them without the robots", shortest(started_s))
         }
         _ => String::new(),
     };
@@ -71,8 +72,8 @@ fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
         count(u64::from(header.agent_count)),
         count(summary["steps"].as_u64().unwrap_or(0)),
         if header.coupling == Coupling::Event { "at most " } else { "" },
-        chosen(header.step_ns as f64 / 1e9),
-        chosen(summary["simulated_s"].as_f64().unwrap_or(0.0)),
+        shortest(header.step_ns as f64 / 1e9),
+        shortest(summary["simulated_s"].as_f64().unwrap_or(0.0)),
         escape(summary["coupling"].as_str().unwrap_or("")),
         header.seed,
     );
@@ -186,7 +187,7 @@ fn experiment(page: &mut String, contents: &Contents<'_>) {
     fact("name", &header.name);
     fact("seed", &header.seed.to_string());
     fact("agents", &header.agent_count.to_string());
-    fact("control period", &format!("{} s", chosen(header.step_ns as f64 / 1e9)));
+    fact("control period", &format!("{} s", shortest(header.step_ns as f64 / 1e9)));
     fact("coupling", summary["coupling"].as_str().unwrap_or(""));
     for (label, value) in &header.labels {
         if label == "knowledge" && value == "truth" {
@@ -223,8 +224,8 @@ fn numbers(page: &mut String, measures: &Measures) {
         let _ = writeln!(
             page,
             "<tr><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{} to {}</td></tr>",
-            chosen(bin.from_m),
-            chosen(bin.to_m),
+            shortest(bin.from_m),
+            shortest(bin.to_m),
             count(bin.attempts),
             count(bin.deliveries),
             percent(bin.ratio()),

@@ -3,6 +3,7 @@
 use crate::gain::Scores;
 use crate::held_out;
 use crate::ladder::Search;
+use numbers::statistics::{self, mean_ignoring_nan, nth_quantile, quantile_nearest};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use study::folds::Blocks;
@@ -58,11 +59,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
         let all = Scores::of(&part);
-        let mean = |values: &[f64]| {
-            let known = rows.iter().map(|&row| values[row]).filter(|value| !value.is_nan());
-            let (sum, n) = known.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
-            sum / n
-        };
+        let mean = |values: &[f64]| mean_ignoring_nan(rows.iter().map(|&row| values[row]));
         let brier = |row: &usize| {
             let loss = scores[*row].reception_log_loss;
             let missed = 1.0 - (-loss).exp();
@@ -77,7 +74,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
         ];
         if study.rows.links.readings.has_losses {
             list.push(("reception_log_loss", all.reception_log_loss));
-            list.push(("reception_brier", rows.iter().map(brier).sum::<f64>() / rows.len() as f64));
+            list.push(("reception_brier", statistics::mean(rows.iter().map(brier))));
         }
         if let Some(errors) = &pdr_errors {
             list.push(("rmse_pdr", mean(errors).sqrt()));
@@ -139,7 +136,7 @@ pub fn robots(study: &RobotStudy, search: &Search<'_, RobotStudy>) -> Comparison
         let n = 2.0 * rows.len() as f64;
         let inside = rows.iter().map(|&row| [view.scaled_at(row), view.scaled_across(row)]);
         let inside = inside.flatten().filter(|z| z.abs() <= 1.645).count() as f64;
-        let bias = rows.iter().map(|&row| along[row]).sum::<f64>() / rows.len() as f64;
+        let bias = statistics::mean(rows.iter().map(|&row| along[row]));
         vec![
             ("log_score", all.log_score),
             ("rmse_m", all.rmse),
@@ -188,8 +185,8 @@ fn bootstrap(values: &Named, blocks: &Blocks, of: &dyn Fn(&[usize]) -> Named) ->
         .zip(&mut resampled)
         .map(|(&(name, value), list)| {
             list.sort_by(f64::total_cmp);
-            let at = |share: f64| list[(share * (list.len() - 1) as f64).round() as usize];
-            Interval { name, value, low: at(0.05), high: at(0.95) }
+            let [low, high] = [0.05, 0.95].map(|share| quantile_nearest(list, share));
+            Interval { name, value, low, high }
         })
         .collect()
 }
@@ -211,7 +208,7 @@ fn place(name: &str, values: &[f64], deviation: &[f64], surprise: &[f64]) -> Opt
     if known.len() < 10 * BINS {
         return None;
     }
-    let mut edges: Vec<f64> = (0..=BINS).map(|k| known[k * (known.len() - 1) / BINS]).collect();
+    let mut edges: Vec<f64> = (0..=BINS).map(|k| nth_quantile(&known, k, BINS)).collect();
     edges.dedup();
     if edges.len() < 2 {
         return None;

@@ -1,7 +1,8 @@
 //! How well rows that were left out are predicted, and how much better than by another model.
 
+use numbers::statistics::mean_ignoring_nan;
 use statrs::distribution::{ContinuousCDF, StudentsT};
-use study::{RowScore, mean};
+use study::RowScore;
 
 /// Means of the scores over all rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,10 +22,10 @@ impl Scores {
     #[must_use]
     pub fn of(rows: &[RowScore]) -> Self {
         Self {
-            log_score: mean(rows.iter().map(|row| row.log)),
-            rmse: mean(rows.iter().map(|row| row.squared_error)).sqrt(),
-            crps: mean(rows.iter().map(|row| row.crps)),
-            reception_log_loss: mean(rows.iter().map(|row| row.reception_log_loss)),
+            log_score: mean_ignoring_nan(rows.iter().map(|row| row.log)),
+            rmse: mean_ignoring_nan(rows.iter().map(|row| row.squared_error)).sqrt(),
+            crps: mean_ignoring_nan(rows.iter().map(|row| row.crps)),
+            reception_log_loss: mean_ignoring_nan(rows.iter().map(|row| row.reception_log_loss)),
         }
     }
 

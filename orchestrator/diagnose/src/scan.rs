@@ -1,6 +1,7 @@
 //! What is left over when no effect gains any more: structure over a covariate.
 
 use super::ladder::{LEAST_SHARE, Ladder, Search, WORTH_NATS, WORTH_SHARE, share_scale, without};
+use numbers::statistics::nth_quantile;
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, Gamma};
 use std::collections::BTreeMap;
@@ -142,7 +143,7 @@ fn binned(values: &[f64], n_bins: usize) -> Option<Vec<u8>> {
     if known.len() < 20 * n_bins {
         return None;
     }
-    let mut edges: Vec<f64> = (1..n_bins).map(|k| known[k * (known.len() - 1) / n_bins]).collect();
+    let mut edges: Vec<f64> = (1..n_bins).map(|k| nth_quantile(&known, k, n_bins)).collect();
     edges.dedup();
     let bin = |value: &f64| {
         if value.is_finite() { edges.partition_point(|edge| edge <= value) as u8 } else { u8::MAX }

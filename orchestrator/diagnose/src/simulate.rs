@@ -9,6 +9,7 @@ use measure::config::Compared;
 use measure::links::Row;
 use measure::table::Table;
 use netsim::phy::scatter::{Moment, PairBlock};
+use numbers::format::trimmed;
 use proto::rng::{Draws, Purpose};
 use std::collections::BTreeMap;
 use study::COMMON;
@@ -304,7 +305,7 @@ impl Simulated {
                     csv.push(',');
                 }
                 if column[row].is_finite() {
-                    csv.push_str(&rounded(column[row]));
+                    csv.push_str(&trimmed(column[row], 9));
                 }
             }
             csv.push('\n');
@@ -323,11 +324,4 @@ impl Simulated {
     pub fn to_table(&self) -> Table {
         Table::of_columns(self.names.clone(), self.columns.clone())
     }
-}
-
-/// A number with at most nine digits behind the point.
-fn rounded(value: f64) -> String {
-    let text = format!("{value:.9}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }

@@ -3,6 +3,7 @@
 use super::links::Row;
 use super::robots::{Robots, Sample};
 use super::{Rejected, TWICE};
+use numbers::statistics::median_high;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
@@ -235,7 +236,7 @@ fn milliseconds(rows: &[Row], tracks: &Tracks) -> Option<String> {
         })
         .collect();
     speeds.sort_by(f64::total_cmp);
-    let median = speeds.get(speeds.len() / 2).copied();
+    let median = (!speeds.is_empty()).then(|| median_high(&speeds));
     if span <= GREATEST_SPAN_S && median.is_none_or(|mps| span < 1e4 || LEAST_MPS <= mps) {
         return None;
     }

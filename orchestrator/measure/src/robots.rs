@@ -2,6 +2,7 @@
 
 use super::table::Table;
 use super::{Rejected, Rejections, TWICE, oddities};
+use numbers::statistics::median_high;
 use robotsim::dynamics::{Drive, Shape};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -236,7 +237,7 @@ impl Robots {
         let mut steps: Vec<f64> =
             self.steps().map(|(a, b)| b.time_s - a.time_s).filter(|step| 0.0 < *step).collect();
         steps.sort_by(f64::total_cmp);
-        steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN)
+        median_high(&steps)
     }
 
     /// Neighbouring samples of one track.

@@ -1,7 +1,8 @@
 //! Standing sensor networks: simulated hours, with per-mote energy and every packet recorded.
 
 use super::{
-    BenchOptions, Printer, begin_record, end_record, number, record_failed, step, temporary_folder,
+    BenchOptions, Printer, begin_record, end_record, number_or_dash, record_failed, step,
+    temporary_folder,
 };
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::Coupled;
@@ -270,9 +271,9 @@ impl fmt::Display for Cell {
             self.forming_s,
             self.hour_s,
             100.0 * self.n_delivered as f64 / (self.n_delivered + self.n_lost).max(1) as f64,
-            number(to_reach_s),
-            number(simulator_s),
-            number(tsch_sim_s),
+            number_or_dash(to_reach_s),
+            number_or_dash(simulator_s),
+            number_or_dash(tsch_sim_s),
             peer_s.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / self.hour_s)),
         )
     }

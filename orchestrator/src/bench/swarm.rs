@@ -1,13 +1,13 @@
 //! The full protocols under a swarm: round-robin cells, everyone hears everyone.
 
 use super::{
-    BenchOptions, Printer, begin_record, end_record, number, quantile, step, steps,
-    temporary_folder,
+    BenchOptions, Printer, begin_record, end_record, number_or_dash, step, steps, temporary_folder,
 };
 use crate::config::{self, Overrides, Plan};
 use crate::coupling::Coupled;
 use crate::record::Recorder;
 use crate::run::{RunError, Wanted, start};
+use numbers::statistics::quantile_lower;
 use proto::types::{NS_PER_S, seconds};
 use serde_json::{Value, json};
 use std::fmt;
@@ -105,8 +105,8 @@ pub(super) async fn bench(
             row,
             formed_ns,
             n_steps: times_ms.len(),
-            median_ms: quantile(&times_ms, 0.5),
-            p90_ms: quantile(&times_ms, 0.9),
+            median_ms: quantile_lower(&times_ms, 0.5),
+            p90_ms: quantile_lower(&times_ms, 0.9),
         };
         printer.row(&cell);
         cells.push(cell);
@@ -191,7 +191,7 @@ impl fmt::Display for Cell {
             row.agents,
             seconds(*formed_ns),
             row.to_reach_ms,
-            number(row.paper_ms),
+            number_or_dash(row.paper_ms),
             row.botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / median_ms)),
         )
     }

@@ -3,10 +3,10 @@
 use super::{Failure, FileArgs, place_for, write_json};
 use crate::compare_runs;
 use crate::console::{say, warn};
-use crate::report::text::counted;
 use crate::run::StartOptions;
 use crate::sweep::{self, SweepOptions};
 use clap::Args;
+use numbers::format::count_of;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -52,9 +52,9 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
     say(format!(
         "{}: {}{before} in {:.1} s, {} of simulators started",
         report.summary["name"].as_str().unwrap_or("sweep"),
-        counted(report.n_trials as u64, "trial"),
+        count_of(report.n_trials as u64, "trial"),
         report.wall_s,
-        counted(report.n_starts, "pair")
+        count_of(report.n_starts, "pair")
     ));
     say(&report.text);
     say(format!("results in {}", report.dir.display()));

@@ -1,5 +1,6 @@
 //! What an effect looks like: one curve, over whatever it depends on most.
 
+use super::DECIMALS;
 use super::Listed;
 use crate::report::svg::{Axis, Chart};
 use netsim::phy::effect::{self, Effect};
@@ -7,6 +8,7 @@ use netsim::phy::link::{Covariates, End, Link, Scene, channel_hz};
 use netsim::phy::reception::Curve as _;
 use netsim::phy::reception::table::Table;
 use netsim::phy::scatter::{Moment, PairBlock, Renewal};
+use numbers::format::trimmed;
 use proto::site::{Foliage, Site, Wall};
 use serde_json::{Value, json};
 
@@ -125,11 +127,11 @@ impl Picture {
         format!(
             "Picture: {}, {} to {}, over {} from {} to {} ({})",
             self.y,
-            super::number(low),
-            super::number(high),
+            trimmed(low, DECIMALS),
+            trimmed(high, DECIMALS),
             self.x,
-            super::number(first),
-            super::number(last),
+            trimmed(first, DECIMALS),
+            trimmed(last, DECIMALS),
             self.where_
         )
     }

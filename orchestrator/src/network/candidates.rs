@@ -2,6 +2,7 @@
 
 use netsim::mac;
 use netsim::phy::effect as phy;
+use numbers::format::number;
 use proto::config::Kind;
 use proto::effect::{About, Parameter};
 
@@ -88,7 +89,7 @@ impl Candidate {
     /// A value as it is written: four digits are more than simulations tell.
     #[must_use]
     pub fn rounded(&self, value: f64) -> f64 {
-        format!("{value:.3e}").parse().unwrap_or(value)
+        numbers::format::rounded(value, 4)
     }
 
     /// Where it is tried first, on its scale, ascending: its starts and one beyond them on either side.
@@ -166,7 +167,7 @@ impl Candidate {
     pub fn said(&self, value: f64) -> String {
         let Parameter { key, unit, .. } = *self.parameter;
         let space = if unit.is_empty() { "" } else { " " };
-        format!("{key} = {}{space}{unit}", crate::report::text::number(value))
+        format!("{key} = {}{space}{unit}", number(value))
     }
 }
 

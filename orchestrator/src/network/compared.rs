@@ -3,11 +3,10 @@
 use super::kpis::{Figures, KPIS, OfMote};
 use super::replay::{Replay, ReplayError};
 use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, entry, place};
-use crate::record::quantile;
-use crate::report::measured::words::upper;
-use crate::report::text::number;
 use diagnose::compare::Comparison;
 use measure::packets::Packet;
+use numbers::format::{capitalised, number, percent};
+use numbers::statistics::{mean, quantile};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -68,8 +67,7 @@ fn spread(mut values: Vec<f64>) -> (f64, [f64; 2]) {
         return (f64::NAN, [f64::NAN; 2]);
     }
     values.sort_by(f64::total_cmp);
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    (mean, [0.05, 0.95].map(|share| quantile(&values, share)))
+    (mean(values.iter().copied()), [0.05, 0.95].map(|share| quantile(&values, share)))
 }
 
 /// Holds a network as configured against measured packets, nothing fitted.
@@ -103,7 +101,7 @@ pub fn among(
 /// A figure in words: `93.1 %`, `1.24 s`.
 fn shown(value: f64, unit: &str) -> String {
     match unit {
-        "" => crate::report::text::percent(value),
+        "" => percent(value),
         unit => format!("{} {unit}", number(value)),
     }
 }
@@ -181,7 +179,7 @@ fn told(among: &Among, asked: Asked) -> Comparison {
             outside.join(", ")
         );
     }
-    let _ = write!(text, "\n{}", upper(&sentence));
+    let _ = write!(text, "\n{}", capitalised(&sentence));
     Comparison { json, text }
 }
 

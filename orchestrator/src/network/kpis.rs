@@ -1,8 +1,8 @@
 //! The figures of packets that are compared.
 
 use super::figure::{Figure, figure};
-use crate::record::quantile;
 use measure::packets::Packet;
+use numbers::statistics::{mean, quantile};
 use std::collections::BTreeMap;
 
 /// How a figure is spread about its middle: on which scale differences are told.
@@ -118,9 +118,9 @@ impl Figures {
         let worst = judged.map(|of| of.share()).fold(f64::NAN, f64::min);
         let at = |values: &mut Vec<f64>, share: f64| {
             values.sort_by(f64::total_cmp);
-            if values.is_empty() { f64::NAN } else { quantile(values, share) }
+            quantile(values, share)
         };
-        let mean_hops = hops.iter().sum::<f64>() / hops.len() as f64;
+        let mean_hops = mean(hops);
         let mut joins = joins;
         let values = [
             f64::from(arrived) / f64::from(sent),

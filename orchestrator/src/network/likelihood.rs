@@ -12,6 +12,7 @@
 use super::kpis::{Figures, KPIS};
 use crate::network::kpis::Scale;
 use nalgebra::{DMatrix, DVector};
+use numbers::statistics;
 use std::collections::BTreeMap;
 
 /// How many figures there are.
@@ -63,12 +64,11 @@ impl Moments {
         let (mut mean, mut sd) = ([f64::NAN; D], [f64::NAN; D]);
         for &k in usable {
             let known = || runs.clone().map(|run| run[k]).filter(|value| value.is_finite());
-            let m = known().count() as f64;
-            if m < 3.0 {
+            if known().count() < 3 {
                 continue;
             }
-            mean[k] = known().sum::<f64>() / m;
-            sd[k] = libm::sqrt(known().map(|x| (x - mean[k]).powi(2)).sum::<f64>() / (m - 1.0));
+            mean[k] = statistics::mean(known());
+            sd[k] = statistics::standard_deviation(known());
         }
         for &k in usable {
             sd[k] = sd[k].max(least_sd(k, &mean));

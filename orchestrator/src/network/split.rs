@@ -18,6 +18,7 @@ use measure::config::Compared;
 use measure::links::{self, Row};
 use measure::packets::Packet;
 use measure::table::Table;
+use numbers::statistics::{mean, variance};
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::BTreeMap;
@@ -234,10 +235,8 @@ struct Level {
 
 impl Level {
     fn of(values: &[f64]) -> Self {
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-        Self { mean, variance: squares / (n - 1.0).max(1.0), n }
+        let all = values.iter().copied();
+        Self { mean: mean(all.clone()), variance: variance(all), n: values.len() as f64 }
     }
 
     fn of_mean(self) -> f64 {

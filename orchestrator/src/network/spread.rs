@@ -5,7 +5,7 @@
 //! distributions. For all figures together, the one in which a run is furthest out counts, in units of the scatter of all
 //! `S + 1`: that rank is exact too, and needs no correction for several figures being looked at.
 
-use crate::record::quantile;
+use numbers::statistics::{mean, quantile, standard_deviation};
 use serde_json::{Value, json};
 
 /// A figure of a measurement among those of seeds.
@@ -70,9 +70,8 @@ pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placed {
     let all = || seeds.iter().map(Vec::as_slice).chain([measured]);
     let scatter: Vec<(f64, f64)> = (0..measured.len())
         .map(|k| {
-            let mean = all().map(|run| run[k]).sum::<f64>() / (n + 1.0);
-            let squares: f64 = all().map(|run| (run[k] - mean).powi(2)).sum();
-            (mean, (squares / n.max(1.0)).sqrt())
+            let values = all().map(|run| run[k]);
+            (mean(values.clone()), standard_deviation(values))
         })
         .collect();
     let out = |run: &[f64], k: usize| {
@@ -92,7 +91,7 @@ pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placed {
                 let below = values.iter().filter(|&&value| value <= measured[k]).count() as f64;
                 let above = values.iter().filter(|&&value| measured[k] <= value).count() as f64;
                 Standing {
-                    mean: values.iter().sum::<f64>() / n,
+                    mean: mean(values.iter().copied()),
                     interval: [0.05, 0.95].map(|share| quantile(&values, share)),
                     p_value: (2.0 * (1.0 + below.min(above)) / (n + 1.0)).min(1.0),
                     z: out(measured, k),

@@ -19,6 +19,7 @@ use crate::record::Task;
 use bytes::Bytes;
 use figures::{N, Sheet, TaskFigures};
 use heard::Hearing;
+use numbers::statistics;
 use proto::rng::{Draws, Purpose};
 use proto::side::{RobotInput, RobotSimulator as _};
 use proto::types::{DeliveryColumn, seconds};
@@ -60,22 +61,24 @@ impl Runs {
     /// Mean of a figure.
     #[must_use]
     pub fn mean(&self, k: usize) -> f64 {
-        self.figures.iter().map(|run| run.values[k]).sum::<f64>() / self.figures.len() as f64
+        statistics::mean(self.values(k))
     }
 
     /// Variance of a figure over the runs.
     fn variance(&self, k: usize) -> f64 {
-        let mean = self.mean(k);
-        let squares: f64 = self.figures.iter().map(|run| (run.values[k] - mean).powi(2)).sum();
-        squares / (self.figures.len() as f64 - 1.0).max(1.0)
+        statistics::variance(self.values(k))
     }
 
     /// Where the middle 90 % of the runs lie in a figure; NaN where it is not known.
     #[must_use]
     pub fn middle(&self, k: usize) -> [f64; 2] {
-        let mut values: Vec<f64> = self.figures.iter().map(|run| run.values[k]).collect();
+        let mut values: Vec<f64> = self.values(k).collect();
         values.sort_by(f64::total_cmp);
-        [0.05, 0.95].map(|share| crate::record::quantile(&values, share))
+        [0.05, 0.95].map(|share| statistics::quantile(&values, share))
+    }
+
+    fn values(&self, k: usize) -> impl Iterator<Item = f64> + Clone {
+        self.figures.iter().map(move |run| run.values[k])
     }
 
     fn scaled(&self) -> Vec<Vec<f64>> {
@@ -87,7 +90,7 @@ impl Runs {
     fn place_of(&self, scaled: &[f64]) -> Placing {
         let runs = self.scaled();
         let placed = place(scaled, &runs);
-        let mean = |k: usize| runs.iter().map(|run| run[k]).sum::<f64>() / runs.len() as f64;
+        let mean = |k: usize| statistics::mean(runs.iter().map(|run| run[k]));
         let known = (0..N).filter_map(|k| Some((k, placed.figures[k]?)));
         let apart: Vec<(usize, f64)> = known
             .filter(|(k, _)| LEAST < (scaled[*k] - mean(*k)).abs())

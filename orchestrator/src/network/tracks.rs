@@ -1,6 +1,7 @@
 //! Where robots were measured: places over time, straight between them.
 
 use measure::table::Table;
+use numbers::statistics::median_high;
 use proto::types::AgentStates;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -103,13 +104,13 @@ impl Tracks {
         if last_s.is_finite() { last_s } else { 0.0 }
     }
 
-    /// Median time between two places of an agent (s).
+    /// Median time between two places of an agent (s), 0 where no agent has two.
     #[must_use]
     pub fn spacing_s(&self) -> f64 {
         let pairs = self.of_agent.iter().flat_map(|track| track.windows(2));
         let mut spacings_s: Vec<f64> = pairs.map(|pair| pair[1].0 - pair[0].0).collect();
         spacings_s.sort_by(f64::total_cmp);
-        spacings_s.get(spacings_s.len() / 2).copied().unwrap_or(0.0)
+        if spacings_s.is_empty() { 0.0 } else { median_high(&spacings_s) }
     }
 
     /// The same from a time on, which becomes 0.

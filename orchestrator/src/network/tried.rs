@@ -9,7 +9,7 @@
 use super::candidates::Candidate;
 use super::likelihood::{self, Law, Moments, Run, Smooth, between};
 use super::replay::{Replay, ReplayError};
-use crate::record::quantile;
+use numbers::statistics::{quantile, standard_deviation};
 use proto::rng::{Draws, Purpose, uniform};
 
 /// Where seeds for fits begin: those for comparisons, from 0 on, are not among them.
@@ -388,10 +388,7 @@ fn picked<'r>(runs: &'r [Run], picks: Option<&[f64]>) -> Vec<&'r Run> {
 }
 
 fn sd(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let known = || values.clone().filter(|value| value.is_finite());
-    let n = known().count() as f64;
-    let mean = known().sum::<f64>() / n;
-    libm::sqrt(known().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0))
+    standard_deviation(values.filter(|value| value.is_finite()))
 }
 
 impl Curve<'_> {

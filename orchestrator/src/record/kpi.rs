@@ -19,7 +19,7 @@ mod packets;
 mod samples;
 
 pub(crate) use packets::{Account, MotePackets};
-pub(crate) use samples::{Samples, quantile};
+pub(crate) use samples::Samples;
 
 use super::period::Period;
 use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};

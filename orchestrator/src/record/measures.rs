@@ -9,6 +9,7 @@ use super::solids::Solids;
 use super::swarm::{self, Swarm};
 use super::task::Task;
 use super::trajectories::Trajectories;
+use numbers::statistics::{quantile, ratio};
 use proto::site::Site;
 use proto::types::{AgentStates, TaskFigure, seconds};
 
@@ -150,7 +151,7 @@ impl Measures {
     /// Time mean of the flock's speed (m/s): of the magnitude of the mean velocity of alive agents.
     #[must_use]
     pub fn flock_speed_mps(&self) -> Option<f64> {
-        mean(self.flock_speed_sum, self.duration_ns as f64)
+        ratio(self.flock_speed_sum, self.duration_ns as f64)
     }
 
     /// Time from when the robots started until they first regarded their task as done (s).
@@ -165,7 +166,7 @@ impl Measures {
     /// Mean over alive agents and time of each one's own speed (m/s).
     #[must_use]
     pub fn mean_speed_mps(&self) -> Option<f64> {
-        mean(self.speed_sum, self.agent_duration_ns as f64)
+        ratio(self.speed_sum, self.agent_duration_ns as f64)
     }
 
     /// Whether an agent moved. In a network of sensors nobody does.
@@ -208,13 +209,13 @@ impl Measures {
         let n = alive.len() as f64;
         let mut sum = 0.0;
         for column in [&states.x_m, &states.y_m, &states.z_m] {
-            let centre = mean(alive.iter().map(|&agent| column[agent]).sum(), n)?;
+            let centre = ratio(alive.iter().map(|&agent| column[agent]).sum(), n)?;
             sum += alive
                 .iter()
                 .map(|&agent| (column[agent] - centre) * (column[agent] - centre))
                 .sum::<f64>();
         }
-        mean(sum, n).map(libm::sqrt)
+        ratio(sum, n).map(libm::sqrt)
     }
 
     /// Sum of the squared vertical distances (m²) of alive agents at the end from the line y = a + b x that makes it
@@ -224,8 +225,8 @@ impl Measures {
         let states = &self.last_states;
         let alive: Vec<usize> = states.alive.iter_ones().collect();
         let n = alive.len() as f64;
-        let x0 = mean(alive.iter().map(|&agent| states.x_m[agent]).sum(), n)?;
-        let y0 = mean(alive.iter().map(|&agent| states.y_m[agent]).sum(), n)?;
+        let x0 = ratio(alive.iter().map(|&agent| states.x_m[agent]).sum(), n)?;
+        let y0 = ratio(alive.iter().map(|&agent| states.y_m[agent]).sum(), n)?;
         let (mut xx, mut xy) = (0.0, 0.0);
         for &agent in &alive {
             let (x, y) = (states.x_m[agent] - x0, states.y_m[agent] - y0);
@@ -302,19 +303,19 @@ impl Measures {
     }
 
     fn of_those_alive(&self, sum: u64) -> Option<f64> {
-        mean(sum as f64, self.n_alive as f64).filter(|_| self.anybody_spoke())
+        ratio(sum as f64, self.n_alive as f64).filter(|_| self.anybody_spoke())
     }
 
     /// Share of [`Measures::attempts`] that were delivered.
     #[must_use]
     pub fn delivery_ratio(&self) -> Option<f64> {
-        mean(self.deliveries as f64, self.attempts as f64)
+        ratio(self.deliveries as f64, self.attempts as f64)
     }
 
     /// Mean time from the first bit sent to the delivery (s).
     #[must_use]
     pub fn mean_delay_s(&self) -> Option<f64> {
-        mean(self.delay_ns as f64 / 1e9, (self.deliveries + self.unicast_deliveries) as f64)
+        ratio(self.delay_ns as f64 / 1e9, (self.deliveries + self.unicast_deliveries) as f64)
     }
 
     /// Delivery against distance, in at most 30 bins of equal width.
@@ -407,7 +408,7 @@ impl Measures {
         }
         let n = states.alive.count();
         let norm = libm::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
-        let flock_speed_mps = mean(norm, n as f64).unwrap_or(0.0);
+        let flock_speed_mps = ratio(norm, n as f64).unwrap_or(0.0);
         self.duration_ns += duration_ns;
         self.agent_duration_ns += u128::from(duration_ns) * n as u128;
         self.flock_speed_sum += flock_speed_mps * duration_ns as f64;
@@ -415,7 +416,7 @@ impl Measures {
         flock_speed_mps
     }
 
-    /// Adds how many neighbours everyone heard. Returns the quantiles.
+    /// Adds how many neighbours everyone heard. Returns the quantiles, 0 where nobody is alive.
     fn add_neighbours(&mut self, period: &Period<'_>) -> [f64; 3] {
         let mut heard: Vec<u32> =
             period.states.alive.iter_ones().map(|agent| period.counts.neighbours[agent]).collect();
@@ -423,22 +424,11 @@ impl Measures {
         self.n_alive += heard.len() as u64;
         self.neighbour_sum += heard.iter().map(|&n| u64::from(n)).sum::<u64>();
         self.isolated += heard.iter().filter(|&&n| n == 0).count() as u64;
+        if heard.is_empty() {
+            return [0.0; 3];
+        }
         [0.1, 0.5, 0.9].map(|share| quantile(&heard, share))
     }
-}
-
-/// The quantile of an ascending list, interpolated between neighbours (Hyndman and Fan's type 7); 0 of an empty one.
-fn quantile(ascending: &[u32], share: f64) -> f64 {
-    let Some(last) = ascending.len().checked_sub(1) else { return 0.0 };
-    let place = share * last as f64;
-    let below = place as usize;
-    let above = (below + 1).min(last);
-    let (low, high) = (f64::from(ascending[below]), f64::from(ascending[above]));
-    low + (high - low) * (place - below as f64)
-}
-
-fn mean(sum: f64, n: f64) -> Option<f64> {
-    (0.0 < n).then(|| sum / n)
 }
 
 /// Most pairs whose distance is looked at in a step.
@@ -449,16 +439,6 @@ mod tests {
     use super::*;
     use crate::record::counts::Counts;
     use proto::types::{Deliveries, EVERYONE, Heard, MoteStates, Payloads, Transmissions};
-
-    #[test]
-    fn quantiles_interpolate() {
-        // numpy.quantile([1, 2, 4, 8], [0.1, 0.5, 0.9]) = 1.3, 3.0, 6.8; equal up to rounding.
-        let of = |share| quantile(&[1, 2, 4, 8], share);
-        assert!((of(0.1) - 1.3).abs() < 1e-12);
-        assert!((of(0.5) - 3.0).abs() < 1e-12);
-        assert!((of(0.9) - 6.8).abs() < 1e-12);
-        assert!(quantile(&[], 0.5).abs() < 1e-12);
-    }
 
     #[test]
     fn what_is_for_one_agent_is_no_attempt_to_reach_the_others() {

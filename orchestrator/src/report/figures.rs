@@ -2,8 +2,8 @@
 
 use super::network;
 use super::svg::{Axis, Chart};
-use super::text::{chosen, count, number, percent};
 use crate::record::{DistanceBin, Measures, Sample, Trajectories};
+use numbers::format::{count, number, percent, shortest};
 use proto::types::seconds;
 
 /// A picture with its words.
@@ -164,7 +164,7 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
     let of_leader = match (leader_mps, floor_mps) {
         (Some(leader), Some(floor)) => format!(
             "; its leader moves at {} m/s, and if nobody followed it would be {} m/s",
-            chosen(leader),
+            shortest(leader),
             number(floor)
         ),
         _ => String::new(),
@@ -226,8 +226,8 @@ fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
         let [low, high] = bin.interval();
         let title = format!(
             "{} to {} m: {} of {} delivered, {} ({} to {})",
-            chosen(bin.from_m),
-            chosen(bin.to_m),
+            shortest(bin.from_m),
+            shortest(bin.to_m),
             count(bin.deliveries),
             count(bin.attempts),
             percent(bin.ratio()),

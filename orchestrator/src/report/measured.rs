@@ -7,7 +7,9 @@ mod places;
 pub(crate) mod words;
 
 use super::svg::{Axis, Chart};
-use super::text::{count, escape};
+use super::text::escape;
+use numbers::format::count;
+use numbers::statistics::quantile_nearest;
 use proto::site::Site;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -218,8 +220,10 @@ fn drawn(n: usize) -> String {
 fn quantiles(values: impl Iterator<Item = f64>, shares: &[f64]) -> Option<Vec<f64>> {
     let mut known: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     known.sort_by(f64::total_cmp);
-    let last = known.len().checked_sub(1)?;
-    Some(shares.iter().map(|share| known[(share * last as f64).round() as usize]).collect())
+    if known.is_empty() {
+        return None;
+    }
+    Some(shares.iter().map(|share| quantile_nearest(&known, *share)).collect())
 }
 
 /// Edges of at most `n` bins with about as many values each; none where the values do not differ.

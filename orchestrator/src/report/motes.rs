@@ -2,8 +2,8 @@
 //! place by every figure that rows can be sorted by.
 
 use super::network::depths;
-use super::text::{count, number, percent};
 use crate::record::Measures;
+use numbers::format::{count, count_of, number, percent};
 use serde_json::Value;
 use std::cmp::Ordering;
 use std::fmt::Write as _;
@@ -47,7 +47,7 @@ pub(super) fn section(page: &mut String, kpis: &Value, measures: &Measures) {
     let _ = write!(
         page,
         "<h2>Motes</h2>\n<details class=\"motes\"{open}><summary>{} one by one</summary>\n<p>At the end of the run. Packets are the mote's own, of applications, to one destination; what ended at a mote is anything that it had to send.{left_out} All figures of all motes are in <code>summary.json</code>, <code>kpis.motes</code>, and over time in <code>motes.parquet</code>.</p>\n<p class=\"sort\">Sorted by\n<label><input type=\"radio\" name=\"motes\" checked> number</label>\n",
-        super::text::counted(n as u64, "mote"),
+        count_of(n as u64, "mote"),
     );
     for (k, key) in keys.iter().enumerate() {
         let _ = writeln!(

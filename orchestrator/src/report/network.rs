@@ -3,8 +3,8 @@
 
 use super::figures::{Figure, HALF, HALF_HEIGHT, WIDE, equal_scales};
 use super::svg::{Axis, Chart};
-use super::text::{chosen, count, counted, number, percent};
 use crate::record::{Kpis, Measures};
+use numbers::format::{count, count_of, number, percent, shortest};
 use proto::types::{Schedule, seconds};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -65,7 +65,7 @@ fn connectivity(kpis: &Kpis, places: &Places) -> Option<Figure> {
     let thinned = if 1 < every { format!(" One of {every} is drawn.") } else { String::new() };
     let sentence = format!(
         "Which motes have heard each other: {}, {} of them both ways, {} neighbours a mote on average; drawn where they are at the end.{thinned}",
-        counted(pairs.len() as u64, "pair"),
+        count_of(pairs.len() as u64, "pair"),
         count(n_both as u64),
         number(2.0 * pairs.len() as f64 / n.max(1) as f64)
     );
@@ -107,7 +107,7 @@ fn routing_graph(kpis: &Kpis, places: &Places) -> Option<Figure> {
         "Whom each mote has chosen as parent at the end: {} of {} motes have one, and the deepest is {} from its root.",
         count(n_with_parent as u64),
         count(parents.len() as u64),
-        counted(depth as u64, "hop"),
+        count_of(depth as u64, "hop"),
     );
     let key =
         vec![("end", "mote with a parent"), ("start", "mote without"), ("link", "to the parent")];
@@ -169,7 +169,7 @@ fn schedules(kpis: &Kpis) -> Vec<Figure> {
         .filter(|(handle, _)| !drawn.contains(handle))
         .map(|(handle, used)| {
             let n = used.places.len() as u64;
-            format!("slotframe {handle} of {} slots ({})", used.n_slots, counted(n, "place"))
+            format!("slotframe {handle} of {} slots ({})", used.n_slots, count_of(n, "place"))
         })
         .collect();
     let mut figures: Vec<Figure> =
@@ -203,15 +203,15 @@ fn slotframe(handle: u32, used: &Used) -> Figure {
     let slots = format!("slotframe {handle} of {} slots", count(u64::from(used.n_slots)));
     let listened = match n_idle {
         0 => String::new(),
-        n => format!("at {} motes listen, where nobody may transmit now", counted(n, "place")),
+        n => format!("at {} motes listen, where nobody may transmit now", count_of(n, "place")),
     };
     let sentence = if n_places == 0 {
         format!("In {slots}, {listened}.")
     } else {
         format!(
             "Where motes may transmit in {slots}: {} at {}, {} of which several motes share{}{listened}.",
-            counted(used.n_cells, "cell"),
-            counted(n_places, "place"),
+            count_of(used.n_cells, "cell"),
+            count_of(n_places, "place"),
             count(n_several),
             if n_idle == 0 { "" } else { "; " },
         )
@@ -251,7 +251,7 @@ fn delivery_over_time(kpis: &Kpis, events: &[(f64, &str)]) -> Option<Figure> {
     );
     let sentence = format!(
         "Which share of the application packets that ended within {} s reached its destination: {} of {} over all.",
-        chosen(bin_s),
+        shortest(bin_s),
         percent(delivered as f64 / (delivered + dropped) as f64),
         count(delivered + dropped)
     );

@@ -3,7 +3,8 @@
 use super::figures::HALF;
 use super::measured::{Picture, begin, figures, half, words};
 use super::svg::{Axis, Chart};
-use super::text::{count, escape, number};
+use super::text::escape;
+use numbers::format::{capitalised, count, number};
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -27,7 +28,7 @@ pub fn page(config: &str, command: &str, json: &Value) -> String {
         json["seeds"],
     );
     if let Some(sentence) = json["sentence"].as_str() {
-        let _ = writeln!(page, "<p class=\"verdict\">{}</p>", escape(&words::upper(sentence)));
+        let _ = writeln!(page, "<p class=\"verdict\">{}</p>", escape(&capitalised(sentence)));
     }
     words::notices(&mut page, json);
     if is_diagnosis {
@@ -104,8 +105,8 @@ fn split(page: &mut String, json: &Value) {
     let _ = writeln!(
         page,
         "<h2>{heading}</h2>\n<p>{}. {}.</p>\n<table>\n<tr><th>figure</th><th class=\"n\">measured</th><th class=\"n\">whole model</th>{columns}<th>unit</th></tr>",
-        escape(&words::upper(sentence)),
-        escape(&words::upper(split["note"].as_str().unwrap_or_default())),
+        escape(&capitalised(sentence)),
+        escape(&capitalised(split["note"].as_str().unwrap_or_default())),
     );
     for figure in list(&split["figures"]).filter(|figure| figure["measured"].is_number()) {
         let cell = |part: &&str| {

@@ -1,6 +1,7 @@
 //! From what varies to settings: one experiment each, but for the seed.
 
 use crate::config::sweep::{self as spec, Range, Sampling, Sweep};
+use numbers::format::rounded;
 use proto::config::{Node, Value};
 use proto::rng::{Draws, Purpose};
 
@@ -148,8 +149,7 @@ impl Range {
         if self.is_whole {
             return Value::Integer(libm::floor(value).clamp(self.min, self.max) as i64);
         }
-        let written: f64 = format!("{value:.5e}").parse().unwrap_or(value);
-        Value::Number(written.clamp(self.min, self.max))
+        Value::Number(rounded(value, 6).clamp(self.min, self.max))
     }
 }
 

@@ -5,7 +5,8 @@ use super::results::Figures;
 use super::statistics::FEWEST;
 use crate::record::ColumnKind;
 use crate::report::svg::{Axis, Chart};
-use crate::report::text::{chosen, count, escape, number, percent};
+use crate::report::text::escape;
+use numbers::format::{count, number, percent, shortest};
 use proto::config::Value as Written;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -115,7 +116,7 @@ fn along(plan: &SweepPlan, key: &str, is_range: bool) -> Option<View> {
             Written::Text(text) => text.clone(),
             other => as_number(other).map_or_else(
                 || setting.get(key).map(|node| node.show().into_owned()).unwrap_or_default(),
-                chosen,
+                shortest,
             ),
         };
         let place = |list: &mut Vec<String>, word: String| {

@@ -6,7 +6,7 @@ use super::statistics::Spread;
 use super::table::{self, Column};
 use super::{SCHEMA, TABLE_FILE, report};
 use crate::record::{ColumnKind, RecordError};
-use crate::report::text::number;
+use numbers::format::number;
 use proto::config::most_similar;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;

@@ -1,6 +1,6 @@
 //! Medians with intervals, of samples and of differences between pairs.
 
-use crate::record::quantile;
+use numbers::statistics::{mean, quantile, standard_deviation};
 use proto::rng::{Draws, Purpose};
 
 /// What a sample tells.
@@ -39,8 +39,6 @@ impl Spread {
         ascending.sort_by(f64::total_cmp);
         let (&min, &max) = (ascending.first()?, ascending.last()?);
         let n = ascending.len();
-        let mean = ascending.iter().sum::<f64>() / n as f64;
-        let squares: f64 = ascending.iter().map(|value| (value - mean) * (value - mean)).sum();
         Some(Self {
             n,
             min,
@@ -48,8 +46,8 @@ impl Spread {
             median: quantile(&ascending, 0.5),
             q75: quantile(&ascending, 0.75),
             max,
-            mean,
-            sd: (1 < n).then(|| libm::sqrt(squares / (n - 1) as f64)),
+            mean: mean(ascending.iter().copied()),
+            sd: (1 < n).then(|| standard_deviation(ascending.iter().copied())),
             interval_95: interval(&ascending),
         })
     }

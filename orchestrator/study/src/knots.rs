@@ -1,5 +1,7 @@
 //! Knots of smooth curves, between which these are linear.
 
+use numbers::statistics::nth_quantile;
+
 /// Knots of a curve over a covariate.
 pub const FEW: usize = 7;
 /// Knots of a fine one: what comes and goes within a campaign. Rows are left out in sixtieths of its time, so that every knot still
@@ -11,8 +13,10 @@ pub const ROWS_EACH: usize = 40;
 /// Knots at quantiles of sorted values, at most `n` of them, each once. None where there are no values.
 #[must_use]
 pub fn at_quantiles(sorted: &[f64], n: usize) -> Vec<f64> {
-    let Some(last) = sorted.len().checked_sub(1) else { return Vec::new() };
-    let mut knots: Vec<f64> = (0..n).map(|k| sorted[k * last / (n - 1)]).collect();
+    if sorted.is_empty() {
+        return Vec::new();
+    }
+    let mut knots: Vec<f64> = (0..n).map(|k| nth_quantile(sorted, k, n - 1)).collect();
     knots.dedup();
     knots
 }

@@ -114,14 +114,6 @@ impl Estimate {
 /// The split on which candidates are ordered and rungs of the ladder are compared.
 pub const COMMON: Level = Level::Time;
 
-/// Mean of those values that are not NaN; NaN of none.
-pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = values
-        .filter(|value| !value.is_nan())
-        .fold((0.0, 0usize), |(sum, n), value| (sum + value, n + 1));
-    sum / n as f64
-}
-
 /// By how much the predictions of two models differ, and the covariates of the rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PredictionDifference {

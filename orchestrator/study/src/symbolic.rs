@@ -1,8 +1,8 @@
 //! Symbolic regression: the short formula of a covariate that predicts residuals best on rows left out.
 
 use super::folds::Blocks;
-use super::mean;
 use nalgebra::{DMatrix, DVector};
+use numbers::statistics::mean_ignoring_nan;
 use std::f64::consts::FRAC_PI_2;
 
 /// A longer formula must bring the rmse to less than this share of what a shorter one leaves …
@@ -98,8 +98,9 @@ fn products(name: &str, other: &str) -> Vec<Shape> {
 /// The formula of deviations that are the same in every row.
 #[must_use]
 pub fn constant(deviations: &[f64], target: &'static str) -> Option<Formula> {
-    let level = mean(deviations.iter().copied());
-    let rmse = mean(deviations.iter().map(|deviation| (deviation - level).powi(2))).sqrt();
+    let level = mean_ignoring_nan(deviations.iter().copied());
+    let rmse =
+        mean_ignoring_nan(deviations.iter().map(|deviation| (deviation - level).powi(2))).sqrt();
     rmse.is_finite().then(|| Formula::new(format!("{level:.6}"), target, rmse))
 }
 

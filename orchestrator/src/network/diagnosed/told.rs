@@ -6,9 +6,8 @@ use crate::network::compared::{Asked, body, sentence as compared};
 use crate::network::kpis::KPIS;
 use crate::network::spread::LEVEL;
 use crate::network::tried::Fitted;
-use crate::report::measured::words::upper;
-use crate::report::text::number;
 use diagnose::answer::Answer;
+use numbers::format::{capitalised, number};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -119,7 +118,7 @@ pub fn told(found: &Found, asked: Asked) -> Answer {
     if let Some(round) = found.stopped {
         json["stopped_in_round"] = json!(round);
     }
-    let mut text = format!("{}\n\n", upper(&difference));
+    let mut text = format!("{}\n\n", capitalised(&difference));
     let tried: Vec<&Trial> = found.trials.iter().filter(|trial| trial.gain.is_some()).collect();
     if !tried.is_empty() {
         table(&mut text, &tried);
@@ -130,12 +129,12 @@ pub fn told(found: &Found, asked: Asked) -> Answer {
         }
     }
     for sentence in next.iter().filter_map(|entry| entry["sentence"].as_str()) {
-        let _ = writeln!(text, "{}", upper(sentence));
+        let _ = writeln!(text, "{}", capitalised(sentence));
     }
     if !tried.is_empty() {
         text.push('\n');
     }
-    text.push_str(&upper(&sentence));
+    text.push_str(&capitalised(&sentence));
     Answer { json, text }
 }
 

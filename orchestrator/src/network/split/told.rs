@@ -2,8 +2,7 @@
 
 use super::{Share, Split};
 use crate::network::kpis::KPIS;
-use crate::report::measured::words::upper;
-use crate::report::text::{number, percent};
+use numbers::format::{capitalised, number, percent};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -122,6 +121,6 @@ pub fn text(split: &Split) -> String {
             most.unwrap_or_default()
         );
     }
-    let _ = write!(text, "{}\n\n{}", upper(ORDER), upper(&sentence(split)));
+    let _ = write!(text, "{}\n\n{}", capitalised(ORDER), capitalised(&sentence(split)));
     text
 }

@@ -4,8 +4,7 @@ use super::figures::FIGURES;
 use super::{Part, Placing, Runs, TaskSplit};
 use crate::network::compared::Asked;
 use crate::network::spread::{LEVEL, entry};
-use crate::report::measured::words::upper;
-use crate::report::text::number;
+use numbers::format::{capitalised, number};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -188,8 +187,8 @@ pub fn text(split: &TaskSplit) -> String {
     let _ = write!(
         text,
         "own network: robots hear what the model's network delivers along the measured tracks; as heard: what was heard\n{}\n\n{}",
-        upper(NEITHER),
-        upper(&sentence(split).1)
+        capitalised(NEITHER),
+        capitalised(&sentence(split).1)
     );
     text
 }

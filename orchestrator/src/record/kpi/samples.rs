@@ -1,5 +1,7 @@
 //! Samples and their quantiles, and counts over time, in memory that does not grow with the run.
 
+use numbers::statistics::{quantile, ratio};
+
 /// Numbers of which quantiles are wanted. Beyond [`MAX_SAMPLES`] only every second is kept, then every fourth, and so on.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
@@ -65,7 +67,7 @@ impl Samples {
 
     /// Their mean.
     pub(crate) fn mean(&self) -> Option<f64> {
-        (self.n != 0).then(|| self.sum / self.n as f64)
+        ratio(self.sum, self.n as f64)
     }
 
     /// A quantile, interpolated between neighbours (Hyndman and Fan's type 7). The ends are exact.
@@ -86,15 +88,6 @@ impl Samples {
             Some(quantile(&values, share))
         })
     }
-}
-
-/// The quantile of an ascending list that is not empty, interpolated (Hyndman and Fan's type 7).
-pub(crate) fn quantile(ascending: &[f64], share: f64) -> f64 {
-    let last = ascending.len() - 1;
-    let place = share * last as f64;
-    let below = (place as usize).min(last);
-    let above = (below + 1).min(last);
-    ascending[below] + (ascending[above] - ascending[below]) * (place - below as f64)
 }
 
 /// Most samples kept: 8 MB.

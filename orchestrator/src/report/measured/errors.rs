@@ -3,7 +3,8 @@
 use super::{Contents, Picture, Rows, bin, drawn, edges, half, quantiles, thinned};
 use crate::record::DistanceBin;
 use crate::report::svg::Axis;
-use crate::report::text::{number, percent};
+use numbers::format::{capitalised, number, percent};
+use numbers::statistics::mean;
 use std::collections::BTreeSet;
 use study::view::View;
 
@@ -174,7 +175,7 @@ fn against(contents: &Contents<'_>) -> Picture {
     let title = "Predicted against measured".to_owned();
     let look = format!(
         "Do the dots lie along the diagonal, and how far from it? {}{}",
-        super::words::upper(&biases(contents)),
+        capitalised(&biases(contents)),
         drawn(contents.before.predicted.len())
     );
     let means = "A cloud beside the diagonal is a constant error, a tilted one a wrong dependence on strength, several clouds \
@@ -192,12 +193,11 @@ fn biases(contents: &Contents<'_>) -> String {
         .into_iter()
         .map(|(_, label, view)| {
             let known: Vec<f64> = view.residuals().into_iter().filter(|r| r.is_finite()).collect();
-            let n = known.len() as f64;
-            let mean = known.iter().sum::<f64>() / n;
-            let rmse = (known.iter().map(|r| r * r).sum::<f64>() / n).sqrt();
+            let bias = mean(known.iter().copied());
+            let rmse = mean(known.iter().map(|r| r * r)).sqrt();
             format!(
                 "{label} their mean is {} {unit} off and they scatter by {} {unit}",
-                number(mean),
+                number(bias),
                 number(rmse)
             )
         })
@@ -292,7 +292,7 @@ fn horizons(points: &[(f64, f64, Option<f64>)]) -> Option<Picture> {
         .collect();
     let look = format!(
         "How fast does the error grow with how far ahead is predicted? {}.",
-        super::words::upper(&numbers.join("; "))
+        capitalised(&numbers.join("; "))
     );
     let means = "Where the line begins is the noise of measured positions; what grows from there on is what the model does not \
                  know of the motion. These are fitted to all rows."

@@ -1,7 +1,8 @@
 //! The ladder of held-out error, and what each candidate gains.
 
 use super::{Contents, Picture};
-use crate::report::text::{escape, number};
+use crate::report::text::escape;
+use numbers::format::number;
 use serde_json::Value;
 use std::fmt::Write as _;
 

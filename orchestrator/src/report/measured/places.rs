@@ -3,7 +3,7 @@
 use super::{Contents, LinkRows, Picture, RobotRows, Rows};
 use crate::report::figures::{WIDE, equal_scales};
 use crate::report::svg::Chart;
-use crate::report::text::number;
+use numbers::format::number;
 use std::collections::BTreeMap;
 use study::view::View;
 

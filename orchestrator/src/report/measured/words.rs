@@ -1,8 +1,9 @@
 //! What a page says in words and tables.
 
 use super::Contents;
-use crate::report::text::{count, escape, number, percent};
+use crate::report::text::escape;
 use diagnose::answer::{LOSSES, formulas_of, named_structure};
+use numbers::format::{capitalised, count, number, number_within, percent};
 use proto::effect::CONSTANT;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -27,14 +28,8 @@ pub(super) fn heading(page: &mut String, contents: &Contents<'_>, title: &str) {
         rows("used")
     );
     if let Some(sentence) = json["sentence"].as_str() {
-        let _ = writeln!(page, "<p class=\"verdict\">{}</p>", escape(&upper(sentence)));
+        let _ = writeln!(page, "<p class=\"verdict\">{}</p>", escape(&capitalised(sentence)));
     }
-}
-
-/// With a capital letter.
-pub(crate) fn upper(sentence: &str) -> String {
-    let mut chars = sentence.chars();
-    chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
 }
 
 pub(crate) fn notices(page: &mut String, json: &Value) {
@@ -128,7 +123,7 @@ pub(super) fn parameters(page: &mut String, json: &Value) {
         for (key, parameter) in parameters {
             let of = |key: &str| parameter[key].as_f64().unwrap_or(f64::NAN);
             let half = (of("high") - of("low")) / 2.0;
-            let value = |key: &str| to_digits_of(of(key), half);
+            let value = |key: &str| number_within(of(key), half);
             let _ = writeln!(
                 page,
                 "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{} to {}</td><td>{}</td><td>{}</td></tr>",
@@ -157,15 +152,6 @@ fn curve_in_words(name: &str) -> &'static str {
     }
 }
 
-/// A number with as many digits as tell it from others half an interval away.
-fn to_digits_of(value: f64, half: f64) -> String {
-    if !(value.is_finite() && half.is_finite() && 0.0 < half) {
-        return number(value);
-    }
-    let decimals = (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.decimals$}").replace('-', "−")
-}
-
 /// What cannot be told apart, and what would tell.
 pub(crate) fn ties(page: &mut String, json: &Value) {
     let ties: Vec<String> = list(&json["candidates"])
@@ -185,7 +171,7 @@ pub(crate) fn ties(page: &mut String, json: &Value) {
     }
     page.push_str("<h2>Ties, and what would break them</h2>\n<ul>\n");
     for line in ties.iter().chain(&next) {
-        let _ = writeln!(page, "<li>{}</li>", escape(&upper(line)));
+        let _ = writeln!(page, "<li>{}</li>", escape(&capitalised(line)));
     }
     page.push_str("</ul>\n");
 }

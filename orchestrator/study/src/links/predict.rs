@@ -7,8 +7,9 @@ use super::fit::LinkFit;
 use super::likelihood::{Instrument, Level, Read};
 use super::terms::Spec;
 use crate::symbolic::{self, Deviations, Formula};
-use crate::{Component, PredictionDifference, Residuals, RowScore, mean};
+use crate::{Component, PredictionDifference, Residuals, RowScore};
 use netsim::phy::effect::formula::NAMES;
+use numbers::statistics::mean_ignoring_nan;
 use proto::effect::CONSTANT;
 use std::collections::BTreeMap;
 
@@ -170,7 +171,7 @@ impl LinkStudy {
                 Component { standardised: scaled, is_of_error: true },
                 Component { standardised: surprise, is_of_error: false },
             ],
-            mean_square: Some(mean(deviation.iter().map(|d| d * d))),
+            mean_square: Some(mean_ignoring_nan(deviation.iter().map(|d| d * d))),
         }
     }
 

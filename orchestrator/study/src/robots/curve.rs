@@ -4,7 +4,7 @@ use super::density::Residual;
 use super::motion::{Gains, Tracks};
 use super::{Model, RobotFit};
 use crate::knots;
-use crate::mean;
+use numbers::statistics::mean_ignoring_nan;
 use std::ops::Range;
 
 /// Hat functions over a covariate, each less its mean over all windows, and perhaps a constant.
@@ -38,7 +38,7 @@ impl Curve {
         curve.means = (0..curve.means.len())
             .map(|k| {
                 let known = (0..curve.windows.len()).filter(|&w| curve.windows[w].is_finite());
-                mean(known.map(|window| curve.function(k, window)))
+                mean_ignoring_nan(known.map(|window| curve.function(k, window)))
             })
             .collect();
         Some(curve)

@@ -4,7 +4,8 @@ use super::density::Residual;
 use super::{RobotFit, RobotStudy};
 use crate::symbolic::{self, Deviations, Formula};
 use crate::view::Viewed as _;
-use crate::{Component, Residuals, Study as _, mean};
+use crate::{Component, Residuals, Study as _};
+use numbers::statistics::mean_ignoring_nan;
 use robotsim::dynamics::effect::NAMES;
 
 /// A covariate whose error is part of a window's error: both hold the position measured when the window begins.
@@ -75,11 +76,13 @@ impl RobotStudy {
         let speed = over_windows(&|row, left| left.way_m / self.model.tracks.window_s(row));
         let of = |values, target| Deviations { values, factor: None, target };
         let share = Deviations { factor: Some((SPEED, &speed)), ..of(&ahead[..], "ahead") };
-        let total = mean(residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()));
+        let total = mean_ignoring_nan(
+            residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()),
+        );
         // What a formula takes of the mean square error (m²).
         let explained = |deviations: Deviations<'_>| {
             let found = symbolic::of_covariate(covariate, &others, deviations, &self.in_time)?;
-            let taken = mean((0..residuals.len()).map(|row| {
+            let taken = mean_ignoring_nan((0..residuals.len()).map(|row| {
                 let value = deviations.values[row];
                 let taken = (value * value - found.rmse * found.rmse) * acted_s(row).powi(2);
                 if covariate.1[row].is_finite() { taken } else { 0.0 }

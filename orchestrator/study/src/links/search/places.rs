@@ -7,6 +7,7 @@ use super::{Shape, Way, ways};
 use crate::links::likelihood::Slope;
 use crate::links::rows::Rows;
 use crate::links::terms::State;
+use numbers::statistics::quantile_nearest;
 use proto::rng::{Draws, Purpose, normal, uniform};
 
 /// Steps of the walk, and how many looks at a way it may take in all.
@@ -201,8 +202,8 @@ pub fn coordinates(
         .map(|(k, (name, value))| {
             let mut values: Vec<f64> = drawn.iter().map(|numbers| numbers[k]).collect();
             values.sort_by(f64::total_cmp);
-            let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
-            Coordinate { name, value, low: at(tail).min(value), high: at(1.0 - tail).max(value) }
+            let [low, high] = [tail, 1.0 - tail].map(|share| quantile_nearest(&values, share));
+            Coordinate { name, value, low: low.min(value), high: high.max(value) }
         })
         .collect()
 }

@@ -1,0 +1,6 @@
+//! What every part of the orchestrator does with numbers: summarise samples, and write values for people.
+//!
+//! Each definition exists once, here, and says what it does with no values, with one, and with NaN.
+
+pub mod format;
+pub mod statistics;
