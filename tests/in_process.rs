@@ -2,8 +2,8 @@
 //!
 //! Thousands of runs take seconds this way. That the processes do the same, to the last bit, is itself under test.
 
+use experiment::{Overrides, Plan, SideConfig, read};
 use netsim::sim::Network;
-use orchestrator::config::{Overrides, Plan, SideConfig, read};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use proto::side::{NetInput, NetSimulator as _, RobotInput, RobotSimulator as _, Setup};

@@ -10,14 +10,14 @@ mod peers;
 mod standing;
 mod swarm;
 
-use crate::config::{self, Overrides, Plan};
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
-use crate::record::{Configured, Ending, Recorder, RunHeader, StepRecord};
 use crate::report;
 use crate::run::{RunError, StartOptions, Wanted, start};
+use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
 use peers::{Figures, ROWS};
 use proto::types::NetRecord;
+use record::{Configured, Ending, Recorder, RunHeader, StepRecord};
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
@@ -274,7 +274,7 @@ fn side(error: crate::peer::SideError) -> RunError {
     RunError::Side { error, kept: None }
 }
 
-fn record_failed(error: crate::record::RecordError) -> RunError {
+fn record_failed(error: record::RecordError) -> RunError {
     RunError::Record { error, before_start: false }
 }
 
@@ -293,7 +293,7 @@ fn plan(agents: u32, model: Model, robots: Robots, mode: Mode) -> Result<Plan, R
         robots.name(),
         model.netsim()
     );
-    Ok(config::read(Path::new("bench"), text, &Overrides::default())?)
+    Ok(experiment::read(Path::new("bench"), text, &Overrides::default())?)
 }
 
 async fn measure(
@@ -332,7 +332,7 @@ async fn measure(
 
 fn temporary_folder() -> Result<TempDir, RunError> {
     tempfile::tempdir().map_err(|source| {
-        record_failed(crate::record::RecordError::Create { path: std::env::temp_dir(), source })
+        record_failed(record::RecordError::Create { path: std::env::temp_dir(), source })
     })
 }
 

@@ -12,13 +12,12 @@ mod sweeps;
 mod task;
 
 use crate::bench::{self, BenchOptions};
-use crate::config::{self, Overrides, Tls};
 use crate::conformance::{self, ConformanceOptions};
 use crate::console::{complain, say};
 use crate::effects;
-use crate::record;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
 use clap::{Args, Parser, Subcommand};
+use experiment::{Overrides, Tls};
 use proto::types::seconds;
 use proto_host::{ServeArgs, init_logging, serve_network, serve_robots};
 use serde_json::Value;
@@ -319,7 +318,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::CompareRuns(args) => sweeps::compare_runs(&args),
         Command::Check(args) => check::check(&args),
         Command::Schema => {
-            say(format!("{:#}", config::schema()));
+            say(format!("{:#}", experiment::schema()));
             Ok(())
         }
         Command::Effects(args) => effects_command(&args),

@@ -2,8 +2,8 @@
 
 mod probe;
 
-use crate::config::Tls;
 use crate::peer::{SideError, Standing, connect};
+use experiment::Tls;
 use probe::Probe;
 use proto::digest;
 use serde_json::{Value, json};

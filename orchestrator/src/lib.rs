@@ -5,13 +5,11 @@
 //! | module | what |
 //! |---|---|
 //! | [`cli`] | the command line |
-//! | [`config`] | an experiment file: to something that can be run, or to every problem it has |
 //! | [`run`] | one experiment from file to results |
 //! | [`mod@sweep`] | many experiments that differ in what a sweep says |
 //! | [`mod@compare_runs`] | what changed from one run, or one sweep, to another |
 //! | [`coupling`] | keeping the two simulators in step |
 //! | [`peer`] | one simulator as the orchestrator sees it: process, connection, deadlines |
-//! | [`record`] | what a run leaves |
 //! | [`report`] | the page that shows it |
 //! | [`network`] | the network against measured packets |
 //! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
@@ -24,14 +22,12 @@ pub mod bench;
 pub mod check;
 pub mod cli;
 pub mod compare_runs;
-pub mod config;
 pub mod conformance;
 pub mod console;
 pub mod coupling;
 pub mod effects;
 pub mod network;
 pub mod peer;
-pub mod record;
 pub mod report;
 pub mod run;
 pub mod sweep;

@@ -9,8 +9,8 @@ pub use error::SideError;
 pub use process::Launch;
 pub use service::{Network, Robots, Service};
 
-use crate::config::{Tls, Transport};
 use awake::Awake;
+use experiment::{Tls, Transport};
 use process::ChildProcess;
 use proto_host::{CONNECTION_WINDOW_BYTES, STREAM_WINDOW_BYTES};
 use service::Described;

@@ -8,10 +8,11 @@ pub mod packets;
 pub(crate) mod svg;
 pub(crate) mod text;
 
-use crate::record::{Contents, Measures, TRUTH_BASELINE};
 use figures::Figure;
+use metrics::Measures;
 use numbers::format::{count, number, percent, shortest};
 use proto::types::Coupling;
+use record::{Contents, TRUTH_BASELINE};
 use serde_json::Value;
 use std::fmt::Write as _;
 use text::escape;

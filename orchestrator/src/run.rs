@@ -9,14 +9,14 @@ mod trial;
 pub use start::{StartOptions, Wanted, start};
 pub use trial::{Outcome, Sides, Trial};
 
-use crate::config::{self, Overrides};
 use crate::console;
 use crate::peer::SideError;
-use crate::record::{self, Ending, Finished, RecordError, Recorder, Status};
 use crate::report;
 use drive::{Driver, Failure, Stopped};
+use experiment::Overrides;
 use interrupt::Interrupt;
 use proto::config::Refusal;
+use record::{Ending, Finished, RecordError, Recorder, Status};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -134,7 +134,7 @@ pub struct RunReport {
 ///
 /// See [`RunError`].
 pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
-    let plan = config::load(&options.config, &options.overrides)?;
+    let plan = experiment::load(&options.config, &options.overrides)?;
     let mut interrupt = Interrupt::listen();
     // A place for the results first: what cannot be written is not worth computing.
     let out_existed = options.out.exists();

@@ -15,13 +15,13 @@ mod worker;
 
 pub use journal::JournalError;
 
-use crate::config::Overrides;
 use crate::console::{self, Progress};
-use crate::record::RecordError;
 use crate::run::{RunError, StartOptions};
+use experiment::Overrides;
 use journal::{Journal, Row};
 use plan::{SweepPlan, Trial};
 use proto::config::Refusal;
+use record::RecordError;
 use results::Done;
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
@@ -145,7 +145,7 @@ pub fn is_sweep(path: &Path) -> bool {
     std::fs::read_to_string(path)
         .ok()
         .and_then(|text| proto::config::parse(&text).ok())
-        .is_some_and(|tree| tree.get(crate::config::sweep::KEY).is_some())
+        .is_some_and(|tree| tree.get(experiment::sweep::KEY).is_some())
 }
 
 /// Checks a sweep without running it. Returns how many settings and trials it has, and what to mind.

@@ -1,8 +1,8 @@
 //! The network against measured packets. There is no other simulator of the whole protocol here: what is measured is made by
 //! the running simulation itself, under other seeds, with an effect that the model lacks.
 
+use experiment::{Overrides, read};
 use measure::table::Table;
-use orchestrator::config::{Overrides, read};
 use orchestrator::network::compared::Among;
 use orchestrator::network::replay::Replay;
 use orchestrator::network::spread::LEVEL;

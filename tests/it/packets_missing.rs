@@ -3,9 +3,9 @@
 //! same, that is hidden in place of the effect.
 
 use crate::packets::{MODEL, replay, with};
+use experiment::{Overrides, read};
 use measure::packets::Packet;
 use netsim::phy::reception::table::DUST;
-use orchestrator::config::{Overrides, read};
 use orchestrator::network::compared::Asked;
 use orchestrator::network::diagnosed::{Diagnosis, Found, catalogue, told};
 use orchestrator::network::replay::Replay;

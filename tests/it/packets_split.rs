@@ -3,10 +3,10 @@
 //! the run.
 
 use diagnose::simulate::simulate;
+use experiment::{Overrides, read};
 use measure::config::Compared;
 use measure::packets;
 use measure::table::Table;
-use orchestrator::config::{Overrides, read};
 use orchestrator::network::compared::Asked;
 use orchestrator::network::replay::Replay;
 use orchestrator::network::split::{Split, split};

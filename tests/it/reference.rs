@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 #[test]
 fn the_reference_of_keys_is_what_the_descriptions_say() {
-    let page = page(&orchestrator::config::schema());
+    let page = page(&experiment::schema());
     let path = tests::repository().join("docs/configuration.md");
     if std::env::var_os("UPDATE_REFERENCE").is_some() {
         std::fs::write(&path, &page).unwrap();

@@ -1,7 +1,7 @@
 //! Where the error of a swarm's task comes from: the network or the robots. What is measured is left by a run of the real
 //! processes, of a model with a fault in one of the two: places, and who heard whom.
 
-use orchestrator::config::{Overrides, read};
+use experiment::{Overrides, read};
 use orchestrator::network::compared::Asked;
 use orchestrator::network::replay::Replay;
 use orchestrator::network::task::heard::Hearing;

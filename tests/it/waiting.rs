@@ -1,10 +1,10 @@
 //! Robots that wait for their network, orders at their times, and what a network with protocols leaves in the record.
 
-use orchestrator::record::read::Reader;
-use orchestrator::record::verify;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::{Field, Row};
 use proto_messages::v1::mote_command::Order;
+use record::read::Reader;
+use record::verify;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Output;

@@ -4,12 +4,12 @@ use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, record_failed, step,
     temporary_folder,
 };
-use crate::config::{self, Overrides, Plan};
 use crate::coupling::Coupled;
-use crate::record::Recorder;
 use crate::run::{RunError, Wanted, start};
+use experiment::{Overrides, Plan};
 use proto::types::{NS_PER_S, seconds};
 use proto_messages::convert;
+use record::Recorder;
 use serde_json::{Value, json};
 use std::fmt::{self, Write as _};
 use std::path::Path;
@@ -158,11 +158,10 @@ pub(super) async fn bench(
 async fn measure(row: Row, options: &BenchOptions) -> Result<Cell, RunError> {
     let folder = temporary_folder()?;
     let places = folder.path().join("places.csv");
-    std::fs::write(&places, row.places()).map_err(|source| {
-        record_failed(crate::record::RecordError::Create { path: places, source })
-    })?;
+    std::fs::write(&places, row.places())
+        .map_err(|source| record_failed(record::RecordError::Create { path: places, source }))?;
     let path = folder.path().join("bench.toml");
-    let plan = config::read(Path::new(&path), row.config(), &Overrides::default())?;
+    let plan = experiment::read(Path::new(&path), row.config(), &Overrides::default())?;
     let started = start(&plan, &options.start, Wanted::Record).await?;
     let mut coupled = started.coupled;
     let path = folder.path().join("record");
@@ -301,7 +300,7 @@ mod tests {
             let folder = tempfile::tempdir().unwrap();
             std::fs::write(folder.path().join("places.csv"), row.places()).unwrap();
             let path = folder.path().join("bench.toml");
-            config::read(&path, row.config(), &Overrides::default()).unwrap();
+            experiment::read(&path, row.config(), &Overrides::default()).unwrap();
         }
     }
 }

@@ -3,12 +3,12 @@
 use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, step, steps, temporary_folder,
 };
-use crate::config::{self, Overrides, Plan};
 use crate::coupling::Coupled;
-use crate::record::Recorder;
 use crate::run::{RunError, Wanted, start};
+use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
 use proto::types::{NS_PER_S, seconds};
+use record::Recorder;
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
@@ -78,7 +78,7 @@ fn plan(agents: u32) -> Result<Plan, RunError> {
          [output]\nlinks = \"none\"\nmcap = false\ntransmissions = false\nschedule = false\nneighbours = false\n\
          motes_every_s = 60\nreport = false\n"
     );
-    Ok(config::read(Path::new("bench"), text, &Overrides::default())?)
+    Ok(experiment::read(Path::new("bench"), text, &Overrides::default())?)
 }
 
 /// Measures the rows of so many agents.

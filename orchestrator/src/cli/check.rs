@@ -3,7 +3,6 @@
 use super::measured::{ChoiceArgs, account_json, account_text};
 use super::{Failure, OverrideArgs, inputs, write_json};
 use crate::check;
-use crate::config;
 use crate::console::{say, warn};
 use crate::sweep;
 use clap::Args;
@@ -66,7 +65,7 @@ fn check_sweep(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
 }
 
 fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
-    let plan = config::load(config, &args.change.overrides()).map_err(Failure::request)?;
+    let plan = experiment::load(config, &args.change.overrides()).map_err(Failure::request)?;
     let n_steps = plan.duration_ns.div_ceil(plan.experiment.step_ns);
     for warning in &plan.warnings {
         warn(warning);

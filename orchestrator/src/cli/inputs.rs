@@ -1,14 +1,13 @@
 //! Reads the files that commands about measurements take.
 
 use super::Failure;
-use crate::config;
 use measure::config::Compared;
 use measure::table::Table;
 use std::path::Path;
 
 /// The configuration that is held against measurements, with `--set` applied.
 pub(super) fn compared(path: &Path, set: &[String]) -> Result<Compared, Failure> {
-    let text = config::text_of(path).map_err(Failure::request)?;
+    let text = experiment::text_of(path).map_err(Failure::request)?;
     Compared::of_text(path, text, set).map_err(Failure::request)
 }
 

@@ -2,7 +2,6 @@
 
 use super::measured::{account_json, account_text, complete};
 use super::{Failure, stop, write_json, write_whole};
-use crate::config::{self, Overrides, Plan};
 use crate::console::say;
 use crate::network::compared::{self, Asked};
 use crate::network::diagnosed::{self, ACCEPT, Diagnosis, FEWEST_SEEDS, told};
@@ -12,6 +11,7 @@ use crate::network::split;
 use crate::network::tracks::Tracks;
 use clap::Args;
 use diagnose::compare::Comparison;
+use experiment::{Overrides, Plan};
 use measure::config::Compared;
 use measure::packets::{self, Packets};
 use measure::table::Table;
@@ -81,7 +81,7 @@ impl ReplayArgs {
         table: &Table,
     ) -> Result<Opened, Failure> {
         let overrides = Overrides { set: set.to_vec(), ..Overrides::default() };
-        let plan: Plan = config::load(config, &overrides).map_err(Failure::request)?;
+        let plan: Plan = experiment::load(config, &overrides).map_err(Failure::request)?;
         let packets = packets::read(table)
             .map_err(|why| Failure::request(format!("{}: {why}", table.path.display())))?;
         let tracks = match &self.positions {

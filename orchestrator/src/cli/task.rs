@@ -2,13 +2,13 @@
 
 use super::measured::account_json;
 use super::{Failure, inputs};
-use crate::config::{self, Overrides};
 use crate::console::say;
 use crate::network::compared::Asked;
 use crate::network::replay::Replay;
 use crate::network::task::heard::Hearing;
 use crate::network::task::{self, FEWEST_SEEDS, Measured};
 use crate::network::tracks::Tracks;
+use experiment::Overrides;
 use measure::table::Table;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -33,7 +33,7 @@ pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<Value, Failure> {
         )));
     }
     let overrides = Overrides { set: files.set.to_vec(), ..Overrides::default() };
-    let plan = config::load(files.config, &overrides).map_err(Failure::request)?;
+    let plan = experiment::load(files.config, &overrides).map_err(Failure::request)?;
     let compared = inputs::compared(files.config, files.set)?;
     let (tracks, table) = Tracks::with_table(files.data).map_err(Failure::request)?;
     let tracks = tracks

@@ -1,12 +1,12 @@
 //! The trials of a folder, and which trial of one belongs to which of another.
 
 use super::{CompareRunsError, Pair};
-use crate::record::SCHEMA_PREFIX;
 use crate::sweep::table::{CASE, SEED, SETTING, STATUS};
 use crate::sweep::{SCHEMA, TABLE_FILE, figures};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
+use record::SCHEMA_PREFIX;
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

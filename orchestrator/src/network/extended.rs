@@ -4,8 +4,8 @@ use super::candidates::Candidate;
 use super::diagnosed::{Diagnosis, Effects, Rung};
 use super::replay::ReplayError;
 use super::tried::Fitted;
-use crate::config::{self, Overrides};
 use diagnose::extend::ExtendError;
+use experiment::Overrides;
 use proto::config::Refusal;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -88,6 +88,6 @@ pub fn extend(
             candidate.settings(fitted.value)
         );
     }
-    config::read(path, text.clone(), &Overrides::default())?;
+    experiment::read(path, text.clone(), &Overrides::default())?;
     Ok(Extended { text, added, rungs })
 }

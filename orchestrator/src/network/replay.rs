@@ -2,8 +2,8 @@
 
 use super::kpis::Figures;
 use super::tracks::Tracks;
-use crate::config::{Plan, SideConfig, Start};
 use bytes::Bytes;
+use experiment::{Plan, SideConfig, Start};
 use measure::packets::{OWN, Packet};
 use netsim::sim::Network;
 use proto::config::{Node, Problem};

@@ -2,7 +2,7 @@
 
 use super::network;
 use super::svg::{Axis, Chart};
-use crate::record::{DistanceBin, Measures, Sample, Trajectories};
+use metrics::{DistanceBin, Measures, Sample, Trajectories};
 use numbers::format::{count, number, percent, shortest};
 use proto::types::seconds;
 

@@ -2,7 +2,7 @@
 //! place by every figure that rows can be sorted by.
 
 use super::network::depths;
-use crate::record::Measures;
+use metrics::Measures;
 use numbers::format::{count, count_of, number, percent};
 use serde_json::Value;
 use std::cmp::Ordering;
@@ -291,7 +291,7 @@ const INFINITE_RANK: u32 = 65_535;
 mod tests {
     use super::*;
 
-    use crate::record::{Kpis, Task};
+    use metrics::{Kpis, Task};
     use proto::site::Site;
     use proto::types::{AgentStates, Bitmap, MoteStates, MoteStatistics, Statistic};
 

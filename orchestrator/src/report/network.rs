@@ -3,7 +3,7 @@
 
 use super::figures::{Figure, HALF, HALF_HEIGHT, WIDE, equal_scales};
 use super::svg::{Axis, Chart};
-use crate::record::{Kpis, Measures};
+use metrics::{Kpis, Measures};
 use numbers::format::{count, count_of, number, percent, shortest};
 use proto::types::{Schedule, seconds};
 use std::collections::BTreeMap;

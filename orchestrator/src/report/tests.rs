@@ -1,11 +1,15 @@
 //! Pages of made-up runs.
 
+#[path = "../../record/src/tests/made_up.rs"]
+mod made_up;
+
 use super::*;
-use crate::config::{OutputConfig, Start};
-use crate::record::RunHeader;
+use experiment::{OutputConfig, Start};
 use proto::types::Coupling;
+use record::{Configured, Ending, Finished, Recorder, RunHeader, StepRecord};
 use serde_json::json;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 fn header(name: &str) -> RunHeader {
     RunHeader {
@@ -53,4 +57,36 @@ fn warnings_and_the_reason_of_a_failure_stand_at_the_top() {
     assert!(place("netsim hangs") < place("<h2>"));
     assert!(place("check the walls") < place("<h2>"));
     assert!(page.contains("badge alert\">failed"));
+}
+
+fn recorded(out: &Path, header: RunHeader) -> Finished {
+    let recorder = made_up::record(out, header, made_up::STEPS);
+    recorder.finish(&Ending::complete(), Value::Null, page).unwrap()
+}
+
+#[test]
+fn the_truth_baseline_is_called_so_in_summary_and_report() {
+    let out = tempfile::tempdir().unwrap();
+    let mut header = made_up::header("run");
+    header.labels.insert("knowledge".to_owned(), "truth".to_owned());
+    let run = recorded(out.path(), header);
+    assert_eq!(run.summary["baseline"], "truth baseline");
+    let page = std::fs::read_to_string(run.report.unwrap()).unwrap();
+    assert!(page.matches("truth baseline").count() >= 2);
+}
+
+#[test]
+fn the_report_shows_four_pictures_each_with_words_and_the_walls() {
+    let out = tempfile::tempdir().unwrap();
+    let run = recorded(out.path(), made_up::header("run"));
+    let page = std::fs::read_to_string(run.report.unwrap()).unwrap();
+    assert_eq!(page.matches("<figure").count(), 4);
+    assert_eq!(page.matches("role=\"img\"").count(), 4);
+    for words in
+        ["<desc id=\"trajectories-text\">Where the 7 agents went", "2.00 m/s on average", "60 %"]
+    {
+        assert!(page.contains(words), "{words}");
+    }
+    assert!(page.contains("<path class=\"wall\" d=\"M"));
+    assert!(!page.contains("NaN") && !page.contains("inf"));
 }

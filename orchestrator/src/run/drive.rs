@@ -1,12 +1,12 @@
 //! Step after step: first, where the robots wait for it, until the network has formed; then for the experiment's time.
 
 use super::interrupt::Interrupt;
-use crate::config::Plan;
 use crate::console::Progress;
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
 use crate::peer::SideError;
-use crate::record::{RecordError, StepRecord, Steps};
+use experiment::Plan;
 use proto::types::{Formation, NetRecord, seconds};
+use record::{RecordError, StepRecord, Steps};
 use std::fmt::Write as _;
 
 /// Why no further step is taken.

@@ -2,7 +2,7 @@
 
 use super::RunOptions;
 use super::start::{SideIdentity, Started};
-use crate::config::Plan;
+use experiment::Plan;
 use proto::types::seconds;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};

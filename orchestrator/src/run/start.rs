@@ -1,14 +1,14 @@
 //! Starting, connecting and configuring both sides.
 
 use super::RunError;
-use crate::config::{EXPERIMENT, Plan, SideConfig, Start, timeline};
 use crate::coupling::Coupled;
 use crate::peer::{Launch, Network, Peer, Reach, Robots, Service, SideError};
-use crate::record::{Configured, RunHeader, is_column_of_motes};
+use experiment::{EXPERIMENT, Plan, SideConfig, Start, timeline};
 use proto::config::Refusal;
 use proto::config::{Node, Problem, Value};
 use proto::types::{Coupling, DeliveryColumn, NetRecord};
 use proto_messages::{convert, v1};
+use record::{Configured, RunHeader, is_column_of_motes};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;

@@ -4,11 +4,11 @@ use super::drive::{Driver, Failure, Stopped};
 use super::interrupt::Interrupt;
 use super::start::{StartOptions, Started, Wanted, connect, ready};
 use super::{RunError, ended_by};
-use crate::config::{Plan, Tls, Transport};
 use crate::coupling::Coupled;
 use crate::peer::{Network, Peer, Robots};
-use crate::record::{Ending, Measurer, RecordError, Recorder, Steps};
 use crate::report;
+use experiment::{Plan, Tls, Transport};
+use record::{Ending, Measurer, RecordError, Recorder, Steps};
 use serde_json::Value;
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! From what varies to settings: one experiment each, but for the seed.
 
-use crate::config::sweep::{self as spec, Range, Sampling, Sweep};
+use experiment::sweep::{self as spec, Range, Sampling, Sweep};
 use numbers::format::rounded;
 use proto::config::{Node, Value};
 use proto::rng::{Draws, Purpose};
@@ -95,7 +95,7 @@ pub(crate) fn settings(sweep: &Sweep, seed: u64) -> Vec<Setting> {
             points.iter().map(|point| {
                 let mut setting = setting.clone();
                 for ((key, range), &share) in sweep.ranges.iter().zip(point) {
-                    let value = Node { value: range.at(share), span: range.span.clone() };
+                    let value = Node { value: value_at(range, share), span: range.span.clone() };
                     setting.values.push((key.clone(), value));
                 }
                 setting
@@ -136,21 +136,19 @@ pub(crate) fn points(sampling: Sampling, n: usize, n_ranges: usize, seed: u64) -
     }
 }
 
-impl Range {
-    /// The value at a share of the range, 0 to 1 excluded; six significant digits, so that it can be written down.
-    fn at(&self, share: f64) -> Value {
-        let max = if self.is_whole { self.max + 1.0 } else { self.max };
-        let value = if self.is_log {
-            let (low, high) = (libm::log(self.min), libm::log(max));
-            libm::exp(low + share * (high - low))
-        } else {
-            self.min + share * (max - self.min)
-        };
-        if self.is_whole {
-            return Value::Integer(libm::floor(value).clamp(self.min, self.max) as i64);
-        }
-        Value::Number(rounded(value, 6).clamp(self.min, self.max))
+/// The value at a share of the range, 0 to 1 excluded; six significant digits, so that it can be written down.
+fn value_at(range: &Range, share: f64) -> Value {
+    let max = if range.is_whole { range.max + 1.0 } else { range.max };
+    let value = if range.is_log {
+        let (low, high) = (libm::log(range.min), libm::log(max));
+        libm::exp(low + share * (high - low))
+    } else {
+        range.min + share * (max - range.min)
+    };
+    if range.is_whole {
+        return Value::Integer(libm::floor(value).clamp(range.min, range.max) as i64);
     }
+    Value::Number(rounded(value, 6).clamp(range.min, range.max))
 }
 
 #[cfg(test)]
@@ -211,15 +209,10 @@ mod tests {
 
     #[test]
     fn ranges_are_met_from_end_to_end_and_never_left() {
-        let at = |min, max, is_log, is_whole, share: f64| match (Range {
-            span: None,
-            min,
-            max,
-            is_log,
-            is_whole,
-        })
-        .at(share)
-        {
+        let at = |min, max, is_log, is_whole, share: f64| match value_at(
+            &Range { span: None, min, max, is_log, is_whole },
+            share,
+        ) {
             Value::Number(value) => value,
             Value::Integer(value) => value as f64,
             other => panic!("{other:?}"),

@@ -1,8 +1,8 @@
 //! A sweep that has been read and checked: its settings, its trials, and what identifies each.
 
 use super::design::{self, Setting};
-use crate::config::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
-use crate::config::{self, Overrides, Plan};
+use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
+use experiment::{Overrides, Plan};
 use proto::config::Refusal;
 use proto::config::{Node, Problem, Value};
 use proto::digest::hex;
@@ -55,8 +55,8 @@ pub(crate) struct Trial {
 ///
 /// Every problem, with its place.
 pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refusal> {
-    let text = config::text_of(path)?;
-    let (tree, mut problems) = config::opened(path, &text, overrides)?;
+    let text = experiment::text_of(path)?;
+    let (tree, mut problems) = experiment::opened(path, &text, overrides)?;
     let refused = |problems| Err(Refusal::new(path, &text, &tree, problems));
     let mut base = tree.clone();
     let Some(section) = base.take(spec::KEY) else {
@@ -187,7 +187,7 @@ fn plan_of(
             }),
         }
     }
-    config::of_tree(path, text, &tree, overrides, problems)
+    experiment::of_tree(path, text, &tree, overrides, problems)
 }
 
 /// The digest of all that a trial depends on, but for its seed.

@@ -3,11 +3,11 @@
 use super::plan::SweepPlan;
 use super::results::Figures;
 use super::statistics::FEWEST;
-use crate::record::ColumnKind;
 use crate::report::svg::{Axis, Chart};
 use crate::report::text::escape;
 use numbers::format::{count, number, percent, shortest};
 use proto::config::Value as Written;
+use record::ColumnKind;
 use serde_json::Value;
 use std::fmt::Write as _;
 

@@ -2,9 +2,9 @@
 
 use super::journal::Row;
 use super::plan::{SweepPlan, Trial};
-use crate::record::table::{Cell, Heading, Table};
-use crate::record::{ColumnKind, RecordError};
 use proto::config::Value as Written;
+use record::table::{Cell, Heading, Table};
+use record::{ColumnKind, RecordError};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -2,8 +2,8 @@
 
 use crate::network::figure::{Figure, figure};
 use crate::network::tracks::Tracks;
-use crate::record::places::measures_of;
-use crate::record::{Measures, Task};
+use metrics::places::measures_of;
+use metrics::{Measures, Task};
 use proto::types::{AgentStates, NS_PER_S};
 
 /// On which scale differences of a figure are told.

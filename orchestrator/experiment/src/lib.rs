@@ -1,0 +1,567 @@
+//! An experiment file: from text to something that can be run, or to every problem it has.
+
+mod control;
+pub mod output;
+mod overrides;
+mod sides;
+pub mod sweep;
+pub mod timeline;
+
+pub use control::ControlPeriod;
+pub use output::OutputConfig;
+pub use overrides::Overrides;
+pub use overrides::opened;
+pub use sides::{SideConfig, URL};
+pub use timeline::Timeline;
+
+use proto::config::{
+    self, Choice, Default, Field, Kind, Node, Problem, Range, Refusal, TableSpec, Value,
+};
+use proto::site;
+use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
+use sides::{Sides, missing_file};
+use std::path::{Path, PathBuf};
+
+/// Description of `[experiment]`.
+pub const EXPERIMENT: TableSpec = TableSpec {
+    doc: "What is run, for how long, and how the two simulators take turns.",
+    fields: &[
+        Field {
+            key: "name",
+            doc: "Name of the experiment and of the folder with its results: letters, digits, '-', '_' and '.'.",
+            kind: Kind::Text,
+            default: Default::Required,
+        },
+        Field {
+            key: "seed",
+            doc: "Seed of every random draw. The same seed and configuration give the same recording.",
+            kind: Kind::Integer { min: 0, max: i64::MAX },
+            default: Default::Required,
+        },
+        Field {
+            key: "duration_s",
+            doc: "Simulated time (s), from when the robots start. Rounded up to whole control periods.",
+            kind: Kind::Number(Range::above(0.0, 1e9)),
+            default: Default::Required,
+        },
+        Field {
+            key: "agents",
+            doc: "How many robots, each with a radio.",
+            kind: Kind::Integer { min: 1, max: proto::side::MAX_AGENTS as i64 },
+            default: Default::Required,
+        },
+        Field {
+            key: "coupling",
+            doc: "How the two simulators take turns.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "sequential",
+                    doc: "Robots act on what was heard and move, then the network runs over their new positions.",
+                },
+                Choice {
+                    name: "parallel",
+                    doc: "Both run at the same time; what robots hear is one period older.",
+                },
+            ]),
+            default: Default::Text("sequential"),
+        },
+        Field {
+            key: "control_period",
+            doc: "How often robots act: every slotframe, every packet that is delivered, or { slots = n } or \
+                  { rate_hz = r }.",
+            kind: Kind::Either(&[
+                Kind::Choice(&[
+                    Choice {
+                        name: "slotframe",
+                        doc: "Once in each slotframe of the network: without protocols as many slots as there are agents, with them \
+                              the slotframe of the scheduling function or that of the payloads' broadcast slotframe.",
+                    },
+                    Choice {
+                        name: "packet",
+                        doc: "Whenever a packet was delivered, at the latest every slotframe.",
+                    },
+                ]),
+                Kind::Table(&control::SPEC),
+            ]),
+            default: Default::Text("slotframe"),
+        },
+        Field {
+            key: "start",
+            doc: "When the robots start. Absent: when the network has formed, if it has anything to form, else at once.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "when-formed",
+                    doc: "They stand still until the network has formed; time before that is no part of duration_s.",
+                },
+                Choice {
+                    name: "at-once",
+                    doc: "At time 0, whether the network has formed or not.",
+                },
+            ]),
+            default: Default::Absent,
+        },
+        Field {
+            key: "formation_limit_s",
+            doc: "Simulated time (s) within which a network that robots wait for must have formed. If it has not, the run \
+                  fails, and says who is missing and why.",
+            kind: Kind::Number(Range::above(0.0, 1e9)),
+            default: Default::Number(3600.0),
+        },
+        Field {
+            key: "stop_when_complete",
+            doc: "End when the robots regard their task as done.",
+            kind: Kind::Bool,
+            default: Default::Bool(true),
+        },
+        Field {
+            key: "transport",
+            doc: "How steps cross. Results do not depend on it.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "auto",
+                    doc: "One stream where a simulator announces it, else single calls.",
+                },
+                Choice {
+                    name: "stream",
+                    doc: "One stream; refused if a simulator does not announce it.",
+                },
+                Choice { name: "unary", doc: "Single calls." },
+            ]),
+            default: Default::Text("auto"),
+        },
+        Field {
+            key: "step_deadline_s",
+            doc: "How long a simulator may take for one step (s of real time) while it shows signs of life. One that \
+                  shows none is given up after about five seconds.",
+            kind: Kind::Number(Range::closed(1.0, 86_400.0)),
+            default: Default::Number(60.0),
+        },
+        Field {
+            key: "tls",
+            doc: "Certificates for simulators on other hosts.",
+            kind: Kind::Table(&TLS),
+            default: Default::Absent,
+        },
+    ],
+    tag: None,
+};
+
+const TLS: TableSpec = TableSpec {
+    doc: "Certificates, as paths of PEM files.",
+    fields: &[
+        Field {
+            key: "ca",
+            doc: "Authority that signed the simulators' certificates.",
+            kind: Kind::Text,
+            default: Default::Required,
+        },
+        Field {
+            key: "cert",
+            doc: "Our own certificate, where they ask for one.",
+            kind: Kind::Text,
+            default: Default::Absent,
+        },
+        Field { key: "key", doc: "Its private key.", kind: Kind::Text, default: Default::Absent },
+    ],
+    tag: None,
+};
+
+/// Certificates to talk to simulators with.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tls {
+    /// Authority (PEM).
+    pub ca: PathBuf,
+    /// Own certificate and key (PEM).
+    pub identity: Option<(PathBuf, PathBuf)>,
+}
+
+/// How steps cross.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// A stream if announced.
+    Auto,
+    /// A stream, or refusal.
+    Stream,
+    /// Single calls.
+    Unary,
+}
+
+/// When the robots start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// When the network has formed.
+    WhenFormed,
+    /// At time 0.
+    AtOnce,
+}
+
+impl Start {
+    /// The word for it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WhenFormed => "when-formed",
+            Self::AtOnce => "at-once",
+        }
+    }
+}
+
+/// A valid experiment.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The file it came from.
+    pub path: PathBuf,
+    /// Its text, for messages about what a foreign simulator refuses.
+    pub text: String,
+    /// What was written, with places.
+    pub tree: Node,
+    /// Name.
+    pub name: String,
+    /// Seed, capacity, period, coupling.
+    pub experiment: Experiment,
+    /// How often robots act.
+    pub control: ControlPeriod,
+    /// Simulated time from when the robots start (ns).
+    pub duration_ns: u64,
+    /// When the robots start; `None`: when the network has formed, if it has anything to form.
+    pub start: Option<Start>,
+    /// Simulated time within which a network that robots wait for must have formed (ns).
+    pub formation_limit_ns: u64,
+    /// Faults and traffic.
+    pub timeline: Timeline,
+    /// End when the robots are done.
+    pub stop_when_complete: bool,
+    /// How steps cross.
+    pub transport: Transport,
+    /// Longest wait for a step that shows signs of life (s).
+    pub step_deadline_s: f64,
+    /// Certificates.
+    pub tls: Option<Tls>,
+    /// `[site]` as TOML text.
+    pub site_toml: String,
+    /// `[robotsim]`.
+    pub robotsim: SideConfig,
+    /// `[netsim]`.
+    pub netsim: SideConfig,
+    /// `[output]`.
+    pub output: OutputConfig,
+    /// Effective `[experiment]`, `[site]`, `[[timeline]]` and `[output]`, for the record.
+    pub effective: toml::Table,
+    /// What should be checked before the results are trusted.
+    pub warnings: Vec<String>,
+}
+
+/// Reads and checks an experiment file.
+///
+/// # Errors
+///
+/// Every problem it has, with its place.
+pub fn load(path: &Path, overrides: &Overrides) -> Result<Plan, Refusal> {
+    let text = text_of(path)?;
+    read(path, text, overrides)
+}
+
+/// Reads the text of an experiment file.
+///
+/// # Errors
+///
+/// The file does not exist, cannot be read, or is not UTF-8 text.
+pub fn text_of(path: &Path) -> Result<String, Refusal> {
+    std::fs::read_to_string(path).map_err(|error| {
+        let reason = match error.kind() {
+            std::io::ErrorKind::NotFound => missing_file(path),
+            std::io::ErrorKind::InvalidData => "is not UTF-8 text".to_owned(),
+            _ => format!("cannot be read: {error}"),
+        };
+        Refusal::of_file(path, reason)
+    })
+}
+
+/// Checks the text of an experiment file; `path` is for messages, and for files that it names.
+///
+/// # Errors
+///
+/// Every problem it has, with its place.
+pub fn read(path: &Path, text: String, overrides: &Overrides) -> Result<Plan, Refusal> {
+    let (tree, problems) = opened(path, &text, overrides)?;
+    of_tree(path, &text, &tree, overrides, problems)
+}
+
+/// Checks an experiment that has been parsed, adding to what was wrong with it before.
+pub fn of_tree(
+    path: &Path,
+    text: &str,
+    tree: &Node,
+    overrides: &Overrides,
+    mut problems: Vec<Problem>,
+) -> Result<Plan, Refusal> {
+    let base = path.parent().unwrap_or(Path::new(""));
+    match plan(path, text, tree, base, overrides, &mut problems) {
+        Some(plan) if problems.is_empty() => Ok(plan),
+        _ => Err(Refusal::new(path, text, tree, problems)),
+    }
+}
+
+/// The JSON Schema of an experiment file.
+#[must_use]
+pub fn schema() -> serde_json::Value {
+    let section = |spec: &TableSpec, with_url: bool| {
+        let mut schema = config::json_schema(spec);
+        if with_url {
+            let url = serde_json::json!({ "type": "string", "description": URL.doc });
+            let tables = match schema.get_mut("oneOf").and_then(|tables| tables.as_array_mut()) {
+                Some(tables) => tables.iter_mut().collect(),
+                None => vec![&mut schema],
+            };
+            for table in tables {
+                table["properties"]["url"] = url.clone();
+            }
+        }
+        schema
+    };
+    serde_json::json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Murmuration experiment",
+        "type": "object",
+        "properties": {
+            "experiment": section(&EXPERIMENT, false),
+            "site": section(&site::SPEC, false),
+            "robotsim": {
+                "anyOf": [section(&robotsim::config::SPEC, true), foreign("robot")],
+            },
+            "netsim": {
+                "anyOf": [section(&netsim::config::SPEC, true), foreign("network")],
+            },
+            "timeline": {
+                "type": "array",
+                "description": "Orders to the network, each at its time.",
+                "items": section(&timeline::SPEC, false),
+            },
+            "output": section(&output::SPEC, false),
+            "sweep": section(&sweep::SPEC, false),
+        },
+        "required": ["experiment"],
+        "additionalProperties": false,
+    })
+}
+
+/// The schema of a section that a simulator elsewhere reads.
+fn foreign(what: &str) -> serde_json::Value {
+    serde_json::json!({
+        "type": "object",
+        "description": format!("For a {what} simulator that runs elsewhere: its own keys."),
+        "properties": { "url": { "type": "string", "description": URL.doc } },
+        "required": ["url"],
+    })
+}
+
+/// Builds the plan, collecting problems. `None` only where there are problems.
+fn plan(
+    path: &Path,
+    text: &str,
+    tree: &Node,
+    base: &Path,
+    overrides: &Overrides,
+    problems: &mut Vec<Problem>,
+) -> Option<Plan> {
+    const SECTIONS: [&str; 6] = ["experiment", "site", "robotsim", "netsim", "timeline", "output"];
+    if let Value::Table(entries) = &tree.value {
+        for (key, ..) in entries {
+            if !SECTIONS.contains(&key.as_str()) {
+                if key == sweep::KEY {
+                    problems.push(Problem::new(
+                        key,
+                        "makes many experiments of this one: orchestrator sweep runs them",
+                    ));
+                    continue;
+                }
+                let mut problem = Problem::new(key, "is not a known section");
+                problem.nearest = config::most_similar(key, SECTIONS).map(str::to_owned);
+                if problem.nearest.is_none() {
+                    problem.message =
+                        format!("is not a known section: there are {}", SECTIONS.join(", "));
+                }
+                problems.push(problem);
+            }
+        }
+    }
+    let empty = Node::empty_table();
+    let section = |key: &str| tree.get(key).unwrap_or(&empty);
+    let experiment_table =
+        config::check(section("experiment"), "experiment", &EXPERIMENT, problems).table;
+    let (site, site_table) = site::read(section("site"), "site", problems);
+    let (output, output_table) = output::read(section("output"), "output", problems);
+
+    let name = experiment_table.get("name").and_then(toml::Value::as_str).unwrap_or("").to_owned();
+    let name_known = !problems.iter().any(|problem| problem.path == "experiment.name");
+    if name_known && !is_file_name(&name) {
+        problems.push(
+            Problem::new(
+                "experiment.name",
+                "must be letters, digits, '-', '_' and '.', at most 100, not starting with '.': it names a folder",
+            )
+            .value(format!("{name:?}"))
+            .nearest(format!("{:?}", as_file_name(&name))),
+        );
+    }
+    let agents_known = !problems.iter().any(|problem| problem.path == "experiment.agents");
+    let integer = |key: &str| experiment_table.get(key).and_then(toml::Value::as_integer);
+    let number = |key: &str| experiment_table.get(key).and_then(toml::Value::as_float);
+    let agents = integer("agents").and_then(|agents| usize::try_from(agents).ok());
+    let parallel =
+        experiment_table.get("coupling").and_then(toml::Value::as_str) == Some("parallel");
+    let slot_ns = slot_ns(section("netsim"));
+    let control =
+        control::read(&experiment_table, agents.unwrap_or(1), slot_ns, parallel, problems);
+    let duration_known = !problems.iter().any(|problem| problem.path == "experiment.duration_s");
+    let (timeline, timeline_tables) = timeline::read(
+        tree,
+        agents.filter(|_| agents_known),
+        number("duration_s").filter(|_| duration_known),
+        problems,
+    );
+    if overrides.netsim_url.is_none() && section("netsim").get(URL.key).is_none() {
+        timeline.check_orders(netsim::config::commands(section("netsim")), problems);
+        timeline.check_added(&netsim::config::absent(section("netsim")), problems);
+    }
+    let tls = overrides.tls.clone().or_else(|| tls_of(&experiment_table, base, problems));
+
+    let experiment = Experiment {
+        seed: integer("seed").unwrap_or(0).unsigned_abs(),
+        agent_count: agents.unwrap_or(1),
+        step_ns: control
+            .step_ns(control::slotframe_slots(section("netsim"), agents.unwrap_or(1)), slot_ns),
+        coupling: match (&control, parallel) {
+            (ControlPeriod::Packet, _) => Coupling::Event,
+            (_, true) => Coupling::Parallel,
+            (_, false) => Coupling::Sequential,
+        },
+    };
+    let duration_s = number("duration_s").filter(|_| duration_known);
+    let mut sides =
+        Sides { base, site: &site, experiment: &experiment, known: agents_known, problems };
+    let robotsim = sides.read(
+        section("robotsim"),
+        "robotsim",
+        overrides.robotsim_url.as_ref(),
+        |node, path, problems| {
+            robotsim::config::keys(node, path, problems);
+        },
+        robotsim::config::files,
+        |setup| robotsim::config::read(setup).map(|(_, effective)| (effective, Vec::new())),
+    );
+    let netsim = sides.read(
+        section("netsim"),
+        "netsim",
+        overrides.netsim_url.as_ref(),
+        |node, path, problems| {
+            config::check(node, path, &netsim::config::SPEC, problems);
+        },
+        netsim::config::files,
+        |setup| {
+            let (_, effective, warnings) = netsim::config::read(setup)?;
+            let trace_ns = netsim::config::replay_ns(&effective, &setup.files);
+            match longer_than_the_trace(trace_ns, duration_s) {
+                Some(problem) => Err(vec![problem]),
+                None => Ok((effective, warnings)),
+            }
+        },
+    );
+    sides::check_messages(&robotsim.0, &netsim.0, problems);
+    if !problems.is_empty() {
+        return None;
+    }
+    let mut effective = toml::Table::new();
+    effective.insert("experiment".to_owned(), experiment_table.clone().into());
+    effective.insert("site".to_owned(), site_table.clone().into());
+    effective.extend(timeline_tables.map(|tables| ("timeline".to_owned(), tables)));
+    effective.insert("output".to_owned(), output_table.into());
+    let ns = |key: &str| Some((libm::round(number(key)? * NS_PER_S as f64) as u64).max(1));
+    Some(Plan {
+        path: path.to_owned(),
+        text: text.to_owned(),
+        tree: tree.clone(),
+        name,
+        control,
+        duration_ns: ns("duration_s")?,
+        start: match experiment_table.get("start").and_then(toml::Value::as_str) {
+            Some("when-formed") => Some(Start::WhenFormed),
+            Some("at-once") => Some(Start::AtOnce),
+            _ => None,
+        },
+        formation_limit_ns: ns("formation_limit_s")?,
+        timeline,
+        stop_when_complete: experiment_table.get("stop_when_complete")?.as_bool()?,
+        transport: match experiment_table.get("transport")?.as_str()? {
+            "stream" => Transport::Stream,
+            "unary" => Transport::Unary,
+            _ => Transport::Auto,
+        },
+        step_deadline_s: number("step_deadline_s")?,
+        tls,
+        site_toml: site_table.to_string(),
+        warnings: [robotsim.1, netsim.1].concat(),
+        robotsim: robotsim.0,
+        netsim: netsim.0,
+        output,
+        effective,
+        experiment,
+    })
+}
+
+/// What is wrong with a run that is sure to outlast the trace it replays, which ends at `trace_ns`: it lasts `duration_s`, and the network's formation
+/// besides.
+fn longer_than_the_trace(trace_ns: Option<u64>, duration_s: Option<f64>) -> Option<Problem> {
+    let trace_s = seconds(trace_ns?);
+    let duration_s = duration_s.filter(|&duration_s| trace_s < duration_s)?;
+    let message = "must not be longer than the trace in netsim.phy.file, unless netsim.phy.after_end = \"hold\"";
+    Some(Problem::new("experiment.duration_s", message).value(duration_s).nearest(trace_s))
+}
+
+/// The slot of the network (ns), where its section says one; 10 ms otherwise (IEEE 802.15.4-2015 default timeslot).
+fn slot_ns(netsim: &Node) -> u64 {
+    let written = match netsim.get("slot_duration_s").map(|node| &node.value) {
+        Some(Value::Number(seconds)) => *seconds,
+        Some(Value::Integer(seconds)) => *seconds as f64,
+        _ => 0.01,
+    };
+    let ns = libm::round(written * NS_PER_S as f64);
+    // Beyond what the network takes: it says so.
+    if (1e3..=1e12).contains(&ns) { ns as u64 } else { 10_000_000 }
+}
+
+fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>) -> Option<Tls> {
+    let table = experiment.get("tls")?.as_table()?;
+    let path = |key: &str| table.get(key).and_then(toml::Value::as_str).map(|path| base.join(path));
+    let identity = match (path("cert"), path("key")) {
+        (Some(cert), Some(key)) => Some((cert, key)),
+        (None, None) => None,
+        (Some(_), None) => {
+            problems
+                .push(Problem::new("experiment.tls.key", "is missing: cert and key go together"));
+            None
+        }
+        (None, Some(_)) => {
+            problems
+                .push(Problem::new("experiment.tls.cert", "is missing: cert and key go together"));
+            None
+        }
+    };
+    Some(Tls { ca: path("ca")?, identity })
+}
+
+fn is_file_name(name: &str) -> bool {
+    !name.starts_with('.')
+        && name.len() <= 100
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
+}
+
+fn as_file_name(name: &str) -> String {
+    let replaced: String = name
+        .trim_start_matches('.')
+        .chars()
+        .take(100)
+        .map(|c| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' })
+        .collect();
+    if replaced.is_empty() { "experiment".to_owned() } else { replaced }
+}

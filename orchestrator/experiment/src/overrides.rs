@@ -1,0 +1,51 @@
+//! What the command line puts over an experiment file.
+
+use super::Tls;
+use proto::config::{self, Node, Problem, Refusal, Value, set};
+use std::path::Path;
+
+/// What the command line puts over the file.
+#[derive(Clone, Debug, std::default::Default)]
+pub struct Overrides {
+    /// `--set key=value`, in order.
+    pub set: Vec<String>,
+    /// `--seed`.
+    pub seed: Option<u64>,
+    /// `--netsim`.
+    pub netsim_url: Option<String>,
+    /// `--robotsim`.
+    pub robotsim_url: Option<String>,
+    /// `--tls-ca`, `--tls-cert`, `--tls-key`.
+    pub tls: Option<Tls>,
+}
+
+/// Parses the text of an experiment file and puts the overrides over it. Returns it with what is wrong with those.
+pub fn opened(
+    path: &Path,
+    text: &str,
+    overrides: &Overrides,
+) -> Result<(Node, Vec<Problem>), Refusal> {
+    let mut tree = config::parse(text)
+        .map_err(|problems| Refusal::new(path, text, &Node::empty_table(), problems))?;
+    let mut problems = Vec::new();
+    for assignment in &overrides.set {
+        if let Err(problem) = set(&mut tree, assignment) {
+            problems.push(problem);
+        }
+    }
+    if let Some(seed) = overrides.seed {
+        match i64::try_from(seed) {
+            Ok(seed) => {
+                if let Err(problem) = tree.set("experiment.seed", Value::Integer(seed)) {
+                    problems.push(problem);
+                }
+            }
+            Err(_) => problems.push(
+                Problem::new("--seed", format!("must be at most {}", i64::MAX))
+                    .value(seed)
+                    .nearest(i64::MAX),
+            ),
+        }
+    }
+    Ok((tree, problems))
+}

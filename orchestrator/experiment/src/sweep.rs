@@ -1,0 +1,413 @@
+//! The `[sweep]` section: what varies, and how often.
+
+use proto::config::{
+    self, Choice, Default, Field, Kind, Node, Problem, Range as Within, TableSpec, Value, join,
+};
+use std::collections::BTreeSet;
+
+/// Name of the section.
+pub const KEY: &str = "sweep";
+
+/// Description of `[sweep]`.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "Many experiments made of this one: every case with every value of every list and every sample of the ranges, each with \
+          every seed. `orchestrator sweep` runs them.",
+    fields: &[
+        Field {
+            key: "seeds",
+            doc: "How many seeds, counted from experiment.seed, or which. Every setting is run with the same, so that settings can be \
+                  compared seed by seed.",
+            kind: Kind::Either(&[
+                Kind::Integer { min: 1, max: MOST_TRIALS },
+                Kind::List {
+                    of: &Kind::Integer { min: 0, max: i64::MAX },
+                    min: 1,
+                    max: MOST_TRIALS as usize,
+                },
+            ]),
+            default: Default::Integer(1),
+        },
+        Field {
+            key: "vary",
+            doc: "Keys of the file, each with a list of its values, all combinations of which are run, or with a range to sample: \
+                  { min, max }, with scale = \"log\" where ratios matter and whole = true for whole numbers.",
+            kind: Kind::Anything,
+            default: Default::Absent,
+        },
+        Field {
+            key: "case",
+            doc: "Tables, each a case with a name and values of any keys: for what belongs together.",
+            kind: Kind::Anything,
+            default: Default::Absent,
+        },
+        Field {
+            key: "samples",
+            doc: "How many points are taken of the ranges, jointly.",
+            kind: Kind::Integer { min: 1, max: MOST_TRIALS },
+            default: Default::Absent,
+        },
+        Field {
+            key: "sampling",
+            doc: "How ranges are sampled.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: "sobol",
+                    doc: "A Sobol sequence with Owen's scrambling; best with a power of two. More samples keep those there are.",
+                },
+                Choice {
+                    name: "latin-hypercube",
+                    doc: "A Latin hypercube: one sample in each of as many equal slices of every range.",
+                },
+            ]),
+            default: Default::Text("sobol"),
+        },
+        Field {
+            key: "keep",
+            doc: "Of which trials everything is kept that a run leaves, beside their row in the table.",
+            kind: Kind::Choice(&[
+                Choice { name: "none", doc: "Of none." },
+                Choice { name: "first-seed", doc: "Of each setting with the first seed." },
+                Choice { name: "all", doc: "Of all." },
+            ]),
+            default: Default::Text("none"),
+        },
+        Field {
+            key: "metrics",
+            doc: "Which figures the report shows, by their names in the table. Absent: those of the task and of delivery that differ \
+                  between trials.",
+            kind: Kind::List { of: &Kind::Text, min: 1, max: 100 },
+            default: Default::Absent,
+        },
+    ],
+    tag: None,
+};
+
+/// Description of a range.
+const RANGE: TableSpec = TableSpec {
+    doc: "A range to sample.",
+    fields: &[
+        Field {
+            key: "min",
+            doc: "Lower end.",
+            kind: Kind::Number(Within::ANY),
+            default: Default::Required,
+        },
+        Field {
+            key: "max",
+            doc: "Upper end.",
+            kind: Kind::Number(Within::ANY),
+            default: Default::Required,
+        },
+        Field {
+            key: "scale",
+            doc: "What is uniform over the range.",
+            kind: Kind::Choice(&[
+                Choice { name: "linear", doc: "The value." },
+                Choice { name: "log", doc: "Its logarithm." },
+            ]),
+            default: Default::Text("linear"),
+        },
+        Field {
+            key: "whole",
+            doc: "Whole numbers only, both ends included.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+    ],
+    tag: None,
+};
+
+/// More trials than this are a mistake.
+pub const MOST_TRIALS: i64 = 1_000_000;
+
+/// What varies, and how often.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// Seeds, in order.
+    pub seeds: Seeds,
+    /// Cases; none: one without a name.
+    pub cases: Vec<Case>,
+    /// Keys with lists.
+    pub lists: Vec<(String, Vec<Node>)>,
+    /// Keys with ranges.
+    pub ranges: Vec<(String, Range)>,
+    /// Points of the ranges.
+    pub samples: usize,
+    /// How they are taken.
+    pub sampling: Sampling,
+    /// What is kept.
+    pub keep: Keep,
+    /// What the report shows, if it is said.
+    pub metrics: Option<Vec<String>>,
+}
+
+/// Which seeds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Seeds {
+    /// So many, from that of the experiment on.
+    Count(u64),
+    /// These.
+    These(Vec<u64>),
+}
+
+/// Values that belong together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// Its name.
+    pub name: String,
+    /// Key and value.
+    pub values: Vec<(String, Node)>,
+}
+
+/// A range of numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Range {
+    /// Where it stands in the file.
+    pub span: Option<std::ops::Range<usize>>,
+    /// Lower end.
+    pub min: f64,
+    /// Upper end.
+    pub max: f64,
+    /// The logarithm is uniform.
+    pub is_log: bool,
+    /// Whole numbers.
+    pub is_whole: bool,
+}
+
+/// How ranges are sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// Scrambled Sobol sequence.
+    Sobol,
+    /// Latin hypercube.
+    LatinHypercube,
+}
+
+/// Which runs are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    /// None.
+    None,
+    /// One of each setting.
+    FirstSeed,
+    /// All.
+    All,
+}
+
+/// Reads the section, adding to `problems`.
+pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
+    let table = config::check(node, KEY, &SPEC, problems).table;
+    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
+    let text = |key: &str| table.get(key).and_then(toml::Value::as_str);
+    let texts = |key: &str| {
+        let list = table.get(key)?.as_array()?;
+        Some(list.iter().filter_map(|text| text.as_str().map(str::to_owned)).collect())
+    };
+    let mut reader = Reader { problems, lists: Vec::new(), ranges: Vec::new() };
+    if let Some(vary) = node.get("vary") {
+        reader.varied(vary, "sweep.vary", "");
+    }
+    let cases = node.get("case").map(|cases| reader.cases(cases)).unwrap_or_default();
+    let Reader { lists, ranges, .. } = reader;
+    let samples = integer("samples").and_then(|samples| usize::try_from(samples).ok());
+    match (samples, ranges.is_empty()) {
+        (None, false) if node.get("samples").is_none() => problems.push(Problem::new(
+            "sweep.samples",
+            "is missing: how many points of the ranges are to be taken, such as 64",
+        )),
+        (Some(_), true) => problems.push(Problem::new(
+            "sweep.samples",
+            "has nothing to sample: no key of [sweep.vary] has a range { min, max }",
+        )),
+        _ => {}
+    }
+    if lists.is_empty() && ranges.is_empty() && cases.is_empty() && node.get("seeds").is_none() {
+        problems.push(Problem::new(
+            KEY,
+            "varies nothing: it needs [sweep.vary], [[sweep.case]] or seeds",
+        ));
+    }
+    Sweep {
+        seeds: match table.get("seeds") {
+            Some(toml::Value::Array(list)) => Seeds::These(seeds_of(list, problems)),
+            _ => Seeds::Count(integer("seeds").unwrap_or(1).unsigned_abs()),
+        },
+        samples: samples.filter(|_| !ranges.is_empty()).unwrap_or(1),
+        cases,
+        lists,
+        ranges,
+        sampling: match text("sampling") {
+            Some("latin-hypercube") => Sampling::LatinHypercube,
+            _ => Sampling::Sobol,
+        },
+        keep: match text("keep") {
+            Some("all") => Keep::All,
+            Some("first-seed") => Keep::FirstSeed,
+            _ => Keep::None,
+        },
+        metrics: texts("metrics"),
+    }
+}
+
+fn seeds_of(list: &[toml::Value], problems: &mut Vec<Problem>) -> Vec<u64> {
+    let seeds: Vec<u64> =
+        list.iter().filter_map(|seed| u64::try_from(seed.as_integer()?).ok()).collect();
+    let mut known = BTreeSet::new();
+    for (index, seed) in seeds.iter().enumerate() {
+        if !known.insert(seed) {
+            problems.push(
+                Problem::new(format!("sweep.seeds[{index}]"), "is in the list already").value(seed),
+            );
+        }
+    }
+    seeds
+}
+
+struct Reader<'a> {
+    problems: &'a mut Vec<Problem>,
+    lists: Vec<(String, Vec<Node>)>,
+    ranges: Vec<(String, Range)>,
+}
+
+impl Reader<'_> {
+    /// A problem with what stands at a node, whose key may be written in one piece, so that no path leads there.
+    fn wrong(&mut self, problem: Problem, node: &Node) {
+        self.problems.push(Problem { span: node.span.clone(), ..problem });
+    }
+
+    fn is_varied(&self, key: &str) -> bool {
+        self.lists.iter().any(|(known, _)| known == key)
+            || self.ranges.iter().any(|(known, _)| known == key)
+    }
+
+    /// Refuses a key that makes no other experiment, or is said twice.
+    fn judge(&mut self, key: &str, path: &str, node: &Node) {
+        let instead = match key.split('.').next() {
+            _ if key == "experiment.seed" => "is what sweep.seeds is for",
+            _ if key == "experiment.name" => {
+                "is given by the sweep: each trial has a name of its own"
+            }
+            Some("output") => {
+                "does not change what is measured; sweep.keep says which runs are kept"
+            }
+            Some(KEY) => "cannot be swept",
+            _ if self.is_varied(key) => "varies already, elsewhere in [sweep.vary]",
+            _ => return,
+        };
+        self.wrong(Problem::new(path, instead), node);
+    }
+
+    /// Lists and ranges below `key`, which may be written as one dotted key or as tables.
+    fn varied(&mut self, node: &Node, path: &str, key: &str) {
+        match &node.value {
+            Value::Table(_) if node.get("min").is_some() || node.get("max").is_some() => {
+                self.judge(key, path, node);
+                if let Some(range) = self.range(node, path) {
+                    self.ranges.push((key.to_owned(), range));
+                }
+            }
+            Value::Table(entries) => {
+                for (name, _, child) in entries {
+                    self.varied(child, &join(path, name), &join(key, name));
+                }
+            }
+            Value::List(values) if !values.is_empty() => {
+                self.judge(key, path, node);
+                for (index, value) in values.iter().enumerate() {
+                    if values[..index].iter().any(|before| before.to_toml() == value.to_toml()) {
+                        let problem =
+                            Problem::new(path, "has a value twice, which would be run twice")
+                                .value(value.show());
+                        self.wrong(problem, node);
+                    }
+                }
+                self.lists.push((key.to_owned(), values.clone()));
+            }
+            _ => {
+                let message = "must be a list of values, or a range { min = …, max = … }";
+                self.wrong(Problem::new(path, message).value(node.show()), node);
+            }
+        }
+    }
+
+    fn range(&mut self, node: &Node, path: &str) -> Option<Range> {
+        let before = self.problems.len();
+        let table = config::check(node, path, &RANGE, self.problems).table;
+        let number = |key: &str| table.get(key).and_then(toml::Value::as_float);
+        let range = Range {
+            span: node.span.clone(),
+            min: number("min")?,
+            max: number("max")?,
+            is_log: table.get("scale").and_then(toml::Value::as_str) == Some("log"),
+            is_whole: table.get("whole").and_then(toml::Value::as_bool) == Some(true),
+        };
+        let mut wrong = |key: &str, message: String, value: f64| {
+            self.problems.push(Problem::new(join(path, key), message).value(value));
+        };
+        if range.max <= range.min {
+            wrong("max", format!("must be greater than min ({})", range.min), range.max);
+        }
+        if range.is_log && range.min <= 0.0 {
+            wrong("min", "must be greater than 0 where scale = \"log\"".to_owned(), range.min);
+        }
+        for (key, end) in [("min", range.min), ("max", range.max)] {
+            if range.is_whole && libm::round(end) != end {
+                wrong(key, "must be whole where whole = true".to_owned(), end);
+            }
+        }
+        for problem in &mut self.problems[before..] {
+            problem.span.clone_from(&node.span);
+        }
+        (before == self.problems.len()).then_some(range)
+    }
+
+    fn cases(&mut self, node: &Node) -> Vec<Case> {
+        let Value::List(tables) = &node.value else {
+            let message = "must be an array of tables ([[sweep.case]])";
+            self.wrong(Problem::new("sweep.case", message).value(node.show()), node);
+            return Vec::new();
+        };
+        let mut cases: Vec<Case> = Vec::new();
+        for (index, table) in tables.iter().enumerate() {
+            let path = format!("sweep.case[{index}]");
+            let Value::Table(entries) = &table.value else {
+                self.wrong(Problem::new(path, "must be a table").value(table.show()), table);
+                continue;
+            };
+            let name = match table.get("name").map(|name| &name.value) {
+                Some(Value::Text(name)) if !name.is_empty() => name.clone(),
+                _ => {
+                    let message = "is missing: must be a text in quotes, to tell cases apart";
+                    self.wrong(Problem::new(join(&path, "name"), message), table);
+                    String::new()
+                }
+            };
+            if cases.iter().any(|case| case.name == name) {
+                let problem =
+                    Problem::new(join(&path, "name"), "is the name of another case").value(&name);
+                self.wrong(problem, table.get("name").unwrap_or(table));
+            }
+            let mut values = Vec::new();
+            for (key, _, child) in entries.iter().filter(|(key, ..)| key != "name") {
+                leaves(child, key, &mut values);
+            }
+            for (key, value) in &values {
+                self.judge(key, &join(&path, key), value);
+            }
+            cases.push(Case { name, values });
+        }
+        cases
+    }
+}
+
+/// Every value below `key` that is not a table.
+fn leaves(node: &Node, key: &str, values: &mut Vec<(String, Node)>) {
+    match &node.value {
+        Value::Table(entries) if !entries.is_empty() => {
+            for (name, _, child) in entries {
+                leaves(child, &join(key, name), values);
+            }
+        }
+        _ => values.push((key.to_owned(), node.clone())),
+    }
+}

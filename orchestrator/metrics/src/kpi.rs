@@ -1,0 +1,308 @@
+//! Key performance indicators of a network with protocols. All of them are defined here, and nowhere else.
+//!
+//! | indicator | definition |
+//! |---|---|
+//! | delivery ratio | delivered / (delivered + dropped), application packets to one destination; those still on their way at the end count for neither |
+//! | latency | from when a packet was created to when it was delivered |
+//! | in flight | created less delivered and dropped: nothing is lost from the account |
+//! | first join, last join | among motes that joined, roots apart |
+//! | churn | changes of the preferred parent per mote and hour of being on |
+//! | since the start | the same of the time in which robots were free to move: packets that ended then, changes of parents from when the network had formed on, and the share of motes that were joined |
+//! | duty cycle | time the radio sent or listened over the time the mote was on |
+//! | mean current | charge over the very time during which it was drawn: scanning counts on both sides of the fraction |
+//! | lifetime | charge of a new battery over the mean current; of the network: the shortest of a mote other than a root |
+//!
+//! Units are in the names. Quantiles are interpolated between neighbours.
+
+mod energy;
+mod packets;
+mod samples;
+
+pub use packets::{Account, MotePackets};
+pub use samples::Samples;
+
+use super::period::Period;
+use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};
+use serde_json::{Map, Value, json};
+
+/// Charge of two AA cells (mAh), as the 6TiSCH simulator has it: where the network says nothing else in `battery_mah`.
+pub const BATTERY_MAH: f64 = 2821.5;
+
+/// The indicators of a run so far, and the latest states that reports show.
+#[derive(Clone, Debug, Default)]
+pub struct Kpis {
+    /// Application packets of the whole run.
+    pub account: Account,
+    /// The account of packets that ended while robots were free to move.
+    moving: Account,
+    /// Robots had to wait before they were free to move.
+    has_waited: bool,
+    /// Share of motes that were joined, summed over nanoseconds, and those nanoseconds, while robots were free to move.
+    joined: (f64, f64),
+    /// Formation as last told; `None`: the network has nothing to form.
+    pub formation: Option<Formation>,
+    /// Statistics when the network had formed, and the latest ones, each with its time (ns).
+    formed: Option<(u64, MoteStatistics)>,
+    latest: Option<(u64, MoteStatistics)>,
+    /// The motes as last told.
+    pub motes: MoteStates,
+    /// The schedules as last told.
+    pub schedule: Option<Schedule>,
+    /// Who has heard whom, as last told.
+    pub heard_links: Option<HeardLinks>,
+}
+
+impl Kpis {
+    /// Begins with what the network said of itself at time 0.
+    pub fn new(formation: Option<Formation>, statistics: Option<MoteStatistics>) -> Self {
+        let latest = statistics.map(|statistics| (0, statistics));
+        Self { formation, latest, ..Self::default() }
+    }
+
+    /// Adds a step.
+    pub fn add(&mut self, period: &Period<'_>) {
+        if let Some(packets) = period.packets {
+            self.account.add(packets);
+            if !period.held {
+                self.moving.add(packets);
+            }
+        }
+        self.has_waited |= period.held;
+        if let (false, Some(joined)) = (period.held, &period.motes.joined) {
+            let weight = (period.time_ns - period.from_ns) as f64;
+            let n_alive = period.motes.alive.iter_ones().count();
+            if 0 < n_alive {
+                let n = period.motes.alive.iter_ones().filter(|&mote| joined.get(mote)).count();
+                self.joined.0 += weight * n as f64 / n_alive as f64;
+                self.joined.1 += weight;
+            }
+        }
+        if let Some(statistics) = period.statistics {
+            self.latest = Some((period.time_ns, statistics.clone()));
+            if self.is_formed() && self.formed.is_none() {
+                self.formed.clone_from(&self.latest);
+            }
+        }
+        // Told now, taken account of from the next step on: statistics of this step may not have been asked for yet.
+        self.formation = period.formation.cloned();
+        self.motes.clone_from(period.motes);
+        if let Some(schedule) = period.schedule {
+            self.schedule = Some(schedule.clone());
+        }
+        if let Some(links) = period.heard_links {
+            self.heard_links = Some(links.clone());
+        }
+    }
+
+    fn is_formed(&self) -> bool {
+        self.formation.as_ref().is_some_and(|formation| formation.formed_ns.is_some())
+    }
+
+    /// The latest statistics of all motes.
+    pub fn statistics(&self) -> Option<&MoteStatistics> {
+        self.latest.as_ref().map(|(_, statistics)| statistics)
+    }
+
+    /// Whether the mote is the root of a routing graph.
+    pub fn is_root(&self, mote: usize) -> bool {
+        let column = self.statistics().and_then(|statistics| statistics.column("is_root"));
+        column.and_then(|column| column.get(mote)).is_some_and(|value| value != 0.0)
+    }
+
+    /// Whether there is anything to tell.
+    pub fn is_empty(&self) -> bool {
+        self.formation.is_none() && self.latest.is_none() && self.account.is_empty()
+    }
+
+    /// For `summary.json`; null of a network without protocols.
+    pub fn summary(&self) -> Value {
+        if self.is_empty() {
+            return Value::Null;
+        }
+        let n = self.motes.alive.len();
+        let whole = energy::of(self, None, n);
+        let since = self.formed.as_ref().map(|(_, formed)| energy::of(self, Some(formed), n));
+        json!({
+            "formation": self.formation.as_ref().map(formation),
+            "joining": self.joining(n),
+            "delivery": self.account.delivery(|_| true),
+            "delivery_upward": self.account.delivery(|mote| self.is_root(mote)),
+            "packets": self.account.by_kind(),
+            "routing": self.routing(None, n),
+            "since_start": self.since_start(n),
+            "queue_drops": self.queue_drops(n),
+            "drops_by_reason": self.drops_by_reason(n),
+            "energy": whole.as_ref().map(energy::Energy::summary),
+            "energy_since_formation": since.flatten().as_ref().map(energy::Energy::summary),
+            "motes": self.per_mote(n, whole.as_ref()),
+        })
+    }
+
+    /// What should be checked before the figures are trusted.
+    pub fn warnings(&self) -> Vec<String> {
+        self.account.warnings()
+    }
+
+    /// The values of a statistic, of motes for which it is known.
+    fn known(&self, name: &str, n: usize, with_roots: bool) -> Vec<f64> {
+        let column = self.statistics().and_then(|statistics| statistics.column(name));
+        (0..n)
+            .filter(|&mote| with_roots || !self.is_root(mote))
+            .filter_map(|mote| column.and_then(|column| column.get(mote)))
+            .collect()
+    }
+
+    fn joining(&self, n: usize) -> Value {
+        let of = |name: &str| {
+            let times = Samples::of(self.known(name, n, false));
+            (!times.is_empty()).then(|| {
+                json!({
+                    "motes": times.len(),
+                    "first_s": times.quantile(0.0).map(in_seconds),
+                    "mean_s": times.mean().map(in_seconds),
+                    "median_s": times.quantile(0.5).map(in_seconds),
+                    "p99_s": times.quantile(0.99).map(in_seconds),
+                    "last_s": times.quantile(1.0).map(in_seconds),
+                })
+            })
+        };
+        json!({ "synced": of("first_synced_ns"), "joined": of("first_joined_ns") })
+    }
+
+    /// What happened while robots were free to move.
+    fn since_start(&self, n: usize) -> Value {
+        let base = self.formed.as_ref().map(|(_, formed)| formed);
+        let routing = match (self.has_waited, base) {
+            (true, None) => Value::Null,
+            (true, base) => self.routing(base, n),
+            (false, _) => self.routing(None, n),
+        };
+        let (joined, weight) = self.joined;
+        json!({
+            "delivery": self.moving.delivery(|_| true),
+            "delivery_upward": self.moving.delivery(|mote| self.is_root(mote)),
+            "parent_changes": routing["parent_changes"],
+            "churn_per_mote_hour": routing["churn_per_mote_hour"],
+            "joined_ratio": (0.0 < weight).then(|| joined / weight),
+        })
+    }
+
+    /// Changes of parents, from the beginning or since some statistics were told.
+    fn routing(&self, since: Option<&MoteStatistics>, n: usize) -> Value {
+        let counted = |name: &str, with_roots: bool| -> Vec<f64> {
+            let column = self.statistics().and_then(|statistics| statistics.column(name));
+            let before = |mote: usize| {
+                since.map_or(Some(0.0), |since| since.column(name).and_then(|all| all.get(mote)))
+            };
+            (0..n)
+                .filter(|&mote| with_roots || !self.is_root(mote))
+                .filter_map(|mote| Some(column?.get(mote)? - before(mote).unwrap_or(0.0)))
+                .collect()
+        };
+        let changes = counted("parent_changes", true);
+        let total: f64 = changes.iter().sum();
+        let on_h: f64 = counted("up_ns", false).iter().map(|&ns| in_seconds(ns) / 3600.0).sum();
+        json!({
+            "parent_changes": (!changes.is_empty()).then_some(total),
+            "churn_per_mote_hour": (!changes.is_empty() && 0.0 < on_h).then(|| total / on_h),
+        })
+    }
+
+    /// What queues did not keep, of all motes, by reason: packets for which there was no room, and robots' payloads in whose
+    /// place came a newer one.
+    fn queue_drops(&self, n: usize) -> Value {
+        let sum = |name: &str| {
+            let of_each = self.known(name, n, true);
+            (!of_each.is_empty()).then(|| of_each.iter().sum::<f64>())
+        };
+        json!({ "txqueue_full": sum("queue_drops"), "superseded": sum("payloads_superseded") })
+    }
+
+    /// What ended at all motes without arriving, by reason; reasons for which nothing did are left out.
+    fn drops_by_reason(&self, n: usize) -> Value {
+        let columns = self.statistics().map_or(&[][..], |statistics| &statistics.columns);
+        let sums = columns.iter().filter_map(|column| {
+            let reason = column.name.strip_prefix(DROPS)?;
+            Some((reason.to_owned(), self.known(&column.name, n, true).iter().sum::<f64>()))
+        });
+        let sums: Vec<(String, f64)> = sums.collect();
+        if sums.is_empty() {
+            return Value::Null;
+        }
+        let sums = sums.into_iter().filter(|(_, sum)| *sum != 0.0);
+        Value::Object(sums.map(|(reason, sum)| (reason, json!(sum))).collect())
+    }
+
+    /// Columns, one entry per mote; a column that nobody has a value in is left out.
+    fn per_mote(&self, n: usize, energy: Option<&energy::Energy>) -> Value {
+        let mut columns = Map::new();
+        let mut add = |name: &str, value: &dyn Fn(usize) -> Option<f64>| {
+            let values: Vec<Option<f64>> = (0..n).map(value).collect();
+            if values.iter().any(Option::is_some) {
+                columns.insert(name.to_owned(), json!(values));
+            }
+        };
+        let statistic = |name: &str, mote: usize| {
+            self.statistics().and_then(|statistics| statistics.column(name)?.get(mote))
+        };
+        let of_mote = |mote: usize| self.account.of_mote(mote);
+        add("is_root", &|mote| statistic("is_root", mote));
+        add("first_synced_s", &|mote| statistic("first_synced_ns", mote).map(in_seconds));
+        add("first_joined_s", &|mote| statistic("first_joined_ns", mote).map(in_seconds));
+        add("created", &|mote| statistic("packets_created", mote));
+        add("delivered", &|mote| of_mote(mote).map(|packets| packets.delivered as f64));
+        add("dropped", &|mote| of_mote(mote).map(|packets| packets.dropped as f64));
+        add("delivery_ratio", &|mote| of_mote(mote)?.ratio());
+        for reason in self.account.reasons() {
+            let name = format!("dropped_{reason}");
+            add(&name, &|mote| of_mote(mote).map(|packets| packets.dropped_for(reason) as f64));
+        }
+        add("mean_latency_s", &|mote| of_mote(mote)?.mean_latency_s());
+        for (name, level) in LATENCY_QUANTILES {
+            add(name, &|mote| of_mote(mote)?.latency_quantiles_s([level])[0]);
+        }
+        add("mean_hops", &|mote| of_mote(mote)?.mean_hops());
+        add("parent_changes", &|mote| statistic("parent_changes", mote));
+        add("queue_drops", &|mote| statistic("queue_drops", mote));
+        add("payloads_superseded", &|mote| statistic("payloads_superseded", mote));
+        add("charge_uc", &|mote| statistic("charge_uc", mote));
+        if let Some(energy) = energy {
+            add("mean_current_ua", &|mote| energy.current_ua[mote]);
+            add("duty_cycle", &|mote| energy.duty_cycle[mote]);
+            add("lifetime_years", &|mote| {
+                energy.current_ua[mote]
+                    .filter(|_| !self.is_root(mote))
+                    .and_then(|current_ua| energy.lifetime_years(current_ua))
+            });
+        }
+        Value::Object(columns)
+    }
+}
+
+/// Columns of motes: the latencies of a mote's application packets.
+pub const LATENCY_QUANTILES: [(&str, f64); 4] = [
+    ("median_latency_s", 0.5),
+    ("p95_latency_s", 0.95),
+    ("p99_latency_s", 0.99),
+    ("max_latency_s", 1.0),
+];
+/// What names of statistics begin with that say what ended at a mote; the reason follows.
+const DROPS: &str = "drops_";
+
+fn formation(formation: &Formation) -> Value {
+    let by_reason: Map<String, Value> =
+        formation.by_reason().map(|(words, motes)| (words.to_owned(), json!(motes))).collect();
+    json!({
+        "formed": formation.formed_ns.is_some(),
+        "formed_s": formation.formed_ns.map(seconds),
+        "missing": formation.missing.len(),
+        "missing_by_reason": by_reason,
+    })
+}
+
+fn in_seconds(ns: f64) -> f64 {
+    ns / 1e9
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,235 @@
+//! The account of packets: created, delivered, dropped, on their way.
+
+use super::samples::{Samples, Timeline};
+use crate::DistanceBin;
+use proto::types::{EVERYONE, PacketKind, Packets, seconds};
+use serde_json::{Map, Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What became of all packets so far.
+#[derive(Clone, Debug, Default)]
+pub struct Account {
+    /// The kinds as last told, with how many of each were created.
+    kinds: Vec<PacketKind>,
+    /// Delivered, and dropped by reason, of each kind.
+    ended: Vec<(u64, BTreeMap<String, u64>)>,
+    /// Application packets to one destination, by source.
+    motes: BTreeMap<u32, MotePackets>,
+    /// The same by destination: upward traffic is that to roots, which are known only at the end.
+    to: BTreeMap<u32, Flow>,
+    /// Application packets to one destination that were delivered, and dropped, by when they ended.
+    pub over_time: Timeline,
+}
+
+/// Packets to a destination.
+#[derive(Clone, Debug, Default)]
+struct Flow {
+    dropped: u64,
+    reasons: BTreeMap<String, u64>,
+    hops: u64,
+    /// Seconds; one entry for each that was delivered.
+    latency_s: Samples,
+}
+
+/// Application packets of a mote.
+#[derive(Clone, Debug, Default)]
+pub struct MotePackets {
+    /// Packets that reached their destination.
+    pub delivered: u64,
+    /// Packets that were given up, for any reason.
+    pub dropped: u64,
+    reasons: BTreeMap<String, u64>,
+    /// Seconds; one entry for each that was delivered.
+    latency_s: Samples,
+    hops: u64,
+}
+
+impl MotePackets {
+    /// Delivered over ended.
+    pub fn ratio(&self) -> Option<f64> {
+        let ended = self.delivered + self.dropped;
+        (ended != 0).then(|| self.delivered as f64 / ended as f64)
+    }
+
+    /// Dropped for a reason.
+    pub fn dropped_for(&self, reason: &str) -> u64 {
+        self.reasons.get(reason).copied().unwrap_or_default()
+    }
+
+    /// Mean latency of those delivered (s).
+    pub fn mean_latency_s(&self) -> Option<f64> {
+        self.latency_s.mean()
+    }
+
+    /// Quantiles of the latencies of those delivered (s).
+    pub fn latency_quantiles_s<const N: usize>(&self, levels: [f64; N]) -> [Option<f64>; N] {
+        self.latency_s.quantiles(levels)
+    }
+
+    /// Mean number of hops of those delivered.
+    pub fn mean_hops(&self) -> Option<f64> {
+        (self.delivered != 0).then(|| self.hops as f64 / self.delivered as f64)
+    }
+}
+
+impl Account {
+    /// Adds the packets that ended in a step.
+    pub fn add(&mut self, packets: &Packets) {
+        self.kinds.clone_from(&packets.kinds);
+        if self.ended.len() < self.kinds.len() {
+            self.ended.resize_with(self.kinds.len(), Default::default);
+        }
+        for i in 0..packets.len() {
+            let kind = packets.kind[i] as usize;
+            let reason = packets.drop_reason(i);
+            let (delivered, dropped) = &mut self.ended[kind];
+            match reason {
+                None => *delivered += 1,
+                Some(reason) => count(dropped, reason),
+            }
+            if !self.kinds[kind].is_application || packets.destination[i] == EVERYONE {
+                continue;
+            }
+            let latency_ns = packets.ended_ns[i] - packets.created_ns[i];
+            let mote = self.motes.entry(packets.source[i]).or_default();
+            let flow = self.to.entry(packets.destination[i]).or_default();
+            self.over_time.add(packets.ended_ns[i], reason.is_some());
+            match reason {
+                None => {
+                    mote.delivered += 1;
+                    mote.latency_s.add(seconds(latency_ns));
+                    mote.hops += u64::from(packets.hops[i]);
+                    flow.latency_s.add(seconds(latency_ns));
+                    flow.hops += u64::from(packets.hops[i]);
+                }
+                Some(reason) => {
+                    mote.dropped += 1;
+                    count(&mut mote.reasons, reason);
+                    flow.dropped += 1;
+                    count(&mut flow.reasons, reason);
+                }
+            }
+        }
+    }
+
+    /// Whether the network tells of no packets.
+    pub fn is_empty(&self) -> bool {
+        self.kinds.is_empty()
+    }
+
+    /// Whether applications have sent anything.
+    pub fn has_applications(&self) -> bool {
+        self.kinds.iter().any(|kind| kind.is_application && kind.created != 0)
+    }
+
+    /// Application packets of a mote, if any ended.
+    pub fn of_mote(&self, mote: usize) -> Option<&MotePackets> {
+        self.motes.get(&u32::try_from(mote).ok()?)
+    }
+
+    /// Why application packets of any mote were dropped.
+    pub fn reasons(&self) -> BTreeSet<&str> {
+        self.motes.values().flat_map(|mote| mote.reasons.keys()).map(String::as_str).collect()
+    }
+
+    /// Latencies of all application packets delivered to one destination (s).
+    pub fn latencies_s(&self) -> Samples {
+        Samples::of(self.to.values().flat_map(|flow| flow.latency_s.ascending()))
+    }
+
+    /// Application packets to those destinations: how many arrived, how fast, over how many hops, and why others did not.
+    pub fn delivery(&self, is_meant: impl Fn(usize) -> bool) -> Value {
+        let flows: Vec<&Flow> = self
+            .to
+            .iter()
+            .filter(|&(&mote, _)| is_meant(mote as usize))
+            .map(|(_, flow)| flow)
+            .collect();
+        let delivered: u64 = flows.iter().map(|flow| flow.latency_s.len()).sum();
+        let dropped: u64 = flows.iter().map(|flow| flow.dropped).sum();
+        if delivered + dropped == 0 {
+            return Value::Null;
+        }
+        let mut reasons: BTreeMap<String, u64> = BTreeMap::new();
+        for (reason, &n) in flows.iter().flat_map(|flow| &flow.reasons) {
+            *reasons.entry(reason.clone()).or_default() += n;
+        }
+        // Attempts and deliveries of whatever kind have the same interval.
+        let ended = DistanceBin {
+            attempts: delivered + dropped,
+            deliveries: delivered,
+            ..DistanceBin::default()
+        };
+        let hops: u64 = flows.iter().map(|flow| flow.hops).sum();
+        let sum_s: f64 = flows
+            .iter()
+            .filter_map(|flow| Some(flow.latency_s.mean()? * flow.latency_s.len() as f64))
+            .sum();
+        let latency_s = Samples::of(flows.iter().flat_map(|flow| flow.latency_s.ascending()));
+        let [least, median, p95, p99] = latency_s.quantiles([0.0, 0.5, 0.95, 0.99]);
+        let longest_s = flows.iter().filter_map(|flow| flow.latency_s.quantile(1.0));
+        json!({
+            "delivered": delivered,
+            "dropped": dropped,
+            "ratio": ended.ratio(),
+            "ratio_interval_95": ended.interval(),
+            "drops_by_reason": reasons,
+            "latency_s": (delivered != 0).then(|| json!({
+                "min": least,
+                "mean": sum_s / delivered as f64,
+                "median": median,
+                "p95": p95,
+                "p99": p99,
+                "max": longest_s.fold(0.0, f64::max),
+            })),
+            "mean_hops": (delivered != 0).then(|| hops as f64 / delivered as f64),
+        })
+    }
+
+    /// The account of every kind.
+    pub fn by_kind(&self) -> Value {
+        let kinds: Map<String, Value> = self
+            .kinds
+            .iter()
+            .zip(&self.ended)
+            .map(|(kind, (delivered, reasons))| {
+                let dropped: u64 = reasons.values().sum();
+                let account = json!({
+                    "is_application": kind.is_application,
+                    "created": kind.created,
+                    "delivered": delivered,
+                    "dropped": dropped,
+                    "in_flight": kind.created.saturating_sub(delivered + dropped),
+                    "drops_by_reason": reasons,
+                });
+                (kind.name.clone(), account)
+            })
+            .collect();
+        if kinds.is_empty() { Value::Null } else { Value::Object(kinds) }
+    }
+
+    /// Where the account does not come out even.
+    pub fn warnings(&self) -> Vec<String> {
+        let kinds = self.kinds.iter().zip(&self.ended);
+        kinds
+            .filter_map(|(kind, (delivered, reasons))| {
+                let ended = delivered + reasons.values().sum::<u64>();
+                (kind.created < ended).then(|| {
+                    format!(
+                        "of {} packets of kind {} that the network says it created {ended} ended: its account is wrong",
+                        kind.created, kind.name
+                    )
+                })
+            })
+            .collect()
+    }
+}
+
+fn count(reasons: &mut BTreeMap<String, u64>, reason: &str) {
+    match reasons.get_mut(reason) {
+        Some(n) => *n += 1,
+        None => {
+            reasons.insert(reason.to_owned(), 1);
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! What a run amounts to: task metrics of the swarm and key figures of the network, computed step by step from what was exchanged.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`period`] | one control period, as metrics see it |
+//! | [`counts`] | who heard whom in a period |
+//! | [`measures`] | everything that is measured of a run, over time |
+//! | [`task`] | what the swarm was to do, and when that counts as done |
+//! | [`swarm`] | order, cohesion, distances and other figures of the swarm |
+//! | [`lines`] | how straight a line formation is |
+//! | [`solids`] | collisions with walls, obstacles and each other |
+//! | [`kpi`] | delivery, latency, hops and energy of the network |
+//! | [`distances`] | delivery over distance |
+//! | [`trajectories`] | the ways of the robots, thinned for pictures |
+//! | [`places`] | measures of a swarm of which only positions are known |
+
+pub mod counts;
+pub mod distances;
+pub mod kpi;
+pub mod lines;
+pub mod measures;
+pub mod period;
+pub mod places;
+pub mod solids;
+pub mod swarm;
+pub mod task;
+pub mod trajectories;
+
+pub use distances::DistanceBin;
+pub use kpi::{BATTERY_MAH, Kpis};
+pub use measures::{Measures, Sample};
+pub use task::{Passage, Task};
+pub use trajectories::Trajectories;

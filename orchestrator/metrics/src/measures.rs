@@ -1,0 +1,487 @@
+//! What a run shows: measured step by step, so that no run is too long.
+
+use super::counts::heard;
+use super::distances::{DistanceBin, Distances};
+use super::kpi::Kpis;
+use super::lines;
+use super::period::{Period, distance_m};
+use super::solids::Solids;
+use super::swarm::{self, Swarm};
+use super::task::Task;
+use super::trajectories::Trajectories;
+use numbers::statistics::{quantile, ratio};
+use proto::site::Site;
+use proto::types::{AgentStates, TaskFigure, seconds};
+
+/// Measures of a run.
+#[derive(Clone, Debug)]
+pub struct Measures {
+    /// What the robots were asked to do.
+    pub task: Task,
+    /// Walls and obstacles, where they stand at the beginning.
+    pub site: Site,
+    /// Time series, one entry per step.
+    pub series: Vec<Sample>,
+    /// Where agents went.
+    pub trajectories: Trajectories,
+    /// Steps recorded.
+    pub n_steps: u64,
+    /// Simulated time reached (ns).
+    pub time_ns: u64,
+    /// When the robots started (ns): before that they stood still, and nothing is measured but [`Self::kpis`].
+    pub start_ns: u64,
+    /// The network's own figures.
+    pub kpis: Kpis,
+    /// The first step after which the robots regarded their task as done.
+    pub completed_at_step: Option<u64>,
+    /// What the robots say of how far their task is, after the latest step.
+    pub task_figures: Vec<TaskFigure>,
+    /// Transmissions.
+    pub transmissions: u64,
+    /// Bytes of payload sent.
+    pub sent_bytes: u64,
+    /// Transmissions for everyone in reach, times alive receivers other than the sender.
+    pub attempts: u64,
+    /// How many of them were delivered.
+    pub deliveries: u64,
+    /// Deliveries of what was for one agent alone. The network tells of these only if they arrive, so that there are no
+    /// attempts to hold them against.
+    pub unicast_deliveries: u64,
+    /// Fewer than all receivers were looked at for [`Measures::by_distance`].
+    pub is_distance_sampled: bool,
+    distances: Distances,
+    delay_ns: u128,
+    /// Sums over steps, weighted by their duration (m/s times ns).
+    flock_speed_sum: f64,
+    speed_sum: f64,
+    /// Duration of all steps, and of all steps times alive agents (ns).
+    duration_ns: u64,
+    agent_duration_ns: u128,
+    /// Alive agents over all steps; how many others they heard; how many of them heard nobody.
+    n_alive: u64,
+    neighbour_sum: u64,
+    isolated: u64,
+    last_states: AgentStates,
+    events: Vec<(f64, &'static str)>,
+    swarm: Swarm,
+    solids: Option<Solids>,
+}
+
+/// More orders than this cannot be told apart in a picture.
+const MOST_EVENTS: usize = 100;
+
+/// What is measured in every step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Time at the end of the step (s).
+    pub time_s: f64,
+    /// Magnitude of the mean velocity of alive agents (m/s).
+    pub flock_speed_mps: f64,
+    /// Neighbours heard per alive agent: 10 % quantile, median, 90 % quantile.
+    pub neighbours: [f64; 3],
+}
+
+impl Measures {
+    /// Begins with the states of step 0.
+    pub fn new(task: Task, site: Site, states: &AgentStates, kpis: Kpis) -> Self {
+        Self {
+            trajectories: Trajectories::new(states, task.leader),
+            solids: Solids::of(&site, &task),
+            task,
+            site,
+            series: Vec::new(),
+            n_steps: 0,
+            time_ns: 0,
+            start_ns: 0,
+            kpis,
+            completed_at_step: None,
+            task_figures: Vec::new(),
+            transmissions: 0,
+            sent_bytes: 0,
+            attempts: 0,
+            deliveries: 0,
+            unicast_deliveries: 0,
+            is_distance_sampled: false,
+            distances: Distances::new(),
+            delay_ns: 0,
+            flock_speed_sum: 0.0,
+            speed_sum: 0.0,
+            duration_ns: 0,
+            agent_duration_ns: 0,
+            n_alive: 0,
+            neighbour_sum: 0,
+            isolated: 0,
+            last_states: states.clone(),
+            events: Vec::new(),
+            swarm: Swarm::default(),
+        }
+    }
+
+    /// Adds a step.
+    pub fn add(&mut self, period: &Period<'_>) {
+        self.n_steps = period.step;
+        self.time_ns = period.time_ns;
+        self.kpis.add(period);
+        if let Some(solids) = &mut self.solids {
+            solids.add(&self.task, period);
+        }
+        if period.held {
+            self.start_ns = period.time_ns;
+            return;
+        }
+        if period.task_complete && self.completed_at_step.is_none() {
+            self.completed_at_step = Some(period.step);
+        }
+        self.trajectories.add(period.step, period.states);
+        self.swarm.add(&self.task, period);
+        self.add_network(period);
+        self.add_distances(period);
+        let flock_speed_mps = self.add_speeds(period);
+        let neighbours = self.add_neighbours(period);
+        let time_s = seconds(period.time_ns);
+        self.series.push(Sample { time_s, flock_speed_mps, neighbours });
+        self.last_states.clone_from(period.states);
+    }
+
+    /// Notes that no step follows.
+    pub fn end(&mut self) {
+        self.trajectories.end(&self.last_states);
+    }
+
+    /// Time mean of the flock's speed (m/s): of the magnitude of the mean velocity of alive agents.
+    #[must_use]
+    pub fn flock_speed_mps(&self) -> Option<f64> {
+        ratio(self.flock_speed_sum, self.duration_ns as f64)
+    }
+
+    /// Time from when the robots started until they first regarded their task as done (s).
+    #[must_use]
+    pub fn completed_after_s(&self) -> Option<f64> {
+        // There is no sample of steps in which the robots stood still for the network.
+        let n_held = self.n_steps - self.series.len() as u64;
+        let place = usize::try_from(self.completed_at_step?.checked_sub(n_held + 1)?).ok()?;
+        Some(self.series.get(place)?.time_s - seconds(self.start_ns))
+    }
+
+    /// Mean over alive agents and time of each one's own speed (m/s).
+    #[must_use]
+    pub fn mean_speed_mps(&self) -> Option<f64> {
+        ratio(self.speed_sum, self.agent_duration_ns as f64)
+    }
+
+    /// Whether an agent moved. In a network of sensors nobody does.
+    #[must_use]
+    pub fn anybody_moved(&self) -> bool {
+        self.speed_sum != 0.0
+    }
+
+    /// Whether it tells anything where the agents went: they moved, or said where they are. Sensors do neither.
+    #[must_use]
+    pub fn has_way(&self) -> bool {
+        self.anybody_moved() || self.anybody_spoke() || !self.kpis.account.has_applications()
+    }
+
+    /// The orders that the network was given within the steps: when (s), in one word.
+    #[must_use]
+    pub fn events(&self) -> &[(f64, &'static str)] {
+        &self.events
+    }
+
+    /// Notes an order of the step that begins at `from_ns`, in one word. Of the same kind in one step one is enough.
+    pub fn note_event(&mut self, from_ns: u64, what: &'static str) {
+        let event = (seconds(from_ns), what);
+        if self.events.len() < MOST_EVENTS && self.events.last() != Some(&event) {
+            self.events.push(event);
+        }
+    }
+
+    /// Whether an agent's payload was sent.
+    #[must_use]
+    pub fn anybody_spoke(&self) -> bool {
+        self.transmissions != 0
+    }
+
+    /// Root mean square distance of alive agents from their centroid at the end (m).
+    #[must_use]
+    pub fn final_spread_m(&self) -> Option<f64> {
+        let states = &self.last_states;
+        let alive: Vec<usize> = states.alive.iter_ones().collect();
+        let n = alive.len() as f64;
+        let mut sum = 0.0;
+        for column in [&states.x_m, &states.y_m, &states.z_m] {
+            let centre = ratio(alive.iter().map(|&agent| column[agent]).sum(), n)?;
+            sum += alive
+                .iter()
+                .map(|&agent| (column[agent] - centre) * (column[agent] - centre))
+                .sum::<f64>();
+        }
+        ratio(sum, n).map(libm::sqrt)
+    }
+
+    /// Sum of the squared vertical distances (m²) of alive agents at the end from the line y = a + b x that makes it
+    /// least. `None` where their x do not differ.
+    #[must_use]
+    pub fn line_residual_m2(&self) -> Option<f64> {
+        let states = &self.last_states;
+        let alive: Vec<usize> = states.alive.iter_ones().collect();
+        let n = alive.len() as f64;
+        let x0 = ratio(alive.iter().map(|&agent| states.x_m[agent]).sum(), n)?;
+        let y0 = ratio(alive.iter().map(|&agent| states.y_m[agent]).sum(), n)?;
+        let (mut xx, mut xy) = (0.0, 0.0);
+        for &agent in &alive {
+            let (x, y) = (states.x_m[agent] - x0, states.y_m[agent] - y0);
+            xx += x * x;
+            xy += x * y;
+        }
+        if xx <= 0.0 {
+            return None;
+        }
+        let slope = xy / xx;
+        let square = |&agent: &usize| {
+            let residual = states.y_m[agent] - y0 - slope * (states.x_m[agent] - x0);
+            residual * residual
+        };
+        Some(alive.iter().map(square).sum())
+    }
+
+    /// How many straight lines it takes so that every alive agent is within this distance (m) of one, at the end.
+    #[must_use]
+    pub fn n_lines(&self, within_m: f64) -> usize {
+        lines::n_lines(&self.last_states, within_m)
+    }
+
+    /// Sum of the squared distances (m²) of alive agents at the end across the line that makes it least.
+    #[must_use]
+    pub fn across_line_m2(&self) -> Option<f64> {
+        swarm::across_line_m2(&self.last_states)
+    }
+
+    /// Root mean square distance (m) of alive agents at the end from the circle that fits them best.
+    #[must_use]
+    pub fn off_circle_m(&self) -> Option<f64> {
+        swarm::off_circle_m(&self.last_states)
+    }
+
+    /// Mean age (s) of what was heard when robots act on it.
+    #[must_use]
+    pub fn mean_age_s(&self) -> Option<f64> {
+        self.swarm.age_s()
+    }
+
+    /// What the swarm did, by name of the figure.
+    #[must_use]
+    pub fn swarm_figures(&self) -> serde_json::Map<String, serde_json::Value> {
+        let mut figures = self.swarm.figures(&self.task);
+        if let Some(solids) = &self.solids {
+            figures.insert("site_collisions".to_owned(), solids.n_met().into());
+        }
+        figures
+    }
+
+    /// How often robots went into or through walls and obstacles, since nothing holds them up.
+    #[must_use]
+    pub fn n_passed_walls(&self) -> u64 {
+        self.solids.as_ref().map_or(0, Solids::n_passed)
+    }
+
+    /// Agents alive at the end.
+    #[must_use]
+    pub fn n_alive_at_end(&self) -> usize {
+        self.last_states.alive.count()
+    }
+
+    /// Mean over alive agents and steps of how many others each heard; `None`: nobody said anything.
+    #[must_use]
+    pub fn mean_neighbours(&self) -> Option<f64> {
+        self.of_those_alive(self.neighbour_sum)
+    }
+
+    /// Share of alive agents and steps in which the agent heard nobody; `None`: nobody said anything.
+    #[must_use]
+    pub fn isolated_ratio(&self) -> Option<f64> {
+        self.of_those_alive(self.isolated)
+    }
+
+    fn of_those_alive(&self, sum: u64) -> Option<f64> {
+        ratio(sum as f64, self.n_alive as f64).filter(|_| self.anybody_spoke())
+    }
+
+    /// Share of [`Measures::attempts`] that were delivered.
+    #[must_use]
+    pub fn delivery_ratio(&self) -> Option<f64> {
+        ratio(self.deliveries as f64, self.attempts as f64)
+    }
+
+    /// Mean time from the first bit sent to the delivery (s).
+    #[must_use]
+    pub fn mean_delay_s(&self) -> Option<f64> {
+        ratio(self.delay_ns as f64 / 1e9, (self.deliveries + self.unicast_deliveries) as f64)
+    }
+
+    /// Delivery against distance, in at most 30 bins of equal width.
+    #[must_use]
+    pub fn by_distance(&self) -> Vec<DistanceBin> {
+        self.distances.table(30)
+    }
+
+    fn add_network(&mut self, period: &Period<'_>) {
+        let sent = &period.deliveries.transmissions;
+        let alive = &period.states_on_air.alive;
+        let n_alive = alive.count() as u64;
+        self.transmissions += sent.len() as u64;
+        self.sent_bytes += sent.payloads.data().len() as u64;
+        for (index, &sender) in sent.sender.iter().enumerate() {
+            let n_received = u64::from(period.counts.receivers[index]);
+            if sent.destination(index).is_some() {
+                self.unicast_deliveries += n_received;
+            } else {
+                self.attempts += n_alive - u64::from(alive.get(sender as usize));
+                self.deliveries += n_received;
+            }
+            if period.deliveries.received_ns.is_empty() {
+                self.delay_ns +=
+                    u128::from(n_received) * u128::from(sent.end_ns[index] - sent.sent_ns[index]);
+            }
+        }
+        if period.deliveries.received_ns.is_empty() {
+            return;
+        }
+        let mut delivery = 0;
+        for receiver in 0..period.states.len() {
+            for index in period.deliveries.heard_by(receiver) {
+                if sent.sender[index] as usize != receiver {
+                    let received_ns = period.deliveries.received_ns[delivery];
+                    self.delay_ns += u128::from(received_ns.saturating_sub(sent.sent_ns[index]));
+                }
+                delivery += 1;
+            }
+        }
+    }
+
+    /// Counts attempts by distance. Where there are very many, over some receivers only: spread evenly over the agents,
+    /// and others in each step.
+    fn add_distances(&mut self, period: &Period<'_>) {
+        let sent = &period.deliveries.transmissions;
+        if sent.is_empty() {
+            return;
+        }
+        let alive: Vec<usize> = period.states_on_air.alive.iter_ones().collect();
+        let n_looked_at = alive.len().min((MAX_PAIRS / sent.len()).max(1));
+        self.is_distance_sampled |= n_looked_at < alive.len();
+        for i in 0..n_looked_at {
+            let place = i * alive.len() / n_looked_at + (period.step % alive.len() as u64) as usize;
+            let receiver = alive[place % alive.len()];
+            for (index, &sender) in sent.sender.iter().enumerate() {
+                if sender as usize != receiver && sent.destination(index).is_none() {
+                    let distance_m = distance_m(period.states_on_air, sender as usize, receiver);
+                    self.distances.add(distance_m, heard(period.deliveries, receiver, index));
+                }
+            }
+        }
+    }
+
+    /// Adds everyone's speed, as long as the step lasted. Returns the flock's (m/s).
+    fn add_speeds(&mut self, period: &Period<'_>) -> f64 {
+        let (states, before) = (period.states, period.states_before);
+        let duration_ns = period.time_ns - period.from_ns;
+        let duration_s = seconds(duration_ns);
+        let known = [&states.vx_mps, &states.vy_mps, &states.vz_mps];
+        let reached = [&states.x_m, &states.y_m, &states.z_m];
+        let left = [&before.x_m, &before.y_m, &before.z_m];
+        let mut sum = [0.0; 3];
+        let mut speeds_mps = 0.0;
+        for agent in states.alive.iter_ones() {
+            let mut square = 0.0;
+            for axis in 0..3 {
+                let velocity = known[axis].get(agent).copied().unwrap_or_else(|| {
+                    // Not reported. An agent that has just come to life has not moved.
+                    if before.alive.get(agent) && 0.0 < duration_s {
+                        (reached[axis][agent] - left[axis][agent]) / duration_s
+                    } else {
+                        0.0
+                    }
+                });
+                sum[axis] += velocity;
+                square += velocity * velocity;
+            }
+            speeds_mps += libm::sqrt(square);
+        }
+        let n = states.alive.count();
+        let norm = libm::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
+        let flock_speed_mps = ratio(norm, n as f64).unwrap_or(0.0);
+        self.duration_ns += duration_ns;
+        self.agent_duration_ns += u128::from(duration_ns) * n as u128;
+        self.flock_speed_sum += flock_speed_mps * duration_ns as f64;
+        self.speed_sum += speeds_mps * duration_ns as f64;
+        flock_speed_mps
+    }
+
+    /// Adds how many neighbours everyone heard. Returns the quantiles, 0 where nobody is alive.
+    fn add_neighbours(&mut self, period: &Period<'_>) -> [f64; 3] {
+        let mut heard: Vec<u32> =
+            period.states.alive.iter_ones().map(|agent| period.counts.neighbours[agent]).collect();
+        heard.sort_unstable();
+        self.n_alive += heard.len() as u64;
+        self.neighbour_sum += heard.iter().map(|&n| u64::from(n)).sum::<u64>();
+        self.isolated += heard.iter().filter(|&&n| n == 0).count() as u64;
+        if heard.is_empty() {
+            return [0.0; 3];
+        }
+        [0.1, 0.5, 0.9].map(|share| quantile(&heard, share))
+    }
+}
+
+/// Most pairs whose distance is looked at in a step.
+const MAX_PAIRS: usize = 100_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::counts::Counts;
+    use proto::types::{Deliveries, EVERYONE, Heard, MoteStates, Payloads, Transmissions};
+
+    #[test]
+    fn what_is_for_one_agent_is_no_attempt_to_reach_the_others() {
+        // Of four agents the first tells everyone, and two hear it; the second tells the last alone.
+        let states = AgentStates::at_origin(4);
+        let deliveries = Deliveries {
+            transmissions: Transmissions {
+                sender: vec![0, 1],
+                sent_ns: vec![0, 10],
+                end_ns: vec![4, 30],
+                payloads: Payloads::new(vec![1; 2], vec![0; 2].into()).unwrap(),
+                destination: vec![EVERYONE, 3],
+            },
+            heard: Heard::Lists { ends: vec![0, 1, 2, 3], indices: vec![0, 0, 1] },
+            ..Deliveries::default()
+        };
+        let counts = Counts::of(&deliveries, 4);
+        let motes = MoteStates::default();
+        let places = [(0, &states), (1_000_000_000, &states)];
+        let mut measures =
+            Measures::new(Task::default(), Site::default(), &states, Kpis::default());
+        measures.add(&Period::of_places(1, places, (&deliveries, &counts), &motes));
+        assert_eq!([measures.transmissions, measures.attempts, measures.deliveries], [2, 3, 2]);
+        assert_eq!(measures.unicast_deliveries, 1);
+        assert_eq!(measures.by_distance().iter().map(|bin| bin.attempts).sum::<u64>(), 3);
+        // The delays are 4, 4 and 20 ns.
+        assert!((measures.mean_delay_s().unwrap() - 28e-9 / 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_square_has_the_spread_of_its_half_diagonal_and_the_residual_of_its_rows() {
+        let mut states = AgentStates::at_origin(4);
+        states.x_m = vec![0.0, 2.0, 0.0, 2.0];
+        states.y_m = vec![0.0, 0.0, 2.0, 2.0];
+        let measures = Measures::new(Task::default(), Site::default(), &states, Kpis::default());
+        // Exact but for the rounding of a square root.
+        assert!((measures.final_spread_m().unwrap() - 2f64.sqrt()).abs() < 1e-12);
+        assert!((measures.line_residual_m2().unwrap() - 4.0).abs() < 1e-12);
+        states.x_m = vec![1.0; 4];
+        assert_eq!(
+            Measures::new(Task::default(), Site::default(), &states, Kpis::default())
+                .line_residual_m2(),
+            None
+        );
+    }
+}

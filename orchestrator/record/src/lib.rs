@@ -1,0 +1,380 @@
+//! What a run leaves: its configuration, messages, tables, summary, provenance and report. `docs/outputs.md` is the data
+//! dictionary.
+//!
+//! [`Recorder`] takes what the sides replied and hands it to a thread that writes, so that the disk does not hold up the
+//! coupling until it is several steps behind. Files grow in `OUT/.<name>.partial-<pid>/`; when all are whole the directory
+//! becomes `OUT/<name>/`. [`read`] opens a record again, [`verify()`] checks one.
+//!
+//! The same configuration and seed leave the same messages, tables and summary, byte for byte. What depends on when, where
+//! and how a run was made is in `provenance.json` alone.
+
+mod directory;
+mod error;
+mod log;
+mod measurer;
+mod pcap;
+pub mod read;
+mod summary;
+pub mod table;
+mod tables;
+pub mod verify;
+mod whole;
+mod writer;
+
+pub use error::RecordError;
+pub use measurer::{Measurer, Steps};
+pub use table::{ColumnKind, ColumnShape, TableShape};
+pub use tables::TABLES;
+pub use verify::verify;
+
+pub use directory::SCHEMA_PREFIX;
+pub use summary::TRUTH_BASELINE;
+pub use tables::is_column_of_motes;
+
+use directory::Directory;
+use experiment::{OutputConfig, Start};
+use metrics::Measures;
+use proto::digest::Digest;
+use proto::types::{Coupling, MoteCommand, NetRecord};
+use proto_messages::v1;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use whole::Fingerprint;
+use writer::{Event, RunWriter, Step, Written};
+
+/// What a finished run hands to whoever makes its report.
+#[derive(Clone, Copy, Debug)]
+pub struct Contents<'a> {
+    /// What was known before the run.
+    pub header: &'a RunHeader,
+    /// Its `summary.json`.
+    pub summary: &'a Value,
+    /// Its measures; `None` of a run that was never configured.
+    pub measures: Option<&'a Measures>,
+    /// Its `provenance.json`.
+    pub provenance: &'a Value,
+}
+
+/// What is known of a run before it begins.
+#[derive(Clone, Debug)]
+pub struct RunHeader {
+    /// Name of the experiment, and of the directory that it leaves.
+    pub name: String,
+    /// Seed of every draw.
+    pub seed: u64,
+    /// Capacity, at least 1.
+    pub agent_count: u32,
+    /// Nominal control period (ns).
+    pub step_ns: u64,
+    /// Who takes turns how.
+    pub coupling: Coupling,
+    /// The whole effective configuration, such that running it again gives the same run.
+    pub config_toml: String,
+    /// Words to show with the results: `knowledge = truth` marks the truth baseline.
+    pub labels: BTreeMap<String, String>,
+    /// What to leave.
+    pub output: OutputConfig,
+    /// When the robots start.
+    pub start: Start,
+    /// What the network keeps for the record.
+    pub records: Vec<NetRecord>,
+    /// Name and unit of each statistic of a mote.
+    pub statistics: Vec<(String, String)>,
+    /// What should be checked before the results are trusted, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// How both sides were configured.
+#[derive(Clone, Debug)]
+pub struct Configured {
+    /// What the robot simulator was asked.
+    pub robot_request: v1::RobotSimServiceConfigureRequest,
+    /// What it replied.
+    pub robot_response: v1::RobotSimServiceConfigureResponse,
+    /// What the network simulator was asked.
+    pub net_request: v1::NetSimServiceConfigureRequest,
+    /// What it replied.
+    pub net_response: v1::NetSimServiceConfigureResponse,
+}
+
+/// A step that both sides have answered and agree on.
+#[derive(Clone, Copy, Debug)]
+pub struct StepRecord<'a> {
+    /// The step, from 1.
+    pub step: u64,
+    /// The time reached (ns).
+    pub time_ns: u64,
+    /// The robots' reply.
+    pub robots: &'a v1::RobotSimServiceStepResponse,
+    /// The network's reply.
+    pub net: &'a v1::NetSimServiceStepResponse,
+    /// Orders to the network that took effect in the step, beside those in its reply.
+    pub commands: &'a [MoteCommand],
+    /// The digest agreed on.
+    pub digest: Digest,
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ending {
+    /// Whether it ran to its end.
+    pub status: Status,
+    /// Why not, if it did not.
+    pub reason: Option<String>,
+    /// The robots waited for a network that did not form in time, and never started.
+    pub never_formed: bool,
+}
+
+impl Ending {
+    /// It ran to its end.
+    #[must_use]
+    pub fn complete() -> Self {
+        Self { status: Status::Complete, reason: None, never_formed: false }
+    }
+
+    /// It did not, and why.
+    #[must_use]
+    pub fn early(status: Status, reason: String) -> Self {
+        Self { status, reason: Some(reason), never_formed: false }
+    }
+}
+
+/// Whether a run ran to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// It did.
+    Complete,
+    /// Something went wrong.
+    Failed,
+    /// Someone stopped it.
+    Interrupted,
+}
+
+impl Status {
+    /// The word for it in `summary.json`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Complete => "complete",
+            Self::Failed => "failed",
+            Self::Interrupted => "interrupted",
+        }
+    }
+}
+
+/// What a run has left.
+#[derive(Clone, Debug)]
+pub struct Finished {
+    /// The directory.
+    pub dir: PathBuf,
+    /// What is in its `summary.json`.
+    pub summary: Value,
+    /// Its report, if one was asked for.
+    pub report: Option<PathBuf>,
+}
+
+/// Makes sure that a run of that name can be recorded in `out`, without leaving anything but `out` itself.
+///
+/// # Errors
+///
+/// As [`Recorder::create`].
+pub fn probe(out: &Path, name: &str) -> Result<(), RecordError> {
+    let directory = Directory::create(out, name)?;
+    let path = directory.path().to_owned();
+    directory.write("probe", b"probe")?;
+    std::fs::remove_dir_all(&path).map_err(|source| RecordError::Write { path, source })
+}
+
+/// Records a run.
+///
+/// Dropped without [`Recorder::finish`], it leaves whole files under the temporary name, without a summary.
+#[derive(Debug)]
+pub struct Recorder {
+    header: RunHeader,
+    directory: Option<Directory>,
+    events: Option<SyncSender<Event>>,
+    /// Steps not handed over yet.
+    waiting: Vec<Step>,
+    thread: Option<JoinHandle<Result<Written, RecordError>>>,
+    failure: Option<String>,
+}
+
+impl Recorder {
+    /// Makes the directory under its temporary name and begins all files, so that whatever stands in the way is found
+    /// before anything runs.
+    ///
+    /// # Errors
+    ///
+    /// A name that cannot be a directory's, a result directory that no run left, no permission, no space.
+    pub fn create(out: &Path, header: RunHeader) -> Result<Self, RecordError> {
+        let directory = Directory::create(out, &header.name)?;
+        directory.write("config.toml", header.config_toml.as_bytes())?;
+        let writer = RunWriter::create(directory.path(), &header)?;
+        let (events, inbox) = sync_channel(MAX_BEHIND);
+        let thread = std::thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || record(writer, &inbox))
+            .map_err(|source| RecordError::Create { path: directory.path().to_owned(), source })?;
+        Ok(Self {
+            header,
+            directory: Some(directory),
+            events: Some(events),
+            waiting: Vec::new(),
+            thread: Some(thread),
+            failure: None,
+        })
+    }
+
+    /// Records how both sides were configured: once, before any step.
+    ///
+    /// # Errors
+    ///
+    /// What went wrong with this or anything recorded before.
+    pub fn configured(&mut self, configured: Configured) -> Result<(), RecordError> {
+        self.send(Event::Configured(Box::new(configured)))
+    }
+
+    /// Records a step. Waits if the disk is several steps behind.
+    ///
+    /// # Errors
+    ///
+    /// What went wrong with this or anything recorded before.
+    pub fn step(&mut self, record: StepRecord<'_>) -> Result<(), RecordError> {
+        let StepRecord { step, time_ns, robots, net, commands, digest } = record;
+        let (robots, net) = (robots.clone(), net.clone());
+        let commands = commands.to_vec();
+        self.waiting.push(Step { step, time_ns, robots, net, commands, digest });
+        let agents = (self.header.agent_count as usize).saturating_mul(self.waiting.len());
+        if agents < AGENTS_PER_HANDOVER { Ok(()) } else { self.hand_over() }
+    }
+
+    /// Hands the steps that wait to the thread. Each time wakes it, which costs as much as a step of few robots: these go
+    /// many at a time.
+    fn hand_over(&mut self) -> Result<(), RecordError> {
+        match std::mem::take(&mut self.waiting) {
+            steps if steps.is_empty() => Ok(()),
+            steps => self.send(Event::Steps(steps)),
+        }
+    }
+
+    /// Adds a warning to the summary and the report.
+    pub fn warn(&mut self, warning: impl Into<String>) {
+        self.header.warnings.push(warning.into());
+    }
+
+    /// Makes all files whole, adds summary, provenance and report, and gives the directory its name.
+    ///
+    /// `provenance` is what depends on when, where and how the run was made: versions, hosts, URLs, threads, wall times.
+    /// `page` makes the report, if the run leaves one.
+    ///
+    /// # Errors
+    ///
+    /// What went wrong with this or anything recorded before. What could be written then stands under the temporary name.
+    pub fn finish(
+        mut self,
+        ending: &Ending,
+        provenance: Value,
+        page: impl FnOnce(&Contents<'_>) -> String,
+    ) -> Result<Finished, RecordError> {
+        self.hand_over()?;
+        let written = self.join()?;
+        let Some(directory) = self.directory.take() else {
+            unreachable!("only this function takes it, and it consumes the recorder")
+        };
+        let summary = summary::of_run(&self.header, ending, &written);
+        let mut files: Map<String, Value> = Map::new();
+        let mut add = |name: &str, content: &[u8]| -> Result<(), RecordError> {
+            directory.write(name, content)?;
+            files.insert(name.to_owned(), json!(Fingerprint::of(content)));
+            Ok(())
+        };
+        add("summary.json", pretty(&summary).as_bytes())?;
+        if self.header.output.report {
+            let contents = Contents {
+                header: &self.header,
+                summary: &summary,
+                measures: written.measures.as_ref(),
+                provenance: &provenance,
+            };
+            add(REPORT_FILE, page(&contents).as_bytes())?;
+        }
+        files.insert(
+            "config.toml".to_owned(),
+            json!(Fingerprint::of(self.header.config_toml.as_bytes())),
+        );
+        for (file, _, fingerprint) in &written.files {
+            files.insert((*file).to_owned(), json!(fingerprint));
+        }
+        let mut provenance = match provenance {
+            Value::Object(provenance) => provenance,
+            Value::Null => Map::new(),
+            other => Map::from_iter([("note".to_owned(), other)]),
+        };
+        provenance.insert("files".to_owned(), Value::Object(files));
+        directory.write("provenance.json", pretty(&Value::Object(provenance)).as_bytes())?;
+        let dir = directory.publish()?;
+        let report = self.header.output.report.then(|| dir.join(REPORT_FILE));
+        Ok(Finished { dir, summary, report })
+    }
+
+    fn send(&mut self, event: Event) -> Result<(), RecordError> {
+        let sent = self.events.as_ref().is_some_and(|events| events.send(event).is_ok());
+        if sent {
+            return Ok(());
+        }
+        // The thread has given up: it says why.
+        let error = self.join().err().unwrap_or_else(|| RecordError::Lost { path: self.path() });
+        self.failure.get_or_insert_with(|| error.to_string());
+        Err(error)
+    }
+
+    /// Lets the thread finish and takes what it leaves. A second time there is nothing to take.
+    fn join(&mut self) -> Result<Written, RecordError> {
+        self.events = None;
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Ok(written)) => written,
+            Some(Err(_)) => Err(RecordError::Lost { path: self.path() }),
+            None => {
+                let reason = self.failure.clone().unwrap_or_default();
+                Err(RecordError::Stopped { path: self.path(), reason })
+            }
+        }
+    }
+
+    fn path(&self) -> PathBuf {
+        self.directory.as_ref().map(|directory| directory.path().to_owned()).unwrap_or_default()
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // So that the files are whole when the program ends. There is nobody left to tell what went wrong.
+        let _ = self.hand_over();
+        let _ = self.join();
+    }
+}
+
+/// The thread: records until nothing more comes, then makes the files whole.
+fn record(mut writer: RunWriter, inbox: &Receiver<Event>) -> Result<Written, RecordError> {
+    for event in inbox {
+        writer.handle(event)?;
+    }
+    writer.finish()
+}
+
+fn pretty(value: &Value) -> String {
+    format!("{value:#}\n")
+}
+
+/// So many steps times agents are handed over together.
+const AGENTS_PER_HANDOVER: usize = 512;
+/// How often steps may be handed over before the coupling waits for the disk.
+const MAX_BEHIND: usize = 8;
+/// The report.
+const REPORT_FILE: &str = "report.html";
+
+#[cfg(test)]
+mod tests;

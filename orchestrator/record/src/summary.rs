@@ -1,0 +1,216 @@
+//! `summary.json`: what came of a run, in numbers.
+
+use super::directory::SCHEMA_PREFIX;
+use super::writer::Written;
+use super::{Ending, RunHeader, Status};
+use experiment::output::Links;
+use metrics::measures::Measures;
+use proto::digest::hex;
+use proto::types::seconds;
+use serde_json::{Map, Value, json};
+
+/// The summary of a run.
+pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> Value {
+    let measures = written.measures.as_ref();
+    let n_steps = measures.map_or(0, |measures| measures.n_steps);
+    let files: Map<String, Value> = written
+        .files
+        .iter()
+        .map(|(file, n, _)| {
+            let counted = match file.rsplit('.').next() {
+                Some("mcap") => "messages",
+                Some("pcap") => "frames",
+                _ => "rows",
+            };
+            ((*file).to_owned(), json!({ counted: n }))
+        })
+        .collect();
+    json!({
+        "schema": format!("{SCHEMA_PREFIX}1"),
+        "name": header.name,
+        "seed": header.seed,
+        "agent_count": header.agent_count,
+        "step_ns": header.step_ns,
+        "coupling": header.coupling,
+        "labels": header.labels,
+        "baseline": is_truth(header, measures).then_some(TRUTH_BASELINE),
+        "status": ending.status.name(),
+        "reason": ending.reason,
+        "steps": n_steps,
+        "start": header.start.name(),
+        "robots_started_s": measures.map(|measures| seconds(measures.start_ns)),
+        "simulated_s": measures.map_or(0.0, |measures| seconds(measures.time_ns)),
+        "final_digest": written.digest.map(|digest| hex(&digest)),
+        "task": measures.map(|measures| task(measures, ending)),
+        "network": measures.map(network),
+        "kpis": measures.map(|measures| measures.kpis.summary()),
+        "files": files,
+        "warnings": warnings(header, ending, written),
+    })
+}
+
+/// Whether the robots knew the truth instead of what was delivered to them.
+pub(crate) fn is_truth(header: &RunHeader, measures: Option<&Measures>) -> bool {
+    header.labels.get("knowledge").is_some_and(|knowledge| knowledge == "truth")
+        || measures.is_some_and(|measures| measures.task.is_truth_baseline)
+}
+
+/// What such a run is called wherever it is shown.
+pub const TRUTH_BASELINE: &str = "truth baseline";
+
+fn task(measures: &Measures, ending: &Ending) -> Value {
+    let n = measures.n_alive_at_end() as f64;
+    // As the BotNet paper counts robots that wait for a network that does not form.
+    let flock_speed_mps = if ending.never_formed { Some(0.0) } else { measures.flock_speed_mps() };
+    let mut task = json!({
+        "controller": measures.task.controller,
+        "complete": measures.completed_at_step.is_some(),
+        "completed_at_step": measures.completed_at_step,
+        "completed_after_s": measures.completed_after_s(),
+        "flock_speed_mps": flock_speed_mps,
+        "mean_speed_mps": measures.mean_speed_mps(),
+        "final_spread_m": measures.final_spread_m(),
+    });
+    if let Some(leader_speed_mps) = measures.task.leader_speed_mps {
+        task["leader_speed_mps"] = json!(leader_speed_mps);
+        task["flock_speed_floor_mps"] = json!((0.0 < n).then(|| leader_speed_mps / n));
+    }
+    for (name, value) in measures.swarm_figures() {
+        task[name] = value;
+    }
+    let log10 = |value: Option<f64>| value.filter(|&value| 0.0 < value).map(libm::log10);
+    match measures.task.controller.as_deref() {
+        Some("line-formation") => {
+            let residual_m2 = measures.line_residual_m2();
+            let across_m2 = measures.across_line_m2();
+            let rms_m = across_m2.filter(|_| 0.0 < n).map(|across_m2| libm::sqrt(across_m2 / n));
+            task["line_residual_m2"] = json!(residual_m2);
+            task["line_residual_log10"] = json!(log10(residual_m2));
+            task["line_residual_across_m2"] = json!(across_m2);
+            task["line_residual_across_log10"] = json!(log10(across_m2));
+            task["line_rms_m"] = json!(rms_m);
+            task["lines"] = json!(measures.n_lines(FORMED_WITHIN_M));
+            task["false_completion"] = json!(false_completion(measures, rms_m));
+        }
+        Some("circle-formation") => {
+            let rms_m = measures.off_circle_m();
+            task["circle_rms_m"] = json!(rms_m);
+            task["false_completion"] = json!(false_completion(measures, rms_m));
+        }
+        Some("exploration") => {
+            for name in EXPLORATION {
+                task[name] = Value::Null;
+            }
+        }
+        _ => {}
+    }
+    for figure in &measures.task_figures {
+        let place = &mut task[figure.name.as_str()];
+        // What is measured here is not for the robots to say.
+        if place.is_null() {
+            *place = json!(figure.value);
+        }
+    }
+    task
+}
+
+/// Figures of robots that explore, by name. They know them themselves; one that is not known yet is null.
+const EXPLORATION: [&str; 8] = [
+    "mapped_ratio",
+    "seen_ratio",
+    "mapped_90_s",
+    "map_delay_s",
+    "map_age_s",
+    "map_reports",
+    "map_reports_repeated",
+    "waypoint_orders",
+];
+
+/// Done by the robots' own account, and not in truth.
+fn false_completion(measures: &Measures, rms_m: Option<f64>) -> Option<bool> {
+    measures.completed_at_step?;
+    rms_m.map(|rms_m| FORMED_WITHIN_M < rms_m)
+}
+
+/// A shape whose robots are farther from it than this, r.m.s. (m), is not formed, and a robot farther from a line is not in it:
+/// BotNet's step.
+const FORMED_WITHIN_M: f64 = 0.1;
+
+fn network(measures: &Measures) -> Value {
+    let by_distance: Vec<Value> = measures
+        .by_distance()
+        .iter()
+        .map(|bin| {
+            json!({
+                "from_m": bin.from_m,
+                "to_m": bin.to_m,
+                "attempts": bin.attempts,
+                "deliveries": bin.deliveries,
+                "ratio": bin.ratio(),
+                "ratio_interval_95": bin.interval(),
+            })
+        })
+        .collect();
+    json!({
+        "transmissions": measures.transmissions,
+        "sent_bytes": measures.sent_bytes,
+        "attempts": measures.attempts,
+        "deliveries": measures.deliveries,
+        "delivery_ratio": measures.delivery_ratio(),
+        "unicast_deliveries": measures.unicast_deliveries,
+        "mean_delay_s": measures.mean_delay_s(),
+        "mean_age_s": measures.mean_age_s(),
+        "mean_neighbours_heard": measures.mean_neighbours(),
+        "isolated_ratio": measures.isolated_ratio(),
+        "by_distance_is_sampled": measures.is_distance_sampled,
+        "by_distance": by_distance,
+    })
+}
+
+fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<String> {
+    let mut warnings = header.warnings.clone();
+    warnings.extend(written.net_warnings.iter().map(|warning| format!("network: {warning}")));
+    let measures = written.measures.as_ref();
+    if is_truth(header, measures) {
+        warnings.push(format!(
+            "{TRUTH_BASELINE}: the robots knew the true state of all others, whatever the network delivered"
+        ));
+    }
+    let n_steps = measures.map_or(0, |measures| measures.n_steps);
+    match ending.status {
+        Status::Complete => {}
+        Status::Interrupted => {
+            warnings.push(format!("the run was interrupted after {n_steps} steps"));
+        }
+        Status::Failed => warnings.push(format!("the run failed after {n_steps} steps")),
+    }
+    if let Some(measures) = measures {
+        let n_passed = measures.n_passed_walls();
+        if n_passed != 0 {
+            let times = if n_passed == 1 { "once".to_owned() } else { format!("{n_passed} times") };
+            warnings.push(format!(
+                "robots went into or through walls and obstacles of [site] {times}, since contacts are not resolved: robotsim.contacts.kind = \"resolve\" makes walls and obstacles solid"
+            ));
+        }
+        warnings.extend(measures.kpis.warnings());
+        // A network that carries packets of its own may have been asked for nothing else.
+        let carries_packets = measures.kpis.account.has_applications();
+        if 0 < measures.n_steps && measures.transmissions == 0 && !carries_packets {
+            warnings.push("nothing that robots sent was transmitted".to_owned());
+        } else if measures.transmissions != 0
+            && measures.deliveries + measures.unicast_deliveries == 0
+        {
+            warnings.push("nothing that robots sent was delivered".to_owned());
+        }
+    }
+    if let Links::Sample { fraction } = header.output.links {
+        warnings.push(format!(
+            "links.parquet holds a sample of all links, each with chance {fraction}"
+        ));
+    }
+    if !header.output.mcap {
+        warnings
+            .push("there is no run.mcap: the run can be neither replayed nor verified".to_owned());
+    }
+    warnings
+}

@@ -1,0 +1,214 @@
+//! What each table is: the data dictionary in docs/outputs.md says the same.
+
+use crate::table::{ColumnKind, ColumnShape, TableShape};
+
+/// The shapes of all tables.
+pub const TABLES: [&TableShape; 7] =
+    [&STEPS, &LINKS, &TRANSMISSIONS, &PACKETS, &MOTES, &SCHEDULE, &NEIGHBOURS];
+
+const STEP: ColumnShape =
+    never_null("step", ColumnKind::U64, "The step, from 1; 0 is where the run begins.");
+const TIME: ColumnShape =
+    never_null("time_ns", ColumnKind::U64, "Simulated time at the end of the step (ns).");
+const NOT_KNOWN: &str = "the robot simulator does not report it";
+const NO_SUCH_STATE: &str = "the network has no such state";
+const NOT_RECEIVED: &str = "not received";
+
+pub(super) const STEPS: TableShape = TableShape {
+    file: "steps.parquet",
+    row: "An agent at the end of a step, alive or not, and at the beginning (step 0).",
+    columns: &[
+        STEP,
+        TIME,
+        never_null("agent", ColumnKind::U32, "The agent, from 0."),
+        never_null("alive", ColumnKind::Bool, "It exists. Where false, the row says nothing else."),
+        never_null("x_m", ColumnKind::F64, "Position, east (m)."),
+        never_null("y_m", ColumnKind::F64, "Position, north (m)."),
+        never_null("z_m", ColumnKind::F64, "Position, up (m)."),
+        nullable("vx_mps", ColumnKind::F64, NOT_KNOWN, "Velocity over the step, east (m/s)."),
+        nullable("vy_mps", ColumnKind::F64, NOT_KNOWN, "Velocity over the step, north (m/s)."),
+        nullable("vz_mps", ColumnKind::F64, NOT_KNOWN, "Velocity over the step, up (m/s)."),
+        nullable(
+            "heading_rad",
+            ColumnKind::F64,
+            "bodies have no direction",
+            "Direction the body faces (rad, from +x towards +y).",
+        ),
+        never_null(
+            "n_heard",
+            ColumnKind::U32,
+            "How many other agents it heard in the step's period, each counted once.",
+        ),
+    ],
+};
+
+pub(super) const LINKS: TableShape = TableShape {
+    file: "links.parquet",
+    row: "A transmission and an alive agent that might hear it: those chosen by `output.links`.",
+    columns: &[
+        STEP,
+        TIME,
+        never_null("sender", ColumnKind::U32, "The agent that sent."),
+        never_null("receiver", ColumnKind::U32, "The agent that might hear it."),
+        never_null("sent_ns", ColumnKind::U64, "When the first bit was sent (ns)."),
+        never_null(
+            "distance_m",
+            ColumnKind::F64,
+            "Between the two where the network took them to be during the period (m).",
+        ),
+        never_null("received", ColumnKind::Bool, "It was delivered."),
+        nullable("received_ns", ColumnKind::U64, NOT_RECEIVED, "When it was delivered (ns)."),
+        nullable(
+            "rssi_dbm",
+            ColumnKind::F32,
+            "not received, or the network does not report it",
+            "Received signal strength (dBm).",
+        ),
+        nullable("hops", ColumnKind::U32, NOT_RECEIVED, "Hops it took."),
+    ],
+};
+
+pub(super) const TRANSMISSIONS: TableShape = TableShape {
+    file: "transmissions.parquet",
+    row: "A payload that a robot sent.",
+    columns: &[
+        never_null("step", ColumnKind::U64, "The step in whose period it was sent, from 1."),
+        never_null("sender", ColumnKind::U32, "The agent that sent it."),
+        never_null("sent_ns", ColumnKind::U64, "When its first bit was sent (ns)."),
+        never_null("end_ns", ColumnKind::U64, "When its last bit had arrived (ns)."),
+        never_null("payload_bytes", ColumnKind::U32, "Length of its payload (bytes)."),
+        never_null("n_receivers", ColumnKind::U32, "How many other agents received it."),
+        nullable(
+            "destination",
+            ColumnKind::U32,
+            "it was for everyone in reach",
+            "The agent it was for. What is for one agent is here only if it arrived.",
+        ),
+    ],
+};
+
+pub(super) const PACKETS: TableShape = TableShape {
+    file: "packets.parquet",
+    row: "A packet whose way ended: delivered to its destination, over however many hops and frames, or dropped.",
+    columns: &[
+        never_null("step", ColumnKind::U64, "The step in which it ended, from 1."),
+        never_null("packet", ColumnKind::U64, "Its number, unique within the run."),
+        never_null("kind", ColumnKind::Text, "What kind of packet it is, as the network calls it."),
+        never_null("source", ColumnKind::U32, "The mote that created it."),
+        nullable(
+            "destination",
+            ColumnKind::U32,
+            "it was for everyone in reach",
+            "The mote it was for.",
+        ),
+        never_null("created_ns", ColumnKind::U64, "When it was created (ns)."),
+        never_null("ended_ns", ColumnKind::U64, "When it was delivered, or dropped (ns)."),
+        never_null("hops", ColumnKind::U32, "Hops it took until then."),
+        never_null("payload_bytes", ColumnKind::U32, "Its payload (bytes), without any header."),
+        never_null(
+            "delivered",
+            ColumnKind::Bool,
+            "It was delivered. One for everyone is when it was sent.",
+        ),
+        nullable(
+            "drop_reason",
+            ColumnKind::Text,
+            "delivered",
+            "Why it was dropped, as the network says it.",
+        ),
+    ],
+};
+
+pub(super) const MOTES: TableShape = TableShape {
+    file: "motes.parquet",
+    row: "A mote at the end of a step, and at the beginning (step 0). Mote i is the radio of agent i. After the columns here \
+          there is one of type f64 for each statistic that the network keeps.",
+    columns: &[
+        STEP,
+        TIME,
+        never_null("mote", ColumnKind::U32, "The mote, from 0."),
+        never_null("alive", ColumnKind::Bool, "Its radio works."),
+        nullable("synced", ColumnKind::Bool, NO_SUCH_STATE, "Synchronised to the network."),
+        nullable("joined", ColumnKind::Bool, NO_SUCH_STATE, "Joined the network."),
+        nullable("rank", ColumnKind::U32, NO_SUCH_STATE, "Routing rank (RFC 6550)."),
+        nullable(
+            "parent",
+            ColumnKind::U32,
+            "the mote has none, or the network has no such state",
+            "Preferred parent, a mote.",
+        ),
+        nullable("queue_length", ColumnKind::U32, NO_SUCH_STATE, "Packets waiting."),
+        nullable(
+            "delivered",
+            ColumnKind::U64,
+            NO_PACKETS,
+            "Of the mote's application packets to one destination, how many were delivered until then.",
+        ),
+        nullable("dropped", ColumnKind::U64, NO_PACKETS, "Of the same, how many were dropped."),
+        latency("mean_latency_s", "From creation to delivery, mean over those delivered (s)."),
+        latency("median_latency_s", "The same, median (s)."),
+        latency("p95_latency_s", "The same, 95 % quantile (s)."),
+        latency("p99_latency_s", "The same, 99 % quantile (s)."),
+        latency("max_latency_s", "The same, longest (s)."),
+        latency("mean_hops", "Hops that those delivered took, mean."),
+    ],
+};
+
+const NO_PACKETS: &str = "the network has told of no packets";
+
+const fn latency(name: &'static str, doc: &'static str) -> ColumnShape {
+    nullable(name, ColumnKind::F64, "none was delivered", doc)
+}
+
+const OF_MOTE: &str = "The mote, from 0.";
+
+pub(super) const SCHEDULE: TableShape = TableShape {
+    file: "schedule.parquet",
+    row: "A cell of a mote's schedule, at the end of the first step after formation and of the last step.",
+    columns: &[
+        STEP,
+        TIME,
+        never_null("mote", ColumnKind::U32, OF_MOTE),
+        never_null("slotframe", ColumnKind::U32, "Handle of the slotframe."),
+        never_null("slotframe_slots", ColumnKind::U32, "Length of that slotframe (slots)."),
+        never_null("slot", ColumnKind::U32, "Slot offset."),
+        never_null("channel_offset", ColumnKind::U32, "Channel offset."),
+        never_null("transmits", ColumnKind::Bool, "The mote may transmit in it."),
+        never_null("receives", ColumnKind::Bool, "The mote listens in it."),
+        never_null("is_shared", ColumnKind::Bool, "Others may transmit in it as well."),
+        never_null("keeps_time", ColumnKind::Bool, "Frames in it are used to keep time."),
+        never_null("has_priority", ColumnKind::Bool, "It goes before cells of other slotframes."),
+        nullable("neighbour", ColumnKind::U32, "any", "The mote at the other end."),
+    ],
+};
+
+pub(super) const NEIGHBOURS: TableShape = TableShape {
+    file: "neighbours.parquet",
+    row: "A mote that has heard frames of another until the end of the step: of the first after formation, and of the last.",
+    columns: &[
+        STEP,
+        TIME,
+        never_null("receiver", ColumnKind::U32, "The mote that heard."),
+        never_null("sender", ColumnKind::U32, "The mote that it heard."),
+        never_null("frames", ColumnKind::U64, "Frames received."),
+        nullable(
+            "rssi_dbm",
+            ColumnKind::F32,
+            "the network does not report it",
+            "Their mean strength (dBm).",
+        ),
+    ],
+};
+
+const fn never_null(name: &'static str, kind: ColumnKind, doc: &'static str) -> ColumnShape {
+    ColumnShape { name, kind, null_when: "", doc }
+}
+
+const fn nullable(
+    name: &'static str,
+    kind: ColumnKind,
+    null_when: &'static str,
+    doc: &'static str,
+) -> ColumnShape {
+    ColumnShape { name, kind, null_when, doc }
+}

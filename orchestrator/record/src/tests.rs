@@ -1,0 +1,362 @@
+//! A run made up of messages, recorded and read again.
+
+mod made_up;
+mod tables;
+
+use super::log::Topic;
+use super::read::{ReadError, Reader};
+use super::*;
+use experiment::output::Links;
+use made_up::{N, STEP_NS, STEPS, digest, header, record, replies, states};
+use std::fs;
+
+/// In place of a report.
+fn page(contents: &Contents<'_>) -> String {
+    format!("report of {}", contents.header.name)
+}
+
+fn complete() -> Ending {
+    Ending::complete()
+}
+
+fn finished(out: &Path, header: RunHeader) -> Finished {
+    record(out, header, STEPS).finish(&complete(), json!({ "host": "here" }), page).unwrap()
+}
+
+fn names(dir: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(dir)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn two_recordings_of_the_same_run_are_the_same_bytes() {
+    let out = tempfile::tempdir().unwrap();
+    let dirs = ["a", "b"].map(|place| finished(&out.path().join(place), header("run")).dir);
+    for file in names(&dirs[0]) {
+        let [a, b] = [&dirs[0], &dirs[1]].map(|dir| fs::read(dir.join(&file)).unwrap());
+        assert_eq!(a, b, "{file}");
+    }
+    assert_eq!(
+        names(&dirs[0]),
+        [
+            "config.toml",
+            "links.parquet",
+            "motes.parquet",
+            "provenance.json",
+            "report.html",
+            "run.mcap",
+            "steps.parquet",
+            "summary.json",
+            "transmissions.parquet"
+        ]
+    );
+}
+
+#[test]
+fn nothing_but_the_result_is_left_behind_and_a_second_run_replaces_it() {
+    let out = tempfile::tempdir().unwrap();
+    let first = finished(out.path(), header("run"));
+    fs::write(first.dir.join("note.txt"), "mine").unwrap();
+    let second = finished(out.path(), header("run"));
+    assert_eq!(first.dir, second.dir);
+    assert_eq!(names(out.path()), ["run"]);
+    assert!(!second.dir.join("note.txt").exists());
+}
+
+#[test]
+fn a_directory_that_no_run_left_is_refused_and_stays() {
+    let out = tempfile::tempdir().unwrap();
+    let foreign = out.path().join("run");
+    fs::create_dir(&foreign).unwrap();
+    fs::write(foreign.join("thesis.tex"), "years of work").unwrap();
+    let error = Recorder::create(out.path(), header("run")).unwrap_err();
+    assert!(matches!(&error, RecordError::Foreign { path } if *path == foreign), "{error}");
+    assert_eq!(names(out.path()), ["run"]);
+    assert_eq!(names(&foreign), ["thesis.tex"]);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_told_before_anything_runs() {
+    let out = tempfile::tempdir().unwrap();
+    let file = out.path().join("file");
+    fs::write(&file, "").unwrap();
+    let error = Recorder::create(&file.join("runs"), header("run")).unwrap_err();
+    assert!(matches!(&error, RecordError::Create { .. }), "{error}");
+    assert!(error.to_string().contains("file/runs"), "{error}");
+    for name in ["", "../run", ".run", "a/b", "a b"] {
+        let error = Recorder::create(out.path(), header(name)).unwrap_err();
+        assert!(matches!(error, RecordError::Name { .. }), "{name}: {error}");
+    }
+}
+
+#[test]
+fn a_whole_record_is_found_whole_in_every_coupling() {
+    for coupling in [Coupling::Sequential, Coupling::Parallel, Coupling::Event] {
+        let out = tempfile::tempdir().unwrap();
+        let run = finished(out.path(), RunHeader { coupling, ..header("run") });
+        let report = verify(&run.dir).unwrap();
+        assert_eq!(report.problems, Vec::<String>::new());
+        assert_eq!((report.steps, report.digests), (STEPS, STEPS));
+        assert_eq!(report.files.len(), 8);
+    }
+}
+
+#[test]
+fn files_that_were_cut_off_or_changed_are_found() {
+    for file in ["run.mcap", "steps.parquet", "links.parquet", "report.html", "config.toml"] {
+        let out = tempfile::tempdir().unwrap();
+        let path = finished(out.path(), header("run")).dir.join(file);
+        let content = fs::read(&path).unwrap();
+
+        fs::write(&path, &content[..content.len() * 2 / 3]).unwrap();
+        let problems = verify(path.parent().unwrap()).unwrap().problems;
+        assert!(
+            problems.iter().any(|p| p.starts_with(file) && p.contains("bytes")),
+            "{problems:?}"
+        );
+
+        let mut changed = content.clone();
+        changed[content.len() / 2] ^= 1;
+        fs::write(&path, &changed).unwrap();
+        let problems = verify(path.parent().unwrap()).unwrap().problems;
+        assert!(problems.iter().any(|p| p.starts_with(file)), "{problems:?}");
+    }
+}
+
+#[test]
+fn a_wrong_digest_is_found_with_its_step() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder = record(out.path(), header("run"), 3);
+    let (robots, net) = replies(4);
+    let wrong = StepRecord {
+        step: 4,
+        time_ns: 4 * STEP_NS,
+        robots: &robots,
+        net: &net,
+        commands: &[],
+        digest: digest(3, Coupling::Sequential),
+    };
+    recorder.step(wrong).unwrap();
+    let dir = recorder.finish(&complete(), Value::Null, page).unwrap().dir;
+    let report = verify(&dir).unwrap();
+    assert_eq!((report.steps, report.digests), (4, 3));
+    assert!(report.problems[0].contains("step 4: the digest"), "{:?}", report.problems);
+}
+
+#[test]
+fn what_no_run_left_cannot_be_verified() {
+    let out = tempfile::tempdir().unwrap();
+    let error = verify(out.path()).unwrap_err().to_string();
+    assert!(error.contains("is not a record"), "{error}");
+    let error = Reader::open(out.path()).err().unwrap();
+    assert!(matches!(error, ReadError::Open { .. }), "{error}");
+}
+
+#[test]
+fn messages_come_back_as_they_were_but_for_what_depends_on_the_transport() {
+    let out = tempfile::tempdir().unwrap();
+    let run = finished(out.path(), header("run"));
+    let mut reader = Reader::open(&run.dir).unwrap();
+    let configured = reader.configured().unwrap();
+    assert_eq!(configured.robot_request.seed, 42);
+    assert_eq!(configured.net_response.warnings, ["made up"]);
+    for step in 1..=STEPS {
+        let recorded = reader.next_step().unwrap().unwrap();
+        let (mut robots, net) = replies(step);
+        robots.digest.clear();
+        assert_eq!(recorded.robots, robots);
+        assert_eq!(recorded.net, net);
+        assert_eq!(recorded.barrier.digest, digest(step, Coupling::Sequential).to_vec());
+    }
+    assert_eq!(reader.next_step().unwrap(), None);
+}
+
+#[test]
+fn the_log_describes_itself_to_any_reader() {
+    let out = tempfile::tempdir().unwrap();
+    let content = fs::read(finished(out.path(), header("run")).dir.join("run.mcap")).unwrap();
+    let summary = mcap::Summary::read(&content).unwrap().unwrap();
+    assert_eq!(summary.channels.len(), Topic::ALL.len());
+    for topic in Topic::ALL {
+        let channel = summary.channels.values().find(|c| c.topic == topic.names().0).unwrap();
+        let schema = channel.schema.as_ref().unwrap();
+        assert_eq!(
+            (schema.encoding.as_str(), channel.message_encoding.as_str()),
+            ("protobuf", "protobuf")
+        );
+        let set: prost_types::FileDescriptorSet = prost::Message::decode(&schema.data[..]).unwrap();
+        let (package, message) = schema.name.rsplit_once('.').unwrap();
+        let found = set.file.iter().any(|file| {
+            file.package() == package && file.message_type.iter().any(|m| m.name() == message)
+        });
+        assert!(found, "{}", schema.name);
+    }
+    let statistics = summary.stats.unwrap();
+    assert_eq!(statistics.message_count, 4 + 3 * STEPS);
+    assert_eq!(statistics.message_end_time, STEPS * STEP_NS);
+}
+
+#[test]
+fn what_is_not_asked_for_is_not_written() {
+    let out = tempfile::tempdir().unwrap();
+    let mut header = header("run");
+    header.output = OutputConfig {
+        mcap: false,
+        steps: false,
+        transmissions: false,
+        motes: false,
+        links: Links::None,
+        report: false,
+        ..OutputConfig::default()
+    };
+    let run = finished(out.path(), header);
+    assert_eq!(names(&run.dir), ["config.toml", "provenance.json", "summary.json"]);
+    assert_eq!(run.report, None);
+    assert!(verify(&run.dir).unwrap().problems.is_empty());
+}
+
+#[test]
+fn an_interrupted_run_keeps_what_it_recorded_and_says_so() {
+    let out = tempfile::tempdir().unwrap();
+    let recorder = record(out.path(), header("run"), 5);
+    let ending = Ending::early(Status::Interrupted, "stopped by Ctrl-C".to_owned());
+    let run = recorder.finish(&ending, Value::Null, page).unwrap();
+    assert_eq!(run.summary["status"], "interrupted");
+    assert_eq!(run.summary["reason"], "stopped by Ctrl-C");
+    assert_eq!(run.summary["steps"], 5);
+    let report = verify(&run.dir).unwrap();
+    assert_eq!((report.steps, report.problems), (5, vec![]));
+}
+
+#[test]
+fn a_run_that_failed_before_it_was_configured_leaves_a_summary_too() {
+    let out = tempfile::tempdir().unwrap();
+    let recorder = Recorder::create(out.path(), header("run")).unwrap();
+    let ending = Ending::early(Status::Failed, "no such host".to_owned());
+    let run = recorder.finish(&ending, Value::Null, page).unwrap();
+    assert_eq!(run.summary["steps"], 0);
+    assert_eq!(run.summary["task"], Value::Null);
+    let report = verify(&run.dir).unwrap();
+    assert_eq!((report.steps, report.problems), (0, vec![]));
+}
+
+#[test]
+fn a_recorder_that_is_dropped_leaves_messages_that_can_be_read() {
+    let out = tempfile::tempdir().unwrap();
+    drop(record(out.path(), header("run"), 5));
+    let partial = names(out.path());
+    assert_eq!(partial.len(), 1);
+    assert!(partial[0].starts_with(".run.partial-"), "{partial:?}");
+    let mut reader = Reader::open(&out.path().join(&partial[0])).unwrap();
+    for _ in 0..5 {
+        assert!(reader.next_step().unwrap().is_some());
+    }
+    assert_eq!(reader.next_step().unwrap(), None);
+}
+
+#[test]
+fn a_log_that_is_cut_off_gives_the_steps_before_the_cut() {
+    let out = tempfile::tempdir().unwrap();
+    let path = finished(out.path(), header("run")).dir.join("run.mcap");
+    let content = fs::read(&path).unwrap();
+    // The end magic is missing, all steps are there.
+    fs::write(&path, &content[..content.len() - 8]).unwrap();
+    let mut reader = Reader::open(&path).unwrap();
+    for _ in 0..STEPS {
+        assert!(reader.next_step().unwrap().is_some());
+    }
+    assert!(matches!(reader.next_step(), Err(ReadError::Damaged { .. })));
+}
+
+#[test]
+fn steps_out_of_order_are_refused() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder = record(out.path(), header("run"), 2);
+    let (robots, net) = replies(4);
+    let skipped = StepRecord {
+        step: 4,
+        time_ns: 4 * STEP_NS,
+        robots: &robots,
+        net: &net,
+        commands: &[],
+        digest: digest(4, Coupling::Sequential),
+    };
+    // The thread finds out; the caller learns of it when it next hands something over, here after a few at most.
+    let error = (0..).find_map(|_| recorder.step(skipped).err()).unwrap();
+    assert!(matches!(error, RecordError::Order { got: 4, expected: 3 }), "{error}");
+    // Finishing all the same tells the same reason again.
+    let error = recorder.finish(&complete(), Value::Null, page).unwrap_err();
+    assert!(matches!(&error, RecordError::Stopped { .. }), "{error}");
+    assert!(error.to_string().contains("step 4 cannot be recorded: step 3 is next"), "{error}");
+}
+
+#[test]
+fn probing_leaves_nothing_and_finds_what_recording_would_find() {
+    let out = tempfile::tempdir().unwrap();
+    let runs = out.path().join("runs");
+    probe(&runs, "run").unwrap();
+    assert_eq!(names(&runs), Vec::<String>::new());
+    fs::create_dir(runs.join("run")).unwrap();
+    probe(&runs, "run").unwrap();
+    fs::write(runs.join("run/thesis.tex"), "years of work").unwrap();
+    assert!(matches!(probe(&runs, "run"), Err(RecordError::Foreign { .. })));
+}
+
+#[test]
+fn the_summary_measures_task_and_network() {
+    let out = tempfile::tempdir().unwrap();
+    let summary = finished(out.path(), header("run")).summary;
+    assert_eq!(summary["schema"], "murmuration/summary/1");
+    assert_eq!(summary["simulated_s"], 1.2);
+    assert_eq!(summary["baseline"], Value::Null);
+    let near = |value: &Value, expected: f64| {
+        // Positions are sums of decimal fractions: right up to rounding.
+        let value = value.as_f64().unwrap();
+        assert!((value - expected).abs() < 1e-9, "{value} is not {expected}");
+    };
+    near(&summary["task"]["flock_speed_mps"], 2.0);
+    near(&summary["task"]["mean_speed_mps"], 2.0);
+    // Six agents 1 m apart: variance 35/12 m2.
+    near(&summary["task"]["final_spread_m"], (35.0f64 / 12.0).sqrt());
+    let network = &summary["network"];
+    assert_eq!(network["transmissions"], 6 * STEPS);
+    assert_eq!(network["attempts"], 30 * STEPS);
+    assert_eq!(network["deliveries"], 18 * STEPS);
+    near(&network["delivery_ratio"], 0.6);
+    near(&network["mean_neighbours_heard"], 3.0);
+    near(&network["mean_delay_s"], 0.002);
+    let by_distance = network["by_distance"].as_array().unwrap();
+    assert_eq!(by_distance.len(), 5);
+    for bin in by_distance {
+        near(&bin["ratio"], if bin["from_m"].as_f64().unwrap() < 2.5 { 1.0 } else { 0.0 });
+    }
+    assert_eq!(summary["warnings"], json!(["network: made up"]));
+}
+
+#[test]
+fn speeds_are_means_over_time_not_over_steps() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder = record(out.path(), header("run"), 1);
+    // A second step three times as long, over which nobody moves: 2 m/s become 0.5 m/s.
+    let (mut robots, mut net) = replies(2);
+    robots.states = Some(states(1));
+    (robots.time_ns, net.time_ns) = (4 * STEP_NS, 4 * STEP_NS);
+    let still = StepRecord {
+        step: 2,
+        time_ns: 4 * STEP_NS,
+        robots: &robots,
+        net: &net,
+        commands: &[],
+        digest: digest(2, Coupling::Sequential),
+    };
+    recorder.step(still).unwrap();
+    let task = recorder.finish(&complete(), Value::Null, page).unwrap().summary["task"].clone();
+    for key in ["flock_speed_mps", "mean_speed_mps"] {
+        // Up to rounding.
+        assert!((task[key].as_f64().unwrap() - 0.5).abs() < 1e-9, "{key}: {}", task[key]);
+    }
+}

@@ -1,0 +1,134 @@
+//! A run made up of messages. Included by the tests of more than one crate.
+
+use super::{Configured, Recorder, RunHeader, StepRecord};
+use bytes::Bytes;
+use experiment::{OutputConfig, Start};
+use proto::digest::{Digest, of_step};
+use proto::types::{Bitmap, Coupling, Deliveries, Heard, Payloads, Transmissions};
+use proto_messages::{convert, v1};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+pub(super) const N: usize = 7;
+pub(super) const STEPS: u64 = 12;
+pub(super) const STEP_NS: u64 = 100_000_000;
+
+pub(super) fn header(name: &str) -> RunHeader {
+    RunHeader {
+        name: name.to_owned(),
+        seed: 42,
+        agent_count: N as u32,
+        step_ns: STEP_NS,
+        coupling: Coupling::Sequential,
+        config_toml: "[experiment]\nname = \"made-up\"\n".to_owned(),
+        labels: BTreeMap::new(),
+        output: OutputConfig::default(),
+        start: Start::AtOnce,
+        records: Vec::new(),
+        statistics: Vec::new(),
+        warnings: Vec::new(),
+    }
+}
+
+/// Seven agents on a line, 1 m apart, drifting east at 2 m/s; agent 6 does not exist.
+pub(super) fn states(step: u64) -> v1::AgentStates {
+    let mut alive = Bitmap::filled(N, true);
+    alive.set(6, false);
+    v1::AgentStates {
+        alive: Bytes::copy_from_slice(alive.as_bytes()),
+        x_m: (0..N).map(|i| i as f64 + 0.2 * step as f64).collect(),
+        y_m: vec![0.5; N],
+        z_m: vec![0.0; N],
+        ..Default::default()
+    }
+}
+
+/// Everyone alive sends; those at most 2 m away hear it.
+pub(super) fn deliveries(step: u64) -> Deliveries {
+    let begin_ns = (step - 1) * STEP_NS;
+    let (mut ends, mut indices) = (Vec::new(), Vec::new());
+    for receiver in 0..N {
+        let range = receiver.saturating_sub(2)..=(receiver + 2).min(5);
+        indices.extend(range.filter(|&i| i != receiver && receiver != 6).map(|i| i as u32));
+        ends.push(indices.len() as u32);
+    }
+    let n_deliveries = indices.len();
+    Deliveries {
+        transmissions: Transmissions {
+            sender: (0..6).collect(),
+            sent_ns: (0..6).map(|i| begin_ns + i * 10_000_000).collect(),
+            end_ns: (0..6).map(|i| begin_ns + i * 10_000_000 + 2_000_000).collect(),
+            payloads: Payloads::new(vec![3; 6], Bytes::from(vec![step as u8; 18])).unwrap(),
+            ..Transmissions::default()
+        },
+        heard: Heard::Lists { ends, indices },
+        rssi_dbm: (0..n_deliveries).map(|i| -60.0 - i as f32).collect(),
+        ..Default::default()
+    }
+}
+
+pub(super) fn configured(header: &RunHeader) -> Configured {
+    Configured {
+        robot_request: v1::RobotSimServiceConfigureRequest {
+            seed: header.seed,
+            agent_count: header.agent_count,
+            step_ns: header.step_ns,
+            coupling: v1::Coupling::from(header.coupling).into(),
+            ..Default::default()
+        },
+        robot_response: v1::RobotSimServiceConfigureResponse {
+            states: Some(states(0)),
+            ..Default::default()
+        },
+        net_request: v1::NetSimServiceConfigureRequest {
+            site_toml: "[[wall]]\nfrom_m = [1.0, 1.0]\nto_m = [4.0, 1.0]\n".to_owned(),
+            ..Default::default()
+        },
+        net_response: v1::NetSimServiceConfigureResponse {
+            warnings: vec!["made up".to_owned()],
+            ..Default::default()
+        },
+    }
+}
+
+pub(super) fn replies(
+    step: u64,
+) -> (v1::RobotSimServiceStepResponse, v1::NetSimServiceStepResponse) {
+    let robots = v1::RobotSimServiceStepResponse {
+        step,
+        time_ns: step * STEP_NS,
+        states: Some(states(step)),
+        digest: Bytes::from_static(b"of a stream"),
+        ..Default::default()
+    };
+    let net = v1::NetSimServiceStepResponse {
+        step,
+        time_ns: step * STEP_NS,
+        deliveries: Some(deliveries(step).into()),
+        ..Default::default()
+    };
+    (robots, net)
+}
+
+pub(super) fn digest(step: u64, coupling: Coupling) -> Digest {
+    let on_air = if coupling == Coupling::Sequential { step } else { step - 1 };
+    let on_air = convert::states(Some(states(on_air)), N).unwrap();
+    let given = (1 < step).then(|| deliveries(step - 1));
+    of_step(step, step * STEP_NS, &on_air, given.as_ref())
+}
+
+pub(super) fn record(out: &Path, header: RunHeader, steps: u64) -> Recorder {
+    let coupling = header.coupling;
+    let configured = configured(&header);
+    let mut recorder = Recorder::create(out, header).unwrap();
+    recorder.configured(configured).unwrap();
+    for step in 1..=steps {
+        let (robots, net) = replies(step);
+        let digest = digest(step, coupling);
+        let time_ns = step * STEP_NS;
+        let record =
+            StepRecord { step, time_ns, robots: &robots, net: &net, commands: &[], digest };
+        recorder.step(record).unwrap();
+    }
+    recorder
+}
