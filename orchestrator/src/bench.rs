@@ -10,14 +10,16 @@ mod peers;
 mod standing;
 mod swarm;
 
-use crate::coupling::{Coupled, StepOutcome, StepPlan};
 use crate::report;
-use crate::run::{RunError, StartOptions, Wanted, start};
 use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
+use crate::coupling::{StepOutcome, StepPlan};
+use crate::drive::{Taken, Wanted};
+use record::{Ending, Recorder, RunHeader};
+use crate::run::{Processes, RunError, StartOptions, record_of, start};
 use peers::{Figures, ROWS};
+use proto::exchange::Configured;
 use proto::types::NetRecord;
-use record::{Configured, Ending, Recorder, RunHeader, StepRecord};
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
@@ -351,32 +353,21 @@ fn end_record(recorder: Recorder) -> Result<(), RunError> {
 /// A step, recorded if there is a recorder: with the motes' state when its time has come. `hold`: robots stand still.
 async fn step(
     plan: &Plan,
-    coupled: &mut Coupled,
+    coupled: &mut Processes,
     recorder: &mut Option<Recorder>,
     hold: bool,
 ) -> Result<StepOutcome, RunError> {
     let (number, from_ns) = (coupled.step_number() + 1, coupled.time_ns());
     let until_ns = from_ns + plan.experiment.step_ns;
-    let keep = recorder.is_some();
     // A network without protocols keeps no such record.
-    let has_statistics = keep && coupled.formation().is_some();
+    let has_statistics = recorder.is_some() && coupled.formation().is_some();
     let is_time = has_statistics && plan.output.holds_motes(number, from_ns, until_ns);
     let records = is_time.then_some(NetRecord::Statistics).into_iter().collect();
-    let plan = StepPlan { until_ns, keep, hold, records, ..StepPlan::default() };
+    let plan = StepPlan { until_ns, hold, records, ..StepPlan::default() };
     let outcome = coupled.advance(plan).await.map_err(side)?;
-    if let (Some(recorder), Some(robots), Some(net)) =
-        (recorder.as_mut(), &outcome.robots, &outcome.network)
-    {
-        recorder
-            .step(StepRecord {
-                step: outcome.step,
-                time_ns: outcome.time_ns,
-                robots,
-                net,
-                commands: &[],
-                digest: outcome.digest,
-            })
-            .map_err(record_failed)?;
+    if let Some(recorder) = recorder.as_mut() {
+        let taken = Taken { outcome: outcome.clone(), commands: Vec::new(), start_ns: None };
+        recorder.step(record_of(taken)).map_err(record_failed)?;
     }
     Ok(outcome)
 }
@@ -384,7 +375,7 @@ async fn step(
 /// Wall time of each step (ms) after a few that warm up.
 async fn steps(
     plan: &Plan,
-    coupled: &mut Coupled,
+    coupled: &mut Processes,
     recorder: &mut Option<Recorder>,
     warm_up: u64,
     n_steps: Option<u64>,
@@ -423,7 +414,7 @@ async fn exchange_ms(options: &BenchOptions) -> Result<f64, RunError> {
 }
 
 /// Wall time of each of many barriers (ms).
-async fn exchanges(plan: &Plan, coupled: &mut Coupled) -> Result<Vec<f64>, RunError> {
+async fn exchanges(plan: &Plan, coupled: &mut Processes) -> Result<Vec<f64>, RunError> {
     // A barrier confirms a step.
     step(plan, coupled, &mut None, false).await?;
     let mut times_ms = Vec::with_capacity(EXCHANGES);

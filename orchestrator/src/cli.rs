@@ -13,7 +13,7 @@ mod task;
 
 use crate::bench::{self, BenchOptions};
 use crate::conformance::{self, ConformanceOptions};
-use crate::console::{complain, say};
+use crate::console::{Screen, complain, say};
 use crate::effects;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
 use clap::{Args, Parser, Subcommand};
@@ -373,7 +373,7 @@ fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
         out: args.out.clone(),
         start,
     };
-    let report = on_runtime(run::run(&options))?
+    let report = on_runtime(run::run(&options, &mut Screen::default()))?
         .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
     describe(&report);
     write_json(args.file.json.as_deref(), &report.finished.summary)?;

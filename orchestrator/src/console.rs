@@ -1,5 +1,7 @@
 //! What a person reads while it works: results on standard output, progress and errors on standard error.
 
+use crate::drive;
+use crate::run::Audience;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::types::{Formation, seconds};
 use std::fmt::{Display, Write as _};
@@ -21,13 +23,55 @@ pub fn warn(warning: impl Display) {
     let _ = writeln!(std::io::stderr(), "warning: {warning}");
 }
 
+/// A run as a person sees it: its warnings, and how far it is.
+#[derive(Default)]
+pub struct Screen {
+    progress: Option<Progress>,
+}
+
+impl Audience for Screen {
+    fn warn(&mut self, warning: &str) {
+        warn(warning);
+    }
+}
+
+impl drive::Progress for Screen {
+    fn begin(&mut self, n_steps: u64) {
+        self.progress = Some(Progress::new(n_steps));
+    }
+
+    fn at(&mut self, step: u64, time_ns: u64) {
+        if let Some(progress) = &mut self.progress {
+            progress.at(step, time_ns);
+        }
+    }
+
+    fn forming(
+        &mut self,
+        step: u64,
+        time_ns: u64,
+        limit_ns: u64,
+        formation: &Formation,
+        n: usize,
+    ) {
+        if let Some(progress) = &mut self.progress {
+            progress.forming(step, time_ns, limit_ns, formation, n);
+        }
+    }
+
+    fn end(&mut self) {
+        if let Some(progress) = self.progress.take() {
+            progress.finish();
+        }
+    }
+}
+
 /// Step, simulated time, rate and time left: a bar on a terminal, a line every few seconds elsewhere.
 pub struct Progress {
     bar: Option<ProgressBar>,
     n_steps: u64,
     begun: Instant,
     shown: Instant,
-    is_hidden: bool,
 }
 
 /// How often a line is printed where there is no terminal.
@@ -46,14 +90,7 @@ impl Progress {
                 .with_style(style)
         });
         let now = Instant::now();
-        Self { bar, n_steps, begun: now, shown: now, is_hidden: false }
-    }
-
-    /// Shows nothing.
-    #[must_use]
-    pub fn hidden() -> Self {
-        let now = Instant::now();
-        Self { bar: None, n_steps: 0, begun: now, shown: now, is_hidden: true }
+        Self { bar, n_steps, begun: now, shown: now }
     }
 
     /// `done` of `n` trials are done, `n_now` of them since this began.
@@ -109,7 +146,7 @@ impl Progress {
 
     fn is_time(&mut self, step: u64) -> bool {
         // The clock is not looked at more often than a person could tell.
-        if self.is_hidden || self.bar.is_none() && !step.is_multiple_of(16) {
+        if self.bar.is_none() && !step.is_multiple_of(16) {
             return false;
         }
         let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };

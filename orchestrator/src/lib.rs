@@ -8,6 +8,7 @@
 //! | [`run`] | one experiment from file to results |
 //! | [`mod@sweep`] | many experiments that differ in what a sweep says |
 //! | [`mod@compare_runs`] | what changed from one run, or one sweep, to another |
+//! | [`drive`] | an experiment over two configured simulators, step after step |
 //! | [`coupling`] | keeping the two simulators in step |
 //! | [`peer`] | one simulator as the orchestrator sees it: process, connection, deadlines |
 //! | [`report`] | the page that shows it |
@@ -25,6 +26,7 @@ pub mod compare_runs;
 pub mod conformance;
 pub mod console;
 pub mod coupling;
+pub mod drive;
 pub mod effects;
 pub mod network;
 pub mod peer;

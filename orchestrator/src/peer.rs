@@ -1,25 +1,40 @@
-//! One simulator as the orchestrator sees it: a connection with deadlines, whose every failure names the side.
+//! One simulator as the orchestrator sees it, in values: [`Peer`].
+//!
+//! | module | what |
+//! |---|---|
+//! | here | [`Remote`]: a connection with deadlines, whose every failure names the side; its messages become values here, and nowhere else |
+//! | `in_process` | [`InProcess`]: a simulator of this process, called directly |
+//! | `side` | what both are to whoever drives them |
+//! | `service` | the generated clients behind one face, and the border between their messages and values |
 
 mod awake;
 mod error;
+mod in_process;
 mod process;
 mod service;
+mod side;
 
 pub use error::SideError;
+pub use in_process::{InProcess, ready};
 pub use process::Launch;
-pub use service::{Network, Robots, Service};
+pub use service::Service;
+pub use side::{Described, Network, Peer, Robots, Side, Standing};
 
 use awake::Awake;
 use experiment::{Tls, Transport};
+use bytes::Bytes;
 use process::ChildProcess;
+use proto::config::Problem;
+use proto_messages::convert::InvalidField;
+use proto::exchange::ConfigureRequest;
 use proto_host::{CONNECTION_WINDOW_BYTES, STREAM_WINDOW_BYTES};
-use service::Described;
 use std::future::Future;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 use tonic::{Code, Status, Streaming};
+use tonic_types::StatusExt as _;
 
 /// After how long without an answer a side is asked for a sign of life.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -28,8 +43,8 @@ const SIGN_OF_LIFE: Duration = Duration::from_secs(3);
 /// How long connecting, describing and configuring may take.
 const SETUP: Duration = Duration::from_secs(10);
 
-/// A simulator, connected and described.
-pub struct Peer<S: Service> {
+/// A simulator in another process, connected and described.
+pub struct Remote<S: Service> {
     url: String,
     client: S::Client,
     child: Option<ChildProcess>,
@@ -38,6 +53,11 @@ pub struct Peer<S: Service> {
     streams: bool,
     step_deadline: Duration,
     awake: Awake,
+    n_agents: usize,
+    /// In a session: the digest that rode on the latest reply, which the next step confirms.
+    digest: Bytes,
+    /// The same until the barrier has asked for it.
+    riding: Option<Bytes>,
 }
 
 struct Session<S: Service> {
@@ -86,7 +106,7 @@ pub async fn connect<S: Service>(
     Ok((client, described))
 }
 
-impl<S: Service> Peer<S> {
+impl<S: Service> Remote<S> {
     /// Starts the side if need be, connects, and asks what it is.
     ///
     /// # Errors
@@ -131,13 +151,19 @@ impl<S: Service> Peer<S> {
         let streams = described.session && reach.transport != Transport::Unary;
         let step_deadline = reach.step_deadline;
         let awake = Awake::new(reach.is_busy);
-        Ok(Self { url, client, child, described, session: None, streams, step_deadline, awake })
-    }
-
-    /// What it says of itself.
-    #[must_use]
-    pub fn described(&self) -> &Described {
-        &self.described
+        Ok(Self {
+            url,
+            client,
+            child,
+            described,
+            session: None,
+            streams,
+            step_deadline,
+            awake,
+            n_agents: 0,
+            digest: Bytes::new(),
+            riding: None,
+        })
     }
 
     /// Where it runs.
@@ -162,70 +188,6 @@ impl<S: Service> Peer<S> {
     #[must_use]
     pub fn process_id(&self) -> Option<u32> {
         self.child.as_ref().and_then(ChildProcess::id)
-    }
-
-    /// Begins an experiment.
-    ///
-    /// # Errors
-    ///
-    /// [`SideError::Refused`] with the status if the side refuses the configuration.
-    pub async fn configure(
-        &mut self,
-        request: S::ConfigureRequest,
-    ) -> Result<S::ConfigureResponse, SideError> {
-        self.session = None;
-        let call = S::configure(self.client.clone(), request);
-        self.wait("Configure".to_owned(), call).await
-    }
-
-    /// Takes a step.
-    ///
-    /// # Errors
-    ///
-    /// It fails, hangs, refuses, or breaks the protocol.
-    pub async fn step(
-        &mut self,
-        step: u64,
-        request: S::StepRequest,
-    ) -> Result<S::StepResponse, SideError> {
-        let doing = format!("step {step}");
-        if !self.streams {
-            let call = S::step(self.client.clone(), request);
-            return self.wait(doing, call).await;
-        }
-        let reply = self.exchange(doing.clone(), S::session_step(request)).await?;
-        S::step_of(reply).ok_or_else(|| SideError::Garbage {
-            side: S::SIDE,
-            doing,
-            reason: "it answered a step with something else".to_owned(),
-        })
-    }
-
-    /// Asks where it stands.
-    ///
-    /// # Errors
-    ///
-    /// It fails, hangs, refuses, or breaks the protocol.
-    pub async fn barrier(&mut self, step: u64, time_ns: u64) -> Result<Standing, SideError> {
-        let doing = format!("the barrier of step {step}");
-        if !self.streams {
-            let call = S::barrier(self.client.clone(), step, time_ns);
-            return self.wait(doing, call).await;
-        }
-        let reply = self.exchange(doing.clone(), S::session_barrier(step, time_ns)).await?;
-        S::barrier_of(reply).ok_or_else(|| SideError::Garbage {
-            side: S::SIDE,
-            doing,
-            reason: "it answered a barrier with something else".to_owned(),
-        })
-    }
-
-    /// Ends the side if it was started here. Never fails: what does not end is killed.
-    pub async fn stop(mut self) {
-        self.session = None;
-        if let Some(child) = self.child.take() {
-            child.stop().await;
-        }
     }
 
     async fn exchange(
@@ -350,15 +312,93 @@ impl<S: Service> Peer<S> {
     }
 }
 
-/// Where a side says that it stands.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Standing {
-    /// Its latest step.
-    pub step: u64,
-    /// Its time (ns).
-    pub time_ns: u64,
-    /// Its digest of the exchanged state.
-    pub digest: bytes::Bytes,
+impl<S: Service> Peer<S> for Remote<S> {
+    const SHARES_VALUES: bool = false;
+
+    fn described(&self) -> &Described {
+        &self.described
+    }
+
+    async fn configure(&mut self, request: &ConfigureRequest) -> Result<S::Start, SideError> {
+        const DOING: &str = "Configure";
+        self.session = None;
+        self.digest = Bytes::new();
+        self.riding = None;
+        self.n_agents = request.experiment.agent_count;
+        let call = S::configure(self.client.clone(), S::configuration(request));
+        let reply = self.wait(DOING.to_owned(), call).await.map_err(unacceptable::<S>)?;
+        S::start(reply, self.n_agents).map_err(|invalid| garbage::<S>(DOING.to_owned(), &invalid))
+    }
+
+    async fn step(&mut self, input: &S::Input<'_>) -> Result<S::Reply, SideError> {
+        let doing = format!("step {}", S::number(input));
+        let reply = if self.streams {
+            let request = S::request(input, self.digest.clone());
+            let reply = self.exchange(doing.clone(), S::session_step(request)).await?;
+            S::step_of(reply).ok_or_else(|| SideError::Garbage {
+                side: S::SIDE,
+                doing: doing.clone(),
+                reason: "it answered a step with something else".to_owned(),
+            })?
+        } else {
+            let call = S::step(self.client.clone(), S::request(input, Bytes::new()));
+            self.wait(doing.clone(), call).await?
+        };
+        let (reply, digest) =
+            S::reply(reply, self.n_agents).map_err(|invalid| garbage::<S>(doing, &invalid))?;
+        if self.streams {
+            self.digest = digest.clone();
+            self.riding = Some(digest);
+        }
+        Ok(reply)
+    }
+
+    /// In a session the digest has come with the step's reply: it is not asked for again, unless the barrier is.
+    async fn barrier(&mut self, step: u64, time_ns: u64) -> Result<Standing, SideError> {
+        if let Some(digest) = self.riding.take() {
+            return Ok(Standing { step, time_ns, digest });
+        }
+        let doing = format!("the barrier of step {step}");
+        if !self.streams {
+            let call = S::barrier(self.client.clone(), step, time_ns);
+            return self.wait(doing, call).await;
+        }
+        let reply = self.exchange(doing.clone(), S::session_barrier(step, time_ns)).await?;
+        S::barrier_of(reply).ok_or_else(|| SideError::Garbage {
+            side: S::SIDE,
+            doing,
+            reason: "it answered a barrier with something else".to_owned(),
+        })
+    }
+
+    /// Ends the side if it was started here: what does not end is killed.
+    async fn stop(mut self) {
+        self.session = None;
+        if let Some(child) = self.child.take() {
+            child.stop().await;
+        }
+    }
+}
+
+fn garbage<S: Service>(doing: String, invalid: &InvalidField) -> SideError {
+    SideError::Garbage { side: S::SIDE, doing, reason: invalid.to_string() }
+}
+
+/// A configuration that is refused for what is in it, problem by problem.
+fn unacceptable<S: Service>(error: SideError) -> SideError {
+    let SideError::Refused { status, .. } = &error else { return error };
+    if status.code() != Code::InvalidArgument {
+        return error;
+    }
+    let violations = status.get_details_bad_request().map(|bad| bad.field_violations);
+    let problems: Vec<Problem> = match violations {
+        Some(violations) if !violations.is_empty() => violations
+            .into_iter()
+            .map(|violation| Problem::new(violation.field, violation.description))
+            .collect(),
+        _ => vec![Problem::new("", format!("is refused: {}", status.message()))],
+    };
+    SideError::Unacceptable { side: S::SIDE, problems }
 }
 
 fn not_a_simulator(side: &'static str, url: &str, tls: Option<&Tls>, status: &Status) -> SideError {

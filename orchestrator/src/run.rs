@@ -1,22 +1,20 @@
 //! One experiment, from file to results.
 
-mod drive;
 pub(crate) mod interrupt;
 mod provenance;
 mod start;
 mod trial;
 
-pub use start::{StartOptions, Wanted, start};
+pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Outcome, Sides, Trial};
 
-use crate::console;
 use crate::peer::SideError;
 use crate::report;
-use drive::{Driver, Failure, Stopped};
 use experiment::Overrides;
+use crate::drive::{Driver, Failure, Observer, Progress, Schedule, Stopped, Taken, Wanted};
 use interrupt::Interrupt;
 use proto::config::Refusal;
-use record::{Ending, Finished, RecordError, Recorder, Status};
+use record::{Ending, Finished, RecordError, Recorder, Status, StepRecord};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -96,6 +94,7 @@ fn side_status(error: &SideError) -> u8 {
         SideError::Unreachable { .. }
         | SideError::NotASimulator { .. }
         | SideError::Certificate { .. }
+        | SideError::Unacceptable { .. }
         | SideError::Cannot { .. } => 2,
         SideError::Start { .. }
         | SideError::Exited { .. }
@@ -128,12 +127,21 @@ pub struct RunReport {
     pub formed_ns: Option<u64>,
 }
 
+/// Whom a run tells what happens while it lasts.
+pub trait Audience: Progress {
+    /// Something to check before the results are trusted, said before the first step.
+    fn warn(&mut self, warning: &str);
+}
+
 /// Runs an experiment.
 ///
 /// # Errors
 ///
 /// See [`RunError`].
-pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
+pub async fn run(
+    options: &RunOptions,
+    audience: &mut impl Audience,
+) -> Result<RunReport, RunError> {
     let plan = experiment::load(&options.config, &options.overrides)?;
     let mut interrupt = Interrupt::listen();
     // A place for the results first: what cannot be written is not worth computing.
@@ -158,7 +166,7 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
     };
     // Before the work: whoever sees them may wish to stop it.
     for warning in &started.warnings {
-        console::warn(warning);
+        audience.warn(warning);
     }
     let provenance = provenance::Provenance::gather(&plan, &started, options);
     let mut coupled = started.coupled;
@@ -174,9 +182,9 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
             return Err(RunError::Record { error, before_start: true });
         }
     };
-    let records = started.records;
-    let driver = Driver::new(&plan, started.waits, records, &mut coupled, &mut recorder);
-    let result = driver.drive(&mut interrupt).await;
+    let schedule = Schedule::of(&plan, started.waits);
+    let driver = Driver::new(schedule, &started.records, &mut coupled);
+    let result = driver.drive(&mut recorder, &mut interrupt, audience).await;
     let (n_steps, time_ns) = (coupled.step_number(), coupled.time_ns());
     let formed_ns = coupled.formation().and_then(|formation| formation.formed_ns);
     let wall_s = begun.elapsed().as_secs_f64();
@@ -210,15 +218,35 @@ pub async fn run(options: &RunOptions) -> Result<RunReport, RunError> {
             }
             Err(RunError::NotFormed { account, kept: Box::new(finished) })
         }
-        Some(Failure::Record(error)) => Err(RunError::Record { error, before_start: false }),
+        Some(Failure::Observer(error)) => Err(RunError::Record { error, before_start: false }),
     }
 }
 
 /// How an experiment ends that is not driven to its end.
-fn ended_by(failure: &Failure) -> Ending {
+fn ended_by(failure: &Failure<RecordError>) -> Ending {
     Ending { never_formed: matches!(failure, Failure::NotFormed(_)), ..failed(failure) }
 }
 
 fn failed(error: &dyn std::error::Error) -> Ending {
     Ending::early(Status::Failed, error.to_string())
+}
+
+impl Observer for Recorder {
+    type Error = RecordError;
+
+    fn step(&mut self, taken: Taken) -> Result<(), RecordError> {
+        Self::step(self, record_of(taken))
+    }
+}
+
+/// A step as it is recorded.
+pub(crate) fn record_of(Taken { outcome, commands, .. }: Taken) -> StepRecord {
+    StepRecord {
+        step: outcome.step,
+        time_ns: outcome.time_ns,
+        digest: outcome.digest(),
+        robots: outcome.robots,
+        network: outcome.network,
+        commands,
+    }
 }

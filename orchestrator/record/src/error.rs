@@ -1,7 +1,6 @@
 //! What can go wrong while recording.
 
 use parquet::errors::ParquetError;
-use proto_messages::convert::InvalidField;
 use std::path::PathBuf;
 
 /// Why a run could not be recorded. Every variant names the path it is about; all end the recording.
@@ -52,16 +51,6 @@ pub enum RecordError {
         path: PathBuf,
         /// What the writer says.
         source: ParquetError,
-    },
-    /// A reply that breaks the contract came to be recorded. The caller should have refused it.
-    #[error("step {step}: the {side}'s reply cannot be recorded: {source}")]
-    Message {
-        /// The step, 0 for `Configure`.
-        step: u64,
-        /// `robot simulator` or `network simulator`.
-        side: &'static str,
-        /// What is wrong.
-        source: InvalidField,
     },
     /// Steps came before the configuration, twice, or not one after the other. A bug in the caller.
     #[error("step {got} cannot be recorded: step {expected} is next")]

@@ -1,7 +1,7 @@
 //! What a run leaves: its configuration, messages, tables, summary, provenance and report. `docs/outputs.md` is the data
 //! dictionary.
 //!
-//! [`Recorder`] takes what the sides replied and hands it to a thread that writes, so that the disk does not hold up the
+//! [`Recorder`] takes what the sides replied, as values, and hands it to a thread that writes, so that the disk does not hold up the
 //! coupling until it is several steps behind. Files grow in `OUT/.<name>.partial-<pid>/`; when all are whole the directory
 //! becomes `OUT/<name>/`. [`read`] opens a record again, [`verify()`] checks one.
 //!
@@ -22,7 +22,7 @@ mod whole;
 mod writer;
 
 pub use error::RecordError;
-pub use measurer::{Measurer, Steps};
+pub use measurer::Measurer;
 pub use table::{ColumnKind, ColumnShape, TableShape};
 pub use tables::TABLES;
 pub use verify::verify;
@@ -35,15 +35,16 @@ use directory::Directory;
 use experiment::{OutputConfig, Start};
 use metrics::Measures;
 use proto::digest::Digest;
+use proto::exchange::{Configured, NetworkStep, RobotsStep};
 use proto::types::{Coupling, MoteCommand, NetRecord};
-use proto_messages::v1;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use whole::Fingerprint;
-use writer::{Event, RunWriter, Step, Written};
+use writer::{Event, RunWriter, Written};
 
 /// What a finished run hands to whoever makes its report.
 #[derive(Clone, Copy, Debug)]
@@ -87,32 +88,19 @@ pub struct RunHeader {
     pub warnings: Vec<String>,
 }
 
-/// How both sides were configured.
+/// A step that both sides have answered and agree on. The replies are shared with whoever took the step.
 #[derive(Clone, Debug)]
-pub struct Configured {
-    /// What the robot simulator was asked.
-    pub robot_request: v1::RobotSimServiceConfigureRequest,
-    /// What it replied.
-    pub robot_response: v1::RobotSimServiceConfigureResponse,
-    /// What the network simulator was asked.
-    pub net_request: v1::NetSimServiceConfigureRequest,
-    /// What it replied.
-    pub net_response: v1::NetSimServiceConfigureResponse,
-}
-
-/// A step that both sides have answered and agree on.
-#[derive(Clone, Copy, Debug)]
-pub struct StepRecord<'a> {
+pub struct StepRecord {
     /// The step, from 1.
     pub step: u64,
     /// The time reached (ns).
     pub time_ns: u64,
     /// The robots' reply.
-    pub robots: &'a v1::RobotSimServiceStepResponse,
+    pub robots: Arc<RobotsStep>,
     /// The network's reply.
-    pub net: &'a v1::NetSimServiceStepResponse,
+    pub network: Arc<NetworkStep>,
     /// Orders to the network that took effect in the step, beside those in its reply.
-    pub commands: &'a [MoteCommand],
+    pub commands: Vec<MoteCommand>,
     /// The digest agreed on.
     pub digest: Digest,
 }
@@ -197,7 +185,7 @@ pub struct Recorder {
     directory: Option<Directory>,
     events: Option<SyncSender<Event>>,
     /// Steps not handed over yet.
-    waiting: Vec<Step>,
+    waiting: Vec<StepRecord>,
     thread: Option<JoinHandle<Result<Written, RecordError>>>,
     failure: Option<String>,
 }
@@ -242,11 +230,8 @@ impl Recorder {
     /// # Errors
     ///
     /// What went wrong with this or anything recorded before.
-    pub fn step(&mut self, record: StepRecord<'_>) -> Result<(), RecordError> {
-        let StepRecord { step, time_ns, robots, net, commands, digest } = record;
-        let (robots, net) = (robots.clone(), net.clone());
-        let commands = commands.to_vec();
-        self.waiting.push(Step { step, time_ns, robots, net, commands, digest });
+    pub fn step(&mut self, record: StepRecord) -> Result<(), RecordError> {
+        self.waiting.push(record);
         let agents = (self.header.agent_count as usize).saturating_mul(self.waiting.len());
         if agents < AGENTS_PER_HANDOVER { Ok(()) } else { self.hand_over() }
     }

@@ -1,6 +1,5 @@
 //! Opens `run.mcap` again.
 
-use super::Configured;
 use super::log::Topic;
 use super::writer::LOG_FILE;
 use mcap::io::MessageReader;
@@ -15,7 +14,20 @@ use std::path::{Path, PathBuf};
 pub struct Reader {
     path: PathBuf,
     messages: MessageReader<BufReader<File>>,
-    configured: Option<Configured>,
+    configured: Option<RecordedConfiguration>,
+}
+
+/// How both sides were configured, as it was recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedConfiguration {
+    /// What the robot simulator was asked.
+    pub robot_request: v1::RobotSimServiceConfigureRequest,
+    /// What it replied.
+    pub robot_response: v1::RobotSimServiceConfigureResponse,
+    /// What the network simulator was asked.
+    pub net_request: v1::NetSimServiceConfigureRequest,
+    /// What it replied.
+    pub net_response: v1::NetSimServiceConfigureResponse,
 }
 
 /// A step as it was recorded.
@@ -93,7 +105,7 @@ impl Reader {
         let messages = MessageReader::new_with_options(BufReader::new(file), options);
         let mut reader = Self { path, messages, configured: None };
         if let Some(robot_request) = reader.next_or_end(Topic::RobotConfigureRequest)? {
-            reader.configured = Some(Configured {
+            reader.configured = Some(RecordedConfiguration {
                 robot_request,
                 robot_response: reader.next(Topic::RobotConfigureResponse)?,
                 net_request: reader.next(Topic::NetConfigureRequest)?,
@@ -105,7 +117,7 @@ impl Reader {
 
     /// How both sides were configured; `None` of a run that ended before that.
     #[must_use]
-    pub fn configured(&self) -> Option<&Configured> {
+    pub fn configured(&self) -> Option<&RecordedConfiguration> {
         self.configured.as_ref()
     }
 

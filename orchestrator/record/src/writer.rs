@@ -1,41 +1,32 @@
-//! Turns replies into files, step by step, in the order they come.
+//! Turns replies into files, step by step, in the order they come. For `run.mcap` they become messages again, here and nowhere
+//! else.
 
 use super::log::{MessageLog, Topic};
 use super::pcap::{self, Capture};
 use super::tables::Tables;
 use super::whole::Fingerprint;
-use super::{Configured, RecordError, RunHeader};
 use metrics::counts::Counts;
 use metrics::kpi::Kpis;
 use metrics::measures::Measures;
 use metrics::period::Period;
 use metrics::task::Task;
+use super::{RecordError, RunHeader, StepRecord};
 use proto::config;
 use proto::digest::Digest;
+use proto::exchange::{Configured, RobotsStep};
 use proto::site;
-use proto::types::{AgentStates, Coupling, MoteCommand, MoteOrder, NetRecord};
-use proto_messages::convert;
+use proto::types::{Coupling, MoteOrder, MoteStates, NetRecord};
 use proto_messages::v1;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// What comes to be recorded.
 pub(crate) enum Event {
     /// Both sides are configured.
     Configured(Box<Configured>),
     /// Both sides have answered these steps and agree on their digests.
-    Steps(Vec<Step>),
-}
-
-/// A step.
-#[derive(Debug)]
-pub(crate) struct Step {
-    pub step: u64,
-    pub time_ns: u64,
-    pub robots: v1::RobotSimServiceStepResponse,
-    pub net: v1::NetSimServiceStepResponse,
-    pub commands: Vec<MoteCommand>,
-    pub digest: Digest,
+    Steps(Vec<StepRecord>),
 }
 
 /// The files being written, and the measures of the run so far.
@@ -52,7 +43,8 @@ pub(crate) struct RunWriter {
 struct Run {
     measures: Measures,
     net_warnings: Vec<String>,
-    states: AgentStates,
+    /// The robots' latest reply; before the first step, where they begin.
+    moved: Arc<RobotsStep>,
     time_ns: u64,
     n_steps: u64,
     /// Steps with orders, each with a message of its own.
@@ -132,37 +124,41 @@ impl RunWriter {
         if let Some(run) = &self.run {
             return Err(RecordError::Order { got: 0, expected: run.n_steps + 1 });
         }
-        let Configured { robot_request, robot_response, net_request, net_response } = configured;
+        let Configured { robots_request, robots_start, network_request, network_start } =
+            configured;
         if let Some(log) = &mut self.log {
-            log.write(Topic::RobotConfigureRequest, 0, 0, &robot_request)?;
-            log.write(Topic::RobotConfigureResponse, 0, 0, &robot_response)?;
-            log.write(Topic::NetConfigureRequest, 0, 0, &net_request)?;
-            log.write(Topic::NetConfigureResponse, 0, 0, &net_response)?;
+            let request = v1::RobotSimServiceConfigureRequest::from(&robots_request);
+            log.write(Topic::RobotConfigureRequest, 0, 0, &request)?;
+            let reply = v1::RobotSimServiceConfigureResponse::from(&robots_start);
+            log.write(Topic::RobotConfigureResponse, 0, 0, &reply)?;
+            let request = v1::NetSimServiceConfigureRequest::from(&network_request);
+            log.write(Topic::NetConfigureRequest, 0, 0, &request)?;
+            let reply = v1::NetSimServiceConfigureResponse::from(&network_start);
+            log.write(Topic::NetConfigureResponse, 0, 0, &reply)?;
         }
         let n = self.n_agents;
-        let states = convert::states(robot_response.states, n).map_err(of_robots(0))?;
-        let motes = convert::motes(net_response.motes, n).map_err(of_network(0))?;
-        let statistics = convert::statistics(net_response.statistics, n).map_err(of_network(0))?;
-        let formation = convert::formation(net_response.formation, n).map_err(of_network(0))?;
+        let motes = network_start.motes.unwrap_or_else(|| MoteStates::all_working(n));
+        let statistics = network_start.statistics;
         let columns = statistics.as_ref().map(|statistics| &statistics.columns[..]);
-        self.tables.begin(&states, &motes, columns.unwrap_or_default())?;
+        self.tables.begin(&robots_start.states, &motes, columns.unwrap_or_default())?;
         if let Some(capture) = &mut self.capture {
-            capture.write(&net_response.capture_header)?;
+            capture.write(&network_start.capture_header)?;
         }
-        let kpis = Kpis::new(formation, statistics);
-        let effective = if robot_response.effective_config_toml.is_empty() {
-            &robot_request.config_toml
+        let kpis = Kpis::new(network_start.formation, statistics);
+        let effective = if robots_start.effective_toml.is_empty() {
+            &robots_request.config_toml
         } else {
-            &robot_response.effective_config_toml
+            &robots_start.effective_toml
         };
         // Checked before anything started: of a site that is no site, nothing is drawn.
-        let site = config::parse(&net_request.site_toml)
+        let site = config::parse(&network_request.site_toml)
             .map(|site| site::read(&site, "site", &mut Vec::new()).0)
             .unwrap_or_default();
+        let states = robots_start.states;
         self.run = Some(Run {
             measures: Measures::new(Task::of(effective), site, &states, kpis),
-            net_warnings: net_response.warnings,
-            states,
+            net_warnings: network_start.warnings,
+            moved: Arc::new(RobotsStep { states, ..RobotsStep::default() }),
             time_ns: 0,
             n_steps: 0,
             n_ordered: 0,
@@ -171,19 +167,14 @@ impl RunWriter {
         Ok(())
     }
 
-    fn step(&mut self, step: Step) -> Result<(), RecordError> {
-        let Step { step, time_ns, mut robots, mut net, commands, digest } = step;
+    fn step(&mut self, record: StepRecord) -> Result<(), RecordError> {
+        let StepRecord { step, time_ns, robots, network, commands, digest } = record;
         let expected = self.run.as_ref().map_or(0, |run| run.n_steps + 1);
         let Some(run) = self.run.as_mut().filter(|_| step == expected) else {
             return Err(RecordError::Order { got: step, expected });
         };
-        // Only a stream carries them; the record is the same without.
-        robots.digest.clear();
-        net.digest.clear();
-        // In a file of its own.
-        let captured = std::mem::take(&mut net.capture);
         if let Some(capture) = &mut self.capture {
-            capture.write(&captured)?;
+            capture.write(&network.capture)?;
         }
         for command in &commands {
             run.measures.note_event(run.time_ns, word(&command.order));
@@ -195,8 +186,12 @@ impl RunWriter {
                 log.write(Topic::NetCommand, step, time_ns, &request)?;
                 run.n_ordered += 1;
             }
-            log.write(Topic::RobotStep, step, time_ns, &robots)?;
-            log.write(Topic::NetStep, step, time_ns, &net)?;
+            let reply = v1::RobotSimServiceStepResponse::from(&*robots);
+            log.write(Topic::RobotStep, step, time_ns, &reply)?;
+            let mut reply = v1::NetSimServiceStepResponse::from(&*network);
+            // In a file of its own.
+            reply.capture.clear();
+            log.write(Topic::NetStep, step, time_ns, &reply)?;
             let barrier = v1::RobotSimServiceBarrierResponse {
                 step,
                 time_ns,
@@ -204,48 +199,44 @@ impl RunWriter {
             };
             log.write(Topic::Barrier, step, time_ns, &barrier)?;
         }
-        let n = self.n_agents;
-        let figures = convert::task_figures(robots.figures).map_err(of_robots(step))?;
         if !robots.held {
-            run.measures.task_figures = figures;
+            run.measures.task_figures.clone_from(&robots.figures);
         }
-        let moved_obstacles =
-            convert::moved_obstacles(robots.moved_obstacles).map_err(of_robots(step))?;
-        let states = convert::states(robots.states, n).map_err(of_robots(step))?;
-        let deliveries =
-            convert::deliveries(net.deliveries, n).map_err(of_network(step))?.unwrap_or_default();
-        let motes = convert::motes(net.motes, n).map_err(of_network(step))?;
-        let formation = convert::formation(net.formation, n).map_err(of_network(step))?;
-        let packets = convert::packets(net.packets, n).map_err(of_network(step))?;
-        let statistics = convert::statistics(net.statistics, n).map_err(of_network(step))?;
-        let schedule = convert::schedule(net.schedule, n).map_err(of_network(step))?;
-        let heard_links = convert::heard_links(net.heard_links, n).map_err(of_network(step))?;
-        let counts = Counts::of(&deliveries, n);
+        let n = self.n_agents;
+        let counts = Counts::of(&network.deliveries, n);
+        let all_working;
+        let motes = match &network.motes {
+            Some(motes) => motes,
+            None => {
+                all_working = MoteStates::all_working(n);
+                &all_working
+            }
+        };
         let period = Period {
             step,
             from_ns: run.time_ns,
             time_ns,
-            states: &states,
-            states_before: &run.states,
+            states: &robots.states,
+            states_before: &run.moved.states,
             states_on_air: match self.coupling {
-                Coupling::Sequential => &states,
-                Coupling::Parallel | Coupling::Event => &run.states,
+                Coupling::Sequential => &robots.states,
+                Coupling::Parallel | Coupling::Event => &run.moved.states,
             },
-            moved_obstacles: &moved_obstacles,
-            deliveries: &deliveries,
+            moved_obstacles: &robots.moved_obstacles,
+            deliveries: &network.deliveries,
             counts: &counts,
-            motes: &motes,
+            motes,
             task_complete: robots.task_complete,
             held: robots.held,
-            formation: formation.as_ref(),
-            packets: packets.as_ref(),
-            statistics: statistics.as_ref(),
-            schedule: schedule.as_ref(),
-            heard_links: heard_links.as_ref(),
+            formation: network.formation.as_ref(),
+            packets: network.packets.as_ref(),
+            statistics: network.statistics.as_ref(),
+            schedule: network.schedule.as_ref(),
+            heard_links: network.heard_links.as_ref(),
         };
         run.measures.add(&period);
         self.tables.add(&period, &run.measures.kpis.account)?;
-        run.states = states;
+        run.moved = robots;
         run.time_ns = time_ns;
         run.n_steps = step;
         run.digest = Some(digest);
@@ -274,14 +265,6 @@ fn word(order: &MoteOrder) -> &'static str {
         MoteOrder::Jam { .. } => "jam",
         MoteOrder::Send { .. } => "send",
     }
-}
-
-fn of_robots(step: u64) -> impl Fn(convert::InvalidField) -> RecordError {
-    move |source| RecordError::Message { step, side: "robot simulator", source }
-}
-
-fn of_network(step: u64) -> impl Fn(convert::InvalidField) -> RecordError {
-    move |source| RecordError::Message { step, side: "network simulator", source }
 }
 
 /// The message log.

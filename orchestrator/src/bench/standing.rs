@@ -4,12 +4,11 @@ use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, record_failed, step,
     temporary_folder,
 };
-use crate::coupling::Coupled;
-use crate::run::{RunError, Wanted, start};
 use experiment::{Overrides, Plan};
 use proto::types::{NS_PER_S, seconds};
-use proto_messages::convert;
 use record::Recorder;
+use crate::drive::Wanted;
+use crate::run::{Processes, RunError, start};
 use serde_json::{Value, json};
 use std::fmt::{self, Write as _};
 use std::path::Path;
@@ -177,7 +176,7 @@ async fn measure(row: Row, options: &BenchOptions) -> Result<Cell, RunError> {
 
 struct Run<'a> {
     plan: &'a Plan,
-    coupled: &'a mut Coupled,
+    coupled: &'a mut Processes,
     recorder: &'a mut Option<Recorder>,
     /// Packets delivered and lost since the last phase began.
     ends: [u64; 2],
@@ -202,9 +201,7 @@ impl Run<'_> {
 
     async fn step(&mut self) -> Result<(), RunError> {
         let outcome = step(self.plan, self.coupled, self.recorder, true).await?;
-        let Some(net) = &outcome.network else { return Ok(()) };
-        let packets = convert::packets(net.packets.clone(), self.plan.experiment.agent_count);
-        for outcome in packets.ok().flatten().iter().flat_map(|packets| &packets.outcome) {
+        for outcome in outcome.network.packets.iter().flat_map(|packets| &packets.outcome) {
             self.ends[usize::from(*outcome != 0)] += 1;
         }
         Ok(())

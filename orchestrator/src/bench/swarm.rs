@@ -3,10 +3,10 @@
 use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, step, steps, temporary_folder,
 };
-use crate::coupling::Coupled;
-use crate::run::{RunError, Wanted, start};
 use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
+use crate::drive::Wanted;
+use crate::run::{Processes, RunError, start};
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
 use serde_json::{Value, json};
@@ -117,7 +117,7 @@ pub(super) async fn bench(
 /// When the network had formed, and the wall time of each control period after that (ms).
 async fn measure(
     plan: &Plan,
-    coupled: &mut Coupled,
+    coupled: &mut Processes,
     recorder: &mut Option<Recorder>,
     n_steps: Option<u64>,
 ) -> Result<(Option<u64>, Vec<f64>), RunError> {
@@ -133,7 +133,7 @@ async fn measure(
 /// Steps with robots that stand still until the network has formed. Returns when it had.
 async fn form(
     plan: &Plan,
-    coupled: &mut Coupled,
+    coupled: &mut Processes,
     recorder: &mut Option<Recorder>,
 ) -> Result<Option<u64>, RunError> {
     while coupled.time_ns() < LIMIT_NS {

@@ -1,5 +1,6 @@
 //! What can go wrong with a side. Every message names the side and the fact.
 
+use proto::config::Problem;
 use std::path::PathBuf;
 use std::time::Duration;
 use tonic::Status;
@@ -98,6 +99,14 @@ pub enum SideError {
         doing: String,
         /// For how long.
         waited: Duration,
+    },
+    /// It refuses its configuration for what is in it.
+    #[error("{side}: refuses its configuration: {}", problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Unacceptable {
+        /// Which side.
+        side: &'static str,
+        /// Everything that is wrong with it. Paths begin with `site`, or below the side's own section.
+        problems: Vec<Problem>,
     },
     /// It refused a request.
     #[error("{side}: refused {doing}: {} ({:?})", status.message(), status.code())]

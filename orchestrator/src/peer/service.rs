@@ -1,52 +1,24 @@
-//! The two services behind one face.
+//! The two services behind one face, and the border between their messages and values.
 
-use super::Standing;
+use super::{Described, Network, Robots, Side, Standing};
+use bytes::Bytes;
+use proto_messages::convert::{self, InvalidField};
+use proto::exchange::ConfigureRequest;
 use proto_host::MAX_MESSAGE_BYTES;
+use proto::types::{DeliveryColumn, NetRecord};
+use proto::types::MoteCommandKind;
+use proto_messages::v1;
 use proto_host::services::net_sim_service_client::NetSimServiceClient;
 use proto_host::services::robot_sim_service_client::RobotSimServiceClient;
-use proto_messages::v1;
 use std::future::Future;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
 use tonic::{Status, Streaming};
 
-/// What a side says of itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Described {
-    /// Its name.
-    pub name: String,
-    /// Its version.
-    pub version: String,
-    /// The contract's version.
-    pub contract_version: u32,
-    /// Sessions are served.
-    pub session: bool,
-    /// Parallel and event coupling are understood.
-    pub parallel: bool,
-    /// Steps can end at the first delivery. Network only.
-    pub stop_at_first_delivery: bool,
-    /// Orders to agents are obeyed. Robots only.
-    pub commands: bool,
-    /// They can stand still while time passes. Robots only.
-    pub hold: bool,
-    /// Kinds of order to motes that are obeyed. Network only.
-    pub mote_commands: Vec<i32>,
-    /// Delivery columns that can be asked for. Network only.
-    pub columns: Vec<i32>,
-    /// Records that can be asked for. Network only.
-    pub records: Vec<i32>,
-    /// The largest capacity; 0: no limit.
-    pub max_agents: u32,
-}
-
 type Reply<T> = Result<T, Status>;
 
 /// One of the two services of the contract.
-pub trait Service: Send + Sync + 'static {
-    /// Name of the side in messages.
-    const SIDE: &'static str;
-    /// Name that the simulator which comes with this program gives itself.
-    const BUILT_IN: &'static str;
+pub trait Service: Side {
     /// The generated client.
     type Client: Clone + Send + Sync;
     /// Request of `Configure`.
@@ -95,24 +67,38 @@ pub trait Service: Send + Sync + 'static {
     fn step_of(response: Self::SessionResponse) -> Option<Self::StepResponse>;
     /// The barrier's reply within a session's.
     fn barrier_of(response: Self::SessionResponse) -> Option<Standing>;
+
+    /// A configuration as its message.
+    fn configuration(request: &ConfigureRequest) -> Self::ConfigureRequest;
+    /// The reply to a configuration from its message.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that is malformed in it.
+    fn start(reply: Self::ConfigureResponse, n_agents: usize) -> Result<Self::Start, InvalidField>;
+    /// Number of the step that an input asks for.
+    fn number(input: &Self::Input<'_>) -> u64;
+    /// An input as its message, with the digest that it confirms.
+    fn request(input: &Self::Input<'_>, confirmed_digest: Bytes) -> Self::StepRequest;
+    /// The reply to a step from its message, and the digest that came with it.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that is malformed in it.
+    fn reply(
+        reply: Self::StepResponse,
+        n_agents: usize,
+    ) -> Result<(Self::Reply, Bytes), InvalidField>;
 }
-
-/// The robots' service.
-pub enum Robots {}
-
-/// The network's service.
-pub enum Network {}
 
 /// Both implementations differ in the names of the generated types alone.
 macro_rules! service {
     (
-        $side:ty, $name:literal, $built_in:expr, $client:ident, $call:path, $reply:path,
+        $side:ty, $client:ident, $call:path, $reply:path, $start_of:path, $step_of:path,
         $describe:ident, $configure:ident, $configured:ident, $step:ident, $stepped:ident,
         $barrier:ident, $session:ident, $sessioned:ident, |$d:ident| $described:expr
     ) => {
         impl Service for $side {
-            const SIDE: &'static str = $name;
-            const BUILT_IN: &'static str = $built_in;
             type Client = $client<Channel>;
             type ConfigureRequest = v1::$configure;
             type ConfigureResponse = v1::$configured;
@@ -187,17 +173,43 @@ macro_rules! service {
                     Some(Reply::Step(_)) | None => None,
                 }
             }
+
+            fn configuration(request: &ConfigureRequest) -> Self::ConfigureRequest {
+                request.into()
+            }
+
+            fn start(
+                reply: Self::ConfigureResponse,
+                n_agents: usize,
+            ) -> Result<Self::Start, InvalidField> {
+                $start_of(reply, n_agents)
+            }
+
+            fn number(input: &Self::Input<'_>) -> u64 {
+                input.step
+            }
+
+            fn request(input: &Self::Input<'_>, confirmed_digest: Bytes) -> Self::StepRequest {
+                v1::$step { confirmed_digest, ..input.into() }
+            }
+
+            fn reply(
+                reply: Self::StepResponse,
+                n_agents: usize,
+            ) -> Result<(Self::Reply, Bytes), InvalidField> {
+                $step_of(reply, n_agents)
+            }
         }
     };
 }
 
 service!(
     Robots,
-    "robotsim",
-    <robotsim::sim::Swarm as proto::side::RobotSimulator>::NAME,
     RobotSimServiceClient,
     v1::robot_sim_service_session_request::Request,
     v1::robot_sim_service_session_response::Response,
+    convert::robots_start,
+    convert::robots_step,
     RobotSimServiceDescribeRequest,
     RobotSimServiceConfigureRequest,
     RobotSimServiceConfigureResponse,
@@ -224,11 +236,11 @@ service!(
 
 service!(
     Network,
-    "netsim",
-    <netsim::sim::Network as proto::side::NetSimulator>::NAME,
     NetSimServiceClient,
     v1::net_sim_service_session_request::Request,
     v1::net_sim_service_session_response::Response,
+    convert::network_start,
+    convert::network_step,
     NetSimServiceDescribeRequest,
     NetSimServiceConfigureRequest,
     NetSimServiceConfigureResponse,
@@ -246,9 +258,32 @@ service!(
         stop_at_first_delivery: d.stop_at_first_delivery,
         commands: false,
         hold: false,
-        mote_commands: d.commands,
-        columns: d.columns,
-        records: d.records,
+        mote_commands: kinds(&d.commands),
+        columns: columns(&d.columns),
+        records: records(&d.records),
         max_agents: d.limits.unwrap_or_default().max_agents,
     }
 );
+
+/// Kinds of order that are known here.
+fn kinds(numbers: &[i32]) -> Vec<MoteCommandKind> {
+    let known = |&number: &i32| match v1::MoteCommandKind::try_from(number) {
+        Ok(v1::MoteCommandKind::Kill) => Some(MoteCommandKind::Kill),
+        Ok(v1::MoteCommandKind::Revive) => Some(MoteCommandKind::Revive),
+        Ok(v1::MoteCommandKind::Add) => Some(MoteCommandKind::Add),
+        Ok(v1::MoteCommandKind::Jam) => Some(MoteCommandKind::Jam),
+        Ok(v1::MoteCommandKind::Send) => Some(MoteCommandKind::Send),
+        Ok(v1::MoteCommandKind::Unspecified) | Err(_) => None,
+    };
+    numbers.iter().filter_map(known).collect()
+}
+
+/// Columns that are known here.
+fn columns(numbers: &[i32]) -> Vec<DeliveryColumn> {
+    numbers.iter().filter_map(|&number| convert::columns(&[number]).ok()).flatten().collect()
+}
+
+/// Records that are known here.
+fn records(numbers: &[i32]) -> Vec<NetRecord> {
+    numbers.iter().filter_map(|&number| convert::records(&[number]).ok()).flatten().collect()
+}

@@ -1,5 +1,6 @@
 //! Ctrl-C and SIGTERM: the step under way is finished, what was recorded is kept.
 
+use crate::drive::Interrupts;
 use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
@@ -22,20 +23,21 @@ impl Interrupt {
         }
     }
 
-    /// The signal that came, if one did.
-    pub(super) fn seen(&self) -> Option<&'static str> {
-        self.seen
-    }
-
     /// Completes when a signal comes.
     pub(crate) async fn first(&mut self) -> &'static str {
         let name = next(&mut self.interrupt, &mut self.terminate).await;
         self.seen = Some(name);
         name
     }
+}
 
-    /// Completes when a signal came and, a while later, its step is still under way, or a second signal came.
-    pub(super) async fn lasting(&mut self) -> &'static str {
+impl Interrupts for Interrupt {
+    fn seen(&self) -> Option<&'static str> {
+        self.seen
+    }
+
+    /// A while after the signal, or with the second one.
+    async fn lasting(&mut self) -> &'static str {
         if self.seen.is_none() {
             self.first().await;
         }

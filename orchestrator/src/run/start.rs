@@ -1,19 +1,17 @@
-//! Starting, connecting and configuring both sides.
+//! Starting, connecting and configuring both sides of a run.
 
 use super::RunError;
 use crate::coupling::Coupled;
-use crate::peer::{Launch, Network, Peer, Reach, Robots, Service, SideError};
-use experiment::{EXPERIMENT, Plan, SideConfig, Start, timeline};
-use proto::config::Refusal;
-use proto::config::{Node, Problem, Value};
-use proto::types::{Coupling, DeliveryColumn, NetRecord};
-use proto_messages::{convert, v1};
-use record::{Configured, RunHeader, is_column_of_motes};
-use std::collections::{BTreeMap, BTreeSet};
+use experiment::{EXPERIMENT, Plan, SideConfig, Start};
+use proto::config::{Node, Problem, Refusal, Value};
+use crate::drive::{self, Asked, Unfit, Wanted};
+use crate::peer::{Launch, Network, Peer, Reach, Remote, Robots, Service, Side as _, SideError};
+use record::{RunHeader, is_column_of_motes};
+use proto::exchange::Configured;
+use proto::types::NetRecord;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
-use tonic::Code;
-use tonic_types::StatusExt as _;
 
 /// How the sides are started.
 #[derive(Clone, Debug)]
@@ -30,21 +28,13 @@ pub struct StartOptions {
     pub is_busy: bool,
 }
 
-/// What is asked of the network beside what the robots need.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
-    /// Nothing.
-    Nothing,
-    /// What the summary is made of.
-    Measures,
-    /// What `[output]` says.
-    Record,
-}
+/// Two simulators in other processes, in step.
+pub type Processes = Coupled<Remote<Robots>, Remote<Network>>;
 
 /// Both sides, ready for the first step.
 pub struct Started {
     /// The sides in step.
-    pub coupled: Coupled,
+    pub coupled: Processes,
     /// What was said while configuring.
     pub exchange: Configured,
     /// What the record begins with.
@@ -76,7 +66,7 @@ pub struct SideIdentity {
     pub streams: bool,
 }
 
-fn identity<S: Service>(peer: &Peer<S>) -> SideIdentity {
+fn identity<S: Service>(peer: &Remote<S>) -> SideIdentity {
     SideIdentity {
         name: peer.described().name.clone(),
         version: peer.described().version.clone(),
@@ -104,7 +94,7 @@ pub async fn start(
 pub(super) async fn connect(
     plan: &Plan,
     options: &StartOptions,
-) -> Result<(Peer<Robots>, Peer<Network>), RunError> {
+) -> Result<(Remote<Robots>, Remote<Network>), RunError> {
     let reach = |url: &Option<String>| Reach {
         url: url.clone(),
         tls: plan.tls.clone(),
@@ -120,8 +110,8 @@ pub(super) async fn connect(
     };
     let (robots_reach, network_reach) = (reach(&plan.robotsim.url), reach(&plan.netsim.url));
     let (robots, network) = tokio::join!(
-        Peer::<Robots>::connect(&robots_reach),
-        Peer::<Network>::connect(&network_reach)
+        Remote::<Robots>::connect(&robots_reach),
+        Remote::<Network>::connect(&network_reach)
     );
     match (robots, network) {
         (Ok(robots), Ok(network)) => Ok((robots, network)),
@@ -142,34 +132,33 @@ pub(super) async fn connect(
 /// Configures both sides, whatever they ran before. If that fails they are stopped.
 pub(super) async fn ready(
     plan: &Plan,
-    mut robots: Peer<Robots>,
-    mut network: Peer<Network>,
+    mut robots: Remote<Robots>,
+    mut network: Remote<Network>,
     wanted: Wanted,
 ) -> Result<Started, RunError> {
     match configure(plan, &mut robots, &mut network, wanted).await {
-        Ok(Agreed { exchange, warnings, start }) => {
+        Ok((exchange, start)) => {
             let identities = (identity(&robots), identity(&network));
+            let warnings = warnings(plan, &exchange, wanted);
             let header = header(plan, &exchange, start);
             let records = header.records.clone();
-            match Coupled::new(
+            let coupled = Coupled::new(
                 robots,
                 network,
                 plan.experiment.clone(),
-                exchange.robot_response.clone(),
-                exchange.net_response.clone(),
-            ) {
-                Ok(coupled) => Ok(Started {
-                    coupled,
-                    exchange,
-                    header,
-                    waits: start == Start::WhenFormed,
-                    records,
-                    robots: identities.0,
-                    network: identities.1,
-                    warnings,
-                }),
-                Err(error) => Err(side(error)),
-            }
+                &exchange.robots_start,
+                &exchange.network_start,
+            );
+            Ok(Started {
+                coupled,
+                exchange,
+                header,
+                waits: start == Start::WhenFormed,
+                records,
+                robots: identities.0,
+                network: identities.1,
+                warnings,
+            })
         }
         Err(error) => {
             tokio::join!(robots.stop(), network.stop());
@@ -178,253 +167,58 @@ pub(super) async fn ready(
     }
 }
 
-/// What came of configuring both sides.
-struct Agreed {
-    exchange: Configured,
-    warnings: Vec<String>,
-    start: Start,
-}
-
-/// Makes sure that both sides announce what the plan asks of them.
-fn announced(
-    plan: &Plan,
-    robots: &Peer<Robots>,
-    network: &Peer<Network>,
-    wanted: Wanted,
-) -> Result<(), RunError> {
-    let coupling = plan.experiment.coupling;
-    if coupling != Coupling::Sequential {
-        for (name, side, parallel) in [
-            (&robots.described().name, Robots::SIDE, robots.described().parallel),
-            (&network.described().name, Network::SIDE, network.described().parallel),
-        ] {
-            if !parallel {
-                return Err(self::side(cannot(
-                    side,
-                    format!(
-                        "{name} does not announce parallel coupling, which the experiment asks for"
-                    ),
-                )));
-            }
-        }
-    }
-    if coupling == Coupling::Event && !network.described().stop_at_first_delivery {
-        let what = format!(
-            "{} does not announce stop_at_first_delivery, which experiment.control_period = \"packet\" needs",
-            network.described().name
-        );
-        return Err(self::side(cannot(Network::SIDE, what)));
-    }
-    for (side, max_agents) in [
-        (Robots::SIDE, robots.described().max_agents),
-        (Network::SIDE, network.described().max_agents),
-    ] {
-        if max_agents != 0 && max_agents < plan.experiment.agent_count as u32 {
-            let what =
-                format!("takes at most {max_agents} agents, got {}", plan.experiment.agent_count);
-            return Err(self::side(cannot(side, what)));
-        }
-    }
-    let capture: i32 = v1::NetRecord::from(NetRecord::Capture).into();
-    if wanted == Wanted::Record
-        && plan.output.pcap
-        && !network.described().records.contains(&capture)
-    {
-        let what = format!(
-            "{} does not announce a capture of its radio traffic, which output.pcap = true asks for",
-            network.described().name
-        );
-        return Err(self::side(cannot(Network::SIDE, what)));
-    }
-    let mut problems: Vec<Problem> = plan
-        .timeline
-        .entries()
-        .iter()
-        .filter(|entry| {
-            let kind = v1::MoteCommandKind::from(entry.order.kind()).into();
-            !network.described().mote_commands.contains(&kind)
-        })
-        .map(|entry| {
-            let name = &network.described().name;
-            Problem::new(
-                format!("timeline[{}].order", entry.index),
-                format!("is nothing that {name} obeys: {}", timeline::describe(entry)),
-            )
-        })
-        .collect();
-    // An entry with many motes or channels is many orders, and one problem.
-    problems.dedup_by(|a, b| a.path == b.path);
-    if !problems.is_empty() {
-        return Err(RunError::Refused(Refusal::new(&plan.path, &plan.text, &plan.tree, problems)));
-    }
-    Ok(())
-}
-
-/// Makes sure that the network announces what carries the robots' messages, if they send any.
-fn carries(
-    robots: &v1::RobotSimServiceConfigureResponse,
-    network: &Peer<Network>,
-) -> Result<(), RunError> {
-    let send: i32 = v1::MoteCommandKind::Send.into();
-    if robots.messages && !network.described().mote_commands.contains(&send) {
-        let what = format!(
-            "{} does not announce MOTE_COMMAND_KIND_SEND, which the robots' messages to single ones of them need",
-            network.described().name
-        );
-        return Err(side(cannot(Network::SIDE, what)));
-    }
-    Ok(())
-}
-
-/// When the robots start, now that it is known whether the network has anything to form.
-fn starts(
-    plan: &Plan,
-    robots: &Peer<Robots>,
-    network: &Peer<Network>,
-    forms: bool,
-) -> Result<Start, RunError> {
-    let start = match plan.start {
-        Some(Start::WhenFormed) if !forms => {
-            let what = format!(
-                "{} has nothing to form, which experiment.start = \"when-formed\" waits for; start = \"at-once\" does not",
-                network.described().name
-            );
-            return Err(side(cannot(Network::SIDE, what)));
-        }
-        None if forms => Start::WhenFormed,
-        start => start.unwrap_or(Start::AtOnce),
-    };
-    if start == Start::WhenFormed && !robots.described().hold {
-        let what = format!(
-            "{} does not announce hold, so its robots cannot stand still until the network has formed; with \
-             experiment.start = \"at-once\" they start while it forms",
-            robots.described().name
-        );
-        return Err(side(cannot(Robots::SIDE, what)));
-    }
-    Ok(start)
-}
-
-/// The numbers of the columns of deliveries that the record and the robots want, each once, ascending.
-fn asked_columns(recorded: &[DeliveryColumn], by_robots: &[i32]) -> impl Iterator<Item = i32> {
-    let recorded = recorded.iter().map(|&column| v1::DeliveryColumn::from(column).into());
-    let all: BTreeSet<i32> = recorded.chain(by_robots.iter().copied()).collect();
-    all.into_iter()
-}
-
 /// Configures both sides with the plan.
 async fn configure(
     plan: &Plan,
-    robots: &mut Peer<Robots>,
-    network: &mut Peer<Network>,
+    robots: &mut Remote<Robots>,
+    network: &mut Remote<Network>,
     wanted: Wanted,
-) -> Result<Agreed, RunError> {
-    announced(plan, robots, network, wanted)?;
-    let coupling = plan.experiment.coupling;
-    let (seed, agent_count, step_ns) =
-        (plan.experiment.seed, plan.experiment.agent_count as u32, plan.experiment.step_ns);
-    let coupling = v1::Coupling::from(coupling).into();
-    let files = |side: &SideConfig| {
-        side.files
-            .iter()
-            .map(|(path, content)| v1::File { path: path.clone(), content: content.clone() })
-            .collect::<Vec<_>>()
-    };
-    let robots_request = v1::RobotSimServiceConfigureRequest {
-        seed,
-        agent_count,
-        step_ns,
-        coupling,
-        site_toml: plan.site_toml.clone(),
-        config_toml: sent(robots, &plan.robotsim),
-        files: files(&plan.robotsim),
-    };
-    let (columns, wanted_records): (&[DeliveryColumn], _) = match wanted {
-        Wanted::Nothing => (&[], Vec::new()),
-        // Of the columns of links the delay alone is in the summary.
-        Wanted::Measures if plan.output.columns().is_empty() => (&[], MEASURED.to_vec()),
-        Wanted::Measures => (&[DeliveryColumn::ReceivedNs], MEASURED.to_vec()),
-        Wanted::Record => (plan.output.columns(), plan.output.records()),
-    };
-    let robots_response = robots
-        .configure(robots_request.clone())
+) -> Result<(Configured, Start), RunError> {
+    drive::announced(plan, robots.described(), network.described(), wanted).map_err(
+        |unfit| match unfit {
+            Unfit::Plan(refusal) => RunError::Refused(*refusal),
+            Unfit::Side(error) => side(error),
+        },
+    )?;
+    let asked = Asked::of(plan, robots.described(), network.described(), wanted);
+    let exchange = drive::configure(asked, robots, network)
         .await
-        .map_err(|error| refused(plan, Robots::SIDE, error))?;
-    carries(&robots_response, network)?;
-    let network_request = v1::NetSimServiceConfigureRequest {
-        seed,
-        agent_count,
-        step_ns,
-        coupling,
-        site_toml: plan.site_toml.clone(),
-        config_toml: sent(network, &plan.netsim),
-        columns: asked_columns(columns, &robots_response.columns)
-            .filter(|column| network.described().columns.contains(column))
-            .collect(),
-        files: files(&plan.netsim),
-        records: wanted_records
-            .into_iter()
-            .map(|record| v1::NetRecord::from(record).into())
-            .filter(|record| network.described().records.contains(record))
-            .collect(),
-    };
-    let network_response = network
-        .configure(network_request.clone())
-        .await
-        .map_err(|error| refused(plan, Network::SIDE, error))?;
+        .map_err(|error| refused(plan, error))?;
+    let forms = exchange.network_start.formation.is_some();
+    let start =
+        drive::starts(plan, robots.described(), network.described(), forms).map_err(side)?;
+    let statistics = exchange.network_start.statistics.iter();
+    let mut columns = statistics.flat_map(|statistics| &statistics.columns);
+    if let Some(column) = columns.find(|column| is_column_of_motes(&column.name)) {
+        let reason = format!("statistics: motes.parquet has a column {} of its own", column.name);
+        let doing = "Configure".to_owned();
+        return Err(side(SideError::Garbage { side: Network::SIDE, doing, reason }));
+    }
+    Ok((exchange, start))
+}
+
+/// What should be checked before the results are trusted: what the plan says, and what the network adds.
+fn warnings(plan: &Plan, exchange: &Configured, wanted: Wanted) -> Vec<String> {
     let mut warnings = plan.warnings.clone();
-    for warning in &network_response.warnings {
+    for warning in &exchange.network_start.warnings {
         // Ours, found while checking, begin with the section's name.
         if !warnings.iter().any(|known| known.ends_with(warning.as_str())) {
             warnings.push(warning.clone());
         }
     }
-    let start = starts(plan, robots, network, network_response.formation.is_some())?;
-    let kept = network_response.records.iter();
-    if let Some(record) = kept.copied().find(|record| !network_request.records.contains(record)) {
-        let reason = format!("records: {record} was not asked for");
-        let doing = "Configure".to_owned();
-        return Err(side(SideError::Garbage { side: Network::SIDE, doing, reason }));
-    }
-    let columns = network_response.statistics.iter().flat_map(|statistics| &statistics.columns);
-    if let Some(column) = columns.into_iter().find(|column| is_column_of_motes(&column.name)) {
-        let reason = format!("statistics: motes.parquet has a column {} of its own", column.name);
-        let doing = "Configure".to_owned();
-        return Err(side(SideError::Garbage { side: Network::SIDE, doing, reason }));
-    }
-    let exchange = Configured {
-        robot_request: robots_request,
-        robot_response: robots_response,
-        net_request: network_request,
-        net_response: network_response,
-    };
-    let kept = records(&exchange);
-    if wanted == Wanted::Record && plan.output.pcap && !kept.contains(&NetRecord::Capture) {
+    let captures = exchange.network_start.records.contains(&NetRecord::Capture);
+    if wanted == Wanted::Record && plan.output.pcap && !captures {
         warnings.push(
             "output.pcap: the network, as it is configured, has no radio traffic to capture"
                 .to_owned(),
         );
     }
-    Ok(Agreed { exchange, warnings, start })
-}
-
-/// What the network keeps for the record.
-fn records(exchange: &Configured) -> Vec<NetRecord> {
-    // Each of them was asked for, hence known.
-    convert::records(&exchange.net_response.records).unwrap_or_default()
-}
-
-/// The section as the side is sent it: with defaults filled in if the side is our own.
-fn sent<S: Service>(peer: &Peer<S>, side: &SideConfig) -> String {
-    match &side.effective_toml {
-        Some(effective) if peer.described().name == S::BUILT_IN => effective.clone(),
-        _ => side.toml.clone(),
-    }
+    warnings
 }
 
 fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHeader {
-    let robotsim = effective(&exchange.robot_response.effective_config_toml, &plan.robotsim);
-    let netsim = effective(&exchange.net_response.effective_config_toml, &plan.netsim);
+    let robotsim = effective(&exchange.robots_start.effective_toml, &plan.robotsim);
+    let netsim = effective(&exchange.network_start.effective_toml, &plan.netsim);
     let mut labels = BTreeMap::new();
     if let Some(knowledge) = robotsim.get("knowledge").and_then(toml::Value::as_str) {
         labels.insert("knowledge".to_owned(), knowledge.to_owned());
@@ -459,9 +253,9 @@ fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHeader {
         labels,
         output: plan.output,
         start,
-        records: records(exchange),
+        records: exchange.network_start.records.clone(),
         statistics: exchange
-            .net_response
+            .network_start
             .statistics
             .iter()
             .flat_map(|statistics| &statistics.columns)
@@ -481,41 +275,16 @@ fn effective(reply: &str, side: &SideConfig) -> toml::Table {
     table
 }
 
-/// The records that the summary is made of.
-const MEASURED: [NetRecord; 2] = [NetRecord::Packets, NetRecord::Statistics];
-
-fn cannot(side: &'static str, what: String) -> SideError {
-    SideError::Cannot { side, what }
-}
-
 fn side(error: SideError) -> RunError {
     RunError::Side { error, kept: None }
 }
 
 /// A configuration that a side refuses is the user's: shown on the lines of the file.
-fn refused(plan: &Plan, section: &str, error: SideError) -> RunError {
-    let SideError::Refused { status, .. } = &error else { return side(error) };
-    if status.code() != Code::InvalidArgument {
-        return side(error);
-    }
-    let violations = status
-        .get_details_bad_request()
-        .map(|bad_request| bad_request.field_violations)
-        .unwrap_or_default();
-    let problems: Vec<Problem> = if violations.is_empty() {
-        vec![Problem::new(section, format!("is refused: {}", status.message()))]
-    } else {
-        violations
-            .into_iter()
-            .map(|violation| {
-                let path = if violation.field.starts_with("site") {
-                    violation.field
-                } else {
-                    proto::config::join(section, &violation.field)
-                };
-                Problem::new(path, violation.description)
-            })
-            .collect()
+fn refused(plan: &Plan, error: SideError) -> RunError {
+    let SideError::Unacceptable { side: section, problems } = error else { return side(error) };
+    let placed = |problem: Problem| {
+        if problem.path.starts_with("site") { problem } else { problem.within(section) }
     };
+    let problems = problems.into_iter().map(placed).collect();
     RunError::Refused(Refusal::new(&plan.path, &plan.text, &plan.tree, problems))
 }

@@ -1,14 +1,13 @@
 //! One trial after another on the same two simulators.
 
-use super::drive::{Driver, Failure, Stopped};
 use super::interrupt::Interrupt;
-use super::start::{StartOptions, Started, Wanted, connect, ready};
-use super::{RunError, ended_by};
-use crate::coupling::Coupled;
-use crate::peer::{Network, Peer, Robots};
 use crate::report;
 use experiment::{Plan, Tls, Transport};
-use record::{Ending, Measurer, RecordError, Recorder, Steps};
+use super::start::{Processes, StartOptions, Started, connect, ready};
+use super::{RunError, ended_by, record_of};
+use crate::drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
+use crate::peer::{Network, Peer as _, Remote, Robots};
+use record::{Ending, Measurer, RecordError, Recorder};
 use serde_json::Value;
 use std::path::Path;
 
@@ -16,7 +15,7 @@ use std::path::Path;
 pub struct Sides {
     options: StartOptions,
     interrupt: Interrupt,
-    peers: Option<(Reached, Peer<Robots>, Peer<Network>)>,
+    peers: Option<(Reached, Remote<Robots>, Remote<Network>)>,
     n_starts: u64,
 }
 
@@ -108,8 +107,8 @@ impl Sides {
                 return Err(RunError::Record { error, before_start: true });
             }
         };
-        let driver = Driver::new(trial.plan, waits, records, &mut coupled, sink.steps()).quiet();
-        let stopped = match driver.drive(&mut self.interrupt).await {
+        let driver = Driver::new(Schedule::of(trial.plan, waits), &records, &mut coupled);
+        let stopped = match driver.drive(&mut sink, &mut self.interrupt, &mut ()).await {
             Ok(Stopped::Complete) => {
                 coupled.confirm().await.map(|()| Stopped::Complete).map_err(Failure::Side)
             }
@@ -127,7 +126,7 @@ impl Sides {
             Err(Failure::Side(error)) => {
                 return Err(abandoned(coupled, RunError::Side { error, kept: None }).await);
             }
-            Err(Failure::Record(error)) => {
+            Err(Failure::Observer(error)) => {
                 return Err(abandoned(coupled, unrecorded(error)).await);
             }
         };
@@ -144,7 +143,7 @@ impl Sides {
     }
 }
 
-async fn abandoned(coupled: Coupled, error: RunError) -> RunError {
+async fn abandoned(coupled: Processes, error: RunError) -> RunError {
     coupled.stop().await;
     error
 }
@@ -159,14 +158,18 @@ enum Sink {
     Measure(Box<Measurer>),
 }
 
-impl Sink {
-    fn steps(&mut self) -> &mut dyn Steps {
+impl Observer for Sink {
+    type Error = RecordError;
+
+    fn step(&mut self, taken: Taken) -> Result<(), RecordError> {
         match self {
-            Self::Record(recorder) => &mut **recorder,
-            Self::Measure(measurer) => &mut **measurer,
+            Self::Record(recorder) => recorder.step(record_of(taken)),
+            Self::Measure(measurer) => measurer.step(record_of(taken)),
         }
     }
+}
 
+impl Sink {
     fn finish(self, ending: &Ending) -> Result<Value, RecordError> {
         match self {
             Self::Record(recorder) => {

@@ -3,6 +3,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`types`] | what crosses between the simulators, as valid values: a core never sees a generated message |
+//! | [`exchange`] | calls and replies, whole, as valid values |
 //! | [`digest`] | the barrier's SHA-256 over the exchanged state |
 //! | [`effect`] | what a physical effect says about itself, for readers and for the fit |
 //! | [`formula`] | expressions that users write in place of a number |
@@ -16,6 +17,7 @@
 pub mod config;
 pub mod digest;
 pub mod effect;
+pub mod exchange;
 pub mod formula;
 pub mod rng;
 pub mod side;

@@ -400,6 +400,14 @@ pub struct MoteStates {
     pub queue_length: Vec<u32>,
 }
 
+impl MoteStates {
+    /// `n` motes whose radios work, of which nothing more is known: those of a network that reports none.
+    #[must_use]
+    pub fn all_working(n: usize) -> Self {
+        Self { alive: Bitmap::filled(n, true), ..Self::default() }
+    }
+}
+
 /// What an agent is told to do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum AgentOrder {

@@ -3,10 +3,12 @@
 //! Every function that reads a message takes the number of agents and returns [`InvalidField`] naming the field and what
 //! is wrong with it. Nothing malformed passes this border.
 
+mod exchange;
 mod messages;
 mod records;
 mod tasks;
 
+pub use exchange::{network_start, network_step, robots_start, robots_step};
 pub use records::{formation, heard_links, packets, records, schedule, statistics};
 pub use tasks::{agent_messages, task_figures};
 
@@ -270,7 +272,7 @@ fn heard(
 /// A column of the wrong length.
 pub fn motes(message: Option<v1::MoteStates>, n_agents: usize) -> Result<MoteStates> {
     let Some(message) = message else {
-        return Ok(MoteStates { alive: Bitmap::filled(n_agents, true), ..MoteStates::default() });
+        return Ok(MoteStates::all_working(n_agents));
     };
     let column = |field: &str, column: Vec<u32>| {
         if column.is_empty() || column.len() == n_agents {
@@ -295,7 +297,7 @@ pub fn motes(message: Option<v1::MoteStates>, n_agents: usize) -> Result<MoteSta
     })
 }
 
-/// Orders to agents from messages, sorted by (source, agent), otherwise in the order given.
+/// Orders to agents from messages, in the order given. Whoever obeys them sorts them with those from elsewhere.
 ///
 /// # Errors
 ///
@@ -327,7 +329,6 @@ pub fn agent_commands(
         }
         commands.push(AgentCommand { agent: message.agent, source: message.source, order });
     }
-    sort_agent_commands(&mut commands);
     Ok(commands)
 }
 
@@ -336,7 +337,7 @@ pub fn sort_agent_commands(commands: &mut [AgentCommand]) {
     commands.sort_by(|a, b| (&a.source, a.agent).cmp(&(&b.source, b.agent)));
 }
 
-/// Orders to the network from messages, sorted by source, otherwise in the order given.
+/// Orders to the network from messages, in the order given. Whoever obeys them sorts them with those from elsewhere.
 ///
 /// # Errors
 ///
@@ -401,7 +402,6 @@ pub fn mote_commands(messages: Vec<v1::MoteCommand>, n_agents: usize) -> Result<
         };
         commands.push(MoteCommand { source: message.source, order });
     }
-    commands.sort_by(|a, b| a.source.cmp(&b.source));
     Ok(commands)
 }
 

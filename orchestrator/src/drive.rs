@@ -1,0 +1,388 @@
+//! An experiment over two configured simulators, step after step: first, where the robots wait for it, until the network has
+//! formed; then for the experiment's time.
+//!
+//! Runs, trials and re-simulations differ in the peers that they couple, in who observes the steps, and in when it ends.
+
+mod configure;
+
+pub use configure::{Asked, Unfit, Wanted, announced, configure, starts};
+
+use experiment::Plan;
+use crate::coupling::{Coupled, StepOutcome, StepPlan};
+use crate::peer::{Network, Peer, Robots, SideError};
+use proto::types::{Formation, MoteCommand, NetRecord, seconds};
+use std::fmt::Write as _;
+use std::future::Future;
+
+/// Who is given the steps of an experiment, one after the other.
+pub trait Observer {
+    /// Why no further step is wanted.
+    type Error: std::error::Error;
+
+    /// Orders to the network for the step that ends at `until_ns`, after those of the timeline.
+    fn orders(&mut self, _until_ns: u64) -> Vec<MoteCommand> {
+        Vec::new()
+    }
+
+    /// Takes a step.
+    ///
+    /// # Errors
+    ///
+    /// The experiment ends with it.
+    fn step(&mut self, taken: Taken) -> Result<(), Self::Error>;
+}
+
+/// A step that both sides have answered and agree on.
+#[derive(Clone, Debug)]
+pub struct Taken {
+    /// What it brought.
+    pub outcome: StepOutcome,
+    /// The orders to the network that took effect in it, beside those in its reply and the robots' messages.
+    pub commands: Vec<MoteCommand>,
+    /// When the robots started (ns); `None`: they stand still until the network has formed.
+    pub start_ns: Option<u64>,
+}
+
+/// Who is shown how far an experiment is.
+pub trait Progress {
+    /// A phase of at most `n_steps` begins.
+    fn begin(&mut self, n_steps: u64);
+
+    /// Step `step` of the phase is done and stands at `time_ns`.
+    fn at(&mut self, step: u64, time_ns: u64);
+
+    /// Step `step`, in which the network of `n` motes forms, is done and stands at `time_ns` of at most `limit_ns`.
+    fn forming(
+        &mut self,
+        step: u64,
+        time_ns: u64,
+        limit_ns: u64,
+        formation: &Formation,
+        n: usize,
+    );
+
+    /// The phase has ended.
+    fn end(&mut self);
+}
+
+/// Shows nothing.
+impl Progress for () {
+    fn begin(&mut self, _n_steps: u64) {}
+
+    fn at(&mut self, _step: u64, _time_ns: u64) {}
+
+    fn forming(
+        &mut self,
+        _step: u64,
+        _time_ns: u64,
+        _limit_ns: u64,
+        _formation: &Formation,
+        _n: usize,
+    ) {
+    }
+
+    fn end(&mut self) {}
+}
+
+/// Who may stop an experiment from outside.
+pub trait Interrupts {
+    /// The signal that came, if one did.
+    fn seen(&self) -> Option<&'static str>;
+
+    /// Completes when a signal came and its step has been under way for too long since.
+    fn lasting(&mut self) -> impl Future<Output = &'static str>;
+}
+
+/// Nobody stops it.
+#[derive(Clone, Copy, Debug)]
+pub struct Uninterrupted;
+
+impl Interrupts for Uninterrupted {
+    fn seen(&self) -> Option<&'static str> {
+        None
+    }
+
+    fn lasting(&mut self) -> impl Future<Output = &'static str> {
+        std::future::pending()
+    }
+}
+
+/// Why no further step is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stopped {
+    /// The time is up, or the robots are done.
+    Complete,
+    /// A signal came.
+    Interrupted(&'static str),
+}
+
+/// Why no further step can be taken.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure<E: std::error::Error> {
+    /// A side failed.
+    #[error(transparent)]
+    Side(#[from] SideError),
+    /// The observer wants none.
+    #[error(transparent)]
+    Observer(E),
+    /// The network has not formed in time: who is missing, and why.
+    #[error("{0}")]
+    NotFormed(String),
+}
+
+/// When an experiment ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// So long after the robots have started (ns).
+    AfterStart(u64),
+    /// So long after the network was switched on (ns).
+    At(u64),
+}
+
+/// When the steps of an experiment begin and end.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule<'a> {
+    /// The experiment: its period, its timeline, what it leaves.
+    pub plan: &'a Plan,
+    /// The robots stand still until the network has formed.
+    pub waits: bool,
+    /// By when it must have (ns).
+    pub formation_limit_ns: u64,
+    /// When it ends.
+    pub end: End,
+    /// It ends before that when the robots are done.
+    pub stop_when_complete: bool,
+}
+
+impl<'a> Schedule<'a> {
+    /// That of the plan.
+    #[must_use]
+    pub fn of(plan: &'a Plan, waits: bool) -> Self {
+        Self {
+            plan,
+            waits,
+            formation_limit_ns: plan.formation_limit_ns,
+            end: End::AfterStart(plan.duration_ns),
+            stop_when_complete: plan.stop_when_complete,
+        }
+    }
+}
+
+/// Takes the steps of an experiment.
+pub struct Driver<'a, R, N> {
+    schedule: Schedule<'a>,
+    coupled: &'a mut Coupled<R, N>,
+    /// Records of a state that the network keeps.
+    states: Vec<NetRecord>,
+    /// The network had formed after the latest step.
+    has_formed: bool,
+    /// It had not after the one before: how it formed is not recorded yet.
+    has_just_formed: bool,
+}
+
+/// What a step came to.
+enum Stepped {
+    Done { task_complete: bool },
+    Interrupted(&'static str),
+}
+
+/// Who follows the steps.
+struct Audience<'a, O, I> {
+    observer: &'a mut O,
+    interrupts: &'a mut I,
+    progress: &'a mut dyn Progress,
+}
+
+impl<'a, R: Peer<Robots>, N: Peer<Network>> Driver<'a, R, N> {
+    /// Over sides that have just been configured; `records`: what the network keeps.
+    pub fn new(
+        schedule: Schedule<'a>,
+        records: &[NetRecord],
+        coupled: &'a mut Coupled<R, N>,
+    ) -> Self {
+        let states = records.iter().copied().filter(|record| record.is_state()).collect();
+        let has_formed = is_formed(coupled);
+        Self { schedule, coupled, states, has_formed, has_just_formed: false }
+    }
+
+    /// Steps until the time is up, the robots are done, or a signal comes.
+    ///
+    /// # Errors
+    ///
+    /// See [`Failure`].
+    pub async fn drive<O: Observer, I: Interrupts>(
+        mut self,
+        observer: &mut O,
+        interrupts: &mut I,
+        progress: &mut dyn Progress,
+    ) -> Result<Stopped, Failure<O::Error>> {
+        let mut audience = Audience { observer, interrupts, progress };
+        if self.schedule.waits {
+            let stopped = self.form(&mut audience).await;
+            audience.progress.end();
+            if let Some(signal) = stopped? {
+                return Ok(Stopped::Interrupted(signal));
+            }
+        }
+        let stopped = self.run(&mut audience).await;
+        audience.progress.end();
+        stopped
+    }
+
+    /// Steps, with robots that stand still, until the network has formed. Returns the signal that came first, if one did.
+    async fn form<O: Observer, I: Interrupts>(
+        &mut self,
+        audience: &mut Audience<'_, O, I>,
+    ) -> Result<Option<&'static str>, Failure<O::Error>> {
+        let Schedule { plan, formation_limit_ns: limit_ns, .. } = self.schedule;
+        audience.progress.begin(limit_ns.div_ceil(plan.experiment.step_ns));
+        while !self.has_formed {
+            if limit_ns <= self.coupled.time_ns() {
+                let formation = self.coupled.formation().cloned().unwrap_or_default();
+                return Err(Failure::NotFormed(account(&formation, self.coupled.time_ns())));
+            }
+            if let Stepped::Interrupted(signal) = self.step(None, limit_ns, audience).await? {
+                return Ok(Some(signal));
+            }
+            if let Some(formation) = self.coupled.formation() {
+                let (step, time_ns) = (self.coupled.step_number(), self.coupled.time_ns());
+                let n = plan.experiment.agent_count;
+                audience.progress.forming(step, time_ns, limit_ns, formation, n);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Steps for the experiment's time.
+    async fn run<O: Observer, I: Interrupts>(
+        &mut self,
+        audience: &mut Audience<'_, O, I>,
+    ) -> Result<Stopped, Failure<O::Error>> {
+        let start_ns = self.coupled.time_ns();
+        let end_ns = match self.schedule.end {
+            End::AfterStart(duration_ns) => start_ns.saturating_add(duration_ns),
+            End::At(end_ns) => end_ns,
+        };
+        let step_ns = self.schedule.plan.experiment.step_ns;
+        let first_step = self.coupled.step_number();
+        audience.progress.begin(end_ns.saturating_sub(start_ns).div_ceil(step_ns));
+        while self.coupled.time_ns() < end_ns {
+            match self.step(Some(start_ns), end_ns, audience).await? {
+                Stepped::Interrupted(signal) => return Ok(Stopped::Interrupted(signal)),
+                Stepped::Done { task_complete } => {
+                    let step = self.coupled.step_number() - first_step;
+                    audience.progress.at(step, self.coupled.time_ns());
+                    if task_complete && self.schedule.stop_when_complete {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(Stopped::Complete)
+    }
+
+    /// Takes one step of a phase that ends at `end_ns`, for robots that started at `start_ns`, or stand still.
+    async fn step<O: Observer, I: Interrupts>(
+        &mut self,
+        start_ns: Option<u64>,
+        end_ns: u64,
+        audience: &mut Audience<'_, O, I>,
+    ) -> Result<Stepped, Failure<O::Error>> {
+        if let Some(signal) = audience.interrupts.seen() {
+            return Ok(Stepped::Interrupted(signal));
+        }
+        let plan = self.schedule.plan;
+        let from_ns = self.coupled.time_ns();
+        let until_ns = from_ns + plan.experiment.step_ns;
+        let mut commands = match start_ns {
+            Some(start_ns) => plan.timeline.commands(start_ns, from_ns, until_ns),
+            None => Vec::new(),
+        };
+        commands.append(&mut audience.observer.orders(until_ns));
+        let step_plan = StepPlan {
+            until_ns,
+            hold: start_ns.is_none(),
+            commands: commands.clone(),
+            records: self.records(from_ns, until_ns, end_ns <= until_ns),
+            records_if_complete: if self.schedule.stop_when_complete {
+                self.states.clone()
+            } else {
+                self.records(from_ns, until_ns, false)
+            },
+        };
+        // A side that never answers must not keep the user from stopping.
+        let outcome = tokio::select! {
+            biased;
+            outcome = self.coupled.advance(step_plan) => outcome?,
+            signal = audience.interrupts.lasting() => return Ok(Stepped::Interrupted(signal)),
+        };
+        let has_formed = is_formed(self.coupled);
+        self.has_just_formed = has_formed && !self.has_formed;
+        self.has_formed = has_formed;
+        let task_complete = outcome.task_complete();
+        let taken = Taken { outcome, commands, start_ns };
+        audience.observer.step(taken).map_err(Failure::Observer)?;
+        Ok(Stepped::Done { task_complete })
+    }
+
+    /// The records of a state that a step is to bring: all of them in the last step and in the first after formation.
+    fn records(&self, from_ns: u64, until_ns: u64, is_last: bool) -> Vec<NetRecord> {
+        let step = self.coupled.step_number() + 1;
+        let all = is_last || self.has_just_formed;
+        let is_wanted = |record: &NetRecord| {
+            let is_statistics = *record == NetRecord::Statistics;
+            let output = &self.schedule.plan.output;
+            all || is_statistics && output.holds_motes(step, from_ns, until_ns)
+        };
+        self.states.iter().copied().filter(is_wanted).collect()
+    }
+}
+
+fn is_formed<R: Peer<Robots>, N: Peer<Network>>(coupled: &Coupled<R, N>) -> bool {
+    coupled.formation().is_some_and(|formation| formation.formed_ns.is_some())
+}
+
+/// Who is missing when time is up, and why: one line per reason.
+fn account(formation: &Formation, time_ns: u64) -> String {
+    let mut text = format!(
+        "the network had not formed after {} s of simulated time (experiment.formation_limit_s): {}",
+        seconds(time_ns),
+        match formation.missing.len() {
+            1 => "1 mote is missing".to_owned(),
+            n => format!("{n} motes are missing"),
+        }
+    );
+    for (words, motes) in formation.by_reason() {
+        let shown: Vec<String> = motes.iter().take(MAX_NAMED).map(u32::to_string).collect();
+        let more = motes.len().saturating_sub(MAX_NAMED);
+        let _ = write!(text, "\n  {words}: {}", shown.join(", "));
+        if more != 0 {
+            let _ = write!(text, " and {more} more");
+        }
+    }
+    text
+}
+
+/// Motes named for each reason; the record has them all.
+const MAX_NAMED: usize = 20;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_account_names_the_motes_by_reason_and_counts_those_left_out() {
+        let mut missing: Vec<u32> = (1..=30).collect();
+        missing.push(77);
+        let mut reason = vec![1; 30];
+        reason.push(0);
+        let reasons = vec!["has not joined".to_owned(), "hears no enhanced beacon".to_owned()];
+        let formation = Formation { formed_ns: None, missing, reason, reasons };
+        assert_eq!(
+            account(&formation, 2_500_000_000),
+            "the network had not formed after 2.5 s of simulated time (experiment.formation_limit_s): 31 motes are \
+             missing\n  has not joined: 77\n  hears no enhanced beacon: 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, \
+             15, 16, 17, 18, 19, 20 and 10 more"
+        );
+    }
+}

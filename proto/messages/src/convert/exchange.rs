@@ -1,0 +1,332 @@
+//! Whole requests and replies, from messages to values and back.
+
+use super::{
+    InvalidField, Result, agent_commands, agent_messages, columns, deliveries, formation,
+    heard_links, mote_commands, motes, moved_obstacles, packets, payloads, records, schedule,
+    states, statistics, task_figures,
+};
+use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
+use proto::side::{NetInput, RobotInput};
+use proto::types::{DeliveryColumn, MoteStates, NetRecord};
+use crate::v1;
+use bytes::Bytes;
+
+/// The robots' reply to `Configure` from its message. Columns that this version of the contract does not know are left out: no
+/// network could be asked for them.
+///
+/// # Errors
+///
+/// States or payloads that are malformed.
+pub fn robots_start(
+    message: v1::RobotSimServiceConfigureResponse,
+    n_agents: usize,
+) -> Result<RobotsStart> {
+    let known = |&number: &i32| columns(&[number]).ok();
+    Ok(RobotsStart {
+        effective_toml: message.effective_config_toml,
+        states: states(message.states, n_agents)?,
+        payloads: optional(message.payloads, |it| payloads(Some(it), n_agents))?,
+        columns: message.columns.iter().filter_map(known).flatten().collect(),
+        messages: message.messages,
+    })
+}
+
+/// The network's reply to `Configure` from its message.
+///
+/// # Errors
+///
+/// Motes, formation, statistics or records that are malformed.
+pub fn network_start(
+    message: v1::NetSimServiceConfigureResponse,
+    n_agents: usize,
+) -> Result<NetworkStart> {
+    Ok(NetworkStart {
+        effective_toml: message.effective_config_toml,
+        motes: optional_motes(message.motes, n_agents)?,
+        warnings: message.warnings,
+        formation: formation(message.formation, n_agents)?,
+        records: records(&message.records)?,
+        statistics: statistics(message.statistics, n_agents)?,
+        capture_header: message.capture_header,
+    })
+}
+
+/// The robots' reply to a step from its message, and the digest that rides on it in a session.
+///
+/// # Errors
+///
+/// Anything malformed in it.
+pub fn robots_step(
+    message: v1::RobotSimServiceStepResponse,
+    n_agents: usize,
+) -> Result<(RobotsStep, Bytes)> {
+    let reply = RobotsStep {
+        step: message.step,
+        time_ns: message.time_ns,
+        states: states(message.states, n_agents)?,
+        payloads: payloads(message.payloads, n_agents)?,
+        moved_obstacles: moved_obstacles(message.moved_obstacles)?,
+        commands: agent_commands(message.commands, n_agents)?,
+        applied_commands: agent_commands(message.applied_commands, n_agents)
+            .map_err(applied)?,
+        task_complete: message.task_complete,
+        held: message.held,
+        messages: agent_messages(message.messages, n_agents)?,
+        figures: task_figures(message.figures)?,
+    };
+    Ok((reply, message.digest))
+}
+
+/// The network's reply to a step from its message, and the digest that rides on it in a session.
+///
+/// # Errors
+///
+/// Anything malformed in it.
+pub fn network_step(
+    message: v1::NetSimServiceStepResponse,
+    n_agents: usize,
+) -> Result<(NetworkStep, Bytes)> {
+    let reply = NetworkStep {
+        step: message.step,
+        time_ns: message.time_ns,
+        deliveries: deliveries(message.deliveries, n_agents)?.unwrap_or_default(),
+        motes: optional_motes(message.motes, n_agents)?,
+        commands: agent_commands(message.commands, n_agents)?,
+        applied_commands: mote_commands(message.applied_commands, n_agents)
+            .map_err(applied)?,
+        formation: formation(message.formation, n_agents)?,
+        packets: packets(message.packets, n_agents)?,
+        capture: message.capture,
+        statistics: statistics(message.statistics, n_agents)?,
+        schedule: schedule(message.schedule, n_agents)?,
+        heard_links: heard_links(message.heard_links, n_agents)?,
+    };
+    Ok((reply, message.digest))
+}
+
+fn optional<M, T>(message: Option<M>, read: impl FnOnce(M) -> Result<T>) -> Result<Option<T>> {
+    message.map(read).transpose()
+}
+
+/// A complaint about orders that were applied, whose field bears that in its name.
+fn applied(invalid: InvalidField) -> InvalidField {
+    InvalidField::new(format!("applied_{}", invalid.field), invalid.reason)
+}
+
+/// Motes that are not reported are not made up.
+fn optional_motes(message: Option<v1::MoteStates>, n_agents: usize) -> Result<Option<MoteStates>> {
+    optional(message, |it| motes(Some(it), n_agents))
+}
+
+fn files(request: &ConfigureRequest) -> Vec<v1::File> {
+    let file = |(path, content): (&String, &Bytes)| v1::File {
+        path: path.clone(),
+        content: content.clone(),
+    };
+    request.files.iter().map(file).collect()
+}
+
+fn column_numbers(columns: &[DeliveryColumn]) -> Vec<i32> {
+    columns.iter().map(|&column| v1::DeliveryColumn::from(column).into()).collect()
+}
+
+fn record_numbers(records: &[NetRecord]) -> Vec<i32> {
+    records.iter().map(|&record| v1::NetRecord::from(record).into()).collect()
+}
+
+/// Owned values as the messages that they become.
+fn each<T: Clone + Into<M>, M>(values: &[T]) -> Vec<M> {
+    values.iter().cloned().map(Into::into).collect()
+}
+
+impl From<&ConfigureRequest> for v1::RobotSimServiceConfigureRequest {
+    fn from(request: &ConfigureRequest) -> Self {
+        Self {
+            seed: request.experiment.seed,
+            agent_count: request.experiment.agent_count as u32,
+            step_ns: request.experiment.step_ns,
+            coupling: v1::Coupling::from(request.experiment.coupling).into(),
+            site_toml: request.site_toml.clone(),
+            config_toml: request.config_toml.clone(),
+            files: files(request),
+        }
+    }
+}
+
+impl From<&ConfigureRequest> for v1::NetSimServiceConfigureRequest {
+    fn from(request: &ConfigureRequest) -> Self {
+        Self {
+            seed: request.experiment.seed,
+            agent_count: request.experiment.agent_count as u32,
+            step_ns: request.experiment.step_ns,
+            coupling: v1::Coupling::from(request.experiment.coupling).into(),
+            site_toml: request.site_toml.clone(),
+            config_toml: request.config_toml.clone(),
+            columns: column_numbers(&request.columns),
+            files: files(request),
+            records: record_numbers(&request.records),
+        }
+    }
+}
+
+impl From<&RobotsStart> for v1::RobotSimServiceConfigureResponse {
+    fn from(start: &RobotsStart) -> Self {
+        Self {
+            effective_config_toml: start.effective_toml.clone(),
+            states: Some(start.states.clone().into()),
+            payloads: start.payloads.clone().map(Into::into),
+            columns: column_numbers(&start.columns),
+            messages: start.messages,
+        }
+    }
+}
+
+impl From<&NetworkStart> for v1::NetSimServiceConfigureResponse {
+    fn from(start: &NetworkStart) -> Self {
+        Self {
+            effective_config_toml: start.effective_toml.clone(),
+            motes: start.motes.clone().map(Into::into),
+            warnings: start.warnings.clone(),
+            formation: start.formation.clone().map(Into::into),
+            records: record_numbers(&start.records),
+            statistics: start.statistics.clone().map(Into::into),
+            capture_header: start.capture_header.clone(),
+        }
+    }
+}
+
+/// Without a digest to confirm, which a session adds.
+impl From<&RobotInput<'_>> for v1::RobotSimServiceStepRequest {
+    fn from(input: &RobotInput<'_>) -> Self {
+        Self {
+            step: input.step,
+            until_ns: input.until_ns,
+            deliveries: input.deliveries.cloned().map(Into::into),
+            motes: input.motes.cloned().map(Into::into),
+            commands: each(input.commands),
+            confirmed_digest: Bytes::new(),
+            hold: input.hold,
+        }
+    }
+}
+
+/// Without a digest to confirm, which a session adds.
+impl From<&NetInput<'_>> for v1::NetSimServiceStepRequest {
+    fn from(input: &NetInput<'_>) -> Self {
+        Self {
+            step: input.step,
+            until_ns: input.until_ns,
+            states: Some(input.states.clone().into()),
+            payloads: Some(input.payloads.clone().into()),
+            moved_obstacles: each(input.moved_obstacles),
+            commands: each(input.commands),
+            stop_at_first_delivery: input.stop_at_first_delivery,
+            confirmed_digest: Bytes::new(),
+            records: record_numbers(input.records),
+        }
+    }
+}
+
+/// Without the digest, which only a stream carries.
+impl From<&RobotsStep> for v1::RobotSimServiceStepResponse {
+    fn from(reply: &RobotsStep) -> Self {
+        Self {
+            step: reply.step,
+            time_ns: reply.time_ns,
+            states: Some(reply.states.clone().into()),
+            payloads: Some(reply.payloads.clone().into()),
+            moved_obstacles: each(&reply.moved_obstacles),
+            commands: each(&reply.commands),
+            applied_commands: each(&reply.applied_commands),
+            task_complete: reply.task_complete,
+            digest: Bytes::new(),
+            held: reply.held,
+            messages: (!reply.messages.is_empty()).then(|| reply.messages.clone().into()),
+            figures: each(&reply.figures),
+        }
+    }
+}
+
+/// Without the digest, which only a stream carries.
+impl From<&NetworkStep> for v1::NetSimServiceStepResponse {
+    fn from(reply: &NetworkStep) -> Self {
+        Self {
+            step: reply.step,
+            time_ns: reply.time_ns,
+            deliveries: Some(reply.deliveries.clone().into()),
+            motes: reply.motes.clone().map(Into::into),
+            commands: each(&reply.commands),
+            applied_commands: each(&reply.applied_commands),
+            digest: Bytes::new(),
+            formation: reply.formation.clone().map(Into::into),
+            packets: reply.packets.clone().map(Into::into),
+            capture: reply.capture.clone(),
+            statistics: reply.statistics.clone().map(Into::into),
+            schedule: reply.schedule.clone().map(Into::into),
+            heard_links: reply.heard_links.clone().map(Into::into),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::types::{
+        AgentCommand, AgentMessage, AgentOrder, AgentStates, Formation, MoteCommand, MoteOrder,
+        MovedObstacle, Payloads, TaskFigure,
+    };
+
+    fn command(agent: u32, source: &str) -> AgentCommand {
+        AgentCommand { agent, source: source.to_owned(), order: AgentOrder::Release }
+    }
+
+    #[test]
+    fn replies_to_a_step_come_back_as_they_were_given_in_the_order_that_they_had() {
+        let robots = RobotsStep {
+            step: 3,
+            time_ns: 300,
+            states: AgentStates::at_rest(&[[1.0, 2.0], [3.0, 4.0]]),
+            payloads: Payloads::new(vec![2, 1], Bytes::from_static(b"abc")).unwrap(),
+            moved_obstacles: vec![MovedObstacle { name: "door".to_owned(), centre_m: [1.0, 1.0] }],
+            // Not sorted: whoever takes orders sorts them, and the record has them as they came.
+            commands: vec![command(1, "b"), command(0, "a")],
+            applied_commands: vec![command(1, "z"), command(0, "y")],
+            task_complete: true,
+            held: false,
+            messages: vec![AgentMessage {
+                sender: 0,
+                destination: 1,
+                payload: Bytes::from_static(b"m"),
+            }],
+            figures: vec![TaskFigure { name: "mapped_ratio".to_owned(), value: 0.5 }],
+        };
+        let (back, digest) = robots_step((&robots).into(), 2).unwrap();
+        assert_eq!((back, digest), (robots, Bytes::new()));
+        let network = NetworkStep {
+            step: 3,
+            time_ns: 300,
+            commands: vec![command(1, "b"), command(0, "a")],
+            applied_commands: [("b", 0), ("a", 1)]
+                .map(|(source, mote)| MoteCommand {
+                    source: source.to_owned(),
+                    order: MoteOrder::Kill(mote),
+                })
+                .to_vec(),
+            formation: Some(Formation { formed_ns: Some(7), ..Formation::default() }),
+            capture: Bytes::from_static(b"frames"),
+            ..NetworkStep::default()
+        };
+        let (back, _) = network_step((&network).into(), 2).unwrap();
+        assert_eq!(back, network);
+    }
+
+    #[test]
+    fn an_order_that_was_applied_is_checked_as_any_other() {
+        let mut message = v1::NetSimServiceStepResponse::from(&NetworkStep::default());
+        let order = v1::mote_command::Order::Kill(v1::mote_command::Kill { mote: 9 });
+        message.applied_commands =
+            vec![v1::MoteCommand { source: String::new(), order: Some(order) }];
+        let invalid = network_step(message, 2).unwrap_err();
+        assert_eq!(invalid.to_string(), "applied_commands[0].mote: motes are 0 to 1, got 9");
+    }
+}
