@@ -7,7 +7,8 @@ use super::log::Topic;
 use super::read::{ReadError, Reader};
 use super::*;
 use experiment::output::Links;
-use made_up::{N, STEP_NS, STEPS, digest, header, record, replies, states};
+use made_up::{N, STEP_NS, STEPS, digest, header, record, states, taken};
+use proto_messages::v1;
 use std::fs;
 
 /// In place of a report.
@@ -131,15 +132,8 @@ fn files_that_were_cut_off_or_changed_are_found() {
 fn a_wrong_digest_is_found_with_its_step() {
     let out = tempfile::tempdir().unwrap();
     let mut recorder = record(out.path(), header("run"), 3);
-    let (robots, net) = replies(4);
-    let wrong = StepRecord {
-        step: 4,
-        time_ns: 4 * STEP_NS,
-        robots: &robots,
-        net: &net,
-        commands: &[],
-        digest: digest(3, Coupling::Sequential),
-    };
+    let digest = digest(3, Coupling::Sequential);
+    let wrong = StepRecord { digest, ..taken(4, Coupling::Sequential) };
     recorder.step(wrong).unwrap();
     let dir = recorder.finish(&complete(), Value::Null, page).unwrap().dir;
     let report = verify(&dir).unwrap();
@@ -157,7 +151,7 @@ fn what_no_run_left_cannot_be_verified() {
 }
 
 #[test]
-fn messages_come_back_as_they_were_but_for_what_depends_on_the_transport() {
+fn messages_come_back_as_they_were_but_for_what_has_a_file_of_its_own() {
     let out = tempfile::tempdir().unwrap();
     let run = finished(out.path(), header("run"));
     let mut reader = Reader::open(&run.dir).unwrap();
@@ -166,11 +160,11 @@ fn messages_come_back_as_they_were_but_for_what_depends_on_the_transport() {
     assert_eq!(configured.net_response.warnings, ["made up"]);
     for step in 1..=STEPS {
         let recorded = reader.next_step().unwrap().unwrap();
-        let (mut robots, net) = replies(step);
-        robots.digest.clear();
-        assert_eq!(recorded.robots, robots);
-        assert_eq!(recorded.net, net);
-        assert_eq!(recorded.barrier.digest, digest(step, Coupling::Sequential).to_vec());
+        let taken = taken(step, Coupling::Sequential);
+        assert_eq!(recorded.robots, v1::RobotSimServiceStepResponse::from(&*taken.robots));
+        let network = NetworkStep { capture: Bytes::new(), ..(*taken.network).clone() };
+        assert_eq!(recorded.net, v1::NetSimServiceStepResponse::from(&network));
+        assert_eq!(recorded.barrier.digest, taken.digest.to_vec());
     }
     assert_eq!(reader.next_step().unwrap(), None);
 }
@@ -276,17 +270,9 @@ fn a_log_that_is_cut_off_gives_the_steps_before_the_cut() {
 fn steps_out_of_order_are_refused() {
     let out = tempfile::tempdir().unwrap();
     let mut recorder = record(out.path(), header("run"), 2);
-    let (robots, net) = replies(4);
-    let skipped = StepRecord {
-        step: 4,
-        time_ns: 4 * STEP_NS,
-        robots: &robots,
-        net: &net,
-        commands: &[],
-        digest: digest(4, Coupling::Sequential),
-    };
+    let skipped = taken(4, Coupling::Sequential);
     // The thread finds out; the caller learns of it when it next hands something over, here after a few at most.
-    let error = (0..).find_map(|_| recorder.step(skipped).err()).unwrap();
+    let error = (0..).find_map(|_| recorder.step(skipped.clone()).err()).unwrap();
     assert!(matches!(error, RecordError::Order { got: 4, expected: 3 }), "{error}");
     // Finishing all the same tells the same reason again.
     let error = recorder.finish(&complete(), Value::Null, page).unwrap_err();
@@ -342,18 +328,12 @@ fn speeds_are_means_over_time_not_over_steps() {
     let out = tempfile::tempdir().unwrap();
     let mut recorder = record(out.path(), header("run"), 1);
     // A second step three times as long, over which nobody moves: 2 m/s become 0.5 m/s.
-    let (mut robots, mut net) = replies(2);
-    robots.states = Some(states(1));
-    (robots.time_ns, net.time_ns) = (4 * STEP_NS, 4 * STEP_NS);
-    let still = StepRecord {
-        step: 2,
-        time_ns: 4 * STEP_NS,
-        robots: &robots,
-        net: &net,
-        commands: &[],
-        digest: digest(2, Coupling::Sequential),
-    };
-    recorder.step(still).unwrap();
+    let two = taken(2, Coupling::Sequential);
+    let time_ns = 4 * STEP_NS;
+    let robots = RobotsStep { time_ns, states: states(1), ..(*two.robots).clone() };
+    let network = NetworkStep { time_ns, ..(*two.network).clone() };
+    let (robots, network) = (Arc::new(robots), Arc::new(network));
+    recorder.step(StepRecord { time_ns, robots, network, ..two }).unwrap();
     let task = recorder.finish(&complete(), Value::Null, page).unwrap().summary["task"].clone();
     for key in ["flock_speed_mps", "mean_speed_mps"] {
         // Up to rounding.

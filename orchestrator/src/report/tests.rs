@@ -6,7 +6,7 @@ mod made_up;
 use super::*;
 use experiment::{OutputConfig, Start};
 use proto::types::Coupling;
-use record::{Configured, Ending, Finished, Recorder, RunHeader, StepRecord};
+use record::{Ending, Finished, Recorder, RunHeader, StepRecord};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::Path;

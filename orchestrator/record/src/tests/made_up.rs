@@ -1,13 +1,18 @@
-//! A run made up of messages. Included by the tests of more than one crate.
+//! A run made up of values. Included by the tests of more than one crate.
 
-use super::{Configured, Recorder, RunHeader, StepRecord};
+use super::{Recorder, RunHeader, StepRecord};
 use bytes::Bytes;
 use experiment::{OutputConfig, Start};
 use proto::digest::{Digest, of_step};
-use proto::types::{Bitmap, Coupling, Deliveries, Heard, Payloads, Transmissions};
-use proto_messages::{convert, v1};
+use proto::exchange::{
+    ConfigureRequest, Configured, NetworkStart, NetworkStep, RobotsStart, RobotsStep,
+};
+use proto::types::{
+    AgentStates, Bitmap, Coupling, Deliveries, Experiment, Heard, Payloads, Transmissions,
+};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 pub(super) const N: usize = 7;
 pub(super) const STEPS: u64 = 12;
@@ -31,11 +36,11 @@ pub(super) fn header(name: &str) -> RunHeader {
 }
 
 /// Seven agents on a line, 1 m apart, drifting east at 2 m/s; agent 6 does not exist.
-pub(super) fn states(step: u64) -> v1::AgentStates {
+pub(super) fn states(step: u64) -> AgentStates {
     let mut alive = Bitmap::filled(N, true);
     alive.set(6, false);
-    v1::AgentStates {
-        alive: Bytes::copy_from_slice(alive.as_bytes()),
+    AgentStates {
+        alive,
         x_m: (0..N).map(|i| i as f64 + 0.2 * step as f64).collect(),
         y_m: vec![0.5; N],
         z_m: vec![0.0; N],
@@ -68,51 +73,64 @@ pub(super) fn deliveries(step: u64) -> Deliveries {
 }
 
 pub(super) fn configured(header: &RunHeader) -> Configured {
-    Configured {
-        robot_request: v1::RobotSimServiceConfigureRequest {
+    let request = |site_toml: &str| ConfigureRequest {
+        experiment: Experiment {
             seed: header.seed,
-            agent_count: header.agent_count,
+            agent_count: N,
             step_ns: header.step_ns,
-            coupling: v1::Coupling::from(header.coupling).into(),
-            ..Default::default()
+            coupling: header.coupling,
         },
-        robot_response: v1::RobotSimServiceConfigureResponse {
-            states: Some(states(0)),
-            ..Default::default()
+        site_toml: site_toml.to_owned(),
+        config_toml: String::new(),
+        files: BTreeMap::new(),
+        columns: Vec::new(),
+        records: Vec::new(),
+    };
+    Configured {
+        robots_request: request(""),
+        robots_start: RobotsStart {
+            effective_toml: String::new(),
+            states: states(0),
+            payloads: None,
+            columns: Vec::new(),
+            messages: false,
         },
-        net_request: v1::NetSimServiceConfigureRequest {
-            site_toml: "[[wall]]\nfrom_m = [1.0, 1.0]\nto_m = [4.0, 1.0]\n".to_owned(),
-            ..Default::default()
-        },
-        net_response: v1::NetSimServiceConfigureResponse {
+        network_request: request("[[wall]]\nfrom_m = [1.0, 1.0]\nto_m = [4.0, 1.0]\n"),
+        network_start: NetworkStart {
             warnings: vec!["made up".to_owned()],
-            ..Default::default()
+            ..NetworkStart::default()
         },
     }
 }
 
-pub(super) fn replies(
-    step: u64,
-) -> (v1::RobotSimServiceStepResponse, v1::NetSimServiceStepResponse) {
-    let robots = v1::RobotSimServiceStepResponse {
+/// Both replies, as made up, and the digest.
+pub(super) fn taken(step: u64, coupling: Coupling) -> StepRecord {
+    let time_ns = step * STEP_NS;
+    StepRecord {
         step,
-        time_ns: step * STEP_NS,
-        states: Some(states(step)),
-        digest: Bytes::from_static(b"of a stream"),
-        ..Default::default()
-    };
-    let net = v1::NetSimServiceStepResponse {
-        step,
-        time_ns: step * STEP_NS,
-        deliveries: Some(deliveries(step).into()),
-        ..Default::default()
-    };
-    (robots, net)
+        time_ns,
+        robots: Arc::new(RobotsStep {
+            step,
+            time_ns,
+            states: states(step),
+            payloads: Payloads::silence(N),
+            ..RobotsStep::default()
+        }),
+        network: Arc::new(NetworkStep {
+            step,
+            time_ns,
+            deliveries: deliveries(step),
+            capture: Bytes::from_static(b"in a file of its own"),
+            ..NetworkStep::default()
+        }),
+        commands: Vec::new(),
+        digest: digest(step, coupling),
+    }
 }
 
 pub(super) fn digest(step: u64, coupling: Coupling) -> Digest {
     let on_air = if coupling == Coupling::Sequential { step } else { step - 1 };
-    let on_air = convert::states(Some(states(on_air)), N).unwrap();
+    let on_air = states(on_air);
     let given = (1 < step).then(|| deliveries(step - 1));
     of_step(step, step * STEP_NS, &on_air, given.as_ref())
 }
@@ -123,12 +141,7 @@ pub(super) fn record(out: &Path, header: RunHeader, steps: u64) -> Recorder {
     let mut recorder = Recorder::create(out, header).unwrap();
     recorder.configured(configured).unwrap();
     for step in 1..=steps {
-        let (robots, net) = replies(step);
-        let digest = digest(step, coupling);
-        let time_ns = step * STEP_NS;
-        let record =
-            StepRecord { step, time_ns, robots: &robots, net: &net, commands: &[], digest };
-        recorder.step(record).unwrap();
+        recorder.step(taken(step, coupling)).unwrap();
     }
     recorder
 }
