@@ -1,27 +1,22 @@
-//! An experiment without processes: the two simulators as plain objects, taking turns in this thread.
+//! An experiment without processes: the two simulators as plain objects, driven as processes are.
 //!
 //! Thousands of runs take seconds this way. That the processes do the same, to the last bit, is itself under test.
 
-use experiment::{Overrides, Plan, SideConfig, read};
-use netsim::sim::Network;
+use experiment::{Overrides, read};
+use netsim::sim::Network as BuiltInNetwork;
+use orchestrator::coupling::{Coupled, StepPlan};
+use orchestrator::drive::{Asked, Wanted, configure};
+use orchestrator::peer::{InProcess as Direct, Network, Peer, Robots, ready};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
-use proto::side::{NetInput, NetSimulator as _, RobotInput, RobotSimulator as _, Setup};
-use proto::types::{AgentStates, Coupling, Deliveries, Payloads};
+use proto::types::{AgentStates, Coupling};
 use robotsim::sim::Swarm;
 use std::path::Path;
 
-/// Both simulators, and what was exchanged last.
-#[derive(Debug)]
+/// Both simulators in step.
 pub struct InProcess {
-    robots: Swarm,
-    network: Network,
+    coupled: Coupled<Direct<Swarm>, Direct<BuiltInNetwork>>,
     step_ns: u64,
-    step: u64,
-    /// Where the robots are.
-    pub states: AgentStates,
-    payloads: Payloads,
-    deliveries: Option<Deliveries>,
 }
 
 impl InProcess {
@@ -37,73 +32,44 @@ impl InProcess {
         let plan = read(Path::new("experiment.toml"), toml.to_owned(), &overrides)
             .unwrap_or_else(|refusal| panic!("{refusal:?}"));
         assert_eq!(plan.experiment.coupling, Coupling::Sequential, "{toml}");
-        let (mut robots, mut network) = (Swarm::default(), Network::default());
-        let start = robots.configure(&setup(&plan, &plan.robotsim)).expect("checked by the plan");
-        network.configure(&setup(&plan, &plan.netsim)).expect("checked by the plan");
-        Self {
-            robots,
-            network,
-            step_ns: plan.experiment.step_ns,
-            step: 0,
-            states: start.states,
-            payloads: start.payloads,
-            deliveries: None,
-        }
+        let mut robots = Direct::robots(Swarm::default());
+        let mut network = Direct::network(BuiltInNetwork::default());
+        let asked = Asked::of(
+            &plan,
+            Peer::<Robots>::described(&robots),
+            Peer::<Network>::described(&network),
+            Wanted::Nothing,
+        );
+        let made = ready(configure(asked, &mut robots, &mut network)).expect("checked by the plan");
+        let step_ns = plan.experiment.step_ns;
+        let (start, network_start) = (&made.robots_start, &made.network_start);
+        let coupled = Coupled::new(robots, network, plan.experiment, start, network_start);
+        Self { coupled, step_ns }
     }
 
-    /// A step in sequential coupling: the robots act on what was heard during the period before and move; then the
-    /// network runs the period over their new places. Returns whether the robots regard their task as done.
+    /// A step. Returns whether the robots regard their task as done.
+    ///
+    /// # Panics
+    ///
+    /// If a simulator fails.
     pub fn step(&mut self) -> bool {
-        let from_ns = self.step * self.step_ns;
-        let until_ns = from_ns + self.step_ns;
-        self.step += 1;
-        let reply = self.robots.step(&RobotInput {
-            step: self.step,
-            from_ns,
-            until_ns,
-            deliveries: self.deliveries.as_ref(),
-            motes: None,
-            commands: &[],
-            hold: false,
-        });
-        self.states = reply.states;
-        self.payloads = reply.payloads;
-        let reply_of_network = self.network.step(&NetInput {
-            step: self.step,
-            from_ns,
-            until_ns,
-            states: &self.states,
-            payloads: &self.payloads,
-            moved_obstacles: &reply.moved_obstacles,
-            commands: &[],
-            stop_at_first_delivery: false,
-            records: &[],
-        });
-        self.deliveries = Some(reply_of_network.deliveries);
-        reply.task_complete
+        let until_ns = self.coupled.time_ns() + self.step_ns;
+        let plan = StepPlan { until_ns, ..StepPlan::default() };
+        let outcome = ready(self.coupled.advance(plan)).expect("checked input is obeyed");
+        outcome.task_complete()
+    }
+
+    /// Where the robots are.
+    #[must_use]
+    pub fn states(&self) -> &AgentStates {
+        self.coupled.states()
     }
 
     /// Where the robots are (x, y, z in m, as bits).
     #[must_use]
     pub fn places(&self) -> Vec<[u64; 3]> {
-        (0..self.states.len()).map(|i| self.states.position_m(i).map(f64::to_bits)).collect()
-    }
-}
-
-/// What a side is told over the contract.
-fn setup(plan: &Plan, side: &SideConfig) -> Setup {
-    let mut problems = Vec::new();
-    let site = proto::config::parse(&plan.site_toml).expect("effective text is TOML");
-    let (site, _) = proto::site::read(&site, "site", &mut problems);
-    assert_eq!(problems, [], "checked by the plan");
-    Setup {
-        experiment: plan.experiment.clone(),
-        site,
-        config: proto::config::parse(&side.toml).expect("the plan's text is TOML"),
-        path: String::new(),
-        files: side.files.clone(),
-        columns: Vec::new(),
-        records: Vec::new(),
+        let states = self.states();
+        (0..states.len()).map(|i| states.position_m(i).map(f64::to_bits)).collect()
     }
 }
 

@@ -46,14 +46,7 @@ impl drive::Progress for Screen {
         }
     }
 
-    fn forming(
-        &mut self,
-        step: u64,
-        time_ns: u64,
-        limit_ns: u64,
-        formation: &Formation,
-        n: usize,
-    ) {
+    fn forming(&mut self, step: u64, time_ns: u64, limit_ns: u64, formation: &Formation, n: usize) {
         if let Some(progress) = &mut self.progress {
             progress.forming(step, time_ns, limit_ns, formation, n);
         }

@@ -5,7 +5,6 @@
 //! on, so that a side that answers nonsense is named and the other never sees it.
 
 use crate::peer::{Network, Peer, Robots, Side as _, SideError, Standing};
-use proto_messages::convert::sort_agent_commands;
 use proto::digest::{self, Digest};
 use proto::exchange::{NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use proto::side::{NetInput, RobotInput};
@@ -13,6 +12,7 @@ use proto::types::{
     AgentCommand, AgentMessage, AgentStates, Coupling, Deliveries, Experiment, Formation,
     MoteCommand, MoteOrder, NetRecord, Payloads,
 };
+use proto_messages::convert::sort_agent_commands;
 use std::sync::Arc;
 
 /// Both simulators, configured, and what was exchanged last.
@@ -177,9 +177,7 @@ impl<R: Peer<Robots>, N: Peer<Network>> Coupled<R, N> {
                     plan.records = std::mem::take(&mut plan.records_if_complete);
                 }
                 let call = NetworkCall::new(self, &robots, plan, false);
-                let network = if N::SHARES_VALUES
-                    || self.experiment.agent_count < HASHED_BESIDES
-                {
+                let network = if N::SHARES_VALUES || self.experiment.agent_count < HASHED_BESIDES {
                     self.network.step(&call.input()).await?
                 } else {
                     let hashed = (Arc::clone(&robots), given.clone());
@@ -328,7 +326,8 @@ impl<R: Peer<Robots>, N: Peer<Network>> Coupled<R, N> {
         }
         if !reply.messages.is_empty() && !self.sends_messages {
             return garbage(
-                "messages: must be absent: Configure did not say that there would be any".to_owned(),
+                "messages: must be absent: Configure did not say that there would be any"
+                    .to_owned(),
             );
         }
         self.commands.extend_from_slice(&reply.commands);
@@ -410,12 +409,7 @@ impl<'a> NetworkCall<'a> {
 /// Agents from which on the digest is computed on another thread while the network takes its step.
 const HASHED_BESIDES: usize = 1000;
 
-fn digest_of(
-    step: u64,
-    time_ns: u64,
-    on_air: &RobotsStep,
-    given: Option<&NetworkStep>,
-) -> Digest {
+fn digest_of(step: u64, time_ns: u64, on_air: &RobotsStep, given: Option<&NetworkStep>) -> Digest {
     let deliveries: Option<&Deliveries> = given.map(|reply| &reply.deliveries);
     digest::of_step(step, time_ns, &on_air.states, deliveries)
 }

@@ -7,9 +7,9 @@ mod configure;
 
 pub use configure::{Asked, Unfit, Wanted, announced, configure, starts};
 
-use experiment::Plan;
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
 use crate::peer::{Network, Peer, Robots, SideError};
+use experiment::Plan;
 use proto::types::{Formation, MoteCommand, NetRecord, seconds};
 use std::fmt::Write as _;
 use std::future::Future;
@@ -52,14 +52,7 @@ pub trait Progress {
     fn at(&mut self, step: u64, time_ns: u64);
 
     /// Step `step`, in which the network of `n` motes forms, is done and stands at `time_ns` of at most `limit_ns`.
-    fn forming(
-        &mut self,
-        step: u64,
-        time_ns: u64,
-        limit_ns: u64,
-        formation: &Formation,
-        n: usize,
-    );
+    fn forming(&mut self, step: u64, time_ns: u64, limit_ns: u64, formation: &Formation, n: usize);
 
     /// The phase has ended.
     fn end(&mut self);

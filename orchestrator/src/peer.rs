@@ -21,13 +21,13 @@ pub use service::Service;
 pub use side::{Described, Network, Peer, Robots, Side, Standing};
 
 use awake::Awake;
-use experiment::{Tls, Transport};
 use bytes::Bytes;
+use experiment::{Tls, Transport};
 use process::ChildProcess;
 use proto::config::Problem;
-use proto_messages::convert::InvalidField;
 use proto::exchange::ConfigureRequest;
 use proto_host::{CONNECTION_WINDOW_BYTES, STREAM_WINDOW_BYTES};
+use proto_messages::convert::InvalidField;
 use std::future::Future;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;

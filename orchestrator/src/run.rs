@@ -8,10 +8,10 @@ mod trial;
 pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Outcome, Sides, Trial};
 
+use crate::drive::{Driver, Failure, Observer, Progress, Schedule, Stopped, Taken, Wanted};
 use crate::peer::SideError;
 use crate::report;
 use experiment::Overrides;
-use crate::drive::{Driver, Failure, Observer, Progress, Schedule, Stopped, Taken, Wanted};
 use interrupt::Interrupt;
 use proto::config::Refusal;
 use record::{Ending, Finished, RecordError, Recorder, Status, StepRecord};

@@ -30,7 +30,7 @@ fn flock_speed_mps(toml: &str, seed: u64) -> f64 {
     let speeds = (0..250).map(|_| {
         experiment.step();
         let mean = |column: &[f64]| column.iter().sum::<f64>() / N as f64;
-        mean(&experiment.states.vx_mps).hypot(mean(&experiment.states.vy_mps))
+        mean(&experiment.states().vx_mps).hypot(mean(&experiment.states().vy_mps))
     });
     speeds.sum::<f64>() / 250.0
 }

@@ -42,7 +42,7 @@ impl Runs {
                 while n_rounds < N_ROUNDS_MAX && !experiment.step() {
                     n_rounds += 1;
                 }
-                (f64::from(n_rounds), residual_m2(&experiment.states).log10())
+                (f64::from(n_rounds), residual_m2(experiment.states()).log10())
             })
             .unzip();
         Self { rounds, log_residual }

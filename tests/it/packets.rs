@@ -1,12 +1,14 @@
 //! The network against measured packets. There is no other simulator of the whole protocol here: what is measured is made by
 //! the running simulation itself, under other seeds, with an effect that the model lacks.
 
-use experiment::{Overrides, read};
+use experiment::{Overrides, load, read};
 use measure::table::Table;
 use orchestrator::network::compared::Among;
-use orchestrator::network::replay::Replay;
+use orchestrator::network::replay::{Replay, exchanged};
 use orchestrator::network::spread::LEVEL;
 use orchestrator::network::tracks::Tracks;
+use proto_messages::v1;
+use record::read::Reader;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -122,6 +124,102 @@ fn measured_places_are_where_motes_stand() {
     assert!(0 < made(&at(0.5)));
     // Out of each other's reach nobody ever joins, so that there is nothing to send.
     assert_eq!(made(&at(1e5)), 0);
+}
+
+/// The same with robots that act on what they hear, noise and a mote that fails, once the network has formed.
+const SWARM: &str = r#"
+[experiment]
+name = "swarm"
+seed = 5
+duration_s = 6.0
+agents = 6
+control_period = "slotframe"
+
+[robotsim.scenario]
+kind = "line"
+spacing_m = 4.0
+
+[robotsim.controller]
+kind = "flocking"
+flock_radius_m = 20.0
+
+[netsim]
+mode = "6tisch"
+
+[netsim.phy]
+propagation = "log-distance"
+exponent = 3.2
+
+[netsim.sf]
+kind = "rrsf"
+
+[[timeline]]
+at_s = 2.0
+order = "kill"
+motes = [3]
+"#;
+
+/// Runs of the processes, and the same experiments simulated again in this process: everything that was exchanged, message by
+/// message as bytes, and the digest of each step.
+#[test]
+fn a_run_and_its_resimulation_under_the_same_seed_are_the_same_bytes() {
+    let coupled = |coupling: &str| {
+        MODEL
+            .replace("duration_s = 1800.0", "duration_s = 90.0")
+            .replace("seed = 1\n", &format!("seed = 1\ncoupling = {coupling:?}\n"))
+    };
+    for (text, forms) in
+        [(coupled("sequential"), false), (coupled("parallel"), false), (SWARM.to_owned(), true)]
+    {
+        let dir = folder();
+        let config = dir.path().join("model.toml");
+        std::fs::write(&config, &text).unwrap();
+        let mut recorded = Reader::open(&run(&config, dir.path(), &[])).unwrap();
+        let plan = load(&config, &Overrides::default()).unwrap();
+        let configured = recorded.configured().unwrap().clone();
+        let (mut n_steps, mut n_held, mut n_delivered) = (0, 0, 0);
+        exchanged(
+            &plan,
+            &mut |again| {
+                let robots = (
+                    v1::RobotSimServiceConfigureRequest::from(&again.robots_request),
+                    v1::RobotSimServiceConfigureResponse::from(&again.robots_start),
+                );
+                let network = (
+                    v1::NetSimServiceConfigureRequest::from(&again.network_request),
+                    v1::NetSimServiceConfigureResponse::from(&again.network_start),
+                );
+                let of_run = &configured;
+                assert_eq!(bytes(&robots.0), bytes(&of_run.robot_request));
+                assert_eq!(bytes(&robots.1), bytes(&of_run.robot_response));
+                assert_eq!(bytes(&network.0), bytes(&of_run.net_request));
+                assert_eq!(bytes(&network.1), bytes(&of_run.net_response));
+            },
+            &mut |again| {
+                let step = again.outcome.step;
+                let of_run = recorded.next_step().unwrap().expect("as many steps");
+                let robots = v1::RobotSimServiceStepResponse::from(&*again.outcome.robots);
+                assert_eq!(bytes(&robots), bytes(&of_run.robots), "step {step}");
+                let network = v1::NetSimServiceStepResponse::from(&*again.outcome.network);
+                assert_eq!(bytes(&network), bytes(&of_run.net), "step {step}");
+                let commands: Vec<v1::MoteCommand> =
+                    again.commands.iter().cloned().map(Into::into).collect();
+                assert_eq!(commands, of_run.commands, "step {step}");
+                assert_eq!(again.outcome.digest()[..], of_run.barrier.digest[..], "step {step}");
+                n_steps += 1;
+                n_held += u64::from(again.outcome.robots.held);
+                n_delivered += again.outcome.network.deliveries.n_deliveries();
+            },
+        )
+        .unwrap();
+        assert_eq!(recorded.next_step().unwrap(), None);
+        // It is not that nothing was compared.
+        assert!(0 < n_steps && (0 < n_held) == forms && (0 < n_delivered) == forms, "{text}");
+    }
+}
+
+fn bytes(message: &impl prost::Message) -> Vec<u8> {
+    message.encode_to_vec()
 }
 
 #[test]

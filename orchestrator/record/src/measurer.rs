@@ -1,8 +1,8 @@
 //! What a run comes to, without leaving anything on disk.
 
-use experiment::output::Links;
 use super::writer::{Event, RunWriter};
 use super::{Ending, OutputConfig, RecordError, RunHeader, StepRecord, summary};
+use experiment::output::Links;
 use proto::exchange::Configured;
 use serde_json::Value;
 use std::path::Path;

@@ -6,6 +6,7 @@ mod tables;
 use super::log::Topic;
 use super::read::{ReadError, Reader};
 use super::*;
+use bytes::Bytes;
 use experiment::output::Links;
 use made_up::{N, STEP_NS, STEPS, digest, header, record, states, taken};
 use proto_messages::v1;

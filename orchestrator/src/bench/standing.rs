@@ -4,11 +4,11 @@ use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, record_failed, step,
     temporary_folder,
 };
+use crate::drive::Wanted;
+use crate::run::{Processes, RunError, start};
 use experiment::{Overrides, Plan};
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
-use crate::drive::Wanted;
-use crate::run::{Processes, RunError, start};
 use serde_json::{Value, json};
 use std::fmt::{self, Write as _};
 use std::path::Path;

@@ -3,10 +3,10 @@
 use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, step, steps, temporary_folder,
 };
-use experiment::{Overrides, Plan};
-use numbers::statistics::quantile_lower;
 use crate::drive::Wanted;
 use crate::run::{Processes, RunError, start};
+use experiment::{Overrides, Plan};
+use numbers::statistics::quantile_lower;
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
 use serde_json::{Value, json};

@@ -1,14 +1,14 @@
 //! Configuring both sides so that each can do what the experiment asks of it.
 
-use experiment::{Plan, SideConfig, Start, timeline};
-use proto::config::Refusal;
 use crate::peer::{Described, Network, Peer, Robots, Side as _, SideError};
+use experiment::{Plan, SideConfig, Start, timeline};
 use netsim::sim::Network as BuiltInNetwork;
 use proto::config::Problem;
+use proto::config::Refusal;
 use proto::exchange::{ConfigureRequest, Configured};
 use proto::side::{NetSimulator as _, RobotSimulator as _};
-use proto::types::{Coupling, DeliveryColumn, NetRecord};
 use proto::types::MoteCommandKind;
+use proto::types::{Coupling, DeliveryColumn, NetRecord};
 use proto_messages::v1;
 use robotsim::sim::Swarm as BuiltInRobots;
 use std::collections::BTreeSet;

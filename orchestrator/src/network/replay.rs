@@ -2,19 +2,27 @@
 
 use super::kpis::Figures;
 use super::tracks::Tracks;
-use bytes::Bytes;
-use experiment::{Plan, SideConfig, Start};
-use measure::packets::{OWN, Packet};
-use netsim::sim::Network;
-use proto::config::{Node, Problem};
-use proto::rng::{Draws, Purpose};
-use proto::side::{
-    NetInput, NetOutput, NetSimulator as _, RobotInput, RobotSimulator as _, RobotStart, Setup,
+use crate::coupling::Coupled;
+use crate::drive::{
+    Asked, Driver, End, Failure, Observer, Schedule, Stopped, Taken, Uninterrupted, Wanted,
+    configure,
 };
-use proto::site::Site;
-use proto::types::{AgentStates, Coupling, MoteCommand, MoteOrder, NS_PER_S, NetRecord};
+use crate::peer::{Described, InProcess, Network, Peer, Robots, Side, SideError, Standing, ready};
+use bytes::Bytes;
+use experiment::{Plan, Start};
+use measure::packets::{OWN, Packet};
+use netsim::sim::Network as BuiltInNetwork;
+use proto::config::Problem;
+use proto::exchange::{ConfigureRequest, Configured, NetworkStep, RobotsStart, RobotsStep};
+use proto::rng::{Draws, Purpose};
+use proto::types::{
+    AgentStates, Coupling, Experiment, MoteCommand, MoteOrder, NS_PER_S, NetRecord, Payloads,
+};
 use rayon::prelude::*;
 use robotsim::sim::Swarm;
+use std::convert::Infallible;
+use std::iter::Peekable;
+use std::slice::Iter;
 
 /// Why an experiment cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -31,7 +39,6 @@ pub enum ReplayError {
 #[derive(Clone, Debug)]
 pub struct Replay {
     plan: Plan,
-    site: Site,
     /// Where robots were measured; `None`: they go as the experiment has them.
     tracks: Option<Tracks>,
     /// Packets that are sent again as they were measured; empty: motes send as their applications say.
@@ -87,10 +94,9 @@ impl Replay {
         }
         let ends = packets.iter().map(|packet| packet.received_s.unwrap_or(packet.time_s));
         let until_ns = (ends.fold(0.0, f64::max) * NS_PER_S as f64).ceil() as u64;
-        let site = site_of(&plan);
         let has_apps = network.get("app").and_then(toml::Value::as_array).is_some();
         let resent = if has_apps { Vec::new() } else { packets.to_vec() };
-        Ok(Self { plan, site, tracks, resent, until_ns: until_ns.max(1) })
+        Ok(Self { plan, tracks, resent, until_ns: until_ns.max(1) })
     }
 
     /// An experiment over what its robots did: they are where they were measured, from the beginning of the task on.
@@ -112,9 +118,8 @@ impl Replay {
         if plan.experiment.coupling != Coupling::Sequential {
             return Err(ReplayError::Unfit(OWN_ROBOTS.to_owned()));
         }
-        let site = site_of(&plan);
         let until_ns = ((tracks.until_s() * NS_PER_S as f64).round() as u64).max(1);
-        Ok(Self { plan, site, tracks: Some(tracks), resent: Vec::new(), until_ns })
+        Ok(Self { plan, tracks: Some(tracks), resent: Vec::new(), until_ns })
     }
 
     /// The same up to a time (s) at which packets may long have ceased: that none come any more is news, too.
@@ -153,11 +158,6 @@ impl Replay {
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.until_ns as f64 / NS_PER_S as f64
-    }
-
-    /// When it ends (ns).
-    pub(super) fn until_ns(&self) -> u64 {
-        self.until_ns
     }
 
     /// Whether motes send what was measured, and not what applications say.
@@ -241,47 +241,28 @@ impl Replay {
         Ok(packets)
     }
 
-    /// What a side is told when a replay begins.
-    fn setup(&self, toml: &str, side: &SideConfig, seed: u64) -> Result<Setup, ReplayError> {
-        let mut experiment = self.plan.experiment.clone();
-        experiment.seed = seed;
-        let config = proto::config::parse(toml).map_err(ReplayError::Refused)?;
-        Ok(Setup {
-            experiment,
-            site: self.site.clone(),
-            config,
-            path: String::new(),
-            files: side.files.clone(),
-            columns: Vec::new(),
-            records: vec![NetRecord::Packets],
-        })
-    }
-
-    /// The robots, where they begin.
+    /// What both sides are asked.
     ///
-    /// * `begin`: their places in place of the scenario's, as the file of a scenario `csv`.
-    ///
-    /// # Errors
-    ///
-    /// They refuse their section, or the places.
-    pub(super) fn robots(
-        &self,
-        seed: u64,
-        begin: Option<&Bytes>,
-    ) -> Result<(Swarm, RobotStart), ReplayError> {
-        let side = &self.plan.robotsim;
-        let mut section: toml::Table = side.toml.parse().unwrap_or_default();
-        if begin.is_some() {
+    /// * `begin`: robots' places in place of the scenario's, as the file of a scenario `csv`.
+    fn asked(&self, course: &Course<'_>, robots: &Described, network: &Described) -> Asked {
+        let mut asked = Asked::of(&self.plan, robots, network, Wanted::Nothing);
+        asked.robots.experiment.seed = course.robots_seed;
+        if let Some(begin) = course.begin {
+            let mut section: toml::Table = asked.robots.config_toml.parse().unwrap_or_default();
             let mut scenario = toml::Table::new();
             scenario.insert("kind".to_owned(), "csv".into());
             scenario.insert("file".to_owned(), BEGIN.into());
             section.insert("scenario".to_owned(), scenario.into());
+            asked.robots.config_toml = section.to_string();
+            asked.robots.files.insert(BEGIN.to_owned(), begin.clone());
         }
-        let mut told = self.setup(&section.to_string(), side, seed)?;
-        told.files.extend(begin.map(|begin| (BEGIN.to_owned(), begin.clone())));
-        let mut robots = Swarm::default();
-        let start = robots.configure(&told).map_err(ReplayError::Refused)?;
-        Ok((robots, start))
+        asked.network.experiment.seed = self.seed(course.number, 0);
+        asked.network.config_toml = course.network.to_string();
+        asked.network.records = vec![NetRecord::Packets];
+        if let Some(trace) = course.trace {
+            asked.network.files.insert(LINKS.to_owned(), trace.clone());
+        }
+        asked
     }
 
     /// A seed for replay `number`: of the network, or of something else that has chances of its own.
@@ -289,87 +270,240 @@ impl Replay {
         Draws::new(self.plan.experiment.seed, Purpose::Replay).words(number, of, 0)[0] >> 1
     }
 
-    /// Runs both sides in turn, and shows each step.
+    /// Runs both sides, and shows each step: the built-in network with the experiment's robots, or with those measured.
     pub(super) fn drive(
         &self,
         course: &Course<'_>,
         each: &mut dyn FnMut(&Stepped<'_>),
     ) -> Result<(), ReplayError> {
-        let Plan { experiment, timeline, .. } = &self.plan;
-        let (mut robots, begin) = self.robots(course.robots_seed, course.begin)?;
-        let mut radios = Network::default();
-        let seed = self.seed(course.number, 0);
-        let mut told = self.setup(&course.network.to_string(), &self.plan.netsim, seed)?;
-        told.files.extend(course.trace.map(|trace| (LINKS.to_owned(), trace.clone())));
-        told.columns.clone_from(&begin.columns);
-        let start = radios.configure(&told).map_err(ReplayError::Refused)?;
-        let waits = match self.plan.start {
-            Some(start) => start == Start::WhenFormed,
-            None => true,
-        } && start.formation.is_some();
-        let mut started_ns = (!waits).then_some(0);
-        let (mut states, mut payloads) = (begin.states, begin.payloads);
-        let mut deliveries = None;
-        let mut motes = start.motes;
-        let mut resent = self.resent.iter().peekable();
-        let (mut step, mut from_ns) = (0, 0);
-        loop {
-            let end_ns = match (course.counts_from_start, started_ns) {
-                (false, _) => self.until_ns,
-                (true, Some(started_ns)) => started_ns + self.until_ns,
-                (true, None) => self.plan.formation_limit_ns,
-            };
-            if end_ns <= from_ns {
-                return Ok(());
+        match &self.tracks {
+            None => self.drive_over(course, built_in_robots(), built_in_network(), each),
+            Some(tracks) => {
+                let robots = Tracked::new(tracks, course.counts_from_start);
+                self.drive_over(course, robots, built_in_network(), each)
             }
-            step += 1;
-            let until_ns = from_ns + experiment.step_ns;
-            let since_ns = if course.counts_from_start { started_ns } else { Some(0) };
-            let mut moved = Vec::new();
-            if let Some(tracks) = &self.tracks {
-                let at_ns = since_ns.map_or(0, |since_ns| until_ns - since_ns);
-                tracks.place(at_ns as f64 / NS_PER_S as f64, &mut states);
-            } else {
-                let reply = robots.step(&RobotInput {
-                    step,
-                    from_ns,
-                    until_ns,
-                    deliveries: deliveries.as_ref(),
-                    motes: Some(&motes),
-                    commands: &[],
-                    hold: started_ns.is_none(),
-                });
-                (states, payloads, moved) = (reply.states, reply.payloads, reply.moved_obstacles);
-            }
-            let mut commands = match started_ns {
-                Some(started_ns) => timeline.commands(started_ns, from_ns, until_ns),
-                None => Vec::new(),
-            };
-            while let Some(packet) = resent.next_if(|packet| packet.time_s * 1e9 < until_ns as f64)
-            {
-                commands.push(again(packet));
-            }
-            let reply = radios.step(&NetInput {
-                step,
-                from_ns,
-                until_ns,
-                states: &states,
-                payloads: &payloads,
-                moved_obstacles: &moved,
-                commands: &commands,
-                stop_at_first_delivery: false,
-                records: &[],
-            });
-            if let Some(since_ns) = since_ns {
-                each(&Stepped { since_ns, until_ns, states: &states, reply: &reply });
-            }
-            if started_ns.is_none() && reply.formation.is_some_and(|it| it.formed_ns.is_some()) {
-                started_ns = Some(until_ns);
-            }
-            (deliveries, motes) = (Some(reply.deliveries), reply.motes);
-            from_ns = until_ns;
         }
     }
+
+    /// The same over any robots and any network.
+    pub(super) fn drive_over<R: Peer<Robots>, N: Peer<Network>>(
+        &self,
+        course: &Course<'_>,
+        robots: R,
+        network: N,
+        each: &mut dyn FnMut(&Stepped<'_>),
+    ) -> Result<(), ReplayError> {
+        let asked = self.asked(course, robots.described(), network.described());
+        // Measured robots do not care who takes turns how.
+        let experiment =
+            Experiment { coupling: Coupling::Sequential, ..self.plan.experiment.clone() };
+        let (mut coupled, configured) = couple(asked, experiment, robots, network)?;
+        let (formation_limit_ns, end) = if course.counts_from_start {
+            (self.plan.formation_limit_ns, End::AfterStart(self.until_ns))
+        } else {
+            (self.until_ns, End::At(self.until_ns))
+        };
+        let schedule = Schedule {
+            plan: &self.plan,
+            waits: waits(&self.plan, &configured),
+            formation_limit_ns,
+            end,
+            stop_when_complete: false,
+        };
+        let mut spectator = Spectator {
+            resent: self.resent.iter().peekable(),
+            counts_from_start: course.counts_from_start,
+            each,
+        };
+        finished(drive(schedule, &configured, &mut coupled, &mut spectator))
+    }
+}
+
+/// What both sides exchange in the experiment itself: under its own seed, and with all that a run of it records. A run of the
+/// processes exchanges the same, to the last bit.
+///
+/// * `begin`: is shown how both were configured.
+/// * `each`: is shown each step.
+///
+/// # Errors
+///
+/// A side refuses its section, or the experiment names simulators elsewhere.
+pub fn exchanged(
+    plan: &Plan,
+    begin: &mut dyn FnMut(&Configured),
+    each: &mut dyn FnMut(&Taken),
+) -> Result<(), ReplayError> {
+    has_both_sides(plan)?;
+    let (robots, network) = (built_in_robots(), built_in_network());
+    let described = (Peer::<Robots>::described(&robots), Peer::<Network>::described(&network));
+    let asked = Asked::of(plan, described.0, described.1, Wanted::Record);
+    let (mut coupled, configured) = couple(asked, plan.experiment.clone(), robots, network)?;
+    begin(&configured);
+    let schedule = Schedule::of(plan, waits(plan, &configured));
+    finished(drive(schedule, &configured, &mut coupled, &mut Shown(each)))
+}
+
+/// Whether robots stand still until the network has formed.
+fn waits(plan: &Plan, configured: &Configured) -> bool {
+    plan.start != Some(Start::AtOnce) && configured.network_start.formation.is_some()
+}
+
+/// The simulator of robots that comes with this program.
+pub(super) fn built_in_robots() -> InProcess<Swarm> {
+    InProcess::robots(Swarm::default())
+}
+
+/// The simulator of networks that comes with this program.
+fn built_in_network() -> InProcess<BuiltInNetwork> {
+    InProcess::network(BuiltInNetwork::default())
+}
+
+/// Configures both sides and couples them.
+fn couple<R: Peer<Robots>, N: Peer<Network>>(
+    asked: Asked,
+    experiment: Experiment,
+    mut robots: R,
+    mut network: N,
+) -> Result<(Coupled<R, N>, Configured), ReplayError> {
+    let configured = ready(configure(asked, &mut robots, &mut network))?;
+    let (start, network_start) = (&configured.robots_start, &configured.network_start);
+    Ok((Coupled::new(robots, network, experiment, start, network_start), configured))
+}
+
+/// Takes all steps.
+fn drive<R: Peer<Robots>, N: Peer<Network>, O: Observer>(
+    schedule: Schedule<'_>,
+    configured: &Configured,
+    coupled: &mut Coupled<R, N>,
+    observer: &mut O,
+) -> Result<Stopped, Failure<O::Error>> {
+    let driver = Driver::new(schedule, &configured.network_start.records, coupled);
+    ready(driver.drive(observer, &mut Uninterrupted, &mut ()))
+}
+
+/// A network that has not formed in time is one of the things that may happen.
+fn finished(ended: Result<Stopped, Failure<Infallible>>) -> Result<(), ReplayError> {
+    match ended {
+        Ok(_) | Err(Failure::NotFormed(_)) => Ok(()),
+        Err(Failure::Side(error)) => Err(error.into()),
+        Err(Failure::Observer(never)) => match never {},
+    }
+}
+
+impl From<SideError> for ReplayError {
+    fn from(error: SideError) -> Self {
+        match error {
+            SideError::Unacceptable { problems, .. } => Self::Refused(problems),
+            SideError::Cannot { what, .. } => Self::Unfit(what),
+            error => Self::Unfit(error.to_string()),
+        }
+    }
+}
+
+/// Sends measured packets again, and shows the steps that count.
+struct Spectator<'a, 'e> {
+    resent: Peekable<Iter<'a, Packet>>,
+    counts_from_start: bool,
+    each: &'e mut dyn FnMut(&Stepped<'_>),
+}
+
+impl Observer for Spectator<'_, '_> {
+    type Error = Infallible;
+
+    fn orders(&mut self, until_ns: u64) -> Vec<MoteCommand> {
+        let is_now = |packet: &&Packet| packet.time_s * 1e9 < until_ns as f64;
+        std::iter::from_fn(|| self.resent.next_if(is_now)).map(again).collect()
+    }
+
+    fn step(&mut self, Taken { outcome, start_ns, .. }: Taken) -> Result<(), Infallible> {
+        if let Some(since_ns) = if self.counts_from_start { start_ns } else { Some(0) } {
+            (self.each)(&Stepped {
+                since_ns,
+                until_ns: outcome.time_ns,
+                states: &outcome.robots.states,
+                reply: &outcome.network,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Shows every step whole.
+struct Shown<'e>(&'e mut dyn FnMut(&Taken));
+
+impl Observer for Shown<'_> {
+    type Error = Infallible;
+
+    fn step(&mut self, taken: Taken) -> Result<(), Infallible> {
+        (self.0)(&taken);
+        Ok(())
+    }
+}
+
+/// Robots that are where they were measured. What they say, and what they want to know, is what the experiment's have to say
+/// and want to know where they begin.
+struct Tracked<'a> {
+    begun: InProcess<Swarm>,
+    tracks: &'a Tracks,
+    counts_from_start: bool,
+    /// When they started (ns).
+    started_ns: Option<u64>,
+    states: AgentStates,
+    payloads: Payloads,
+}
+
+impl<'a> Tracked<'a> {
+    fn new(tracks: &'a Tracks, counts_from_start: bool) -> Self {
+        Self {
+            begun: built_in_robots(),
+            tracks,
+            counts_from_start,
+            started_ns: None,
+            states: AgentStates::default(),
+            payloads: Payloads::default(),
+        }
+    }
+}
+
+impl Peer<Robots> for Tracked<'_> {
+    const SHARES_VALUES: bool = true;
+
+    fn described(&self) -> &Described {
+        Peer::<Robots>::described(&self.begun)
+    }
+
+    async fn configure(&mut self, request: &ConfigureRequest) -> Result<RobotsStart, SideError> {
+        let start = Peer::<Robots>::configure(&mut self.begun, request).await?;
+        self.states = start.states.clone();
+        self.payloads = start
+            .payloads
+            .clone()
+            .unwrap_or_else(|| Payloads::silence(request.experiment.agent_count));
+        Ok(RobotsStart { messages: false, ..start })
+    }
+
+    async fn step(&mut self, input: &<Robots as Side>::Input<'_>) -> Result<RobotsStep, SideError> {
+        if !input.hold {
+            self.started_ns.get_or_insert(input.from_ns);
+        }
+        let since_ns = if self.counts_from_start { self.started_ns } else { Some(0) };
+        let at_ns = since_ns.map_or(0, |since_ns| input.until_ns - since_ns);
+        self.tracks.place(at_ns as f64 / NS_PER_S as f64, &mut self.states);
+        Ok(RobotsStep {
+            step: input.step,
+            time_ns: input.until_ns,
+            states: self.states.clone(),
+            payloads: self.payloads.clone(),
+            held: input.hold,
+            ..RobotsStep::default()
+        })
+    }
+
+    async fn barrier(&mut self, step: u64, time_ns: u64) -> Result<Standing, SideError> {
+        Ok(Standing { step, time_ns, digest: Bytes::new() })
+    }
+
+    async fn stop(self) {}
 }
 
 /// One replay.
@@ -399,7 +533,7 @@ pub(super) struct Stepped<'a> {
     /// Where agents are then.
     pub(super) states: &'a AgentStates,
     /// What the network did in it.
-    pub(super) reply: &'a NetOutput,
+    pub(super) reply: &'a NetworkStep,
 }
 
 /// Refuses simulators elsewhere.
@@ -424,11 +558,6 @@ fn all_are_seen(tracks: &Tracks, n_agents: usize) -> Result<(), ReplayError> {
         "no place is known of agents {}: every agent of the experiment needs one",
         unseen.join(", ")
     )))
-}
-
-fn site_of(plan: &Plan) -> Site {
-    let site = proto::config::parse(&plan.site_toml).unwrap_or_else(|_| Node::empty_table());
-    proto::site::read(&site, "site", &mut Vec::new()).0
 }
 
 /// The network's section of an experiment, with all defaults.

@@ -9,20 +9,21 @@
 
 pub mod figures;
 pub mod heard;
+mod heard_network;
 mod told;
 
 use super::compared::Asked;
-use super::replay::{Course, Replay, ReplayError};
+use super::replay::{self, Course, Replay, ReplayError};
 use super::spread::{Standing, place};
 use super::tracks::Tracks;
 use bytes::Bytes;
 use figures::{N, Sheet, TaskFigures};
 use heard::Hearing;
+use heard_network::HeardNetwork;
 use metrics::Task;
 use numbers::statistics;
 use proto::rng::{Draws, Purpose};
-use proto::side::{RobotInput, RobotSimulator as _};
-use proto::types::{DeliveryColumn, seconds};
+use proto::types::seconds;
 use rayon::prelude::*;
 pub use told::{json, text};
 
@@ -284,37 +285,14 @@ impl Measured<'_> {
 
     /// The model's robots, who hear what is given.
     fn hearing(&self, number: u64, heard: &Hearing) -> Result<Tracks, ReplayError> {
-        let experiment = &self.replay.plan().experiment;
-        let (n, step_ns) = (experiment.agent_count, experiment.step_ns);
         let (mut ways, begin) = self.begin(number);
-        let seed = self.replay.seed(number, ROBOTS);
-        let (mut robots, start) = self.replay.robots(seed, Some(&begin))?;
-        if start.columns.contains(&DeliveryColumn::RssiDbm) && !heard.has_strengths() {
-            return Err(ReplayError::Unfit(
-                "the robots act on how strong frames are: what was heard needs rssi_dbm throughout"
-                    .to_owned(),
-            ));
-        }
-        let mut said = Vec::new();
-        let mut deliveries = None;
-        let (mut step, mut from_ns) = (0, 0);
-        while from_ns < self.replay.until_ns() {
-            step += 1;
-            let until_ns = from_ns + step_ns;
-            let reply = robots.step(&RobotInput {
-                step,
-                from_ns,
-                until_ns,
-                deliveries: deliveries.as_ref(),
-                motes: None,
-                commands: &[],
-                hold: false,
-            });
-            said.push(reply.payloads);
-            deliveries = Some(heard.within([from_ns, until_ns], &said, step_ns, n));
-            ways.push(seconds(until_ns), &reply.states);
-            from_ns = until_ns;
-        }
+        let section = toml::Table::new();
+        self.replay.drive_over(
+            &Course { begin: Some(&begin), ..self.course(number, &section) },
+            replay::built_in_robots(),
+            HeardNetwork::new(heard, self.replay.plan().experiment.step_ns),
+            &mut |step| ways.push(seconds(step.until_ns), step.states),
+        )?;
         Ok(ways)
     }
 }

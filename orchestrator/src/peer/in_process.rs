@@ -21,8 +21,7 @@ pub struct InProcess<T> {
 impl<T: RobotSimulator> InProcess<T> {
     /// Around a robot simulator that has not been configured.
     pub fn robots(simulator: T) -> Self {
-        let described =
-            Described { commands: true, hold: true, ..described(T::NAME) };
+        let described = Described { commands: true, hold: true, ..described(T::NAME) };
         Self { simulator, described, step: 0, time_ns: 0 }
     }
 }
@@ -126,7 +125,10 @@ impl<T: NetSimulator> Peer<Network> for InProcess<T> {
         })
     }
 
-    async fn step(&mut self, input: &<Network as Side>::Input<'_>) -> Result<NetworkStep, SideError> {
+    async fn step(
+        &mut self,
+        input: &<Network as Side>::Input<'_>,
+    ) -> Result<NetworkStep, SideError> {
         let mut kinds = input.commands.iter().map(|command| command.order.kind());
         if let Some(kind) = kinds.find(|&kind| !self.simulator.obeys(kind)) {
             let what = format!("as it is configured, does not obey {kind:?}");

@@ -2,14 +2,14 @@
 
 use super::{Described, Network, Robots, Side, Standing};
 use bytes::Bytes;
-use proto_messages::convert::{self, InvalidField};
 use proto::exchange::ConfigureRequest;
-use proto_host::MAX_MESSAGE_BYTES;
-use proto::types::{DeliveryColumn, NetRecord};
 use proto::types::MoteCommandKind;
-use proto_messages::v1;
+use proto::types::{DeliveryColumn, NetRecord};
+use proto_host::MAX_MESSAGE_BYTES;
 use proto_host::services::net_sim_service_client::NetSimServiceClient;
 use proto_host::services::robot_sim_service_client::RobotSimServiceClient;
+use proto_messages::convert::{self, InvalidField};
+use proto_messages::v1;
 use std::future::Future;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;

@@ -4,8 +4,8 @@ use super::SideError;
 use bytes::Bytes;
 use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use proto::side::{NetInput, RobotInput};
-use proto::types::{DeliveryColumn, NetRecord};
 use proto::types::MoteCommandKind;
+use proto::types::{DeliveryColumn, NetRecord};
 use std::future::Future;
 
 /// One of the two sides of the contract: what it is given, and what it replies.

@@ -2,13 +2,13 @@
 
 use super::RunError;
 use crate::coupling::Coupled;
-use experiment::{EXPERIMENT, Plan, SideConfig, Start};
-use proto::config::{Node, Problem, Refusal, Value};
 use crate::drive::{self, Asked, Unfit, Wanted};
 use crate::peer::{Launch, Network, Peer, Reach, Remote, Robots, Service, Side as _, SideError};
-use record::{RunHeader, is_column_of_motes};
+use experiment::{EXPERIMENT, Plan, SideConfig, Start};
+use proto::config::{Node, Problem, Refusal, Value};
 use proto::exchange::Configured;
 use proto::types::NetRecord;
+use record::{RunHeader, is_column_of_motes};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -174,16 +174,15 @@ async fn configure(
     network: &mut Remote<Network>,
     wanted: Wanted,
 ) -> Result<(Configured, Start), RunError> {
-    drive::announced(plan, robots.described(), network.described(), wanted).map_err(
-        |unfit| match unfit {
+    drive::announced(plan, robots.described(), network.described(), wanted).map_err(|unfit| {
+        match unfit {
             Unfit::Plan(refusal) => RunError::Refused(*refusal),
             Unfit::Side(error) => side(error),
-        },
-    )?;
+        }
+    })?;
     let asked = Asked::of(plan, robots.described(), network.described(), wanted);
-    let exchange = drive::configure(asked, robots, network)
-        .await
-        .map_err(|error| refused(plan, error))?;
+    let exchange =
+        drive::configure(asked, robots, network).await.map_err(|error| refused(plan, error))?;
     let forms = exchange.network_start.formation.is_some();
     let start =
         drive::starts(plan, robots.described(), network.described(), forms).map_err(side)?;

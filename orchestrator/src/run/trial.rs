@@ -1,12 +1,12 @@
 //! One trial after another on the same two simulators.
 
 use super::interrupt::Interrupt;
-use crate::report;
-use experiment::{Plan, Tls, Transport};
 use super::start::{Processes, StartOptions, Started, connect, ready};
 use super::{RunError, ended_by, record_of};
 use crate::drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
 use crate::peer::{Network, Peer as _, Remote, Robots};
+use crate::report;
+use experiment::{Plan, Tls, Transport};
 use record::{Ending, Measurer, RecordError, Recorder};
 use serde_json::Value;
 use std::path::Path;

@@ -5,11 +5,11 @@ use super::{
     heard_links, mote_commands, motes, moved_obstacles, packets, payloads, records, schedule,
     states, statistics, task_figures,
 };
+use crate::v1;
+use bytes::Bytes;
 use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use proto::side::{NetInput, RobotInput};
 use proto::types::{DeliveryColumn, MoteStates, NetRecord};
-use crate::v1;
-use bytes::Bytes;
 
 /// The robots' reply to `Configure` from its message. Columns that this version of the contract does not know are left out: no
 /// network could be asked for them.
@@ -67,8 +67,7 @@ pub fn robots_step(
         payloads: payloads(message.payloads, n_agents)?,
         moved_obstacles: moved_obstacles(message.moved_obstacles)?,
         commands: agent_commands(message.commands, n_agents)?,
-        applied_commands: agent_commands(message.applied_commands, n_agents)
-            .map_err(applied)?,
+        applied_commands: agent_commands(message.applied_commands, n_agents).map_err(applied)?,
         task_complete: message.task_complete,
         held: message.held,
         messages: agent_messages(message.messages, n_agents)?,
@@ -92,8 +91,7 @@ pub fn network_step(
         deliveries: deliveries(message.deliveries, n_agents)?.unwrap_or_default(),
         motes: optional_motes(message.motes, n_agents)?,
         commands: agent_commands(message.commands, n_agents)?,
-        applied_commands: mote_commands(message.applied_commands, n_agents)
-            .map_err(applied)?,
+        applied_commands: mote_commands(message.applied_commands, n_agents).map_err(applied)?,
         formation: formation(message.formation, n_agents)?,
         packets: packets(message.packets, n_agents)?,
         capture: message.capture,

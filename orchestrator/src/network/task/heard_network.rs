@@ -1,0 +1,67 @@
+//! In place of a network: who heard whom, as it was measured.
+
+use super::heard::Hearing;
+use crate::peer::{Described, Network, Peer, Side, SideError, Standing};
+use bytes::Bytes;
+use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep};
+use proto::types::{DeliveryColumn, MoteCommandKind, Payloads};
+
+/// Delivers what was measured, with what senders had to say when they sent. Orders change nothing of it.
+pub(super) struct HeardNetwork<'a> {
+    heard: &'a Hearing,
+    step_ns: u64,
+    described: Described,
+    /// What everyone said, period by period.
+    said: Vec<Payloads>,
+}
+
+impl<'a> HeardNetwork<'a> {
+    /// * `step_ns`: the period of the experiment.
+    pub(super) fn new(heard: &'a Hearing, step_ns: u64) -> Self {
+        let described = Described {
+            name: "what was heard".to_owned(),
+            mote_commands: vec![MoteCommandKind::Send],
+            columns: vec![DeliveryColumn::RssiDbm],
+            ..Described::default()
+        };
+        Self { heard, step_ns, described, said: Vec::new() }
+    }
+}
+
+impl Peer<Network> for HeardNetwork<'_> {
+    const SHARES_VALUES: bool = true;
+
+    fn described(&self) -> &Described {
+        &self.described
+    }
+
+    async fn configure(&mut self, request: &ConfigureRequest) -> Result<NetworkStart, SideError> {
+        if request.columns.contains(&DeliveryColumn::RssiDbm) && !self.heard.has_strengths() {
+            let what =
+                "the robots act on how strong frames are: what was heard needs rssi_dbm throughout";
+            return Err(SideError::Cannot { side: Network::SIDE, what: what.to_owned() });
+        }
+        Ok(NetworkStart::default())
+    }
+
+    async fn step(
+        &mut self,
+        input: &<Network as Side>::Input<'_>,
+    ) -> Result<NetworkStep, SideError> {
+        self.said.push(input.payloads.clone());
+        let period = [input.from_ns, input.until_ns];
+        let n_agents = input.states.len();
+        Ok(NetworkStep {
+            step: input.step,
+            time_ns: input.until_ns,
+            deliveries: self.heard.within(period, &self.said, self.step_ns, n_agents),
+            ..NetworkStep::default()
+        })
+    }
+
+    async fn barrier(&mut self, step: u64, time_ns: u64) -> Result<Standing, SideError> {
+        Ok(Standing { step, time_ns, digest: Bytes::new() })
+    }
+
+    async fn stop(self) {}
+}
