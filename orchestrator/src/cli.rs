@@ -20,7 +20,7 @@ use clap::{Args, Parser, Subcommand};
 use experiment::{Overrides, Tls};
 use proto::types::seconds;
 use proto_host::{ServeArgs, init_logging, serve_network, serve_robots};
-use serde_json::Value;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -406,7 +406,7 @@ fn describe(report: &RunReport) {
 }
 
 /// The few numbers of a summary that a person looks for first.
-fn highlights(summary: &Value) -> Vec<String> {
+fn highlights(summary: &serde_json::Value) -> Vec<String> {
     let task = &summary["task"];
     let network = &summary["network"];
     let mut lines = Vec::new();
@@ -541,8 +541,10 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
     }
 }
 
-fn write_json(path: Option<&Path>, value: &Value) -> Result<(), Failure> {
-    path.map_or(Ok(()), |path| write_whole("--json", path, &format!("{value:#}\n")))
+fn write_json(path: Option<&Path>, answer: &impl Serialize) -> Result<(), Failure> {
+    let Some(path) = path else { return Ok(()) };
+    let json = serde_json::to_value(answer).map_err(Failure::work)?;
+    write_whole("--json", path, &format!("{json:#}\n"))
 }
 
 /// Writes a file in one piece: under another name first.

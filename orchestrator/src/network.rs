@@ -6,22 +6,26 @@
 //! | [`replay`] | what a configured network would have done, under a seed |
 //! | [`kpis`] | the figures of packets that are compared |
 //! | [`spread`] | a measurement against the spread of seeds |
-//! | [`compared`] | a comparison |
-//! | [`split`] | whether robots, radio or protocol are wrong |
+//! | [`compared`], [`comparison`] | a comparison, and its answer |
+//! | [`split`], [`error_split`] | whether robots, radio or protocol are wrong, and the answer |
 //! | [`task`] | whether what robots did wrong is theirs or the network's |
 //! | [`candidates`] | effects that may be missing |
 //! | [`likelihood`] | how probable a measurement is under runs |
 //! | [`tried`] | one effect tried at several values |
-//! | [`diagnosed`] | which effects are missing |
-//! | [`extended`] | a configuration with them added |
+//! | [`diagnosed`], [`diagnosis`] | which effects are missing, and the answer |
+//! | [`extended`], [`extension`] | a configuration with them added, and the answer |
 //!
 //! A measurement is one run of a network whose chances fell in one way. So it is not held against the mean of the
 //! simulation, but asked whether it could be one more of its runs.
 
 pub mod candidates;
 pub mod compared;
+pub mod comparison;
 pub mod diagnosed;
+pub mod diagnosis;
+pub mod error_split;
 pub mod extended;
+pub mod extension;
 pub mod figure;
 pub mod kpis;
 pub mod likelihood;

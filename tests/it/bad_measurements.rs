@@ -3,7 +3,7 @@
 
 use measure::config::Compared;
 use measure::table::Table;
-use orchestrator::check::{self, Checked};
+use orchestrator::check::{self, data_check::DataCheck, words::text};
 use std::path::Path;
 use study::choices::Choices;
 use study::open::{self, OpenError};
@@ -79,7 +79,7 @@ impl Sheet {
         Table::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
     }
 
-    fn check(&self) -> Result<Checked, OpenError> {
+    fn check(&self) -> Result<DataCheck, OpenError> {
         check::data(None, &self.table(), &Choices::default())
     }
 
@@ -96,21 +96,22 @@ impl Sheet {
 fn good_measurements_are_described_without_a_warning() {
     let checked = Sheet::links().check().unwrap();
     assert_eq!(checked.account.warnings, [""; 0]);
-    let json = &checked.json;
+    let json = serde_json::to_value(&checked).unwrap();
     assert_eq!(json["kind"], "link");
     assert_eq!(json["motes"]["all"].as_array().unwrap().len(), 18);
     assert_eq!(json["motes"]["still"], 12);
     assert_eq!(json["links"]["pairs"], 153);
-    assert!(checked.text.contains("whole dB"), "{}", checked.text);
+    assert!(text(&checked).contains("whole dB"), "{}", text(&checked));
     let lacking = json["not_testable"].as_array().unwrap();
     let walls = lacking.iter().find(|entry| entry["effect"] == "wall-attenuation").unwrap();
     assert!(walls["because"].as_str().unwrap().contains("needs walls"));
     assert!(json["testable"].as_array().unwrap().iter().any(|name| name == "temperature"));
 
     let checked = Sheet::robots().check().unwrap();
-    assert_eq!(checked.json["kind"], "robot");
-    assert_eq!(checked.json["agents"].as_array().unwrap().len(), 3);
-    assert!((checked.json["spacing_s"].as_f64().unwrap() - 0.1).abs() < 1e-9);
+    let json = serde_json::to_value(&checked).unwrap();
+    assert_eq!(json["kind"], "robot");
+    assert_eq!(json["agents"].as_array().unwrap().len(), 3);
+    assert!((json["spacing_s"].as_f64().unwrap() - 0.1).abs() < 1e-9);
     assert_eq!(checked.account.warnings, [""; 0]);
 }
 

@@ -1,12 +1,13 @@
 //! Reception predicted from readings that are given. The rows are made here: by a waterfall and losses of their own, by counting
 //! frame by frame, at levels that follow from nothing.
 
-use diagnose::answer::{self, Kind};
+use diagnose::answer::{self, Measurements};
 use diagnose::compare;
 use diagnose::gain::Scores;
 use diagnose::ladder::Search;
 use diagnose::progress::Progress;
 use diagnose::scan;
+use measure::account::Account;
 use measure::config::Compared;
 use measure::table::Table;
 use serde_json::Value;
@@ -14,7 +15,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use study::choices::{ChoiceError, Choices};
 use study::links::LinkStudy;
-use study::open::{self, OpenError};
+use study::open::{self, OpenError, Subject};
 use study::{COMMON, Study as _, links::rows::Rows};
 use tests::{folder, orchestrator, said};
 
@@ -99,8 +100,14 @@ fn diagnosed(study: &LinkStudy) -> Value {
     let search = Search::new(study, QUIET);
     let ladder = search.climb();
     let left = scan::left_over(study, &search, &ladder);
-    let kind = Kind { name: "link", unit: "pdr" };
-    answer::answer(study, &search, &ladder, kind, &left, None).json
+    let measurements = Measurements {
+        subject: Subject::Links,
+        error_unit: "pdr",
+        searched: None,
+        account: &Account::default(),
+    };
+    let found = answer::answer(study, &search, &ladder, measurements, &left, None);
+    serde_json::to_value(found).unwrap()
 }
 
 fn entry<'a>(json: &'a Value, effect: &str) -> &'a Value {
@@ -145,12 +152,12 @@ fn nothing_is_found_where_the_model_has_the_waterfall() {
         let found = diagnosed(&study);
         assert_eq!(found["verdict"], "nothing-missing", "{seed}: {}", found["sentence"]);
         let search = Search::new(&study, QUIET);
-        let scores = compare::links(&study, &search).json;
-        let rmse = scores["scores"]["rmse_pdr"].as_f64().unwrap();
+        let scores = compare::links(&study, &search, &Account::default()).scores;
+        let rmse = scores["rmse_pdr"];
         // The curve is sampled at steps of 0.1 dB, a frame in a thousand goes against it.
         assert!((rmse / chance.sqrt() - 1.0).abs() < 0.02, "{rmse} {}", chance.sqrt());
-        assert!(scores["scores"]["bias_pdr"].as_f64().unwrap().abs() < 0.005, "{scores:#}");
-        assert!(scores["scores"].get("rmse_db").is_none(), "{scores:#}");
+        assert!(scores["bias_pdr"].abs() < 0.005, "{scores:?}");
+        assert!(!scores.contains_key("rmse_db"), "{scores:?}");
     }
 }
 

@@ -4,10 +4,11 @@
 
 use crate::packets::{MODEL, replay, with};
 use experiment::{Overrides, read};
+use measure::account::Account;
 use measure::packets::Packet;
 use netsim::phy::reception::table::DUST;
 use orchestrator::network::compared::Asked;
-use orchestrator::network::diagnosed::{Diagnosis, Found, catalogue, told};
+use orchestrator::network::diagnosed::{Diagnosis, Found, answer, catalogue};
 use orchestrator::network::replay::Replay;
 use orchestrator::network::spread::LEVEL;
 use proto::rng::{Draws, Purpose};
@@ -33,7 +34,7 @@ fn diagnosed_by(model: &Replay, packets: &[Packet]) -> (Found, Value) {
     let asked = Asked { seeds: SEEDS, ..Asked::default() };
     let candidates = catalogue();
     let found = Diagnosis::new(model, packets, asked, &candidates).climb().unwrap();
-    let json = told(&found, asked).json;
+    let json = serde_json::to_value(answer(&found, asked, &Account::default())).unwrap();
     (found, json)
 }
 

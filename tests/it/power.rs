@@ -1,5 +1,6 @@
 //! How large an effect a campaign would show.
 
+use diagnose::power::answer::{self, Size};
 use diagnose::power::{Question, power};
 use measure::config::Compared;
 use measure::table::Table;
@@ -26,16 +27,15 @@ fn a_larger_campaign_shows_a_smaller_effect() {
     let value = |n_rows: usize| {
         let (config, table) = files(n_rows);
         let found = power(&config, &table, &asked("temperature"), QUIET).unwrap();
-        let json = found.json;
-        assert_eq!(json["neutral"], 0.0, "{json:#}");
-        assert_eq!(json["parameter"], "db_per_c");
-        assert!(found.text.contains("with a probability of 80 %"), "{}", found.text);
-        let tried = json["tried"].as_array().unwrap();
-        let share = |k: usize| {
-            tried[k]["found"].as_f64().unwrap() / tried[k]["campaigns"].as_f64().unwrap()
+        let text = answer::text(&found);
+        assert_eq!((found.neutral, found.parameter.as_str()), (0.0, "db_per_c"), "{found:?}");
+        assert!(text.contains("with a probability of 80 %"), "{text}");
+        let share = |size: &Size| size.found as f64 / size.campaigns as f64;
+        let [Some(least), Some(greatest)] = [found.tried.first(), found.tried.last()] else {
+            panic!("nothing was tried")
         };
-        assert!(share(0) < 0.8 && 0.8 <= share(tried.len() - 1), "{json:#}");
-        json["value"].as_f64().unwrap().abs()
+        assert!(share(least) < 0.8 && 0.8 <= share(greatest), "{found:?}");
+        found.value.unwrap().abs()
     };
     let (small, large) = (value(1000), value(5000));
     // Errors shrink with the root of the number of rows: by 2.2; each value is known to about 20 %.
@@ -66,7 +66,7 @@ fn what_is_chosen_of_the_rows_is_judged_alone() {
     let found = |choices: &Choices| {
         power(&config, &table, &Question { choices, ..asked("temperature") }, QUIET)
     };
-    let value = |choices: &Choices| found(choices).unwrap().json["value"].as_f64().unwrap().abs();
+    let value = |choices: &Choices| found(choices).unwrap().value.unwrap().abs();
     let condition = |text: &str| Choices { condition: Some(text.to_owned()), ..Choices::NONE };
     // Two in nine, all along the time in which the temperature varies.
     let (few, all) = (value(&condition("tx < 4")), value(&ALL_ROWS));
@@ -83,9 +83,9 @@ fn what_a_campaign_of_robots_would_show_is_told_too() {
     let campaign = Campaign::robots(3, &Fleet::standard(Drive::Velocity), &[], 3000);
     let config = Compared::of_text(Path::new("model.toml"), campaign.config_toml, &[]).unwrap();
     let table = Table::of_csv(Path::new("robots.csv"), campaign.csv.as_bytes()).unwrap();
-    let json = power(&config, &table, &asked("slip"), QUIET).unwrap().json;
-    assert_eq!(json["neutral"], 1.0, "{json:#}");
-    let value = json["value"].as_f64().unwrap();
+    let found = power(&config, &table, &asked("slip"), QUIET).unwrap();
+    assert_eq!(found.neutral, 1.0, "{found:?}");
+    let value = found.value.unwrap();
     // Positions are known to 1.5 cm and robots go 15 m in a window: a share of 1e-3 is 1.5 cm. Some hundred independent windows
     // show a fraction of that, but not a hundredth of it.
     assert!((1e-5..1e-3).contains(&(value - 1.0).abs()), "{value}");

@@ -4,6 +4,7 @@ use diagnose::compare;
 use diagnose::ladder::Search;
 use diagnose::progress::Progress;
 use diagnose::simulate::simulate;
+use measure::account::Account;
 use measure::config::Compared;
 use measure::table::Table;
 use std::path::Path;
@@ -44,12 +45,12 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
 
     let (study, _) = open::links(&config(&truth), &made, &Choices::default()).unwrap();
     assert_eq!(study.rows.links.readings.quantum_db, 1.0, "readings are rounded like the file's");
-    let found = compare::links(&study, &Search::new(&study, QUIET)).json;
-    let score = |name: &str| found["scores"][name].as_f64().unwrap();
+    let found = compare::links(&study, &Search::new(&study, QUIET), &Account::default());
+    let score = |name: &str| found.scores[name];
     // About 4000 readings: four standard errors are 0.019, and rounding to whole dB takes away up to 0.01.
-    assert!((score("coverage_90") - 0.9).abs() < 0.03, "{found:#}");
+    assert!((score("coverage_90") - 0.9).abs() < 0.03, "{found:?}");
     // The noise is 2 dB; four standard errors of the mean are 0.13 dB.
-    assert!(score("bias_db").abs() < 0.13, "{found:#}");
+    assert!(score("bias_db").abs() < 0.13, "{found:?}");
 
     let (study, _) = open::links(&config(&plain), &made, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
@@ -80,10 +81,10 @@ fn an_effect_of_robots_that_is_put_in_is_found_and_the_true_model_knows_what_it_
     let made = table(&csv);
 
     let (study, _) = open::robots(&config(&truth), &made, &Choices::default()).unwrap();
-    let found = compare::robots(&study, &Search::new(&study, QUIET)).json;
-    let coverage = found["scores"]["coverage_90"].as_f64().unwrap();
+    let found = compare::robots(&study, &Search::new(&study, QUIET), &Account::default());
+    let coverage = found.scores["coverage_90"];
     // Windows overlap: some 1200 independent residuals, four standard errors are 0.035.
-    assert!((coverage - 0.9).abs() < 0.035, "{found:#}");
+    assert!((coverage - 0.9).abs() < 0.035, "{found:?}");
 
     let (study, _) = open::robots(&config(&plain), &made, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
@@ -142,8 +143,7 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
     let score = |text: &str, name: &str| {
         let (study, _) = open::links(&config(text), &made, &Choices::default()).unwrap();
         assert!(study.rows.links.readings.has_losses, "links that were not heard are there");
-        let json = compare::links(&study, &Search::new(&study, QUIET)).json;
-        json["scores"][name].as_f64().unwrap()
+        compare::links(&study, &Search::new(&study, QUIET), &Account::default()).scores[name]
     };
     let coverage = score(text, "coverage_90");
     // Some thousand readings: four standard errors are below 0.03.

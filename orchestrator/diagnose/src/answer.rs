@@ -1,87 +1,31 @@
-//! What a diagnosis found: for programs as JSON, for people as a table and a sentence.
+//! From a search to an answer: which effects, which structure, which numbers.
 
-use super::gain::{Gain, Scores};
-use super::ladder::{Ladder, Search};
+use super::diagnosis::{
+    Affects, AlsoAlong, Diagnosis, Parameter, Rung, SCHEMA, Structure, Tested, Verdict,
+};
+use super::gain::Gain;
+use super::ladder::{self, Ladder, Search, Trial};
 use super::next;
 use super::scan::LeftOver;
-use proto::effect::CONSTANT;
-use serde_json::{Value, json};
-use std::fmt::Write as _;
+use super::words;
+use indexmap::IndexMap;
+use measure::account::Account;
 use std::sync::Arc;
+use study::open::Subject;
 use study::symbolic::Formula;
-use study::{COMMON, Study};
+use study::{COMMON, Estimate, Study};
 
-/// Names of what a kind of measurements is scored by.
+/// The measurements that a diagnosis is about.
 #[derive(Clone, Copy, Debug)]
-pub struct Kind {
-    /// `link` or `robot`.
-    pub name: &'static str,
-    /// Unit of errors.
-    pub unit: &'static str,
-}
-
-/// A diagnosis.
-#[derive(Clone, Debug)]
-pub struct Answer {
-    /// As in the specification of the file format `diagnose/1`.
-    pub json: Value,
-    /// As a person reads it.
-    pub text: String,
-}
-
-/// JSON has no number for what is not one.
-fn number(value: f64) -> Value {
-    if value.is_finite() { json!(value) } else { Value::Null }
-}
-
-/// What a structure is: what follows which covariate, and those that it cannot be told from.
-pub fn named_structure(entry: &Value) -> String {
-    let covariate = entry["covariate"].as_str().unwrap_or_default();
-    let others = entry["indistinguishable_from"].as_array().into_iter().flatten();
-    let others: Vec<&str> = others.filter_map(Value::as_str).collect();
-    let is_of_losses = entry["of"] == LOSSES;
-    let mut named = match (is_of_losses, covariate) {
-        (true, CONSTANT) => "a loss of frames that is the same everywhere".to_owned(),
-        (true, _) => format!("a loss of frames that follows {covariate}"),
-        (false, _) => format!("structure in {covariate}"),
-    };
-    if !others.is_empty() {
-        let or = |other: &&str| match (covariate, *other) {
-            (CONSTANT, other) => format!("or follows {other}"),
-            (_, CONSTANT) if is_of_losses => "or is the same everywhere".to_owned(),
-            (_, other) => format!("or {other}"),
-        };
-        let others: Vec<String> = others.iter().map(or).collect();
-        let _ = write!(named, " ({}: these data do not tell)", others.join(", "));
-    }
-    named
-}
-
-/// A formula along a second direction.
-fn also(formula: &Formula) -> Option<Value> {
-    let (text, target) = formula.also.as_ref()?;
-    Some(json!({ "formula": text, "target": target }))
-}
-
-/// The formulas of a structure, each with what it is added to.
-pub fn formulas_of(entry: &Value) -> impl Iterator<Item = (&str, &str)> {
-    let both = [entry, &entry["also"]].into_iter();
-    both.filter_map(|part| Some((part["formula"].as_str()?, part["target"].as_str()?)))
-}
-
-/// Of a curve of losses.
-pub const LOSSES: &str = "losses";
-/// Of a curve of what is read.
-const READINGS: &str = "readings";
-
-fn rung(name: &str, scores: &Scores) -> Value {
-    json!({
-        "model": name,
-        "log_score": number(scores.log_score),
-        "rmse": number(scores.rmse),
-        "crps": number(scores.crps),
-        "reception_log_loss": number(scores.reception_log_loss),
-    })
+pub struct Measurements<'a> {
+    /// Of links or of robots.
+    pub subject: Subject,
+    /// Unit of errors in words.
+    pub error_unit: &'static str,
+    /// How many rows were searched, if that is to be said.
+    pub searched: Option<usize>,
+    /// The file, and how much of it was used.
+    pub account: &'a Account,
 }
 
 /// The study and the fit of some terms that numbers are taken from: all rows, where the search looked at some of them.
@@ -96,112 +40,149 @@ pub fn numbers<'a, S: Study>(
     (whole, Arc::new(whole.fit(terms, &whole.fitted_rows(), COMMON, Some(&found))))
 }
 
-/// Says what a search found. `whole`: all rows, where the search looked at some of them.
+/// The answer of a search. `whole`: all rows, where the search looked at some of them.
 pub fn answer<S: Study>(
     study: &S,
     search: &Search<'_, S>,
     ladder: &Ladder,
-    kind: Kind,
+    measurements: Measurements<'_>,
     left_over: &LeftOver,
     whole: Option<&S>,
-) -> Answer {
-    let candidates = study.candidates();
-    let name = |term: usize| candidates[term].name.as_str();
-    let effects: Vec<usize> = ladder
+) -> Diagnosis {
+    let (numbers_of, fit) = numbers(search, study, whole, &ladder.accepted);
+    let unexplained = unexplained(study, ladder, left_over);
+    let missing: Vec<String> = ladder
         .accepted
         .iter()
-        .copied()
-        .filter(|&term| candidates[term].curve_over().is_none())
+        .map(|&term| &study.candidates()[term])
+        .filter(|candidate| candidate.curve_over().is_none())
+        .map(|candidate| candidate.name.clone())
         .collect();
-    let over = |terms: &[usize]| -> Vec<&str> {
-        terms.iter().filter_map(|&term| candidates[term].curve_over()).collect()
-    };
-    let mut structure: Vec<Value> = Vec::new();
-    for &term in &ladder.accepted {
-        let Some(covariate) = candidates[term].curve_over() else { continue };
-        let Some(trial) = ladder.trials.iter().find(|trial| trial.term == term) else { continue };
-        let step = ladder.accepted.iter().position(|&other| other == term).unwrap_or_default();
-        let (before, after) = (&ladder.rungs[step].scores, &ladder.rungs[step + 1].scores);
-        let is_of_losses = candidates[term].is_of_losses();
-        // A curve over the same with other knots is not another cause.
-        let mut others = over(&trial.ties);
-        others.retain(|&other| other != covariate);
-        let left = if is_of_losses {
-            after.reception_log_loss / before.reception_log_loss
-        } else {
-            after.mean_square() / before.mean_square()
-        };
-        let formula: Option<&Formula> = left_over.formulas.get(name(term));
-        structure.push(json!({
-            "covariate": covariate,
-            "of": if is_of_losses { LOSSES } else { READINGS },
-            "explained": number((1.0 - left).max(0.0)),
-            "p_value": number(trial.gain.p_value),
-            "formula": formula.map(|formula| &formula.text),
-            "target": formula.map(|formula| formula.target),
-            "also": formula.and_then(also),
-            "rmse_after": number(formula.map_or(after.rmse, |formula| formula.rmse)),
-            "indistinguishable_from": others,
-        }));
-    }
-    if let Some(left) = &left_over.structure {
-        structure.push(json!({
-            "covariate": left.covariate,
-            "explained": number(left.explained),
-            "p_value": number(left.p_value),
-            "formula": left.formula.as_ref().map(|formula| &formula.text),
-            "target": left.formula.as_ref().map(|formula| formula.target),
-            "also": left.formula.as_ref().and_then(also),
-            "rmse_after": left.formula.as_ref().map(|formula| number(formula.rmse)),
-            "indistinguishable_from": [],
-        }));
-    }
     let verdict = if ladder.too_little.is_some() {
-        "nothing-missing"
-    } else if !structure.is_empty() {
-        "unexplained-structure"
-    } else if effects.is_empty() {
-        "nothing-missing"
+        Verdict::NothingMissing
+    } else if !unexplained.is_empty() {
+        Verdict::UnexplainedStructure
+    } else if missing.is_empty() {
+        Verdict::NothingMissing
     } else {
-        "missing-effects"
+        Verdict::MissingEffects
     };
-    let (measured, full) = numbers(search, study, whole, &ladder.accepted);
-    let mut text = String::new();
-    let mut rungs = Vec::new();
-    let has_losses = !ladder.rungs[0].scores.reception_log_loss.is_nan();
-    let _ = writeln!(
-        text,
-        "{:<34} {:>12} {:>10} {:>10}{}",
-        "model (held out)",
-        "log score",
-        format!("rmse {}", kind.unit),
-        format!("crps {}", kind.unit),
-        if has_losses { "  reception loss" } else { "" }
-    );
-    for (index, step) in ladder.rungs.iter().enumerate() {
-        let label = match step.terms.last() {
+    let (candidates, known) = tested(study, ladder, numbers_of, &fit);
+    let mut diagnosis = Diagnosis {
+        schema: SCHEMA,
+        kind: measurements.subject,
+        verdict,
+        sentence: String::new(),
+        missing,
+        ladder: ladder.rungs.iter().map(|rung| self::rung(study, rung)).collect(),
+        candidates,
+        unexplained,
+        next_measurement: next::measurements(study, search, ladder, &known),
+        too_little: ladder.too_little.clone(),
+        stopped_in_round: ladder.stopped,
+        searched: measurements.searched,
+        account: measurements.account.clone(),
+        error_unit: measurements.error_unit,
+    };
+    diagnosis.sentence = words::sentence(&diagnosis);
+    diagnosis
+}
+
+fn rung<S: Study>(study: &S, rung: &ladder::Rung) -> Rung {
+    let scores = &rung.scores;
+    Rung {
+        model: match rung.terms.last() {
             None => "as configured".to_owned(),
-            Some(&term) => format!("+ {}", name(term)),
-        };
-        let scores = &step.scores;
-        let loss = if has_losses {
-            format!("  {:>14.4}", scores.reception_log_loss)
-        } else {
-            String::new()
-        };
-        let _ = writeln!(
-            text,
-            "{label:<34} {:>12.4} {:>10.4} {:>10.4}{loss}",
-            scores.log_score, scores.rmse, scores.crps
-        );
-        debug_assert_eq!(index, step.terms.len());
-        rungs.push(rung(&label, scores));
+            Some(&term) => format!("+ {}", study.candidates()[term].name),
+        },
+        log_score: scores.log_score,
+        rmse: scores.rmse,
+        crps: scores.crps,
+        reception_log_loss: scores.reception_log_loss,
     }
-    let mut listed = Vec::new();
-    let mut known = Vec::new();
-    let _ = writeln!(text);
+}
+
+/// Structure that no effect explains: the curves that were accepted, and what a scan of the residuals found.
+fn unexplained<S: Study>(study: &S, ladder: &Ladder, left_over: &LeftOver) -> Vec<Structure> {
+    let curves = ladder.accepted.iter().enumerate();
+    let mut structure: Vec<Structure> =
+        curves.filter_map(|(step, &term)| curve(study, ladder, left_over, (step, term))).collect();
+    if let Some(left) = &left_over.structure {
+        let formula = left.formula.as_ref();
+        structure.push(Structure {
+            covariate: left.covariate.clone(),
+            affects: None,
+            explained: left.explained,
+            p_value: left.p_value,
+            formula: formula.map(|formula| formula.text.clone()),
+            target: formula.map(|formula| formula.target.to_owned()),
+            also: formula.and_then(also),
+            rmse_after: formula.map(|formula| formula.rmse),
+            indistinguishable_from: Vec::new(),
+        });
+    }
+    structure
+}
+
+/// The structure for which an accepted curve stands; `step`: its place among what was accepted.
+fn curve<S: Study>(
+    study: &S,
+    ladder: &Ladder,
+    left_over: &LeftOver,
+    (step, term): (usize, usize),
+) -> Option<Structure> {
+    let candidate = &study.candidates()[term];
+    let covariate = candidate.curve_over()?;
+    let trial = trial_of(ladder, term)?;
+    let (before, after) = (&ladder.rungs[step].scores, &ladder.rungs[step + 1].scores);
+    let (affects, left) = if candidate.is_of_losses() {
+        (Affects::Losses, after.reception_log_loss / before.reception_log_loss)
+    } else {
+        (Affects::Readings, after.mean_square() / before.mean_square())
+    };
+    // A curve over the same with other knots is not another cause.
+    let others = trial.ties.iter().filter_map(|&tie| study.candidates()[tie].curve_over());
+    let formula: Option<&Formula> = left_over.formulas.get(&candidate.name);
+    Some(Structure {
+        covariate: covariate.to_owned(),
+        affects: Some(affects),
+        explained: (1.0 - left).max(0.0),
+        p_value: trial.gain.p_value,
+        formula: formula.map(|formula| formula.text.clone()),
+        target: formula.map(|formula| formula.target.to_owned()),
+        also: formula.and_then(also),
+        rmse_after: Some(formula.map_or(after.rmse, |formula| formula.rmse)),
+        indistinguishable_from: others
+            .filter(|&other| other != covariate)
+            .map(str::to_owned)
+            .collect(),
+    })
+}
+
+/// A formula along a second direction.
+fn also(formula: &Formula) -> Option<AlsoAlong> {
+    let (text, target) = formula.also.as_ref()?;
+    Some(AlsoAlong { formula: text.clone(), target: (*target).to_owned() })
+}
+
+fn trial_of(ladder: &Ladder, term: usize) -> Option<&Trial> {
+    ladder.trials.iter().find(|trial| trial.term == term)
+}
+
+/// The estimates of terms.
+type Estimates = Vec<(usize, Vec<Estimate>)>;
+
+/// The candidates with what became of them, and the estimates of those that were accepted.
+fn tested<S: Study>(
+    study: &S,
+    ladder: &Ladder,
+    numbers_of: &S,
+    fit: &S::Fit,
+) -> (Vec<Tested>, Estimates) {
+    let candidates = study.candidates();
+    let (mut listed, mut known) = (Vec::new(), Vec::new());
     for (term, candidate) in candidates.iter().enumerate() {
-        let trial = ladder.trials.iter().find(|trial| trial.term == term);
+        let trial = trial_of(ladder, term);
         let accepted = ladder.accepted.contains(&term);
         // Of a curve and the one that stands in for it, one is listed.
         let stands_in = |&other: &usize| candidates[other].stands_in_for == Some(term);
@@ -213,157 +194,36 @@ pub fn answer<S: Study>(
             let [a, b] = [candidate, &candidates[tie]];
             a.curve_over().is_none() || a.curve_over() != b.curve_over()
         };
-        let ties: Vec<&str> = trial.map_or_else(Vec::new, |trial| {
-            trial.ties.iter().filter(is_other).map(|&tie| name(tie)).collect()
-        });
-        let mut parameters = serde_json::Map::new();
-        let mut entry = json!({
-            "effect": candidate.name,
-            "gain": number(gain.gain),
-            "standard_error": number(gain.standard_error),
-            "p_value": number(gain.p_value),
-            "accepted": accepted,
-            "indistinguishable_from": ties,
-        });
+        let ties = trial.map_or(&[][..], |trial| &trial.ties);
+        let (mut parameters, mut warning) = (IndexMap::new(), None);
         if accepted {
-            let (estimates, warning) = measured.estimates(&full, term);
-            let mut shown = Vec::new();
-            for estimate in &estimates {
-                parameters.insert(
-                    estimate.name.clone(),
-                    json!({
-                        "value": number(estimate.value),
-                        "unit": estimate.unit,
-                        "low": number(estimate.low),
-                        "high": number(estimate.high),
-                    }),
-                );
-                shown.push(format!(
-                    "{} = {:.4} {} (90 %: {:.4} to {:.4})",
-                    estimate.name, estimate.value, estimate.unit, estimate.low, estimate.high
-                ));
-            }
-            let _ = writeln!(
-                text,
-                "{}: gains {:.4} +- {:.4} nats a row. {}",
-                candidate.name,
-                gain.gain,
-                gain.standard_error,
-                shown.join(", ")
-            );
-            if !ties.is_empty() {
-                let _ =
-                    writeln!(text, "  on these data it cannot be told from {}", ties.join(", "));
-            }
-            if let Some(warning) = warning {
-                let _ = writeln!(text, "  warning: {warning}");
-                entry["warning"] = json!(warning);
-            }
+            let (estimates, of_estimates) = numbers_of.estimates(fit, term);
+            parameters.extend(estimates.iter().map(parameter));
+            warning = of_estimates;
             known.push((term, estimates));
         }
-        entry["parameters"] = Value::Object(parameters);
-        entry["settings"] = measured.settings(&full, term);
-        if let Some(reason) = &candidate.untestable {
-            entry["untestable"] = json!(reason);
-        }
-        listed.push(entry);
+        listed.push(Tested {
+            effect: candidate.name.clone(),
+            gain: gain.gain,
+            standard_error: gain.standard_error,
+            p_value: gain.p_value,
+            accepted,
+            indistinguishable_from: ties
+                .iter()
+                .filter(is_other)
+                .map(|&tie| candidates[tie].name.clone())
+                .collect(),
+            warning,
+            parameters,
+            settings: numbers_of.settings(fit, term),
+            untestable: candidate.untestable.clone(),
+        });
     }
-    let untestable: Vec<String> = candidates
-        .iter()
-        .filter_map(|candidate| {
-            candidate.untestable.as_ref().map(|why| format!("{} ({why})", candidate.name))
-        })
-        .collect();
-    if !untestable.is_empty() {
-        let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
-    }
-    for entry in &structure {
-        let share = if entry["of"] == LOSSES { "log loss of reception" } else { "squared error" };
-        let formulas: Vec<String> = formulas_of(entry)
-            .map(|(formula, target)| match target {
-                "mean" => format!("{formula} dB"),
-                "loss" => format!("{formula} of the frames"),
-                direction => format!("{formula} m/s {direction}"),
-            })
-            .collect();
-        let colon = if formulas.is_empty() { "" } else { ": " };
-        let _ = writeln!(
-            text,
-            "left over: {} explains {:.1} % of the {share}{colon}{}",
-            named_structure(entry),
-            100.0 * entry["explained"].as_f64().unwrap_or_default(),
-            formulas.join(", and ")
-        );
-    }
-    let missing: Vec<&str> = effects.iter().map(|&term| name(term)).collect();
-    let sentence = match (&ladder.too_little, verdict) {
-        (Some(why), _) => why.clone(),
-        (None, "nothing-missing") => "nothing is missing that these data could show".to_owned(),
-        (None, "missing-effects") => format!("missing: {}", missing.join(", then ")),
-        (None, _) => {
-            let over: Vec<String> = structure.iter().map(named_structure).collect();
-            let also = if missing.is_empty() {
-                String::new()
-            } else {
-                format!("; besides, missing: {}", missing.join(", then "))
-            };
-            format!("there is {}, which no known effect explains{also}", over.join(", and "))
-        }
-    };
-    let sentence = match ladder.stopped {
-        None => sentence,
-        Some(1) => "stopped before anything was found".to_owned(),
-        Some(round) => format!("stopped in round {round}; until then: {sentence}"),
-    };
-    let next = next::measurements(study, search, ladder, &known);
-    for sentence in next.iter().filter_map(|entry| entry["sentence"].as_str()) {
-        let _ = writeln!(text, "{sentence}");
-    }
-    let _ = writeln!(text, "\n{sentence}");
-    let mut json = json!({
-        "schema": "diagnose/1",
-        "kind": kind.name,
-        "verdict": verdict,
-        "sentence": sentence,
-        "missing": missing,
-        "ladder": rungs,
-        "candidates": listed,
-        "unexplained": structure,
-        "next_measurement": next,
-    });
-    if let Some(why) = &ladder.too_little {
-        json["too_little"] = json!(why);
-    }
-    if let Some(round) = ladder.stopped {
-        json["stopped_in_round"] = json!(round);
-    }
-    Answer { json, text }
+    (listed, known)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_structure_is_named_by_what_it_is_of_and_what_it_follows() {
-        let named = |of: &str, covariate: &str, others: &[&str]| {
-            let entry =
-                json!({ "of": of, "covariate": covariate, "indistinguishable_from": others });
-            named_structure(&entry)
-        };
-        assert_eq!(named(READINGS, "dust", &[]), "structure in dust");
-        assert_eq!(
-            named(READINGS, "dust", &["time_s", "height"]),
-            "structure in dust (or time_s, or height: these data do not tell)"
-        );
-        assert_eq!(named(LOSSES, "dust", &[]), "a loss of frames that follows dust");
-        assert_eq!(
-            named(LOSSES, CONSTANT, &["dust", "height"]),
-            "a loss of frames that is the same everywhere (or follows dust, or follows height: these data do not tell)"
-        );
-        assert_eq!(
-            named(LOSSES, "dust", &["height", CONSTANT]),
-            "a loss of frames that follows dust (or height, or is the same everywhere: these data do not tell)"
-        );
-    }
+fn parameter(estimate: &Estimate) -> (String, Parameter) {
+    let Estimate { name, value, unit, low, high } = estimate;
+    let parameter = Parameter { value: *value, unit: unit.clone(), low: *low, high: *high };
+    (name.clone(), parameter)
 }

@@ -1,13 +1,17 @@
 //! How wrong is a model as configured, and where.
 
+pub mod comparison;
+pub mod words;
+
 use crate::gain::Scores;
 use crate::held_out;
 use crate::ladder::Search;
+use comparison::{Bin, Comparison, Explained, Place, SCHEMA};
+use measure::account::Account;
 use numbers::statistics::{self, mean_ignoring_nan, nth_quantile, quantile_nearest};
-use serde_json::{Value, json};
-use std::fmt::Write as _;
 use study::folds::Blocks;
 use study::links::LinkStudy;
+use study::open::Subject;
 use study::robots::RobotStudy;
 use study::view::Viewed as _;
 use study::{COMMON, RowScore, Study};
@@ -16,15 +20,6 @@ use study::{COMMON, RowScore, Study};
 const RESAMPLES: u64 = 400;
 /// Bins of a covariate.
 const BINS: usize = 8;
-
-/// A comparison.
-#[derive(Clone, Debug)]
-pub struct Comparison {
-    /// As JSON, `compare/1`.
-    pub json: Value,
-    /// As a person reads it.
-    pub text: String,
-}
 
 /// Scores by name.
 type Named = Vec<(&'static str, f64)>;
@@ -38,7 +33,7 @@ struct Interval {
 }
 
 /// Holds a link model against its measurements, nothing refitted but the noise.
-pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
+pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>, account: &Account) -> Comparison {
     let scores = search.held_out(&[], COMMON);
     let fit = search.full(&[], COMMON, None);
     let [deviation, scaled, surprise] = study.residuals(&fit);
@@ -83,49 +78,35 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Comparison {
     };
     let intervals = bootstrap(&of(&scored(blocks)), blocks, &of);
     let places = ranked(&study.covariates(), &deviation, &surprise);
-    finished("link", blocks.unit, &intervals, &places)
+    finished(Subject::Links, blocks.unit, &intervals, places, account)
 }
 
-/// A comparison as JSON and as text.
-fn finished(kind: &str, unit: &str, intervals: &[Interval], places: &[Value]) -> Comparison {
-    let mut text = String::new();
-    let _ = writeln!(text, "{:<22} {:>10}   90 % interval", "score (held out)", "value");
-    for interval in intervals {
-        let _ = writeln!(
-            text,
-            "{:<22} {:>10.4}   {:.4} to {:.4}",
-            interval.name, interval.value, interval.low, interval.high
-        );
+/// The answer.
+fn finished(
+    kind: Subject,
+    unit: &str,
+    intervals: &[Interval],
+    places: Vec<Place>,
+    account: &Account,
+) -> Comparison {
+    let name = |interval: &Interval| interval.name.to_owned();
+    Comparison {
+        schema: SCHEMA,
+        kind,
+        unit: unit.to_owned(),
+        scores: intervals.iter().map(|it| (name(it), it.value)).collect(),
+        intervals: intervals.iter().map(|it| (name(it), [it.low, it.high])).collect(),
+        places,
+        account: account.clone(),
     }
-    if !places.is_empty() {
-        let _ = writeln!(text, "\nwhere the error is: share that each covariate explains");
-    }
-    for place in places.iter().take(8) {
-        let _ = writeln!(
-            text,
-            "{:<22} {:>9.1} %   p = {:.2e}",
-            place["covariate"].as_str().unwrap_or_default(),
-            100.0 * place["explained"].as_f64().unwrap_or_default(),
-            place["p_value"].as_f64().unwrap_or(1.0)
-        );
-    }
-    let table = |value: &dyn Fn(&Interval) -> Value| {
-        let entries = intervals.iter().map(|interval| (interval.name.to_owned(), value(interval)));
-        Value::Object(entries.collect())
-    };
-    let json = json!({
-        "schema": "compare/1",
-        "kind": kind,
-        "unit": unit,
-        "scores": table(&|interval| json!(interval.value)),
-        "intervals": table(&|interval| json!([interval.low, interval.high])),
-        "where": places,
-    });
-    Comparison { json, text }
 }
 
 /// Holds a model of robots against their samples, nothing refitted but the noise: scores of windows, held out.
-pub fn robots(study: &RobotStudy, search: &Search<'_, RobotStudy>) -> Comparison {
+pub fn robots(
+    study: &RobotStudy,
+    search: &Search<'_, RobotStudy>,
+    account: &Account,
+) -> Comparison {
     let scores = search.held_out(&[], COMMON);
     let view = study.view(&search.full(&[], COMMON, None));
     let along = view.residuals();
@@ -148,7 +129,7 @@ pub fn robots(study: &RobotStudy, search: &Search<'_, RobotStudy>) -> Comparison
     let intervals = bootstrap(&of(&scored(blocks)), blocks, &of);
     let nothing = vec![f64::NAN; along.len()];
     let places = ranked(&study.covariates(), &along, &nothing);
-    finished("robot", blocks.unit, &intervals, &places)
+    finished(Subject::Robots, blocks.unit, &intervals, places, account)
 }
 
 /// Rows that are scored.
@@ -192,17 +173,17 @@ fn bootstrap(values: &Named, blocks: &Blocks, of: &dyn Fn(&[usize]) -> Named) ->
 }
 
 /// Covariates by how much of the error their bins explain, most first.
-fn ranked(covariates: &[(String, Vec<f64>)], deviation: &[f64], surprise: &[f64]) -> Vec<Value> {
-    let mut places: Vec<(f64, Value)> = covariates
+fn ranked(covariates: &[(String, Vec<f64>)], deviation: &[f64], surprise: &[f64]) -> Vec<Place> {
+    let mut places: Vec<Place> = covariates
         .iter()
         .filter_map(|(name, values)| place(name, values, deviation, surprise))
         .collect();
-    places.sort_by(|a, b| b.0.total_cmp(&a.0));
-    places.into_iter().map(|(_, place)| place).collect()
+    places.sort_by(|a, b| b.explained.total_cmp(&a.explained));
+    places
 }
 
 /// What the bins of a covariate explain of the error of readings, and of the surprise of reception.
-fn place(name: &str, values: &[f64], deviation: &[f64], surprise: &[f64]) -> Option<(f64, Value)> {
+fn place(name: &str, values: &[f64], deviation: &[f64], surprise: &[f64]) -> Option<Place> {
     let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     known.sort_by(f64::total_cmp);
     if known.len() < 10 * BINS {
@@ -235,33 +216,19 @@ fn place(name: &str, values: &[f64], deviation: &[f64], surprise: &[f64]) -> Opt
         (((between / squares) - free / n).max(0.0), p, sums)
     };
     let (share, p_value, sums) = explained(deviation);
-    let reception = if surprise.iter().any(|value| value.is_finite()) {
-        let (share, p_value, _) = explained(surprise);
-        json!({ "explained": share, "p_value": p_value })
-    } else {
-        Value::Null
-    };
-    let bins: Vec<Value> = sums
+    let reception = surprise.iter().any(|value| value.is_finite()).then(|| {
+        let (explained, p_value, _) = explained(surprise);
+        Explained { explained, p_value }
+    });
+    let bins: Vec<Bin> = sums
         .iter()
         .enumerate()
         .filter(|(_, sum)| 0 < sum.0)
         .map(|(k, sum)| {
             let n = sum.0 as f64;
-            json!({
-                "from": edges[k],
-                "to": edges[k + 1],
-                "n": sum.0,
-                "bias": sum.1 / n,
-                "rmse": (sum.2 / n).sqrt(),
-            })
+            let (bias, rmse) = (sum.1 / n, (sum.2 / n).sqrt());
+            Bin { from: edges[k], to: edges[k + 1], n: sum.0, bias, rmse }
         })
         .collect();
-    let entry = json!({
-        "covariate": name,
-        "explained": share,
-        "p_value": p_value,
-        "reception": reception,
-        "bins": bins,
-    });
-    Some((share, entry))
+    Some(Place { covariate: name.to_owned(), explained: share, p_value, reception, bins })
 }

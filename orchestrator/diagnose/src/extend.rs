@@ -1,8 +1,11 @@
 //! Writes a configuration with a missing effect added, fitted.
 
+pub mod extension;
+
 use crate::answer::numbers;
 use crate::gain::Scores;
 use crate::ladder::Search;
+use extension::{Extension, SCHEMA};
 use measure::config::Compared;
 use std::fmt::Write as _;
 use study::open::Account;
@@ -37,12 +40,8 @@ pub enum ExtendError {
 pub struct Extended {
     /// The new file's text.
     pub text: String,
-    /// What was added.
-    pub names: Vec<String>,
-    /// Held-out scores before.
-    pub before: Scores,
-    /// Held-out scores after.
-    pub after: Scores,
+    /// What was added, and what it gains.
+    pub answer: Extension,
 }
 
 /// The candidate of a name.
@@ -131,8 +130,8 @@ pub fn extend<S: Study>(
             text,
             "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Held out, log score {:.4} before and {:.4} with all \
              that was added; rmse {:.4} and {:.4}.\n",
-            account.file,
-            account.sha256,
+            account.data.file,
+            account.data.sha256,
             account.used,
             account.rows,
             before.log_score,
@@ -151,14 +150,16 @@ pub fn extend<S: Study>(
             let _ = writeln!(text, "# warning: {warning}");
         }
         let _ = writeln!(text, "[[{section}]]");
-        if let Some(keys) = measured.settings(&fit, term).as_object() {
-            let table: toml::Table =
-                serde_json::from_value(keys.clone().into()).unwrap_or_default();
-            // Tables within it stay on one line: a heading would begin a section of its own.
-            for (key, value) in &table {
-                let _ = writeln!(text, "{key} = {value}");
-            }
+        // Tables within it stay on one line: a heading would begin a section of its own.
+        for (key, value) in measured.settings(&fit, term).iter().flatten() {
+            let _ = writeln!(text, "{key} = {value}");
         }
     }
-    Ok(Extended { text, names, before, after })
+    let answer = Extension {
+        schema: SCHEMA,
+        added: names,
+        log_score: [before.log_score, after.log_score],
+        rmse: [before.rmse, after.rmse],
+    };
+    Ok(Extended { text, answer })
 }

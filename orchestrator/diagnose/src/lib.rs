@@ -8,20 +8,26 @@
 //! | [`next`] | the measurement that would break a tie |
 //! | [`progress`] | what a search reports while it works |
 //! | [`scan`] | structure that is left over |
-//! | [`answer`] | what was found, as JSON and as a table |
+//! | [`answer`] | from what was found to an answer |
+//! | [`diagnosis`] | the answer, as programs read it |
+//! | [`words`] | the answer, as people read it |
 //! | [`mod@compare`] | how large the model's error is as configured, and under which conditions |
 //! | [`mod@extend`] | a configuration with a missing effect added, fitted |
 //! | [`mod@simulate`] | the campaign that a model would have measured |
 //! | [`mod@power`] | how large an effect a campaign would show |
+//! | [`json_number`] | numbers of answers that JSON cannot hold |
 
 pub mod answer;
 pub mod compare;
+pub mod diagnosis;
 pub mod extend;
 pub mod gain;
 pub mod held_out;
+pub mod json_number;
 pub mod ladder;
 pub mod next;
 pub mod power;
 pub mod progress;
 pub mod scan;
 pub mod simulate;
+pub mod words;

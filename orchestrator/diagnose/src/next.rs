@@ -1,8 +1,8 @@
 //! The next measurement: where two models that the data cannot tell apart differ most. They are rivals, or one model at both ends
 //! of the interval of a parameter.
 
+use super::diagnosis::NextMeasurement;
 use super::ladder::{Ladder, Search};
-use serde_json::{Value, json};
 use study::{COMMON, Estimate, PredictionDifference, Study};
 
 /// Bins of a covariate.
@@ -64,7 +64,7 @@ pub fn measurements<S: Study>(
     search: &Search<'_, S>,
     ladder: &Ladder,
     estimates: &[(usize, Vec<Estimate>)],
-) -> Vec<Value> {
+) -> Vec<NextMeasurement> {
     let candidates = study.candidates();
     let chosen = search.full(&ladder.accepted, COMMON, None);
     let mut all = Vec::new();
@@ -101,23 +101,29 @@ fn measurement<S: Study>(
     (one, other): (&S::Fit, &S::Fit),
     between: [&str; 2],
     aim: &str,
-) -> Option<Value> {
+) -> Option<NextMeasurement> {
     let difference = study.prediction_difference(one, other)?;
     // What would be told as 0.00 is no condition to measure under.
     let at = greatest(&difference).filter(|at| 0.005 <= at.inside)?;
-    Some(json!({
-        "between": between,
-        "covariate": at.covariate,
-        "from": at.from,
-        "to": at.to,
-        "difference": at.inside,
-        "elsewhere": at.outside,
-        "unit": difference.unit,
-        "sentence": format!(
-            "{aim}, measure where {} is {:.3} to {:.3}: there they differ by {:.2} {}, elsewhere by {:.2} {}",
-            at.covariate, at.from, at.to, at.inside, difference.unit, at.outside, difference.unit
-        ),
-    }))
+    let sentence = sentence(aim, &at, difference.unit);
+    Some(NextMeasurement {
+        between: between.map(str::to_owned),
+        covariate: at.covariate,
+        from: at.from,
+        to: at.to,
+        difference: at.inside,
+        elsewhere: at.outside,
+        unit: difference.unit,
+        sentence,
+    })
+}
+
+/// Where to measure, and what for, in words.
+fn sentence(aim: &str, at: &Condition, unit: &str) -> String {
+    format!(
+        "{aim}, measure where {} is {:.3} to {:.3}: there they differ by {:.2} {unit}, elsewhere by {:.2} {unit}",
+        at.covariate, at.from, at.to, at.inside, at.outside
+    )
 }
 
 #[cfg(test)]

@@ -5,18 +5,19 @@
 //! candidates counted (the first step of Holm's rule), and worth having. Whether rivals would be named in its place is not
 //! asked.
 
+pub mod answer;
+
 use crate::extend::{self, ExtendError};
 use crate::gain::Scores;
 use crate::ladder::{FAMILY_ERROR, Search, WORTH_NATS, WORTH_SHARE};
 use crate::simulate;
+use answer::{Power, SCHEMA, Size};
 use measure::config::Compared;
 use measure::table::Table;
 use proto::effect::{Fixed, Parameter};
 use proto::rng::{Draws, Purpose};
 use rayon::prelude::*;
-use serde_json::{Value, json};
 use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
-use std::fmt::Write as _;
 use study::Study;
 use study::choices::Choices;
 use study::open::{self, OpenError, Subject};
@@ -82,15 +83,6 @@ pub enum PowerError {
         /// What there is.
         known: String,
     },
-}
-
-/// What was found.
-#[derive(Clone, Debug)]
-pub struct Power {
-    /// As JSON, `power/1`.
-    pub json: Value,
-    /// As a person reads it.
-    pub text: String,
 }
 
 /// A number that is the size of an effect.
@@ -441,65 +433,32 @@ impl<'a> Plan<'a> {
     }
 
     fn answer(&self, knob: &Knob, points: &[(f64, u64, Vec<Outcome>)]) -> Power {
-        let effect = self.question.effect;
-        let unit = if self.subject == Subject::Links { "dB" } else { "m" };
-        let mut text = format!(
-            "{:>14} {:>10} {:>24}\n",
-            knob.key,
-            "found",
-            format!("rmse without, with ({unit})")
-        );
-        let mut tried = Vec::new();
-        for (size, n, outcomes) in points {
-            let value = self.value(knob, *size);
+        let tried = points.iter().map(|(size, n, outcomes)| {
             let mean = |k: usize| outcomes.iter().map(|o| o.rmse[k]).sum::<f64>() / *n as f64;
-            let _ = writeln!(
-                text,
-                "{value:>14.4} {:>10} {:>24}",
-                format!("{} of {n}", found(outcomes)),
-                format!("{:.4}, {:.4}", mean(0), mean(1))
-            );
-            tried.push(json!({
-                "value": value, "found": found(outcomes), "campaigns": n, "rmse": [mean(0), mean(1)],
-            }));
-        }
-        let size = size_of(points);
-        let value = size.map(|size| self.value(knob, size));
-        let percent = 100.0 * POWER;
-        let from = format!("it does nothing at {} = {}", knob.key, knob.neutral);
-        let sentence = match value {
-            Some(value) => format!(
-                "a campaign like this shows {effect} with a probability of {percent} % from {} = {value:.4} {} on ({from})",
-                knob.key, knob.unit
-            ),
-            None => {
-                let last = points.last().map_or(knob.neutral, |(size, ..)| self.value(knob, *size));
-                format!(
-                    "a campaign like this does not show {effect} with a probability of {percent} % even at {} = {last:.4} {} ({from})",
-                    knob.key, knob.unit
-                )
+            Size {
+                value: self.value(knob, *size),
+                found: found(outcomes),
+                campaigns: *n,
+                rmse: [mean(0), mean(1)],
             }
-        };
-        let _ = write!(
-            text,
-            "\n{sentence}\n(simulated campaigns, noise {:.4} {unit}; accepted by the rule of diagnose, tried alone, {} candidates counted)",
-            self.noise, self.n_candidates
-        );
-        let json = json!({
-            "schema": "power/1",
-            "effect": effect,
-            "parameter": knob.key,
-            "unit": knob.unit,
-            "neutral": knob.neutral,
-            "power": POWER,
-            "value": value,
-            "sentence": sentence,
-            "noise": self.noise,
-            "candidates": self.n_candidates,
-            "tried": tried,
-            "method": "simulation",
         });
-        Power { json, text }
+        let mut power = Power {
+            schema: SCHEMA,
+            effect: self.question.effect.to_owned(),
+            parameter: knob.key.clone(),
+            unit: knob.unit,
+            neutral: knob.neutral,
+            power: POWER,
+            value: size_of(points).map(|size| self.value(knob, size)),
+            sentence: String::new(),
+            noise: self.noise,
+            candidates: self.n_candidates,
+            tried: tried.collect(),
+            method: "simulation",
+            error_unit: if self.subject == Subject::Links { "dB" } else { "m" },
+        };
+        power.sentence = answer::sentence(&power);
+        power
     }
 }
 

@@ -4,6 +4,8 @@
 //! levels drawn by the same keys; robots through the same
 //! [`Physics::advance`](robotsim::dynamics::physics::Physics::advance).
 
+pub mod simulation;
+
 use crate::ladder::Search;
 use measure::config::Compared;
 use measure::links::Row;

@@ -3,15 +3,17 @@
 #[path = "../../study/src/robots/tests/driven.rs"]
 mod driven;
 
-use diagnose::answer::{Kind, answer};
+use diagnose::answer::{Measurements, answer};
 use diagnose::ladder::Search;
 use diagnose::scan;
 use driven::{STEP_S, driven};
+use measure::account::Account;
 use measure::robots;
 use measure::table::Table;
 use proto::effect::Level;
 use study::choices::Choices;
 use study::folds::scramble;
+use study::open::Subject;
 use study::robots::{Given, RobotStudy};
 use study::{COMMON, Study as _};
 
@@ -54,12 +56,15 @@ fn what_no_effect_explains_is_one_thing_with_its_mean() {
     let likelihoods = [study.configured(), &wind, &found].map(|fit| study.log_likelihood(fit));
     assert!(likelihoods[0] + 100.0 < likelihoods[1], "{likelihoods:?}");
     assert!(likelihoods[1] + 50.0 < likelihoods[2], "{likelihoods:?}");
-    let kind = Kind { name: "robot", unit: "m" };
-    let json =
-        answer(&study, &search, &ladder, kind, &scan::left_over(&study, &search, &ladder), None)
-            .json;
-    let listed = json["candidates"].as_array().unwrap();
-    let curves = listed.iter().filter(|entry| entry["effect"] == "curve:tide_m");
-    assert_eq!(curves.map(|entry| &entry["accepted"]).collect::<Vec<_>>(), [true]);
-    assert_eq!(json["missing"].as_array().map(Vec::len), Some(0));
+    let measurements = Measurements {
+        subject: Subject::Robots,
+        error_unit: "m",
+        searched: None,
+        account: &Account::default(),
+    };
+    let left = scan::left_over(&study, &search, &ladder);
+    let diagnosis = answer(&study, &search, &ladder, measurements, &left, None);
+    let curves = diagnosis.candidates.iter().filter(|it| it.effect == "curve:tide_m");
+    assert_eq!(curves.map(|curve| curve.accepted).collect::<Vec<_>>(), [true]);
+    assert!(diagnosis.missing.is_empty(), "{:?}", diagnosis.missing);
 }

@@ -2,6 +2,7 @@
 //!
 //! | module | what |
 //! |---|---|
+//! | [`account`] | which measurements an answer is about |
 //! | [`table`] | a file as named columns of numbers: CSV, gzipped CSV, Parquet |
 //! | [`links`] | link samples and aggregated link tables |
 //! | [`oddities`] | what is odd about measurements that can be used |
@@ -10,6 +11,7 @@
 //! | [`run`] | link samples of a run |
 //! | [`config`] | the part of a configuration that is held against them |
 
+pub mod account;
 pub mod config;
 pub mod links;
 pub mod oddities;
@@ -18,6 +20,7 @@ pub mod robots;
 pub mod run;
 pub mod table;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -43,7 +46,7 @@ pub enum DataError {
 }
 
 /// Rows that could not be used, for one reason.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Rejected {
     /// The reason.
     pub reason: String,

@@ -1,8 +1,8 @@
 //! `orchestrator check`: an experiment file, or a file of measurements, without running or fitting anything.
 
-use super::measured::{ChoiceArgs, account_json, account_text};
+use super::measured::{ChoiceArgs, account_text};
 use super::{Failure, OverrideArgs, inputs, write_json};
-use crate::check;
+use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use crate::console::{say, warn};
 use crate::sweep;
 use clap::Args;
@@ -40,12 +40,10 @@ fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     let config = args.config.as_deref().map(|path| inputs::compared(path, &args.change.set));
     let config = config.transpose()?;
     let table = Table::read(data).map_err(Failure::request)?;
-    let mut checked =
-        check::data(config, &table, &args.choices.choices()).map_err(Failure::request)?;
+    let checked = check::data(config, &table, &args.choices.choices()).map_err(Failure::request)?;
     account_text(&checked.account);
-    account_json(&checked.account, &mut checked.json);
-    say(checked.text.trim_end());
-    write_json(args.json.as_deref(), &checked.json)
+    say(check::words::text(&checked).trim_end());
+    write_json(args.json.as_deref(), &checked)
 }
 
 fn check_sweep(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
@@ -55,12 +53,8 @@ fn check_sweep(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
         warn(warning);
     }
     say(format!("{}: good. A sweep of {n_settings} settings, {n_trials} trials", config.display()));
-    let found = serde_json::json!({
-        "schema": "check/1",
-        "settings": n_settings,
-        "trials": n_trials,
-        "warnings": warnings,
-    });
+    let found =
+        SweepCheck { schema: CHECK_SCHEMA, settings: n_settings, trials: n_trials, warnings };
     write_json(args.json.as_deref(), &found)
 }
 
@@ -84,14 +78,14 @@ fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
             ));
         }
     }
-    let found = serde_json::json!({
-        "schema": "check/1",
-        "name": plan.name,
-        "agents": plan.experiment.agent_count,
-        "seed": plan.experiment.seed,
-        "steps": n_steps,
-        "step_ns": plan.experiment.step_ns,
-        "warnings": plan.warnings,
-    });
+    let found = ExperimentCheck {
+        schema: CHECK_SCHEMA,
+        name: plan.name,
+        agents: plan.experiment.agent_count,
+        seed: plan.experiment.seed,
+        steps: n_steps,
+        step_ns: plan.experiment.step_ns,
+        warnings: plan.warnings,
+    };
     write_json(args.json.as_deref(), &found)
 }

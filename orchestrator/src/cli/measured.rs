@@ -5,11 +5,12 @@ use super::packets::{Adding, Opened, ReplayArgs};
 use super::task::{self, Files};
 use super::{Failure, inputs, place_for, stop, write_json, write_whole};
 use crate::console::{say, warn};
-use crate::report::measured::{Contents, LinkRows, RobotRows, Rows, page};
+use crate::report::measured::{Contents, LinkRows, MeasuredAnswer, RobotRows, Rows, page};
+use crate::report::packets::NetworkAnswer;
 use clap::{Args, ValueEnum};
-use diagnose::answer::{self, Answer, Kind};
-use diagnose::compare::{self, Comparison};
-use diagnose::extend;
+use diagnose::answer::{self, Measurements};
+use diagnose::compare;
+use diagnose::extend::{self, extension};
 use diagnose::ladder::Search;
 use diagnose::progress::Progress;
 use diagnose::{held_out, scan};
@@ -17,7 +18,6 @@ use measure::config::Compared;
 use measure::packets;
 use measure::robots::Sample;
 use measure::table::Table;
-use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -171,16 +171,8 @@ impl ChoiceArgs {
     }
 }
 
-pub(super) fn account_json(account: &Account, json: &mut Value) {
-    json["data"] = json!({ "file": account.file, "sha256": account.sha256 });
-    json["rows"] = json!(account.rows);
-    json["used"] = json!(account.used);
-    json["rejected"] = json!(account.rejected);
-    json["warnings"] = json!(account.warnings);
-}
-
 pub(super) fn account_text(account: &Account) {
-    say(format!("{}: {} rows, {} used", account.file, account.rows, account.used));
+    say(format!("{}: {} rows, {} used", account.data.file, account.rows, account.used));
     for rejected in &account.rejected {
         warn(format!(
             "{} rows not used: {} (first on line {})",
@@ -238,8 +230,7 @@ impl AnswerArgs {
     }
 
     /// What was asked, as it would be typed.
-    fn command(&self, json: &Value, choices: &str) -> String {
-        let verb = if json["schema"] == "diagnose/1" { "diagnose" } else { "compare" };
+    fn command(&self, verb: &str, choices: &str) -> String {
         let data = &self.data;
         let set: String = data.set().iter().map(|key| format!(" --set '{key}'")).collect();
         let report = self.report.as_deref().map(Path::display);
@@ -252,12 +243,14 @@ impl AnswerArgs {
     }
 
     /// Writes what was found of a network. `further`: what else was asked, as it would be typed.
-    fn write_network(&self, json: &Value, further: &str) -> Result<(), Failure> {
-        write_json(self.data.json.as_deref(), json)?;
+    fn write_network(&self, found: NetworkAnswer<'_>, further: &str) -> Result<(), Failure> {
+        write_json(self.data.json.as_deref(), &found)?;
         let Some(path) = &self.report else { return Ok(()) };
         let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
         let words = format!("{further}{}", self.replay.words());
-        let page = crate::report::packets::page(&name, &self.command(json, &words), json);
+        let verb =
+            if matches!(found, NetworkAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
+        let page = crate::report::packets::page(&name, &self.command(verb, &words), found);
         write_whole("--report", path, &page)?;
         say(format!("look at {}", path.display()));
         Ok(())
@@ -266,17 +259,19 @@ impl AnswerArgs {
     fn write(
         &self,
         config: &Compared,
-        json: &Value,
+        answer: MeasuredAnswer<'_>,
         pictures: impl FnOnce() -> Pictures,
     ) -> Result<(), Failure> {
-        write_json(self.data.json.as_deref(), json)?;
+        write_json(self.data.json.as_deref(), &answer)?;
         let Some(path) = &self.report else { return Ok(()) };
         let Pictures { rows, before, after, covariates } = pictures();
         let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let verb =
+            if matches!(answer, MeasuredAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
         let contents = Contents {
             config: name,
-            command: self.command(json, &self.data.words()),
-            json,
+            command: self.command(verb, &self.data.words()),
+            answer,
             site: &config.site,
             rows,
             before,
@@ -381,7 +376,8 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         data.refuse_choices("tracks with --heard")?;
         let files = Files { config: &data.config, set: &data.set(), data: &data.data, heard };
         let found = task::split(&files, args.replay.asked())?;
-        return args.write_network(&found, &format!(" --heard {}", heard.display()));
+        let found = NetworkAnswer::Task(&found);
+        return args.write_network(found, &format!(" --heard {}", heard.display()));
     }
     let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
     if packets::has_shape(&table).is_ok() {
@@ -396,10 +392,10 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         let mut found = super::packets::compare(&opened)?;
         let mut further = String::new();
         if let Some((links, path)) = links {
-            found["error_split"] = super::packets::split(&opened, &config, &links)?;
+            found.error_split = Some(super::packets::split(&opened, &config, &links)?);
             further = format!(" --links {}", path.display());
         }
-        return args.write_network(&found, &further);
+        return args.write_network(NetworkAnswer::Comparison(&found), &further);
     }
     if let Some(links) = links {
         return Err(Failure::request(format!(
@@ -414,8 +410,11 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             let log = SearchLog::new();
             let report = |progress: Progress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
-            let found = compared(&account, compare::links(&study, &search));
-            args.write(&config, &found, || Pictures::of_links(&study, &search, &[]))
+            account_text(&account);
+            let found = compare::links(&study, &search, &account);
+            say(compare::words::text(&found));
+            let answer = MeasuredAnswer::Comparison(&found);
+            args.write(&config, answer, || Pictures::of_links(&study, &search, &[]))
         }
         Subject::Robots => {
             let (study, account) =
@@ -423,17 +422,13 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             let log = SearchLog::new();
             let report = |progress: Progress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
-            let found = compared(&account, compare::robots(&study, &search));
-            args.write(&config, &found, || Pictures::of_robots(&study, &search, &[]))
+            account_text(&account);
+            let found = compare::robots(&study, &search, &account);
+            say(compare::words::text(&found));
+            let answer = MeasuredAnswer::Comparison(&found);
+            args.write(&config, answer, || Pictures::of_robots(&study, &search, &[]))
         }
     }
-}
-
-fn compared(account: &Account, mut found: Comparison) -> Value {
-    account_text(account);
-    account_json(account, &mut found.json);
-    say(&found.text);
-    found.json
 }
 
 /// How often a search logs how many candidates it has tried.
@@ -555,22 +550,9 @@ fn extend_with<S: Study>(
     let extended = extend::extend(config, account, study, &search, &terms, section, whole)
         .map_err(Failure::work)?;
     write_whole("--output", &args.output, &extended.text)?;
-    say(format!(
-        "{}: added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
-        args.output.display(),
-        extended.names.join(", "),
-        extended.before.log_score,
-        extended.after.log_score,
-        extended.before.rmse,
-        extended.after.rmse
-    ));
-    let json = json!({
-        "schema": "extend/1",
-        "added": extended.names,
-        "log_score": [extended.before.log_score, extended.after.log_score],
-        "rmse": [extended.before.rmse, extended.after.rmse],
-    });
-    write_json(args.data.json.as_deref(), &json)
+    let answer = &extended.answer;
+    say(format!("{}: {}", args.output.display(), extension::text(answer, unit)));
+    write_json(args.data.json.as_deref(), answer)
 }
 
 /// `orchestrator diagnose`.
@@ -581,7 +563,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.replay, &table)?;
         let (found, stopped) = super::packets::diagnose(&opened)?;
-        args.write_network(&found, "")?;
+        args.write_network(NetworkAnswer::Diagnosis(&found), "")?;
         return complete(stopped);
     }
     let stop = stop::listen()?;
@@ -598,17 +580,21 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let search = Search::new(searched, &report).until(stop);
             let ladder = search.climb();
             let left = scan::left_over(searched, &search, &ladder);
-            let kind = Kind { name: "link", unit: data.unit() };
-            let mut answer = answer::answer(searched, &search, &ladder, kind, &left, whole);
-            answer.json["searched"] = json!(searched.n_rows());
+            let measurements = Measurements {
+                subject: Subject::Links,
+                error_unit: data.unit(),
+                searched: Some(searched.n_rows()),
+                account: &account,
+            };
+            let found = answer::answer(searched, &search, &ladder, measurements, &left, whole);
             if whole.is_some() {
                 say(format!(
                     "searched in {} rows, spread evenly over all; numbers fitted to all",
                     searched.n_rows()
                 ));
             }
-            let found = diagnosed(&account, answer);
-            args.write(&config, &found, || {
+            say(diagnose::words::text(&found));
+            args.write(&config, MeasuredAnswer::Diagnosis(&found), || {
                 Pictures::of_links(searched, &search, &ladder.accepted)
             })?;
             complete(ladder.stopped)
@@ -621,20 +607,21 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let report = |progress: Progress<'_>| log.log(progress);
             let search = Search::new(&study, &report).until(stop);
             let ladder = search.climb();
-            let kind = Kind { name: "robot", unit: "m" };
             let left = scan::left_over(&study, &search, &ladder);
-            let answer = answer::answer(&study, &search, &ladder, kind, &left, None);
-            let found = diagnosed(&account, answer);
-            args.write(&config, &found, || Pictures::of_robots(&study, &search, &ladder.accepted))?;
+            let measurements = Measurements {
+                subject: Subject::Robots,
+                error_unit: "m",
+                searched: None,
+                account: &account,
+            };
+            let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
+            say(diagnose::words::text(&found));
+            args.write(&config, MeasuredAnswer::Diagnosis(&found), || {
+                Pictures::of_robots(&study, &search, &ladder.accepted)
+            })?;
             complete(ladder.stopped)
         }
     }
-}
-
-fn diagnosed(account: &Account, mut answer: Answer) -> Value {
-    account_json(account, &mut answer.json);
-    say(&answer.text);
-    answer.json
 }
 
 /// What was found before someone said stop is told and written; yet the search did not come to its end.

@@ -1,21 +1,22 @@
 //! The commands that hold a network against measured packets.
 
-use super::measured::{account_json, account_text, complete};
+use super::measured::{account_text, complete};
 use super::{Failure, stop, write_json, write_whole};
 use crate::console::say;
 use crate::network::compared::{self, Asked};
-use crate::network::diagnosed::{self, ACCEPT, Diagnosis, FEWEST_SEEDS, told};
+use crate::network::comparison::NetworkComparison;
+use crate::network::diagnosed::{self, ACCEPT, Diagnosis, FEWEST_SEEDS};
+use crate::network::diagnosis::NetworkDiagnosis;
+use crate::network::error_split::NetworkErrorSplit;
 use crate::network::extended;
 use crate::network::replay::Replay;
 use crate::network::split;
 use crate::network::tracks::Tracks;
 use clap::Args;
-use diagnose::compare::Comparison;
 use experiment::{Overrides, Plan};
 use measure::config::Compared;
 use measure::packets::{self, Packets};
 use measure::table::Table;
-use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use study::open::{self, Account};
 
@@ -103,8 +104,7 @@ impl ReplayArgs {
             }
         };
         let mut account = Account {
-            file: open::name_of(table),
-            sha256: table.sha256.clone(),
+            data: open::file_of(table),
             rows: packets.n_rows,
             used: packets.packets.len(),
             rejected: packets.rejected.clone(),
@@ -121,25 +121,28 @@ impl ReplayArgs {
     }
 }
 
-/// `orchestrator compare` of packets: the answer, told.
-pub(super) fn compare(opened: &Opened) -> Result<Value, Failure> {
+/// `orchestrator compare` of packets.
+pub(super) fn compare(opened: &Opened) -> Result<NetworkComparison, Failure> {
     let Opened { replay, packets, account, asked } = opened;
     account_text(account);
     tracing::info!("{} seeds of {:.0} s", asked.seeds, replay.duration_s());
-    let Comparison { mut json, text } =
-        compared::compare(replay, &packets.packets, *asked).map_err(Failure::request)?;
-    account_json(account, &mut json);
-    say(text);
-    Ok(json)
+    let found =
+        compared::compare(replay, &packets.packets, *asked, account).map_err(Failure::request)?;
+    say(compared::words::text(&found));
+    Ok(found)
 }
 
-/// Where the error comes from: the answer, told.
-pub(super) fn split(opened: &Opened, config: &Compared, links: &Table) -> Result<Value, Failure> {
+/// Where the error comes from.
+pub(super) fn split(
+    opened: &Opened,
+    config: &Compared,
+    links: &Table,
+) -> Result<NetworkErrorSplit, Failure> {
     let Opened { replay, packets, asked, .. } = opened;
     let split =
         split::split(replay, &packets.packets, *asked, config, links).map_err(Failure::request)?;
     say(format!("\n{}", split::text(&split)));
-    Ok(split::json(&split))
+    Ok(split::answer(&split))
 }
 
 impl Opened {
@@ -155,8 +158,8 @@ impl Opened {
     }
 }
 
-/// `orchestrator diagnose` of packets: the answer, told; and whether it was interrupted.
-pub(super) fn diagnose(opened: &Opened) -> Result<(Value, Option<usize>), Failure> {
+/// `orchestrator diagnose` of packets; and in which round it was interrupted, if it was.
+pub(super) fn diagnose(opened: &Opened) -> Result<(NetworkDiagnosis, Option<usize>), Failure> {
     opened.check_seeds()?;
     let stop = stop::listen()?;
     let Opened { replay, packets, account, asked } = opened;
@@ -164,10 +167,9 @@ pub(super) fn diagnose(opened: &Opened) -> Result<(Value, Option<usize>), Failur
     let candidates = diagnosed::catalogue();
     let diagnosis = Diagnosis::new(replay, &packets.packets, *asked, &candidates).until(stop);
     let found = diagnosis.climb().map_err(Failure::request)?;
-    let mut answer = told(&found, *asked);
-    account_json(account, &mut answer.json);
-    say(answer.text);
-    Ok((answer.json, found.stopped))
+    let answer = diagnosed::answer(&found, *asked, account);
+    say(diagnosed::text(&found, &answer));
+    Ok((answer, found.stopped))
 }
 
 /// Which effects are added to an experiment, and where it is written.
@@ -217,21 +219,5 @@ pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure
         p_values[0],
         p_values[1]
     ));
-    let names: Vec<&str> = extended.added.iter().map(|(candidate, _)| candidate.name).collect();
-    let parameters: serde_json::Map<String, Value> = extended
-        .added
-        .iter()
-        .map(|(candidate, fitted)| {
-            (candidate.name.to_owned(), diagnosed::parameters(candidate, fitted))
-        })
-        .collect();
-    let json = json!({
-        "schema": "extend/1",
-        "kind": "network",
-        "added": names,
-        "parameters": parameters,
-        "p_value": p_values,
-        "log_score": extended.rungs.each_ref().map(|rung| rung.log_density),
-    });
-    write_json(adding.json, &json)
+    write_json(adding.json, &extended.answer())
 }

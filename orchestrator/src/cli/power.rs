@@ -56,6 +56,6 @@ pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
     };
     let found = power::power(&config, &table, &question, &|line| tracing::info!("{line}"))
         .map_err(|error: PowerError| Failure::request(error))?;
-    say(&found.text);
-    write_json(args.json.as_deref(), &found.json)
+    say(power::answer::text(&found));
+    write_json(args.json.as_deref(), &found)
 }

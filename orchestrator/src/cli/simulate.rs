@@ -3,10 +3,10 @@
 use super::{Failure, inputs, place_for, write_json};
 use crate::console::{say, warn};
 use clap::Args;
+use diagnose::simulate::simulation::Simulation;
 use diagnose::simulate::{self, Simulated};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use serde_json::json;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -68,16 +68,7 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
     if 0 < simulated.n_left_out {
         warn(format!("{} rows cannot be used, and are left out", simulated.n_left_out));
     }
-    let json = json!({
-        "schema": "simulate/1",
-        "rows": simulated.n_rows(),
-        "left_out": simulated.n_left_out,
-        "seed": args.seed,
-        "noise": simulated.noise,
-        "unit": simulated.unit,
-        "noise_is_estimated": simulated.is_noise_estimated,
-    });
-    write_json(args.json.as_deref(), &json)
+    write_json(args.json.as_deref(), &Simulation::of(&simulated, args.seed))
 }
 
 fn write(path: &Path, ending: &str, simulated: &Simulated) -> Result<(), Failure> {

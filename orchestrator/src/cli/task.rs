@@ -1,16 +1,15 @@
 //! The command that splits the error of a swarm's task.
 
-use super::measured::account_json;
 use super::{Failure, inputs};
 use crate::console::say;
 use crate::network::compared::Asked;
 use crate::network::replay::Replay;
+use crate::network::task::comparison::{HeardFile, TaskComparison};
 use crate::network::task::heard::Hearing;
 use crate::network::task::{self, FEWEST_SEEDS, Measured};
 use crate::network::tracks::Tracks;
 use experiment::Overrides;
 use measure::table::Table;
-use serde_json::{Value, json};
 use std::path::Path;
 use study::open::{self, Account};
 
@@ -24,8 +23,8 @@ pub(super) struct Files<'a> {
     pub(super) heard: &'a Path,
 }
 
-/// Where the error of the task comes from: the answer, told.
-pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<Value, Failure> {
+/// Where the error of the task comes from.
+pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<TaskComparison, Failure> {
     if asked.seeds < FEWEST_SEEDS {
         return Err(Failure::request(format!(
             "--seeds {}: at least {FEWEST_SEEDS} are needed to tell a part of an error from chance",
@@ -51,10 +50,8 @@ pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<Value, Failure> {
         Measured { replay: &replay, tracks: &tracks, heard: &heard, sd_m: sd_m.unwrap_or(0.0) };
     let split = measured.split(asked).map_err(Failure::request)?;
     say(task::text(&split));
-    let mut json = task::json(&split, asked);
-    account_json(&account, &mut json);
-    json["heard"] = json!({ "file": files.heard.display().to_string(), "deliveries": heard.n() });
-    Ok(json)
+    let heard = HeardFile { file: files.heard.display().to_string(), deliveries: heard.n() };
+    Ok(task::answer(&split, asked, &account, heard))
 }
 
 fn account(table: &Table, heard: &Hearing, heard_path: &Path, sd_m: Option<f64>) -> Account {
@@ -72,8 +69,7 @@ fn account(table: &Table, heard: &Hearing, heard_path: &Path, sd_m: Option<f64>)
         );
     }
     Account {
-        file: open::name_of(table),
-        sha256: table.sha256.clone(),
+        data: open::file_of(table),
         rows: table.n_rows(),
         used: table.n_rows(),
         rejected: Vec::new(),

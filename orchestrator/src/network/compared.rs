@@ -1,15 +1,20 @@
 //! A comparison of a configured network with measured packets.
 
+pub mod words;
+
+use super::comparison::{
+    AmongSeeds, BySource, DeliveryOfModel, MoteBin, MoteDelivery, NetworkComparison, SCHEMA,
+    Verdict,
+};
 use super::kpis::{Figures, KPIS, OfMote};
 use super::replay::{Replay, ReplayError};
-use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, entry, place};
-use diagnose::compare::Comparison;
+use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, kpi, place};
+use indexmap::IndexMap;
+use measure::account::Account;
 use measure::packets::Packet;
-use numbers::format::{capitalised, number, percent};
+use numbers::format::{number, percent};
 use numbers::statistics::{mean, quantile};
-use serde_json::{Value, json};
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 
 /// What is asked of a comparison.
 #[derive(Clone, Copy, Debug)]
@@ -79,8 +84,19 @@ pub fn compare(
     replay: &Replay,
     measured: &[Packet],
     asked: Asked,
-) -> Result<Comparison, ReplayError> {
-    Ok(told(&among(replay, &replay.network(), measured, asked)?, asked))
+    account: &Account,
+) -> Result<NetworkComparison, ReplayError> {
+    let among = among(replay, &replay.network(), measured, asked)?;
+    let (verdict, sentence) = sentence(&among);
+    Ok(NetworkComparison {
+        schema: SCHEMA,
+        kind: "network",
+        among: among_seeds(&among, asked),
+        verdict,
+        sentence,
+        account: account.clone(),
+        error_split: None,
+    })
 }
 
 /// A measurement among the runs of a network's section under the seeds of comparisons.
@@ -107,19 +123,19 @@ fn shown(value: f64, unit: &str) -> String {
 }
 
 /// What came out, in a sentence.
-pub(super) fn sentence(among: &Among) -> (&'static str, String) {
+pub(super) fn sentence(among: &Among) -> (Verdict, String) {
     let n = among.seeds.len();
     let p_value = among.placed.p_value;
     if n < FEWEST_SEEDS {
         let text = format!("{n} seeds are too few to tell: at least {FEWEST_SEEDS} are needed");
-        return ("too-few-seeds", text);
+        return (Verdict::TooFewSeeds, text);
     }
     if LEVEL < p_value {
         let text = format!(
             "these packets could be one more run of the model: of {n} seeds {} lie as far out (p = {p_value:.3})",
             (p_value * (n as f64 + 1.0)).round() as u64 - 1
         );
-        return ("agrees", text);
+        return (Verdict::Agrees, text);
     }
     let mut far: Vec<(usize, Standing)> =
         among.placed.figures.iter().enumerate().filter_map(|(k, it)| Some((k, (*it)?))).collect();
@@ -143,80 +159,40 @@ pub(super) fn sentence(among: &Among) -> (&'static str, String) {
         .collect();
     let text =
         format!("these packets are no run of the model (p = {p_value:.3}): {}", parts.join("; "));
-    ("differs", text)
+    (Verdict::Differs, text)
 }
 
-/// As JSON and as text.
-fn told(among: &Among, asked: Asked) -> Comparison {
-    let (verdict, sentence) = sentence(among);
-    let mut json = body(among, asked);
-    json["verdict"] = json!(verdict);
-    json["sentence"] = json!(sentence);
-    let mut text = format!(
-        "{:<20} {:>12}   {:<28} {:>8}\n",
-        "figure",
-        "measured",
-        format!("model, 90 % of {} seeds", asked.seeds),
-        "p"
-    );
-    for (k, kpi) in KPIS.iter().enumerate() {
-        let (_, [low, high]) = among.model(k);
-        let standing = among.placed.figures[k];
-        let p = standing.map_or("–".to_owned(), |standing| format!("{:.3}", standing.p_value));
-        let model = format!("{} to {}", shown(low, kpi.unit), shown(high, kpi.unit));
-        let measured = shown(among.measured.values[k], kpi.unit);
-        let _ = writeln!(text, "{:<20} {measured:>12}   {model:<28} {p:>8}", kpi.name);
-    }
-    let motes = json["motes"].as_array().into_iter().flatten();
-    let outside: Vec<String> = motes
-        .filter(|mote| mote["is_outside"] == true)
-        .map(|mote| mote["mote"].to_string())
-        .collect();
-    if !outside.is_empty() {
-        let _ = writeln!(
-            text,
-            "delivery of motes {} lies outside what 90 % of the seeds give",
-            outside.join(", ")
-        );
-    }
-    let _ = write!(text, "\n{}", capitalised(&sentence));
-    Comparison { json, text }
-}
-
-/// `compare/1` without a verdict.
+/// The part of an answer that says where measured packets stand among the runs of a model.
 #[must_use]
-pub fn body(among: &Among, asked: Asked) -> Value {
-    let (mut kpis, mut scores, mut intervals) = (Vec::new(), json!({}), json!({}));
-    for (k, kpi) in KPIS.iter().enumerate() {
+pub fn among_seeds(among: &Among, asked: Asked) -> AmongSeeds {
+    let (mut kpis, mut scores, mut intervals) = (Vec::new(), IndexMap::new(), IndexMap::new());
+    for (k, figure) in KPIS.iter().enumerate() {
         let measured = among.measured.values[k];
         let (mean, [low, high]) = among.model(k);
         let standing = among.placed.figures[k];
         if standing.is_some() {
-            scores[kpi.name] = json!(measured - mean);
-            intervals[kpi.name] = json!([measured - high, measured - low]);
+            scores.insert(figure.name.to_owned(), measured - mean);
+            intervals.insert(figure.name.to_owned(), [measured - high, measured - low]);
         }
-        let seeds: Vec<f64> = among.seeds.iter().map(|seed| seed.values[k]).collect();
-        let named = [kpi.name, kpi.unit, kpi.doc];
-        kpis.push(entry(named, measured, mean, [low, high], &seeds, standing));
+        let seeds = among.seeds.iter().map(|seed| seed.values[k]).collect();
+        kpis.push(kpi(figure, measured, mean, [low, high], seeds, standing));
     }
     let (motes, by_source) = by_mote(among);
-    json!({
-        "schema": "compare/1",
-        "kind": "network",
-        "unit": "seed",
-        "seeds": asked.seeds,
-        "from_s": asked.from_s,
-        "scores": scores,
-        "intervals": intervals,
-        "kpis": kpis,
-        "motes": motes,
-        "where": [by_source],
-        "p_value": among.placed.p_value,
-    })
+    AmongSeeds {
+        unit: "seed",
+        seeds: asked.seeds,
+        from_s: asked.from_s,
+        scores,
+        intervals,
+        kpis,
+        motes,
+        places: [by_source],
+        p_value: among.placed.p_value,
+    }
 }
 
 /// Delivery of each mote, and whether the error goes with the mote.
-fn by_mote(among: &Among) -> (Vec<Value>, Value) {
+fn by_mote(among: &Among) -> (Vec<MoteDelivery>, BySource) {
     let runs = || among.seeds.iter().chain([&among.measured]);
     let numbers: BTreeSet<u32> = runs().flat_map(|run| run.of_mote.keys().copied()).collect();
     // A mote that sent nothing delivered nothing.
@@ -236,27 +212,17 @@ fn by_mote(among: &Among) -> (Vec<Value>, Value) {
         let measured = share(&among.measured, mote);
         let (mean, [low, high]) =
             spread(among.seeds.iter().map(|seed| share(seed, mote)).collect());
-        motes.push(json!({
-            "mote": mote,
-            "sent": of.sent,
-            "arrived": of.arrived,
-            "delivery": measured,
-            "model": { "mean": mean, "low": low, "high": high },
-            "is_outside": measured < low || high < measured,
-        }));
-        bins.push(json!({
-            "from": mote,
-            "to": mote,
-            "n": of.sent,
-            "bias": measured - mean,
-            "rmse": (measured - mean).abs(),
-        }));
+        motes.push(MoteDelivery {
+            mote,
+            sent: of.sent,
+            arrived: of.arrived,
+            delivery: measured,
+            model: DeliveryOfModel { mean, low, high },
+            is_outside: measured < low || high < measured,
+        });
+        let bias = measured - mean;
+        bins.push(MoteBin { from: mote, to: mote, n: of.sent, bias, rmse: bias.abs() });
     }
-    let by_source = json!({
-        "covariate": "source",
-        "explained": Value::Null,
-        "p_value": placed.p_value,
-        "bins": bins,
-    });
+    let by_source = BySource { covariate: "source", explained: (), p_value: placed.p_value, bins };
     (motes, by_source)
 }

@@ -13,7 +13,7 @@ use super::tried::{Curve, Fit, Fitted, Ground};
 use measure::packets::Packet;
 use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) use told::said;
-pub use told::{parameters, told};
+pub use told::{answer, parameters, text};
 
 /// The chance below which a gain is taken for none: that the model without any of the effects would give as great a one.
 pub const ACCEPT: f64 = 0.01;
@@ -79,7 +79,7 @@ pub struct Rivals {
 /// What a search found.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// Models, from as configured on.
+    /// Models, from as configured on: at least that one.
     pub rungs: Vec<Rung>,
     /// Candidates, in their order.
     pub trials: Vec<Trial>,
@@ -101,6 +101,11 @@ pub struct Effects {
 }
 
 impl Found {
+    /// The model as configured, and the last one.
+    fn ends(&self) -> (&Rung, &Rung) {
+        (&self.rungs[0], &self.rungs[self.rungs.len() - 1])
+    }
+
     /// Whether the measurement could be a run of the last model.
     #[must_use]
     pub fn agrees(&self) -> bool {

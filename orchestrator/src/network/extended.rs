@@ -1,7 +1,8 @@
 //! Writes an experiment with effects on its network added, fitted to measured packets.
 
 use super::candidates::Candidate;
-use super::diagnosed::{Diagnosis, Effects, Rung};
+use super::diagnosed::{Diagnosis, Effects, Rung, parameters};
+use super::extension::{NetworkExtension, SCHEMA};
 use super::replay::ReplayError;
 use super::tried::Fitted;
 use diagnose::extend::ExtendError;
@@ -34,6 +35,24 @@ pub struct Extended {
     pub added: Vec<(Candidate, Fitted)>,
     /// The models before and after.
     pub rungs: [Rung; 2],
+}
+
+impl Extended {
+    /// What was added, as an answer.
+    #[must_use]
+    pub fn answer(&self) -> NetworkExtension {
+        let numbers = self.added.iter();
+        NetworkExtension {
+            schema: SCHEMA,
+            kind: "network",
+            added: self.added.iter().map(|(candidate, _)| candidate.name).collect(),
+            parameters: numbers
+                .map(|(candidate, fitted)| (candidate.name, parameters(candidate, fitted)))
+                .collect(),
+            p_value: self.rungs.each_ref().map(|rung| rung.among.placed.p_value),
+            log_score: self.rungs.each_ref().map(|rung| rung.log_density),
+        }
+    }
 }
 
 /// The candidate of a name.
@@ -77,8 +96,8 @@ pub fn extend(
             text,
             "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Chance that these packets are one more run of the model: {before:.3} \
              before, {after:.3} with all that was added.\n# {} = {} {}, 90 % interval {low:.4} to {high:.4}\n[[netsim.{}.effect]]\n{}",
-            account.file,
-            account.sha256,
+            account.data.file,
+            account.data.sha256,
             account.used,
             account.rows,
             candidate.parameter.key,

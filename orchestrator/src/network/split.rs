@@ -24,7 +24,7 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use study::open::OpenError;
-pub use told::{json, text};
+pub use told::{answer, text};
 
 /// Campaigns that the model measures of its own links.
 const CAMPAIGNS: u64 = 39;

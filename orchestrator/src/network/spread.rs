@@ -5,8 +5,9 @@
 //! distributions. For all figures together, the one in which a run is furthest out counts, in units of the scatter of all
 //! `S + 1`: that rank is exact too, and needs no correction for several figures being looked at.
 
+use super::comparison::{Kpi, KpiOfModel};
+use super::figure::Figure;
 use numbers::statistics::{mean, quantile, standard_deviation};
-use serde_json::{Value, json};
 
 /// A figure of a measurement among those of seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,28 +22,26 @@ pub struct Standing {
     pub z: f64,
 }
 
-/// A figure's entry in the answer of a comparison.
+/// A figure in the answer of a comparison.
 ///
-/// * `named`: its name, its unit, what it is.
-/// * `seeds`: its value under each seed of the model; `mean`, and `ends` of the middle 90 % of them.
-pub(super) fn entry(
-    named: [&str; 3],
+/// * `seeds`: its value under each seed of the model; `mean`, and `[low, high]` of the middle 90 % of them.
+pub(super) fn kpi<S>(
+    figure: &Figure<S>,
     measured: f64,
     mean: f64,
-    ends: [f64; 2],
-    seeds: &[f64],
+    [low, high]: [f64; 2],
+    seeds: Vec<f64>,
     standing: Option<Standing>,
-) -> Value {
-    let ([name, unit, doc], [low, high]) = (named, ends);
-    json!({
-        "name": name,
-        "unit": unit,
-        "doc": doc,
-        "measured": measured,
-        "model": { "mean": mean, "low": low, "high": high, "seeds": seeds },
-        "p_value": standing.map(|standing| standing.p_value),
-        "z": standing.map(|standing| standing.z),
-    })
+) -> Kpi {
+    Kpi {
+        name: figure.name,
+        unit: figure.unit,
+        doc: figure.doc,
+        measured,
+        model: KpiOfModel { mean, low, high, seeds },
+        p_value: standing.map(|standing| standing.p_value),
+        z: standing.map(|standing| standing.z),
+    }
 }
 
 /// A measurement among seeds.

@@ -7,6 +7,7 @@
 //! network delivers along the measured tracks, where it differs from what it delivers along the model's own, goes with neither:
 //! whoever is elsewhere hears others.
 
+pub mod comparison;
 pub mod figures;
 pub mod heard;
 mod heard_network;
@@ -25,7 +26,7 @@ use numbers::statistics;
 use proto::rng::{Draws, Purpose};
 use proto::types::seconds;
 use rayon::prelude::*;
-pub use told::{json, text};
+pub use told::{answer, text};
 
 /// The chance up to which a part is more than chance.
 pub const ACCEPT: f64 = 0.01;

@@ -8,10 +8,13 @@ pub(crate) mod words;
 
 use super::svg::{Axis, Chart};
 use super::text::escape;
+use diagnose::compare::comparison::Comparison;
+use diagnose::diagnosis::Diagnosis;
+use measure::account::Account;
 use numbers::format::count;
 use numbers::statistics::quantile_nearest;
 use proto::site::Site;
-use serde_json::Value;
+use serde::Serialize;
 use std::fmt::Write as _;
 use study::view::View;
 
@@ -63,6 +66,34 @@ pub enum Rows {
     Robots(RobotRows),
 }
 
+/// An answer about links or robots.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(untagged)]
+pub enum MeasuredAnswer<'a> {
+    /// How large the error is, and where.
+    Comparison(&'a Comparison),
+    /// Which effects are missing.
+    Diagnosis(&'a Diagnosis),
+}
+
+impl<'a> MeasuredAnswer<'a> {
+    /// The measurements that it is about.
+    fn account(self) -> &'a Account {
+        match self {
+            Self::Comparison(comparison) => &comparison.account,
+            Self::Diagnosis(diagnosis) => &diagnosis.account,
+        }
+    }
+
+    /// The diagnosis, if it is one.
+    fn diagnosis(self) -> Option<&'a Diagnosis> {
+        match self {
+            Self::Comparison(_) => None,
+            Self::Diagnosis(diagnosis) => Some(diagnosis),
+        }
+    }
+}
+
 /// What goes into a page.
 #[derive(Debug)]
 pub struct Contents<'a> {
@@ -70,8 +101,8 @@ pub struct Contents<'a> {
     pub config: String,
     /// The command that makes this page again.
     pub command: String,
-    /// The answer: `compare/1` or `diagnose/1`, with what is told of the file.
-    pub json: &'a Value,
+    /// The answer.
+    pub answer: MeasuredAnswer<'a>,
     /// The site of the configuration.
     pub site: &'a Site,
     /// The rows.
@@ -109,20 +140,19 @@ impl Contents<'_> {
 /// The page.
 #[must_use]
 pub fn page(contents: &Contents<'_>) -> String {
-    let json = contents.json;
-    let is_diagnosis = json["schema"] == "diagnose/1";
+    let (answer, account) = (contents.answer, contents.answer.account());
     let title = format!(
         "{}: {} against {}",
-        if is_diagnosis { "Diagnosis" } else { "Comparison" },
+        if answer.diagnosis().is_some() { "Diagnosis" } else { "Comparison" },
         contents.config,
-        json["data"]["file"].as_str().unwrap_or("measurements")
+        account.data.file
     );
     let mut page = begin(&title);
     words::heading(&mut page, contents, &escape(&title));
-    words::notices(&mut page, json);
+    words::notices(&mut page, account);
     words::tiles(&mut page, contents);
-    if is_diagnosis {
-        let ladder = ladder::pictures(contents);
+    if let Some(diagnosis) = answer.diagnosis() {
+        let ladder = ladder::pictures(diagnosis, contents.unit());
         figures(
             &mut page,
             "Which effects are missing",
@@ -130,9 +160,14 @@ pub fn page(contents: &Contents<'_>) -> String {
              does beyond chance.",
             &ladder,
         );
-        words::parameters(&mut page, json);
-        words::ties(&mut page, json);
-        words::left_over(&mut page, json);
+        words::parameters(&mut page, diagnosis);
+        let ties = diagnosis.candidates.iter().map(|candidate| {
+            let others = candidate.indistinguishable_from.iter().map(String::as_str);
+            (candidate.effect.as_str(), others.collect())
+        });
+        let next = diagnosis.next_measurement.iter().map(|next| next.sentence.as_str());
+        words::ties(&mut page, ties, next);
+        words::left_over(&mut page, diagnosis);
     }
     figures(
         &mut page,
@@ -149,10 +184,9 @@ pub fn page(contents: &Contents<'_>) -> String {
         "A model predicts a distribution, not a number: how strong, how likely to be received, how far off.",
         &errors::pictures(contents),
     );
-    if is_diagnosis {
-        words::untestable(&mut page, json);
-    } else {
-        words::scores(&mut page, json);
+    match answer {
+        MeasuredAnswer::Diagnosis(diagnosis) => words::untestable(&mut page, diagnosis),
+        MeasuredAnswer::Comparison(comparison) => words::scores(&mut page, comparison),
     }
     words::again(&mut page, contents);
     page.push_str("</main>\n</body>\n</html>\n");

@@ -233,9 +233,9 @@ pub trait Study: Sync {
     /// The numbers of a term, with intervals, from a fit to all rows; and a warning where two cannot be told apart.
     fn estimates(&self, fit: &Self::Fit, term: usize) -> (Vec<Estimate>, Option<String>);
 
-    /// The configuration of a term as fitted: the keys of its section, `kind` among them. Null where it is not in the fit,
+    /// The configuration of a term as fitted: the keys of its section, `kind` among them. None where it is not in the fit,
     /// or is no effect.
-    fn settings(&self, fit: &Self::Fit, term: usize) -> serde_json::Value;
+    fn settings(&self, fit: &Self::Fit, term: usize) -> Option<toml::Table>;
 }
 
 /// Whether a value lies at an end of a parameter's range.

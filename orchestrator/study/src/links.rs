@@ -492,7 +492,7 @@ impl Study for LinkStudy {
         self.estimates_of(fit, term)
     }
 
-    fn settings(&self, fit: &LinkFit, term: usize) -> serde_json::Value {
+    fn settings(&self, fit: &LinkFit, term: usize) -> Option<toml::Table> {
         self.settings_of(fit, term)
     }
 }

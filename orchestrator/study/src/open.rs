@@ -7,13 +7,18 @@ use super::links::LinkStudy;
 use super::links::covariates;
 use super::links::rows::Rows;
 use super::robots::{Given, RobotStudy, RobotStudyError};
+use measure::DataError;
+use measure::account::DataFile;
 use measure::config::Compared;
 use measure::table::Table;
-use measure::{DataError, Rejected};
 use measure::{links, packets, robots};
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::effect::Level;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::collections::BTreeSet;
+
+pub use measure::account::Account;
 
 /// Why measurements cannot be held against a configuration.
 #[derive(Debug, thiserror::Error)]
@@ -37,29 +42,14 @@ pub enum OpenError {
     },
 }
 
-/// What is told of a file beside any answer.
-#[derive(Clone, Debug)]
-pub struct Account {
-    /// The file's name.
-    pub file: String,
-    /// Its SHA-256.
-    pub sha256: String,
-    /// Rows in it.
-    pub rows: usize,
-    /// Rows used.
-    pub used: usize,
-    /// Rows that were not.
-    pub rejected: Vec<Rejected>,
-    /// What to check before an answer is trusted.
-    pub warnings: Vec<String>,
-}
-
 /// What a file of measurements is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub enum Subject {
     /// Links.
+    #[serde(rename = "link")]
     Links,
     /// Robots.
+    #[serde(rename = "robot")]
     Robots,
 }
 
@@ -141,8 +131,7 @@ pub fn robots(
         return Err(config.refuse(problems).into());
     }
     let mut account = Account {
-        file: name_of(table),
-        sha256: table.sha256.clone(),
+        data: file_of(table),
         rows: robots.n_rows,
         used: robots.samples.len(),
         rejected: robots.rejected.clone(),
@@ -176,9 +165,10 @@ pub fn localization_sd_m(config: &Compared) -> Option<f64> {
     (0.0 < sd_m).then_some(sd_m)
 }
 
-/// The name of the file.
-pub fn name_of(table: &Table) -> String {
-    table.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+/// The name of the file, and its digest.
+pub fn file_of(table: &Table) -> DataFile {
+    let name = table.path.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
+    DataFile { file: name.into_owned(), sha256: table.sha256.clone() }
 }
 
 /// Measured links, read and held against the radio of a configuration.
@@ -229,8 +219,7 @@ pub fn links(
         return Err(ChoiceError::NothingLost { rows: rows.len() }.into());
     }
     let mut account = Account {
-        file: name_of(table),
-        sha256: table.sha256.clone(),
+        data: file_of(table),
         rows: rows.links.n_rows,
         used: rows.len(),
         rejected: rows.links.rejected.clone(),

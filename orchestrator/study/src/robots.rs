@@ -621,10 +621,7 @@ impl Study for RobotStudy {
         (estimates, warning.or_else(|| self.confounded(fit, term, covariance.as_ref())))
     }
 
-    fn settings(&self, fit: &RobotFit, term: usize) -> serde_json::Value {
-        let table = self.effect_table(fit, term);
-        table.map_or(serde_json::Value::Null, |table| {
-            serde_json::to_value(table).unwrap_or_default()
-        })
+    fn settings(&self, fit: &RobotFit, term: usize) -> Option<toml::Table> {
+        self.effect_table(fit, term)
     }
 }

@@ -1,14 +1,14 @@
 //! Campaigns of robots with something hidden in them.
 
 use super::{QUIET, assert_all_found, faults, names};
-use diagnose::answer::{self, Kind};
+use diagnose::answer::{self, Measurements};
 use diagnose::ladder::{Ladder, Search};
 use diagnose::scan;
 use measure::config::Compared;
 use measure::table::Table;
 use serde_json::Value;
 use study::choices::Choices;
-use study::open;
+use study::open::{self, Subject};
 use tests::campaign::{Campaign, Drive, Fleet, RobotHidden, Size};
 
 /// Forty seconds of each of five robots …
@@ -22,12 +22,18 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     std::fs::write(&data, &campaign.csv).unwrap();
     let config = Compared::of_text(&config, campaign.config_toml.clone(), &[]).unwrap();
     let table = Table::read(&data).unwrap();
-    let (study, _) = open::robots(&config, &table, &Choices::default()).unwrap();
+    let (study, account) = open::robots(&config, &table, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
     let ladder = search.climb();
-    let kind = Kind { name: "robot", unit: "m" };
+    let measurements = Measurements {
+        subject: Subject::Robots,
+        error_unit: "m",
+        searched: None,
+        account: &account,
+    };
     let left = scan::left_over(&study, &search, &ladder);
-    let json = answer::answer(&study, &search, &ladder, kind, &left, None).json;
+    let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
+    let json = serde_json::to_value(found).unwrap();
     (names(&study, &ladder), ladder, json)
 }
 

@@ -1,26 +1,26 @@
-//! What a search found of a network: for programs as JSON, for people as a table and a sentence.
+//! From what a search found of a network to an answer, and its words.
 
-use super::{Found, Trial};
+use super::{Found, Rung, Trial};
 use crate::network::candidates::Candidate;
-use crate::network::compared::{Asked, body, sentence as compared};
+use crate::network::compared::{Asked, among_seeds, sentence as compared};
+use crate::network::diagnosis::{
+    NetworkCandidate, NetworkDiagnosis, NetworkRung, NextCampaign, SCHEMA, UnexplainedFigure,
+};
 use crate::network::kpis::KPIS;
 use crate::network::spread::LEVEL;
 use crate::network::tried::Fitted;
-use diagnose::answer::Answer;
+use diagnose::diagnosis::{Parameter, Verdict};
+use indexmap::IndexMap;
+use measure::account::Account;
 use numbers::format::{capitalised, number};
-use serde_json::{Value, json};
 use std::fmt::Write as _;
 
-/// A fitted number as JSON: `{"delay_s": {"value": …, "unit": …, "low": …, "high": …}}`.
+/// The number of an effect as fitted, by its key.
 #[must_use]
-pub fn parameters(candidate: &Candidate, fitted: &Fitted) -> Value {
-    let parameter = candidate.parameter;
-    json!({ parameter.key: {
-        "value": fitted.value,
-        "unit": parameter.unit,
-        "low": fitted.interval[0],
-        "high": fitted.interval[1],
-    } })
+pub fn parameters(candidate: &Candidate, fitted: &Fitted) -> IndexMap<&'static str, Parameter> {
+    let [low, high] = fitted.interval;
+    let unit = candidate.parameter.unit.to_owned();
+    IndexMap::from([(candidate.parameter.key, Parameter { value: fitted.value, unit, low, high })])
 }
 
 /// A fitted number in words: `delay_s = 0.600 s (90 %: 0.580 to 0.620)`.
@@ -29,49 +29,41 @@ pub(crate) fn said(candidate: &Candidate, fitted: &Fitted) -> String {
     format!("{} (90 %: {low} to {high})", candidate.said(fitted.value))
 }
 
-fn entry(trial: &Trial) -> Value {
-    let candidate = &trial.candidate;
-    let mut entry = json!({
-        "effect": candidate.name,
-        "gain": trial.gain,
-        "standard_error": trial.fitted.map(|fitted| fitted.standard_error),
-        "p_value": trial.p_value,
-        "accepted": trial.is_accepted,
-        "indistinguishable_from": trial.ties,
-        "p_value_with": trial.p_with,
-        "parameters": {},
-        "settings": Value::Null,
-    });
-    if let Some(fitted) = &trial.fitted {
-        entry["parameters"] = parameters(candidate, fitted);
-        entry["settings"] = json!(candidate.settings(fitted.value));
+fn candidate(trial: &Trial) -> NetworkCandidate {
+    let fitted = trial.fitted.as_ref();
+    NetworkCandidate {
+        effect: trial.candidate.name,
+        gain: trial.gain,
+        standard_error: fitted.map(|fitted| fitted.standard_error),
+        p_value: trial.p_value,
+        accepted: trial.is_accepted,
+        indistinguishable_from: trial.ties.clone(),
+        p_value_with: trial.p_with,
+        parameters: fitted
+            .map_or_else(IndexMap::new, |fitted| parameters(&trial.candidate, fitted)),
+        settings: fitted.map(|fitted| trial.candidate.settings(fitted.value)),
+        untestable: trial.untestable.clone(),
     }
-    if let Some(why) = &trial.untestable {
-        entry["untestable"] = json!(why);
-    }
-    entry
 }
 
-/// Says what a search found.
+/// The answer of a search.
 #[must_use]
-pub fn told(found: &Found, asked: Asked) -> Answer {
-    let (Some(first), Some(last)) = (found.rungs.first(), found.rungs.last()) else {
-        return Answer { json: Value::Null, text: String::new() };
-    };
+pub fn answer(found: &Found, asked: Asked, account: &Account) -> NetworkDiagnosis {
+    let (first, last) = found.ends();
     let (_, difference) = compared(&first.among);
     let missing: Vec<&str> =
         found.accepted.iter().map(|&k| found.trials[k].candidate.name).collect();
     let verdict = match (found.agrees(), missing.is_empty()) {
-        (true, true) => "nothing-missing",
-        (true, false) => "missing-effects",
-        (false, _) => "unexplained-structure",
+        (true, true) => Verdict::NothingMissing,
+        (true, false) => Verdict::MissingEffects,
+        (false, _) => Verdict::UnexplainedStructure,
     };
     let far = furthest(found);
     let sentence = match verdict {
-        "nothing-missing" => {
+        Verdict::NothingMissing => {
             format!("nothing is missing that these packets could show: {difference}")
         }
-        "missing-effects" => {
+        Verdict::MissingEffects => {
             let parts: Vec<String> =
                 found.accepted.iter().map(|&k| part(&found.trials[k])).collect();
             format!(
@@ -82,7 +74,7 @@ pub fn told(found: &Found, asked: Asked) -> Answer {
                 last.among.placed.p_value
             )
         }
-        _ => {
+        Verdict::UnexplainedStructure => {
             let also = if missing.is_empty() {
                 String::new()
             } else {
@@ -100,24 +92,27 @@ pub fn told(found: &Found, asked: Asked) -> Answer {
         Some(1) => "stopped before anything was found".to_owned(),
         Some(round) => format!("stopped in round {round}; until then: {sentence}"),
     };
-    let mut json = body(&first.among, asked);
-    json["schema"] = json!("diagnose/1");
-    json["verdict"] = json!(verdict);
-    json["sentence"] = json!(sentence);
-    json["missing"] = json!(missing);
-    json["ladder"] = rungs(found);
-    json["candidates"] = found.trials.iter().map(entry).collect();
-    json["unexplained"] = unexplained(found, far);
-    let next = next(found);
-    json["next_measurement"] = json!(next);
-    if found.accepted.is_empty() {
-        json["kpis_with"] = Value::Null;
-    } else {
-        json["kpis_with"] = body(&last.among, asked)["kpis"].take();
+    NetworkDiagnosis {
+        schema: SCHEMA,
+        kind: "network",
+        among: among_seeds(&first.among, asked),
+        verdict,
+        sentence,
+        missing,
+        ladder: found.rungs.iter().map(rung).collect(),
+        candidates: found.trials.iter().map(candidate).collect(),
+        unexplained: unexplained(found, far),
+        next_measurement: next(found),
+        kpis_with: (!found.accepted.is_empty()).then(|| among_seeds(&last.among, asked).kpis),
+        stopped_in_round: found.stopped,
+        account: account.clone(),
     }
-    if let Some(round) = found.stopped {
-        json["stopped_in_round"] = json!(round);
-    }
+}
+
+/// A diagnosis of a network as a person reads it on a terminal.
+#[must_use]
+pub fn text(found: &Found, diagnosis: &NetworkDiagnosis) -> String {
+    let (_, difference) = compared(&found.ends().0.among);
     let mut text = format!("{}\n\n", capitalised(&difference));
     let tried: Vec<&Trial> = found.trials.iter().filter(|trial| trial.gain.is_some()).collect();
     if !tried.is_empty() {
@@ -128,14 +123,14 @@ pub fn told(found: &Found, asked: Asked) -> Answer {
             let _ = writeln!(text, "{} cannot be tried: {why}", trial.candidate.name);
         }
     }
-    for sentence in next.iter().filter_map(|entry| entry["sentence"].as_str()) {
-        let _ = writeln!(text, "{}", capitalised(sentence));
+    for next in &diagnosis.next_measurement {
+        let _ = writeln!(text, "{}", capitalised(&next.sentence));
     }
     if !tried.is_empty() {
         text.push('\n');
     }
-    text.push_str(&capitalised(&sentence));
-    Answer { json, text }
+    text.push_str(&capitalised(&diagnosis.sentence));
+    text
 }
 
 /// An accepted effect, with its number and its ties.
@@ -151,49 +146,38 @@ fn part(trial: &Trial) -> String {
 
 /// The figure in which the measurement is furthest from the last model.
 fn furthest(found: &Found) -> Option<usize> {
-    let figures = &found.rungs.last()?.among.placed.figures;
+    let figures = &found.ends().1.among.placed.figures;
     let known = figures.iter().enumerate().filter_map(|(k, it)| Some((k, (*it)?.z.abs())));
     known.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
 }
 
-fn rungs(found: &Found) -> Value {
-    let of = |rung: &super::Rung| {
-        json!({
-            "model": rung.added.map_or_else(|| "as configured".to_owned(), |name| format!("+ {name}")),
-            "log_score": rung.log_density,
-            "p_value": rung.among.placed.p_value,
-            "rmse": Value::Null,
-            "crps": Value::Null,
-            "reception_log_loss": Value::Null,
-        })
-    };
-    found.rungs.iter().map(of).collect()
+fn rung(rung: &Rung) -> NetworkRung {
+    NetworkRung {
+        model: rung.added.map_or_else(|| "as configured".to_owned(), |name| format!("+ {name}")),
+        log_score: rung.log_density,
+        p_value: rung.among.placed.p_value,
+        rmse: (),
+        crps: (),
+        reception_log_loss: (),
+    }
 }
 
-fn unexplained(found: &Found, far: Option<usize>) -> Value {
-    if found.agrees() {
-        return json!([]);
-    }
-    let p_value = |k: usize| {
-        let last = found.rungs.last();
-        last.and_then(|rung| rung.among.placed.figures[k]).map(|standing| standing.p_value)
-    };
-    far.map_or_else(
-        || json!([]),
-        |k| {
-            json!([{
-                "covariate": KPIS[k].name,
-                "explained": Value::Null,
-                "p_value": p_value(k),
-                "formula": Value::Null,
-                "rmse_after": Value::Null,
-            }])
-        },
-    )
+fn unexplained(found: &Found, far: Option<usize>) -> Vec<UnexplainedFigure> {
+    let (_, last) = found.ends();
+    let far = far.filter(|_| !found.agrees());
+    far.into_iter()
+        .map(|k| UnexplainedFigure {
+            covariate: KPIS[k].name,
+            explained: (),
+            p_value: last.among.placed.figures[k].map(|standing| standing.p_value),
+            formula: (),
+            rmse_after: (),
+        })
+        .collect()
 }
 
 /// What would break ties.
-fn next(found: &Found) -> Vec<Value> {
+fn next(found: &Found) -> Vec<NextCampaign> {
     found
         .rivals
         .iter()
@@ -215,13 +199,13 @@ fn next(found: &Found) -> Vec<Value> {
                      more traffic or more hops, is needed to tell them apart"
                 )
             };
-            json!({
-                "effects": rivals.names,
-                "figure": figure,
-                "apart": rivals.apart,
-                "campaigns": runs,
-                "sentence": sentence,
-            })
+            NextCampaign {
+                effects: rivals.names,
+                figure,
+                apart: rivals.apart,
+                campaigns: runs,
+                sentence,
+            }
         })
         .collect()
 }

@@ -1,9 +1,9 @@
-//! Where the error comes from, as JSON, as a table and in a sentence.
+//! Where the error comes from: the answer, a table and a sentence.
 
-use super::{Share, Split};
+use super::{Part, Share, Split};
+use crate::network::error_split::{ErrorPart, NetworkErrorSplit, NetworkFigureSplit, PartOfFigure};
 use crate::network::kpis::KPIS;
 use numbers::format::{capitalised, number, percent};
-use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 /// In what order models take over what was measured.
@@ -35,53 +35,47 @@ fn sentence(split: &Split) -> String {
     }
 }
 
-/// `error_split` of `compare/1`.
+/// What a comparison says of the parts of the error.
 #[must_use]
-pub fn json(split: &Split) -> Value {
-    let figures: Vec<Value> = KPIS
-        .iter()
-        .enumerate()
-        .map(|(k, kpi)| {
-            let [whole, tracked, own, linked] = split.means.map(|means| means[k]);
-            let mut parts = json!({});
-            for share in &split.shares {
-                parts[share.name] = share.parts[k].map_or(Value::Null, |part| {
-                    let [low, high] = part.interval;
-                    json!({ "value": part.value, "low": low, "high": high, "z": part.z })
-                });
-            }
-            json!({
-                "name": kpi.name,
-                "unit": kpi.unit,
-                "measured": split.measured.values[k],
-                "whole": whole,
-                "with_tracks": tracked,
-                "with_tracks_and_own_links": own,
-                "with_tracks_and_links": linked,
-                "parts": parts,
-            })
-        })
-        .collect();
-    let parts: Vec<Value> = split
-        .shares
-        .iter()
-        .map(|share| {
-            json!({
-                "part": share.name,
-                "p_value": share.p_value,
-                "is_distinguishable": share.p_value <= super::ACCEPT,
-                "figure": furthest(share).map(|k| KPIS[k].name),
-            })
-        })
-        .collect();
-    json!({
-        "order": ["robot", "radio", "protocol"],
-        "note": ORDER,
-        "seeds": split.seeds,
-        "parts": parts,
-        "figures": figures,
-        "sentence": sentence(split),
-    })
+pub fn answer(split: &Split) -> NetworkErrorSplit {
+    let figures = KPIS.iter().enumerate().map(|(k, kpi)| {
+        let [whole, with_tracks, with_tracks_and_own_links, with_tracks_and_links] =
+            split.means.map(|means| means[k]);
+        let part = |Part { value, interval: [low, high], z }| PartOfFigure {
+            value,
+            low,
+            high,
+            z: Some(z),
+        };
+        NetworkFigureSplit {
+            name: kpi.name,
+            unit: kpi.unit,
+            measured: split.measured.values[k],
+            whole,
+            with_tracks,
+            with_tracks_and_own_links,
+            with_tracks_and_links,
+            parts: split
+                .shares
+                .iter()
+                .map(|share| (share.name, share.parts[k].map(part)))
+                .collect(),
+        }
+    });
+    let parts = split.shares.iter().map(|share| ErrorPart {
+        part: share.name,
+        p_value: share.p_value,
+        is_distinguishable: share.p_value <= super::ACCEPT,
+        figure: furthest(share).map(|k| KPIS[k].name),
+    });
+    NetworkErrorSplit {
+        order: ["robot", "radio", "protocol"],
+        note: ORDER,
+        seeds: split.seeds,
+        parts: parts.collect(),
+        figures: figures.collect(),
+        sentence: sentence(split),
+    }
 }
 
 /// As a person reads it.

@@ -1,11 +1,16 @@
-//! Where the error of a task comes from, as JSON, as a table and in a sentence.
+//! Where the error of a task comes from: the answer, a table and a sentence.
 
+use super::comparison::{
+    HeardFile, PlacesOff, SCHEMA, TaskComparison, TaskErrorSplit, TaskFigureSplit, TaskVerdict,
+};
 use super::figures::FIGURES;
 use super::{Part, Placing, Runs, TaskSplit};
 use crate::network::compared::Asked;
-use crate::network::spread::{LEVEL, entry};
+use crate::network::error_split::{ErrorPart, PartOfFigure};
+use crate::network::spread::{LEVEL, kpi};
+use indexmap::IndexMap;
+use measure::account::Account;
 use numbers::format::{capitalised, number};
-use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 /// What goes with neither.
@@ -31,41 +36,41 @@ fn part(placing: Placing, value: &dyn Fn(usize) -> f64, runs: &Runs) -> String {
 }
 
 /// What came out, in a word and in a sentence.
-fn sentence(split: &TaskSplit) -> (&'static str, String) {
+fn sentence(split: &TaskSplit) -> (TaskVerdict, String) {
     let network = part(split.network, &|k| split.heard.mean(k), &split.own);
     let robot = part(split.robot, &|k| split.measured.values[k], &split.heard);
     let differs = "what these robots did is no run of the model";
     match (split.network.is_found(), split.robot.is_found()) {
         (true, false) => (
-            "network",
+            TaskVerdict::Network,
             format!(
                 "the error is the network's: with what was heard the model's robots go elsewhere than with what its network delivers \
                  along the same tracks ({network}), and they then do what was measured ({robot})"
             ),
         ),
         (false, true) => (
-            "robot",
+            TaskVerdict::Robot,
             format!(
                 "the error is the robots': with all that was heard the model's robots do something else ({robot}); the network is not \
                  to blame ({network})"
             ),
         ),
         (true, true) => (
-            "both",
+            TaskVerdict::Both,
             format!(
                 "network and robots are both wrong: what was heard is not what the model's network delivers along the same tracks \
                  ({network}), and with it the model's robots do something else ({robot})"
             ),
         ),
         (false, false) if split.model.p_value <= LEVEL => (
-            "open",
+            TaskVerdict::Open,
             format!(
                 "{differs} (p = {:.3}), and neither the network ({network}) nor the robots ({robot}) are more than chance by themselves",
                 split.model.p_value
             ),
         ),
         (false, false) => (
-            "agrees",
+            TaskVerdict::Agrees,
             format!(
                 "what these robots did could be one more run of the model (p = {:.3}): nothing is to be split",
                 split.model.p_value
@@ -74,12 +79,17 @@ fn sentence(split: &TaskSplit) -> (&'static str, String) {
     }
 }
 
-/// `compare/1` of kind `task`.
+/// The answer of a split.
 #[must_use]
-pub fn json(split: &TaskSplit, asked: Asked) -> Value {
+pub fn answer(
+    split: &TaskSplit,
+    asked: Asked,
+    account: &Account,
+    heard: HeardFile,
+) -> TaskComparison {
     let (verdict, sentence) = sentence(split);
-    let (mut kpis, mut figures, mut scores, mut intervals) =
-        (Vec::new(), Vec::new(), json!({}), json!({}));
+    let (mut kpis, mut figures) = (Vec::new(), Vec::new());
+    let (mut scores, mut intervals) = (IndexMap::new(), IndexMap::new());
     for (k, figure) in FIGURES.iter().enumerate() {
         let measured = split.measured.values[k];
         if measured.is_nan() {
@@ -87,64 +97,59 @@ pub fn json(split: &TaskSplit, asked: Asked) -> Value {
         }
         let [low, high] = split.whole.middle(k);
         let standing = split.standings[k];
-        let seeds: Vec<f64> = split.whole.figures.iter().map(|run| run.values[k]).collect();
+        let seeds = split.whole.figures.iter().map(|run| run.values[k]).collect();
         let mean = split.whole.mean(k);
         if (measured - mean).is_finite() {
-            scores[figure.name] = json!(measured - mean);
-            intervals[figure.name] = json!([measured - high, measured - low]);
+            scores.insert(figure.name.to_owned(), measured - mean);
+            intervals.insert(figure.name.to_owned(), [measured - high, measured - low]);
         }
-        let named = [figure.name, figure.unit, figure.doc];
-        kpis.push(entry(named, measured, mean, [low, high], &seeds, standing));
-        let mut parts = json!({});
-        for (name, part) in PARTS.iter().zip(split.parts(k)) {
-            parts[*name] = part.map_or(Value::Null, |Part { value, interval: [low, high] }| {
-                json!({ "value": value, "low": low, "high": high })
-            });
-        }
-        figures.push(json!({
-            "name": figure.name,
-            "unit": figure.unit,
-            "measured": measured,
-            "whole": mean,
-            "own_network_along_tracks": split.own.mean(k),
-            "with_what_was_heard": split.heard.mean(k),
-            "parts": parts,
-        }));
+        kpis.push(kpi(figure, measured, mean, [low, high], seeds, standing));
+        let part =
+            |Part { value, interval: [low, high] }| PartOfFigure { value, low, high, z: None };
+        figures.push(TaskFigureSplit {
+            name: figure.name,
+            unit: figure.unit,
+            measured,
+            whole: mean,
+            own_network_along_tracks: split.own.mean(k),
+            with_what_was_heard: split.heard.mean(k),
+            parts: PARTS.into_iter().zip(split.parts(k).map(|it| it.map(part))).collect(),
+        });
     }
-    let named = |name: &str, placing: Placing| {
-        json!({
-            "part": name,
-            "p_value": placing.p_value,
-            "is_distinguishable": placing.is_found(),
-            "figure": placing.furthest.map(|k| FIGURES[k].name),
-        })
+    let part = |part: &'static str, placing: Placing| ErrorPart {
+        part,
+        p_value: placing.p_value,
+        is_distinguishable: placing.is_found(),
+        figure: placing.furthest.map(|k| FIGURES[k].name),
     };
-    json!({
-        "schema": "compare/1",
-        "kind": "task",
-        "unit": "seed",
-        "seeds": asked.seeds,
-        "from_s": asked.from_s,
-        "scores": scores,
-        "intervals": intervals,
-        "kpis": kpis,
-        "where": [],
-        "p_value": split.model.p_value,
-        "verdict": verdict,
-        "sentence": sentence,
-        "error_split": {
-            "order": ["network", "robot"],
-            "note": NEITHER,
-            "sentence": sentence,
-            "parts": [named("network", split.network), named("robot", split.robot)],
-            "figures": figures,
-            "places_off_m": {
-                "whole": split.whole.off_m,
-                "own_network_along_tracks": split.own.off_m,
-                "with_what_was_heard": split.heard.off_m,
+    TaskComparison {
+        schema: SCHEMA,
+        kind: "task",
+        unit: "seed",
+        seeds: asked.seeds,
+        from_s: asked.from_s,
+        scores,
+        intervals,
+        kpis,
+        places: [],
+        p_value: split.model.p_value,
+        verdict,
+        sentence: sentence.clone(),
+        error_split: TaskErrorSplit {
+            order: ["network", "robot"],
+            note: NEITHER,
+            sentence,
+            parts: [part("network", split.network), part("robot", split.robot)],
+            figures,
+            places_off_m: PlacesOff {
+                whole: split.whole.off_m,
+                own_network_along_tracks: split.own.off_m,
+                with_what_was_heard: split.heard.off_m,
             },
         },
-    })
+        account: account.clone(),
+        heard,
+    }
 }
 
 /// As a person reads it.

@@ -64,8 +64,8 @@ fn explained(values: &[f64], errors: &[f64]) -> f64 {
 
 /// Names of covariates that a verdict speaks of.
 fn spoken_of(contents: &Contents<'_>) -> BTreeSet<String> {
-    let unexplained = contents.json["unexplained"].as_array().into_iter().flatten();
-    unexplained.filter_map(|entry| entry["covariate"].as_str()).map(str::to_owned).collect()
+    let unexplained = contents.answer.diagnosis().map_or(&[][..], |it| &it.unexplained);
+    unexplained.iter().map(|structure| structure.covariate.clone()).collect()
 }
 
 /// A covariate: whether a verdict speaks of it, what it explains, its name and values.

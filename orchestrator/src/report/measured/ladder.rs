@@ -1,9 +1,9 @@
 //! The ladder of held-out error, and what each candidate gains.
 
-use super::{Contents, Picture};
+use super::Picture;
 use crate::report::text::escape;
+use diagnose::diagnosis::{Diagnosis, Rung, Tested};
 use numbers::format::number;
-use serde_json::Value;
 use std::fmt::Write as _;
 
 /// Width of a picture, of its labels, of the numbers at its right end.
@@ -65,35 +65,36 @@ fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> String {
     )
 }
 
-fn score(entry: &Value, key: &str) -> Option<f64> {
-    entry[key].as_f64()
-}
-
-pub(super) fn pictures(contents: &Contents<'_>) -> Vec<Picture> {
-    let json = contents.json;
-    let rungs: Vec<&Value> = json["ladder"].as_array().into_iter().flatten().collect();
-    let mut pictures: Vec<Picture> = [
-        ("rmse", "Error", contents.unit()),
-        ("reception_log_loss", "Log loss of reception", "nats a frame"),
-    ]
-    .into_iter()
-    .filter_map(|(key, title, unit)| fall(&rungs, key, title, unit))
-    .collect();
-    pictures.extend(gained(&rungs));
-    pictures.extend(candidates(json));
+pub(super) fn pictures(diagnosis: &Diagnosis, unit: &str) -> Vec<Picture> {
+    let rungs = &diagnosis.ladder;
+    let losses = |rung: &Rung| rung.reception_log_loss;
+    let mut pictures: Vec<Picture> = Vec::new();
+    pictures.extend(fall(rungs, "rmse", |rung| rung.rmse, "Error", unit));
+    let title = "Log loss of reception";
+    pictures.extend(fall(rungs, "reception_log_loss", losses, title, "nats a frame"));
+    pictures.extend(gained(rungs));
+    pictures.extend(candidates(diagnosis));
     pictures
 }
 
-/// How an error falls from rung to rung.
-fn fall(rungs: &[&Value], key: &str, title: &str, unit: &str) -> Option<Picture> {
-    let values: Option<Vec<f64>> = rungs.iter().map(|rung| score(rung, key)).collect();
-    let values = values.filter(|values| !values.is_empty())?;
+/// How an error falls from rung to rung; `key`: its name in the answer.
+fn fall(
+    rungs: &[Rung],
+    key: &str,
+    error: fn(&Rung) -> f64,
+    title: &str,
+    unit: &str,
+) -> Option<Picture> {
+    let values: Vec<f64> = rungs.iter().map(error).collect();
+    if values.is_empty() || values.iter().any(|value| !value.is_finite()) {
+        return None;
+    }
     let rows: Vec<Bar> = rungs
         .iter()
         .zip(&values)
         .enumerate()
         .map(|(k, (rung, &value))| Bar {
-            label: rung["model"].as_str().unwrap_or_default().to_owned(),
+            label: rung.model.clone(),
             value,
             half: 0.0,
             class: if k == 0 { "" } else { "after" },
@@ -122,15 +123,17 @@ fn fall(rungs: &[&Value], key: &str, title: &str, unit: &str) -> Option<Picture>
 }
 
 /// How the log score rises from rung to rung.
-fn gained(rungs: &[&Value]) -> Option<Picture> {
-    let scores: Option<Vec<f64>> = rungs.iter().map(|rung| score(rung, "log_score")).collect();
-    let scores = scores.filter(|scores| 1 < scores.len())?;
+fn gained(rungs: &[Rung]) -> Option<Picture> {
+    let scores: Vec<f64> = rungs.iter().map(|rung| rung.log_score).collect();
+    if scores.len() < 2 || scores.iter().any(|score| !score.is_finite()) {
+        return None;
+    }
     let rows: Vec<Bar> = rungs
         .iter()
         .zip(&scores)
         .skip(1)
         .map(|(rung, score)| Bar {
-            label: rung["model"].as_str().unwrap_or_default().to_owned(),
+            label: rung.model.clone(),
             value: score - scores[0],
             half: 0.0,
             class: "after",
@@ -151,27 +154,26 @@ fn gained(rungs: &[&Value]) -> Option<Picture> {
 }
 
 /// What candidates gain.
-fn candidates(json: &Value) -> Option<Picture> {
-    let mut gains: Vec<(&Value, f64)> = json["candidates"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(|entry| Some((entry, score(entry, "gain")?)))
-        .filter(|(entry, gain)| *gain != 0.0 || entry["accepted"] == true)
+fn candidates(diagnosis: &Diagnosis) -> Option<Picture> {
+    let mut gains: Vec<&Tested> = diagnosis
+        .candidates
+        .iter()
+        .filter(|candidate| candidate.gain.is_finite())
+        .filter(|candidate| candidate.gain != 0.0 || candidate.accepted)
         .collect();
-    gains.sort_by(|a, b| b.1.total_cmp(&a.1));
+    gains.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     gains.truncate(MOST_CANDIDATES);
     if gains.is_empty() {
         return None;
     }
     let rows: Vec<Bar> = gains
         .iter()
-        .map(|(entry, gain)| Bar {
-            label: entry["effect"].as_str().unwrap_or_default().to_owned(),
-            value: *gain,
-            half: 1.645 * score(entry, "standard_error").unwrap_or(0.0),
-            class: if entry["accepted"] == true { "after" } else { "none" },
-            text: number(*gain),
+        .map(|candidate| Bar {
+            label: candidate.effect.clone(),
+            value: candidate.gain,
+            half: 1.645 * Some(candidate.standard_error).filter(|it| it.is_finite()).unwrap_or(0.0),
+            class: if candidate.accepted { "after" } else { "none" },
+            text: number(candidate.gain),
         })
         .collect();
     let title = "What each candidate gains".to_owned();

@@ -35,20 +35,20 @@ type Found = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], f64)>);
 
 fn found(contents: &Contents<'_>) -> Found {
     let mut found = Found::default();
-    for entry in contents.json["candidates"].as_array().into_iter().flatten() {
-        let settings = &entry["settings"];
-        if entry["accepted"] != true {
-            continue;
-        }
+    let Some(diagnosis) = contents.answer.diagnosis() else { return found };
+    for settings in diagnosis.accepted().filter_map(|candidate| candidate.settings.as_ref()) {
+        let number =
+            |value: &toml::Value| value.as_float().or(value.as_integer().map(|value| value as f64));
         let point = |key: &str| {
-            let list = settings[key].as_array()?;
-            Some([list.first()?.as_f64()?, list.get(1)?.as_f64()?])
+            let list = settings.get(key)?.as_array()?;
+            Some([number(list.first()?)?, number(list.get(1)?)?])
         };
         if let (Some(from), Some(to)) = (point("from_m"), point("to_m")) {
             found.0.push([from, to]);
         }
-        if let (Some(centre), Some(radius)) = (point("centre_m"), settings["radius_m"].as_f64()) {
-            found.1.push((centre, radius));
+        let radius_m = settings.get("radius_m").and_then(number);
+        if let (Some(centre_m), Some(radius_m)) = (point("centre_m"), radius_m) {
+            found.1.push((centre_m, radius_m));
         }
     }
     found

@@ -1,5 +1,9 @@
 use super::*;
-use serde_json::json;
+use diagnose::diagnosis::{Affects, NextMeasurement, Parameter, Rung, Structure, Tested, Verdict};
+use indexmap::IndexMap;
+use measure::Rejected;
+use measure::account::DataFile;
+use study::open::Subject;
 
 /// Forty rows of links, half of them lost where it is weak; `shift_db` is what the model errs by.
 fn view(shift_db: f64) -> View {
@@ -20,7 +24,7 @@ fn view(shift_db: f64) -> View {
     }
 }
 
-fn contents(json: &Value, site: &Site, after: Option<View>) -> String {
+fn contents(answer: MeasuredAnswer<'_>, site: &Site, after: Option<View>) -> String {
     let place = |row: usize| [row as f64, (row % 7) as f64];
     let rows = LinkRows {
         ends: (0..40).map(|row| [(place(row % 4), false), (place(row), true)]).collect(),
@@ -31,7 +35,7 @@ fn contents(json: &Value, site: &Site, after: Option<View>) -> String {
     page(&Contents {
         config: "<model>.toml".to_owned(),
         command: "orchestrator compare <model>.toml".to_owned(),
-        json,
+        answer,
         site,
         rows: Rows::Links(rows),
         before: view(4.0),
@@ -44,13 +48,80 @@ fn site() -> Site {
     Site::default()
 }
 
+fn account() -> Account {
+    Account {
+        data: DataFile { file: "links.csv".to_owned(), sha256: "ab".to_owned() },
+        rows: 41,
+        used: 40,
+        rejected: vec![Rejected { reason: "tx is missing".to_owned(), rows: 1, first_line: 3 }],
+        warnings: vec!["a <b>".to_owned()],
+    }
+}
+
+fn rung(model: &str, rmse: f64, log_score: f64, reception_log_loss: f64) -> Rung {
+    Rung { model: model.to_owned(), log_score, rmse, crps: f64::NAN, reception_log_loss }
+}
+
+fn candidate(effect: &str, gain: f64) -> Tested {
+    Tested {
+        effect: effect.to_owned(),
+        gain,
+        standard_error: 0.1 * gain,
+        p_value: 0.0,
+        accepted: 0.0 < gain,
+        indistinguishable_from: Vec::new(),
+        warning: None,
+        parameters: IndexMap::new(),
+        settings: None,
+        untestable: None,
+    }
+}
+
+fn structure(covariate: &str, explained: f64, formula: &str, target: &str) -> Structure {
+    Structure {
+        covariate: covariate.to_owned(),
+        affects: None,
+        explained,
+        p_value: 0.0,
+        formula: Some(formula.to_owned()),
+        target: Some(target.to_owned()),
+        also: None,
+        rmse_after: None,
+        indistinguishable_from: Vec::new(),
+    }
+}
+
+fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
+    Diagnosis {
+        schema: "diagnose/1",
+        kind: Subject::Links,
+        verdict,
+        sentence: sentence.to_owned(),
+        missing: Vec::new(),
+        ladder: Vec::new(),
+        candidates: Vec::new(),
+        unexplained: Vec::new(),
+        next_measurement: Vec::new(),
+        too_little: None,
+        stopped_in_round: None,
+        searched: None,
+        account: account(),
+        error_unit: "dB",
+    }
+}
+
 #[test]
 fn a_comparison_shows_errors_reception_and_scores() {
-    let json = json!({ "schema": "compare/1", "kind": "link", "rows": 41, "used": 40,
-        "data": { "file": "links.csv", "sha256": "ab" },
-        "rejected": [{ "rows": 1, "reason": "tx is missing", "first_line": 3 }], "warnings": ["a <b>"],
-        "scores": { "rmse_db": 4.1 }, "intervals": { "rmse_db": [4.0, 4.2] } });
-    let page = contents(&json, &site(), None);
+    let comparison = Comparison {
+        schema: "compare/1",
+        kind: Subject::Links,
+        unit: "blocks".to_owned(),
+        scores: IndexMap::from([("rmse_db".to_owned(), 4.1)]),
+        intervals: IndexMap::from([("rmse_db".to_owned(), [4.0, 4.2])]),
+        places: Vec::new(),
+        account: account(),
+    };
+    let page = contents(MeasuredAnswer::Comparison(&comparison), &site(), None);
     for part in [
         "&lt;model&gt;.toml against links.csv",
         "1 rows not used: tx is missing (first on line 3)",
@@ -68,20 +139,40 @@ fn a_comparison_shows_errors_reception_and_scores() {
 
 #[test]
 fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
-    let json = json!({ "schema": "diagnose/1", "kind": "link", "rows": 40, "used": 40,
-        "sentence": "missing: hidden-obstacle", "verdict": "missing-effects",
-        "data": { "file": "links.csv", "sha256": "ab" }, "rejected": [], "warnings": [],
-        "ladder": [{ "model": "as configured", "rmse": 4.1, "log_score": -3.0, "reception_log_loss": 0.3 },
-            { "model": "+ hidden-obstacle", "rmse": 1.0, "log_score": -2.0, "reception_log_loss": 0.2 }],
-        "candidates": [
-            { "effect": "hidden-obstacle", "accepted": true, "gain": 1.0, "standard_error": 0.1, "p_value": 0.0,
-              "indistinguishable_from": ["shadowing"],
-              "parameters": { "loss_db": { "value": 4.0, "unit": "dB", "low": 3.5, "high": 4.5 } },
-              "settings": { "kind": "hidden-obstacle", "from_m": [1.0, 1.0], "to_m": [3.0, 4.0] } },
-            { "effect": "two-ray-ground", "accepted": false, "gain": 0.0, "untestable": "needs heights" }],
-        "unexplained": [{ "covariate": "height", "explained": 0.1, "formula": "1 + height", "target": "mean" }],
-        "next_measurement": [{ "sentence": "send on channel 11" }] });
-    let page = contents(&json, &site(), Some(view(0.0)));
+    let loss_db = Parameter { value: 4.0, unit: "dB".to_owned(), low: 3.5, high: 4.5 };
+    let obstacle = "kind = \"hidden-obstacle\"\nfrom_m = [1.0, 1.0]\nto_m = [3.0, 4.0]";
+    let diagnosis = Diagnosis {
+        ladder: vec![
+            rung("as configured", 4.1, -3.0, 0.3),
+            rung("+ hidden-obstacle", 1.0, -2.0, 0.2),
+        ],
+        candidates: vec![
+            Tested {
+                indistinguishable_from: vec!["shadowing".to_owned()],
+                parameters: IndexMap::from([("loss_db".to_owned(), loss_db)]),
+                settings: Some(obstacle.parse().unwrap()),
+                ..candidate("hidden-obstacle", 1.0)
+            },
+            Tested {
+                untestable: Some("needs heights".to_owned()),
+                ..candidate("two-ray-ground", 0.0)
+            },
+        ],
+        unexplained: vec![structure("height", 0.1, "1 + height", "mean")],
+        next_measurement: vec![NextMeasurement {
+            between: ["hidden-obstacle".to_owned(), "shadowing".to_owned()],
+            covariate: "channel".to_owned(),
+            from: 11.0,
+            to: 11.0,
+            difference: 1.0,
+            elsewhere: 0.0,
+            unit: "dB",
+            sentence: "send on channel 11".to_owned(),
+        }],
+        ..diagnosis(Verdict::MissingEffects, "missing: hidden-obstacle")
+    };
+    let answer = MeasuredAnswer::Diagnosis(&diagnosis);
+    let page = contents(answer, &site(), Some(view(0.0)));
     for part in [
         "Missing: hidden-obstacle",
         "Error, effect by effect",
@@ -102,16 +193,20 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
 
 #[test]
 fn a_loss_that_is_the_same_everywhere_is_said_as_a_share_of_frames() {
-    let json = json!({ "schema": "diagnose/1", "kind": "link", "rows": 40, "used": 40,
-        "sentence": "there is a loss", "verdict": "unexplained-structure",
-        "data": { "file": "links.csv", "sha256": "ab" }, "rejected": [], "warnings": [],
-        "ladder": [{ "model": "as configured", "rmse": 2.0, "log_score": -1.8, "reception_log_loss": 0.64 },
-            { "model": "+ loss-curve:constant", "rmse": 2.0, "log_score": -1.7, "reception_log_loss": 0.55 }],
-        "candidates": [{ "effect": "loss-curve:constant", "accepted": true, "gain": 0.1, "standard_error": 0.01,
-            "p_value": 0.0, "indistinguishable_from": [], "parameters": {} }],
-        "unexplained": [{ "covariate": "constant", "of": "losses", "explained": 0.13, "formula": "0.146", "target": "loss" }],
-        "next_measurement": [] });
-    let page = contents(&json, &site(), Some(view(0.0)));
+    let diagnosis = Diagnosis {
+        ladder: vec![
+            rung("as configured", 2.0, -1.8, 0.64),
+            rung("+ loss-curve:constant", 2.0, -1.7, 0.55),
+        ],
+        candidates: vec![candidate("loss-curve:constant", 0.1)],
+        unexplained: vec![Structure {
+            affects: Some(Affects::Losses),
+            ..structure("constant", 0.13, "0.146", "loss")
+        }],
+        ..diagnosis(Verdict::UnexplainedStructure, "there is a loss")
+    };
+    let answer = MeasuredAnswer::Diagnosis(&diagnosis);
+    let page = contents(answer, &site(), Some(view(0.0)));
     for part in [
         "a share of the frames, the same in every row",
         "13 % of the log loss of reception",

@@ -1,49 +1,43 @@
 //! What a page says in words and tables.
 
-use super::Contents;
+use super::{Contents, MeasuredAnswer};
 use crate::report::text::escape;
-use diagnose::answer::{LOSSES, formulas_of, named_structure};
+use diagnose::compare::comparison::Comparison;
+use diagnose::diagnosis::{Diagnosis, Rung};
+use measure::account::Account;
 use numbers::format::{capitalised, count, number, number_within, percent};
 use proto::effect::CONSTANT;
-use serde_json::Value;
 use std::fmt::Write as _;
 use study::LOSS_CURVE;
-
-fn list(value: &Value) -> impl Iterator<Item = &Value> {
-    value.as_array().into_iter().flatten()
-}
-
-fn text(value: &Value) -> &str {
-    value.as_str().unwrap_or_default()
-}
+use study::open::Subject;
 
 pub(super) fn heading(page: &mut String, contents: &Contents<'_>, title: &str) {
-    let json = contents.json;
-    let rows = |key: &str| count(json[key].as_u64().unwrap_or(0));
+    let account = contents.answer.account();
     let what = if contents.is_link() { "link samples" } else { "robot samples" };
     let _ = write!(
         page,
         "<header>\n<h1>{title}</h1>\n<p class=\"lead\">{} rows of {what}, {} used. Every score is held out: the model is fitted to four fifths of the blocks of data and judged on the fifth, five times.</p>\n</header>\n",
-        rows("rows"),
-        rows("used")
+        count(account.rows as u64),
+        count(account.used as u64)
     );
-    if let Some(sentence) = json["sentence"].as_str() {
-        let _ = writeln!(page, "<p class=\"verdict\">{}</p>", escape(&capitalised(sentence)));
+    if let Some(diagnosis) = contents.answer.diagnosis() {
+        let sentence = escape(&capitalised(&diagnosis.sentence));
+        let _ = writeln!(page, "<p class=\"verdict\">{sentence}</p>");
     }
 }
 
-pub(crate) fn notices(page: &mut String, json: &Value) {
-    let mut notices: Vec<String> = list(&json["rejected"])
+pub(crate) fn notices(page: &mut String, account: &Account) {
+    let mut notices: Vec<String> = account
+        .rejected
+        .iter()
         .map(|rejected| {
             format!(
                 "{} rows not used: {} (first on line {})",
-                rejected["rows"],
-                text(&rejected["reason"]),
-                rejected["first_line"]
+                rejected.rows, rejected.reason, rejected.first_line
             )
         })
         .collect();
-    notices.extend(list(&json["warnings"]).map(|warning| text(warning).to_owned()));
+    notices.extend(account.warnings.iter().cloned());
     if notices.is_empty() {
         return;
     }
@@ -55,33 +49,28 @@ pub(crate) fn notices(page: &mut String, json: &Value) {
 }
 
 pub(super) fn tiles(page: &mut String, contents: &Contents<'_>) {
-    let (json, unit) = (contents.json, contents.unit());
+    let unit = contents.unit();
     let mut tiles: Vec<(String, String)> = Vec::new();
-    let ladder: Vec<&Value> = list(&json["ladder"]).collect();
-    let error = |value: f64| format!("{} <small>{unit}</small>", number(value));
-    if let (Some(first), Some(last)) = (ladder.first(), ladder.last()) {
-        let of = |rung: &Value, key: &str| rung[key].as_f64().unwrap_or(f64::NAN);
-        tiles.push(("Error as configured (rmse)".into(), error(of(first, "rmse"))));
-        if 1 < ladder.len() {
-            tiles.push(("With what was found".into(), error(of(last, "rmse"))));
-            let gained = of(last, "log_score") - of(first, "log_score");
-            tiles.push(("Gained".into(), format!("{} <small>nats a row</small>", number(gained))));
-            let losses = [first, last].map(|rung| of(rung, "reception_log_loss"));
-            if losses.iter().all(|loss| loss.is_finite()) {
-                let [before, after] = losses.map(number);
-                let fall = format!("{before} → {after} <small>nats a frame</small>");
-                tiles.push((
-                    "Log loss of reception, as configured → with what was found".into(),
-                    fall,
-                ));
+    let error = |value: f64| format!("{} <small>{unit}</small>", number(known(value)));
+    match contents.answer {
+        MeasuredAnswer::Diagnosis(diagnosis) => {
+            let ends = diagnosis.ladder.first().zip(diagnosis.ladder.last());
+            if let Some((first, last)) = ends {
+                tiles.push(("Error as configured (rmse)".into(), error(first.rmse)));
+                if 1 < diagnosis.ladder.len() {
+                    tiles.extend(gained(first, last, &error));
+                }
             }
         }
-    } else {
-        let key = if unit == "dB" { "rmse_db" } else { "rmse_m" };
-        let bias = if unit == "dB" { "bias_db" } else { "bias_m" };
-        for (name, key) in [("Error (rmse)", key), ("Bias", bias)] {
-            if let Some(value) = json["scores"][key].as_f64() {
-                tiles.push((name.into(), error(value)));
+        MeasuredAnswer::Comparison(comparison) => {
+            let is_link = unit == "dB";
+            for (name, key) in [
+                ("Error (rmse)", if is_link { "rmse_db" } else { "rmse_m" }),
+                ("Bias", if is_link { "bias_db" } else { "bias_m" }),
+            ] {
+                if let Some(&value) = comparison.scores.get(key).filter(|value| value.is_finite()) {
+                    tiles.push((name.into(), error(value)));
+                }
             }
         }
     }
@@ -96,22 +85,39 @@ pub(super) fn tiles(page: &mut String, contents: &Contents<'_>) {
     page.push_str("</dl>\n");
 }
 
+/// What the model that was found is better by than the one as configured.
+fn gained(first: &Rung, last: &Rung, error: &dyn Fn(f64) -> String) -> Vec<(String, String)> {
+    let gained = known(last.log_score) - known(first.log_score);
+    let mut tiles = vec![
+        ("With what was found".into(), error(last.rmse)),
+        ("Gained".into(), format!("{} <small>nats a row</small>", number(gained))),
+    ];
+    let losses = [first, last].map(|rung| rung.reception_log_loss);
+    if losses.iter().all(|loss| loss.is_finite()) {
+        let [before, after] = losses.map(number);
+        let fall = format!("{before} → {after} <small>nats a frame</small>");
+        tiles.push(("Log loss of reception, as configured → with what was found".into(), fall));
+    }
+    tiles
+}
+
+/// A number that is shown as unknown unless it is finite.
+fn known(value: f64) -> f64 {
+    if value.is_finite() { value } else { f64::NAN }
+}
+
 /// The numbers of what was accepted.
-pub(super) fn parameters(page: &mut String, json: &Value) {
-    let accepted: Vec<&Value> =
-        list(&json["candidates"]).filter(|entry| entry["accepted"] == true).collect();
-    if accepted.is_empty() {
+pub(super) fn parameters(page: &mut String, diagnosis: &Diagnosis) {
+    if diagnosis.accepted().next().is_none() {
         return;
     }
     page.push_str(
         "<h2>Their parameters</h2>\n<p>As fitted to all rows, with 90 % intervals: where an interval is wide, these data say little. <code>orchestrator extend</code> writes them into a configuration.</p>\n<table>\n<tr><th>effect</th><th>parameter</th><th class=\"n\">value</th><th class=\"n\">90 % interval</th><th>unit</th><th>mind</th></tr>\n",
     );
-    for entry in accepted {
-        let mut name = text(&entry["effect"]);
-        let mut warning = text(&entry["warning"]);
-        let parameters: Vec<(&String, &Value)> =
-            entry["parameters"].as_object().into_iter().flatten().collect();
-        if parameters.is_empty() {
+    for candidate in diagnosis.accepted() {
+        let mut name = candidate.effect.as_str();
+        let mut warning = candidate.warning.as_deref().unwrap_or_default();
+        if candidate.parameters.is_empty() {
             let _ = writeln!(
                 page,
                 "<tr><td>{}</td><td colspan=\"4\">{}</td><td>{}</td></tr>",
@@ -120,19 +126,18 @@ pub(super) fn parameters(page: &mut String, json: &Value) {
                 escape(warning)
             );
         }
-        for (key, parameter) in parameters {
-            let of = |key: &str| parameter[key].as_f64().unwrap_or(f64::NAN);
-            let half = (of("high") - of("low")) / 2.0;
-            let value = |key: &str| number_within(of(key), half);
+        for (key, parameter) in &candidate.parameters {
+            let [value, low, high] = [parameter.value, parameter.low, parameter.high].map(known);
+            let half = (high - low) / 2.0;
             let _ = writeln!(
                 page,
                 "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{} to {}</td><td>{}</td><td>{}</td></tr>",
                 escape(name),
                 escape(key),
-                value("value"),
-                value("low"),
-                value("high"),
-                escape(text(&parameter["unit"])),
+                number_within(value, half),
+                number_within(low, half),
+                number_within(high, half),
+                escape(&parameter.unit),
                 escape(warning)
             );
             (name, warning) = ("", "");
@@ -152,59 +157,35 @@ fn curve_in_words(name: &str) -> &'static str {
     }
 }
 
-/// What cannot be told apart, and what would tell.
-pub(crate) fn ties(page: &mut String, json: &Value) {
-    let ties: Vec<String> = list(&json["candidates"])
-        .filter(|entry| list(&entry["indistinguishable_from"]).next().is_some())
-        .map(|entry| {
-            let others: Vec<&str> = list(&entry["indistinguishable_from"]).map(text).collect();
-            format!(
-                "{} cannot be told from {} on these data",
-                text(&entry["effect"]),
-                others.join(", ")
-            )
-        })
-        .collect();
-    let next: Vec<String> = list(&json["next_measurement"]).map(said).collect();
-    if ties.is_empty() && next.is_empty() {
+/// Effects that these data do not distinguish, and what would.
+///
+/// * `candidates`: each with those that it cannot be distinguished from.
+/// * `next`: what to measure, in words.
+pub(crate) fn ties<'a>(
+    page: &mut String,
+    candidates: impl Iterator<Item = (&'a str, Vec<&'a str>)>,
+    next: impl Iterator<Item = &'a str>,
+) {
+    let ties = candidates.filter(|(_, others)| !others.is_empty()).map(|(effect, others)| {
+        format!("{effect} cannot be told from {} on these data", others.join(", "))
+    });
+    let lines: Vec<String> = ties.chain(next.map(str::to_owned)).collect();
+    if lines.is_empty() {
         return;
     }
     page.push_str("<h2>Ties, and what would break them</h2>\n<ul>\n");
-    for line in ties.iter().chain(&next) {
-        let _ = writeln!(page, "<li>{}</li>", escape(&capitalised(line)));
+    for line in lines {
+        let _ = writeln!(page, "<li>{}</li>", escape(&capitalised(&line)));
     }
     page.push_str("</ul>\n");
 }
 
-/// An entry in words: its own sentence, or all it holds.
-fn said(entry: &Value) -> String {
-    for key in ["sentence", "text", "what"] {
-        if let Some(sentence) = entry[key].as_str() {
-            return sentence.to_owned();
-        }
-    }
-    match entry {
-        Value::String(sentence) => sentence.clone(),
-        Value::Object(fields) => {
-            let fields: Vec<String> = fields
-                .iter()
-                .filter(|(_, value)| !value.is_null())
-                .map(|(key, value)| match value {
-                    Value::String(value) => format!("{key}: {value}"),
-                    value => format!("{key}: {value}"),
-                })
-                .collect();
-            fields.join("; ")
-        }
-        other => other.to_string(),
-    }
-}
-
 /// Structure that no effect explains.
-pub(super) fn left_over(page: &mut String, json: &Value) {
-    let structure: Vec<&Value> = list(&json["unexplained"]).collect();
+pub(super) fn left_over(page: &mut String, diagnosis: &Diagnosis) {
+    let structure = &diagnosis.unexplained;
     page.push_str("<h2>What is left</h2>\n");
-    if structure.is_empty() && (json["kind"] != "link" || json["too_little"].is_string()) {
+    let is_searched = diagnosis.kind == Subject::Links && diagnosis.too_little.is_none();
+    if structure.is_empty() && !is_searched {
         page.push_str("<p>It was not searched for structure: the pictures below show the error over each covariate.</p>\n");
         return;
     }
@@ -216,9 +197,10 @@ pub(super) fn left_over(page: &mut String, json: &Value) {
     }
     page.push_str("<ul>\n");
     for entry in structure {
-        let is_of_losses = entry["of"] == LOSSES;
+        let is_of_losses = entry.is_of_losses();
         let what = if is_of_losses { "the share of frames lost" } else { "it" };
-        let formulas: Vec<String> = formulas_of(entry)
+        let formulas: Vec<String> = entry
+            .formulas()
             .map(|(formula, target)| {
                 let formula = escape(formula);
                 format!(
@@ -229,62 +211,61 @@ pub(super) fn left_over(page: &mut String, json: &Value) {
             .collect();
         let colon = if formulas.is_empty() { "" } else { ": " };
         let formula = format!("{colon}{}", formulas.join("; and along the other direction "));
-        let share = percent(entry["explained"].as_f64().unwrap_or(0.0));
+        let share = percent(entry.share());
         let error = if is_of_losses { "the log loss of reception" } else { "what was left" };
         let _ = writeln!(
             page,
             "<li>There is {}, which no known effect explains: {share} of {error}{formula}.</li>",
-            escape(&named_structure(entry))
+            escape(&entry.named())
         );
     }
     page.push_str("</ul>\n");
 }
 
 /// What the data lack.
-pub(super) fn untestable(page: &mut String, json: &Value) {
-    let lacking: Vec<&Value> =
-        list(&json["candidates"]).filter(|entry| entry["untestable"].is_string()).collect();
+pub(super) fn untestable(page: &mut String, diagnosis: &Diagnosis) {
+    let lacking: Vec<(&str, &str)> = diagnosis
+        .candidates
+        .iter()
+        .filter_map(|candidate| Some((&*candidate.effect, candidate.untestable.as_deref()?)))
+        .collect();
     if lacking.is_empty() {
         return;
     }
     page.push_str("<h2>Not testable on these data</h2>\n<table>\n");
-    for entry in lacking {
+    for (effect, why) in lacking {
         let _ = writeln!(
             page,
             "<tr><th scope=\"row\">{}</th><td>{}</td></tr>",
-            escape(text(&entry["effect"])),
-            escape(text(&entry["untestable"]))
+            escape(effect),
+            escape(why)
         );
     }
     page.push_str("</table>\n");
 }
 
 /// Scores of a comparison.
-pub(super) fn scores(page: &mut String, json: &Value) {
+pub(super) fn scores(page: &mut String, comparison: &Comparison) {
     page.push_str(
         "<h2>Scores</h2>\n<table>\n<tr><th>score (held out)</th><th class=\"n\">value</th><th class=\"n\">90 % interval</th></tr>\n",
     );
-    for (name, value) in json["scores"].as_object().into_iter().flatten() {
-        let interval: Vec<String> = list(&json["intervals"][name])
-            .map(|end| number(end.as_f64().unwrap_or(f64::NAN)))
-            .collect();
+    for ((name, value), ends) in comparison.scores.iter().zip(comparison.intervals.values()) {
+        let [low, high] = ends.map(|end| number(known(end)));
         let _ = writeln!(
             page,
-            "<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
+            "<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{low} to {high}</td></tr>",
             escape(name),
-            number(value.as_f64().unwrap_or(f64::NAN)),
-            interval.join(" to ")
+            number(known(*value))
         );
     }
     page.push_str("</table>\n");
 }
 
 pub(super) fn again(page: &mut String, contents: &Contents<'_>) {
-    let json = contents.json;
     let _ = write!(
         page,
         "<h2>To do it again</h2>\n<pre>{}</pre>\n<p class=\"soft\">SHA-256 of the data: <code>{}</code></p>\n",
         escape(&contents.command),
-        escape(text(&json["data"]["sha256"]))
+        escape(&contents.answer.account().data.sha256)
     );
 }

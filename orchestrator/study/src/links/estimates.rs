@@ -116,12 +116,10 @@ impl LinkStudy {
         }
     }
 
-    pub(super) fn settings_of(&self, fit: &LinkFit, term: usize) -> serde_json::Value {
-        let Some(place) = fit.terms.iter().position(|&other| other == term) else {
-            return serde_json::Value::Null;
-        };
+    pub(super) fn settings_of(&self, fit: &LinkFit, term: usize) -> Option<toml::Table> {
+        let place = fit.terms.iter().position(|&other| other == term)?;
         let spec = &self.specs[term];
-        let Some(entry) = spec.entry() else { return serde_json::Value::Null };
+        let entry = spec.entry()?;
         let mut keys = toml::Table::new();
         keys.insert("kind".to_owned(), toml::Value::String(entry.variant.name.to_owned()));
         keys.extend(fit.states[place].keys(spec));
@@ -130,7 +128,7 @@ impl LinkStudy {
                 keys.insert(spread.name, toml::Value::Float(spread.value));
             }
         }
-        serde_json::to_value(keys).unwrap_or_default()
+        Some(keys)
     }
 
     /// Spread of multipath fading (dB) and, where nothing else makes a link's channels alike, its coherence (MHz).

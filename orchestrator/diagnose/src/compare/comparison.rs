@@ -1,0 +1,88 @@
+//! What a comparison of links or robots found: the answer that programs read as JSON, pages draw and people read as text.
+
+use crate::json_number;
+use indexmap::IndexMap;
+use measure::account::Account;
+use schemars::JsonSchema;
+use serde::Serialize;
+use study::open::Subject;
+
+/// What the schema of a comparison is called.
+pub const SCHEMA: &str = "compare/1";
+
+/// A comparison: how large the error of a model of links or robots is on data left out, and where.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Comparison {
+    /// The format of this answer.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: &'static str,
+    /// What was measured.
+    pub kind: Subject,
+    /// What the blocks of data are that were left out together.
+    pub unit: String,
+    /// Held-out scores by name; a name ends in the unit of the score, if it has one.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "IndexMap<String, Option<f64>>")]
+    pub scores: IndexMap<String, f64>,
+    /// The ends of the 90 % interval of each score, by bootstrap over blocks.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "IndexMap<String, [Option<f64>; 2]>")]
+    pub intervals: IndexMap<String, [f64; 2]>,
+    /// Covariates, by how much of the squared error their bins explain, most first.
+    #[serde(rename = "where")]
+    pub places: Vec<Place>,
+    /// The measurements.
+    #[serde(flatten)]
+    pub account: Account,
+}
+
+/// A covariate, and the error over it.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Place {
+    /// The covariate.
+    pub covariate: String,
+    /// The share of the squared error that the means of its bins explain, less what as many bins of noise would.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub explained: f64,
+    /// Probability of as much by chance (F test).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub p_value: f64,
+    /// The same of the surprise of reception; null where reception is unknown.
+    pub reception: Option<Explained>,
+    /// Bins with about as many rows each.
+    pub bins: Vec<Bin>,
+}
+
+/// What the bins of a covariate explain of an error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Explained {
+    /// The share of the squared error.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub explained: f64,
+    /// Probability of as much by chance (F test).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub p_value: f64,
+}
+
+/// Errors in a range of a covariate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Bin {
+    /// Least value of the covariate.
+    pub from: f64,
+    /// Greatest value of the covariate.
+    pub to: f64,
+    /// Rows.
+    pub n: usize,
+    /// Mean of measured less predicted (dB, m or a share of frames).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub bias: f64,
+    /// Root mean square of measured less predicted (dB, m or a share of frames).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub rmse: f64,
+}

@@ -1,0 +1,306 @@
+//! What a diagnosis of links or robots found: the answer that programs read as JSON, pages draw and people read as text.
+
+use crate::json_number;
+use indexmap::IndexMap;
+use measure::account::Account;
+use proto::effect::CONSTANT;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::fmt::Write as _;
+use study::open::Subject;
+
+/// What the schema of a diagnosis is called.
+pub const SCHEMA: &str = "diagnose/1";
+
+/// A diagnosis: which physical effects a model of links or robots lacks, by how well they predict data left out.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Diagnosis {
+    /// The format of this answer.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: &'static str,
+    /// What was measured.
+    pub kind: Subject,
+    /// What came out, in a word.
+    pub verdict: Verdict,
+    /// What came out, in a sentence.
+    pub sentence: String,
+    /// Names of the effects that were accepted, in the order in which they were added.
+    pub missing: Vec<String>,
+    /// Held-out scores of the model as configured, then with each effect or curve added.
+    pub ladder: Vec<Rung>,
+    /// What was tried, in the order of the catalogue.
+    pub candidates: Vec<Tested>,
+    /// Structure that no effect of the catalogue explains.
+    pub unexplained: Vec<Structure>,
+    /// Where to measure next so that models can be distinguished that these data do not distinguish.
+    pub next_measurement: Vec<NextMeasurement>,
+    /// Why the data are too few to find anything, if they are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub too_little: Option<String>,
+    /// The round in which the search was interrupted, if it was; what was accepted before stands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped_in_round: Option<usize>,
+    /// Of links: rows that were searched; of large files some of those used, spread evenly.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub searched: Option<usize>,
+    /// The measurements.
+    #[serde(flatten)]
+    pub account: Account,
+    /// Unit of errors in words: dB, m, or pdr where only reception is predicted.
+    #[serde(skip)]
+    pub error_unit: &'static str,
+}
+
+/// What a diagnosis came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Nothing that these data could show.
+    NothingMissing,
+    /// Effects of the catalogue, and nothing else.
+    MissingEffects,
+    /// There is structure that no effect of the catalogue explains.
+    UnexplainedStructure,
+}
+
+/// Held-out scores of a model.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Rung {
+    /// `as configured`, or what this model has beyond the one before: `+ multipath`.
+    pub model: String,
+    /// Log predictive density (nats per row).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub log_score: f64,
+    /// Root mean squared error (dB, m or a share of frames).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub rmse: f64,
+    /// Continuous ranked probability score (dB, m or a share of frames).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub crps: f64,
+    /// Log loss of reception (nats per frame); null where reception is unknown.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub reception_log_loss: f64,
+}
+
+/// A candidate, and what became of it.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Tested {
+    /// Its name: an effect of the catalogue, or a curve over a covariate (`curve:humidity_pct`).
+    pub effect: String,
+    /// Gain in held-out log score (nats per row): of an accepted one when it was added, of the others on top of all that was
+    /// accepted.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub gain: f64,
+    /// Standard error of the gain, clustered over blocks (nats per row).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub standard_error: f64,
+    /// Probability of as great a gain by chance, before correction for the number of candidates.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub p_value: f64,
+    /// Whether it was accepted.
+    pub accepted: bool,
+    /// Candidates that explain these data as well.
+    pub indistinguishable_from: Vec<String>,
+    /// What to mind when its parameters are used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
+    /// Its parameters as fitted to all rows, by key; empty unless it was accepted.
+    pub parameters: IndexMap<String, Parameter>,
+    /// The keys of its section in a configuration; null of curves and of what was not accepted.
+    #[schemars(with = "Option<serde_json::Map<String, serde_json::Value>>")]
+    pub settings: Option<toml::Table>,
+    /// Why these data cannot show it, if they cannot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub untestable: Option<String>,
+}
+
+/// A fitted number.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Parameter {
+    /// The estimate.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub value: f64,
+    /// Its unit; empty for a number without.
+    pub unit: String,
+    /// Lower end of the 90 % interval.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub low: f64,
+    /// Upper end of the 90 % interval.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub high: f64,
+}
+
+/// What a curve that stands for unexplained structure is added to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Affects {
+    /// The share of frames that are lost.
+    Losses,
+    /// What is read: received signal strength, or positions.
+    Readings,
+}
+
+/// Structure over a covariate that no effect of the catalogue explains.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Structure {
+    /// The covariate.
+    pub covariate: String,
+    /// What follows it; absent where a scan of the residuals found it rather than a fitted curve.
+    #[serde(rename = "of", skip_serializing_if = "Option::is_none")]
+    pub affects: Option<Affects>,
+    /// The share of the squared error, or of the log loss of reception, that it explains.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub explained: f64,
+    /// Probability of as much by chance.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub p_value: f64,
+    /// A short formula for it, as `extend --formula` takes it; null if there is none.
+    pub formula: Option<String>,
+    /// What the formula is added to, as `extend --target` takes it.
+    pub target: Option<String>,
+    /// Of robots: a second formula, where there is structure along two directions.
+    pub also: Option<AlsoAlong>,
+    /// Held-out root mean squared error with it.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub rmse_after: Option<f64>,
+    /// Other covariates that explain these data as well.
+    pub indistinguishable_from: Vec<String>,
+}
+
+/// A formula along a second direction.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct AlsoAlong {
+    /// The formula.
+    pub formula: String,
+    /// The direction.
+    pub target: String,
+}
+
+/// Where to measure so that two models can be distinguished.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct NextMeasurement {
+    /// The two models: names of candidates, or two values of a parameter.
+    pub between: [String; 2],
+    /// The covariate by which rows are selected.
+    pub covariate: String,
+    /// Least value of the covariate.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub from: f64,
+    /// Greatest value of the covariate.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub to: f64,
+    /// Mean difference of the two predictions there.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub difference: f64,
+    /// Mean difference of the two predictions elsewhere.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub elsewhere: f64,
+    /// Unit of the differences.
+    pub unit: &'static str,
+    /// The same in words.
+    pub sentence: String,
+}
+
+impl Diagnosis {
+    /// Candidates that were accepted, curves among them.
+    pub fn accepted(&self) -> impl Iterator<Item = &Tested> {
+        self.candidates.iter().filter(|candidate| candidate.accepted)
+    }
+}
+
+impl Structure {
+    /// Whether it is one of losses rather than of readings.
+    #[must_use]
+    pub fn is_of_losses(&self) -> bool {
+        self.affects == Some(Affects::Losses)
+    }
+
+    /// Its formulas, each with what it is added to.
+    pub fn formulas(&self) -> impl Iterator<Item = (&str, &str)> {
+        let first = self.formula.as_deref().zip(self.target.as_deref());
+        let second = self.also.as_ref().map(|also| (&*also.formula, &*also.target));
+        first.into_iter().chain(second)
+    }
+
+    /// The share that it explains, 0 where that is unknown.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        if self.explained.is_finite() { self.explained } else { 0.0 }
+    }
+
+    /// What follows which covariate, and the covariates that explain it as well, in words.
+    #[must_use]
+    pub fn named(&self) -> String {
+        let covariate = self.covariate.as_str();
+        let is_of_losses = self.is_of_losses();
+        let mut named = match (is_of_losses, covariate) {
+            (true, CONSTANT) => "a loss of frames that is the same everywhere".to_owned(),
+            (true, _) => format!("a loss of frames that follows {covariate}"),
+            (false, _) => format!("structure in {covariate}"),
+        };
+        if !self.indistinguishable_from.is_empty() {
+            let or = |other: &String| match (covariate, other.as_str()) {
+                (CONSTANT, other) => format!("or follows {other}"),
+                (_, CONSTANT) if is_of_losses => "or is the same everywhere".to_owned(),
+                (_, other) => format!("or {other}"),
+            };
+            let others: Vec<String> = self.indistinguishable_from.iter().map(or).collect();
+            let _ = write!(named, " ({}: these data do not tell)", others.join(", "));
+        }
+        named
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_structure_is_named_by_what_it_is_of_and_what_it_follows() {
+        let named = |affects: Affects, covariate: &str, others: &[&str]| {
+            let structure = Structure {
+                covariate: covariate.to_owned(),
+                affects: Some(affects),
+                explained: 0.1,
+                p_value: 0.0,
+                formula: None,
+                target: None,
+                also: None,
+                rmse_after: None,
+                indistinguishable_from: others.iter().map(|&other| other.to_owned()).collect(),
+            };
+            structure.named()
+        };
+        assert_eq!(named(Affects::Readings, "dust", &[]), "structure in dust");
+        assert_eq!(
+            named(Affects::Readings, "dust", &["time_s", "height"]),
+            "structure in dust (or time_s, or height: these data do not tell)"
+        );
+        assert_eq!(named(Affects::Losses, "dust", &[]), "a loss of frames that follows dust");
+        assert_eq!(
+            named(Affects::Losses, CONSTANT, &["dust", "height"]),
+            "a loss of frames that is the same everywhere (or follows dust, or follows height: these data do not tell)"
+        );
+        assert_eq!(
+            named(Affects::Losses, "dust", &["height", CONSTANT]),
+            "a loss of frames that follows dust (or height, or is the same everywhere: these data do not tell)"
+        );
+    }
+}

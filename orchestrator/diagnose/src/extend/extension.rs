@@ -1,0 +1,40 @@
+//! What was added to a configuration of links or robots: the answer that programs read as JSON and people as text.
+
+use crate::json_number;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// What the schema of an extension is called.
+pub const SCHEMA: &str = "extend/1";
+
+/// Effects added to a model of links or robots, and how much better it predicts with them.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Extension {
+    /// The format of this answer.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: &'static str,
+    /// Names of the effects that were added.
+    pub added: Vec<String>,
+    /// Held-out log predictive density before and after (nats per row).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "[Option<f64>; 2]")]
+    pub log_score: [f64; 2],
+    /// Held-out root mean squared error before and after (dB, m or a share of frames).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "[Option<f64>; 2]")]
+    pub rmse: [f64; 2],
+}
+
+/// An extension as a person reads it on a terminal; `unit`: of errors.
+#[must_use]
+pub fn text(extension: &Extension, unit: &str) -> String {
+    let Extension { added, log_score, rmse, .. } = extension;
+    format!(
+        "added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
+        added.join(", "),
+        log_score[0],
+        log_score[1],
+        rmse[0],
+        rmse[1]
+    )
+}

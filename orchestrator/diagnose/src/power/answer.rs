@@ -1,0 +1,107 @@
+//! How large an effect a campaign would show: the answer that programs read as JSON and people as text.
+
+use crate::json_number;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::fmt::Write as _;
+
+/// What the schema of the answer is called.
+pub const SCHEMA: &str = "power/1";
+
+/// The smallest size of an effect that a campaign would show, by simulated campaigns at several sizes.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Power {
+    /// The format of this answer.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: &'static str,
+    /// The effect.
+    pub effect: String,
+    /// The key of the effect that is its size.
+    pub parameter: String,
+    /// Unit of that key.
+    pub unit: &'static str,
+    /// The value at which the effect does nothing.
+    pub neutral: f64,
+    /// The probability with which the effect is to be found.
+    pub power: f64,
+    /// The value from which on it is found with that probability; null: not even at the greatest that was tried.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub value: Option<f64>,
+    /// What came out, in a sentence.
+    pub sentence: String,
+    /// Standard deviation of the noise of all campaigns (dB or m).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub noise: f64,
+    /// Candidates for which the level of significance is corrected.
+    pub candidates: usize,
+    /// The sizes that were tried.
+    pub tried: Vec<Size>,
+    /// How the answer was found.
+    #[schemars(extend("const" = "simulation"))]
+    pub method: &'static str,
+    /// Unit of errors in words.
+    #[serde(skip)]
+    pub error_unit: &'static str,
+}
+
+/// A size at which campaigns were simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Size {
+    /// The value of the key.
+    pub value: f64,
+    /// Campaigns in which the effect was found.
+    pub found: usize,
+    /// Campaigns simulated.
+    pub campaigns: u64,
+    /// Held-out root mean squared error without and with the effect, mean of the campaigns (dB or m).
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "[Option<f64>; 2]")]
+    pub rmse: [f64; 2],
+}
+
+/// What came out, in a sentence.
+#[must_use]
+pub fn sentence(power: &Power) -> String {
+    let Power { effect, parameter, unit, neutral, .. } = power;
+    let percent = 100.0 * power.power;
+    let from = format!("it does nothing at {parameter} = {neutral}");
+    match power.value {
+        Some(value) => format!(
+            "a campaign like this shows {effect} with a probability of {percent} % from {parameter} = {value:.4} {unit} on ({from})"
+        ),
+        None => {
+            let last = power.tried.last().map_or(*neutral, |size| size.value);
+            format!(
+                "a campaign like this does not show {effect} with a probability of {percent} % even at {parameter} = {last:.4} {unit} ({from})"
+            )
+        }
+    }
+}
+
+/// The answer as a person reads it on a terminal.
+#[must_use]
+pub fn text(power: &Power) -> String {
+    let unit = power.error_unit;
+    let mut text = format!(
+        "{:>14} {:>10} {:>24}\n",
+        power.parameter,
+        "found",
+        format!("rmse without, with ({unit})")
+    );
+    for Size { value, found, campaigns, rmse: [without, with] } in &power.tried {
+        let _ = writeln!(
+            text,
+            "{value:>14.4} {:>10} {:>24}",
+            format!("{found} of {campaigns}"),
+            format!("{without:.4}, {with:.4}")
+        );
+    }
+    let _ = write!(
+        text,
+        "\n{}\n(simulated campaigns, noise {:.4} {unit}; accepted by the rule of diagnose, tried alone, {} candidates counted)",
+        power.sentence, power.noise, power.candidates
+    );
+    text
+}

@@ -1,0 +1,131 @@
+//! A diagnosis in words: its sentence, and the text of the terminal.
+
+use super::diagnosis::{Diagnosis, Structure, Tested, Verdict};
+use std::fmt::Write as _;
+
+/// What a diagnosis came to, in a sentence.
+#[must_use]
+pub fn sentence(diagnosis: &Diagnosis) -> String {
+    let missing = diagnosis.missing.join(", then ");
+    let found = match (&diagnosis.too_little, diagnosis.verdict) {
+        (Some(why), _) => why.clone(),
+        (None, Verdict::NothingMissing) => {
+            "nothing is missing that these data could show".to_owned()
+        }
+        (None, Verdict::MissingEffects) => format!("missing: {missing}"),
+        (None, Verdict::UnexplainedStructure) => {
+            let over: Vec<String> = diagnosis.unexplained.iter().map(Structure::named).collect();
+            let also = if diagnosis.missing.is_empty() {
+                String::new()
+            } else {
+                format!("; besides, missing: {missing}")
+            };
+            format!("there is {}, which no known effect explains{also}", over.join(", and "))
+        }
+    };
+    match diagnosis.stopped_in_round {
+        None => found,
+        Some(1) => "stopped before anything was found".to_owned(),
+        Some(round) => format!("stopped in round {round}; until then: {found}"),
+    }
+}
+
+/// A diagnosis as a person reads it on a terminal.
+#[must_use]
+pub fn text(diagnosis: &Diagnosis) -> String {
+    let mut text = String::new();
+    ladder(&mut text, diagnosis);
+    let _ = writeln!(text);
+    for candidate in diagnosis.accepted() {
+        accepted(&mut text, candidate);
+    }
+    let untestable: Vec<String> = diagnosis
+        .candidates
+        .iter()
+        .filter_map(|candidate| Some((candidate, candidate.untestable.as_ref()?)))
+        .map(|(candidate, why)| format!("{} ({why})", candidate.effect))
+        .collect();
+    if !untestable.is_empty() {
+        let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
+    }
+    for structure in &diagnosis.unexplained {
+        left_over(&mut text, structure);
+    }
+    for next in &diagnosis.next_measurement {
+        let _ = writeln!(text, "{}", next.sentence);
+    }
+    let _ = writeln!(text, "\n{}", diagnosis.sentence);
+    text
+}
+
+fn ladder(text: &mut String, diagnosis: &Diagnosis) {
+    let unit = diagnosis.error_unit;
+    let first = diagnosis.ladder.first();
+    let has_losses = first.is_some_and(|rung| !rung.reception_log_loss.is_nan());
+    let _ = writeln!(
+        text,
+        "{:<34} {:>12} {:>10} {:>10}{}",
+        "model (held out)",
+        "log score",
+        format!("rmse {unit}"),
+        format!("crps {unit}"),
+        if has_losses { "  reception loss" } else { "" }
+    );
+    for rung in &diagnosis.ladder {
+        let loss =
+            if has_losses { format!("  {:>14.4}", rung.reception_log_loss) } else { String::new() };
+        let _ = writeln!(
+            text,
+            "{:<34} {:>12.4} {:>10.4} {:>10.4}{loss}",
+            rung.model, rung.log_score, rung.rmse, rung.crps
+        );
+    }
+}
+
+fn accepted(text: &mut String, candidate: &Tested) {
+    let parameters: Vec<String> = candidate
+        .parameters
+        .iter()
+        .map(|(key, parameter)| {
+            format!(
+                "{key} = {:.4} {} (90 %: {:.4} to {:.4})",
+                parameter.value, parameter.unit, parameter.low, parameter.high
+            )
+        })
+        .collect();
+    let _ = writeln!(
+        text,
+        "{}: gains {:.4} +- {:.4} nats a row. {}",
+        candidate.effect,
+        candidate.gain,
+        candidate.standard_error,
+        parameters.join(", ")
+    );
+    if !candidate.indistinguishable_from.is_empty() {
+        let others = candidate.indistinguishable_from.join(", ");
+        let _ = writeln!(text, "  on these data it cannot be told from {others}");
+    }
+    if let Some(warning) = &candidate.warning {
+        let _ = writeln!(text, "  warning: {warning}");
+    }
+}
+
+fn left_over(text: &mut String, structure: &Structure) {
+    let error = if structure.is_of_losses() { "log loss of reception" } else { "squared error" };
+    let formulas: Vec<String> = structure
+        .formulas()
+        .map(|(formula, target)| match target {
+            "mean" => format!("{formula} dB"),
+            "loss" => format!("{formula} of the frames"),
+            direction => format!("{formula} m/s {direction}"),
+        })
+        .collect();
+    let colon = if formulas.is_empty() { "" } else { ": " };
+    let _ = writeln!(
+        text,
+        "left over: {} explains {:.1} % of the {error}{colon}{}",
+        structure.named(),
+        100.0 * structure.share(),
+        formulas.join(", and ")
+    );
+}

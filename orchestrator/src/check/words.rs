@@ -1,0 +1,124 @@
+//! What a file of measurements holds, in words: the text of the terminal.
+
+use super::data_check::{CovariateFacts, DataCheck, Facts, LinkFacts, RobotFacts, RowKind};
+use indexmap::IndexMap;
+use numbers::format::rounded;
+use std::fmt::Write as _;
+
+/// What was found as a person reads it on a terminal.
+#[must_use]
+pub fn text(check: &DataCheck) -> String {
+    let mut text = match check.kind {
+        RowKind::Link => "link samples: a row per frame and possible receiver\n",
+        RowKind::AggregatedLink => "link table: sums of frames of a link\n",
+        RowKind::Robot => "robot samples: a row per robot and instant\n",
+    }
+    .to_owned();
+    let facts = match &check.facts {
+        Facts::Links(facts) => links(facts),
+        Facts::Robots(facts) => robots(facts),
+    };
+    for (label, words) in facts {
+        let _ = writeln!(text, "  {label:<12} {words}");
+    }
+    let _ = writeln!(text, "  {:<12} {}", "left out in", check.blocks.join("; "));
+    let testable =
+        if check.testable.is_empty() { "none".to_owned() } else { check.testable.join(", ") };
+    let _ = writeln!(text, "effects that these data can show: {testable}");
+    for lacking in &check.not_testable {
+        let _ = writeln!(text, "not testable: {:<24} {}", lacking.effect, lacking.because);
+    }
+    if check.is_without_configuration {
+        text.push_str(
+            "(no configuration was given: what walls, foliage and terrain are needed for is not testable without one)\n",
+        );
+    }
+    text
+}
+
+/// A fact: its name, and what it is.
+type Fact = (&'static str, String);
+
+fn links(facts: &LinkFacts) -> Vec<Fact> {
+    let LinkFacts { motes, links, channels, .. } = facts;
+    let (n, still) = (motes.all.len(), motes.still);
+    let mut list = vec![
+        ("time", from_to("s", facts.time_s)),
+        ("campaigns", facts.runs.to_string()),
+        (
+            "motes",
+            if facts.is_placed {
+                format!("{n}: {still} stand still, {} move", n - still.min(n))
+            } else {
+                format!("{n}; of some the place is unknown")
+            },
+        ),
+        ("links", format!("{} directed, {} pairs", links.directed, links.pairs)),
+        (
+            "channels",
+            match (channels.first(), channels.last()) {
+                (Some(low), Some(high)) => format!("{}: {low} to {high}", channels.len()),
+                _ => "unknown".to_owned(),
+            },
+        ),
+        ("distance", from_to("m", facts.distance_m)),
+        (
+            "RSSI",
+            format!(
+                "{} in {} readings, {}",
+                from_to("dBm", facts.rssi_dbm),
+                facts.n_readings,
+                if facts.is_rounded { "whole dB" } else { "not rounded" }
+            ),
+        ),
+        (
+            "delivery",
+            facts.delivery.map_or_else(
+                || "unknown".to_owned(),
+                |share| format!("{:.1} % of {} frames", 100.0 * share, facts.n_frames),
+            ),
+        ),
+    ];
+    list.extend(covariates(facts.covariates.as_ref()));
+    list
+}
+
+fn robots(facts: &RobotFacts) -> Vec<Fact> {
+    let mut list = vec![
+        ("time", from_to("s", facts.time_s)),
+        ("campaigns", facts.runs.to_string()),
+        ("robots", facts.agents.len().to_string()),
+        ("sampled", format!("every {} s", short(facts.spacing_s))),
+        ("commands", facts.commands.to_owned()),
+        ("x", from_to("m", facts.x_m)),
+        ("y", from_to("m", facts.y_m)),
+    ];
+    list.extend(facts.z_m.map(|z_m| ("z", from_to("m", z_m))));
+    list.push(("speed", format!("{} (1 % to 99 %, as measured)", from_to("m/s", facts.speed_mps))));
+    list.push(("windows", format!("{} of {} s", facts.windows, facts.window_s)));
+    list.extend(covariates(facts.covariates.as_ref()));
+    list
+}
+
+fn covariates(covariates: Option<&IndexMap<String, CovariateFacts>>) -> Option<Fact> {
+    let words = covariates?.iter().map(|(name, CovariateFacts { range: [low, high], missing })| {
+        let missing = match missing {
+            0 => String::new(),
+            missing => format!(" (missing in {missing} rows)"),
+        };
+        format!("{name} {} to {}{missing}", short(*low), short(*high))
+    });
+    Some(("covariates", words.collect::<Vec<_>>().join(", ")))
+}
+
+fn from_to(unit: &str, range: Option<[f64; 2]>) -> String {
+    range.map_or_else(
+        || "unknown".to_owned(),
+        |[low, high]| format!("{} to {} {unit}", short(low), short(high)),
+    )
+}
+
+/// A number rounded to four digits.
+fn short(value: f64) -> String {
+    rounded(value, 4).to_string()
+}

@@ -1,0 +1,195 @@
+//! What a comparison of a network with measured packets found: the answer that programs read as JSON, pages draw and people
+//! read as text.
+
+use super::error_split::NetworkErrorSplit;
+use diagnose::json_number;
+use indexmap::IndexMap;
+use measure::account::Account;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+pub use diagnose::compare::comparison::SCHEMA;
+
+/// A comparison of a network: whether measured packets could be one more run of the model.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct NetworkComparison {
+    /// The format of this answer.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: &'static str,
+    /// What was measured.
+    #[schemars(extend("const" = "network"))]
+    pub kind: &'static str,
+    /// The measurement among the runs of the model.
+    #[serde(flatten)]
+    pub among: AmongSeeds,
+    /// What came out, in a word.
+    pub verdict: Verdict,
+    /// What came out, in a sentence.
+    pub sentence: String,
+    /// The measurements.
+    #[serde(flatten)]
+    pub account: Account,
+    /// Where the error comes from, if links were measured as well.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_split: Option<NetworkErrorSplit>,
+}
+
+/// What a comparison of a network came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// The seeds are too few to decide.
+    TooFewSeeds,
+    /// The packets could be one more run of the model.
+    Agrees,
+    /// The packets are inconsistent with the model.
+    Differs,
+}
+
+/// Measured packets among the runs of a model under several seeds.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct AmongSeeds {
+    /// What a run of the model differs in from another.
+    #[schemars(extend("const" = "seed"))]
+    pub unit: &'static str,
+    /// How many seeds the model was run under.
+    pub seeds: u64,
+    /// Packets made before this time were not compared (s).
+    pub from_s: f64,
+    /// Measured less the mean of the seeds, by figure; figures that are unknown are left out.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "IndexMap<String, Option<f64>>")]
+    pub scores: IndexMap<String, f64>,
+    /// Measured less the ends of the middle 90 % of the seeds, by figure.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "IndexMap<String, [Option<f64>; 2]>")]
+    pub intervals: IndexMap<String, [f64; 2]>,
+    /// The figures that are compared.
+    pub kpis: Vec<Kpi>,
+    /// Delivery by mote.
+    pub motes: Vec<MoteDelivery>,
+    /// Whether the error goes with the mote that sends: one entry.
+    #[serde(rename = "where")]
+    pub places: [BySource; 1],
+    /// Chance that a run of the model lies as far out in some figure.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub p_value: f64,
+}
+
+/// A figure of a measurement among those of seeds.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Kpi {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit; empty for a number without.
+    pub unit: &'static str,
+    /// What it is.
+    pub doc: &'static str,
+    /// Its measured value; null where it is unknown.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub measured: f64,
+    /// Its values under the seeds of the model.
+    pub model: KpiOfModel,
+    /// Chance that a run of the model lies as far out in it, on either side; null where it is unknown.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub p_value: Option<f64>,
+    /// How far out the measurement lies, in standard deviations.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub z: Option<f64>,
+}
+
+/// A figure under the seeds of a model.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct KpiOfModel {
+    /// Mean of the seeds.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub mean: f64,
+    /// Lower end of the middle 90 % of the seeds.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub low: f64,
+    /// Upper end of the middle 90 % of the seeds.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub high: f64,
+    /// The value under each seed.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Vec<Option<f64>>")]
+    pub seeds: Vec<f64>,
+}
+
+/// What became of a mote's packets, measured and in the model.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct MoteDelivery {
+    /// The mote.
+    pub mote: u32,
+    /// Packets that it made, as measured.
+    pub sent: u32,
+    /// Those of them that arrived.
+    pub arrived: u32,
+    /// The share that arrived, as measured.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub delivery: f64,
+    /// The share that arrives in the model.
+    pub model: DeliveryOfModel,
+    /// Whether the measured share lies outside the middle 90 % of the seeds.
+    pub is_outside: bool,
+}
+
+/// A mote's delivery under the seeds of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct DeliveryOfModel {
+    /// Mean of the seeds.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub mean: f64,
+    /// Lower end of the middle 90 % of the seeds.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub low: f64,
+    /// Upper end of the middle 90 % of the seeds.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub high: f64,
+}
+
+/// The error of delivery over the mote that sends.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct BySource {
+    /// The mote that sends.
+    #[schemars(extend("const" = "source"))]
+    pub covariate: &'static str,
+    /// Always null: a share of an error is not defined for one measured run.
+    pub explained: (),
+    /// Chance that a run of the model lies as far out in the delivery of some mote.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub p_value: f64,
+    /// By mote.
+    pub bins: Vec<MoteBin>,
+}
+
+/// The error of a mote's delivery.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct MoteBin {
+    /// The mote.
+    pub from: u32,
+    /// The same mote.
+    pub to: u32,
+    /// Packets that it made, as measured.
+    pub n: u32,
+    /// Measured share that arrived less the mean of the seeds.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub bias: f64,
+    /// The magnitude of that.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub rmse: f64,
+}
