@@ -6,6 +6,7 @@ mod inputs;
 mod measured;
 mod packets;
 mod power;
+mod schema;
 mod simulate;
 mod stop;
 mod sweeps;
@@ -18,8 +19,10 @@ use crate::effects;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
 use clap::{Args, Parser, Subcommand};
 use experiment::{Overrides, Tls};
+use metrics::kpi::kpi_summary::KpiSummary;
 use proto::types::seconds;
 use proto_host::{ServeArgs, init_logging, serve_network, serve_robots};
+use record::run_summary::{RunSummary, TaskSummary};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -51,8 +54,8 @@ enum Command {
     CompareRuns(sweeps::CompareRunsArgs),
     /// Check an experiment file without running it, or measurements without fitting anything
     Check(check::CheckArgs),
-    /// Print the JSON Schema of experiment files
-    Schema,
+    /// Print the JSON Schema of experiment files, or with --of that of an answer
+    Schema(schema::SchemaArgs),
     /// List the physical effects there are, or explain one
     Effects(EffectsArgs),
     /// Check that a recorded run is whole and agrees with itself
@@ -317,10 +320,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Sweep(args) => sweeps::sweep(&args, start(Some(args.threads))?),
         Command::CompareRuns(args) => sweeps::compare_runs(&args),
         Command::Check(args) => check::check(&args),
-        Command::Schema => {
-            say(format!("{:#}", experiment::schema()));
-            Ok(())
-        }
+        Command::Schema(args) => schema::schema(&args),
         Command::Effects(args) => effects_command(&args),
         Command::Verify(args) => verify_command(&args),
         Command::Compare(args) => measured::compare(&args),
@@ -391,7 +391,7 @@ fn describe(report: &RunReport) {
     let rate = if report.wall_s > 0.0 { report.n_steps as f64 / report.wall_s } else { 0.0 };
     say(format!(
         "{}: {} steps, {:.1} s simulated in {:.2} s ({rate:.0} steps/s)",
-        summary["name"].as_str().unwrap_or("run"),
+        summary.name,
         report.n_steps,
         seconds(report.time_ns),
         report.wall_s,
@@ -406,52 +406,62 @@ fn describe(report: &RunReport) {
 }
 
 /// The few numbers of a summary that a person looks for first.
-fn highlights(summary: &serde_json::Value) -> Vec<String> {
-    let task = &summary["task"];
-    let network = &summary["network"];
+fn highlights(summary: &RunSummary) -> Vec<String> {
     let mut lines = Vec::new();
-    if let Some(baseline) = summary["baseline"].as_str() {
+    if let Some(baseline) = &summary.baseline {
         lines.push(format!("{baseline}: robots knew the true state of all others"));
     }
-    let kpis = &summary["kpis"];
-    if let Some(formed_s) = kpis["formation"]["formed_s"].as_f64() {
-        lines.push(format!("the network had formed after {formed_s:.1} s"));
-    }
-    if let (Some(ratio), Some(delivered)) =
-        (kpis["delivery"]["ratio"].as_f64(), kpis["delivery"]["delivered"].as_u64())
-    {
-        let latency_s = kpis["delivery"]["latency_s"]["median"].as_f64();
-        let latency = latency_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default();
-        lines.push(format!(
-            "{:.1} % of packets delivered, {delivered} in all{latency}",
-            ratio * 100.0
-        ));
-    }
-    let mapped = task["mapped_ratio"].as_f64();
-    if let Some(ratio) = mapped {
-        let mapped_90_s = task["mapped_90_s"].as_f64();
-        let when = mapped_90_s.map(|s| format!(", 90 % after {s:.1} s")).unwrap_or_default();
-        lines.push(format!("{:.1} % of the reachable area mapped{when}", ratio * 100.0));
-    }
-    let stood = mapped.is_some() || task["mean_speed_mps"] == 0.0;
-    if let Some(speed_mps) = task["flock_speed_mps"].as_f64().filter(|_| !stood) {
-        let leader =
-            task["leader_speed_mps"].as_f64().map(|leader| format!(" (the leader's: {leader:.2})"));
-        lines.push(format!("flock speed {speed_mps:.2} m/s{}", leader.unwrap_or_default()));
-    }
-    if let Some(step) = task["completed_at_step"].as_u64() {
-        lines.push(format!("task complete at step {step}"));
-    }
-    if let Some(residual) = task["line_residual_log10"].as_f64() {
-        lines.push(format!("line residual 10^{residual:.1} m²"));
-    }
-    if let (Some(ratio), Some(heard)) =
-        (network["delivery_ratio"].as_f64(), network["mean_neighbours_heard"].as_f64())
+    lines.extend(summary.kpis.iter().flat_map(of_packets));
+    lines.extend(summary.task.iter().flat_map(of_task));
+    if let Some(network) = &summary.network
+        && let (Some(ratio), Some(heard)) = (network.delivery_ratio, network.mean_neighbours_heard)
     {
         lines.push(format!(
             "{:.1} % of frames delivered, {heard:.1} neighbours heard on average",
             ratio * 100.0
         ));
+    }
+    lines
+}
+
+/// What a network with protocols did.
+fn of_packets(kpis: &KpiSummary) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(formed_s) = kpis.formation.as_ref().and_then(|formation| formation.formed_s) {
+        lines.push(format!("the network had formed after {formed_s:.1} s"));
+    }
+    if let Some(delivery) = &kpis.delivery {
+        let latency_s = delivery.latency_s.as_ref().and_then(|latency| latency.median);
+        let latency = latency_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default();
+        lines.push(format!(
+            "{:.1} % of packets delivered, {} in all{latency}",
+            delivery.ratio * 100.0,
+            delivery.delivered
+        ));
+    }
+    lines
+}
+
+/// What the robots did.
+fn of_task(task: &TaskSummary) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mapped = task.number("mapped_ratio");
+    if let Some(ratio) = mapped {
+        let mapped_90_s = task.number("mapped_90_s");
+        let when = mapped_90_s.map(|s| format!(", 90 % after {s:.1} s")).unwrap_or_default();
+        lines.push(format!("{:.1} % of the reachable area mapped{when}", ratio * 100.0));
+    }
+    let stood = mapped.is_some() || task.number("mean_speed_mps") == Some(0.0);
+    if let Some(speed_mps) = task.number("flock_speed_mps").filter(|_| !stood) {
+        let leader = task.number("leader_speed_mps");
+        let leader = leader.map(|leader| format!(" (the leader's: {leader:.2})"));
+        lines.push(format!("flock speed {speed_mps:.2} m/s{}", leader.unwrap_or_default()));
+    }
+    if let Some(step) = task.completed_at_step {
+        lines.push(format!("task complete at step {step}"));
+    }
+    if let Some(residual) = task.number("line_residual_log10") {
+        lines.push(format!("line residual 10^{residual:.1} m²"));
     }
     lines
 }
@@ -492,14 +502,7 @@ fn verify_command(args: &VerifyArgs) -> Result<(), Failure> {
     for problem in &report.problems {
         complain(problem);
     }
-    let found = serde_json::json!({
-        "schema": "verify/1",
-        "files": report.files,
-        "steps": report.steps,
-        "digests": report.digests,
-        "problems": report.problems,
-    });
-    write_json(args.json.as_deref(), &found)?;
+    write_json(args.json.as_deref(), &report)?;
     let (files, steps, digests) = (report.files.len(), report.steps, report.digests);
     let counted =
         format!("{files} files whole, {steps} steps, {digests} digests computed again and equal");
@@ -542,9 +545,7 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
 }
 
 fn write_json(path: Option<&Path>, answer: &impl Serialize) -> Result<(), Failure> {
-    let Some(path) = path else { return Ok(()) };
-    let json = serde_json::to_value(answer).map_err(Failure::work)?;
-    write_whole("--json", path, &format!("{json:#}\n"))
+    path.map_or(Ok(()), |path| write_whole("--json", path, &record::pretty(answer)))
 }
 
 /// Writes a file in one piece: under another name first.

@@ -1,13 +1,13 @@
 //! What changed from one run, or one sweep, to another: in the configuration, in the task, in the network; seed by seed.
 
 mod rows;
+pub mod runs_comparison;
+pub mod words;
 
 use crate::sweep::statistics::Spread;
-use numbers::format::{count_of, number};
 use rows::{Found, Pairing};
-use serde_json::{Map, Value, json};
+use runs_comparison::{Change, ChangedKey, RunsComparison, SCHEMA, SettingComparison};
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Why two folders cannot be compared.
@@ -49,62 +49,35 @@ pub enum CompareRunsError {
     },
 }
 
-/// What changed.
-#[derive(Clone, Debug)]
-pub struct Changes {
-    /// For people.
-    pub text: String,
-    /// For programs.
-    pub json: Value,
-    /// What should be checked before it is believed.
-    pub warnings: Vec<String>,
-}
-
 /// Compares two folders, each of a run or of a sweep.
 ///
 /// # Errors
 ///
 /// See [`CompareRunsError`].
-pub fn compare_runs(a: &Path, b: &Path) -> Result<Changes, CompareRunsError> {
+pub fn compare_runs(a: &Path, b: &Path) -> Result<RunsComparison, CompareRunsError> {
     let (found_a, found_b) = (rows::find(a)?, rows::find(b)?);
     let Pairing { groups, warnings } = rows::pair([a, b], [&found_a, &found_b])?;
-    let configuration = configuration(&found_a.config, &found_b.config);
-    let mut text = format!("A {}\nB {}\n", a.display(), b.display());
-    if configuration.is_empty() {
-        text.push_str("\nThe configurations do not differ.\n");
-    } else {
-        text.push_str("\nConfiguration, A -> B\n");
-        for (key, [in_a, in_b]) in &configuration {
-            let _ = writeln!(text, "  {key}: {in_a} -> {in_b}");
-        }
-    }
     let figures = figures(&found_a, &found_b);
-    let mut settings = Vec::new();
-    for (id, pairs) in &groups {
-        let changes: Vec<Change<'_>> =
-            figures.iter().filter_map(|name| Change::of(name, pairs)).collect();
-        let heading = match id.len() {
-            0 => String::new(),
-            _ => id.iter().map(|(k, v)| format!("{k} {v}")).collect::<Vec<_>>().join(", "),
-        };
-        table(&mut text, &heading, pairs.len(), &changes);
-        let changes: Map<String, Value> =
-            changes.iter().map(|change| (change.name.to_owned(), change.to_json())).collect();
-        let seeds: Vec<u64> = pairs.iter().map(|pair| pair.seed).collect();
-        settings.push(json!({ "setting": id, "seeds": seeds, "figures": changes }));
-    }
-    let configuration: Vec<Value> =
-        configuration.iter().map(|(key, [a, b])| json!({ "key": key, "a": a, "b": b })).collect();
-    let json = json!({
-        "schema": "compare-runs/1",
-        "a": a,
-        "b": b,
-        "configuration": configuration,
-        "settings": settings,
-        "warnings": warnings,
+    let settings = groups.iter().map(|(id, pairs)| SettingComparison {
+        setting: id.clone(),
+        seeds: pairs.iter().map(|pair| pair.seed).collect(),
+        figures: figures
+            .iter()
+            .filter_map(|name| Some(((*name).to_owned(), change(name, pairs)?)))
+            .collect(),
     });
-    text.truncate(text.trim_end().len());
-    Ok(Changes { text, json, warnings })
+    let configuration = configuration(&found_a.config, &found_b.config);
+    Ok(RunsComparison {
+        schema: SCHEMA,
+        a: a.display().to_string(),
+        b: b.display().to_string(),
+        configuration: configuration
+            .into_iter()
+            .map(|(key, [a, b])| ChangedKey { key, a, b })
+            .collect(),
+        settings: settings.collect(),
+        warnings,
+    })
 }
 
 /// Keys whose values differ, each with both.
@@ -159,98 +132,26 @@ struct Pair<'a> {
     b: &'a BTreeMap<String, f64>,
 }
 
-/// How a figure changed.
-struct Change<'a> {
-    name: &'a str,
-    a: Spread,
-    b: Spread,
-    /// Of the differences B − A, pair by pair.
-    difference: Spread,
-    /// Pairs in which B is greater, and in which it is less.
-    signs: [usize; 2],
-}
-
-impl<'a> Change<'a> {
-    /// `None` where no pair has it on both sides.
-    fn of(name: &'a str, pairs: &[Pair<'_>]) -> Option<Self> {
-        let both: Vec<[f64; 2]> = pairs
-            .iter()
-            .filter_map(|pair| Some([*pair.a.get(name)?, *pair.b.get(name)?]))
-            .collect();
-        let of = |f: &dyn Fn(&[f64; 2]) -> f64| Spread::of(&both.iter().map(f).collect::<Vec<_>>());
-        let count = |f: &dyn Fn(&[f64; 2]) -> bool| both.iter().filter(|pair| f(pair)).count();
-        Some(Self {
-            name,
-            a: of(&|pair| pair[0])?,
-            b: of(&|pair| pair[1])?,
-            difference: of(&|pair| pair[1] - pair[0])?,
-            signs: [count(&|pair| pair[0] < pair[1]), count(&|pair| pair[1] < pair[0])],
-        })
-    }
-
-    /// More than rounding does, in some pair.
-    fn is_change(&self) -> bool {
-        let size = [self.a.min, self.a.max, self.b.min, self.b.max];
-        let size = size.into_iter().map(f64::abs).fold(0.0, f64::max);
-        1e-9 * size < self.difference.max.max(-self.difference.min)
-    }
-
-    fn to_json(&self) -> Value {
-        json!({
-            "pairs": self.difference.n,
-            "median_a": self.a.median,
-            "median_b": self.b.median,
-            "median_difference": self.difference.median,
-            "median_difference_interval_95": self.difference.interval_95,
-            "mean_difference": self.difference.mean,
-            "min_difference": self.difference.min,
-            "max_difference": self.difference.max,
-            "b_greater": self.signs[0],
-            "b_less": self.signs[1],
-        })
-    }
-}
-
-fn table(text: &mut String, heading: &str, n_pairs: usize, changes: &[Change<'_>]) {
-    let pairs = count_of(n_pairs as u64, "pair");
-    let heading = if heading.is_empty() { pairs.clone() } else { format!("{heading} ({pairs})") };
-    let (changed, same): (Vec<_>, Vec<_>) = changes.iter().partition(|change| change.is_change());
-    let _ = writeln!(text, "\n{heading}");
-    if changed.is_empty() {
-        let _ = writeln!(text, "  none of {} figures differs", changes.len());
-        return;
-    }
-    let rows: Vec<[String; 6]> = changed
-        .iter()
-        .map(|change| {
-            let interval = change.difference.interval_95.map_or_else(
-                || "-".to_owned(),
-                |[low, high]| format!("{} … {}", number(low), number(high)),
-            );
-            [
-                change.name.to_owned(),
-                number(change.a.median),
-                number(change.b.median),
-                number(change.difference.median),
-                interval,
-                format!("{} / {} of {}", change.signs[0], change.signs[1], change.difference.n),
-            ]
-        })
-        .collect();
-    let headings =
-        ["figure", "A", "B", "B − A", "95 % interval", "B greater / less"].map(str::to_owned);
-    let width = |column: usize| {
-        rows.iter().chain([&headings]).map(|row| row[column].chars().count()).max().unwrap_or(0)
-    };
-    let widths: [usize; 6] = std::array::from_fn(width);
-    for row in [&headings].into_iter().chain(&rows) {
-        let _ = write!(text, "  {:<1$}", row[0], widths[0]);
-        for column in 1..6 {
-            let _ = write!(text, "  {:>1$}", row[column], widths[column]);
-        }
-        text.push('\n');
-    }
-    if !same.is_empty() {
-        let _ = writeln!(text, "  {} do not differ", count_of(same.len() as u64, "further figure"));
-    }
+/// How a figure changed; none where no pair has it on both sides.
+fn change(name: &str, pairs: &[Pair<'_>]) -> Option<Change> {
+    let both: Vec<[f64; 2]> =
+        pairs.iter().filter_map(|pair| Some([*pair.a.get(name)?, *pair.b.get(name)?])).collect();
+    let of = |f: &dyn Fn(&[f64; 2]) -> f64| Spread::of(&both.iter().map(f).collect::<Vec<_>>());
+    let count = |f: &dyn Fn(&[f64; 2]) -> bool| both.iter().filter(|pair| f(pair)).count();
+    let (a, b) = (of(&|pair| pair[0])?, of(&|pair| pair[1])?);
+    let difference = of(&|pair| pair[1] - pair[0])?;
+    let size = [a.min, a.max, b.min, b.max].into_iter().map(f64::abs).fold(0.0, f64::max);
+    Some(Change {
+        pairs: difference.n,
+        median_a: a.median,
+        median_b: b.median,
+        median_difference: difference.median,
+        median_difference_interval_95: difference.interval_95,
+        mean_difference: difference.mean,
+        min_difference: difference.min,
+        max_difference: difference.max,
+        b_greater: count(&|pair| pair[0] < pair[1]),
+        b_less: count(&|pair| pair[1] < pair[0]),
+        is_changed: 1e-9 * size < difference.max.max(-difference.min),
+    })
 }

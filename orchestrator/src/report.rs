@@ -12,8 +12,8 @@ use figures::Figure;
 use metrics::Measures;
 use numbers::format::{count, number, percent, shortest};
 use proto::types::Coupling;
-use record::{Contents, TRUTH_BASELINE};
-use serde_json::Value;
+use record::run_summary::RunSummary;
+use record::{Contents, Status, TRUTH_BASELINE};
 use std::fmt::Write as _;
 use text::escape;
 
@@ -21,7 +21,7 @@ use text::escape;
 #[must_use]
 pub fn page(contents: &Contents<'_>) -> String {
     let name = escape(&contents.header.name);
-    let is_truth = contents.summary["baseline"] == TRUTH_BASELINE;
+    let is_truth = contents.summary.baseline.is_some();
     let suffix = if is_truth { format!(" ({TRUTH_BASELINE})") } else { String::new() };
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}{suffix}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
@@ -36,7 +36,7 @@ pub fn page(contents: &Contents<'_>) -> String {
             show(&mut page, &figure);
         }
         page.push_str("</div>\n");
-        motes::section(&mut page, &contents.summary["kpis"], measures);
+        motes::section(&mut page, contents.summary.kpis.as_ref(), measures);
     }
     experiment(&mut page, contents);
     if let Some(measures) = contents.measures {
@@ -49,8 +49,8 @@ pub fn page(contents: &Contents<'_>) -> String {
 
 fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
     let Contents { header, summary, .. } = contents;
-    let status = summary["status"].as_str().unwrap_or("");
-    let alert = if status == "complete" { "" } else { " alert" };
+    let status = summary.status.name();
+    let alert = if summary.status == Status::Complete { "" } else { " alert" };
     let mut badges = format!("<span class=\"badge{alert}\">{}</span>", escape(status));
     if is_truth {
         let _ = write!(badges, "<span class=\"badge alert\">{TRUTH_BASELINE}</span>");
@@ -60,7 +60,7 @@ fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
         .and_then(|measures| measures.task.controller.as_deref())
         .map(|controller| format!("{}, ", escape(controller)))
         .unwrap_or_default();
-    let formation = match summary["robots_started_s"].as_f64() {
+    let formation = match summary.robots_started_s {
         Some(started_s) if 0.0 < started_s => {
             format!(", the first {} of them without the robots", shortest(started_s))
         }
@@ -71,20 +71,27 @@ fn heading(page: &mut String, contents: &Contents<'_>, is_truth: bool) {
         "<header>\n<h1>{}{badges}</h1>\n<p class=\"lead\">{controller}{} agents, {} steps of {}{} s, {} s simulated{formation}, {} coupling, seed {}.</p>\n</header>\n",
         escape(&header.name),
         count(u64::from(header.agent_count)),
-        count(summary["steps"].as_u64().unwrap_or(0)),
+        count(summary.steps),
         if header.coupling == Coupling::Event { "at most " } else { "" },
         shortest(header.step_ns as f64 / 1e9),
-        shortest(summary["simulated_s"].as_f64().unwrap_or(0.0)),
-        escape(summary["coupling"].as_str().unwrap_or("")),
+        shortest(summary.simulated_s),
+        coupling(header.coupling),
         header.seed,
     );
 }
 
+/// The word for a coupling, as configurations have it.
+fn coupling(coupling: Coupling) -> &'static str {
+    match coupling {
+        Coupling::Sequential => "sequential",
+        Coupling::Parallel => "parallel",
+        Coupling::Event => "event",
+    }
+}
+
 /// What must be known before anything else on the page is believed.
-fn notices(page: &mut String, summary: &Value) {
-    let warnings: Vec<&str> =
-        summary["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    let reason = summary["reason"].as_str();
+fn notices(page: &mut String, summary: &RunSummary) {
+    let RunSummary { warnings, reason, .. } = summary;
     if warnings.is_empty() && reason.is_none() {
         return;
     }
@@ -100,12 +107,14 @@ fn notices(page: &mut String, summary: &Value) {
 
 fn tiles(page: &mut String, contents: &Contents<'_>, measures: &Measures) {
     let n_agents = contents.header.agent_count;
-    let kpis = &contents.summary["kpis"];
+    let kpis = contents.summary.kpis.as_ref();
+    let formation = kpis.and_then(|kpis| kpis.formation.as_ref());
+    let delivery = kpis.and_then(|kpis| kpis.delivery.as_ref());
+    let latency_s = delivery.and_then(|delivery| delivery.latency_s.as_ref()?.median);
     // Of the standing network: before, motes scan.
-    let energy = match &kpis["energy_since_formation"] {
-        Value::Null => &kpis["energy"],
-        since => since,
-    };
+    let energy =
+        kpis.and_then(|kpis| kpis.energy_since_formation.as_ref().or(kpis.energy.as_ref()));
+    let lifetime_years = energy.and_then(|energy| energy.network_lifetime_years);
     let unit = |value: Option<f64>, unit: &str| {
         value.map(|value| format!("{} <small>{unit}</small>", number(value)))
     };
@@ -122,11 +131,11 @@ fn tiles(page: &mut String, contents: &Contents<'_>, measures: &Measures) {
         ("Neighbours heard", unit(measures.mean_neighbours(), &others)),
         ("Delivery ratio", measures.delivery_ratio().map(percent)),
         ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
-        ("Network formed after", unit(kpis["formation"]["formed_s"].as_f64(), "s")),
-        ("Packets delivered", kpis["delivery"]["ratio"].as_f64().map(percent)),
-        ("Median latency", unit(kpis["delivery"]["latency_s"]["median"].as_f64(), "s")),
-        ("Radio on", energy["duty_cycle"]["mean"].as_f64().map(percent)),
-        ("Network lifetime", unit(energy["network_lifetime_years"].as_f64(), "years")),
+        ("Network formed after", unit(formation.and_then(|formation| formation.formed_s), "s")),
+        ("Packets delivered", delivery.map(|delivery| percent(delivery.ratio))),
+        ("Median latency", unit(latency_s, "s")),
+        ("Radio on", energy.and_then(|energy| energy.duty_cycle.mean).map(percent)),
+        ("Network lifetime", unit(lifetime_years, "years")),
     ];
     page.push_str("<dl class=\"tiles\">\n");
     for (name, value) in tiles {
@@ -189,7 +198,7 @@ fn experiment(page: &mut String, contents: &Contents<'_>) {
     fact("seed", &header.seed.to_string());
     fact("agents", &header.agent_count.to_string());
     fact("control period", &format!("{} s", shortest(header.step_ns as f64 / 1e9)));
-    fact("coupling", summary["coupling"].as_str().unwrap_or(""));
+    fact("coupling", coupling(header.coupling));
     for (label, value) in &header.labels {
         if label == "knowledge" && value == "truth" {
             fact(label, &format!("{value}: {TRUTH_BASELINE}"));
@@ -197,7 +206,7 @@ fn experiment(page: &mut String, contents: &Contents<'_>) {
             fact(label, value);
         }
     }
-    if let Some(digest) = summary["final_digest"].as_str() {
+    if let Some(digest) = &summary.final_digest {
         fact("digest of the last step", digest);
     }
     page.push_str("</table>\n<h2>To do it again</h2>\n");

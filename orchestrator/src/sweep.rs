@@ -10,6 +10,7 @@ mod plan;
 mod report;
 mod results;
 pub(crate) mod statistics;
+pub mod sweep_summary;
 pub(crate) mod table;
 mod worker;
 
@@ -28,6 +29,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
+use sweep_summary::SweepSummary;
 use worker::{Queue, Said};
 
 /// What to sweep and where to put it.
@@ -119,7 +121,7 @@ pub struct SweepReport {
     /// The folder.
     pub dir: PathBuf,
     /// What is in its `summary.json`.
-    pub summary: serde_json::Value,
+    pub summary: SweepSummary,
     /// For people: the settings and their most important figures.
     pub text: String,
     /// Trials in all.
@@ -134,8 +136,6 @@ pub struct SweepReport {
 
 /// The table of a sweep.
 pub const TABLE_FILE: &str = "trials.parquet";
-/// What the `schema` of a sweep's `summary.json` is.
-pub(crate) const SCHEMA: &str = "murmuration/sweep/1";
 /// The lines that the table is made of.
 const JOURNAL_FILE: &str = "trials.jsonl";
 

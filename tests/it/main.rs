@@ -28,6 +28,7 @@ mod power;
 mod reference;
 mod refusals;
 mod reports;
+mod schemas;
 mod simulate;
 mod solids;
 mod sweeps;

@@ -19,6 +19,8 @@ use proto::config::{
 };
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use sides::{Sides, missing_file};
 use std::path::{Path, PathBuf};
 
@@ -187,7 +189,8 @@ pub enum Transport {
 }
 
 /// When the robots start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
 pub enum Start {
     /// When the network has formed.
     WhenFormed,

@@ -15,6 +15,7 @@
 //! Units are in the names. Quantiles are interpolated between neighbours.
 
 mod energy;
+pub mod kpi_summary;
 mod packets;
 mod samples;
 
@@ -22,8 +23,11 @@ pub use packets::{Account, MotePackets};
 pub use samples::Samples;
 
 use super::period::Period;
+use indexmap::IndexMap;
+use kpi_summary::{
+    FormationSummary, JoinTimes, Joining, KpiSummary, QueueDrops, Routing, SinceStart,
+};
 use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};
-use serde_json::{Map, Value, json};
 
 /// Charge of two AA cells (mAh), as the 6TiSCH simulator has it: where the network says nothing else in `battery_mah`.
 pub const BATTERY_MAH: f64 = 2821.5;
@@ -114,27 +118,27 @@ impl Kpis {
         self.formation.is_none() && self.latest.is_none() && self.account.is_empty()
     }
 
-    /// For `summary.json`; null of a network without protocols.
-    pub fn summary(&self) -> Value {
+    /// For `summary.json`; none of a network without protocols.
+    pub fn summary(&self) -> Option<KpiSummary> {
         if self.is_empty() {
-            return Value::Null;
+            return None;
         }
         let n = self.motes.alive.len();
         let whole = energy::of(self, None, n);
         let since = self.formed.as_ref().map(|(_, formed)| energy::of(self, Some(formed), n));
-        json!({
-            "formation": self.formation.as_ref().map(formation),
-            "joining": self.joining(n),
-            "delivery": self.account.delivery(|_| true),
-            "delivery_upward": self.account.delivery(|mote| self.is_root(mote)),
-            "packets": self.account.by_kind(),
-            "routing": self.routing(None, n),
-            "since_start": self.since_start(n),
-            "queue_drops": self.queue_drops(n),
-            "drops_by_reason": self.drops_by_reason(n),
-            "energy": whole.as_ref().map(energy::Energy::summary),
-            "energy_since_formation": since.flatten().as_ref().map(energy::Energy::summary),
-            "motes": self.per_mote(n, whole.as_ref()),
+        Some(KpiSummary {
+            formation: self.formation.as_ref().map(formation),
+            joining: self.joining(n),
+            delivery: self.account.delivery(|_| true),
+            delivery_upward: self.account.delivery(|mote| self.is_root(mote)),
+            packets: self.account.by_kind(),
+            routing: self.routing(None, n),
+            since_start: self.since_start(n),
+            queue_drops: self.queue_drops(n),
+            drops_by_reason: self.drops_by_reason(n),
+            energy: whole.as_ref().map(energy::Energy::summary),
+            energy_since_formation: since.flatten().as_ref().map(energy::Energy::summary),
+            motes: self.per_mote(n, whole.as_ref()),
         })
     }
 
@@ -152,43 +156,41 @@ impl Kpis {
             .collect()
     }
 
-    fn joining(&self, n: usize) -> Value {
+    fn joining(&self, n: usize) -> Joining {
         let of = |name: &str| {
             let times = Samples::of(self.known(name, n, false));
-            (!times.is_empty()).then(|| {
-                json!({
-                    "motes": times.len(),
-                    "first_s": times.quantile(0.0).map(in_seconds),
-                    "mean_s": times.mean().map(in_seconds),
-                    "median_s": times.quantile(0.5).map(in_seconds),
-                    "p99_s": times.quantile(0.99).map(in_seconds),
-                    "last_s": times.quantile(1.0).map(in_seconds),
-                })
+            (!times.is_empty()).then(|| JoinTimes {
+                motes: times.len(),
+                first_s: times.quantile(0.0).map(in_seconds),
+                mean_s: times.mean().map(in_seconds),
+                median_s: times.quantile(0.5).map(in_seconds),
+                p99_s: times.quantile(0.99).map(in_seconds),
+                last_s: times.quantile(1.0).map(in_seconds),
             })
         };
-        json!({ "synced": of("first_synced_ns"), "joined": of("first_joined_ns") })
+        Joining { synced: of("first_synced_ns"), joined: of("first_joined_ns") }
     }
 
     /// What happened while robots were free to move.
-    fn since_start(&self, n: usize) -> Value {
+    fn since_start(&self, n: usize) -> SinceStart {
         let base = self.formed.as_ref().map(|(_, formed)| formed);
         let routing = match (self.has_waited, base) {
-            (true, None) => Value::Null,
+            (true, None) => Routing::default(),
             (true, base) => self.routing(base, n),
             (false, _) => self.routing(None, n),
         };
         let (joined, weight) = self.joined;
-        json!({
-            "delivery": self.moving.delivery(|_| true),
-            "delivery_upward": self.moving.delivery(|mote| self.is_root(mote)),
-            "parent_changes": routing["parent_changes"],
-            "churn_per_mote_hour": routing["churn_per_mote_hour"],
-            "joined_ratio": (0.0 < weight).then(|| joined / weight),
-        })
+        SinceStart {
+            delivery: self.moving.delivery(|_| true),
+            delivery_upward: self.moving.delivery(|mote| self.is_root(mote)),
+            parent_changes: routing.parent_changes,
+            churn_per_mote_hour: routing.churn_per_mote_hour,
+            joined_ratio: (0.0 < weight).then(|| joined / weight),
+        }
     }
 
     /// Changes of parents, from the beginning or since some statistics were told.
-    fn routing(&self, since: Option<&MoteStatistics>, n: usize) -> Value {
+    fn routing(&self, since: Option<&MoteStatistics>, n: usize) -> Routing {
         let counted = |name: &str, with_roots: bool| -> Vec<f64> {
             let column = self.statistics().and_then(|statistics| statistics.column(name));
             let before = |mote: usize| {
@@ -202,44 +204,48 @@ impl Kpis {
         let changes = counted("parent_changes", true);
         let total: f64 = changes.iter().sum();
         let on_h: f64 = counted("up_ns", false).iter().map(|&ns| in_seconds(ns) / 3600.0).sum();
-        json!({
-            "parent_changes": (!changes.is_empty()).then_some(total),
-            "churn_per_mote_hour": (!changes.is_empty() && 0.0 < on_h).then(|| total / on_h),
-        })
+        Routing {
+            parent_changes: (!changes.is_empty()).then_some(total),
+            churn_per_mote_hour: (!changes.is_empty() && 0.0 < on_h).then(|| total / on_h),
+        }
     }
 
     /// What queues did not keep, of all motes, by reason: packets for which there was no room, and robots' payloads in whose
     /// place came a newer one.
-    fn queue_drops(&self, n: usize) -> Value {
+    fn queue_drops(&self, n: usize) -> QueueDrops {
         let sum = |name: &str| {
             let of_each = self.known(name, n, true);
             (!of_each.is_empty()).then(|| of_each.iter().sum::<f64>())
         };
-        json!({ "txqueue_full": sum("queue_drops"), "superseded": sum("payloads_superseded") })
+        QueueDrops { txqueue_full: sum("queue_drops"), superseded: sum("payloads_superseded") }
     }
 
     /// What ended at all motes without arriving, by reason; reasons for which nothing did are left out.
-    fn drops_by_reason(&self, n: usize) -> Value {
+    fn drops_by_reason(&self, n: usize) -> Option<IndexMap<String, f64>> {
         let columns = self.statistics().map_or(&[][..], |statistics| &statistics.columns);
         let sums = columns.iter().filter_map(|column| {
             let reason = column.name.strip_prefix(DROPS)?;
             Some((reason.to_owned(), self.known(&column.name, n, true).iter().sum::<f64>()))
         });
-        let sums: Vec<(String, f64)> = sums.collect();
+        let mut sums: IndexMap<String, f64> = sums.collect();
         if sums.is_empty() {
-            return Value::Null;
+            return None;
         }
-        let sums = sums.into_iter().filter(|(_, sum)| *sum != 0.0);
-        Value::Object(sums.map(|(reason, sum)| (reason, json!(sum))).collect())
+        sums.retain(|_, sum| *sum != 0.0);
+        Some(sums)
     }
 
     /// Columns, one entry per mote; a column that nobody has a value in is left out.
-    fn per_mote(&self, n: usize, energy: Option<&energy::Energy>) -> Value {
-        let mut columns = Map::new();
+    fn per_mote(
+        &self,
+        n: usize,
+        energy: Option<&energy::Energy>,
+    ) -> IndexMap<String, Vec<Option<f64>>> {
+        let mut columns = IndexMap::new();
         let mut add = |name: &str, value: &dyn Fn(usize) -> Option<f64>| {
             let values: Vec<Option<f64>> = (0..n).map(value).collect();
             if values.iter().any(Option::is_some) {
-                columns.insert(name.to_owned(), json!(values));
+                columns.insert(name.to_owned(), values);
             }
         };
         let statistic = |name: &str, mote: usize| {
@@ -275,7 +281,7 @@ impl Kpis {
                     .and_then(|current_ua| energy.lifetime_years(current_ua))
             });
         }
-        Value::Object(columns)
+        columns
     }
 }
 
@@ -289,15 +295,16 @@ pub const LATENCY_QUANTILES: [(&str, f64); 4] = [
 /// What names of statistics begin with that say what ended at a mote; the reason follows.
 const DROPS: &str = "drops_";
 
-fn formation(formation: &Formation) -> Value {
-    let by_reason: Map<String, Value> =
-        formation.by_reason().map(|(words, motes)| (words.to_owned(), json!(motes))).collect();
-    json!({
-        "formed": formation.formed_ns.is_some(),
-        "formed_s": formation.formed_ns.map(seconds),
-        "missing": formation.missing.len(),
-        "missing_by_reason": by_reason,
-    })
+fn formation(formation: &Formation) -> FormationSummary {
+    FormationSummary {
+        formed: formation.formed_ns.is_some(),
+        formed_s: formation.formed_ns.map(seconds),
+        missing: formation.missing.len(),
+        missing_by_reason: formation
+            .by_reason()
+            .map(|(words, motes)| (words.to_owned(), motes))
+            .collect(),
+    }
 }
 
 fn in_seconds(ns: f64) -> f64 {

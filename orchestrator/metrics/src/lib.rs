@@ -7,6 +7,7 @@
 //! | [`measures`] | everything that is measured of a run, over time |
 //! | [`task`] | what the swarm was to do, and when that counts as done |
 //! | [`swarm`] | order, cohesion, distances and other figures of the swarm |
+//! | [`figures`] | figures by name, as summaries have them |
 //! | [`lines`] | how straight a line formation is |
 //! | [`solids`] | collisions with walls, obstacles and each other |
 //! | [`kpi`] | delivery, latency, hops and energy of the network |
@@ -16,6 +17,7 @@
 
 pub mod counts;
 pub mod distances;
+pub mod figures;
 pub mod kpi;
 pub mod lines;
 pub mod measures;

@@ -9,6 +9,7 @@ use super::solids::Solids;
 use super::swarm::{self, Swarm};
 use super::task::Task;
 use super::trajectories::Trajectories;
+use crate::figures::{FigureValue, FiguresByName};
 use numbers::statistics::{quantile, ratio};
 use proto::site::Site;
 use proto::types::{AgentStates, TaskFigure, seconds};
@@ -270,10 +271,11 @@ impl Measures {
 
     /// What the swarm did, by name of the figure.
     #[must_use]
-    pub fn swarm_figures(&self) -> serde_json::Map<String, serde_json::Value> {
+    pub fn swarm_figures(&self) -> FiguresByName {
         let mut figures = self.swarm.figures(&self.task);
         if let Some(solids) = &self.solids {
-            figures.insert("site_collisions".to_owned(), solids.n_met().into());
+            let n_met = FigureValue::Count(solids.n_met());
+            figures.insert("site_collisions".to_owned(), Some(n_met));
         }
         figures
     }

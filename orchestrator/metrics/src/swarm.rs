@@ -2,8 +2,8 @@
 
 use super::period::{Period, distance_m};
 use super::task::Task;
+use crate::figures::{FigureValue, FiguresByName};
 use proto::types::{AgentStates, seconds};
-use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
 /// Measures of a swarm over time.
@@ -193,24 +193,25 @@ impl Swarm {
     }
 
     /// The figures of the task, by name.
-    pub(super) fn figures(&self, task: &Task) -> Map<String, Value> {
-        let mut figures = Map::new();
-        let mut add = |name: &str, value: Value| {
+    pub(super) fn figures(&self, task: &Task) -> FiguresByName {
+        let number = |value: Option<f64>| value.map(FigureValue::Number);
+        let mut figures = FiguresByName::new();
+        let mut add = |name: &str, value: Option<FigureValue>| {
             figures.insert(name.to_owned(), value);
         };
         if task.leader.is_some() {
-            add("speed_along_leader_mps", json!(self.along_leader.value()));
-            add("leader_distance_m", json!(self.leader_distance.value()));
-            add("leader_connected_ratio", json!(self.leader_connected.value()));
+            add("speed_along_leader_mps", number(self.along_leader.value()));
+            add("leader_distance_m", number(self.leader_distance.value()));
+            add("leader_connected_ratio", number(self.leader_connected.value()));
         }
-        add("polarisation", json!(self.polarisation.value()));
-        add("radial_speed_mps", json!(self.radial.value()));
-        add("cohesion_m", json!(self.cohesion.value()));
-        add("fragments", json!(self.fragments.value()));
-        add("final_fragments", json!(self.final_fragments));
-        add("collisions", json!(task.diameter_m.map(|_| self.n_collisions)));
-        add("min_distance_m", json!(self.min_distance_m));
-        add("neighbour_error_m", json!(self.neighbour_error.value()));
+        add("polarisation", number(self.polarisation.value()));
+        add("radial_speed_mps", number(self.radial.value()));
+        add("cohesion_m", number(self.cohesion.value()));
+        add("fragments", number(self.fragments.value()));
+        add("final_fragments", self.final_fragments.map(|n| FigureValue::Count(n as u64)));
+        add("collisions", task.diameter_m.map(|_| FigureValue::Count(self.n_collisions)));
+        add("min_distance_m", number(self.min_distance_m));
+        add("neighbour_error_m", number(self.neighbour_error.value()));
         figures
     }
 }
@@ -396,7 +397,7 @@ mod tests {
     }
 
     fn number(swarm: &Swarm, name: &str) -> f64 {
-        swarm.figures(&leader())[name].as_f64().unwrap()
+        swarm.figures(&leader())[name].unwrap().number().unwrap()
     }
 
     #[test]

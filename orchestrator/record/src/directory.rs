@@ -1,6 +1,7 @@
 //! Where a record grows and where it goes: `OUT/.<name>.partial-<pid>/` until it is whole, then `OUT/<name>/`.
 
 use super::RecordError;
+use serde::Deserialize;
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -82,10 +83,15 @@ impl Directory {
 pub(crate) fn is_record(dir: &Path) -> bool {
     fs::read(dir.join("summary.json"))
         .ok()
-        .and_then(|text| serde_json::from_slice::<serde_json::Value>(&text).ok())
-        .is_some_and(|summary| {
-            summary["schema"].as_str().is_some_and(|tag| tag.starts_with(SCHEMA_PREFIX))
-        })
+        .and_then(|text| serde_json::from_slice::<Tagged>(&text).ok())
+        .is_some_and(|tagged| tagged.schema.starts_with(SCHEMA_PREFIX))
+}
+
+/// What says of which format a `summary.json` is.
+#[derive(Debug, Deserialize)]
+pub struct Tagged {
+    /// The format.
+    pub schema: String,
 }
 
 /// What the `schema` of every `summary.json` begins with.

@@ -14,6 +14,7 @@ mod log;
 mod measurer;
 mod pcap;
 pub mod read;
+pub mod run_summary;
 mod summary;
 pub mod table;
 mod tables;
@@ -27,7 +28,7 @@ pub use table::{ColumnKind, ColumnShape, TableShape};
 pub use tables::TABLES;
 pub use verify::verify;
 
-pub use directory::SCHEMA_PREFIX;
+pub use directory::{SCHEMA_PREFIX, Tagged};
 pub use summary::TRUTH_BASELINE;
 pub use tables::is_column_of_motes;
 
@@ -37,6 +38,9 @@ use metrics::Measures;
 use proto::digest::Digest;
 use proto::exchange::{Configured, NetworkStep, RobotsStep};
 use proto::types::{Coupling, MoteCommand, NetRecord};
+use run_summary::RunSummary;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -52,7 +56,7 @@ pub struct Contents<'a> {
     /// What was known before the run.
     pub header: &'a RunHeader,
     /// Its `summary.json`.
-    pub summary: &'a Value,
+    pub summary: &'a RunSummary,
     /// Its measures; `None` of a run that was never configured.
     pub measures: Option<&'a Measures>,
     /// Its `provenance.json`.
@@ -131,7 +135,8 @@ impl Ending {
 }
 
 /// Whether a run ran to its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum Status {
     /// It did.
     Complete,
@@ -159,7 +164,7 @@ pub struct Finished {
     /// The directory.
     pub dir: PathBuf,
     /// What is in its `summary.json`.
-    pub summary: Value,
+    pub summary: RunSummary,
     /// Its report, if one was asked for.
     pub report: Option<PathBuf>,
 }
@@ -299,7 +304,7 @@ impl Recorder {
             other => Map::from_iter([("note".to_owned(), other)]),
         };
         provenance.insert("files".to_owned(), Value::Object(files));
-        directory.write("provenance.json", pretty(&Value::Object(provenance)).as_bytes())?;
+        directory.write("provenance.json", pretty(&provenance).as_bytes())?;
         let dir = directory.publish()?;
         let report = self.header.output.report.then(|| dir.join(REPORT_FILE));
         Ok(Finished { dir, summary, report })
@@ -350,8 +355,15 @@ fn record(mut writer: RunWriter, inbox: &Receiver<Event>) -> Result<Written, Rec
     writer.finish()
 }
 
-fn pretty(value: &Value) -> String {
-    format!("{value:#}\n")
+/// JSON with a line for each value, as answers and summaries are written.
+///
+/// # Panics
+///
+/// If a map of the value has keys that are not text.
+#[must_use]
+pub fn pretty(value: &impl Serialize) -> String {
+    let json = serde_json::to_value(value).expect("keys are texts, and nothing else fails");
+    format!("{json:#}\n")
 }
 
 /// So many steps times agents are handed over together.

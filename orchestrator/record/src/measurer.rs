@@ -1,10 +1,10 @@
 //! What a run comes to, without leaving anything on disk.
 
+use super::run_summary::RunSummary;
 use super::writer::{Event, RunWriter};
 use super::{Ending, OutputConfig, RecordError, RunHeader, StepRecord, summary};
 use experiment::output::Links;
 use proto::exchange::Configured;
-use serde_json::Value;
 use std::path::Path;
 
 /// Measures a run as [`Recorder`](super::Recorder) does, and writes nothing.
@@ -40,7 +40,7 @@ impl Measurer {
     /// # Errors
     ///
     /// None that a record without files has.
-    pub fn finish(self, ending: &Ending) -> Result<Value, RecordError> {
+    pub fn finish(self, ending: &Ending) -> Result<RunSummary, RecordError> {
         Ok(summary::of_run(&self.header, ending, &self.writer.finish()?))
     }
 }

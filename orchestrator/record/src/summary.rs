@@ -1,52 +1,48 @@
 //! `summary.json`: what came of a run, in numbers.
 
 use super::directory::SCHEMA_PREFIX;
+use super::run_summary::{DeliveryByDistance, FileCount, NetworkSummary, RunSummary, TaskSummary};
 use super::writer::Written;
 use super::{Ending, RunHeader, Status};
 use experiment::output::Links;
+use metrics::figures::{FigureValue, FiguresByName};
 use metrics::measures::Measures;
 use proto::digest::hex;
 use proto::types::seconds;
-use serde_json::{Map, Value, json};
 
 /// The summary of a run.
-pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> Value {
+pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> RunSummary {
     let measures = written.measures.as_ref();
-    let n_steps = measures.map_or(0, |measures| measures.n_steps);
-    let files: Map<String, Value> = written
-        .files
-        .iter()
-        .map(|(file, n, _)| {
-            let counted = match file.rsplit('.').next() {
-                Some("mcap") => "messages",
-                Some("pcap") => "frames",
-                _ => "rows",
-            };
-            ((*file).to_owned(), json!({ counted: n }))
-        })
-        .collect();
-    json!({
-        "schema": format!("{SCHEMA_PREFIX}1"),
-        "name": header.name,
-        "seed": header.seed,
-        "agent_count": header.agent_count,
-        "step_ns": header.step_ns,
-        "coupling": header.coupling,
-        "labels": header.labels,
-        "baseline": is_truth(header, measures).then_some(TRUTH_BASELINE),
-        "status": ending.status.name(),
-        "reason": ending.reason,
-        "steps": n_steps,
-        "start": header.start.name(),
-        "robots_started_s": measures.map(|measures| seconds(measures.start_ns)),
-        "simulated_s": measures.map_or(0.0, |measures| seconds(measures.time_ns)),
-        "final_digest": written.digest.map(|digest| hex(&digest)),
-        "task": measures.map(|measures| task(measures, ending)),
-        "network": measures.map(network),
-        "kpis": measures.map(|measures| measures.kpis.summary()),
-        "files": files,
-        "warnings": warnings(header, ending, written),
-    })
+    let files = written.files.iter().map(|(file, n, _)| {
+        let count = match file.rsplit('.').next() {
+            Some("mcap") => FileCount::Messages(*n),
+            Some("pcap") => FileCount::Frames(*n),
+            _ => FileCount::Rows(*n),
+        };
+        ((*file).to_owned(), count)
+    });
+    RunSummary {
+        schema: format!("{SCHEMA_PREFIX}1"),
+        name: header.name.clone(),
+        seed: header.seed,
+        agent_count: header.agent_count,
+        step_ns: header.step_ns,
+        coupling: header.coupling,
+        labels: header.labels.clone(),
+        baseline: is_truth(header, measures).then(|| TRUTH_BASELINE.to_owned()),
+        status: ending.status,
+        reason: ending.reason.clone(),
+        steps: measures.map_or(0, |measures| measures.n_steps),
+        start: header.start,
+        robots_started_s: measures.map(|measures| seconds(measures.start_ns)),
+        simulated_s: measures.map_or(0.0, |measures| seconds(measures.time_ns)),
+        final_digest: written.digest.map(|digest| hex(&digest)),
+        task: measures.map(|measures| task(measures, ending)),
+        network: measures.map(network),
+        kpis: measures.and_then(|measures| measures.kpis.summary()),
+        files: files.collect(),
+        warnings: warnings(header, ending, written),
+    }
 }
 
 /// Whether the robots knew the truth instead of what was delivered to them.
@@ -58,60 +54,74 @@ pub(crate) fn is_truth(header: &RunHeader, measures: Option<&Measures>) -> bool 
 /// What such a run is called wherever it is shown.
 pub const TRUTH_BASELINE: &str = "truth baseline";
 
-fn task(measures: &Measures, ending: &Ending) -> Value {
+fn task(measures: &Measures, ending: &Ending) -> TaskSummary {
     let n = measures.n_alive_at_end() as f64;
+    let mut figures = FiguresByName::new();
+    let mut add = |name: &str, value: Option<f64>| {
+        figures.insert(name.to_owned(), value.map(FigureValue::Number));
+    };
     // As the BotNet paper counts robots that wait for a network that does not form.
     let flock_speed_mps = if ending.never_formed { Some(0.0) } else { measures.flock_speed_mps() };
-    let mut task = json!({
-        "controller": measures.task.controller,
-        "complete": measures.completed_at_step.is_some(),
-        "completed_at_step": measures.completed_at_step,
-        "completed_after_s": measures.completed_after_s(),
-        "flock_speed_mps": flock_speed_mps,
-        "mean_speed_mps": measures.mean_speed_mps(),
-        "final_spread_m": measures.final_spread_m(),
-    });
+    add("flock_speed_mps", flock_speed_mps);
+    add("mean_speed_mps", measures.mean_speed_mps());
+    add("final_spread_m", measures.final_spread_m());
     if let Some(leader_speed_mps) = measures.task.leader_speed_mps {
-        task["leader_speed_mps"] = json!(leader_speed_mps);
-        task["flock_speed_floor_mps"] = json!((0.0 < n).then(|| leader_speed_mps / n));
+        add("leader_speed_mps", Some(leader_speed_mps));
+        add("flock_speed_floor_mps", (0.0 < n).then(|| leader_speed_mps / n));
     }
-    for (name, value) in measures.swarm_figures() {
-        task[name] = value;
+    figures.extend(measures.swarm_figures());
+    figures.extend(of_shape(measures));
+    for reported in &measures.task_figures {
+        let is_field = FIELDS.contains(&reported.name.as_str());
+        // What is measured here is not for the robots to say.
+        if !is_field && figures.get(&reported.name).copied().flatten().is_none() {
+            figures.insert(reported.name.clone(), Some(FigureValue::Number(reported.value)));
+        }
     }
+    TaskSummary {
+        controller: measures.task.controller.clone(),
+        complete: measures.completed_at_step.is_some(),
+        completed_at_step: measures.completed_at_step,
+        completed_after_s: measures.completed_after_s(),
+        figures,
+    }
+}
+
+/// What every task has besides figures.
+const FIELDS: [&str; 4] = ["controller", "complete", "completed_at_step", "completed_after_s"];
+
+/// The figures of a controller.
+fn of_shape(measures: &Measures) -> FiguresByName {
+    let n = measures.n_alive_at_end() as f64;
     let log10 = |value: Option<f64>| value.filter(|&value| 0.0 < value).map(libm::log10);
-    match measures.task.controller.as_deref() {
+    let number = |value: Option<f64>| value.map(FigureValue::Number);
+    let figures = match measures.task.controller.as_deref() {
         Some("line-formation") => {
             let residual_m2 = measures.line_residual_m2();
             let across_m2 = measures.across_line_m2();
             let rms_m = across_m2.filter(|_| 0.0 < n).map(|across_m2| libm::sqrt(across_m2 / n));
-            task["line_residual_m2"] = json!(residual_m2);
-            task["line_residual_log10"] = json!(log10(residual_m2));
-            task["line_residual_across_m2"] = json!(across_m2);
-            task["line_residual_across_log10"] = json!(log10(across_m2));
-            task["line_rms_m"] = json!(rms_m);
-            task["lines"] = json!(measures.n_lines(FORMED_WITHIN_M));
-            task["false_completion"] = json!(false_completion(measures, rms_m));
+            let lines = measures.n_lines(FORMED_WITHIN_M);
+            vec![
+                ("line_residual_m2", number(residual_m2)),
+                ("line_residual_log10", number(log10(residual_m2))),
+                ("line_residual_across_m2", number(across_m2)),
+                ("line_residual_across_log10", number(log10(across_m2))),
+                ("line_rms_m", number(rms_m)),
+                ("lines", Some(FigureValue::Count(lines as u64))),
+                ("false_completion", false_completion(measures, rms_m).map(FigureValue::Flag)),
+            ]
         }
         Some("circle-formation") => {
             let rms_m = measures.off_circle_m();
-            task["circle_rms_m"] = json!(rms_m);
-            task["false_completion"] = json!(false_completion(measures, rms_m));
+            vec![
+                ("circle_rms_m", number(rms_m)),
+                ("false_completion", false_completion(measures, rms_m).map(FigureValue::Flag)),
+            ]
         }
-        Some("exploration") => {
-            for name in EXPLORATION {
-                task[name] = Value::Null;
-            }
-        }
-        _ => {}
-    }
-    for figure in &measures.task_figures {
-        let place = &mut task[figure.name.as_str()];
-        // What is measured here is not for the robots to say.
-        if place.is_null() {
-            *place = json!(figure.value);
-        }
-    }
-    task
+        Some("exploration") => EXPLORATION.map(|name| (name, None)).to_vec(),
+        _ => Vec::new(),
+    };
+    figures.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 /// Figures of robots that explore, by name. They know them themselves; one that is not known yet is null.
@@ -136,35 +146,31 @@ fn false_completion(measures: &Measures, rms_m: Option<f64>) -> Option<bool> {
 /// BotNet's step.
 const FORMED_WITHIN_M: f64 = 0.1;
 
-fn network(measures: &Measures) -> Value {
-    let by_distance: Vec<Value> = measures
-        .by_distance()
-        .iter()
-        .map(|bin| {
-            json!({
-                "from_m": bin.from_m,
-                "to_m": bin.to_m,
-                "attempts": bin.attempts,
-                "deliveries": bin.deliveries,
-                "ratio": bin.ratio(),
-                "ratio_interval_95": bin.interval(),
-            })
-        })
-        .collect();
-    json!({
-        "transmissions": measures.transmissions,
-        "sent_bytes": measures.sent_bytes,
-        "attempts": measures.attempts,
-        "deliveries": measures.deliveries,
-        "delivery_ratio": measures.delivery_ratio(),
-        "unicast_deliveries": measures.unicast_deliveries,
-        "mean_delay_s": measures.mean_delay_s(),
-        "mean_age_s": measures.mean_age_s(),
-        "mean_neighbours_heard": measures.mean_neighbours(),
-        "isolated_ratio": measures.isolated_ratio(),
-        "by_distance_is_sampled": measures.is_distance_sampled,
-        "by_distance": by_distance,
-    })
+fn network(measures: &Measures) -> NetworkSummary {
+    let known = |value: f64| Some(value).filter(|value| value.is_finite());
+    let by_distance = measures.by_distance();
+    let by_distance = by_distance.iter().map(|bin| DeliveryByDistance {
+        from_m: bin.from_m,
+        to_m: bin.to_m,
+        attempts: bin.attempts,
+        deliveries: bin.deliveries,
+        ratio: known(bin.ratio()),
+        ratio_interval_95: bin.interval().map(known),
+    });
+    NetworkSummary {
+        transmissions: measures.transmissions,
+        sent_bytes: measures.sent_bytes,
+        attempts: measures.attempts,
+        deliveries: measures.deliveries,
+        delivery_ratio: measures.delivery_ratio(),
+        unicast_deliveries: measures.unicast_deliveries,
+        mean_delay_s: measures.mean_delay_s(),
+        mean_age_s: measures.mean_age_s(),
+        mean_neighbours_heard: measures.mean_neighbours(),
+        isolated_ratio: measures.isolated_ratio(),
+        by_distance_is_sampled: measures.is_distance_sampled,
+        by_distance: by_distance.collect(),
+    }
 }
 
 fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<String> {

@@ -220,9 +220,9 @@ fn an_interrupted_run_keeps_what_it_recorded_and_says_so() {
     let recorder = record(out.path(), header("run"), 5);
     let ending = Ending::early(Status::Interrupted, "stopped by Ctrl-C".to_owned());
     let run = recorder.finish(&ending, Value::Null, page).unwrap();
-    assert_eq!(run.summary["status"], "interrupted");
-    assert_eq!(run.summary["reason"], "stopped by Ctrl-C");
-    assert_eq!(run.summary["steps"], 5);
+    assert_eq!(json!(run.summary)["status"], "interrupted");
+    assert_eq!(json!(run.summary)["reason"], "stopped by Ctrl-C");
+    assert_eq!(json!(run.summary)["steps"], 5);
     let report = verify(&run.dir).unwrap();
     assert_eq!((report.steps, report.problems), (5, vec![]));
 }
@@ -233,8 +233,8 @@ fn a_run_that_failed_before_it_was_configured_leaves_a_summary_too() {
     let recorder = Recorder::create(out.path(), header("run")).unwrap();
     let ending = Ending::early(Status::Failed, "no such host".to_owned());
     let run = recorder.finish(&ending, Value::Null, page).unwrap();
-    assert_eq!(run.summary["steps"], 0);
-    assert_eq!(run.summary["task"], Value::Null);
+    assert_eq!(json!(run.summary)["steps"], 0);
+    assert_eq!(json!(run.summary)["task"], Value::Null);
     let report = verify(&run.dir).unwrap();
     assert_eq!((report.steps, report.problems), (0, vec![]));
 }
@@ -296,7 +296,7 @@ fn probing_leaves_nothing_and_finds_what_recording_would_find() {
 #[test]
 fn the_summary_measures_task_and_network() {
     let out = tempfile::tempdir().unwrap();
-    let summary = finished(out.path(), header("run")).summary;
+    let summary = json!(finished(out.path(), header("run")).summary);
     assert_eq!(summary["schema"], "murmuration/summary/1");
     assert_eq!(summary["simulated_s"], 1.2);
     assert_eq!(summary["baseline"], Value::Null);
@@ -335,7 +335,7 @@ fn speeds_are_means_over_time_not_over_steps() {
     let network = NetworkStep { time_ns, ..(*two.network).clone() };
     let (robots, network) = (Arc::new(robots), Arc::new(network));
     recorder.step(StepRecord { time_ns, robots, network, ..two }).unwrap();
-    let task = recorder.finish(&complete(), Value::Null, page).unwrap().summary["task"].clone();
+    let task = json!(recorder.finish(&complete(), Value::Null, page).unwrap().summary.task);
     for key in ["flock_speed_mps", "mean_speed_mps"] {
         // Up to rounding.
         assert!((task[key].as_f64().unwrap() - 0.5).abs() < 1e-9, "{key}: {}", task[key]);

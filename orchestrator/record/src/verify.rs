@@ -3,19 +3,29 @@
 use super::directory::is_record;
 use super::pcap::{self, Counter};
 use super::read::{ReadError, Reader};
+use super::run_summary::{FileCount, RunSummary};
 use super::whole::{Fingerprint, fingerprint};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use proto::digest::{hex, of_step};
 use proto::types::{Coupling, Deliveries};
 use proto_messages::convert::{self, InvalidField};
-use serde_json::Value;
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-/// What was found.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// What the schema of the report is called.
+pub const SCHEMA: &str = "verify/1";
+
+/// Whether a record is as it was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct VerifyReport {
+    /// The format of this answer.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: &'static str,
     /// Files that are as they were written, by name.
     pub files: Vec<String>,
     /// Steps read from the messages.
@@ -46,39 +56,46 @@ pub fn verify(dir: &Path) -> Result<VerifyReport, VerifyError> {
     if !is_record(dir) {
         return Err(VerifyError::NotARecord { path: dir.to_owned() });
     }
-    let mut report = VerifyReport::default();
-    let summary = json(dir, "summary.json", &mut report);
-    let provenance = json(dir, "provenance.json", &mut report);
-    whole_files(dir, &provenance, &mut report);
+    let (files, problems) = (Vec::new(), Vec::new());
+    let mut report = VerifyReport { schema: SCHEMA, files, steps: 0, digests: 0, problems };
+    let summary: Option<RunSummary> = json(dir, RunSummary::FILE, &mut report);
+    let provenance: Option<Provenance> = json(dir, "provenance.json", &mut report);
+    whole_files(dir, provenance.unwrap_or_default(), &mut report);
     configuration(dir, &mut report);
-    tables(dir, &summary, &mut report);
-    capture(dir, &summary, &mut report);
-    if summary["files"].get("run.mcap").is_some() {
-        steps(dir, &summary, &mut report);
+    if let Some(summary) = summary {
+        tables(dir, &summary, &mut report);
+        capture(dir, &summary, &mut report);
+        if summary.files.contains_key("run.mcap") {
+            steps(dir, &summary, &mut report);
+        }
     }
     Ok(report)
 }
 
-fn json(dir: &Path, name: &str, report: &mut VerifyReport) -> Value {
-    let read = || -> Result<Value, String> {
+/// What `provenance.json` says of the other files.
+#[derive(Default, Deserialize)]
+struct Provenance {
+    /// The fingerprint of each, as it was written.
+    files: Option<Map<String, Value>>,
+}
+
+fn json<T: DeserializeOwned>(dir: &Path, name: &str, report: &mut VerifyReport) -> Option<T> {
+    let read = || -> Result<T, String> {
         let text = std::fs::read(dir.join(name)).map_err(|error| error.to_string())?;
         serde_json::from_slice(&text).map_err(|error| error.to_string())
     };
-    read().unwrap_or_else(|error| {
-        report.problems.push(format!("{name}: {error}"));
-        Value::Null
-    })
+    read().map_err(|error| report.problems.push(format!("{name}: {error}"))).ok()
 }
 
 /// Every file is as long as it was and has the content it had.
-fn whole_files(dir: &Path, provenance: &Value, report: &mut VerifyReport) {
-    let Some(files) = provenance["files"].as_object() else {
+fn whole_files(dir: &Path, provenance: Provenance, report: &mut VerifyReport) {
+    let Some(files) = provenance.files else {
         report.problems.push("provenance.json: does not list the files".to_owned());
         return;
     };
     for (name, expected) in files {
-        let expected: Option<Fingerprint> = serde_json::from_value(expected.clone()).ok();
-        match (fingerprint(&dir.join(name)), expected) {
+        let expected: Option<Fingerprint> = serde_json::from_value(expected).ok();
+        match (fingerprint(&dir.join(&name)), expected) {
             (Ok(found), Some(expected)) if found == expected => report.files.push(name.clone()),
             (Ok(found), Some(expected)) if found.bytes == expected.bytes => {
                 report.problems.push(format!("{name}: its content was changed"));
@@ -107,13 +124,14 @@ fn configuration(dir: &Path, report: &mut VerifyReport) {
 }
 
 /// Every table can be opened and has as many rows as were written.
-fn tables(dir: &Path, summary: &Value, report: &mut VerifyReport) {
-    for (name, counts) in summary["files"].as_object().into_iter().flatten() {
-        let Some(expected) = counts["rows"].as_i64() else { continue };
-        let rows = || -> Result<i64, String> {
+fn tables(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
+    for (name, count) in &summary.files {
+        let FileCount::Rows(expected) = *count else { continue };
+        let rows = || -> Result<u64, String> {
             let file = File::open(dir.join(name)).map_err(|error| error.to_string())?;
             let reader = SerializedFileReader::new(file).map_err(|error| error.to_string())?;
-            Ok(reader.metadata().file_metadata().num_rows())
+            let n_rows = reader.metadata().file_metadata().num_rows();
+            u64::try_from(n_rows).map_err(|error| error.to_string())
         };
         match rows() {
             Ok(rows) if rows == expected => {}
@@ -126,8 +144,8 @@ fn tables(dir: &Path, summary: &Value, report: &mut VerifyReport) {
 }
 
 /// The capture ends where a frame does and holds as many as were written.
-fn capture(dir: &Path, summary: &Value, report: &mut VerifyReport) {
-    let Some(expected) = summary["files"][pcap::FILE]["frames"].as_u64() else { return };
+fn capture(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
+    let Some(&FileCount::Frames(expected)) = summary.files.get(pcap::FILE) else { return };
     let count = || -> std::io::Result<Counter> {
         let mut file = File::open(dir.join(pcap::FILE))?;
         let mut counter = Counter::default();
@@ -152,17 +170,17 @@ fn capture(dir: &Path, summary: &Value, report: &mut VerifyReport) {
 }
 
 /// Every step is there, one after the other, and its digest is that of what was exchanged.
-fn steps(dir: &Path, summary: &Value, report: &mut VerifyReport) {
+fn steps(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
     let mut last_digest = None;
     if let Err(error) = read_steps(dir, report, &mut last_digest) {
         report.problems.push(error);
     }
-    let expected = summary["steps"].as_u64().unwrap_or(0);
+    let expected = summary.steps;
     if report.steps != expected {
         report
             .problems
             .push(format!("run.mcap: has {} steps, the run took {expected}", report.steps));
-    } else if last_digest.as_deref() != summary["final_digest"].as_str() {
+    } else if last_digest != summary.final_digest {
         report.problems.push("run.mcap: the last digest is not the one in summary.json".to_owned());
     }
 }

@@ -42,8 +42,8 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
     };
     let report = sweep::sweep(&options)
         .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
-    for warning in report.summary["warnings"].as_array().into_iter().flatten() {
-        warn(warning.as_str().unwrap_or_default());
+    for warning in &report.summary.warnings {
+        warn(warning);
     }
     let before = match report.n_before {
         0 => String::new(),
@@ -51,7 +51,7 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
     };
     say(format!(
         "{}: {}{before} in {:.1} s, {} of simulators started",
-        report.summary["name"].as_str().unwrap_or("sweep"),
+        report.summary.name,
         count_of(report.n_trials as u64, "trial"),
         report.wall_s,
         count_of(report.n_starts, "pair")
@@ -79,6 +79,6 @@ pub(super) fn compare_runs(args: &CompareRunsArgs) -> Result<(), Failure> {
     for warning in &changes.warnings {
         warn(warning);
     }
-    say(&changes.text);
-    write_json(args.json.as_deref(), &changes.json)
+    say(compare_runs::words::text(&changes));
+    write_json(args.json.as_deref(), &changes)
 }

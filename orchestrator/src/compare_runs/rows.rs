@@ -1,14 +1,17 @@
 //! The trials of a folder, and which trial of one belongs to which of another.
 
 use super::{CompareRunsError, Pair};
+use crate::sweep::sweep_summary::SCHEMA;
 use crate::sweep::table::{CASE, SEED, SETTING, STATUS};
-use crate::sweep::{SCHEMA, TABLE_FILE, figures};
+use crate::sweep::{TABLE_FILE, figures};
+use metrics::figures::FigureValue;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
-use record::SCHEMA_PREFIX;
-use serde_json::{Map, Value};
+use record::run_summary::RunSummary;
+use record::{SCHEMA_PREFIX, Status, Tagged};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
 use std::path::Path;
 
 /// What a folder holds.
@@ -34,16 +37,12 @@ struct Row {
 /// Reads a folder.
 pub(super) fn find(path: &Path) -> Result<Found, CompareRunsError> {
     let wrong = |reason: String| CompareRunsError::Folder { path: path.to_owned(), reason };
-    let summary: Value = std::fs::read(path.join("summary.json"))
-        .map_err(|error| format!("summary.json: {error}"))
-        .and_then(|text| {
-            serde_json::from_slice(&text).map_err(|error| format!("summary.json: {error}"))
-        })
-        .map_err(|reason| {
-            let hint = "is not a folder that a run or a finished sweep has left";
-            wrong(format!("{hint} ({reason})"))
-        })?;
-    let schema = summary["schema"].as_str().unwrap_or_default();
+    let foreign = |error: &dyn Display| {
+        let hint = "is not a folder that a run or a finished sweep has left";
+        wrong(format!("{hint} (summary.json: {error})"))
+    };
+    let text = std::fs::read(path.join(RunSummary::FILE)).map_err(|error| foreign(&error))?;
+    let Tagged { schema } = serde_json::from_slice(&text).map_err(|error| foreign(&error))?;
     let config = |name: &str| {
         std::fs::read_to_string(path.join(name))
             .map_err(|error| error.to_string())
@@ -55,19 +54,20 @@ pub(super) fn find(path: &Path) -> Result<Found, CompareRunsError> {
             table(&path.join(TABLE_FILE)).map_err(|why| wrong(format!("{TABLE_FILE}: {why}")))?;
         Ok(Found { config: config("sweep.toml")?, figures, rows, is_run: false })
     } else if schema.starts_with(SCHEMA_PREFIX) {
-        let mut values = Map::new();
-        figures::of_summary(&mut values, &summary);
-        let number = |value: &Value| {
-            value.as_f64().or_else(|| value.as_bool().map(|is| f64::from(u8::from(is))))
+        let summary: RunSummary = serde_json::from_slice(&text).map_err(|error| foreign(&error))?;
+        let number = |value: FigureValue| match value {
+            FigureValue::Flag(is) => f64::from(u8::from(is)),
+            FigureValue::Count(n) => n as f64,
+            FigureValue::Number(number) => number,
         };
-        let values: Vec<(String, f64)> = values
-            .iter()
-            .filter_map(|(name, value)| Some((name.clone(), number(value)?)))
+        let values: Vec<(String, f64)> = figures::of_summary(&summary)
+            .into_iter()
+            .filter_map(|(name, value)| Some((name, number(value?))))
             .collect();
         let row = Row {
             id: BTreeMap::new(),
-            seed: summary["seed"].as_u64().unwrap_or_default(),
-            is_complete: summary["status"] == "complete",
+            seed: summary.seed,
+            is_complete: summary.status == Status::Complete,
             values: values.iter().cloned().collect(),
         };
         let figures = values.into_iter().map(|(name, _)| name).collect();

@@ -3,8 +3,8 @@
 
 use super::network::depths;
 use metrics::Measures;
+use metrics::kpi::kpi_summary::KpiSummary;
 use numbers::format::{count, count_of, number, percent};
-use serde_json::Value;
 use std::cmp::Ordering;
 use std::fmt::Write as _;
 
@@ -23,11 +23,9 @@ struct Key {
 }
 
 /// Adds the table, if the network told figures of its motes. `kpis`: of `summary.json`.
-pub(super) fn section(page: &mut String, kpis: &Value, measures: &Measures) {
+pub(super) fn section(page: &mut String, kpis: Option<&KpiSummary>, measures: &Measures) {
     let n = measures.kpis.motes.alive.len();
-    if kpis["motes"].as_object().is_none_or(|columns| columns.is_empty()) {
-        return;
-    }
+    let Some(kpis) = kpis.filter(|kpis| !kpis.motes.is_empty()) else { return };
     let figures = Figures { kpis, measures, n };
     let shown = figures.shown();
     let columns: Vec<Column> =
@@ -82,7 +80,7 @@ pub(super) fn section(page: &mut String, kpis: &Value, measures: &Measures) {
 
 /// Where the figures come from.
 struct Figures<'a> {
-    kpis: &'a Value,
+    kpis: &'a KpiSummary,
     measures: &'a Measures,
     n: usize,
 }
@@ -90,8 +88,7 @@ struct Figures<'a> {
 impl Figures<'_> {
     /// A figure of `summary.json` of each mote.
     fn of(&self, name: &str) -> Vec<Option<f64>> {
-        let column = &self.kpis["motes"][name];
-        (0..self.n).map(|mote| column[mote].as_f64()).collect()
+        self.kpis.motes.get(name).cloned().unwrap_or_else(|| vec![None; self.n])
     }
 
     fn is_root(&self, mote: usize) -> bool {
@@ -326,7 +323,7 @@ mod tests {
         let states = AgentStates::at_origin(n);
         let measures = Measures::new(Task::of(""), Site::default(), &states, kpis);
         let mut page = String::new();
-        section(&mut page, &summary, &measures);
+        section(&mut page, summary.as_ref(), &measures);
         page
     }
 

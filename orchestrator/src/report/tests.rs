@@ -5,9 +5,10 @@ mod made_up;
 
 use super::*;
 use experiment::{OutputConfig, Start};
+use indexmap::IndexMap;
 use proto::types::Coupling;
 use record::{Ending, Finished, Recorder, RunHeader, StepRecord};
-use serde_json::json;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -28,14 +29,39 @@ fn header(name: &str) -> RunHeader {
     }
 }
 
-fn page_of(summary: &Value) -> String {
+fn summary(status: Status) -> RunSummary {
+    RunSummary {
+        schema: "murmuration/summary/1".to_owned(),
+        name: "a<b".to_owned(),
+        seed: 7,
+        agent_count: 3,
+        step_ns: 100_000_000,
+        coupling: Coupling::Sequential,
+        labels: BTreeMap::new(),
+        baseline: None,
+        status,
+        reason: None,
+        steps: 0,
+        start: Start::AtOnce,
+        robots_started_s: None,
+        simulated_s: 0.0,
+        final_digest: None,
+        task: None,
+        network: None,
+        kpis: None,
+        files: IndexMap::new(),
+        warnings: Vec::new(),
+    }
+}
+
+fn page_of(summary: &RunSummary) -> String {
     let header = header("a<b");
     page(&Contents { header: &header, summary, measures: None, provenance: &Value::Null })
 }
 
 #[test]
 fn a_page_needs_nothing_from_elsewhere() {
-    let page = page_of(&json!({ "status": "complete" }));
+    let page = page_of(&summary(Status::Complete));
     for reference in ["http:", "https:", "<script", "<link", "<img", "url(h", "@import"] {
         assert!(!page.contains(reference), "{reference}");
     }
@@ -43,16 +69,18 @@ fn a_page_needs_nothing_from_elsewhere() {
 
 #[test]
 fn names_and_configurations_are_text_not_markup() {
-    let page = page_of(&json!({ "status": "complete" }));
+    let page = page_of(&summary(Status::Complete));
     assert!(page.contains("<h1>a&lt;b<"));
     assert!(page.contains("note = &quot;&lt;script&gt;&quot;"));
 }
 
 #[test]
 fn warnings_and_the_reason_of_a_failure_stand_at_the_top() {
-    let page = page_of(&json!({
-        "status": "failed", "reason": "netsim hangs", "warnings": ["check the walls"],
-    }));
+    let page = page_of(&RunSummary {
+        reason: Some("netsim hangs".to_owned()),
+        warnings: vec!["check the walls".to_owned()],
+        ..summary(Status::Failed)
+    });
     let place = |text: &str| page.find(text).unwrap();
     assert!(place("netsim hangs") < place("<h2>"));
     assert!(place("check the walls") < place("<h2>"));
@@ -70,7 +98,7 @@ fn the_truth_baseline_is_called_so_in_summary_and_report() {
     let mut header = made_up::header("run");
     header.labels.insert("knowledge".to_owned(), "truth".to_owned());
     let run = recorded(out.path(), header);
-    assert_eq!(run.summary["baseline"], "truth baseline");
+    assert_eq!(run.summary.baseline.as_deref(), Some("truth baseline"));
     let page = std::fs::read_to_string(run.report.unwrap()).unwrap();
     assert!(page.matches("truth baseline").count() >= 2);
 }

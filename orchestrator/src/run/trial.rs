@@ -7,6 +7,7 @@ use crate::drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
 use crate::peer::{Network, Peer as _, Remote, Robots};
 use crate::report;
 use experiment::{Plan, Tls, Transport};
+use record::run_summary::RunSummary;
 use record::{Ending, Measurer, RecordError, Recorder};
 use serde_json::Value;
 use std::path::Path;
@@ -52,7 +53,7 @@ pub struct Trial<'a> {
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// Its summary.
-    pub summary: Value,
+    pub summary: RunSummary,
     /// Why the network had not formed in time: who is missing.
     pub not_formed: Option<String>,
 }
@@ -170,7 +171,7 @@ impl Observer for Sink {
 }
 
 impl Sink {
-    fn finish(self, ending: &Ending) -> Result<Value, RecordError> {
+    fn finish(self, ending: &Ending) -> Result<RunSummary, RecordError> {
         match self {
             Self::Record(recorder) => {
                 recorder.finish(ending, Value::Null, report::page).map(|finished| finished.summary)

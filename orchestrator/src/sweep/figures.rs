@@ -1,27 +1,38 @@
 //! The figures of a run's summary, each under its path.
 
-use serde_json::{Map, Value};
+use metrics::figures::{FigureValue, FiguresByName};
+use record::run_summary::RunSummary;
+use serde_json::{Value, json};
 
-/// Adds them all: steps and time, then task, network and the network's own.
-pub(crate) fn of_summary(values: &mut Map<String, Value>, summary: &Value) {
-    for name in ["steps", "simulated_s"] {
-        values.insert(name.to_owned(), summary[name].clone());
-    }
-    for name in ["task", "network", "kpis"] {
-        below(values, name, &summary[name]);
-    }
+/// All of them: steps and time, then task, network and the network's own.
+pub(crate) fn of_summary(summary: &RunSummary) -> FiguresByName {
+    let mut figures = FiguresByName::new();
+    figures.insert("steps".to_owned(), Some(FigureValue::Count(summary.steps)));
+    figures.insert("simulated_s".to_owned(), Some(FigureValue::Number(summary.simulated_s)));
+    below(&mut figures, "task", &json!(summary.task));
+    below(&mut figures, "network", &json!(summary.network));
+    below(&mut figures, "kpis", &json!(summary.kpis));
+    figures
 }
 
 /// Every number and truth value below `name`; nulls as well, so that what is missing can be told from what is not there.
-fn below(values: &mut Map<String, Value>, name: &str, value: &Value) {
+fn below(figures: &mut FiguresByName, name: &str, value: &Value) {
+    let mut add = |value| figures.insert(name.to_owned(), value);
     match value {
         Value::Object(entries) => {
             for (key, entry) in entries {
-                below(values, &format!("{name}.{key}"), entry);
+                below(figures, &format!("{name}.{key}"), entry);
             }
         }
-        Value::Number(_) | Value::Bool(_) | Value::Null => {
-            values.insert(name.to_owned(), value.clone());
+        Value::Null => {
+            add(None);
+        }
+        Value::Bool(flag) => {
+            add(Some(FigureValue::Flag(*flag)));
+        }
+        Value::Number(number) => {
+            let count = number.as_u64().map(FigureValue::Count);
+            add(count.or_else(|| number.as_f64().map(FigureValue::Number)));
         }
         // Words, and one entry per mote or distance: the kept runs have them.
         Value::String(_) | Value::Array(_) => {}

@@ -3,8 +3,8 @@
 //! A line is written in one piece and brought to the disk before the next; what a program that was killed has left of its
 //! last line is no line, and is cut off.
 
+use metrics::figures::FiguresByName;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
@@ -26,7 +26,7 @@ pub(crate) struct Row {
     /// Real time (s).
     pub(crate) wall_s: f64,
     /// Its figures, each a number, true, false or null.
-    pub(crate) values: Map<String, Value>,
+    pub(crate) values: FiguresByName,
 }
 
 impl Row {
@@ -131,9 +131,11 @@ impl Journal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use metrics::figures::FigureValue;
 
     fn row(key: &str) -> Row {
-        let values = Map::from_iter([("x".to_owned(), Value::from(0.1 + 0.2))]);
+        let number = FigureValue::Number(0.1 + 0.2);
+        let values = FiguresByName::from([("x".to_owned(), Some(number))]);
         Row {
             key: key.to_owned(),
             program: "p".to_owned(),

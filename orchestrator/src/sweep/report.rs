@@ -3,16 +3,16 @@
 use super::plan::SweepPlan;
 use super::results::Figures;
 use super::statistics::FEWEST;
+use super::sweep_summary::SweepSummary;
 use crate::report::svg::{Axis, Chart};
 use crate::report::text::escape;
 use numbers::format::{count, number, percent, shortest};
 use proto::config::Value as Written;
 use record::ColumnKind;
-use serde_json::Value;
 use std::fmt::Write as _;
 
 /// The page.
-pub(super) fn page(plan: &SweepPlan, figures: &[Figures<'_>], summary: &Value) -> String {
+pub(super) fn page(plan: &SweepPlan, figures: &[Figures<'_>], summary: &SweepSummary) -> String {
     let name = escape(&plan.name);
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
@@ -25,11 +25,9 @@ pub(super) fn page(plan: &SweepPlan, figures: &[Figures<'_>], summary: &Value) -
         count(plan.seeds.len() as u64),
         count(plan.n_trials() as u64)
     );
-    let warnings: Vec<&str> =
-        summary["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    if !warnings.is_empty() {
+    if !summary.warnings.is_empty() {
         page.push_str("<section class=\"notice\" aria-label=\"Warnings\"><ul>\n");
-        for warning in warnings {
+        for warning in &summary.warnings {
             let _ = writeln!(page, "<li>{}</li>", escape(warning));
         }
         page.push_str("</ul></section>\n");

@@ -3,12 +3,14 @@
 use super::journal::Row;
 use super::plan::{SweepPlan, Trial};
 use super::statistics::Spread;
+use super::sweep_summary::{MetricSummary, SCHEMA, SettingSummary, SweepSummary};
 use super::table::{self, Column};
-use super::{SCHEMA, TABLE_FILE, report};
+use super::{TABLE_FILE, report};
 use numbers::format::number;
 use proto::config::most_similar;
-use record::{ColumnKind, RecordError};
-use serde_json::{Map, Value, json};
+use record::run_summary::RunSummary;
+use record::{ColumnKind, RecordError, pretty};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -32,11 +34,8 @@ pub(super) fn kept_runs(dir: &Path) -> PathBuf {
 
 /// Whether all is there that a trial left: it is the run of which the row is.
 pub(super) fn is_kept(dir: &Path, plan: &SweepPlan, trial: Trial, row: &Row) -> bool {
-    let path = kept_runs(dir).join(plan.trial_name(trial)).join("summary.json");
-    fs::read(path)
-        .ok()
-        .and_then(|text| serde_json::from_slice::<Value>(&text).ok())
-        .is_some_and(|summary| summary["final_digest"].as_str() == row.digest.as_deref())
+    let run = kept_runs(dir).join(plan.trial_name(trial));
+    RunSummary::read(&run).is_ok_and(|summary| summary.final_digest == row.digest)
 }
 
 /// Writes the sweep's file, and removes what a program that was killed has left of a run.
@@ -55,7 +54,7 @@ pub(super) fn begin(dir: &Path, plan: &SweepPlan) -> Result<(), RecordError> {
 }
 
 /// Writes everything that is made of all trials. Returns the summary, and what to tell.
-pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(Value, String), RecordError> {
+pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(SweepSummary, String), RecordError> {
     let Done { plan, rows, .. } = done;
     let columns = table::columns(plan, rows);
     let partial = dir.join(format!(".{TABLE_FILE}"));
@@ -70,11 +69,11 @@ pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(Value, String), Reco
     let figures: Vec<Figures<'_>> =
         shown.iter().map(|column| Figures::of(plan, column, &has_formed)).collect();
     let summary = summary(done, &figures, warnings);
-    write_whole(dir, "summary.json", format!("{summary:#}\n").as_bytes())?;
+    write_whole(dir, SweepSummary::FILE, pretty(&summary).as_bytes())?;
     let page = report::page(plan, &figures, &summary);
     write_whole(dir, "report.html", page.as_bytes())?;
     let provenance = provenance(done);
-    write_whole(dir, "provenance.json", format!("{provenance:#}\n").as_bytes())?;
+    write_whole(dir, "provenance.json", pretty(&provenance).as_bytes())?;
     let mut told = text(plan, &figures);
     if let Some(warning) = unformed {
         let _ = write!(told, "\nwarning: {warning}");
@@ -196,59 +195,34 @@ const OF_DELIVERY: [&str; 6] = [
     "kpis.delivery.latency_s.median",
 ];
 
-fn summary(done: &Done<'_>, figures: &[Figures<'_>], warnings: Vec<String>) -> Value {
+fn summary(done: &Done<'_>, figures: &[Figures<'_>], warnings: Vec<String>) -> SweepSummary {
     let Done { plan, rows, .. } = done;
-    let settings: Vec<Value> = plan
-        .settings
-        .iter()
-        .enumerate()
-        .map(|(number, setting)| {
-            let values: Map<String, Value> = setting
+    let settings = plan.settings.iter().enumerate().map(|(number, setting)| {
+        let of_setting = rows.iter().filter(|(trial, _)| trial.setting == number);
+        let metrics = figures.iter().map(|figures| {
+            let spread = figures.spreads[number].as_ref();
+            (figures.column.name.clone(), spread.map_or(MetricSummary::NONE, MetricSummary::of))
+        });
+        SettingSummary {
+            setting: number,
+            case: setting.case.clone(),
+            values: setting
                 .values
                 .iter()
-                .map(|(key, node)| (key.clone(), json!(node.to_toml())))
-                .collect();
-            let of_setting = rows.iter().filter(|(trial, _)| trial.setting == number);
-            let not_formed = of_setting.filter(|(_, row)| !row.has_formed()).count();
-            let metrics: Map<String, Value> = figures
-                .iter()
-                .map(|figures| {
-                    (figures.column.name.clone(), spread(figures.spreads[number].as_ref()))
-                })
-                .collect();
-            json!({
-                "setting": number,
-                "case": setting.case,
-                "values": values,
-                "not_formed": not_formed,
-                "metrics": metrics,
-            })
-        })
-        .collect();
-    json!({
-        "schema": SCHEMA,
-        "name": plan.name,
-        "trials": plan.n_trials(),
-        "seeds": plan.seeds,
-        "settings": settings,
-        "warnings": (plan.warnings.iter().chain(&warnings).collect::<Vec<_>>()),
-    })
-}
-
-/// What a sample tells, for programs.
-pub(crate) fn spread(spread: Option<&Spread>) -> Value {
-    let Some(spread) = spread else { return json!({ "n": 0 }) };
-    json!({
-        "n": spread.n,
-        "median": spread.median,
-        "median_interval_95": spread.interval_95,
-        "q25": spread.q25,
-        "q75": spread.q75,
-        "min": spread.min,
-        "max": spread.max,
-        "mean": spread.mean,
-        "sd": spread.sd,
-    })
+                .map(|(key, node)| (key.clone(), node.to_toml()))
+                .collect(),
+            not_formed: of_setting.filter(|(_, row)| !row.has_formed()).count(),
+            metrics: metrics.collect(),
+        }
+    });
+    SweepSummary {
+        schema: SCHEMA.to_owned(),
+        name: plan.name.clone(),
+        trials: plan.n_trials(),
+        seeds: plan.seeds.clone(),
+        settings: settings.collect(),
+        warnings: plan.warnings.iter().cloned().chain(warnings).collect(),
+    }
 }
 
 fn provenance(done: &Done<'_>) -> Value {

@@ -2,10 +2,10 @@
 
 use super::journal::Row;
 use super::plan::{SweepPlan, Trial};
+use metrics::figures::FigureValue;
 use proto::config::Value as Written;
 use record::table::{Cell, Heading, Table};
 use record::{ColumnKind, RecordError};
-use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -87,13 +87,14 @@ pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<Trial, Row>) -> Vec<Colu
         row(trial).map_or(Entry::Null, |row| Entry::Text(row.status.clone()))
     }));
     for name in figures(&trials, rows) {
-        let value = |trial: Trial| row(trial).and_then(|row| row.values.get(name));
+        let value = |trial: Trial| row(trial)?.values.get(name).copied().flatten();
         let mut values = trials.iter().filter_map(|&trial| value(trial));
-        let is_bool = values.any(Value::is_boolean);
+        let is_bool = values.any(|value| matches!(value, FigureValue::Flag(_)));
         let kind = if is_bool { ColumnKind::Bool } else { ColumnKind::F64 };
         columns.push(of(name, kind, &|trial| match value(trial) {
-            Some(Value::Bool(is)) => Entry::Bool(*is),
-            Some(value) => value.as_f64().map_or(Entry::Null, Entry::Number),
+            Some(FigureValue::Flag(is)) => Entry::Bool(is),
+            Some(FigureValue::Count(n)) => Entry::Number(n as f64),
+            Some(FigureValue::Number(number)) => Entry::Number(number),
             None => Entry::Null,
         }));
     }
@@ -122,7 +123,7 @@ fn figures<'a>(trials: &[Trial], rows: &'a BTreeMap<Trial, Row>) -> Vec<&'a str>
                 names.push(name);
                 false
             });
-            *has_value |= !value.is_null();
+            *has_value |= value.is_some();
         }
     }
     names.retain(|name| known.get(name) == Some(&true));

@@ -6,7 +6,6 @@ use super::results;
 use super::{Work, figures};
 use crate::peer::SideError;
 use crate::run::{self, Outcome, RunError, Sides};
-use serde_json::Map;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
 use std::time::Instant;
@@ -133,15 +132,13 @@ fn is_outside(error: &SideError) -> bool {
 
 fn row(work: &Work<'_>, trial: Trial, outcome: Outcome, wall_s: f64) -> Row {
     let Outcome { summary, not_formed } = outcome;
-    let mut values = Map::new();
-    figures::of_summary(&mut values, &summary);
     Row {
         key: work.plan.key(trial),
         program: work.program.to_owned(),
         status: if not_formed.is_some() { "not-formed" } else { "complete" }.to_owned(),
         reason: not_formed,
-        digest: summary["final_digest"].as_str().map(str::to_owned),
+        values: figures::of_summary(&summary),
+        digest: summary.final_digest,
         wall_s,
-        values,
     }
 }

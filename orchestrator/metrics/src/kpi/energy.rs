@@ -1,9 +1,9 @@
 //! Charge, current, duty cycle and lifetime.
 
+use super::kpi_summary::{EnergySummary, MoteSpread};
 use super::samples::Samples;
 use super::{BATTERY_MAH, Kpis, in_seconds};
 use proto::types::MoteStatistics;
-use serde_json::{Value, json};
 
 /// Energy of all motes over a time.
 #[derive(Clone, Debug)]
@@ -50,7 +50,7 @@ impl Energy {
     }
 
     /// For `summary.json`. Roots count for the total charge alone.
-    pub(super) fn summary(&self) -> Value {
+    pub(super) fn summary(&self) -> EnergySummary {
         let others = |column: &[Option<f64>]| {
             Samples::of(
                 column
@@ -63,17 +63,17 @@ impl Energy {
         let (current_ua, duty_cycle) = (others(&self.current_ua), others(&self.duty_cycle));
         let spread = |samples: &Samples| {
             let [median, p99, max] = samples.quantiles([0.5, 0.99, 1.0]);
-            json!({ "mean": samples.mean(), "median": median, "p99": p99, "max": max })
+            MoteSpread { mean: samples.mean(), median, p99, max }
         };
         let lifetime_years =
             |part| current_ua.quantile(part).and_then(|current| self.lifetime_years(current));
-        json!({
-            "charge_uc": self.charge_uc.iter().flatten().sum::<f64>(),
-            "mean_current_ua": spread(&current_ua),
-            "duty_cycle": spread(&duty_cycle),
-            "battery_mah": self.battery_mah,
-            "network_lifetime_years": lifetime_years(1.0),
-            "median_lifetime_years": lifetime_years(0.5),
-        })
+        EnergySummary {
+            charge_uc: self.charge_uc.iter().flatten().sum(),
+            mean_current_ua: spread(&current_ua),
+            duty_cycle: spread(&duty_cycle),
+            battery_mah: self.battery_mah,
+            network_lifetime_years: lifetime_years(1.0),
+            median_lifetime_years: lifetime_years(0.5),
+        }
     }
 }

@@ -1,9 +1,10 @@
 //! The account of packets: created, delivered, dropped, on their way.
 
+use super::kpi_summary::{Delivery, Latency, PacketsOfKind};
 use super::samples::{Samples, Timeline};
 use crate::DistanceBin;
+use indexmap::IndexMap;
 use proto::types::{EVERYONE, PacketKind, Packets, seconds};
-use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What became of all packets so far.
@@ -138,7 +139,7 @@ impl Account {
     }
 
     /// Application packets to those destinations: how many arrived, how fast, over how many hops, and why others did not.
-    pub fn delivery(&self, is_meant: impl Fn(usize) -> bool) -> Value {
+    pub fn delivery(&self, is_meant: impl Fn(usize) -> bool) -> Option<Delivery> {
         let flows: Vec<&Flow> = self
             .to
             .iter()
@@ -148,7 +149,7 @@ impl Account {
         let delivered: u64 = flows.iter().map(|flow| flow.latency_s.len()).sum();
         let dropped: u64 = flows.iter().map(|flow| flow.dropped).sum();
         if delivered + dropped == 0 {
-            return Value::Null;
+            return None;
         }
         let mut reasons: BTreeMap<String, u64> = BTreeMap::new();
         for (reason, &n) in flows.iter().flat_map(|flow| &flow.reasons) {
@@ -168,44 +169,44 @@ impl Account {
         let latency_s = Samples::of(flows.iter().flat_map(|flow| flow.latency_s.ascending()));
         let [least, median, p95, p99] = latency_s.quantiles([0.0, 0.5, 0.95, 0.99]);
         let longest_s = flows.iter().filter_map(|flow| flow.latency_s.quantile(1.0));
-        json!({
-            "delivered": delivered,
-            "dropped": dropped,
-            "ratio": ended.ratio(),
-            "ratio_interval_95": ended.interval(),
-            "drops_by_reason": reasons,
-            "latency_s": (delivered != 0).then(|| json!({
-                "min": least,
-                "mean": sum_s / delivered as f64,
-                "median": median,
-                "p95": p95,
-                "p99": p99,
-                "max": longest_s.fold(0.0, f64::max),
-            })),
-            "mean_hops": (delivered != 0).then(|| hops as f64 / delivered as f64),
+        Some(Delivery {
+            delivered,
+            dropped,
+            ratio: ended.ratio(),
+            ratio_interval_95: ended.interval(),
+            drops_by_reason: reasons,
+            latency_s: (delivered != 0).then(|| Latency {
+                min: least,
+                mean: sum_s / delivered as f64,
+                median,
+                p95,
+                p99,
+                max: longest_s.fold(0.0, f64::max),
+            }),
+            mean_hops: (delivered != 0).then(|| hops as f64 / delivered as f64),
         })
     }
 
     /// The account of every kind.
-    pub fn by_kind(&self) -> Value {
-        let kinds: Map<String, Value> = self
+    pub fn by_kind(&self) -> Option<IndexMap<String, PacketsOfKind>> {
+        let kinds: IndexMap<String, PacketsOfKind> = self
             .kinds
             .iter()
             .zip(&self.ended)
             .map(|(kind, (delivered, reasons))| {
                 let dropped: u64 = reasons.values().sum();
-                let account = json!({
-                    "is_application": kind.is_application,
-                    "created": kind.created,
-                    "delivered": delivered,
-                    "dropped": dropped,
-                    "in_flight": kind.created.saturating_sub(delivered + dropped),
-                    "drops_by_reason": reasons,
-                });
+                let account = PacketsOfKind {
+                    is_application: kind.is_application,
+                    created: kind.created,
+                    delivered: *delivered,
+                    dropped,
+                    in_flight: kind.created.saturating_sub(delivered + dropped),
+                    drops_by_reason: reasons.clone(),
+                };
                 (kind.name.clone(), account)
             })
             .collect();
-        if kinds.is_empty() { Value::Null } else { Value::Object(kinds) }
+        (!kinds.is_empty()).then_some(kinds)
     }
 
     /// Where the account does not come out even.

@@ -19,7 +19,7 @@ fn steps_hold_every_agent_from_the_beginning() {
     let run = finished(out.path(), header("run"));
     let rows = rows(&run.dir, "steps.parquet");
     assert_eq!(rows.len(), N * (STEPS as usize + 1));
-    assert_eq!(run.summary["files"]["steps.parquet"]["rows"], rows.len());
+    assert_eq!(json!(run.summary)["files"]["steps.parquet"]["rows"], rows.len());
     let row = &rows[N * 3 + 1];
     assert_eq!(column(row, "step"), Field::ULong(3));
     assert_eq!(column(row, "time_ns"), Field::ULong(3 * STEP_NS));

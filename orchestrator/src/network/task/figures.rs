@@ -2,6 +2,7 @@
 
 use crate::network::figure::{Figure, figure};
 use crate::network::tracks::Tracks;
+use metrics::figures::FigureValue;
 use metrics::places::measures_of;
 use metrics::{Measures, Task};
 use proto::types::{AgentStates, NS_PER_S};
@@ -127,6 +128,7 @@ impl Sheet {
         else {
             return nothing;
         };
+        let swarm = measures.swarm_figures();
         let centre = |states: &AgentStates| -> [f64; 2] {
             [&states.x_m, &states.y_m]
                 .map(|column| column.iter().sum::<f64>() / column.len() as f64)
@@ -143,7 +145,7 @@ impl Sheet {
                 }
                 "centre_x_m" => Some(to_m[0] - from_m[0]),
                 "centre_y_m" => Some(to_m[1] - from_m[1]),
-                _ => measures.swarm_figures().get(name).and_then(serde_json::Value::as_f64),
+                _ => swarm.get(name).copied().flatten().and_then(FigureValue::number),
             };
             value.unwrap_or(f64::NAN)
         };

@@ -1,0 +1,190 @@
+//! The figures of a network with protocols in `summary.json`. The module above defines what they mean.
+
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The figures of a network with protocols. A part is null where nothing was counted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct KpiSummary {
+    /// Whether and when the network formed; null of a network that has nothing to form.
+    pub formation: Option<FormationSummary>,
+    /// When motes joined.
+    pub joining: Joining,
+    /// Application packets to one destination.
+    pub delivery: Option<Delivery>,
+    /// Application packets to roots.
+    pub delivery_upward: Option<Delivery>,
+    /// Packets by kind.
+    pub packets: Option<IndexMap<String, PacketsOfKind>>,
+    /// Changes of preferred parents.
+    pub routing: Routing,
+    /// The same of the time in which robots were free to move.
+    pub since_start: SinceStart,
+    /// What the queues of all motes did not keep.
+    pub queue_drops: QueueDrops,
+    /// What ended at motes without arriving, by reason, zeros left out; null where unknown.
+    pub drops_by_reason: Option<IndexMap<String, f64>>,
+    /// Energy from the beginning; null where the network does not count charge.
+    pub energy: Option<EnergySummary>,
+    /// Energy from the first step after formation on.
+    pub energy_since_formation: Option<EnergySummary>,
+    /// Figures of motes: columns by name, with an entry per mote; null where a mote has none.
+    pub motes: IndexMap<String, Vec<Option<f64>>>,
+}
+
+/// Whether and when a network formed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FormationSummary {
+    /// Whether every mote has taken part.
+    pub formed: bool,
+    /// When every mote took part for the first time (s).
+    pub formed_s: Option<f64>,
+    /// How many motes do not take part.
+    pub missing: usize,
+    /// Their numbers by what they lack.
+    pub missing_by_reason: IndexMap<String, Vec<u32>>,
+}
+
+/// When motes joined, roots apart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Joining {
+    /// When they were first synchronised.
+    pub synced: Option<JoinTimes>,
+    /// When they first joined.
+    pub joined: Option<JoinTimes>,
+}
+
+/// Times at which motes reached something (s).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct JoinTimes {
+    /// How many motes reached it.
+    pub motes: u64,
+    /// The first mote.
+    pub first_s: Option<f64>,
+    /// Mean.
+    pub mean_s: Option<f64>,
+    /// Median.
+    pub median_s: Option<f64>,
+    /// 99 % quantile.
+    pub p99_s: Option<f64>,
+    /// The last mote.
+    pub last_s: Option<f64>,
+}
+
+/// Application packets that ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Delivery {
+    /// Packets delivered.
+    pub delivered: u64,
+    /// Packets dropped.
+    pub dropped: u64,
+    /// Delivered / (delivered + dropped).
+    pub ratio: f64,
+    /// The 95 % interval of that ratio, taking packets for independent (Wilson 1927).
+    pub ratio_interval_95: [f64; 2],
+    /// Packets dropped, by reason.
+    pub drops_by_reason: BTreeMap<String, u64>,
+    /// From creation to delivery; null if none was delivered.
+    pub latency_s: Option<Latency>,
+    /// Hops that those delivered took, mean; null if none was delivered.
+    pub mean_hops: Option<f64>,
+}
+
+/// Latencies of packets (s).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Latency {
+    /// Least.
+    pub min: Option<f64>,
+    /// Mean.
+    pub mean: f64,
+    /// Median.
+    pub median: Option<f64>,
+    /// 95 % quantile.
+    pub p95: Option<f64>,
+    /// 99 % quantile.
+    pub p99: Option<f64>,
+    /// Greatest.
+    pub max: f64,
+}
+
+/// The account of a kind of packets.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PacketsOfKind {
+    /// Whether applications sent them.
+    pub is_application: bool,
+    /// Packets created.
+    pub created: u64,
+    /// Packets delivered.
+    pub delivered: u64,
+    /// Packets dropped.
+    pub dropped: u64,
+    /// Packets that were still on their way at the end.
+    pub in_flight: u64,
+    /// Packets dropped, by reason.
+    pub drops_by_reason: BTreeMap<String, u64>,
+}
+
+/// Changes of preferred parents; null where unknown.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Routing {
+    /// Changes of all motes.
+    pub parent_changes: Option<f64>,
+    /// Changes per mote and hour of being on.
+    pub churn_per_mote_hour: Option<f64>,
+}
+
+/// What happened while robots were free to move.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SinceStart {
+    /// Application packets to one destination that ended then.
+    pub delivery: Option<Delivery>,
+    /// Application packets to roots that ended then.
+    pub delivery_upward: Option<Delivery>,
+    /// Changes of preferred parents of all motes.
+    pub parent_changes: Option<f64>,
+    /// Changes per mote and hour of being on.
+    pub churn_per_mote_hour: Option<f64>,
+    /// Time mean of the share of living motes that are joined.
+    pub joined_ratio: Option<f64>,
+}
+
+/// What queues did not keep; null where unknown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct QueueDrops {
+    /// Frames for which there was no room.
+    pub txqueue_full: Option<f64>,
+    /// Robots' payloads that a newer one replaced before they were sent.
+    pub superseded: Option<f64>,
+}
+
+/// Energy of motes; roots count for the total charge alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EnergySummary {
+    /// Charge of all motes (µC).
+    pub charge_uc: f64,
+    /// Charge of a mote over the time during which it was drawn (µA).
+    pub mean_current_ua: MoteSpread,
+    /// Time the radio of a mote sent or listened over the time the mote was on.
+    pub duty_cycle: MoteSpread,
+    /// Charge of a new battery (mAh).
+    pub battery_mah: f64,
+    /// How long that lasts the mote that draws most (years).
+    pub network_lifetime_years: Option<f64>,
+    /// How long it lasts the median mote (years).
+    pub median_lifetime_years: Option<f64>,
+}
+
+/// A figure over motes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MoteSpread {
+    /// Mean.
+    pub mean: Option<f64>,
+    /// Median.
+    pub median: Option<f64>,
+    /// 99 % quantile.
+    pub p99: Option<f64>,
+    /// Greatest.
+    pub max: Option<f64>,
+}

@@ -1,0 +1,165 @@
+//! `summary.json`: what came of a run, in numbers, as it is written and read back.
+
+use super::Status;
+use experiment::Start;
+use indexmap::IndexMap;
+use metrics::figures::FiguresByName;
+use metrics::kpi::kpi_summary::KpiSummary;
+use proto::types::Coupling;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What came of a run, in numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RunSummary {
+    /// The format of this file: `murmuration/summary/1`.
+    pub schema: String,
+    /// Name of the experiment.
+    pub name: String,
+    /// Seed of every random draw.
+    pub seed: u64,
+    /// Agents at most.
+    pub agent_count: u32,
+    /// The control period (ns).
+    pub step_ns: u64,
+    /// How the two simulators take turns.
+    #[schemars(with = "String")]
+    pub coupling: Coupling,
+    /// Words shown with the results.
+    pub labels: BTreeMap<String, String>,
+    /// `truth baseline`, if the robots knew the true state of all others; null if they knew what they heard.
+    pub baseline: Option<String>,
+    /// Whether the run came to its end.
+    pub status: Status,
+    /// Why it did not; null if it did.
+    pub reason: Option<String>,
+    /// Steps recorded.
+    pub steps: u64,
+    /// When the robots start.
+    pub start: Start,
+    /// When the robots started (s); what they do is measured from then on.
+    pub robots_started_s: Option<f64>,
+    /// Simulated time that the steps reached (s).
+    pub simulated_s: f64,
+    /// Digest of the last step, hexadecimal: equal in equal runs; null without a step.
+    pub final_digest: Option<String>,
+    /// What the robots did; null if the run failed before it was configured.
+    pub task: Option<TaskSummary>,
+    /// What was sent between robots; null if the run failed before it was configured.
+    pub network: Option<NetworkSummary>,
+    /// The figures of a network with protocols; null without.
+    pub kpis: Option<KpiSummary>,
+    /// How much each table, log or capture holds, by name of the file.
+    pub files: IndexMap<String, FileCount>,
+    /// What to check before the results are trusted, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// How much a file of a run holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FileCount {
+    /// Rows of a table.
+    Rows(u64),
+    /// Messages of a log.
+    Messages(u64),
+    /// Frames of a capture.
+    Frames(u64),
+}
+
+/// What the robots did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TaskSummary {
+    /// The robots' controller; null where the robot simulator has no such key, or several kinds of robots have several.
+    pub controller: Option<String>,
+    /// Whether the robots regarded their task as done.
+    pub complete: bool,
+    /// First step at which they did.
+    pub completed_at_step: Option<u64>,
+    /// Time of that step (s).
+    pub completed_after_s: Option<f64>,
+    /// Further figures by name: those of every swarm, those of the controller, and those that the robot simulator reports.
+    #[serde(flatten)]
+    pub figures: FiguresByName,
+}
+
+impl TaskSummary {
+    /// A figure that is a number or a count, and known.
+    #[must_use]
+    pub fn number(&self, name: &str) -> Option<f64> {
+        self.figures.get(name).copied().flatten()?.number()
+    }
+}
+
+/// What was sent between robots, and who heard it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct NetworkSummary {
+    /// Transmissions of robots' payloads.
+    pub transmissions: u64,
+    /// Bytes of payload in them.
+    pub sent_bytes: u64,
+    /// Each transmission for everyone in reach, counted once for every other alive agent.
+    pub attempts: u64,
+    /// Attempts that were delivered.
+    pub deliveries: u64,
+    /// The share of the attempts that was delivered; null without an attempt.
+    pub delivery_ratio: Option<f64>,
+    /// Deliveries of what was for one agent alone.
+    pub unicast_deliveries: u64,
+    /// Mean time from a transmission's first bit to its delivery (s).
+    pub mean_delay_s: Option<f64>,
+    /// Mean age of what was heard when robots act on it (s).
+    pub mean_age_s: Option<f64>,
+    /// How many others an alive agent heard in a period, mean over agents and steps.
+    pub mean_neighbours_heard: Option<f64>,
+    /// The share of alive agents and steps in which the agent heard nobody.
+    pub isolated_ratio: Option<f64>,
+    /// Whether `by_distance` was counted over some of the receivers, because there are too many pairs.
+    pub by_distance_is_sampled: bool,
+    /// Delivery over distance.
+    pub by_distance: Vec<DeliveryByDistance>,
+}
+
+/// Delivery in a range of distances.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DeliveryByDistance {
+    /// Least distance (m).
+    pub from_m: f64,
+    /// Greatest distance (m).
+    pub to_m: f64,
+    /// Attempts.
+    pub attempts: u64,
+    /// Attempts that were delivered.
+    pub deliveries: u64,
+    /// The share that was delivered; null without an attempt.
+    pub ratio: Option<f64>,
+    /// The 95 % interval of the share, taking attempts for independent (Wilson 1927).
+    pub ratio_interval_95: [Option<f64>; 2],
+}
+
+/// Why the summary of a run cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum SummaryError {
+    /// The file cannot be read.
+    #[error("{0}")]
+    Read(#[from] std::io::Error),
+    /// The file is not the summary of a run.
+    #[error("{0}")]
+    Format(#[from] serde_json::Error),
+}
+
+impl RunSummary {
+    /// Name of the file in the directory of a run.
+    pub const FILE: &'static str = "summary.json";
+
+    /// Reads the summary in the directory of a run.
+    ///
+    /// # Errors
+    ///
+    /// There is none, or it is not that of a run.
+    pub fn read(dir: &Path) -> Result<Self, SummaryError> {
+        Ok(serde_json::from_slice(&std::fs::read(dir.join(Self::FILE))?)?)
+    }
+}

@@ -1,0 +1,108 @@
+//! `orchestrator schema`: the JSON Schema of experiment files, and of the answers that `--json` and `summary.json` hold.
+
+use super::Failure;
+use crate::check::data_check::DataCheck;
+use crate::check::{ExperimentCheck, SweepCheck};
+use crate::compare_runs::runs_comparison::RunsComparison;
+use crate::console::say;
+use crate::network::comparison::NetworkComparison;
+use crate::network::diagnosis::NetworkDiagnosis;
+use crate::network::extension::NetworkExtension;
+use crate::network::task::comparison::TaskComparison;
+use crate::sweep::sweep_summary::SweepSummary;
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use diagnose::compare::comparison::Comparison;
+use diagnose::diagnosis::Diagnosis;
+use diagnose::extend::extension::Extension;
+use diagnose::power::answer::Power;
+use diagnose::simulate::simulation::Simulation;
+use record::run_summary::RunSummary;
+use record::verify::VerifyReport;
+use schemars::generate::SchemaSettings;
+use schemars::{Schema, SchemaGenerator};
+use serde_json::{Value, json};
+
+/// What has a schema: the experiment file, and each answer by the command that gives it.
+#[derive(Args)]
+pub(super) struct SchemaArgs {
+    /// The answer whose schema is printed, by the command that gives it: `run` and `sweep` write it as summary.json, the others
+    /// with --json
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = EXPERIMENT,
+        value_parser = PossibleValuesParser::new(names())
+    )]
+    of: String,
+}
+
+/// The name of experiment files.
+const EXPERIMENT: &str = "experiment";
+
+/// Adds the schema of a type to a generator, and refers to it.
+type OfType = fn(&mut SchemaGenerator) -> Schema;
+
+/// The answers: the command that gives it, and the types that it may have.
+const ANSWERS: [(&str, &[OfType]); 10] = [
+    (
+        "check",
+        &[
+            SchemaGenerator::subschema_for::<ExperimentCheck>,
+            SchemaGenerator::subschema_for::<SweepCheck>,
+            SchemaGenerator::subschema_for::<DataCheck>,
+        ],
+    ),
+    (
+        "compare",
+        &[
+            SchemaGenerator::subschema_for::<Comparison>,
+            SchemaGenerator::subschema_for::<NetworkComparison>,
+            SchemaGenerator::subschema_for::<TaskComparison>,
+        ],
+    ),
+    ("compare-runs", &[SchemaGenerator::subschema_for::<RunsComparison>]),
+    (
+        "diagnose",
+        &[
+            SchemaGenerator::subschema_for::<Diagnosis>,
+            SchemaGenerator::subschema_for::<NetworkDiagnosis>,
+        ],
+    ),
+    (
+        "extend",
+        &[
+            SchemaGenerator::subschema_for::<Extension>,
+            SchemaGenerator::subschema_for::<NetworkExtension>,
+        ],
+    ),
+    ("power", &[SchemaGenerator::subschema_for::<Power>]),
+    ("run", &[SchemaGenerator::subschema_for::<RunSummary>]),
+    ("simulate", &[SchemaGenerator::subschema_for::<Simulation>]),
+    ("sweep", &[SchemaGenerator::subschema_for::<SweepSummary>]),
+    ("verify", &[SchemaGenerator::subschema_for::<VerifyReport>]),
+];
+
+fn names() -> Vec<&'static str> {
+    [EXPERIMENT].into_iter().chain(ANSWERS.iter().map(|(name, _)| *name)).collect()
+}
+
+/// `orchestrator schema`.
+pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {
+    let answer = ANSWERS.iter().find(|(name, _)| *name == args.of);
+    let schema = answer.map_or_else(experiment::schema, |(name, types)| of_answer(name, types));
+    say(format!("{schema:#}"));
+    Ok(())
+}
+
+/// The schema of an answer of one of several types.
+fn of_answer(name: &str, types: &[OfType]) -> Value {
+    let mut generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
+    let types: Vec<Schema> = types.iter().map(|of_type| of_type(&mut generator)).collect();
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": format!("Answer of orchestrator {name}"),
+        "anyOf": types,
+        "$defs": generator.take_definitions(true),
+    })
+}

@@ -1,0 +1,98 @@
+//! `summary.json` of a sweep: the settings, and what their trials came to.
+
+use super::statistics::Spread;
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What the schema of the summary is called.
+pub const SCHEMA: &str = "murmuration/sweep/1";
+
+/// The summary of a sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SweepSummary {
+    /// The format of this file: `murmuration/sweep/1`.
+    pub schema: String,
+    /// Name of the sweep.
+    pub name: String,
+    /// How many trials it has: settings times seeds.
+    pub trials: usize,
+    /// The seeds with which every setting was run.
+    pub seeds: Vec<u64>,
+    /// The settings.
+    pub settings: Vec<SettingSummary>,
+    /// What to check before the results are trusted, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl SweepSummary {
+    /// Name of the file in the folder of a sweep.
+    pub const FILE: &'static str = "summary.json";
+}
+
+/// A setting, and what its trials came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SettingSummary {
+    /// Its number, from 0.
+    pub setting: usize,
+    /// The case, if the sweep has cases.
+    pub case: Option<String>,
+    /// Values of the keys that vary.
+    #[schemars(with = "IndexMap<String, serde_json::Value>")]
+    pub values: IndexMap<String, toml::Value>,
+    /// Trials whose network did not form in time; their figures are left out.
+    pub not_formed: usize,
+    /// What the trials came to, by figure.
+    pub metrics: IndexMap<String, MetricSummary>,
+}
+
+/// A figure over the trials of a setting. Only `n` is present if no trial has it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MetricSummary {
+    /// Trials that have it.
+    pub n: usize,
+    /// What these came to.
+    #[serde(flatten)]
+    pub spread: Option<MetricSpread>,
+}
+
+/// A figure over trials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MetricSpread {
+    /// Median.
+    pub median: f64,
+    /// The 95 % interval of the median, by percentile bootstrap; null of few trials.
+    pub median_interval_95: Option<[f64; 2]>,
+    /// A quarter lies below.
+    pub q25: f64,
+    /// Three quarters lie below.
+    pub q75: f64,
+    /// Least.
+    pub min: f64,
+    /// Greatest.
+    pub max: f64,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation; null of a single trial.
+    pub sd: Option<f64>,
+}
+
+impl MetricSummary {
+    /// Of a figure that no trial has.
+    pub(super) const NONE: Self = Self { n: 0, spread: None };
+
+    /// Of the trials that have it.
+    pub(super) fn of(spread: &Spread) -> Self {
+        let spread_of_values = MetricSpread {
+            median: spread.median,
+            median_interval_95: spread.interval_95,
+            q25: spread.q25,
+            q75: spread.q75,
+            min: spread.min,
+            max: spread.max,
+            mean: spread.mean,
+            sd: spread.sd,
+        };
+        Self { n: spread.n, spread: Some(spread_of_values) }
+    }
+}
