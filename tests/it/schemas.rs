@@ -199,12 +199,8 @@ fn answers_about_runs_and_networks_satisfy_their_schemas() {
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     write("flock.toml", FLOCK);
     write("sensors.toml", SENSORS);
-    write(
-        "sweep.toml",
-        &format!(
-            "{FLOCK}\n[sweep]\nseeds = [1, 2]\n\n[sweep.grid]\n\"netsim.phy.exponent\" = [3.0, 3.4]\n"
-        ),
-    );
+    let varied = "[sweep]\nseeds = 2\n[sweep.vary]\nnetsim.phy.exponent = [3.0, 3.4]\n";
+    write("sweep.toml", &format!("{FLOCK}\n{varied}"));
     let of = |name: &str, args: &[&str]| answered(dir.path(), name, args);
     of("check", &["flock.toml"]);
     of("check", &["sweep.toml"]);
