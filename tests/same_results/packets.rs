@@ -1,0 +1,202 @@
+//! Networks, swarms and tables whose measurements the executables make themselves, by running a model with something added.
+
+use std::fmt::Write as _;
+
+/// Eight sensors that report to a root for half an hour.
+const SENSORS: &str = r#"
+[experiment]
+name = "sensors"
+seed = 1
+duration_s = 1800.0
+agents = 8
+start = "at-once"
+control_period = { rate_hz = 1.0 }
+
+[robotsim.scenario]
+kind = "disc"
+density_per_m2 = 0.003
+
+[robotsim.controller]
+kind = "hold"
+
+[netsim]
+mode = "6tisch"
+
+[netsim.phy]
+propagation = "log-distance"
+exponent = 3.2
+
+[netsim.sf]
+kind = "minimal"
+slotframe_slots = 11
+
+[netsim.swarm]
+transport = "none"
+
+[[netsim.app]]
+kind = "periodic"
+period_s = 20.0
+payload_bytes = 40
+"#;
+
+/// Eight robots that come together within some minutes, and report to a root meanwhile.
+const RENDEZVOUS: &str = r#"
+[experiment]
+name = "rendezvous"
+seed = 3
+duration_s = 1800.0
+agents = 8
+start = "at-once"
+control_period = { rate_hz = 1.0 }
+
+[robotsim]
+knowledge = "truth"
+
+[robotsim.scenario]
+kind = "csv"
+file = "places.csv"
+
+[robotsim.controller]
+kind = "consensus"
+gain_per_s = 0.001
+
+[netsim]
+mode = "6tisch"
+
+[netsim.phy]
+propagation = "log-distance"
+exponent = 3.2
+noise_sd_db = 2.0
+
+[netsim.sf]
+kind = "minimal"
+slotframe_slots = 11
+
+[netsim.swarm]
+transport = "none"
+
+[[netsim.app]]
+kind = "periodic"
+period_s = 10.0
+payload_bytes = 40
+"#;
+
+/// Eight robots follow a leader over a radio that loses one frame in three or so.
+const FLOCK: &str = r#"
+[experiment]
+name = "flock"
+seed = 4
+duration_s = 20.0
+agents = 8
+
+[robotsim.scenario]
+kind = "line"
+spacing_m = 4.0
+
+[robotsim.controller]
+kind = "flocking"
+flock_radius_m = 20.0
+
+[netsim.phy]
+propagation = "log-distance"
+exponent = 3.6
+tx_power_dbm = -5.0
+"#;
+
+/// A model, and the truth, which is the model with a further table.
+fn pair(model: &str, table: &str) -> Vec<(&'static str, String)> {
+    vec![("model.toml", model.to_owned()), ("truth.toml", format!("{model}\n{table}\n"))]
+}
+
+pub(super) fn sensors() -> Vec<(&'static str, String)> {
+    pair(SENSORS, "")
+}
+
+pub(super) fn sensors_slow() -> Vec<(&'static str, String)> {
+    pair(SENSORS, "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.6")
+}
+
+pub(super) fn sensors_unacknowledged() -> Vec<(&'static str, String)> {
+    pair(SENSORS, "[[netsim.mac.effect]]\nkind = \"ack-loss\"\nprobability = 0.4")
+}
+
+pub(super) fn flock() -> Vec<(&'static str, String)> {
+    pair(FLOCK, "")
+}
+
+pub(super) fn flock_slipping() -> Vec<(&'static str, String)> {
+    pair(FLOCK, "[[robotsim.dynamics.effect]]\nkind = \"slip\"\nscale = 0.8")
+}
+
+pub(super) fn flock_weak() -> Vec<(&'static str, String)> {
+    pair(FLOCK, "[[netsim.phy.effect]]\nkind = \"system-gain\"\ngain_db = -12.0")
+}
+
+pub(super) fn rendezvous() -> Vec<(&'static str, String)> {
+    with_links("")
+}
+
+pub(super) fn rendezvous_weak() -> Vec<(&'static str, String)> {
+    with_links("[[netsim.phy.effect]]\nkind = \"system-gain\"\ngain_db = -8.0")
+}
+
+pub(super) fn rendezvous_slow() -> Vec<(&'static str, String)> {
+    with_links("[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.3")
+}
+
+/// Where robots of the rendezvous begin (m).
+fn place(robot: u32) -> [f64; 2] {
+    [f64::from(robot * robot % 11) * 6.0, f64::from(robot * 3 % 7) * 9.0]
+}
+
+/// The rendezvous with its places, and the rows of links between all pairs once a minute, 20 frames each, as robots stand at
+/// the begin.
+fn with_links(table: &str) -> Vec<(&'static str, String)> {
+    let mut places = "agent,x_m,y_m\n".to_owned();
+    for robot in 0..8 {
+        let [x_m, y_m] = place(robot);
+        let _ = writeln!(places, "{robot},{x_m},{y_m}");
+    }
+    let mut links =
+        "time_s,tx,rx,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,frames,pdr,rssi_dbm\n".to_owned();
+    for (minute, tx, rx) in all_of(30, 8) {
+        let ([x0, y0], [x1, y1]) = (place(tx), place(rx));
+        let rssi_dbm = -80 - i64::from(tx);
+        let _ =
+            writeln!(links, "{},{tx},{rx},{x0},{y0},1,{x1},{y1},1,20,0.5,{rssi_dbm}", 60 * minute);
+    }
+    let mut files = pair(RENDEZVOUS, table);
+    files.extend([("places.csv", places), ("like.csv", links)]);
+    files
+}
+
+/// Rows that sum up 50 frames each, on three channels, between eight motes that stand.
+pub(super) fn summed_up() -> Vec<(&'static str, String)> {
+    let model = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = -28.0\nnoise_sd_db = 2.0\n";
+    let hidden = "\n[[netsim.phy.effect]]\nkind = \"interference\"\ncentre_mhz = 2440.0\nwidth_mhz = 20.0\nduty = 0.3\n";
+    let mut like =
+        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,frames,pdr\n"
+            .to_owned();
+    for (round, tx, rx) in all_of(12, 8) {
+        let ([x0, y0], [x1, y1]) = (place(tx), place(rx));
+        let (time_s, channel) = (60 * round + tx, 11 + 5 * (round % 3));
+        let rssi_dbm = -70 - i64::from((tx + 3 * rx + round) % 9);
+        let _ = writeln!(
+            like,
+            "{time_s},{tx},{rx},{channel},{x0},{y0},1,{x1},{y1},1,{rssi_dbm},50,0.5"
+        );
+    }
+    vec![
+        ("model.toml", model.to_owned()),
+        ("truth.toml", format!("{model}{hidden}")),
+        ("like.csv", like),
+    ]
+}
+
+/// Every pair of two of `n_motes`, in each of some rounds.
+fn all_of(n_rounds: u32, n_motes: u32) -> impl Iterator<Item = (u32, u32, u32)> {
+    let pairs = move || (0..n_motes).flat_map(move |tx| (0..n_motes).map(move |rx| (tx, rx)));
+    (0..n_rounds).flat_map(move |round| {
+        pairs().filter(|(tx, rx)| tx != rx).map(move |(tx, rx)| (round, tx, rx))
+    })
+}
