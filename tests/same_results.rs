@@ -65,12 +65,14 @@ impl Input {
 /// Where results of a case come from.
 #[derive(Clone, Debug)]
 pub enum Side {
-    /// A program is run in a folder; cases that the folder holds already are not run again.
+    /// A program is run.
     Program {
         /// The executable.
         path: PathBuf,
-        /// The folder, which gets a folder for each case.
+        /// Where: it gets a folder for each case.
         results: PathBuf,
+        /// Cases that are there already are not run again.
+        keeps: bool,
     },
     /// An earlier call kept them in this folder.
     Kept(PathBuf),
@@ -91,12 +93,12 @@ impl Side {
         inputs: Option<&Path>,
         limit: Duration,
     ) -> anyhow::Result<PathBuf> {
-        let (program, root) = match self {
-            Self::Program { path, results } => (Some(path), results),
-            Self::Kept(results) => (None, results),
+        let (program, root, keeps) = match self {
+            Self::Program { path, results, keeps } => (Some(path), results, *keeps),
+            Self::Kept(results) => (None, results, true),
         };
         let folder = root.join(case.name.replace([' ', ':', '/'], "-"));
-        if folder.join(MANIFEST).exists() {
+        if keeps && folder.join(MANIFEST).exists() {
             if manifest(&folder)?["commands"] != json!(case.commands) {
                 bail!("{} was left by other commands: remove it", folder.display());
             }
@@ -106,7 +108,7 @@ impl Side {
             bail!("{} does not hold it: run the old executable with --keep", root.display());
         };
         if folder.exists() {
-            // Left by a call that was interrupted.
+            // Left by another call, or by one that was interrupted.
             std::fs::remove_dir_all(&folder)?;
         }
         std::fs::create_dir_all(&folder)?;
@@ -124,7 +126,8 @@ impl Side {
         for (number, command) in (1..).zip(&case.commands) {
             run(program, &folder, number, command, limit)?;
         }
-        let manifest = json!({ "commands": case.commands, "inputs": inputs });
+        let home = folder.canonicalize()?;
+        let manifest = json!({ "commands": case.commands, "inputs": inputs, "home": home });
         std::fs::write(folder.join(MANIFEST), format!("{manifest:#}\n"))?;
         Ok(folder)
     }
@@ -139,6 +142,12 @@ pub fn inputs_of(folder: &Path) -> anyhow::Result<BTreeSet<String>> {
     let manifest = manifest(folder)?;
     let names = manifest["inputs"].as_array().into_iter().flatten().filter_map(Value::as_str);
     Ok(names.map(str::to_owned).collect())
+}
+
+/// Where a case's folder was when its commands ran: what they leave may name it.
+fn home_of(folder: &Path) -> anyhow::Result<String> {
+    let home = manifest(folder).ok().and_then(|it| it["home"].as_str().map(str::to_owned));
+    Ok(home.map_or_else(|| folder.canonicalize().map(|it| it.display().to_string()), Ok)?)
 }
 
 /// What a folder was left by: written last, so that an interrupted case has none.
@@ -262,7 +271,7 @@ mod tests {
     fn a_case_is_run_once_and_its_results_are_kept_with_its_inputs() {
         let home = tempfile::tempdir().unwrap();
         let path = program(home.path(), "echo run >> times.txt; cat config.toml");
-        let side = Side::Program { path, results: home.path().join("kept") };
+        let side = Side::Program { path, results: home.path().join("kept"), keeps: true };
         let limit = Duration::from_secs(60);
         let first = side.results(&case(&["compare"]), None, limit).unwrap();
         let again = side.results(&case(&["compare"]), None, limit).unwrap();
@@ -278,7 +287,7 @@ mod tests {
         // The other side reads the inputs that were kept, whatever they would be now.
         std::fs::write(first.join("config.toml"), "a = 2\n").unwrap();
         let path = home.path().join("program");
-        let after = Side::Program { path, results: home.path().join("after") };
+        let after = Side::Program { path, results: home.path().join("after"), keeps: false };
         let after = after.results(&case(&["compare"]), Some(&first), limit).unwrap();
         let printed = std::fs::read_to_string(after.join("1-compare.stdout.txt")).unwrap();
         assert_eq!(printed, "a = 2\n");
@@ -289,7 +298,7 @@ mod tests {
         let home = tempfile::tempdir().unwrap();
         let error = |script: &str, limit_s: f64| {
             let results = home.path().join("results");
-            let side = Side::Program { path: program(home.path(), script), results };
+            let side = Side::Program { path: program(home.path(), script), results, keeps: false };
             let limit = Duration::from_secs_f64(limit_s);
             side.results(&case(&["compare x"]), None, limit).unwrap_err().to_string()
         };

@@ -37,7 +37,7 @@ struct Args {
     #[arg(long, value_name = "N", default_value_t = 2)]
     jobs: usize,
     /// How long one command may take (s)
-    #[arg(long, value_name = "S", default_value_t = 120.0)]
+    #[arg(long, value_name = "S", default_value_t = 300.0)]
     limit_s: f64,
     /// List the cases, and run none
     #[arg(long)]
@@ -62,8 +62,8 @@ fn main() -> anyhow::Result<()> {
     let temporary = tempfile::tempdir()?;
     let out = args.out.clone().unwrap_or_else(|| temporary.path().to_owned());
     let keep = args.keep.clone().unwrap_or_else(|| out.join("before"));
-    let before = side(&args.before, keep)?;
-    let after = side(&args.after, out.join("after"))?;
+    let before = side(&args.before, &keep, args.keep.is_some())?;
+    let after = side(&args.after, &out.join("after"), false)?;
     let limit = Duration::from_secs_f64(args.limit_s);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.jobs).build()?;
     let begin = Instant::now();
@@ -95,14 +95,15 @@ fn main() -> anyhow::Result<()> {
 }
 
 /// A program, or the folder of an earlier call.
-fn side(path: &Path, results: PathBuf) -> anyhow::Result<Side> {
+fn side(path: &Path, results: &Path, keeps: bool) -> anyhow::Result<Side> {
     if path.is_dir() {
         return Ok(Side::Kept(path.to_owned()));
     }
     if !path.is_file() {
         bail!("{}: neither an executable nor a folder", path.display());
     }
-    Ok(Side::Program { path: std::path::absolute(path)?, results: std::path::absolute(results)? })
+    let [path, results] = [std::path::absolute(path)?, std::path::absolute(results)?];
+    Ok(Side::Program { path, results, keeps })
 }
 
 /// What became of a case.

@@ -52,8 +52,11 @@ impl fmt::Display for Difference {
 /// When, where and how something ran: outside the promise.
 const UNPROMISED: [&str; 3] = ["provenance.json", "trials.jsonl", super::MANIFEST];
 
-/// Printed lines with one of these tell how long something took.
-const TIMED: [&str; 3] = ["steps/s", "of simulators started", " s left"];
+/// Lines on standard output with one of these tell how long something took.
+const TIMED: [&str; 2] = ["steps/s", "of simulators started"];
+
+/// Lines on standard error that do not begin with one of these tell how far it is, every few seconds.
+const LASTING: [&str; 2] = ["error", "warning"];
 
 /// Values of these keys are formulas, not sentences.
 const FORMULAS: [&str; 2] = ["formula", "expression"];
@@ -73,7 +76,8 @@ pub fn folders(
     after: &Path,
     inputs: &BTreeSet<String>,
 ) -> anyhow::Result<Vec<Difference>> {
-    let mut found = Found::default();
+    let homes = [super::home_of(before)?, super::home_of(after)?];
+    let mut found = Found { homes, differences: Vec::new() };
     let [was, is] = [files(before)?, files(after)?];
     for name in was.union(&is) {
         let file = name.rsplit('/').next().unwrap_or_default();
@@ -94,7 +98,7 @@ pub fn folders(
             found.file(name, old, new, is_recording).with_context(|| name.clone())?;
         }
     }
-    Ok(found.0)
+    Ok(found.differences)
 }
 
 /// All files below a folder, by their paths from there, with `/` between the parts.
@@ -113,8 +117,11 @@ pub(super) fn files(folder: &Path) -> anyhow::Result<BTreeSet<String>> {
     Ok(names)
 }
 
-#[derive(Default)]
-struct Found(Vec<Difference>);
+struct Found {
+    /// Where the two folders were when they were filled.
+    homes: [String; 2],
+    differences: Vec<Difference>,
+}
 
 impl Found {
     fn add(&mut self, place: &str, kind: Kind, before: &str, after: &str) {
@@ -123,7 +130,7 @@ impl Found {
             None => text.to_owned(),
         };
         let (place, before, after) = (place.to_owned(), short(before), short(after));
-        self.0.push(Difference { place, kind, before, after });
+        self.differences.push(Difference { place, kind, before, after });
     }
 
     /// Two files that are not the same bytes.
@@ -153,11 +160,16 @@ impl Found {
             }
             _ => {}
         }
-        let (Ok(before), Ok(after)) = (String::from_utf8(before), String::from_utf8(after)) else {
+        let [Ok(before), Ok(after)] = [String::from_utf8(before), String::from_utf8(after)] else {
             self.add(name, Kind::Byte, "bytes", "other bytes");
             return Ok(());
         };
-        let n_before = self.0.len();
+        let [before, after] = [(before, &self.homes[0]), (after, &self.homes[1])]
+            .map(|(text, home)| text.replace(home.as_str(), "FOLDER"));
+        if before == after {
+            return Ok(());
+        }
+        let n_before = self.differences.len();
         match ending {
             "html" | "svg" => {
                 self.text(name, &text::visible(&before), &text::visible(&after));
@@ -171,13 +183,13 @@ impl Found {
             _ => {}
         }
         let is_explained = if is_recording {
-            self.0[n_before..].iter().any(|difference| difference.kind != Kind::Wording)
+            self.differences[n_before..].iter().any(|difference| difference.kind != Kind::Wording)
         } else {
             ["json", "toml", "txt"].contains(&ending)
         };
         if !is_explained {
             self.line(name, Kind::Byte, &before, &after);
-        } else if ending == "json" && self.0.len() == n_before {
+        } else if ending == "json" && self.differences.len() == n_before {
             self.add(name, Kind::Wording, "the same values", "in another order or spacing");
         }
         Ok(())
@@ -219,8 +231,14 @@ impl Found {
             return self.json(name, before, after);
         }
         let untimed = |text: &str| {
-            let is_timed = |line: &&str| TIMED.iter().any(|mark| line.contains(mark));
-            text.lines().filter(|line| !is_timed(line)).collect::<Vec<_>>().join("\n")
+            let is_untimed = |line: &&str| {
+                if name.ends_with("stderr.txt") {
+                    LASTING.iter().any(|mark| line.starts_with(mark))
+                } else {
+                    !TIMED.iter().any(|mark| line.contains(mark))
+                }
+            };
+            text.lines().filter(is_untimed).collect::<Vec<_>>().join("\n")
         };
         self.text(name, &untimed(before), &untimed(after));
         Ok(())

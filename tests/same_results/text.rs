@@ -66,9 +66,12 @@ fn end_of_number(line: &[u8], at: usize) -> usize {
     end
 }
 
-/// What a page shows: its text without tags, styles and scripts, each run of white space one space.
+/// What a page shows: its text without tags, styles and scripts, each run of white space one space. What it repeats of
+/// `provenance.json` is left out.
 pub(super) fn visible(page: &str) -> String {
-    let text = without(&without(page, "<style", "</style>"), "<script", "</script>");
+    let text = without(page, ("<style", "</style>"), "");
+    let text = without(&text, ("<script", "</script>"), "");
+    let text = without(&text, ("<pre", "</pre>"), "started_unix_s");
     let mut shown = String::with_capacity(text.len());
     let mut is_tag = false;
     for c in text.chars() {
@@ -109,12 +112,16 @@ pub(super) fn pictures(page: &str) -> String {
     pictures
 }
 
-/// A text without what stands from one mark to the other.
-fn without(text: &str, from: &str, to: &str) -> String {
+/// A text without what stands from one mark to the other with this word in it.
+fn without(text: &str, (from, to): (&str, &str), word: &str) -> String {
     let mut pieces = text.split(from);
     let mut kept = pieces.next().unwrap_or_default().to_owned();
     for piece in pieces {
-        kept.push_str(piece.split_once(to).map_or("", |(_, rest)| rest));
+        let (inside, rest) = piece.split_once(to).unwrap_or((piece, ""));
+        if !inside.contains(word) {
+            kept.extend([from, inside, to]);
+        }
+        kept.push_str(rest);
     }
     kept
 }
@@ -143,6 +150,8 @@ mod tests {
     fn what_a_page_shows_is_its_text() {
         let page = "<style>p { margin: 3px }</style><h1 id=\"a1\">5 &lt; 6\n &amp;lt;</h1><td>1</td><td>2</td>";
         assert_eq!(visible(page), "5 < 6 &lt; 1 2");
+        let origin = "<pre>a 3</pre>b<pre>{\n &quot;started_unix_s&quot;: 17\n}</pre>c";
+        assert_eq!(visible(origin), "a 3 b c");
         let drawn = pictures("<p>7</p><svg width=\"3\"><path d=\"M1.5,2L-3,4\"/></svg><p>8</p>");
         assert_eq!(of(&drawn), ["3", "1.5", "2", "-3", "4"]);
     }

@@ -90,16 +90,36 @@ fn what_is_printed_is_compared_by_its_numbers() {
     let second = one(Kind::Number, &format!("{place} number 2"));
     assert_eq!(kinds("gain 0.5\nrmse 2", "gain of 0.5\nrmse 3"), second);
     assert_eq!(kinds("gain 0.5\nrmse 2", "gain of 0.5"), second);
-    // How long it took is not compared.
-    assert_eq!(
-        kinds("run: 3 s simulated in 0.1 s (30 steps/s)\nend", "run: in 0.2 s (15 steps/s)\nend"),
-        []
-    );
+    // How long it took is not compared, nor how far it was every few seconds.
+    let told = |wall: &str| format!("run: 3 s simulated in {wall} s (30 steps/s)\nend");
+    assert_eq!(kinds(&told("0.1"), &told("0.2")), []);
     // What is printed as JSON is an answer.
     assert_eq!(
         kinds("{\"a\": 1,\n\"b\": 2}", "{\"a\": 1,\n\"b\": 3}"),
         one(Kind::Number, &format!("{place} /b"))
     );
+}
+
+#[test]
+fn progress_is_not_compared_and_warnings_are() {
+    let kinds =
+        |after: &str| kinds("1-run.stderr.txt", "step 16/99\nwarning: 3 rows are odd", after);
+    assert_eq!(kinds("step 32/99\nstep 64/99\nwarning: 3 rows are odd"), []);
+    assert_eq!(kinds("warning: odd are 3 rows"), one(Kind::Wording, "1-run.stderr.txt"));
+    assert_eq!(kinds("warning: 4 rows are odd"), one(Kind::Number, "1-run.stderr.txt number 1"));
+    assert_eq!(kinds("step 32/99"), one(Kind::Number, "1-run.stderr.txt number 1"));
+}
+
+#[test]
+fn where_the_commands_ran_does_not_matter() {
+    let folders = ["a", "b"].map(|name| {
+        let folder = tempfile::Builder::new().prefix(name).tempdir().unwrap();
+        let home = folder.path().canonicalize().unwrap();
+        let text = format!("file = {:?}", home.join("places.csv"));
+        std::fs::write(folder.path().join("config.toml"), text).unwrap();
+        folder
+    });
+    assert_eq!(folders_of(&folders).unwrap(), []);
 }
 
 #[test]
