@@ -29,13 +29,16 @@ pub struct Case {
     pub commands: Vec<String>,
 }
 
+/// Files: name and content of each.
+pub type Files = Vec<(&'static str, String)>;
+
 /// What the commands of a case read.
 #[derive(Clone, Copy, Debug)]
 pub enum Input {
     /// `configs/` of the repository.
     Configs,
-    /// Files, made when they are needed: name and content of each.
-    Files(fn() -> Vec<(&'static str, String)>),
+    /// Files, made when they are needed.
+    Files(fn() -> Files),
     /// A campaign with something hidden: `config.toml` and `data.csv`.
     Campaign(campaigns::Campaign),
 }

@@ -15,7 +15,7 @@ use tests::same_results::{Case, Difference, Kind, Side, cases, folders, inputs_o
 /// Runs experiments and answers with two executables of the orchestrator, and compares what they leave: recordings byte by
 /// byte, answers number by number and name by name. A sentence may differ in its words
 ///
-/// Exit status: 0 nothing but wording differs, 1 something else does, or a case failed, 2 the request was wrong.
+/// Exit status: 0 if nothing but wording differs, else 1.
 #[derive(Parser)]
 struct Args {
     /// The executable before the change, or a folder that an earlier call kept

@@ -1,5 +1,6 @@
 //! Networks, swarms and tables whose measurements the executables make themselves, by running a model with something added.
 
+use super::Files;
 use std::fmt::Write as _;
 
 /// Eight sensors that report to a root for half an hour.
@@ -104,43 +105,43 @@ tx_power_dbm = -5.0
 "#;
 
 /// A model, and the truth, which is the model with a further table.
-fn pair(model: &str, table: &str) -> Vec<(&'static str, String)> {
+fn pair(model: &str, table: &str) -> Files {
     vec![("model.toml", model.to_owned()), ("truth.toml", format!("{model}\n{table}\n"))]
 }
 
-pub(super) fn sensors() -> Vec<(&'static str, String)> {
+pub(super) fn sensors() -> Files {
     pair(SENSORS, "")
 }
 
-pub(super) fn sensors_slow() -> Vec<(&'static str, String)> {
+pub(super) fn sensors_slow() -> Files {
     pair(SENSORS, "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.6")
 }
 
-pub(super) fn sensors_unacknowledged() -> Vec<(&'static str, String)> {
+pub(super) fn sensors_unacknowledged() -> Files {
     pair(SENSORS, "[[netsim.mac.effect]]\nkind = \"ack-loss\"\nprobability = 0.4")
 }
 
-pub(super) fn flock() -> Vec<(&'static str, String)> {
+pub(super) fn flock() -> Files {
     pair(FLOCK, "")
 }
 
-pub(super) fn flock_slipping() -> Vec<(&'static str, String)> {
+pub(super) fn flock_slipping() -> Files {
     pair(FLOCK, "[[robotsim.dynamics.effect]]\nkind = \"slip\"\nscale = 0.8")
 }
 
-pub(super) fn flock_weak() -> Vec<(&'static str, String)> {
+pub(super) fn flock_weak() -> Files {
     pair(FLOCK, "[[netsim.phy.effect]]\nkind = \"system-gain\"\ngain_db = -12.0")
 }
 
-pub(super) fn rendezvous() -> Vec<(&'static str, String)> {
+pub(super) fn rendezvous() -> Files {
     with_links("")
 }
 
-pub(super) fn rendezvous_weak() -> Vec<(&'static str, String)> {
+pub(super) fn rendezvous_weak() -> Files {
     with_links("[[netsim.phy.effect]]\nkind = \"system-gain\"\ngain_db = -8.0")
 }
 
-pub(super) fn rendezvous_slow() -> Vec<(&'static str, String)> {
+pub(super) fn rendezvous_slow() -> Files {
     with_links("[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.3")
 }
 
@@ -151,7 +152,7 @@ fn place(robot: u32) -> [f64; 2] {
 
 /// The rendezvous with its places, and the rows of links between all pairs once a minute, 20 frames each, as robots stand at
 /// the begin.
-fn with_links(table: &str) -> Vec<(&'static str, String)> {
+fn with_links(table: &str) -> Files {
     let mut places = "agent,x_m,y_m\n".to_owned();
     for robot in 0..8 {
         let [x_m, y_m] = place(robot);
@@ -171,7 +172,7 @@ fn with_links(table: &str) -> Vec<(&'static str, String)> {
 }
 
 /// Rows that sum up 50 frames each, on three channels, between eight motes that stand.
-pub(super) fn summed_up() -> Vec<(&'static str, String)> {
+pub(super) fn summed_up() -> Files {
     let model = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = -28.0\nnoise_sd_db = 2.0\n";
     let hidden = "\n[[netsim.phy.effect]]\nkind = \"interference\"\ncentre_mhz = 2440.0\nwidth_mhz = 20.0\nduty = 0.3\n";
     let mut like =

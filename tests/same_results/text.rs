@@ -118,7 +118,9 @@ fn without(text: &str, (from, to): (&str, &str), word: &str) -> String {
     let mut kept = pieces.next().unwrap_or_default().to_owned();
     for piece in pieces {
         let (inside, rest) = piece.split_once(to).unwrap_or((piece, ""));
-        if !inside.contains(word) {
+        if inside.contains(word) {
+            kept.push(' ');
+        } else {
             kept.extend([from, inside, to]);
         }
         kept.push_str(rest);
