@@ -32,13 +32,16 @@ pub struct Case {
 /// Files: name and content of each.
 pub type Files = Vec<(&'static str, String)>;
 
+/// Makes the inputs of a case, the same ones each time.
+pub type Maker = fn() -> Files;
+
 /// What the commands of a case read.
 #[derive(Clone, Copy, Debug)]
 pub enum Input {
     /// `configs/` of the repository.
     Configs,
     /// Files, made when they are needed.
-    Files(fn() -> Files),
+    Files(Maker),
     /// A campaign with something hidden: `config.toml` and `data.csv`.
     Campaign(campaigns::Campaign),
 }

@@ -1,7 +1,7 @@
 //! The cases: one line each.
 
 use super::campaigns::Campaign::{self, DrawnLinks, Links, Robots};
-use super::{Case, Files, Input, packets};
+use super::{Case, Input, Maker, packets};
 use crate::campaign::Size::{Clear, Medium};
 use crate::campaign::{Hidden, RobotHidden};
 
@@ -170,7 +170,7 @@ const SPLIT: &str = "compare model.toml --data measured/rendezvous/packets.parqu
 const SPLIT_TASK: &str = "compare model.toml --data measured/flock --heard measured/flock --seeds 99 --json s.json --report s.html";
 
 /// What a run of `truth.toml` measured, held against `model.toml`: inputs and commands.
-const MEASURED: &[(&str, fn() -> Files, &[&str])] = &[
+const MEASURED: &[(&str, Maker, &[&str])] = &[
     (
         "packets: nothing",
         packets::sensors,
