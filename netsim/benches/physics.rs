@@ -47,8 +47,8 @@ fn states(n: usize, square_m: Option<f64>) -> AgentStates {
         (states.x_m[i], states.y_m[i]) = match square_m {
             Some(side_m) => (side_m * u, side_m * v),
             None => {
-                let angle_rad = std::f64::consts::TAU * v;
-                (radius_m * u.sqrt() * angle_rad.cos(), radius_m * u.sqrt() * angle_rad.sin())
+                let (sin, cos) = libm::sincos(std::f64::consts::TAU * v);
+                (radius_m * u.sqrt() * cos, radius_m * u.sqrt() * sin)
             }
         };
     }

@@ -12,6 +12,14 @@
 //! Nothing here knows what a robot is, reads a clock or a file, or opens a socket. The crate `proto-host` serves
 //! [`sim::Network`] over gRPC; `netsim/process` is the program that does so.
 
+#![cfg_attr(
+    test,
+    expect(
+        clippy::disallowed_methods,
+        reason = "tests hold results against the platform's own functions"
+    )
+)]
+
 pub mod app;
 pub mod broadcast;
 pub mod config;

@@ -5,6 +5,8 @@
 //! Motes stand 2 m apart on a line, mote 0, the root, in the middle, and say nothing of their own. Prints two Markdown
 //! tables, medians (and ranges) over seeds 1, 2, …: the time of formation (s); degree · depth · betweenness.
 
+#![expect(clippy::disallowed_methods, reason = "a program reads its arguments")]
+
 mod cases;
 mod structure;
 

@@ -365,8 +365,10 @@ impl Waves {
     fn levels_db(self, n: usize) -> Vec<f64> {
         // Both components at equally likely values: a grid of equal weights.
         const SIDE: u32 = 48;
+        /// 2⁶⁴, so many different words there are.
+        const WORDS: f64 = 2.0 * (1_u64 << 63) as f64;
         let at = |i: u32, k: u32| {
-            let word = |j: u32| ((f64::from(j) + 0.5) / f64::from(SIDE) * 2f64.powi(64)) as u64;
+            let word = |j: u32| ((f64::from(j) + 0.5) / f64::from(SIDE) * WORDS) as u64;
             self.power_db(word(i), word(k))
         };
         let mut all: Vec<f64> = (0..SIDE).flat_map(|i| (0..SIDE).map(move |k| at(i, k))).collect();

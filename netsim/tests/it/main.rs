@@ -1,5 +1,10 @@
 //! The network simulator from outside: probabilities, independence, time, refusals, saving and restoring.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "tests hold results against the platform's own functions, and read files and the environment"
+)]
+
 mod broadcast;
 mod conformance;
 mod delivery;

@@ -1,5 +1,10 @@
 //! The swarm as its host sees it: configured, stepped, saved and restored.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "tests hold results against the platform's own functions"
+)]
+
 mod absence;
 mod air;
 mod bodies;
