@@ -2,7 +2,7 @@
 //!
 //! An expression is numbers, names, `+ - * / ^`, parentheses and the functions of [`FUNCTIONS`]. It can do nothing but
 //! compute: no loops, no assignments, no access to anything but the values handed to it, at most [`MOST_BYTES`] long and
-//! [`MOST_DEEP`] deep. It is read here, so that what is wrong is pointed at, and compiled once by the crate exmex, with
+//! [`MOST_DEEP`] deep. It is read here, so that what is wrong is pointed at, and translated once into a program with
 //! functions from `libm`, so that every processor computes the same.
 //!
 //! A condition ([`Formula::condition`]) compares such expressions by `< <= > >= == !=`, joined by `and`, `or`, `not`. It is 1
@@ -11,15 +11,15 @@
 //! `-x^2` is −(x²), `2^3^2` is 2⁹, `a - b - c` is (a − b) − c.
 
 mod operators;
+mod program;
 mod reader;
 mod written;
 
-use exmex::{Express, FlatEx};
-use operators::{Numbers, Operators};
+use program::Program;
 use reader::Want;
 use std::fmt;
 
-pub use operators::FUNCTIONS;
+pub use operators::{FUNCTIONS, Function};
 pub use written::{Bound, FIELDS, FIT, MOST_NAMES, Written};
 
 /// Longest expression (bytes).
@@ -32,7 +32,7 @@ pub const MOST_DEEP: usize = 40;
 pub struct Formula {
     text: String,
     names: Vec<String>,
-    compiled: FlatEx<f64, Operators, Numbers>,
+    program: Program,
 }
 
 impl Formula {
@@ -102,9 +102,7 @@ impl Formula {
         }
         let read = reader::read(text, want, known, accepts)
             .map_err(|(at, message)| error(text[..at].chars().count(), message))?;
-        let compiled = FlatEx::parse(&read.expression)
-            .map_err(|problem| error(0, format!("cannot be compiled: {problem}")))?;
-        Ok(Self { text: text.to_owned(), names: read.names, compiled })
+        Ok(Self { text: text.to_owned(), names: read.names, program: read.program })
     }
 
     /// As it was written.
@@ -123,7 +121,7 @@ impl Formula {
     /// number of values is wrong.
     #[must_use]
     pub fn evaluate(&self, values: &[f64]) -> f64 {
-        self.compiled.eval(values).unwrap_or(f64::NAN)
+        if values.len() == self.names.len() { self.program.evaluate(values) } else { f64::NAN }
     }
 }
 
@@ -269,6 +267,16 @@ mod tests {
     }
 
     #[test]
+    fn an_expression_may_hold_many_values_back() {
+        // Every operand is held until what follows it is known.
+        let deepest = MOST_DEEP - 1;
+        let text = format!("{}x{}", "x+(".repeat(deepest), ")".repeat(deepest));
+        assert_eq!(value(&text, &[3.0]), 3.0 * MOST_DEEP as f64);
+        let text = format!("{}y{}", "max(x,y*2^min(x,".repeat(13), "))".repeat(13));
+        assert_eq!(value(&text, &[1.0, 5.0]), 10.0);
+    }
+
+    #[test]
     fn errors_point_at_their_place() {
         for (text, expected) in [
             ("", "is empty\n    \n    ^"),
@@ -314,7 +322,47 @@ mod tests {
         assert_eq!(value("1 / x", &[0.0]), f64::INFINITY);
     }
 
+    /// Expressions over `x0`, `x1`, `x2`.
+    fn expressions() -> impl Strategy<Value = String> {
+        let operator = prop::sample::select(vec!["+", "-", "*", "/", "^"]);
+        let function = prop::sample::select(FUNCTIONS.to_vec());
+        (0..3).prop_map(|i| format!("x{i}")).prop_recursive(6, 40, 2, move |inner| {
+            prop_oneof![
+                (inner.clone(), operator.clone(), inner.clone())
+                    .prop_map(|(left, operator, right)| format!("{left} {operator} {right}")),
+                inner.clone().prop_map(|inner| format!("-({inner})")),
+                (function.clone(), inner.clone(), inner).prop_map(
+                    |((name, function), first, second)| match function {
+                        Function::Unary(_) => format!("{name}({first})"),
+                        Function::Binary(_) => format!("{name}({first}, {second})"),
+                    }
+                ),
+            ]
+        })
+    }
+
     proptest! {
+        /// Numbers are computed with while an expression is read, values of names when it is evaluated.
+        #[test]
+        fn a_number_and_a_name_of_that_value_give_the_same_bits(
+            text in expressions(),
+            values in prop::array::uniform3(-20.0..20.0f64),
+        ) {
+            let names = ["x0", "x1", "x2"];
+            let formula = Formula::parse(&text, &names, &|_| false);
+            prop_assume!(formula.is_ok(), "too deep or too long");
+            let formula = formula.unwrap();
+            let with_numbers = names.iter().zip(values).fold(text, |text, (name, value)| {
+                text.replace(name, &format!("({value})"))
+            });
+            let constant = Formula::parse(&with_numbers, &[], &|_| false);
+            prop_assume!(constant.is_ok(), "too deep or too long");
+            let place = |name: &String| names.iter().position(|known| known == name).unwrap();
+            let used: Vec<f64> = formula.names().iter().map(|name| values[place(name)]).collect();
+            let (a, b) = (formula.evaluate(&used), constant.unwrap().evaluate(&[]));
+            prop_assert!(a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan(), "{a} {b}");
+        }
+
         #[test]
         fn no_text_makes_it_panic(text in "[ -~α]{0,40}") {
             let _ = Formula::parse(&text, KNOWN, &|_| true);

@@ -1,8 +1,13 @@
-//! Reads an expression, says where it is wrong, and writes it with all parentheses, as the compiler wants it.
+//! Reads an expression, says where it is wrong, and translates it into a program.
+//!
+//! Each method reads one rank of operators and appends the operations of what it has read to the program, operands
+//! first.
 
 use super::MOST_DEEP;
-use super::operators::{CONSTANTS, FUNCTIONS};
-use std::fmt::Write as _;
+use super::operators::{
+    self, Binary, COMPARISONS, CONSTANTS, FUNCTIONS, Function, POWERS, PRODUCTS, SUMS,
+};
+use super::program::Program;
 
 /// What an expression must be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,9 +20,9 @@ pub(super) enum Want {
 
 /// An expression that was read.
 pub(super) struct Read {
-    /// With parentheses around every operation, and `v000`, `v001`, … in place of names.
-    pub(super) expression: String,
-    /// The names.
+    /// What it computes.
+    pub(super) program: Program,
+    /// The names, in the order in which they first appear.
     pub(super) names: Vec<String>,
 }
 
@@ -40,37 +45,38 @@ pub(super) fn read(
         next: 0,
         end: text.len(),
         depth: 0,
+        program: Program::default(),
         names: Vec::new(),
         want,
         known,
         accepts,
     };
-    let Piece { text: expression, is_truth, .. } = reader.whole()?;
+    let whole = reader.whole()?;
     match reader.peek() {
-        None if want == Want::Truth && !is_truth => Err((
+        None if want == Want::Truth && !whole.is_truth => Err((
             text.len(),
             "is a number, not a condition: compare it with another, by < <= > >= == or !="
                 .to_owned(),
         )),
-        None => Ok(Read { expression, names: reader.names }),
-        Some(Token { kind: Kind::Mark(_) | Kind::Comparison, text, at }) => {
+        None => Ok(Read { program: reader.program, names: reader.names }),
+        Some(Token { kind: Kind::Mark(_) | Kind::Comparison(_), text, at }) => {
             Err((*at, format!("unexpected {text}")))
         }
         Some(token) => Err((token.at, format!("an operator is missing before {}", token.text))),
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 enum Kind {
     Number(f64),
     Name,
     Mark(char),
-    Comparison,
+    Comparison(Binary),
 }
 
-/// A part of an expression, written with all parentheses.
+/// A part of an expression that was read: its value is then on top of the program's stack.
+#[derive(Clone, Copy)]
 struct Piece {
-    text: String,
     is_truth: bool,
     /// Where it begins.
     at: usize,
@@ -115,13 +121,14 @@ fn tokens(text: &str, want: Want) -> Result<Vec<Token<'_>>, Problem> {
             }
             '+' | '-' | '*' | '/' | '^' | '(' | ')' | ',' => (Kind::Mark(first), 1),
             '<' | '>' | '=' | '!' if want == Want::Truth => {
-                let length = if rest[1..].starts_with('=') { 2 } else { 1 };
-                match &rest[..length] {
-                    "=" => return Err((at, "unexpected =: equality is ==".to_owned())),
-                    "!" => {
+                match COMPARISONS.iter().find(|(text, _)| rest.starts_with(text)) {
+                    Some((text, compare)) => (Kind::Comparison(*compare), text.len()),
+                    None if first == '=' => {
+                        return Err((at, "unexpected =: equality is ==".to_owned()));
+                    }
+                    None => {
                         return Err((at, "unexpected !: it is not, or != of numbers".to_owned()));
                     }
-                    _ => (Kind::Comparison, length),
                 }
             }
             '&' | '|' if want == Want::Truth => {
@@ -142,6 +149,7 @@ struct Reader<'a> {
     /// Length of the expression.
     end: usize,
     depth: usize,
+    program: Program,
     names: Vec<String>,
     want: Want,
     known: &'a [&'a str],
@@ -153,15 +161,18 @@ impl<'a> Reader<'a> {
         self.tokens.get(self.next)
     }
 
-    /// Takes one of these marks, if it is next.
-    fn take(&mut self, marks: &[char]) -> Option<char> {
-        match self.peek()?.kind {
-            Kind::Mark(mark) if marks.contains(&mark) => {
-                self.next += 1;
-                Some(mark)
-            }
-            _ => None,
-        }
+    /// Whether this mark is next, which is then taken.
+    fn take(&mut self, mark: char) -> bool {
+        let is_next =
+            matches!(self.peek(), Some(Token { kind: Kind::Mark(next), .. }) if *next == mark);
+        self.next += usize::from(is_next);
+        is_next
+    }
+
+    /// Takes the mark of one of these operators, if it is next.
+    fn take_operator(&mut self, operators: &[(char, Binary)]) -> Option<Binary> {
+        let (_, apply) = operators.iter().find(|(mark, _)| self.take(*mark))?;
+        Some(*apply)
     }
 
     /// One level deeper.
@@ -182,7 +193,8 @@ impl<'a> Reader<'a> {
     /// Takes one of these words, if it is next, where conditions are read.
     fn take_word(&mut self, word: &str) -> Option<usize> {
         let token = self.peek()?;
-        let is_it = self.want == Want::Truth && token.kind == Kind::Name && token.text == word;
+        let is_name = matches!(token.kind, Kind::Name);
+        let is_it = self.want == Want::Truth && is_name && token.text == word;
         is_it.then(|| {
             self.next += 1;
             token.at
@@ -198,7 +210,8 @@ impl<'a> Reader<'a> {
     fn whole(&mut self) -> Result<Piece, Problem> {
         let mut left = self.both()?;
         while let Some(at) = self.take_word("or") {
-            left = joined(left, "||", self.both()?, at)?;
+            let right = self.both()?;
+            left = self.joined(left, operators::or, right, at)?;
         }
         Ok(left)
     }
@@ -206,7 +219,8 @@ impl<'a> Reader<'a> {
     fn both(&mut self) -> Result<Piece, Problem> {
         let mut left = self.inverted()?;
         while let Some(at) = self.take_word("and") {
-            left = joined(left, "&&", self.inverted()?, at)?;
+            let right = self.inverted()?;
+            left = self.joined(left, operators::and, right, at)?;
         }
         Ok(left)
     }
@@ -217,64 +231,65 @@ impl<'a> Reader<'a> {
         if !inner.is_truth {
             return Err((inner.at, "a number stands where not needs a condition".to_owned()));
         }
-        Ok(Piece { text: format!("(not({}))", inner.text), is_truth: true, at })
+        self.program.unary(operators::not);
+        Ok(Piece { is_truth: true, at })
     }
 
     fn comparison(&mut self) -> Result<Piece, Problem> {
         let left = self.sum()?;
-        let Some(Token { kind: Kind::Comparison, text, .. }) = self.peek() else {
+        let Some(&Token { kind: Kind::Comparison(compare), .. }) = self.peek() else {
             return Ok(left);
         };
         self.next += 1;
         let right = self.sum()?;
-        let (at, a, b) = (left.at, number(left)?, number(right)?);
-        if let Some(Token { kind: Kind::Comparison, text, at }) = self.peek() {
+        left.number()?;
+        right.number()?;
+        if let Some(Token { kind: Kind::Comparison(_), text, at }) = self.peek() {
             let message = format!("unexpected {text}: join two comparisons by and");
             return Err((*at, message));
         }
-        let text = match *text {
-            ">" => format!("({b}<{a})"),
-            ">=" => format!("({b}<={a})"),
-            other => format!("({a}{other}{b})"),
-        };
-        Ok(Piece { text, is_truth: true, at })
+        self.program.binary(compare);
+        Ok(Piece { is_truth: true, at: left.at })
     }
 
     fn sum(&mut self) -> Result<Piece, Problem> {
         let mut left = self.product()?;
-        while let Some(mark) = self.take(&['+', '-']) {
-            left = computed(left, mark, self.product()?)?;
+        while let Some(apply) = self.take_operator(SUMS) {
+            let right = self.product()?;
+            left = self.computed(left, apply, right)?;
         }
         Ok(left)
     }
 
     fn product(&mut self) -> Result<Piece, Problem> {
         let mut left = self.signed()?;
-        while let Some(mark) = self.take(&['*', '/']) {
-            left = computed(left, mark, self.signed()?)?;
+        while let Some(apply) = self.take_operator(PRODUCTS) {
+            let right = self.signed()?;
+            left = self.computed(left, apply, right)?;
         }
         Ok(left)
     }
 
     fn signed(&mut self) -> Result<Piece, Problem> {
         let at = self.at();
-        match self.take(&['+', '-']) {
-            Some('-') => {
-                let inner = number(self.nested(Self::signed)?)?;
-                Ok(Piece { text: format!("(neg({inner}))"), is_truth: false, at })
-            }
-            Some(_) => {
-                let text = number(self.nested(Self::signed)?)?;
-                Ok(Piece { text, is_truth: false, at })
-            }
-            None => self.power(),
+        let is_negative = self.take('-');
+        if !is_negative && !self.take('+') {
+            return self.power();
         }
+        self.nested(Self::signed)?.number()?;
+        if is_negative {
+            self.program.unary(operators::negative);
+        }
+        Ok(Piece { is_truth: false, at })
     }
 
     fn power(&mut self) -> Result<Piece, Problem> {
         let base = self.primary()?;
-        match self.take(&['^']) {
-            Some(_) => computed(base, '^', self.nested(Self::signed)?),
+        match self.take_operator(POWERS) {
+            Some(apply) => {
+                let exponent = self.nested(Self::signed)?;
+                self.computed(base, apply, exponent)
+            }
             None => Ok(base),
         }
     }
@@ -284,24 +299,28 @@ impl<'a> Reader<'a> {
             return Err((self.end, "a number, a name or ( is missing at the end".to_owned()));
         };
         let at = token.at;
-        let value = |text: String| Piece { text, is_truth: false, at };
         match token.kind {
             Kind::Number(number) => {
                 self.next += 1;
-                Ok(value(format!("{number}")))
+                self.program.number(number);
+                Ok(Piece { is_truth: false, at })
             }
             Kind::Name => {
                 self.next += 1;
-                let is_call = self.take(&['(']).is_some();
-                Ok(value(if is_call { self.call(token)? } else { self.name(token)? }))
+                if self.take('(') {
+                    self.call(token)?;
+                } else {
+                    self.name(token)?;
+                }
+                Ok(Piece { is_truth: false, at })
             }
             Kind::Mark('(') => {
                 self.next += 1;
                 let inner = self.nested(Self::whole)?;
                 self.close(token)?;
-                Ok(Piece { text: format!("({})", inner.text), is_truth: inner.is_truth, at })
+                Ok(Piece { at, ..inner })
             }
-            Kind::Mark(_) | Kind::Comparison => {
+            Kind::Mark(_) | Kind::Comparison(_) => {
                 Err((token.at, format!("a number, a name or ( is missing before {}", token.text)))
             }
         }
@@ -309,40 +328,41 @@ impl<'a> Reader<'a> {
 
     /// The end of what `opened`.
     fn close(&mut self, opened: &Token<'_>) -> Result<(), Problem> {
-        if self.take(&[')']).is_some() {
+        if self.take(')') {
             return Ok(());
         }
         match self.peek() {
             None => Err((opened.at, format!("{} is not closed", opened.text))),
-            Some(Token { kind: Kind::Mark(_) | Kind::Comparison, text, at }) => {
+            Some(Token { kind: Kind::Mark(_) | Kind::Comparison(_), text, at }) => {
                 Err((*at, format!("unexpected {text}")))
             }
             Some(token) => Err((token.at, format!("an operator is missing before {}", token.text))),
         }
     }
 
-    fn call(&mut self, function: &Token<'_>) -> Result<String, Problem> {
-        let name = function.text;
-        let Some(&(_, n_values)) = FUNCTIONS.iter().find(|(known, _)| *known == name) else {
+    fn call(&mut self, called: &Token<'_>) -> Result<(), Problem> {
+        let name = called.text;
+        let Some(&(_, function)) = FUNCTIONS.iter().find(|(known, _)| *known == name) else {
             let hint = hint(name, FUNCTIONS.iter().map(|(known, _)| *known));
-            return Err((function.at, format!("unknown function {name}{hint}")));
+            return Err((called.at, format!("unknown function {name}{hint}")));
         };
-        let mut values = vec![number(self.nested(Self::sum)?)?];
-        while self.take(&[',']).is_some() {
-            values.push(number(self.nested(Self::sum)?)?);
+        self.nested(Self::sum)?.number()?;
+        let mut n_values = 1;
+        while self.take(',') {
+            self.nested(Self::sum)?.number()?;
+            n_values += 1;
         }
-        self.close(function)?;
-        match &values[..] {
-            [value] if n_values == 1 => Ok(format!("({name}({value}))")),
-            [first, second] if n_values == 2 => Ok(format!("(({first}){name}({second}))")),
-            _ => {
-                let s = if n_values == 1 { "" } else { "s" };
-                Err((function.at, format!("{name} takes {n_values} value{s}")))
-            }
+        self.close(called)?;
+        match function {
+            Function::Unary(apply) if n_values == 1 => self.program.unary(apply),
+            Function::Binary(apply) if n_values == 2 => self.program.binary(apply),
+            Function::Unary(_) => return Err((called.at, format!("{name} takes 1 value"))),
+            Function::Binary(_) => return Err((called.at, format!("{name} takes 2 values"))),
         }
+        Ok(())
     }
 
-    fn name(&mut self, token: &Token<'_>) -> Result<String, Problem> {
+    fn name(&mut self, token: &Token<'_>) -> Result<(), Problem> {
         let name = token.text;
         let place = match self.names.iter().position(|used| used == name) {
             Some(place) => place,
@@ -350,7 +370,8 @@ impl<'a> Reader<'a> {
                 if !self.known.contains(&name) {
                     if let Some((_, constant)) = CONSTANTS.iter().find(|(known, _)| *known == name)
                     {
-                        return Ok(format!("{constant}"));
+                        self.program.number(*constant);
+                        return Ok(());
                     }
                     if FUNCTIONS.iter().any(|(known, _)| *known == name) {
                         let message = format!("{name} is a function: ( is missing after it");
@@ -365,33 +386,43 @@ impl<'a> Reader<'a> {
                 self.names.len() - 1
             }
         };
-        let mut variable = String::new();
-        let _ = write!(variable, "v{place:03}");
-        Ok(variable)
+        self.program.name(place);
+        Ok(())
+    }
+
+    /// Two numbers with an operator between them.
+    fn computed(&mut self, left: Piece, apply: Binary, right: Piece) -> Result<Piece, Problem> {
+        left.number()?;
+        right.number()?;
+        self.program.binary(apply);
+        Ok(Piece { is_truth: false, at: left.at })
+    }
+
+    /// Two conditions with `and` or `or`, which stands at `word_at`, between them.
+    fn joined(
+        &mut self,
+        left: Piece,
+        apply: Binary,
+        right: Piece,
+        word_at: usize,
+    ) -> Result<Piece, Problem> {
+        if !(left.is_truth && right.is_truth) {
+            let message = "joins conditions, but a number stands beside it";
+            return Err((word_at, message.to_owned()));
+        }
+        self.program.binary(apply);
+        Ok(Piece { is_truth: true, at: left.at })
     }
 }
 
-/// The text of a part that must be a number.
-fn number(piece: Piece) -> Result<String, Problem> {
-    if piece.is_truth {
-        return Err((piece.at, "a condition stands where a number is needed".to_owned()));
+impl Piece {
+    /// Refuses a condition where a number is needed.
+    fn number(self) -> Result<(), Problem> {
+        if self.is_truth {
+            return Err((self.at, "a condition stands where a number is needed".to_owned()));
+        }
+        Ok(())
     }
-    Ok(piece.text)
-}
-
-/// Two numbers with a mark between them.
-fn computed(left: Piece, mark: char, right: Piece) -> Result<Piece, Problem> {
-    let at = left.at;
-    Ok(Piece { text: format!("({}{mark}{})", number(left)?, number(right)?), is_truth: false, at })
-}
-
-/// Two conditions with `and` or `or`, which stands at `word_at`, between them.
-fn joined(left: Piece, mark: &str, right: Piece, word_at: usize) -> Result<Piece, Problem> {
-    if !(left.is_truth && right.is_truth) {
-        let message = "joins conditions, but a number stands beside it";
-        return Err((word_at, message.to_owned()));
-    }
-    Ok(Piece { text: format!("({}{mark}{})", left.text, right.text), is_truth: true, at: left.at })
 }
 
 /// `; did you mean …?` where a known name is near.
