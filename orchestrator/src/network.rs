@@ -3,7 +3,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`tracks`] | where robots were measured |
-//! | [`replay`] | what a configured network would have done, under a seed |
+//! | [`resimulate`] | what a configured network would have done, under a seed |
 //! | [`kpis`] | the figures of packets that are compared |
 //! | [`spread`] | a measurement against the spread of seeds |
 //! | [`compared`], [`comparison`] | a comparison, and its answer |
@@ -29,7 +29,7 @@ pub mod extension;
 pub mod figure;
 pub mod kpis;
 pub mod likelihood;
-pub mod replay;
+pub mod resimulate;
 pub mod split;
 pub mod spread;
 pub mod task;

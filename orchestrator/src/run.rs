@@ -184,7 +184,7 @@ pub async fn run(
     };
     let schedule = Schedule::of(&plan, started.waits);
     let driver = Driver::new(schedule, &started.records, &mut coupled);
-    let result = driver.drive(&mut recorder, &mut interrupt, audience).await;
+    let result = driver.drive(&mut Recording(&mut recorder), &mut interrupt, audience).await;
     let (n_steps, time_ns) = (coupled.step_number(), coupled.time_ns());
     let formed_ns = coupled.formation().and_then(|formation| formation.formed_ns);
     let wall_s = begun.elapsed().as_secs_f64();
@@ -231,11 +231,14 @@ fn failed(error: &dyn std::error::Error) -> Ending {
     Ending::early(Status::Failed, error.to_string())
 }
 
-impl Observer for Recorder {
+/// Records the steps that it is given.
+struct Recording<'a>(&'a mut Recorder);
+
+impl Observer for Recording<'_> {
     type Error = RecordError;
 
     fn step(&mut self, taken: Taken) -> Result<(), RecordError> {
-        Self::step(self, record_of(taken))
+        self.0.step(record_of(taken))
     }
 }
 

@@ -4,7 +4,7 @@
 use experiment::{Overrides, load, read};
 use measure::table::Table;
 use orchestrator::network::compared::Among;
-use orchestrator::network::replay::{Replay, exchanged};
+use orchestrator::network::resimulate::{Resimulation, exchanged};
 use orchestrator::network::spread::LEVEL;
 use orchestrator::network::tracks::Tracks;
 use proto_messages::v1;
@@ -52,9 +52,9 @@ payload_bytes = 40
 "#;
 
 /// A model over a campaign of half an hour.
-pub(crate) fn replay(text: &str, tracks: Option<Tracks>) -> Replay {
+pub(crate) fn resimulation(text: &str, tracks: Option<Tracks>) -> Resimulation {
     let plan = read(Path::new("model.toml"), text.to_owned(), &Overrides::default()).unwrap();
-    Replay::new(plan, tracks, &[]).unwrap().until(1800.0)
+    Resimulation::new(plan, tracks, &[]).unwrap().until(1800.0)
 }
 
 pub(crate) fn with(tables: &str) -> String {
@@ -63,7 +63,7 @@ pub(crate) fn with(tables: &str) -> String {
 
 #[test]
 fn a_run_of_the_model_itself_differs_from_it_as_often_as_said() {
-    let model = replay(MODEL, None);
+    let model = resimulation(MODEL, None);
     let runs = model.packets(&model.network(), 0..39).unwrap();
     let n = 200;
     let others = model.packets(&model.network(), 1000..1000 + n).unwrap();
@@ -76,7 +76,7 @@ fn a_run_of_the_model_itself_differs_from_it_as_often_as_said() {
 
 #[test]
 fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
-    let model = replay(MODEL, None);
+    let model = resimulation(MODEL, None);
     let runs = model.packets(&model.network(), 0..199).unwrap();
     for (effect, figures) in [
         (
@@ -93,7 +93,7 @@ fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
             &["join_p50_s", "delivery", "packets", "latency_p90_s", "latency_per_hop_s"],
         ),
     ] {
-        let truth = replay(&with(&format!("[[netsim.{effect}")), None);
+        let truth = resimulation(&with(&format!("[[netsim.{effect}")), None);
         let measured = truth.packets(&truth.network(), 1000..1001).unwrap().remove(0);
         let among = Among::of(&measured, &runs, 0.0);
         assert!(among.placed.p_value <= 0.01, "{effect}: {}", among.placed.p_value);
@@ -111,7 +111,7 @@ fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
 
 #[test]
 fn measured_places_are_where_motes_stand() {
-    let model = replay(MODEL, None);
+    let model = resimulation(MODEL, None);
     let at = |spacing_m: f64| {
         let mut text = "time_s,agent,x_m,y_m\n".to_owned();
         for agent in 0..8 {
@@ -120,7 +120,9 @@ fn measured_places_are_where_motes_stand() {
         let table = Table::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap();
         model.over(Tracks::of(&table).unwrap())
     };
-    let made = |replay: &Replay| replay.packets(&replay.network(), 0..4).unwrap().concat().len();
+    let made = |resimulation: &Resimulation| {
+        resimulation.packets(&resimulation.network(), 0..4).unwrap().concat().len()
+    };
     assert!(0 < made(&at(0.5)));
     // Out of each other's reach nobody ever joins, so that there is nothing to send.
     assert_eq!(made(&at(1e5)), 0);
@@ -223,7 +225,7 @@ fn bytes(message: &impl prost::Message) -> Vec<u8> {
 }
 
 #[test]
-fn a_recorded_run_and_the_replay_are_the_same_experiment() {
+fn a_recorded_run_agrees_with_its_resimulations() {
     let dir = folder();
     let config = dir.path().join("model.toml");
     std::fs::write(&config, MODEL).unwrap();
@@ -269,7 +271,7 @@ fn a_recorded_run_and_the_replay_are_the_same_experiment() {
 }
 
 #[test]
-fn what_cannot_be_replayed_is_refused_with_the_reason() {
+fn what_cannot_be_simulated_again_is_refused_with_the_reason() {
     let dir = folder();
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     write("model.toml", MODEL);

@@ -2,14 +2,14 @@
 //! simulation under another seed, with an effect that the model lacks. Where something else of the configuration makes the
 //! same, that is hidden in place of the effect.
 
-use crate::packets::{MODEL, replay, with};
+use crate::packets::{MODEL, resimulation, with};
 use experiment::{Overrides, read};
 use measure::account::Account;
 use measure::packets::Packet;
 use netsim::phy::reception::table::DUST;
 use orchestrator::network::compared::Asked;
 use orchestrator::network::diagnosed::{Diagnosis, Found, answer, catalogue};
-use orchestrator::network::replay::Replay;
+use orchestrator::network::resimulate::Resimulation;
 use orchestrator::network::spread::LEVEL;
 use proto::rng::{Draws, Purpose};
 use serde_json::Value;
@@ -22,15 +22,15 @@ const SEEDS: u64 = 99;
 
 /// A run of a network with some effects, under a seed that no comparison has.
 fn measured(tables: &str, number: u64) -> Vec<Packet> {
-    let truth = replay(&with(tables), None);
+    let truth = resimulation(&with(tables), None);
     truth.packets(&truth.network(), number..number + 1).unwrap().remove(0)
 }
 
 fn diagnosed(packets: &[Packet]) -> (Found, Value) {
-    diagnosed_by(&replay(MODEL, None), packets)
+    diagnosed_by(&resimulation(MODEL, None), packets)
 }
 
-fn diagnosed_by(model: &Replay, packets: &[Packet]) -> (Found, Value) {
+fn diagnosed_by(model: &Resimulation, packets: &[Packet]) -> (Found, Value) {
     let asked = Asked { seeds: SEEDS, ..Asked::default() };
     let candidates = catalogue();
     let found = Diagnosis::new(model, packets, asked, &candidates).climb().unwrap();
@@ -80,9 +80,9 @@ fn small(applications: &str, mac: &str, more: &str) -> String {
     format!("{head}{applications}\n[netsim.mac]\nbeacon_wait_s = 10.0\n{mac}\n{more}")
 }
 
-fn small_replay(text: &str) -> Replay {
+fn small_resimulation(text: &str) -> Resimulation {
     let plan = read(Path::new("small.toml"), text.to_owned(), &Overrides::default()).unwrap();
-    Replay::new(plan, None, &[]).unwrap().until(900.0)
+    Resimulation::new(plan, None, &[]).unwrap().until(900.0)
 }
 
 /// A packet of each mote every five seconds.
@@ -91,9 +91,9 @@ const OFTEN: &str = "[[netsim.app]]\nkind = \"periodic\"\nperiod_s = 5.0\npayloa
 /// What a model finds in the packets of a true network: that `first` is missing; that `effect`, if it is another one,
 /// cannot be told from that; and that the number of `effect` is `value`.
 fn is_found(model: &str, truth: &str, first: &str, effect: &str, (key, value): (&str, f64)) {
-    let truth = small_replay(truth);
+    let truth = small_resimulation(truth);
     let packets = truth.packets(&truth.network(), 1000..1001).unwrap().remove(0);
-    let (found, json) = diagnosed_by(&small_replay(model), &packets);
+    let (found, json) = diagnosed_by(&small_resimulation(model), &packets);
     let sentence = &json["sentence"];
     assert_eq!(json["verdict"], "missing-effects", "{sentence}");
     assert_eq!(json["missing"].as_array().unwrap(), &[first], "{sentence}");

@@ -8,7 +8,7 @@ use measure::config::Compared;
 use measure::packets;
 use measure::table::Table;
 use orchestrator::network::compared::Asked;
-use orchestrator::network::replay::Replay;
+use orchestrator::network::resimulate::Resimulation;
 use orchestrator::network::split::{Split, split};
 use orchestrator::network::tracks::Tracks;
 use proto::types::AgentStates;
@@ -76,10 +76,10 @@ fn parts(fault: &str) -> Split {
     let plan = read(Path::new("model.toml"), MODEL.to_owned(), &Overrides::default()).unwrap();
     let table = Table::read(&out.join("packets.parquet")).unwrap();
     let measured = packets::read(&table).unwrap().packets;
-    let replay = Replay::new(plan, Some(tracks), &measured).unwrap();
+    let resimulation = Resimulation::new(plan, Some(tracks), &measured).unwrap();
     let config = Compared::of_text(Path::new("model.toml"), MODEL.to_owned(), &[]).unwrap();
     let asked = Asked { seeds: 99, ..Asked::default() };
-    split(&replay, &measured, asked, &config, &links).unwrap()
+    split(&resimulation, &measured, asked, &config, &links).unwrap()
 }
 
 /// Links between all pairs, 20 frames a minute, as the radio of a configuration would have measured them along tracks.

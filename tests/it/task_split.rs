@@ -3,7 +3,7 @@
 
 use experiment::{Overrides, read};
 use orchestrator::network::compared::Asked;
-use orchestrator::network::replay::Replay;
+use orchestrator::network::resimulate::Resimulation;
 use orchestrator::network::task::heard::Hearing;
 use orchestrator::network::task::{Measured, TaskSplit, text};
 use orchestrator::network::tracks::Tracks;
@@ -48,8 +48,8 @@ fn parts(fault: &str, seed: u64) -> TaskSplit {
     let tracks = Tracks::read(&out).unwrap();
     let heard = Hearing::read(&out, 8, 0.0).unwrap();
     let plan = read(Path::new("model.toml"), MODEL.to_owned(), &Overrides::default()).unwrap();
-    let replay = Replay::of_task(plan, tracks.clone()).unwrap();
-    let measured = Measured { replay: &replay, tracks: &tracks, heard: &heard, sd_m: 0.0 };
+    let resimulation = Resimulation::of_task(plan, tracks.clone()).unwrap();
+    let measured = Measured { resimulation: &resimulation, tracks: &tracks, heard: &heard, sd_m: 0.0 };
     measured.split(Asked { seeds: 99, ..Asked::default() }).unwrap()
 }
 

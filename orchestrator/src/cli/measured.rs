@@ -1,7 +1,7 @@
 //! The commands that hold a model against measurements.
 
 use super::formula::FormulaArgs;
-use super::packets::{Adding, Opened, ReplayArgs};
+use super::packets::{Adding, Opened, ResimulationArgs};
 use super::task::{self, Files};
 use super::{Failure, inputs, place_for, stop, write_json, write_whole};
 use crate::console::{say, warn};
@@ -136,9 +136,13 @@ impl DataArgs {
     }
 
     /// Packets and their experiment. What is chosen by rows is not for them.
-    fn open_packets(&self, replay: &ReplayArgs, table: &Table) -> Result<Opened, Failure> {
+    fn open_packets(
+        &self,
+        resimulation: &ResimulationArgs,
+        table: &Table,
+    ) -> Result<Opened, Failure> {
         self.refuse_choices("packets")?;
-        replay.open(&self.config, &self.set(), table)
+        resimulation.open(&self.config, &self.set(), table)
     }
 }
 
@@ -193,7 +197,7 @@ pub(super) struct AnswerArgs {
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    replay: ReplayArgs,
+    resimulation: ResimulationArgs,
 }
 
 /// The same, and what tells where an error comes from.
@@ -247,7 +251,7 @@ impl AnswerArgs {
         write_json(self.data.json.as_deref(), &found)?;
         let Some(path) = &self.report else { return Ok(()) };
         let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
-        let words = format!("{further}{}", self.replay.words());
+        let words = format!("{further}{}", self.resimulation.words());
         let verb =
             if matches!(found, NetworkAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
         let page = crate::report::packets::page(&name, &self.command(verb, &words), found);
@@ -364,7 +368,7 @@ pub(super) struct ExtendArgs {
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
-    replay: ReplayArgs,
+    resimulation: ResimulationArgs,
 }
 
 /// `orchestrator compare`.
@@ -375,16 +379,16 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     if let Some(heard) = heard {
         data.refuse_choices("tracks with --heard")?;
         let files = Files { config: &data.config, set: &data.set(), data: &data.data, heard };
-        let found = task::split(&files, args.replay.asked())?;
+        let found = task::split(&files, args.resimulation.asked())?;
         let found = NetworkAnswer::Task(&found);
         return args.write_network(found, &format!(" --heard {}", heard.display()));
     }
     let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
     if packets::has_shape(&table).is_ok() {
-        let opened = data.open_packets(&args.replay, &table)?;
+        let opened = data.open_packets(&args.resimulation, &table)?;
         let links = match links {
             Some(path) => {
-                args.replay.needs_positions()?;
+                args.resimulation.needs_positions()?;
                 Some((Table::read(path).map_err(Failure::request)?, path))
             }
             None => None,
@@ -483,7 +487,7 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
         if args.formula.wanted().is_some() {
             return Err(Failure::request(NO_FORMULA));
         }
-        let opened = data.open_packets(&args.replay, &table)?;
+        let opened = data.open_packets(&args.resimulation, &table)?;
         let adding = Adding {
             config: &data.config,
             text: &config.text,
@@ -561,7 +565,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
     let data = &args.data;
     let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
     if packets::has_shape(&table).is_ok() {
-        let opened = data.open_packets(&args.replay, &table)?;
+        let opened = data.open_packets(&args.resimulation, &table)?;
         let (found, stopped) = super::packets::diagnose(&opened)?;
         args.write_network(NetworkAnswer::Diagnosis(&found), "")?;
         return complete(stopped);

@@ -9,7 +9,7 @@ use crate::network::diagnosed::{self, ACCEPT, Diagnosis, FEWEST_SEEDS};
 use crate::network::diagnosis::NetworkDiagnosis;
 use crate::network::error_split::NetworkErrorSplit;
 use crate::network::extended;
-use crate::network::replay::Replay;
+use crate::network::resimulate::Resimulation;
 use crate::network::split;
 use crate::network::tracks::Tracks;
 use clap::Args;
@@ -20,9 +20,9 @@ use measure::table::Table;
 use std::path::{Path, PathBuf};
 use study::open::{self, Account};
 
-/// How packets are replayed.
+/// How the experiment is simulated again, to be compared with measured packets.
 #[derive(Args, Clone)]
-pub(super) struct ReplayArgs {
+pub(super) struct ResimulationArgs {
     /// Of packets: where robots were measured, as a table with time_s, agent, x_m, y_m, or the folder of a run. Without it they
     /// go as the experiment has them
     #[arg(long, value_name = "FILE")]
@@ -40,13 +40,13 @@ pub(super) struct ReplayArgs {
 
 /// Measured packets, and the experiment that is held against them.
 pub(super) struct Opened {
-    pub(super) replay: Replay,
+    pub(super) resimulation: Resimulation,
     pub(super) packets: Packets,
     pub(super) account: Account,
     pub(super) asked: Asked,
 }
 
-impl ReplayArgs {
+impl ResimulationArgs {
     /// What is asked.
     pub(super) fn asked(&self) -> Asked {
         Asked { seeds: self.seeds, from_s: self.from }
@@ -89,17 +89,17 @@ impl ReplayArgs {
             Some(path) => Some(Tracks::read(path).map_err(Failure::request)?),
             None => None,
         };
-        let replay = Replay::new(plan, tracks, &packets.packets)
+        let resimulation = Resimulation::new(plan, tracks, &packets.packets)
             .map_err(|error| Failure::request(format!("{}: {error}", config.display())))?;
-        let replay = match self.until {
-            None => replay,
-            Some(until_s) if until_s.is_finite() && replay.duration_s() <= until_s => {
-                replay.until(until_s)
+        let resimulation = match self.until {
+            None => resimulation,
+            Some(until_s) if until_s.is_finite() && resimulation.duration_s() <= until_s => {
+                resimulation.until(until_s)
             }
             Some(until_s) => {
                 return Err(Failure::request(format!(
                     "--until {until_s}: packets are on their way until {} s, which it must not lie before",
-                    replay.duration_s()
+                    resimulation.duration_s()
                 )));
             }
         };
@@ -110,24 +110,24 @@ impl ReplayArgs {
             rejected: packets.rejected.clone(),
             warnings: packets.warnings.clone(),
         };
-        if replay.resends() {
+        if resimulation.resends() {
             account.warnings.push(
                 "the experiment has no [[netsim.app]]: the measured packets are sent again at their times, whether motes have joined \
                  by then or not"
                     .to_owned(),
             );
         }
-        Ok(Opened { replay, packets, account, asked: self.asked() })
+        Ok(Opened { resimulation, packets, account, asked: self.asked() })
     }
 }
 
 /// `orchestrator compare` of packets.
 pub(super) fn compare(opened: &Opened) -> Result<NetworkComparison, Failure> {
-    let Opened { replay, packets, account, asked } = opened;
+    let Opened { resimulation, packets, account, asked } = opened;
     account_text(account);
-    tracing::info!("{} seeds of {:.0} s", asked.seeds, replay.duration_s());
-    let found =
-        compared::compare(replay, &packets.packets, *asked, account).map_err(Failure::request)?;
+    tracing::info!("{} seeds of {:.0} s", asked.seeds, resimulation.duration_s());
+    let found = compared::compare(resimulation, &packets.packets, *asked, account)
+        .map_err(Failure::request)?;
     say(compared::words::text(&found));
     Ok(found)
 }
@@ -138,9 +138,9 @@ pub(super) fn split(
     config: &Compared,
     links: &Table,
 ) -> Result<NetworkErrorSplit, Failure> {
-    let Opened { replay, packets, asked, .. } = opened;
-    let split =
-        split::split(replay, &packets.packets, *asked, config, links).map_err(Failure::request)?;
+    let Opened { resimulation, packets, asked, .. } = opened;
+    let split = split::split(resimulation, &packets.packets, *asked, config, links)
+        .map_err(Failure::request)?;
     say(format!("\n{}", split::text(&split)));
     Ok(split::answer(&split))
 }
@@ -162,10 +162,10 @@ impl Opened {
 pub(super) fn diagnose(opened: &Opened) -> Result<(NetworkDiagnosis, Option<usize>), Failure> {
     opened.check_seeds()?;
     let stop = stop::listen()?;
-    let Opened { replay, packets, account, asked } = opened;
+    let Opened { resimulation, packets, account, asked } = opened;
     account_text(account);
     let candidates = diagnosed::catalogue();
-    let diagnosis = Diagnosis::new(replay, &packets.packets, *asked, &candidates).until(stop);
+    let diagnosis = Diagnosis::new(resimulation, &packets.packets, *asked, &candidates).until(stop);
     let found = diagnosis.climb().map_err(Failure::request)?;
     let answer = diagnosed::answer(&found, *asked, account);
     say(diagnosed::text(&found, &answer));
@@ -184,17 +184,18 @@ pub(super) struct Adding<'a> {
 
 /// `orchestrator extend` of packets.
 pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure> {
-    let Opened { replay, packets, account, asked } = opened;
+    let Opened { resimulation, packets, account, asked } = opened;
     let candidates = diagnosed::catalogue();
     let named: Result<Vec<usize>, _> =
         adding.effects.iter().map(|name| extended::candidate(&candidates, name)).collect();
     let named = named.map_err(Failure::request)?;
     account_text(account);
-    let diagnosis = Diagnosis::new(replay, &packets.packets, *asked, &candidates);
+    let diagnosis = Diagnosis::new(resimulation, &packets.packets, *asked, &candidates);
     let effects = if adding.all {
         opened.check_seeds()?;
         let stop = stop::listen()?;
-        let diagnosis = Diagnosis::new(replay, &packets.packets, *asked, &candidates).until(stop);
+        let diagnosis =
+            Diagnosis::new(resimulation, &packets.packets, *asked, &candidates).until(stop);
         let found = diagnosis.climb().map_err(Failure::request)?;
         complete(found.stopped)?;
         found.accepted

@@ -3,7 +3,7 @@
 use super::{Failure, inputs};
 use crate::console::say;
 use crate::network::compared::Asked;
-use crate::network::replay::Replay;
+use crate::network::resimulate::Resimulation;
 use crate::network::task::comparison::{HeardFile, TaskComparison};
 use crate::network::task::heard::Hearing;
 use crate::network::task::{self, FEWEST_SEEDS, Measured};
@@ -40,14 +40,18 @@ pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<TaskComparison, F
         .map_err(|why| Failure::request(format!("--from {}: {why}", asked.from_s)))?;
     let n_agents = plan.experiment.agent_count;
     let heard = Hearing::read(files.heard, n_agents, asked.from_s).map_err(Failure::request)?;
-    let replay = Replay::of_task(plan, tracks.clone())
+    let resimulation = Resimulation::of_task(plan, tracks.clone())
         .map_err(|error| Failure::request(format!("{}: {error}", files.config.display())))?;
     let sd_m = open::localization_sd_m(&compared);
     let account = account(&table, &heard, files.heard, sd_m);
     super::measured::account_text(&account);
-    tracing::info!("{} seeds of {:.0} s, three times", asked.seeds, replay.duration_s());
-    let measured =
-        Measured { replay: &replay, tracks: &tracks, heard: &heard, sd_m: sd_m.unwrap_or(0.0) };
+    tracing::info!("{} seeds of {:.0} s, three times", asked.seeds, resimulation.duration_s());
+    let measured = Measured {
+        resimulation: &resimulation,
+        tracks: &tracks,
+        heard: &heard,
+        sd_m: sd_m.unwrap_or(0.0),
+    };
     let split = measured.split(asked).map_err(Failure::request)?;
     say(task::text(&split));
     let heard = HeardFile { file: files.heard.display().to_string(), deliveries: heard.n() };

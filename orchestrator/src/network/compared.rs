@@ -7,7 +7,7 @@ use super::comparison::{
     Verdict,
 };
 use super::kpis::{Figures, KPIS, OfMote};
-use super::replay::{Replay, ReplayError};
+use super::resimulate::{Resimulation, ResimulationError};
 use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, kpi, place};
 use indexmap::IndexMap;
 use measure::account::Account;
@@ -81,12 +81,12 @@ fn spread(mut values: Vec<f64>) -> (f64, [f64; 2]) {
 ///
 /// The network refuses its configuration.
 pub fn compare(
-    replay: &Replay,
+    resimulation: &Resimulation,
     measured: &[Packet],
     asked: Asked,
     account: &Account,
-) -> Result<NetworkComparison, ReplayError> {
-    let among = among(replay, &replay.network(), measured, asked)?;
+) -> Result<NetworkComparison, ResimulationError> {
+    let among = among(resimulation, &resimulation.network(), measured, asked)?;
     let (verdict, sentence) = sentence(&among);
     Ok(NetworkComparison {
         schema: SCHEMA,
@@ -105,12 +105,12 @@ pub fn compare(
 ///
 /// The network refuses that section.
 pub fn among(
-    replay: &Replay,
+    resimulation: &Resimulation,
     network: &toml::Table,
     measured: &[Packet],
     asked: Asked,
-) -> Result<Among, ReplayError> {
-    let seeds = replay.figures(network, 0..asked.seeds, asked.from_s)?;
+) -> Result<Among, ResimulationError> {
+    let seeds = resimulation.figures(network, 0..asked.seeds, asked.from_s)?;
     Ok(Among::of_figures(Figures::of(measured, asked.from_s), seeds))
 }
 

@@ -7,7 +7,7 @@ use super::candidates::{self, Candidate};
 use super::compared::{Among, Asked, among};
 use super::kpis::Figures;
 use super::likelihood::{self, Law, Run};
-use super::replay::{Replay, ReplayError};
+use super::resimulate::{Resimulation, ResimulationError};
 use super::spread::LEVEL;
 use super::tried::{Curve, Fit, Fitted, Ground};
 use measure::packets::Packet;
@@ -150,7 +150,7 @@ type Close = (usize, Fit, Worth);
 /// The search.
 #[derive(Debug)]
 pub struct Diagnosis<'a> {
-    replay: &'a Replay,
+    resimulation: &'a Resimulation,
     measured: &'a [Packet],
     asked: Asked,
     candidates: &'a [Candidate],
@@ -162,20 +162,20 @@ impl<'a> Diagnosis<'a> {
     /// Of measured packets, under an experiment.
     #[must_use]
     pub fn new(
-        replay: &'a Replay,
+        resimulation: &'a Resimulation,
         measured: &'a [Packet],
         asked: Asked,
         candidates: &'a [Candidate],
     ) -> Self {
         let figures = Figures::of(measured, asked.from_s).scaled();
         let ground = Ground {
-            replay,
+            resimulation,
             measured: figures,
             usable: (0..figures.len()).filter(|&k| figures[k].is_finite()).collect(),
             from_s: asked.from_s,
             seeds: (asked.seeds / 4).max(FEWEST_TO_FIT),
         };
-        Self { replay, measured, asked, candidates, ground, stop: None }
+        Self { resimulation, measured, asked, candidates, ground, stop: None }
     }
 
     /// Ends early when told.
@@ -193,8 +193,8 @@ impl<'a> Diagnosis<'a> {
         &self,
         network: &toml::Table,
         added: Option<&'static str>,
-    ) -> Result<Rung, ReplayError> {
-        let among = among(self.replay, network, self.measured, self.asked)?;
+    ) -> Result<Rung, ResimulationError> {
+        let among = among(self.resimulation, network, self.measured, self.asked)?;
         let law = self.ground.law(&likelihood::scaled(&among.seeds));
         let log_density = law.log_density(&self.ground.measured);
         Ok(Rung { added, among, log_density })
@@ -205,7 +205,7 @@ impl<'a> Diagnosis<'a> {
         let add = |network: toml::Table, (k, fit): &(usize, Fit)| {
             self.candidates[*k].added(&network, fit.fitted.value)
         };
-        effects.iter().fold(self.replay.network(), add)
+        effects.iter().fold(self.resimulation.network(), add)
     }
 
     /// Adds what is missing, one effect after the other.
@@ -213,8 +213,8 @@ impl<'a> Diagnosis<'a> {
     /// # Errors
     ///
     /// The network refuses its configuration.
-    pub fn climb(&self) -> Result<Found, ReplayError> {
-        let mut network = self.replay.network();
+    pub fn climb(&self) -> Result<Found, ResimulationError> {
+        let mut network = self.resimulation.network();
         let first = self.rung(&network, None)?;
         let trial = |candidate: &Candidate| Trial {
             candidate: candidate.clone(),
@@ -264,7 +264,7 @@ impl<'a> Diagnosis<'a> {
         network: &toml::Table,
         round: usize,
         found: &mut Found,
-    ) -> Result<Option<Chosen>, ReplayError> {
+    ) -> Result<Option<Chosen>, ResimulationError> {
         let base = self.ground.base(network)?;
         let base_law = self.ground.law(&base);
         let mut curves: Vec<Tried<'a>> = Vec::new();
@@ -348,7 +348,7 @@ impl<'a> Diagnosis<'a> {
         network: &toml::Table,
         close: Vec<Close>,
         found: &mut Found,
-    ) -> Result<Option<Chosen>, ReplayError> {
+    ) -> Result<Option<Chosen>, ResimulationError> {
         let Some(best) = close.first().map(|(_, fit, _)| fit.fitted.gain) else { return Ok(None) };
         let mut rungs: Vec<(usize, Fit, Rung)> = Vec::new();
         let mends = |rung: &Rung| LEVEL < rung.among.placed.p_value;
@@ -402,7 +402,7 @@ impl<'a> Diagnosis<'a> {
     }
 
     /// Fits each of several effects anew with the others in place.
-    fn refit(&self, effects: &mut [(usize, Fit)]) -> Result<(), ReplayError> {
+    fn refit(&self, effects: &mut [(usize, Fit)]) -> Result<(), ResimulationError> {
         // The last one was fitted with the others as they are.
         for place in (0..effects.len()).rev().skip(1).chain([effects.len() - 1]) {
             let (k, fitted) = (effects[place].0, effects[place].1.fitted);
@@ -436,7 +436,7 @@ impl<'a> Diagnosis<'a> {
     /// # Errors
     ///
     /// The network refuses one of them.
-    pub fn fit(&self, names: &[usize]) -> Result<Effects, ReplayError> {
+    pub fn fit(&self, names: &[usize]) -> Result<Effects, ResimulationError> {
         let mut effects: Vec<(usize, Fit)> = Vec::new();
         for &k in names {
             let candidate = &self.candidates[k];
@@ -450,7 +450,7 @@ impl<'a> Diagnosis<'a> {
             self.refit(&mut effects)?;
         }
         let last = effects.last().map(|(k, _)| self.candidates[*k].name);
-        let before = self.rung(&self.replay.network(), None)?;
+        let before = self.rung(&self.resimulation.network(), None)?;
         let after = self.rung(&self.network(&effects), last)?;
         self.calibrate(&mut effects, &after);
         let fitted =

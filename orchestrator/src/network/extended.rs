@@ -3,7 +3,7 @@
 use super::candidates::Candidate;
 use super::diagnosed::{Diagnosis, Effects, Rung, parameters};
 use super::extension::{NetworkExtension, SCHEMA};
-use super::replay::ReplayError;
+use super::resimulate::ResimulationError;
 use super::tried::Fitted;
 use diagnose::extend::ExtendError;
 use experiment::Overrides;
@@ -20,7 +20,7 @@ pub enum Error {
     Extend(#[from] ExtendError),
     /// The network refuses it.
     #[error(transparent)]
-    Replay(#[from] ReplayError),
+    Resimulation(#[from] ResimulationError),
     /// The text would be no configuration: its tables are written so that none can follow.
     #[error("the effects cannot be added at the end of this file: {0}")]
     Text(#[from] Refusal),

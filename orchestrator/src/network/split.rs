@@ -10,7 +10,7 @@ mod told;
 
 use super::compared::Asked;
 use super::kpis::{Figures, KPIS};
-use super::replay::{Replay, ReplayError};
+use super::resimulate::{Resimulation, ResimulationError};
 use super::spread::place;
 use bytes::Bytes;
 use diagnose::simulate;
@@ -46,7 +46,7 @@ const Z_95: f64 = 1.645;
 pub enum SplitError {
     /// The network refuses something.
     #[error(transparent)]
-    Replay(#[from] ReplayError),
+    Resimulation(#[from] ResimulationError),
     /// The links cannot be used.
     #[error("{0}")]
     Links(String),
@@ -246,7 +246,7 @@ impl Level {
 
 /// Splits the error.
 ///
-/// * `replay`: with the measured tracks.
+/// * `resimulation`: with the measured tracks.
 /// * `config`: the same experiment, as far as its radio is concerned.
 /// * `links`: what was measured of links.
 ///
@@ -254,29 +254,29 @@ impl Level {
 ///
 /// See [`SplitError`].
 pub fn split(
-    replay: &Replay,
+    resimulation: &Resimulation,
     measured: &[Packet],
     asked: Asked,
     config: &Compared,
     links: &Table,
 ) -> Result<Split, SplitError> {
-    let n_agents = replay.plan().experiment.agent_count;
+    let n_agents = resimulation.plan().experiment.agent_count;
     let campaign = |table: &Table| {
-        Campaign::of(table, n_agents, replay.duration_s())
+        Campaign::of(table, n_agents, resimulation.duration_s())
             .map_err(|why| SplitError::Links(format!("{}: {why}", links.path.display())))
     };
-    let network = replay.network();
+    let network = resimulation.network();
     let seeds = 0..asked.seeds;
     tracing::info!("the whole model");
-    let whole = replay.with_its_robots()?.figures(&network, seeds.clone(), asked.from_s)?;
+    let whole = resimulation.with_its_robots()?.figures(&network, seeds.clone(), asked.from_s)?;
     tracing::info!("with the measured tracks");
-    let tracked = replay.figures(&network, seeds.clone(), asked.from_s)?;
+    let tracked = resimulation.figures(&network, seeds.clone(), asked.from_s)?;
     tracing::info!("with the measured links");
     let traced = traced(&network);
     let here = campaign(links)?;
     let over = |campaign: &Campaign, seeds: std::ops::Range<u64>| {
         let runs: Vec<(u64, Bytes)> = seeds.map(|seed| (seed, campaign.trace(seed))).collect();
-        replay.figures_over(&traced, &runs, asked.from_s)
+        resimulation.figures_over(&traced, &runs, asked.from_s)
     };
     let linked = over(&here, seeds)?;
     tracing::info!("with links as the model would have measured them");
@@ -367,7 +367,7 @@ fn traced(network: &toml::Table) -> toml::Table {
     let kept = network.get("phy").and_then(|phy| phy.get("interference")).cloned();
     let mut phy = toml::Table::new();
     phy.insert("propagation".to_owned(), "trace".into());
-    phy.insert("file".to_owned(), super::replay::LINKS.into());
+    phy.insert("file".to_owned(), super::resimulate::LINKS.into());
     phy.extend(kept.map(|kept| ("interference".to_owned(), kept)));
     network.insert("phy".to_owned(), toml::Value::Table(phy));
     network

@@ -14,7 +14,7 @@ mod heard_network;
 mod told;
 
 use super::compared::Asked;
-use super::replay::{self, Course, Replay, ReplayError};
+use super::resimulate::{self, Course, Resimulation, ResimulationError};
 use super::spread::{Standing, place};
 use super::tracks::Tracks;
 use bytes::Bytes;
@@ -40,8 +40,8 @@ const Z_95: f64 = 1.645;
 /// A swarm that was measured, and the experiment that is held against it.
 #[derive(Debug)]
 pub struct Measured<'a> {
-    /// The experiment over the measured tracks: [`Replay::of_task`].
-    pub replay: &'a Replay,
+    /// The experiment over the measured tracks: [`Resimulation::of_task`].
+    pub resimulation: &'a Resimulation,
     /// Where robots were, from when the task began.
     pub tracks: &'a Tracks,
     /// Who heard whom, from then on.
@@ -172,7 +172,7 @@ impl TaskSplit {
     }
 }
 
-/// What has chances of its own: see [`Replay::seed`].
+/// What has chances of its own: see [`Resimulation::seed`].
 const ROBOTS: u64 = 1;
 const NOISE: u64 = 2;
 
@@ -182,14 +182,14 @@ impl Measured<'_> {
     /// # Errors
     ///
     /// A side refuses what it is told, or robots ask for what the file does not tell.
-    pub fn split(&self, asked: Asked) -> Result<TaskSplit, ReplayError> {
-        let plan = self.replay.plan();
+    pub fn split(&self, asked: Asked) -> Result<TaskSplit, ResimulationError> {
+        let plan = self.resimulation.plan();
         let toml = plan.robotsim.effective_toml.as_ref().unwrap_or(&plan.robotsim.toml);
         let experiment = &plan.experiment;
         let sheet = Sheet::new(
             Task::of(toml),
             experiment.agent_count,
-            self.replay.duration_s(),
+            self.resimulation.duration_s(),
             self.tracks.spacing_s(),
             seconds(experiment.step_ns),
         );
@@ -225,15 +225,15 @@ impl Measured<'_> {
         &self,
         sheet: &Sheet,
         numbers: &[u64],
-        run: &(dyn Fn(u64) -> Result<Tracks, ReplayError> + Sync),
-    ) -> Result<Runs, ReplayError> {
+        run: &(dyn Fn(u64) -> Result<Tracks, ResimulationError> + Sync),
+    ) -> Result<Runs, ResimulationError> {
         let one = |&number: &u64| {
-            let noise = Draws::new(self.replay.seed(number, NOISE), Purpose::Localization);
+            let noise = Draws::new(self.resimulation.seed(number, NOISE), Purpose::Localization);
             let error_m = |agent, k, axis| self.error_m(noise, agent, k, axis);
             let seen = self.tracks.measured_of(&run(number)?, &error_m);
             Ok((sheet.figures(&seen), sheet.apart_m(&seen, self.tracks)))
         };
-        let all: Result<Vec<(TaskFigures, f64)>, ReplayError> =
+        let all: Result<Vec<(TaskFigures, f64)>, ResimulationError> =
             numbers.par_iter().map(one).collect();
         let all = all?;
         let off_m = all.iter().map(|(_, off_m)| off_m).sum::<f64>() / all.len() as f64;
@@ -247,29 +247,32 @@ impl Measured<'_> {
 
     /// Where robots begin: where they were measured, within the noise of that.
     fn begin(&self, number: u64) -> (Tracks, Bytes) {
-        let noise = Draws::new(self.replay.seed(number, NOISE), Purpose::Scenario);
+        let noise = Draws::new(self.resimulation.seed(number, NOISE), Purpose::Scenario);
         let begin = self.tracks.begin(&|agent, axis| self.error_m(noise, agent, 0, axis));
         let csv = Bytes::from(begin.begin_csv());
         (begin, csv)
     }
 
     /// The whole model.
-    fn together(&self, number: u64) -> Result<Tracks, ReplayError> {
+    fn together(&self, number: u64) -> Result<Tracks, ResimulationError> {
         let (mut ways, begin) = self.begin(number);
-        self.replay.with_its_robots()?.drive(
-            &Course { begin: Some(&begin), ..self.course(number, &self.replay.network()) },
+        self.resimulation.with_its_robots()?.drive(
+            &Course { begin: Some(&begin), ..self.course(number, &self.resimulation.network()) },
             &mut |step| ways.push(seconds(step.until_ns - step.since_ns), step.states),
         )?;
         Ok(ways)
     }
 
     /// What the model's network delivers along the measured tracks.
-    fn along_tracks(&self, number: u64) -> Result<Hearing, ReplayError> {
-        let n = self.replay.plan().experiment.agent_count;
+    fn along_tracks(&self, number: u64) -> Result<Hearing, ResimulationError> {
+        let n = self.resimulation.plan().experiment.agent_count;
         let mut all = Vec::new();
-        self.replay.drive(&self.course(number, &self.replay.network()), &mut |step| {
-            heard::collect(&step.reply.deliveries, n, step.since_ns, &mut all);
-        })?;
+        self.resimulation.drive(
+            &self.course(number, &self.resimulation.network()),
+            &mut |step| {
+                heard::collect(&step.reply.deliveries, n, step.since_ns, &mut all);
+            },
+        )?;
         Ok(Hearing::of(all))
     }
 
@@ -278,20 +281,20 @@ impl Measured<'_> {
             network,
             number,
             trace: None,
-            robots_seed: self.replay.seed(number, ROBOTS),
+            robots_seed: self.resimulation.seed(number, ROBOTS),
             begin: None,
             counts_from_start: true,
         }
     }
 
     /// The model's robots, who hear what is given.
-    fn hearing(&self, number: u64, heard: &Hearing) -> Result<Tracks, ReplayError> {
+    fn hearing(&self, number: u64, heard: &Hearing) -> Result<Tracks, ResimulationError> {
         let (mut ways, begin) = self.begin(number);
         let section = toml::Table::new();
-        self.replay.drive_over(
+        self.resimulation.drive_over(
             &Course { begin: Some(&begin), ..self.course(number, &section) },
-            replay::built_in_robots(),
-            HeardNetwork::new(heard, self.replay.plan().experiment.step_ns),
+            resimulate::built_in_robots(),
+            HeardNetwork::new(heard, self.resimulation.plan().experiment.step_ns),
             &mut |step| ways.push(seconds(step.until_ns), step.states),
         )?;
         Ok(ways)

@@ -8,7 +8,7 @@
 
 use super::candidates::Candidate;
 use super::likelihood::{self, Law, Moments, Run, Smooth, between};
-use super::replay::{Replay, ReplayError};
+use super::resimulate::{Resimulation, ResimulationError};
 use numbers::statistics::{quantile, standard_deviation};
 use proto::rng::{Draws, Purpose, uniform};
 
@@ -35,7 +35,7 @@ const SAME: f64 = 1e-6;
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {
     /// The experiment.
-    pub replay: &'a Replay,
+    pub resimulation: &'a Resimulation,
     /// The figures that were measured, on their scales.
     pub measured: Run,
     /// Those that are known.
@@ -86,8 +86,8 @@ pub struct Fitted {
 
 impl Ground<'_> {
     /// The figures of a network under the first `n` seeds for fits.
-    fn runs(&self, network: &toml::Table, n: u64) -> Result<Vec<Run>, ReplayError> {
-        let runs = self.replay.figures(network, FIRST_SEED..FIRST_SEED + n, self.from_s)?;
+    fn runs(&self, network: &toml::Table, n: u64) -> Result<Vec<Run>, ResimulationError> {
+        let runs = self.resimulation.figures(network, FIRST_SEED..FIRST_SEED + n, self.from_s)?;
         Ok(likelihood::scaled(&runs))
     }
 
@@ -96,7 +96,7 @@ impl Ground<'_> {
     /// # Errors
     ///
     /// The network refuses its section.
-    pub fn base(&self, network: &toml::Table) -> Result<Vec<Run>, ReplayError> {
+    pub fn base(&self, network: &toml::Table) -> Result<Vec<Run>, ResimulationError> {
         self.runs(network, self.seeds)
     }
 
@@ -116,7 +116,7 @@ impl Ground<'_> {
         network: &toml::Table,
         candidate: &'c Candidate,
         places: &[f64],
-    ) -> Result<Curve<'c>, ReplayError> {
+    ) -> Result<Curve<'c>, ResimulationError> {
         let mut curve = Curve { candidate, tried: Vec::new() };
         self.add(network, &mut curve, places, self.seeds.div_ceil(2))?;
         Ok(curve)
@@ -129,7 +129,7 @@ impl Ground<'_> {
         curve: &mut Curve<'_>,
         places: &[f64],
         n: u64,
-    ) -> Result<(), ReplayError> {
+    ) -> Result<(), ResimulationError> {
         for &place in places {
             let value = curve.candidate.value(place);
             let at = curve.candidate.scaled(value);
@@ -176,7 +176,7 @@ impl Ground<'_> {
         network: &toml::Table,
         curve: &mut Curve<'_>,
         base: &[Run],
-    ) -> Result<Fit, ReplayError> {
+    ) -> Result<Fit, ResimulationError> {
         for _ in 0..ROUNDS {
             let (best, _) = self.best(&self.laws(curve));
             let further = curve.about(best);
@@ -319,7 +319,7 @@ impl Ground<'_> {
         curve: &mut Curve<'_>,
         window: [f64; 2],
         base: &[Run],
-    ) -> Result<Fitted, ReplayError> {
+    ) -> Result<Fitted, ResimulationError> {
         let places: Vec<f64> = curve.tried.iter().map(|tried| tried.at).collect();
         let near = |at: &f64| (window[0] - SAME..=window[1] + SAME).contains(at);
         let places: Vec<f64> = places.into_iter().filter(near).collect();

@@ -24,10 +24,10 @@ use std::convert::Infallible;
 use std::iter::Peekable;
 use std::slice::Iter;
 
-/// Why an experiment cannot be replayed.
+/// Why an experiment cannot be simulated again.
 #[derive(Debug, thiserror::Error)]
-pub enum ReplayError {
-    /// It is no experiment of a network with packets, or has parts that cannot be replayed.
+pub enum ResimulationError {
+    /// It is no experiment of a network with packets, or has parts that cannot be simulated here.
     #[error("{0}")]
     Unfit(String),
     /// The network refuses what it is told.
@@ -35,9 +35,9 @@ pub enum ReplayError {
     Refused(Vec<Problem>),
 }
 
-/// An experiment that is replayed: who is where, who sends what, for how long.
+/// An experiment that is simulated again, in this process and without files: who is where, who sends what, for how long.
 #[derive(Clone, Debug)]
-pub struct Replay {
+pub struct Resimulation {
     plan: Plan,
     /// Where robots were measured; `None`: they go as the experiment has them.
     tracks: Option<Tracks>,
@@ -46,8 +46,9 @@ pub struct Replay {
     until_ns: u64,
 }
 
-/// What a replay of the experiment's own robots takes.
-const OWN_ROBOTS: &str = "a replay has the coupling \"sequential\" and a fixed control period";
+/// What it takes to simulate the experiment's own robots again.
+const OWN_ROBOTS: &str =
+    "resimulation needs the coupling \"sequential\" and a fixed control period";
 /// The name under which measured links come to the network.
 pub const LINKS: &str = "measured-links.k7";
 /// The name under which measured places come to the robots as those where they begin.
@@ -56,19 +57,19 @@ const BEGIN: &str = "measured-begin.csv";
 /// The payload of a packet whose length is not known (bytes).
 const PAYLOAD_BYTES: u32 = 30;
 
-impl Replay {
+impl Resimulation {
     /// An experiment over measured packets, and over measured places where there are any. Motes send what the
     /// experiment's applications say; where it has none, the measured packets are sent again.
     ///
     /// # Errors
     ///
-    /// See [`ReplayError::Unfit`].
+    /// See [`ResimulationError::Unfit`].
     pub fn new(
         plan: Plan,
         tracks: Option<Tracks>,
         packets: &[Packet],
-    ) -> Result<Self, ReplayError> {
-        let unfit = |why: String| Err(ReplayError::Unfit(why));
+    ) -> Result<Self, ResimulationError> {
+        let unfit = |why: String| Err(ResimulationError::Unfit(why));
         has_both_sides(&plan)?;
         let network = network_of(&plan);
         if network.get("mode").and_then(toml::Value::as_str) != Some("6tisch") {
@@ -103,20 +104,20 @@ impl Replay {
     ///
     /// # Errors
     ///
-    /// See [`ReplayError::Unfit`].
-    pub fn of_task(plan: Plan, tracks: Tracks) -> Result<Self, ReplayError> {
+    /// See [`ResimulationError::Unfit`].
+    pub fn of_task(plan: Plan, tracks: Tracks) -> Result<Self, ResimulationError> {
         has_both_sides(&plan)?;
         let n = plan.experiment.agent_count;
         all_are_seen(&tracks, n)?;
         if n < tracks.n_agents() {
-            return Err(ReplayError::Unfit(format!(
+            return Err(ResimulationError::Unfit(format!(
                 "the places name agent {}, the experiment has {n} agents: 0 to {}. Are agents numbered otherwise there?",
                 tracks.n_agents() - 1,
                 n - 1
             )));
         }
         if plan.experiment.coupling != Coupling::Sequential {
-            return Err(ReplayError::Unfit(OWN_ROBOTS.to_owned()));
+            return Err(ResimulationError::Unfit(OWN_ROBOTS.to_owned()));
         }
         let until_ns = ((tracks.until_s() * NS_PER_S as f64).round() as u64).max(1);
         Ok(Self { plan, tracks: Some(tracks), resent: Vec::new(), until_ns })
@@ -139,12 +140,12 @@ impl Replay {
     ///
     /// # Errors
     ///
-    /// They cannot be run here: see [`ReplayError::Unfit`].
-    pub fn with_its_robots(&self) -> Result<Self, ReplayError> {
+    /// They cannot be run here: see [`ResimulationError::Unfit`].
+    pub fn with_its_robots(&self) -> Result<Self, ResimulationError> {
         if self.plan.experiment.coupling == Coupling::Sequential {
             Ok(Self { tracks: None, ..self.clone() })
         } else {
-            Err(ReplayError::Unfit(OWN_ROBOTS.to_owned()))
+            Err(ResimulationError::Unfit(OWN_ROBOTS.to_owned()))
         }
     }
 
@@ -181,7 +182,7 @@ impl Replay {
         &self,
         network: &toml::Table,
         seeds: std::ops::Range<u64>,
-    ) -> Result<Vec<Vec<Packet>>, ReplayError> {
+    ) -> Result<Vec<Vec<Packet>>, ResimulationError> {
         let numbers: Vec<u64> = seeds.collect();
         numbers.par_iter().map(|&number| self.under(network, number, None)).collect()
     }
@@ -196,7 +197,7 @@ impl Replay {
         network: &toml::Table,
         seeds: std::ops::Range<u64>,
         from_s: f64,
-    ) -> Result<Vec<Figures>, ReplayError> {
+    ) -> Result<Vec<Figures>, ResimulationError> {
         let numbers: Vec<u64> = seeds.collect();
         let of = |&number: &u64| Ok(Figures::of(&self.under(network, number, None)?, from_s));
         numbers.par_iter().map(of).collect()
@@ -212,7 +213,7 @@ impl Replay {
         network: &toml::Table,
         runs: &[(u64, Bytes)],
         from_s: f64,
-    ) -> Result<Vec<Figures>, ReplayError> {
+    ) -> Result<Vec<Figures>, ResimulationError> {
         let of = |(number, trace): &(u64, Bytes)| {
             Ok(Figures::of(&self.under(network, *number, Some(trace))?, from_s))
         };
@@ -225,7 +226,7 @@ impl Replay {
         network: &toml::Table,
         number: u64,
         trace: Option<&Bytes>,
-    ) -> Result<Vec<Packet>, ReplayError> {
+    ) -> Result<Vec<Packet>, ResimulationError> {
         let mut packets = Vec::new();
         // The robots are those of the experiment, whatever the network's chances.
         let course = Course {
@@ -265,7 +266,7 @@ impl Replay {
         asked
     }
 
-    /// A seed for replay `number`: of the network, or of something else that has chances of its own.
+    /// A seed for resimulation `number`: of the network, or of something else that has chances of its own.
     pub(super) fn seed(&self, number: u64, of: u64) -> u64 {
         Draws::new(self.plan.experiment.seed, Purpose::Replay).words(number, of, 0)[0] >> 1
     }
@@ -275,7 +276,7 @@ impl Replay {
         &self,
         course: &Course<'_>,
         each: &mut dyn FnMut(&Stepped<'_>),
-    ) -> Result<(), ReplayError> {
+    ) -> Result<(), ResimulationError> {
         match &self.tracks {
             None => self.drive_over(course, built_in_robots(), built_in_network(), each),
             Some(tracks) => {
@@ -292,7 +293,7 @@ impl Replay {
         robots: R,
         network: N,
         each: &mut dyn FnMut(&Stepped<'_>),
-    ) -> Result<(), ReplayError> {
+    ) -> Result<(), ResimulationError> {
         let asked = self.asked(course, robots.described(), network.described());
         // Measured robots do not care who takes turns how.
         let experiment =
@@ -332,7 +333,7 @@ pub fn exchanged(
     plan: &Plan,
     begin: &mut dyn FnMut(&Configured),
     each: &mut dyn FnMut(&Taken),
-) -> Result<(), ReplayError> {
+) -> Result<(), ResimulationError> {
     has_both_sides(plan)?;
     let (robots, network) = (built_in_robots(), built_in_network());
     let described = (Peer::<Robots>::described(&robots), Peer::<Network>::described(&network));
@@ -364,7 +365,7 @@ fn couple<R: Peer<Robots>, N: Peer<Network>>(
     experiment: Experiment,
     mut robots: R,
     mut network: N,
-) -> Result<(Coupled<R, N>, Configured), ReplayError> {
+) -> Result<(Coupled<R, N>, Configured), ResimulationError> {
     let configured = ready(configure(asked, &mut robots, &mut network))?;
     let (start, network_start) = (&configured.robots_start, &configured.network_start);
     Ok((Coupled::new(robots, network, experiment, start, network_start), configured))
@@ -382,7 +383,7 @@ fn drive<R: Peer<Robots>, N: Peer<Network>, O: Observer>(
 }
 
 /// A network that has not formed in time is one of the things that may happen.
-fn finished(ended: Result<Stopped, Failure<Infallible>>) -> Result<(), ReplayError> {
+fn finished(ended: Result<Stopped, Failure<Infallible>>) -> Result<(), ResimulationError> {
     match ended {
         Ok(_) | Err(Failure::NotFormed(_)) => Ok(()),
         Err(Failure::Side(error)) => Err(error.into()),
@@ -390,7 +391,7 @@ fn finished(ended: Result<Stopped, Failure<Infallible>>) -> Result<(), ReplayErr
     }
 }
 
-impl From<SideError> for ReplayError {
+impl From<SideError> for ResimulationError {
     fn from(error: SideError) -> Self {
         match error {
             SideError::Unacceptable { problems, .. } => Self::Refused(problems),
@@ -506,7 +507,7 @@ impl Peer<Robots> for Tracked<'_> {
     async fn stop(self) {}
 }
 
-/// One replay.
+/// One resimulation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Course<'a> {
     /// The network's section.
@@ -523,7 +524,7 @@ pub(super) struct Course<'a> {
     pub(super) counts_from_start: bool,
 }
 
-/// A step of a replay.
+/// A step of a resimulation.
 #[derive(Debug)]
 pub(super) struct Stepped<'a> {
     /// When time begins to count (ns).
@@ -537,11 +538,11 @@ pub(super) struct Stepped<'a> {
 }
 
 /// Refuses simulators elsewhere.
-fn has_both_sides(plan: &Plan) -> Result<(), ReplayError> {
+fn has_both_sides(plan: &Plan) -> Result<(), ResimulationError> {
     for (name, side) in [("netsim", &plan.netsim), ("robotsim", &plan.robotsim)] {
         if side.url.is_some() {
-            return Err(ReplayError::Unfit(format!(
-                "{name}.url: a replay takes place in this program, and cannot ask a simulator elsewhere"
+            return Err(ResimulationError::Unfit(format!(
+                "{name}.url: resimulation takes place in this program, and cannot ask a simulator elsewhere"
             )));
         }
     }
@@ -549,12 +550,12 @@ fn has_both_sides(plan: &Plan) -> Result<(), ReplayError> {
 }
 
 /// Refuses tracks that lack an agent.
-fn all_are_seen(tracks: &Tracks, n_agents: usize) -> Result<(), ReplayError> {
+fn all_are_seen(tracks: &Tracks, n_agents: usize) -> Result<(), ResimulationError> {
     let unseen: Vec<String> = tracks.unseen(n_agents).iter().take(8).map(u32::to_string).collect();
     if unseen.is_empty() {
         return Ok(());
     }
-    Err(ReplayError::Unfit(format!(
+    Err(ResimulationError::Unfit(format!(
         "no place is known of agents {}: every agent of the experiment needs one",
         unseen.join(", ")
     )))
