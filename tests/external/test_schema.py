@@ -8,6 +8,7 @@ import pytest
 from conftest import ROOT, program, succeed
 from jsonschema import Draft202012Validator
 
+ANSWERS = ["check", "compare", "compare-runs", "diagnose", "extend", "power", "run", "simulate", "sweep", "verify"]
 CONFIGS = sorted((ROOT / "configs").glob("**/*.toml"))
 
 
@@ -81,6 +82,21 @@ def test_the_schema_explains_every_key(schema):
 
     walk(schema, "")
     assert silent == []
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_the_schema_of_every_answer_is_a_valid_one_of_draft_2020_12(name):
+    answer = json.loads(succeed([program("orchestrator"), "schema", "--of", name]))
+    assert answer["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    Draft202012Validator.check_schema(answer)
+    # A schema that allows everything would be valid, too.
+    assert not Draft202012Validator(answer).is_valid({})
+
+
+@pytest.mark.parametrize("name", ["flocking", "sensors-minimal"])
+def test_the_summary_of_a_run_satisfies_its_schema(result_of, name):
+    answer = json.loads(succeed([program("orchestrator"), "schema", "--of", "run"]))
+    Draft202012Validator(answer).validate(json.loads((result_of(name) / "summary.json").read_text()))
 
 
 def explained(schema, node):
