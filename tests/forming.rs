@@ -159,7 +159,7 @@ fn captured(time_ns: u64) -> Bytes {
 impl NetSimulator for Forming {
     const NAME: &'static str = "forming";
 
-    fn config_schema_json() -> String {
+    fn config_schema_json(&self) -> String {
         String::new()
     }
 

@@ -4,9 +4,8 @@
 //! `cargo run --release -p netsim --example low_antenna`.
 
 use netsim::phy::effect::{Effect, Entry, UNCHECKED};
-use netsim::phy::keys;
 use netsim::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -64,7 +63,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: LowAntenna = keys(table)?;
+        let effect: LowAntenna = typed(table);
         Some(Box::new(effect))
     },
 };

@@ -10,19 +10,21 @@ mod network;
 mod rpl;
 mod swarm;
 
-use crate::k7;
+use crate::catalogue::Catalogue;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
 use crate::phy::interference::{self, Interference};
 use crate::phy::model::Model;
-use crate::phy::propagation::{self, BuildContext, Radio, trace};
+use crate::phy::propagation::{self, BuildContext, Family, Radio};
 use crate::phy::{effect, reception};
 use bytes::Bytes;
 use proto::config::{
-    Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, Tag, Variant, check, join,
+    Default, Field, FileReference, Kind, Lists, Node, Problem, Range, TableSpec, Tag, Variant,
+    Variants, check, join, typed,
 };
 use proto::side::Setup;
 use proto::types::{MoteCommandKind, NS_PER_S, seconds};
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -59,22 +61,20 @@ pub const SPEC: TableSpec = TableSpec {
         key: "mode",
         doc: "What is simulated.",
         default: Some("propagation-only"),
-        variants: || {
-            vec![
-                Variant {
-                    name: "propagation-only",
-                    doc: "No protocols: in every control period each payload is broadcast once, and every other radio receives \
+        variants: Variants::Fixed(&[
+            Variant {
+                name: "propagation-only",
+                doc: "No protocols: in every control period each payload is broadcast once, and every other radio receives \
                       it with the probability that the physics gives. Frames do not disturb each other.",
-                    fields: &[],
-                },
-                Variant {
-                    name: MODE_6TISCH,
-                    doc: "The full network: TSCH, a scheduling function, 6P, 6LoWPAN, RPL and admission, on a medium in which \
+                fields: &[],
+            },
+            Variant {
+                name: MODE_6TISCH,
+                doc: "The full network: TSCH, a scheduling function, 6P, 6LoWPAN, RPL and admission, on a medium in which \
                       frames disturb each other.",
-                    fields: network::FIELDS,
-                },
-            ]
-        },
+                fields: network::FIELDS,
+            },
+        ]),
     }),
 };
 
@@ -184,32 +184,66 @@ impl Config {
     }
 }
 
+/// Keys of `[netsim]`, those of the protocols apart.
+#[derive(Deserialize)]
+struct Keys {
+    /// Absent where it is none that is known.
+    mode: Option<String>,
+    slot_duration_s: f64,
+    hopping_sequence: Option<Vec<u8>>,
+    #[serde(default)]
+    absent: Vec<u32>,
+    phy: toml::Table,
+}
+
+impl Keys {
+    fn has_protocols(&self) -> bool {
+        self.mode.as_deref() == Some(MODE_6TISCH)
+    }
+}
+
+/// Keys of `[netsim.phy]`, those of the base model apart.
+#[derive(Deserialize)]
+struct PhyKeys {
+    #[serde(flatten)]
+    radio: Radio,
+    antenna_height_m: Option<f64>,
+    min_distance_m: f64,
+    noise_sd_db: Option<f64>,
+    reception: toml::Table,
+    interference: toml::Table,
+    #[serde(default)]
+    effect: Vec<toml::Table>,
+}
+
 /// The files that a configuration names.
 #[must_use]
-pub fn files(config: &Node, path: &str) -> Vec<FileReference> {
-    check(config, path, &SPEC, &mut Vec::new()).files
+pub fn files(config: &Node, path: &str, catalogue: &Catalogue) -> Vec<FileReference> {
+    check(config, path, &SPEC, &catalogue.lists(), &mut Vec::new()).files
+}
+
+/// The section's table with defaults, whatever is wrong with it.
+fn effective(config: &Node, catalogue: &Catalogue) -> toml::Table {
+    check(config, "", &SPEC, &catalogue.lists(), &mut Vec::new()).table
 }
 
 /// Slots of one slotframe of the network that `config` describes: a control period of `"slotframe"`. With protocols it is
 /// the scheduling function's, or that of the payloads' broadcast slotframe; without, a slot for every agent. So is it
 /// where the configuration is not valid, which [`read`] will say.
 #[must_use]
-pub fn slotframe_slots(config: &Node, agent_count: usize) -> u64 {
-    let table = check(config, "", &SPEC, &mut Vec::new()).table;
-    if table.get("mode").and_then(toml::Value::as_str) != Some(MODE_6TISCH) {
+pub fn slotframe_slots(config: &Node, agent_count: usize, catalogue: &Catalogue) -> u64 {
+    let table = effective(config, catalogue);
+    let keys: Keys = typed(&table);
+    if !keys.has_protocols() {
         return agent_count as u64;
     }
-    let sequence = table.get("hopping_sequence").and_then(toml::Value::as_array);
-    let channels = sequence.map(|channels| {
-        channels.iter().filter_map(toml::Value::as_integer).map(|channel| channel as u8).collect()
-    });
-    let hopping_sequence: Vec<u8> = channels.unwrap_or_else(|| HOPPING_SEQUENCE.to_vec());
     let given = network::Given {
         table: &table,
         path: "",
         agent_count,
         slot_ns: 1,
-        hopping_sequence: &hopping_sequence,
+        hopping_sequence: &keys.hopping_sequence.unwrap_or_else(|| HOPPING_SEQUENCE.to_vec()),
+        catalogue,
     };
     network::build(&given, &mut Vec::new(), &mut Vec::new())
         .map_or(agent_count as u64, |(settings, _)| u64::from(settings.slotframe_slots()))
@@ -218,34 +252,28 @@ pub fn slotframe_slots(config: &Node, agent_count: usize) -> u64 {
 /// Orders that mean anything to the network that `config` describes. Without protocols nothing can be jammed, and no
 /// packet sent beside the robots' payloads.
 #[must_use]
-pub fn commands(config: &Node) -> &'static [MoteCommandKind] {
-    let table = check(config, "", &SPEC, &mut Vec::new()).table;
-    if table.get("mode").and_then(toml::Value::as_str) == Some(MODE_6TISCH) {
-        &COMMANDS
-    } else {
-        &WITHOUT_PROTOCOLS
-    }
+pub fn commands(config: &Node, catalogue: &Catalogue) -> &'static [MoteCommandKind] {
+    let keys: Keys = typed(&effective(config, catalogue));
+    if keys.has_protocols() { &COMMANDS } else { &WITHOUT_PROTOCOLS }
 }
 
 /// The motes that `config` leaves out until an order adds them.
 #[must_use]
-pub fn absent(config: &Node) -> Vec<u32> {
-    let table = check(config, "", &SPEC, &mut Vec::new()).table;
-    let listed = table.get("absent").and_then(toml::Value::as_array);
-    let numbers = listed.into_iter().flatten().filter_map(toml::Value::as_integer);
-    numbers.filter_map(|mote| u32::try_from(mote).ok()).collect()
+pub fn absent(config: &Node, catalogue: &Catalogue) -> Vec<u32> {
+    let keys: Keys = typed(&effective(config, catalogue));
+    keys.absent
 }
 
 /// How long the trace lasts that a network replays (ns), its checked section and files given; `None`: it replays none, or one
 /// beyond whose end links are held.
 #[must_use]
-pub fn replay_ns(table: &toml::Table, files: &BTreeMap<String, Bytes>) -> Option<u64> {
+pub fn replay_ns(
+    table: &toml::Table,
+    files: &BTreeMap<String, Bytes>,
+    catalogue: &Catalogue,
+) -> Option<u64> {
     let phy = table.get("phy")?.as_table()?;
-    let text = |key: &str| phy.get(key).and_then(toml::Value::as_str);
-    if text(propagation::TAG.key) != Some("trace") || text("after_end") == Some(trace::REPLAY_ON) {
-        return None;
-    }
-    Some(k7::header(files.get(text("file")?)?)?.duration_ns)
+    (catalogue.propagation.selected(phy, &propagation::TAG)?.replay)(phy, files)
 }
 
 /// Orders that some network obeys.
@@ -269,16 +297,17 @@ const MODE_6TISCH: &str = "6tisch";
 /// # Errors
 ///
 /// Everything that is wrong with it.
-pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Problem>> {
+pub fn read(
+    setup: &Setup,
+    catalogue: &Catalogue,
+) -> Result<(Config, toml::Table, Vec<String>), Vec<Problem>> {
     let mut problems = Vec::new();
-    let table = check(&setup.config, &setup.path, &SPEC, &mut problems).table;
+    let lists = catalogue.lists();
+    let table = check(&setup.config, &setup.path, &SPEC, &lists, &mut problems).table;
+    let keys: Keys = typed(&table);
     let at = |key: &str| join(&setup.path, key);
-    let number = |table: &toml::Table, key: &str| table.get(key).and_then(toml::Value::as_float);
-    let integers = |key: &str| -> Option<Vec<i64>> {
-        table.get(key)?.as_array()?.iter().map(toml::Value::as_integer).collect()
-    };
 
-    let slot_s = number(&table, "slot_duration_s").unwrap_or_default();
+    let slot_s = keys.slot_duration_s;
     let slot_ns = (slot_s * NS_PER_S as f64).round() as u64;
     let step_ns = setup.experiment.step_ns;
     let is_refused = problems.iter().any(|problem| problem.path == at("slot_duration_s"));
@@ -291,23 +320,22 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
 
     let agent_count = setup.experiment.agent_count;
     let mut absent: Vec<u32> = Vec::new();
-    for (index, mote) in integers("absent").unwrap_or_default().into_iter().enumerate() {
+    for (index, &mote) in keys.absent.iter().enumerate() {
         let key = at(&format!("absent[{index}]"));
-        if usize::try_from(mote).is_ok_and(|mote| agent_count <= mote) {
+        if agent_count <= mote as usize {
             let message = format!("must be a mote, 0 to {}", agent_count - 1);
             problems.push(Problem::new(key, message).value(mote).nearest(agent_count - 1));
-        } else if absent.contains(&(mote as u32)) {
+        } else if absent.contains(&mote) {
             problems.push(Problem::new(key, "must not be listed twice").value(mote));
         } else {
-            absent.push(mote as u32);
+            absent.push(mote);
         }
     }
 
-    let phy_path = at("phy");
-    let empty = toml::Table::new();
-    let phy = table.get("phy").and_then(toml::Value::as_table).unwrap_or(&empty);
-    let is_trace = phy.get(propagation::TAG.key).and_then(|name| name.as_str()) == Some("trace");
-    let is_network = table.get("mode").and_then(toml::Value::as_str) == Some(MODE_6TISCH);
+    let is_network = keys.has_protocols();
+    let phy: PhyKeys = typed(&keys.phy);
+    let base = catalogue.propagation.selected(&keys.phy, &propagation::TAG);
+    let is_recording = base.is_some_and(|base| base.family == Family::Recording);
     if is_network && !is_refused && slot_ns < network::LEAST_SLOT_NS {
         let message = format!(
             "must be at least {} s with mode = {MODE_6TISCH:?}: so long last the longest frame and its acknowledgment",
@@ -315,14 +343,15 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         );
         problems.push(Problem::new(at("slot_duration_s"), message).value(slot_s).nearest(0.01));
     }
-    let hopping_sequence: Vec<u8> = match integers("hopping_sequence") {
-        Some(channels) => channels.into_iter().map(|channel| channel as u8).collect(),
-        None if is_trace || is_network => HOPPING_SEQUENCE.to_vec(),
+    let hopping_sequence: Vec<u8> = match keys.hopping_sequence {
+        Some(channels) => channels,
+        None if is_recording || is_network => HOPPING_SEQUENCE.to_vec(),
         None => Vec::new(),
     };
+    let phy_path = at("phy");
     let mut context = BuildContext {
         path: &phy_path,
-        radio: radio_of(phy),
+        radio: phy.radio,
         agent_count,
         slot_ns: slot_ns.max(1),
         channels: &hopping_sequence,
@@ -330,12 +359,11 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         problems: Vec::new(),
         warnings: Vec::new(),
     };
-    let model = model_of(phy, &mut context, &mut problems);
+    let model = model_of(&keys.phy, &phy, catalogue, &mut context, &mut problems);
     let mut warnings = context.warnings;
     problems.extend(context.problems);
 
-    let interference =
-        phy.get("interference").and_then(toml::Value::as_table).and_then(interference::build);
+    let interference = interference::build(&phy.interference, &catalogue.interference);
     let network = is_network.then(|| {
         let given = network::Given {
             table: &table,
@@ -343,6 +371,7 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
             agent_count,
             slot_ns: slot_ns.max(1),
             hopping_sequence: &hopping_sequence,
+            catalogue,
         };
         network::build(&given, &mut problems, &mut warnings)
     });
@@ -352,17 +381,19 @@ pub fn read(setup: &Setup) -> Result<(Config, toml::Table, Vec<String>), Vec<Pro
         let message = "must not name every root: without one there is no network to join";
         problems.push(Problem::new(at("absent"), message).value(format!("{absent:?}")));
     }
-    let (Some(model), Some(interference), true) = (model, interference, problems.is_empty()) else {
+    let (Some(model), Some(base), Some(interference), true) =
+        (model, base, interference, problems.is_empty())
+    else {
         assert!(!problems.is_empty(), "what cannot be built has a problem");
         return Err(problems);
     };
-    warnings.extend(without_influence(setup, &model, is_trace));
+    warnings.extend(without_influence(setup, base, &lists));
     let config = Config {
         slot_ns,
         n_slots: step_ns / slot_ns,
         hopping_sequence,
         absent,
-        antenna_height_m: number(phy, "antenna_height_m").unwrap_or_default(),
+        antenna_height_m: phy.antenna_height_m.unwrap_or(0.0),
         model: Arc::new(model),
         interference: Some(interference),
         network: network.flatten().map(Box::new),
@@ -383,12 +414,14 @@ pub fn read_phy(
     path: &str,
     agent_count: usize,
     files: &BTreeMap<String, Bytes>,
+    catalogue: &Catalogue,
 ) -> Result<(Model, toml::Table), Vec<Problem>> {
     let mut problems = Vec::new();
-    let table = check(node, path, &PHY, &mut problems).table;
+    let table = check(node, path, &PHY, &catalogue.lists(), &mut problems).table;
+    let keys: PhyKeys = typed(&table);
     let mut context = BuildContext {
         path,
-        radio: radio_of(&table),
+        radio: keys.radio,
         agent_count,
         slot_ns: 1,
         channels: &HOPPING_SEQUENCE,
@@ -396,7 +429,7 @@ pub fn read_phy(
         problems: Vec::new(),
         warnings: Vec::new(),
     };
-    let model = model_of(&table, &mut context, &mut problems);
+    let model = model_of(&table, &keys, catalogue, &mut context, &mut problems);
     problems.extend(context.problems);
     match model.filter(|_| problems.is_empty()) {
         Some(model) => Ok((model, table)),
@@ -404,66 +437,48 @@ pub fn read_phy(
     }
 }
 
-/// Radio settings that models share, of a checked table of `[netsim.phy]`.
-fn radio_of(phy: &toml::Table) -> Radio {
-    let number = |key: &str| phy.get(key).and_then(toml::Value::as_float);
-    Radio {
-        tx_power_dbm: number("tx_power_dbm").unwrap_or_default(),
-        tx_antenna_gain_dbi: number("tx_antenna_gain_dbi").unwrap_or_default(),
-        rx_antenna_gain_dbi: number("rx_antenna_gain_dbi").unwrap_or_default(),
-        carrier_hz: number("carrier_hz").unwrap_or(2.44e9),
-    }
-}
-
 /// The model that a checked table of `[netsim.phy]` describes, unless there are problems.
 fn model_of(
-    phy: &toml::Table,
+    table: &toml::Table,
+    keys: &PhyKeys,
+    catalogue: &Catalogue,
     context: &mut BuildContext<'_>,
     problems: &mut Vec<Problem>,
 ) -> Option<Model> {
-    let number = |key: &str| phy.get(key).and_then(toml::Value::as_float);
-    let propagation = propagation::build(phy, context);
+    let base = catalogue.propagation.selected(table, &propagation::TAG);
+    let propagation = base.and_then(|base| (base.build)(table, context));
     let path = join(context.path, "reception");
-    let curve = phy
-        .get("reception")
-        .and_then(toml::Value::as_table)
-        .and_then(|table| reception::build(table, &path, problems));
-    let effects = phy.get("effect").and_then(toml::Value::as_array).map(|list| {
-        effect::check(list, &join(context.path, "effect"), problems);
-        effect::build(list)
-    });
+    let curve = reception::build(&keys.reception, &path, &catalogue.reception, problems);
+    effect::check(&keys.effect, &join(context.path, "effect"), &catalogue.effects, problems);
+    let effects = effect::build(&keys.effect, &catalogue.effects);
     Some(Model::new(
         propagation?,
-        effects.unwrap_or_default(),
+        effects,
         curve?,
         context.radio,
-        number("min_distance_m").unwrap_or(0.1),
-        number("noise_sd_db"),
+        keys.min_distance_m,
+        keys.noise_sd_db,
     ))
 }
 
 /// Keys that are written, other than they would be anyway, but decide nothing.
-fn without_influence(setup: &Setup, model: &Model, is_trace: bool) -> Vec<String> {
-    let name = model.propagation.name();
-    let defaults = check(&Node::empty_table(), "", &SPEC, &mut Vec::new()).table;
+fn without_influence(setup: &Setup, base: &propagation::Entry, lists: &Lists) -> Vec<String> {
+    let name = base.variant.name;
+    let defaults = check(&Node::empty_table(), "", &SPEC, lists, &mut Vec::new()).table;
     let written = |key: &str| {
         let written = setup.config.get("phy").and_then(|phy| phy.get(key)).map(Node::to_toml);
         // An effective configuration spells out the defaults: that is no wish of anybody.
         written.is_some_and(|written| defaults["phy"].get(key) != Some(&written))
     };
-    let states_reception = !matches!(
-        name,
-        "friis" | "probabilistic-disk" | "log-distance" | "experimental-randomness"
-    );
     let mut warnings = Vec::new();
     let mut warn = |key: &str, why: &str| {
         let path = join(&setup.path, &format!("phy.{key}"));
         warnings.push(format!("{path} has no influence: propagation = {name:?} {why}"));
     };
-    if states_reception && written("reception") {
+    if base.family != Family::Signal && written("reception") {
         warn("reception", "states itself what is received");
     }
-    if is_trace {
+    if base.family == Family::Recording {
         let unused = [
             "tx_power_dbm",
             "tx_antenna_gain_dbi",
@@ -503,7 +518,7 @@ mod tests {
     use super::*;
 
     fn slots(text: &str) -> u64 {
-        slotframe_slots(&proto::config::parse(text).unwrap(), 12)
+        slotframe_slots(&proto::config::parse(text).unwrap(), 12, Catalogue::built_in())
     }
 
     #[test]

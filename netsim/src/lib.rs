@@ -6,6 +6,7 @@
 //! | [`medium`] | that physics asked for every link that may matter, fast and with the same result |
 //! | [`broadcast`] | propagation only: every payload is broadcast once in every control period |
 //! | [`sim`] | the simulator as the shell sees it |
+//! | [`catalogue`] | what can be chosen by name in it: the lists of effects, models and scheduling functions |
 //! | [`config`] | the `[netsim]` section |
 //! | [`k7`] | traces of link quality |
 //!
@@ -22,6 +23,7 @@
 
 pub mod app;
 pub mod broadcast;
+pub mod catalogue;
 pub mod config;
 pub mod dice;
 pub mod energy;

@@ -26,7 +26,7 @@ use crate::mesh::addresses::Addresses;
 use crate::mesh::packets::Packets;
 use crate::mesh::settings::{Settings, Transport};
 use crate::rpl::Rpl;
-use crate::sf::{AnySf, SchedulingFunction as _, minimal};
+use crate::sf::{AnySf, minimal};
 use crate::sixtop::Sixtop;
 use crate::wire::Eui64;
 use crate::wire::frame::{BeaconRepr, BeaconSlotframe, Content, FrameRepr};

@@ -27,11 +27,3 @@ pub mod sight;
 
 pub use link::{Covariates, End, Link, Scene};
 pub use model::{LinkBudget, Model};
-
-use serde::de::DeserializeOwned;
-
-/// A checked table as typed keys. `None`: a required key is missing, which the check has reported.
-#[must_use]
-pub fn keys<T: DeserializeOwned>(table: &toml::Table) -> Option<T> {
-    table.clone().try_into().ok()
-}

@@ -1,6 +1,6 @@
 //! Scheduling functions: who uses which cells. `netsim.sf.kind`.
 //!
-//! One file per function, one list: the call of `scheduling_functions!` below.
+//! One file per function, one list: `BUILT_IN`.
 //!
 //! | module | what | source |
 //! |---|---|---|
@@ -28,8 +28,13 @@ use crate::mac::{CellRef, Schedule};
 use crate::sixtop::{Event, Sixtop};
 use crate::wire::Eui64;
 use crate::wire::slots::SlotsRepr;
-use proto::config::{Problem, TableSpec, Tag, Variant};
-use serde::{Deserialize, Serialize};
+use proto::config::{Problem, Registered, TableSpec, Tag, Variant, Variants};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::any::Any;
+use std::fmt::Debug;
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
 
 /// What a scheduling function may see and change when something happens.
 #[derive(Debug)]
@@ -71,8 +76,37 @@ pub enum Traffic {
     Unicast(Eui64),
 }
 
+/// What a mote that is cloned, compared or saved asks of its scheduling function. Every type has it that can be.
+pub trait Stored: Any + Debug + Send + Sync {
+    /// A copy of it.
+    fn boxed(&self) -> Box<dyn SchedulingFunction>;
+
+    /// Whether the other one is of the same kind, and in the same state.
+    fn equals(&self, other: &dyn SchedulingFunction) -> bool;
+
+    /// Its state, as [`AnySf::resume`] reads it.
+    fn saved(&self) -> Vec<u8>;
+}
+
+impl<T> Stored for T
+where
+    T: SchedulingFunction + Clone + PartialEq + Debug + Serialize + Send + Sync + 'static,
+{
+    fn boxed(&self) -> Box<dyn SchedulingFunction> {
+        Box::new(self.clone())
+    }
+
+    fn equals(&self, other: &dyn SchedulingFunction) -> bool {
+        (other as &dyn Any).downcast_ref::<T>().is_some_and(|other| self == other)
+    }
+
+    fn saved(&self) -> Vec<u8> {
+        postcard::to_stdvec(self).expect("plain data in memory")
+    }
+}
+
 /// Decides on cells. Called by the mote's layers; draws, time and the schedule come in with the [`Context`].
-pub trait SchedulingFunction {
+pub trait SchedulingFunction: Stored {
     /// The mote has become synchronised, or is a root that starts: install what is there from the beginning.
     fn start(&mut self, cx: &mut Context<'_>);
 
@@ -194,175 +228,233 @@ pub struct BuildContext<'a> {
 pub struct Entry {
     /// Its name and keys.
     pub variant: Variant,
+    /// In which of its cells a mote can broadcast a robot's payload.
+    pub payload_cells: PayloadCells,
     /// Makes its configuration of the checked table of `[netsim.sf]`, or adds problems.
     pub build: fn(&toml::Table, &mut BuildContext<'_>) -> Option<Config>,
 }
 
-/// Lists the scheduling functions: name, module, type of one mote's state, type of the configuration that motes share. The
-/// module has an `ENTRY`, the state `new(&configuration, mote)`.
-macro_rules! scheduling_functions {
-    ($($(#[$doc:meta])* $name:ident: $module:ident, $state:ident, $config:ident;)+) => {
-        /// All scheduling functions.
-        pub const LIST: &[Entry] = &[$($module::ENTRY),+];
-
-        /// What `[netsim.sf]` says, the same for all motes.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        pub enum Config {
-            $($(#[$doc])* $name($module::$config),)+
-        }
-
-        /// The scheduling function of one mote.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        pub enum AnySf {
-            $($(#[$doc])* $name($module::$state),)+
-        }
-
-        impl Config {
-            /// The scheduling function of a mote, before it starts.
-            #[must_use]
-            pub fn create(&self, mote: u32) -> AnySf {
-                match self {
-                    $(Self::$name(config) => AnySf::$name($module::$state::new(config, mote)),)+
-                }
-            }
-        }
-
-        impl AnySf {
-            fn get(&self) -> &dyn SchedulingFunction {
-                match self {
-                    $(Self::$name(sf) => sf,)+
-                }
-            }
-
-            fn get_mut(&mut self) -> &mut dyn SchedulingFunction {
-                match self {
-                    $(Self::$name(sf) => sf,)+
-                }
-            }
-        }
-    };
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
+    }
 }
 
-scheduling_functions! {
-    /// One cell for everything.
-    Minimal: minimal, Minimal, MinimalConfig;
-    /// Cells negotiated with the parent.
-    Msf: msf, Msf, MsfConfig;
-    /// One slot for every mote.
-    Rrsf: rrsf, Rrsf, RrsfConfig;
-    /// Slots that nobody within two hops has.
-    Sotdma: sotdma, Sotdma, SotdmaConfig;
-    /// Cells that follow from addresses.
-    Orchestra: orchestra, Orchestra, OrchestraConfig;
-    /// Cells as they are configured.
-    Static: static_schedule, StaticSchedule, StaticConfig;
+/// In which cells of a scheduling function a mote can broadcast a robot's payload: `netsim.swarm.transport`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PayloadCells {
+    /// Every mote has a cell for itself, and no other for broadcast frames.
+    Own,
+    /// All motes share the cells for broadcast frames.
+    Shared,
+    /// Either kind, as the schedule is configured. The cell for itself is preferred.
+    Either,
 }
 
-impl SchedulingFunction for AnySf {
-    fn start(&mut self, cx: &mut Context<'_>) {
-        self.get_mut().start(cx);
+impl PayloadCells {
+    /// Whether a mote can have a cell for itself.
+    #[must_use]
+    pub fn has_own(self) -> bool {
+        self != Self::Shared
     }
 
-    fn stop(&mut self) {
-        self.get_mut().stop();
+    /// Whether motes can share cells.
+    #[must_use]
+    pub fn has_shared(self) -> bool {
+        self != Self::Own
+    }
+}
+
+/// What `[netsim.sf]` says for one kind of scheduling function, the same for all motes.
+pub trait Configured: Debug + Send + Sync + 'static {
+    /// The scheduling function of one mote.
+    type OfMote: SchedulingFunction + DeserializeOwned;
+
+    /// The scheduling function of a mote, before it starts.
+    fn create(&self, mote: u32) -> Self::OfMote;
+
+    /// What should be checked before the results of a network of this configuration are trusted, if anything.
+    fn advice(&self, _network: &Formation<'_>) -> Option<String> {
+        None
+    }
+}
+
+/// What a scheduling function may ask of the network that is to form.
+#[derive(Clone, Copy, Debug)]
+pub struct Formation<'a> {
+    /// Path of `[netsim.sf]`, for messages.
+    pub path: &'a str,
+    /// Motes, roots among them.
+    pub n_motes: usize,
+    /// Roots.
+    pub n_roots: usize,
+    /// Frames that a root sends for each mote that joins: the answer of the registrar, the acknowledgment of its routes.
+    pub frames_per_mote: u32,
+    /// Length of a slot (ns).
+    pub slot_ns: u64,
+}
+
+/// A configured scheduling function of any kind, shared by all motes.
+#[derive(Clone, Debug)]
+pub struct Config(Arc<dyn AnyConfigured>);
+
+/// [`Configured`] without the type of its motes' scheduling functions.
+trait AnyConfigured: Any + Debug + Send + Sync {
+    fn create(&self, mote: u32) -> Box<dyn SchedulingFunction>;
+    fn read(&self, saved: &[u8]) -> Option<Box<dyn SchedulingFunction>>;
+    fn advice(&self, network: &Formation<'_>) -> Option<String>;
+}
+
+impl<C: Configured> AnyConfigured for C {
+    fn create(&self, mote: u32) -> Box<dyn SchedulingFunction> {
+        Box::new(Configured::create(self, mote))
     }
 
-    fn slotframe_slots(&self) -> u16 {
-        self.get().slotframe_slots()
+    fn read(&self, saved: &[u8]) -> Option<Box<dyn SchedulingFunction>> {
+        let (sf, rest): (C::OfMote, _) = postcard::take_from_bytes(saved).ok()?;
+        rest.is_empty().then(|| Box::new(sf) as Box<dyn SchedulingFunction>)
     }
 
-    fn minimal_cell(&self) -> Option<u16> {
-        self.get().minimal_cell()
-    }
-
-    fn handle_time_source(&mut self, cx: &mut Context<'_>, source: Option<Eui64>) {
-        self.get_mut().handle_time_source(cx, source);
-    }
-
-    fn handle_beacon(&mut self, cx: &mut Context<'_>, from: Eui64, join_metric: u8) {
-        self.get_mut().handle_beacon(cx, from, join_metric);
-    }
-
-    fn handle_parent(&mut self, cx: &mut Context<'_>, old: Option<Eui64>) {
-        self.get_mut().handle_parent(cx, old);
-    }
-
-    fn handle_known_to_parent(&mut self, cx: &mut Context<'_>) {
-        self.get_mut().handle_known_to_parent(cx);
-    }
-
-    fn handle_child(&mut self, cx: &mut Context<'_>, child: Eui64, is_child: bool) {
-        self.get_mut().handle_child(cx, child, is_child);
-    }
-
-    fn handle_queue(&mut self, cx: &mut Context<'_>, neighbour: Eui64, waits: bool) {
-        self.get_mut().handle_queue(cx, neighbour, waits);
-    }
-
-    fn handle_event(&mut self, cx: &mut Context<'_>, event: Event) {
-        self.get_mut().handle_event(cx, event);
-    }
-
-    fn handle_transmitted(
-        &mut self,
-        cx: &mut Context<'_>,
-        at: &CellRef,
-        acknowledged: Option<bool>,
-        dscp: u8,
-    ) {
-        self.get_mut().handle_transmitted(cx, at, acknowledged, dscp);
-    }
-
-    fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64, dscp: u8) {
-        self.get_mut().handle_received(cx, at, from, dscp);
-    }
-
-    fn announcement(&self, own: Eui64, at: &CellRef, asn: u64) -> Option<SlotsRepr> {
-        self.get().announcement(own, at, asn)
-    }
-
-    fn poll_announcement(&mut self) -> Option<u8> {
-        self.get_mut().poll_announcement()
-    }
-
-    fn handle_announcement(
-        &mut self,
-        cx: &mut Context<'_>,
-        at: &CellRef,
-        from: Eui64,
-        announced: &SlotsRepr,
-    ) {
-        self.get_mut().handle_announcement(cx, at, from, announced);
-    }
-
-    fn poll_timeout(&self) -> Option<u64> {
-        self.get().poll_timeout()
-    }
-
-    fn handle_timeout(&mut self, cx: &mut Context<'_>) {
-        self.get_mut().handle_timeout(cx);
-    }
-
-    fn is_ready(&self, cx: &Context<'_>) -> bool {
-        self.get().is_ready(cx)
-    }
-
-    fn quarantine_ends_ns(&self, neighbour: Eui64) -> Option<u64> {
-        self.get().quarantine_ends_ns(neighbour)
-    }
-
-    fn slotframe_of(&self, traffic: Traffic) -> Option<u8> {
-        self.get().slotframe_of(traffic)
+    fn advice(&self, network: &Formation<'_>) -> Option<String> {
+        Configured::advice(self, network)
     }
 }
 
 impl Config {
+    /// A scheduling function that is configured like this.
+    #[must_use]
+    pub fn new(configured: impl Configured) -> Self {
+        Self(Arc::new(configured))
+    }
+
+    /// The configuration, if it is of this kind.
+    #[must_use]
+    pub fn as_kind<C: Configured>(&self) -> Option<&C> {
+        (&*self.0 as &dyn Any).downcast_ref()
+    }
+
+    /// The scheduling function of a mote, before it starts.
+    #[must_use]
+    pub fn create(&self, mote: u32) -> AnySf {
+        AnySf(Held::Running(self.0.create(mote)))
+    }
+
     /// Length (slots) of the slotframe that is meant where a control period is one slotframe.
     #[must_use]
     pub fn slotframe_slots(&self) -> u16 {
-        self.create(0).slotframe_slots()
+        self.0.create(0).slotframe_slots()
+    }
+
+    /// What should be checked before the results of a network are trusted, if anything.
+    #[must_use]
+    pub fn advice(&self, network: &Formation<'_>) -> Option<String> {
+        self.0.advice(network)
     }
 }
+
+/// The scheduling function of one mote, of any kind.
+///
+/// It is saved as bytes, which only its configuration can read: whoever reads a saved mote calls [`AnySf::resume`] next.
+#[derive(Debug)]
+pub struct AnySf(Held);
+
+#[derive(Debug)]
+enum Held {
+    Running(Box<dyn SchedulingFunction>),
+    Saved(Vec<u8>),
+}
+
+impl AnySf {
+    /// Goes on from what was saved. `false`: that is not of a scheduling function that is configured like this.
+    #[must_use]
+    pub fn resume(&mut self, config: &Config) -> bool {
+        if let Held::Saved(bytes) = &self.0 {
+            let Some(sf) = config.0.read(bytes) else { return false };
+            self.0 = Held::Running(sf);
+        }
+        true
+    }
+
+    /// It, if it is of this kind.
+    #[must_use]
+    pub fn as_kind<T: SchedulingFunction>(&self) -> Option<&T> {
+        (&**self as &dyn Any).downcast_ref()
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        match &self.0 {
+            Held::Running(sf) => sf.saved(),
+            Held::Saved(bytes) => bytes.clone(),
+        }
+    }
+}
+
+impl Deref for AnySf {
+    type Target = dyn SchedulingFunction;
+
+    fn deref(&self) -> &Self::Target {
+        match &self.0 {
+            Held::Running(sf) => &**sf,
+            Held::Saved(_) => {
+                unreachable!("a saved scheduling function is resumed before it is used")
+            }
+        }
+    }
+}
+
+impl DerefMut for AnySf {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        match &mut self.0 {
+            Held::Running(sf) => &mut **sf,
+            Held::Saved(_) => {
+                unreachable!("a saved scheduling function is resumed before it is used")
+            }
+        }
+    }
+}
+
+impl Clone for AnySf {
+    fn clone(&self) -> Self {
+        Self(match &self.0 {
+            Held::Running(sf) => Held::Running(sf.boxed()),
+            Held::Saved(bytes) => Held::Saved(bytes.clone()),
+        })
+    }
+}
+
+impl PartialEq for AnySf {
+    fn eq(&self, other: &Self) -> bool {
+        match (&self.0, &other.0) {
+            (Held::Running(one), Held::Running(other)) => one.equals(&**other),
+            _ => self.bytes() == other.bytes(),
+        }
+    }
+}
+
+impl Serialize for AnySf {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.bytes().serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for AnySf {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Vec::deserialize(deserializer).map(|bytes| Self(Held::Saved(bytes)))
+    }
+}
+
+/// What descriptions call the list of scheduling functions.
+pub(crate) const LIST: &str = "netsim.sf";
+
+/// The scheduling functions that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[
+    minimal::ENTRY,
+    msf::ENTRY,
+    rrsf::ENTRY,
+    sotdma::ENTRY,
+    orchestra::ENTRY,
+    static_schedule::ENTRY,
+];
 
 /// Description of `[netsim.sf]`.
 pub const SPEC: TableSpec = TableSpec {
@@ -375,16 +467,9 @@ pub const SPEC: TableSpec = TableSpec {
 pub const TAG: Tag = Tag {
     key: "kind",
     doc: "Which scheduling function.",
-    default: Some("minimal"),
-    variants: || LIST.iter().map(|entry| entry.variant).collect(),
+    default: Some(minimal::ENTRY.variant.name),
+    variants: Variants::List(LIST),
 };
-
-/// Makes the configuration that a checked table of `[netsim.sf]` describes.
-pub fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
-    let name = table.get(TAG.key)?.as_str()?;
-    let entry = LIST.iter().find(|entry| entry.variant.name == name)?;
-    (entry.build)(table, context)
-}
 
 /// Key of a slotframe's length, where the scheduling function does not decide on it.
 const fn slots_field(
@@ -422,15 +507,15 @@ mod tests {
     fn every_kind_can_be_stored_and_goes_on_from_there() {
         for text in OF_EACH_KIND {
             let config = built(text, 9);
-            let stored = postcard::to_allocvec(&config).unwrap();
-            assert_eq!(postcard::from_bytes::<Config>(&stored).unwrap(), config);
             for mote in 0..9 {
                 let mut bench = Bench::start(&config, mote);
                 bench.tell(|sf, cx| sf.handle_beacon(cx, Eui64::of_mote(0), 0));
                 bench.set_parent(Some(Eui64::of_mote((mote + 1) % 9)));
                 bench.tell(|sf, cx| sf.handle_child(cx, Eui64::of_mote((mote + 8) % 9), true));
                 let stored = postcard::to_allocvec(&(&bench.sf, &bench.schedule)).unwrap();
-                let (sf, schedule): (AnySf, Schedule) = postcard::from_bytes(&stored).unwrap();
+                let (mut sf, schedule): (AnySf, Schedule) = postcard::from_bytes(&stored).unwrap();
+                assert_eq!(sf, bench.sf);
+                assert!(sf.resume(&config));
                 assert_eq!((&sf, &schedule), (&bench.sf, &bench.schedule));
             }
         }

@@ -1,6 +1,7 @@
 //! The network simulator as the shell around it sees it.
 
 use crate::broadcast::Broadcast;
+use crate::catalogue::Catalogue;
 use crate::config::{self, Config, SPEC};
 use crate::mesh::network::Mesh;
 use crate::place::Place;
@@ -15,7 +16,16 @@ use serde::{Deserialize, Serialize};
 /// The network simulator. Does nothing until it is configured.
 #[derive(Debug, Default)]
 pub struct Network {
+    catalogue: Catalogue,
     running: Option<Running>,
+}
+
+impl Network {
+    /// A network simulator with these lists to choose from; [`Network::default`] has those that are built in.
+    #[must_use]
+    pub fn with_catalogue(catalogue: Catalogue) -> Self {
+        Self { catalogue, running: None }
+    }
 }
 
 #[derive(Debug)]
@@ -109,7 +119,8 @@ impl Mode {
         }
     }
 
-    /// In a state that was reached before; `None`: it is that of another mode, or of another number of agents.
+    /// In a state that was reached before; `None`: it is that of another mode or scheduling function, or of
+    /// another number of agents.
     fn resume(mut config: Config, origin: Origin, state: State) -> Option<Self> {
         let Origin { experiment, columns, records, .. } = origin;
         let n = experiment.agent_count;
@@ -117,10 +128,13 @@ impl Mode {
             (None, State::PropagationOnly(place)) if place.is_of(n) => Some(Self::PropagationOnly(
                 Box::new(Broadcast::with_place(experiment, config, columns, *place)),
             )),
-            (Some(network), State::Mesh(state))
+            (Some(network), State::Mesh(mut state))
                 if state.place.is_of(n) && state.motes.len() == n =>
             {
                 let (settings, addresses) = *network;
+                if !state.motes.iter_mut().all(|mote| mote.sf.resume(&settings.sf)) {
+                    return None;
+                }
                 let mesh = Mesh::with_state(
                     experiment, config, settings, addresses, columns, records, *state,
                 );
@@ -174,8 +188,8 @@ impl Running {
 impl NetSimulator for Network {
     const NAME: &'static str = "netsim";
 
-    fn config_schema_json() -> String {
-        json_schema(&SPEC).to_string()
+    fn config_schema_json(&self) -> String {
+        json_schema(&SPEC, &self.catalogue.lists()).to_string()
     }
 
     fn commands() -> &'static [MoteCommandKind] {
@@ -209,7 +223,7 @@ impl NetSimulator for Network {
     }
 
     fn configure(&mut self, setup: &Setup) -> Result<NetStart, Vec<Problem>> {
-        let (config, effective, warnings) = config::read(setup)?;
+        let (config, effective, warnings) = config::read(setup, &self.catalogue)?;
         let origin = Origin::of(setup, &effective);
         let mode = Mode::begin(config, origin.clone());
         let running = Running { origin, mode };
@@ -247,7 +261,7 @@ impl NetSimulator for Network {
         if !rest.is_empty() {
             return Err(wrong("longer than a snapshot".to_owned()));
         }
-        let (config, ..) = config::read(&origin.setup()?).map_err(|problems| {
+        let (config, ..) = config::read(&origin.setup()?, &self.catalogue).map_err(|problems| {
             let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
             wrong(problems.join("; "))
         })?;

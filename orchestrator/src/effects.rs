@@ -33,21 +33,21 @@ pub struct Listed {
 /// All effects: radio, robots, then the network.
 #[must_use]
 pub fn all() -> Vec<Listed> {
-    let radio = netsim::phy::effect::LIST.iter().map(|entry| Listed {
+    let radio = netsim::catalogue::Catalogue::built_in().effects.iter().map(|entry| Listed {
         of: "radio",
         section: "netsim.phy.effect",
         variant: entry.variant,
         about: &entry.about,
         fit: &entry.fit,
     });
-    let robots = robotsim::dynamics::effect::LIST.iter().map(|entry| Listed {
+    let robots = robotsim::catalogue::Catalogue::built_in().effects.iter().map(|entry| Listed {
         of: "robots",
         section: "robotsim.dynamics.effect",
         variant: entry.variant,
         about: &entry.about,
         fit: &entry.fit,
     });
-    let network = netsim::mac::effect::LIST.iter().map(|entry| Listed {
+    let network = netsim::catalogue::Catalogue::built_in().mac_effects.iter().map(|entry| Listed {
         of: "network",
         section: "netsim.mac.effect",
         variant: entry.variant,
@@ -346,11 +346,14 @@ mod tests {
         for effect in all().iter().filter(|effect| effect.of != "radio") {
             let (name, mut problems) = (effect.variant.name, Vec::new());
             let node = proto::config::parse(&effect.keys()).unwrap();
-            let spec = match effect.of {
-                "robots" => &robotsim::dynamics::effect::SPEC,
-                _ => &netsim::mac::effect::SPEC,
+            let (spec, lists) = match effect.of {
+                "robots" => {
+                    let lists = robotsim::catalogue::Catalogue::built_in().lists();
+                    (&robotsim::dynamics::effect::SPEC, lists)
+                }
+                _ => (&netsim::mac::effect::SPEC, netsim::catalogue::Catalogue::built_in().lists()),
             };
-            proto::config::check(&node, "", spec, &mut problems);
+            proto::config::check(&node, "", spec, &lists, &mut problems);
             assert!(problems.is_empty(), "{name}: {problems:?}");
         }
     }

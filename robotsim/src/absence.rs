@@ -1,7 +1,7 @@
 //! Robots that come late and robots that are lost.
 
 use crate::config::{Context, field};
-use proto::config::{Default, Kind, Problem, Range, TableSpec};
+use proto::config::{Default, Kind, Problem, Range, TableSpec, typed};
 use proto::types::{AgentStates, Bitmap, NS_PER_S};
 use serde::Deserialize;
 
@@ -53,13 +53,13 @@ struct Raw {
 
 /// Of checked tables, the first of which stands at the path of the context with an index of 0.
 pub(crate) fn build(
-    tables: &[toml::Value],
+    tables: &[toml::Table],
     context: &Context<'_>,
     problems: &mut Vec<Problem>,
 ) -> Vec<Absence> {
     let mut absences = Vec::new();
     for (index, table) in tables.iter().enumerate() {
-        let Ok(Raw { robots, from_s, until_s }) = table.clone().try_into() else { continue };
+        let Raw { robots, from_s, until_s } = typed(table);
         let at = |key: &str| format!("{}[{index}].{key}", context.path);
         for robot in &robots {
             if context.n_agents <= *robot as usize {

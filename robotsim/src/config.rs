@@ -1,6 +1,7 @@
 //! The `[robotsim]` section: its description, and what no description can check.
 
 use crate::absence::{self, Absence};
+use crate::catalogue::Catalogue;
 use crate::controller::{self, Team};
 use crate::dynamics;
 use crate::dynamics::contacts::{self, Contacts};
@@ -12,10 +13,11 @@ use crate::obstacles::{self, Course};
 use crate::scenario::{self, Scenario};
 use bytes::Bytes;
 use proto::config::{
-    self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, join,
+    self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, join, typed,
 };
 use proto::side::Setup;
 use proto::site::Site;
+use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// Description of the section.
@@ -166,9 +168,15 @@ impl Context<'_> {
 
 /// Checks what can be checked of the section, which stands at `path`, without knowing how many robots there are, and returns
 /// its table with defaults.
-pub fn keys(config: &Node, path: &str, problems: &mut Vec<Problem>) -> toml::Table {
-    let table = config::check(config, path, &SPEC, problems).table;
-    group::require_controllers(&table, path, problems);
+pub fn keys(
+    config: &Node,
+    path: &str,
+    catalogue: &Catalogue,
+    problems: &mut Vec<Problem>,
+) -> toml::Table {
+    let lists = catalogue.lists();
+    let table = config::check(config, path, &SPEC, &lists, problems).table;
+    group::require_controllers(&table, path, &lists, problems);
     table
 }
 
@@ -177,24 +185,28 @@ pub fn keys(config: &Node, path: &str, problems: &mut Vec<Problem>) -> toml::Tab
 /// # Errors
 ///
 /// Every problem, all at once.
-pub fn read(setup: &Setup) -> Result<(Config, toml::Table), Vec<Problem>> {
+pub fn read(setup: &Setup, catalogue: &Catalogue) -> Result<(Config, toml::Table), Vec<Problem>> {
     let n_agents = setup.experiment.agent_count;
     let mut problems = Vec::new();
-    let mut table = keys(&setup.config, &setup.path, &mut problems);
-    let behaviour = build_behaviour(&mut table, &setup.path, n_agents, &setup.site, &mut problems);
+    let mut table = keys(&setup.config, &setup.path, catalogue, &mut problems);
+    let (path, site) = (&setup.path, &setup.site);
+    let behaviour = build_behaviour(&mut table, path, n_agents, site, catalogue, &mut problems);
     let context = Context {
         path: join(&setup.path, "scenario"),
         n_agents,
         speed_cap_mps: f64::INFINITY,
         files: &setup.files,
     };
-    let scenario = scenario::build(part(&mut table, "scenario"), &context, &mut problems);
+    let own = part(&mut table, "scenario");
+    let kind = catalogue.scenarios.selected(own, &scenario::TAG);
+    let scenario = kind.and_then(|kind| (kind.build)(own, &context, &mut problems));
     match (behaviour, scenario) {
         (Some(behaviour), Some(scenario)) if problems.is_empty() => {
             // Keys that were filled in late stand last: a second walk puts all into the order of their description, so
             // that an effective configuration is its own effective configuration, to the letter.
             let node = Node { value: (&toml::Value::Table(table)).into(), span: None };
-            let table = config::check(&node, &setup.path, &SPEC, &mut problems).table;
+            let lists = catalogue.lists();
+            let table = config::check(&node, path, &SPEC, &lists, &mut problems).table;
             Ok((Config { behaviour, scenario }, table))
         }
         (..) => Err(problems),
@@ -206,19 +218,20 @@ pub(crate) fn read_behaviour(
     effective: &toml::Table,
     n_agents: usize,
     site: &Site,
+    catalogue: &Catalogue,
 ) -> Result<Behaviour, Vec<Problem>> {
     let mut problems = Vec::new();
     let node = Node { value: (&toml::Value::Table(effective.clone())).into(), span: None };
-    let mut table = keys(&node, "", &mut problems);
-    build_behaviour(&mut table, "", n_agents, site, &mut problems)
+    let mut table = keys(&node, "", catalogue, &mut problems);
+    build_behaviour(&mut table, "", n_agents, site, catalogue, &mut problems)
         .filter(|_| problems.is_empty())
         .ok_or(problems)
 }
 
 /// The files that the section, which stands at `path`, names.
 #[must_use]
-pub fn files(config: &Node, path: &str) -> Vec<FileReference> {
-    config::check(config, path, &SPEC, &mut Vec::new()).files
+pub fn files(config: &Node, path: &str, catalogue: &Catalogue) -> Vec<FileReference> {
+    config::check(config, path, &SPEC, &catalogue.lists(), &mut Vec::new()).files
 }
 
 /// Describes a key.
@@ -231,50 +244,65 @@ pub(crate) const fn field(
     Field { key, doc, kind, default }
 }
 
+/// Keys of the section, those of groups apart.
+#[derive(Deserialize)]
+struct Keys {
+    knowledge: Source,
+    memory: Option<Memory>,
+    diameter_m: f64,
+    contacts: Option<toml::Table>,
+    #[serde(default)]
+    obstacle: Vec<toml::Table>,
+    #[serde(default)]
+    absence: Vec<toml::Table>,
+    #[serde(default)]
+    group: Vec<toml::Table>,
+    controller: Option<toml::Table>,
+}
+
 fn build_behaviour(
     table: &mut toml::Table,
     path: &str,
     n_agents: usize,
     site: &Site,
+    catalogue: &Catalogue,
     problems: &mut Vec<Problem>,
 ) -> Option<Behaviour> {
-    let knowledge = table["knowledge"].clone().try_into().ok();
-    let memory = table.get("memory").and_then(|memory| memory.clone().try_into().ok());
-    let contacts = build_contacts(table, path, problems);
-    let robots = group::build(table, path, n_agents, contacts, problems);
+    let keys: Keys = typed(table);
+    let contacts = build_contacts(&keys, path, problems);
+    let robots = group::build(table, path, n_agents, contacts, catalogue, problems);
     let context = Context {
         path: String::new(),
         n_agents,
         speed_cap_mps: f64::INFINITY,
         files: &BTreeMap::new(),
     };
-    let tables = |key: &str| table.get(key).and_then(toml::Value::as_array).map_or(&[][..], |t| t);
     let context = Context { path: join(path, "obstacle"), ..context };
-    let courses = obstacles::build(tables("obstacle"), site, &context, problems);
+    let courses = obstacles::build(&keys.obstacle, site, &context, problems);
     let context = Context { path: join(path, "absence"), ..context };
-    let absences = absence::build(tables("absence"), &context, problems);
+    let absences = absence::build(&keys.absence, &context, problems);
     let (fleet, team) = robots?;
-    let exploration = build_exploration(table, path, &team, problems);
-    Some(Behaviour { knowledge: knowledge?, memory, fleet, team, courses, absences, exploration })
+    let exploration = build_exploration(&keys, path, &team, problems);
+    let Keys { knowledge, memory, .. } = keys;
+    Some(Behaviour { knowledge, memory, fleet, team, courses, absences, exploration })
 }
 
 /// How robots explore, if they do: all with one base.
 fn build_exploration(
-    table: &toml::Table,
+    keys: &Keys,
     path: &str,
     team: &Team,
     problems: &mut Vec<Problem>,
 ) -> Option<exploration::Settings> {
     let mut all = team.explorations();
     let settings = *all.next()?;
-    let n_groups = table.get("group").and_then(toml::Value::as_array).map_or(0, Vec::len);
-    if n_groups != 0 {
+    if !keys.group.is_empty() {
         let message = "must be absent where robots explore: they are one swarm with one base";
-        problems.push(Problem::new(join(path, "group"), message).value(n_groups));
+        problems.push(Problem::new(join(path, "group"), message).value(keys.group.len()));
     }
-    let diameter_m = table.get("diameter_m").and_then(toml::Value::as_float).unwrap_or(0.0);
+    let diameter_m = keys.diameter_m;
     let cell_m = settings.grid.cell_m();
-    if table.contains_key("contacts") && cell_m < diameter_m {
+    if keys.contacts.is_some() && cell_m < diameter_m {
         let key = join(&join(path, "controller"), "cell_m");
         let message = format!(
             "must be at least diameter_m = {diameter_m:?} where contacts are resolved: robots pass between walls that leave one \
@@ -285,22 +313,22 @@ fn build_exploration(
     Some(settings)
 }
 
-/// Whether robots of an effective section send messages to single ones of them, which the network has to carry.
+/// The controller of an effective section whose robots send messages to single ones of them, which the network has to carry;
+/// `None`: they send none, or know everything without a network.
 #[must_use]
-pub fn sends_messages(effective: &toml::Table) -> bool {
-    let kind = effective.get("controller").and_then(|controller| controller.get("kind"));
-    let is_told = effective.get("knowledge").and_then(toml::Value::as_str) == Some("truth");
-    kind.and_then(toml::Value::as_str) == Some(controller::EXPLORATION) && !is_told
+pub fn messaging_controller(
+    effective: &toml::Table,
+    catalogue: &Catalogue,
+) -> Option<&'static str> {
+    let keys: Keys = typed(effective);
+    let kind = catalogue.controllers.selected(&keys.controller?, &controller::TAG)?;
+    (kind.demands.sends_messages && keys.knowledge == Source::Heard).then_some(kind.variant.name)
 }
 
 /// How contacts are resolved, if they are.
-fn build_contacts(
-    table: &toml::Table,
-    path: &str,
-    problems: &mut Vec<Problem>,
-) -> Option<Contacts> {
-    let diameter_m = table["diameter_m"].as_float()?;
-    let contacts = Contacts::build(table.get("contacts")?.as_table()?, diameter_m)?;
+fn build_contacts(keys: &Keys, path: &str, problems: &mut Vec<Problem>) -> Option<Contacts> {
+    let diameter_m = keys.diameter_m;
+    let contacts = Contacts::build(keys.contacts.as_ref()?, diameter_m)?;
     if diameter_m <= 0.0 {
         problems.push(
             Problem::new(

@@ -1,8 +1,8 @@
-//! What the robots want: one file per controller, one list.
+//! What the robots want: one file per controller, one list, `BUILT_IN`.
 //!
 //! A controller is the same program on every robot. It sees the robot's own state, what that robot knows of others and how
 //! its mote stands in the network, and gives a command for the period that begins. It keeps nothing between steps. To add one: write its file, and add
-//! its registration to the list.
+//! its entry to the list.
 
 mod boids;
 mod circle_formation;
@@ -22,58 +22,74 @@ use crate::config::Context;
 use crate::dynamics::{Command, norm};
 use crate::exploration::{Settings as ExplorationSettings, State as Exploration};
 use crate::knowledge::Knowledge;
-use proto::config::{Field, Problem, TableSpec, Tag, Variant};
+use proto::config::{Problem, Registered, TableSpec, Tag, Variant, Variants};
 use proto::rng::Draws;
 use proto::types::{AgentStates, MoteStates};
 use rayon::prelude::*;
 
-/// The one list.
-const ALL: &[Registration] = &[
-    flocking::REGISTRATION,
-    boids::REGISTRATION,
-    olfati_saber::REGISTRATION,
-    line_formation::REGISTRATION,
-    circle_formation::REGISTRATION,
-    consensus::REGISTRATION,
-    coverage::REGISTRATION,
-    dispersion::REGISTRATION,
-    exploration::REGISTRATION,
-    random_waypoint::REGISTRATION,
-    random_jump::REGISTRATION,
-    constant_velocity::REGISTRATION,
-    hold::REGISTRATION,
+/// What descriptions call the list of controllers.
+pub(crate) const LIST: &str = "robotsim.controller";
+
+/// The controllers that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[
+    flocking::ENTRY,
+    boids::ENTRY,
+    olfati_saber::ENTRY,
+    line_formation::ENTRY,
+    circle_formation::ENTRY,
+    consensus::ENTRY,
+    coverage::ENTRY,
+    dispersion::ENTRY,
+    exploration::ENTRY,
+    random_waypoint::ENTRY,
+    random_jump::ENTRY,
+    constant_velocity::ENTRY,
+    hold::ENTRY,
 ];
 
 /// Description of `[robotsim.controller]`.
-pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "What the robots want.",
-    fields: &[],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "The controller.",
-        default: None,
-        variants: || ALL.iter().map(Registration::variant).collect(),
-    }),
-};
+pub(crate) const SPEC: TableSpec =
+    TableSpec { doc: "What the robots want.", fields: &[], tag: Some(&TAG) };
 
-/// A kind of controller.
-struct Registration {
-    name: &'static str,
-    doc: &'static str,
-    fields: &'static [Field],
-    /// From a table with the fields checked. Fills in defaults that depend on other values, and adds what is wrong
-    /// across keys. `None`: a field had no valid value.
-    build: Build,
+/// The key that selects a controller.
+pub(crate) const TAG: Tag =
+    Tag { key: "kind", doc: "The controller.", default: None, variants: Variants::List(LIST) };
+
+/// A controller that can be configured.
+#[derive(Debug)]
+pub struct Entry {
+    /// Its name and keys.
+    pub variant: Variant,
+    /// What it asks of the rest of an experiment.
+    pub demands: Demands,
+    /// Makes it of its checked table. Fills in defaults that depend on other values, and adds what is wrong across keys.
+    /// `None`: something is wrong that leaves nothing to build.
+    pub build: Build,
 }
 
-type Build = fn(&mut toml::Table, &Context<'_>, &mut Vec<Problem>) -> Built;
-type Built = Option<Box<dyn Controller>>;
-
-impl Registration {
-    fn variant(&self) -> Variant {
-        Variant { name: self.name, doc: self.doc, fields: self.fields }
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
     }
 }
+
+/// What a controller asks of the rest of an experiment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Demands {
+    /// Its robots jump: they are nowhere between two places, so that nothing can stand in their way.
+    pub jumps: bool,
+    /// Its robots send messages to single others, which the network has to route.
+    pub sends_messages: bool,
+}
+
+impl Demands {
+    /// It asks for nothing.
+    pub const NONE: Self = Self { jumps: false, sends_messages: false };
+}
+
+/// Makes a controller of its checked table, or adds problems.
+pub type Build =
+    fn(&mut toml::Table, &Context<'_>, &mut Vec<Problem>) -> Option<Box<dyn Controller>>;
 
 /// What a controller decides on.
 #[derive(Clone, Copy, Debug)]
@@ -237,25 +253,6 @@ impl Team {
             controller.is_done(view, own)
         })
     }
-}
-
-/// The controller described by a checked table.
-pub(crate) fn build(
-    table: &mut toml::Table,
-    context: &Context<'_>,
-    problems: &mut Vec<Problem>,
-) -> Option<Box<dyn Controller>> {
-    let name = table.get("kind")?.as_str()?;
-    let registration = ALL.iter().find(|registration| registration.name == name)?;
-    (registration.build)(table, context, problems)
-}
-
-/// The kind whose robots send messages to single ones of them.
-pub(crate) const EXPLORATION: &str = exploration::REGISTRATION.name;
-
-/// Whether a checked table asks for robots that jump.
-pub(crate) fn is_jumping(table: &toml::Table) -> bool {
-    table.get("kind").and_then(toml::Value::as_str) == Some(random_jump::REGISTRATION.name)
 }
 
 /// Whether no robot wants to move farther than this within the period (m).

@@ -25,7 +25,9 @@ use crate::obstacles::Course;
 use body::Body;
 use effect::Localization;
 use physics::{Order, Physics, Robot};
-use proto::config::{Choice, Default, Kind, Problem, Range, TableSpec, Tag, Variant, join};
+use proto::config::{
+    Choice, Default, Kind, Problem, Range, Registry, TableSpec, Tag, Variant, Variants, join, typed,
+};
 use proto::site::Site;
 use proto::types::AgentStates;
 use serde::{Deserialize, Serialize};
@@ -81,7 +83,7 @@ pub const SPEC: TableSpec = TableSpec {
         key: "kind",
         doc: "The body.",
         default: Some("point-mass"),
-        variants: || VARIANTS.to_vec(),
+        variants: Variants::Fixed(VARIANTS),
     }),
 };
 
@@ -97,6 +99,14 @@ pub(crate) const LOCALIZATION: TableSpec = TableSpec {
     )],
     tag: None,
 };
+
+/// The body whose contacts are its own.
+const RIGID_BODY: &str = "rigid-body";
+
+/// Whether a checked table is of a body whose contacts are its own.
+pub(crate) fn is_rigid(table: &toml::Table) -> bool {
+    table.get("kind").is_some_and(|kind| kind.as_str() == Some(RIGID_BODY))
+}
 
 const VARIANTS: &[Variant] = &[
     Variant { name: "point-mass", doc: "Has the commanded velocity at once.", fields: &[] },
@@ -141,7 +151,7 @@ const VARIANTS: &[Variant] = &[
         ],
     },
     Variant {
-        name: "rigid-body",
+        name: RIGID_BODY,
         doc: "A disc with mass, friction and spin, which pushes what it meets.",
         fields: rigid::FIELDS,
     },
@@ -223,20 +233,29 @@ enum Motion {
 }
 
 impl Dynamics {
-    /// From a checked table that stands at `path`.
-    pub fn build(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Option<Self> {
-        let keys = || table.clone();
+    /// From a checked table that stands at `path`. `known`: what effects there are.
+    pub fn build(
+        table: &toml::Table,
+        path: &str,
+        known: &Registry<effect::Entry>,
+        problems: &mut Vec<Problem>,
+    ) -> Option<Self> {
+        #[derive(Deserialize)]
+        struct Keys {
+            #[serde(default)]
+            effect: Vec<toml::Table>,
+        }
         let body = match table.get("kind")?.as_str()? {
-            "point-mass" => Body::PointMass(keys().try_into().ok()?),
-            "double-integrator" => Body::DoubleIntegrator(keys().try_into().ok()?),
-            "quadrotor" => Body::Quadrotor(keys().try_into().ok()?),
-            "rigid-body" => Body::RigidBody(keys().try_into().ok()?),
-            "unicycle" => Body::Unicycle(keys().try_into().ok()?),
-            "car" => Body::Car(keys().try_into().ok()?),
+            "point-mass" => Body::PointMass(typed(table)),
+            "double-integrator" => Body::DoubleIntegrator(typed(table)),
+            "quadrotor" => Body::Quadrotor(typed(table)),
+            RIGID_BODY => Body::RigidBody(typed(table)),
+            "unicycle" => Body::Unicycle(typed(table)),
+            "car" => Body::Car(typed(table)),
             _ => return None,
         };
-        let tables = table.get("effect").and_then(toml::Value::as_array).map_or(&[][..], |t| t);
-        let effects = effect::build(tables, &join(path, "effect"), problems);
+        let keys: Keys = typed(table);
+        let effects = effect::build(&keys.effect, &join(path, "effect"), known, problems);
         let (mut localization, mut lags) = (None, [false; 2]);
         for (index, effect) in effects.iter().enumerate() {
             let place = format!("{}[{index}]", join(path, "effect"));

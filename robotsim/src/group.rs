@@ -1,11 +1,13 @@
 //! Groups of different robots in one swarm: how many of which kind, and what they want.
 
+use crate::catalogue::Catalogue;
 use crate::config::{Context, field};
 use crate::controller::{self, Controller, Team};
 use crate::dynamics::contacts::Contacts;
 use crate::dynamics::fleet::Fleet;
 use crate::dynamics::{self, Dynamics};
-use proto::config::{self, Default, Kind, Node, Problem, Range, TableSpec, join};
+use proto::config::{self, Default, Kind, Lists, Node, Problem, Range, TableSpec, join, typed};
+use serde::Deserialize;
 use std::collections::BTreeSet;
 
 /// Description of `[[robotsim.group]]`.
@@ -48,22 +50,47 @@ struct Group {
     sd_m: f64,
 }
 
-/// Says what is missing where robots have no controller, neither of their own nor the one of all.
-pub(crate) fn require_controllers(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
-    if lacks_controller(table) {
-        let (empty, path) = (Node::empty_table(), join(path, "controller"));
-        config::check(&empty, &path, &controller::SPEC, problems);
+/// What is said of groups in the section.
+#[derive(Deserialize)]
+struct Keys {
+    diameter_m: f64,
+    localization: Option<LocalizationKeys>,
+    controller: Option<toml::Table>,
+    #[serde(default)]
+    group: Vec<GroupKeys>,
+}
+
+#[derive(Deserialize)]
+struct LocalizationKeys {
+    sd_m: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct GroupKeys {
+    count: usize,
+    dynamics: Option<toml::Table>,
+    controller: Option<toml::Table>,
+    localization_sd_m: Option<f64>,
+}
+
+impl Keys {
+    fn lack_controller(&self) -> bool {
+        self.controller.is_none()
+            && (self.group.is_empty() || self.group.iter().any(|group| group.controller.is_none()))
     }
 }
 
-fn lacks_controller(table: &toml::Table) -> bool {
-    let groups = tables(table);
-    !table.contains_key("controller")
-        && (groups.is_empty() || groups.iter().any(|group| group.get("controller").is_none()))
-}
-
-fn tables(table: &toml::Table) -> &[toml::Value] {
-    table.get("group").and_then(toml::Value::as_array).map_or(&[], Vec::as_slice)
+/// Says what is missing where robots have no controller, neither of their own nor the one of all.
+pub(crate) fn require_controllers(
+    table: &toml::Table,
+    path: &str,
+    lists: &Lists,
+    problems: &mut Vec<Problem>,
+) {
+    if typed::<Keys>(table).lack_controller() {
+        let (empty, path) = (Node::empty_table(), join(path, "controller"));
+        config::check(&empty, &path, &controller::SPEC, lists, problems);
+    }
 }
 
 /// Robots as the section's effective table says, which stands at `path`: in groups, or all alike; none where
@@ -74,20 +101,21 @@ pub(crate) fn build(
     path: &str,
     n_agents: usize,
     contacts: Option<Contacts>,
+    catalogue: &Catalogue,
     problems: &mut Vec<Problem>,
 ) -> Option<(Fleet, Team)> {
-    let diameter_m = table.get("diameter_m").and_then(toml::Value::as_float).unwrap_or(0.0);
-    if lacks_controller(table) {
+    let keys: Keys = typed(table);
+    let diameter_m = keys.diameter_m;
+    if keys.lack_controller() {
         return None;
     }
     // In place of a value that is missing or wrong by itself stands one that is allowed: what is wrong with that is nobody's.
     let unread: BTreeSet<String> = problems.iter().map(|problem| problem.path.clone()).collect();
-    let groups = groups(table, path, n_agents, problems);
+    let groups = groups(&keys, path, n_agents, problems);
     let mut kinds = Vec::new();
     let mut controllers: Vec<(usize, Box<dyn Controller>)> = Vec::new();
     let is_rigid = |(index, group): (usize, &Group)| {
-        let table = part(table, index, "dynamics", &group.dynamics);
-        table.get("kind").and_then(toml::Value::as_str) == Some("rigid-body")
+        dynamics::is_rigid(part(table, index, "dynamics", &group.dynamics))
     };
     let are_rigid: Vec<bool> = groups.iter().enumerate().map(is_rigid).collect();
     let any_rigid = are_rigid.contains(&true);
@@ -104,6 +132,7 @@ pub(crate) fn build(
         let dynamics = Dynamics::build(
             part(table, index, "dynamics", &group.dynamics),
             &at("dynamics", &group.dynamics),
+            &catalogue.effects,
             &mut own,
         );
         let dynamics = dynamics.map(|dynamics| dynamics.with_noise(group.sd_m));
@@ -114,26 +143,26 @@ pub(crate) fn build(
             files: &std::collections::BTreeMap::new(),
         };
         let table = part(table, index, "controller", &group.controller);
-        let controller = controller::build(table, &context, &mut own);
-        if contacts.is_some() && controller::is_jumping(table) {
-            own.push(
-                Problem::new(
-                    join(&join(path, "contacts"), "kind"),
-                    "must be \"count\" for random-jump, whose robots are not anywhere between two places",
-                )
-                .value("\"resolve\""),
+        let kind = catalogue.controllers.selected(table, &controller::TAG);
+        let controller = kind.and_then(|kind| (kind.build)(table, &context, &mut own));
+        let jumping = kind.filter(|kind| kind.demands.jumps).map(|kind| kind.variant.name);
+        if let (Some(name), true) = (jumping, contacts.is_some()) {
+            let message = format!(
+                "must be \"count\" for {name}, whose robots are not anywhere between two places"
             );
+            let at = join(&join(path, "contacts"), "kind");
+            own.push(Problem::new(at, message).value("\"resolve\""));
         }
         if all_rigid && contacts.is_some() {
             let message = "must be \"count\" for rigid bodies, whose contacts are their own";
             let at = join(&join(path, "contacts"), "kind");
             own.push(Problem::new(at, message).value("\"resolve\""));
         }
-        if any_rigid && controller::is_jumping(table) {
+        if let (Some(name), true) = (jumping, any_rigid) {
             let message = if are_rigid[index] {
-                "must not be random-jump for rigid bodies, which have a way to go"
+                format!("must not be {name} for rigid bodies, which have a way to go")
             } else {
-                "must not be random-jump beside rigid bodies: what pushes them has a way to go"
+                format!("must not be {name} beside rigid bodies: what pushes them has a way to go")
             };
             own.push(Problem::new(join(&context.path, "kind"), message));
         }
@@ -152,33 +181,26 @@ pub(crate) fn build(
 }
 
 /// The groups, or the whole swarm as one.
-fn groups(
-    table: &toml::Table,
-    path: &str,
-    n_agents: usize,
-    problems: &mut Vec<Problem>,
-) -> Vec<Group> {
-    let noise = table.get("localization").and_then(|localization| localization.get("sd_m"));
-    let sd_m = noise.and_then(toml::Value::as_float).unwrap_or(0.0);
-    let tables = tables(table);
-    if tables.is_empty() {
+fn groups(keys: &Keys, path: &str, n_agents: usize, problems: &mut Vec<Problem>) -> Vec<Group> {
+    let noise = keys.localization.as_ref().and_then(|localization| localization.sd_m);
+    let sd_m = noise.unwrap_or(0.0);
+    if keys.group.is_empty() {
         let everyone =
             Group { count: n_agents, dynamics: String::new(), controller: String::new(), sd_m };
         return vec![everyone];
     }
-    let mut groups = Vec::new();
-    for (index, group) in tables.iter().enumerate() {
+    let one = |(index, group): (usize, &GroupKeys)| {
         let here = format!("group[{index}]");
-        let place = |key: &str| if group.get(key).is_some() { here.clone() } else { String::new() };
-        let count = group.get("count").and_then(toml::Value::as_integer).unwrap_or(1);
-        let own_sd_m = group.get("localization_sd_m").and_then(toml::Value::as_float);
-        groups.push(Group {
-            count: usize::try_from(count).unwrap_or(usize::MAX),
-            dynamics: place("dynamics"),
-            controller: place("controller"),
-            sd_m: own_sd_m.unwrap_or(sd_m),
-        });
-    }
+        let place =
+            |own: &Option<toml::Table>| own.as_ref().map_or(String::new(), |_| here.clone());
+        Group {
+            count: group.count,
+            dynamics: place(&group.dynamics),
+            controller: place(&group.controller),
+            sd_m: group.localization_sd_m.unwrap_or(sd_m),
+        }
+    };
+    let groups: Vec<Group> = keys.group.iter().enumerate().map(one).collect();
     let sum = groups.iter().fold(0usize, |sum, group| sum.saturating_add(group.count));
     if sum != n_agents {
         let message = format!("counts must add up to experiment.agents = {n_agents}");

@@ -20,6 +20,7 @@
 //! | [`absence`] | robots that come late and robots that are lost |
 //! | [`obstacles`] | how obstacles of the place move |
 //! | [`scenario`] | where everyone begins: one file per scenario, one list |
+//! | [`catalogue`] | what can be chosen by name: the lists of effects, controllers and scenarios |
 //! | [`config`] | the `[robotsim]` section: its description and its checks |
 
 #![cfg_attr(
@@ -31,6 +32,7 @@
 )]
 
 pub mod absence;
+pub mod catalogue;
 pub mod config;
 pub mod controller;
 pub mod dynamics;

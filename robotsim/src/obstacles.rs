@@ -3,7 +3,7 @@
 use crate::config::{Context, field};
 use crate::dynamics::contacts::Solid;
 use crate::path;
-use proto::config::{Default, Kind, Problem, Range, TableSpec};
+use proto::config::{Default, Kind, Problem, Range, TableSpec, typed};
 use proto::site::Site;
 use proto::types::MovedObstacle;
 use serde::Deserialize;
@@ -84,16 +84,14 @@ impl Course {
 
 /// Of checked tables, the first of which stands at the path of the context with an index of 0.
 pub(crate) fn build(
-    tables: &[toml::Value],
+    tables: &[toml::Table],
     site: &Site,
     context: &Context<'_>,
     problems: &mut Vec<Problem>,
 ) -> Vec<Course> {
     let mut courses: Vec<Course> = Vec::new();
     for (index, table) in tables.iter().enumerate() {
-        let Ok(Raw { name, path_m, speed_mps, closed }) = table.clone().try_into() else {
-            continue;
-        };
+        let Raw { name, path_m, speed_mps, closed } = typed(table);
         let at = || format!("{}[{index}].name", context.path);
         let is_it = |name_there: &Option<String>| name_there.as_deref() == Some(&*name);
         let Some(obstacle) = site.obstacle.iter().position(|there| is_it(&there.name)) else {

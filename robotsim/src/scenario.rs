@@ -1,7 +1,7 @@
-//! Where the robots begin: one file per scenario, one list.
+//! Where the robots begin: one file per scenario, one list, `BUILT_IN`.
 //!
 //! Draws are keyed by the agent: robot i begins in the same place whatever the number of robots, as far as the scenario's
-//! own shape does not depend on it. To add one: write its file, and add its registration to the list.
+//! own shape does not depend on it. To add one: write its file, and add its entry to the list.
 
 mod circle;
 mod csv;
@@ -12,53 +12,52 @@ mod spaced;
 mod square;
 
 use crate::config::Context;
-use proto::config::{Field, Kind, Problem, Range, TableSpec, Tag, Variant};
+use proto::config::{Kind, Problem, Range, Registered, TableSpec, Tag, Variant, Variants};
 use proto::rng::{Draws, Purpose};
 use proto::types::AgentStates;
 
 pub use disc::radius_m as disc_radius_m;
 
-/// The one list.
-const ALL: &[Registration] = &[
-    line::REGISTRATION,
-    disc::REGISTRATION,
-    square::REGISTRATION,
-    circle::REGISTRATION,
-    grid::REGISTRATION,
-    spaced::REGISTRATION,
-    csv::REGISTRATION,
+/// What descriptions call the list of scenarios.
+pub(crate) const LIST: &str = "robotsim.scenario";
+
+/// The scenarios that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[
+    line::ENTRY,
+    disc::ENTRY,
+    square::ENTRY,
+    circle::ENTRY,
+    grid::ENTRY,
+    spaced::ENTRY,
+    csv::ENTRY,
 ];
 
 /// Description of `[robotsim.scenario]`.
-pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "Where the robots begin.",
-    fields: &[],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "The arrangement.",
-        default: None,
-        variants: || ALL.iter().map(Registration::variant).collect(),
-    }),
-};
+pub(crate) const SPEC: TableSpec =
+    TableSpec { doc: "Where the robots begin.", fields: &[], tag: Some(&TAG) };
 
-/// A kind of scenario.
-struct Registration {
-    name: &'static str,
-    doc: &'static str,
-    fields: &'static [Field],
-    /// From a table with the fields checked. Adds what is wrong across keys and in files. `None`: a field had no valid
-    /// value.
-    build: Build,
+/// The key that selects a scenario.
+pub(crate) const TAG: Tag =
+    Tag { key: "kind", doc: "The arrangement.", default: None, variants: Variants::List(LIST) };
+
+/// A scenario that can be configured.
+#[derive(Debug)]
+pub struct Entry {
+    /// Its name and keys.
+    pub variant: Variant,
+    /// Makes it of its checked table. Adds what is wrong across keys and in files. `None`: something is wrong that leaves
+    /// nothing to build.
+    pub build: Build,
 }
 
-type Build = fn(&toml::Table, &Context<'_>, &mut Vec<Problem>) -> Built;
-type Built = Option<Box<dyn Scenario>>;
-
-impl Registration {
-    fn variant(&self) -> Variant {
-        Variant { name: self.name, doc: self.doc, fields: self.fields }
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
     }
 }
+
+/// Makes a scenario of its checked table, or adds problems.
+pub type Build = fn(&toml::Table, &Context<'_>, &mut Vec<Problem>) -> Option<Box<dyn Scenario>>;
 
 /// Where one robot begins.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -90,17 +89,6 @@ pub fn states(scenario: &dyn Scenario, n_agents: usize, seed: u64) -> AgentState
         states.heading_rad.extend(place.heading_rad);
     }
     states
-}
-
-/// The scenario described by a checked table.
-pub(crate) fn build(
-    table: &toml::Table,
-    context: &Context<'_>,
-    problems: &mut Vec<Problem>,
-) -> Option<Box<dyn Scenario>> {
-    let name = table.get("kind")?.as_str()?;
-    let registration = ALL.iter().find(|registration| registration.name == name)?;
-    (registration.build)(table, context, problems)
 }
 
 /// A length (m).

@@ -1,5 +1,6 @@
 //! The swarm: owns the state; each step turns knowledge into commands, commands into motion, motion into payloads.
 
+use crate::catalogue::Catalogue;
 use crate::config::{self, Behaviour};
 use crate::controller::{Links, View};
 use crate::dynamics::{Command, Memory, Step};
@@ -16,6 +17,7 @@ use serde::{Deserialize, Serialize};
 /// The robots of an experiment.
 #[derive(Debug, Default)]
 pub struct Swarm {
+    catalogue: Catalogue,
     running: Option<Running>,
 }
 
@@ -51,6 +53,12 @@ struct State {
 }
 
 impl Swarm {
+    /// Robots with these lists to choose from; [`Swarm::default`] has those that are built in.
+    #[must_use]
+    pub fn with_catalogue(catalogue: Catalogue) -> Self {
+        Self { catalogue, running: None }
+    }
+
     /// How many transmissions had a payload that is not one of ours and were not read, since the experiment began.
     #[must_use]
     pub fn n_foreign_payloads(&self) -> u64 {
@@ -61,12 +69,12 @@ impl Swarm {
 impl RobotSimulator for Swarm {
     const NAME: &'static str = "robotsim";
 
-    fn config_schema_json() -> String {
-        proto::config::json_schema(&config::SPEC).to_string()
+    fn config_schema_json(&self) -> String {
+        proto::config::json_schema(&config::SPEC, &self.catalogue.lists()).to_string()
     }
 
     fn configure(&mut self, setup: &Setup) -> Result<RobotStart, Vec<Problem>> {
-        let (config, effective) = config::read(setup)?;
+        let (config, effective) = config::read(setup, &self.catalogue)?;
         let wants_rssi = config.behaviour.team.wants_rssi();
         let columns = if wants_rssi { vec![DeliveryColumn::RssiDbm] } else { Vec::new() };
         let (seed, n_agents) = (setup.experiment.seed, setup.experiment.agent_count);
@@ -231,17 +239,19 @@ impl RobotSimulator for Swarm {
         if !rest.is_empty() {
             return Err(NotASnapshot(format!("{} bytes too many", rest.len())));
         }
-        self.running = state.map(Running::resume).transpose()?;
+        let resume = |state| Running::resume(state, &self.catalogue);
+        self.running = state.map(resume).transpose()?;
         Ok(())
     }
 }
 
 impl Running {
-    fn resume(state: State) -> Result<Self, NotASnapshot> {
+    fn resume(state: State, catalogue: &Catalogue) -> Result<Self, NotASnapshot> {
         state.check_lengths()?;
         let effective: toml::Table =
             state.effective.parse().map_err(|error| NotASnapshot(format!("{error}")))?;
-        let behaviour = config::read_behaviour(&effective, state.states.len(), &state.site)
+        let n_agents = state.states.len();
+        let behaviour = config::read_behaviour(&effective, n_agents, &state.site, catalogue)
             .map_err(|problems| NotASnapshot(format!("{}", Listed(&problems))))?;
         let fits = match (&behaviour.exploration, &state.exploration) {
             (Some(settings), Some(exploration)) => exploration.fits(settings, state.states.len()),

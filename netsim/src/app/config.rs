@@ -1,6 +1,8 @@
 //! `[[netsim.app]]`: who sends how much to whom.
 
-use proto::config::{Choice, Default, Field, Kind, Problem, Range, TableSpec, Tag, Variant, join};
+use proto::config::{
+    Choice, Default, Field, Kind, Problem, Range, TableSpec, Tag, Variant, Variants, join, typed,
+};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
@@ -41,12 +43,14 @@ pub const SPEC: TableSpec = TableSpec {
             default: Default::Integer(30),
         },
     ],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "When packets are sent.",
-        default: Some("periodic"),
-        variants: || vec![PERIODIC, BURST],
-    }),
+    tag: Some(&TAG),
+};
+
+const TAG: Tag = Tag {
+    key: "kind",
+    doc: "When packets are sent.",
+    default: Some(PERIODIC.name),
+    variants: Variants::Fixed(&[PERIODIC, BURST]),
 };
 
 const PERIODIC: Variant = Variant {
@@ -135,6 +139,43 @@ pub struct Spec {
     pub senders: Option<Vec<u32>>,
 }
 
+/// Keys of one table, those of the pattern apart.
+#[derive(Deserialize)]
+struct Keys {
+    senders: Senders,
+    destination: Destination,
+    payload_bytes: u16,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Senders {
+    Listed(Vec<u32>),
+    All(serde::de::IgnoredAny),
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Destination {
+    Mote(u32),
+    Named(Named),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Named {
+    Root,
+    Peers,
+    All,
+}
+
+#[derive(Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+enum PatternKeys {
+    Periodic { period_s: f64, jitter: f64 },
+    Burst { at_s: f64, n_packets: u32 },
+}
+
 impl Spec {
     /// Reads one table that [`SPEC`] has checked. `n_motes` bounds the numbers of motes. Appends what is wrong to `problems`.
     pub fn read(
@@ -144,13 +185,10 @@ impl Spec {
         problems: &mut Vec<Problem>,
     ) -> Option<Self> {
         let before = problems.len();
-        let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
-        let ns = |key: &str| {
-            let number = table.get(key).and_then(toml::Value::as_float);
-            number.map(|seconds| (seconds * NS_PER_S as f64).round() as u64)
-        };
-        let mut mote = |key: String, number: i64| {
-            let valid = u32::try_from(number).ok().filter(|&mote| mote < n_motes);
+        let keys: Keys = typed(table);
+        let ns = |duration_s: f64| (duration_s * NS_PER_S as f64).round() as u64;
+        let mut mote = |key: String, number: u32| {
+            let valid = Some(number).filter(|&mote| mote < n_motes);
             if valid.is_none() {
                 let last = n_motes.saturating_sub(1);
                 let message = format!("must be a mote, 0 to {last}");
@@ -159,41 +197,34 @@ impl Spec {
             valid
         };
 
-        let peer = match table.get("destination")? {
-            toml::Value::Integer(number) => {
-                mote(join(path, "destination"), *number).map(Peer::Mote)
-            }
-            value => match value.as_str()? {
-                "peers" => Some(Peer::Random),
-                "all" => Some(Peer::All),
-                _ => Some(Peer::Root),
-            },
+        let peer = match keys.destination {
+            Destination::Mote(number) => mote(join(path, "destination"), number).map(Peer::Mote),
+            Destination::Named(Named::Peers) => Some(Peer::Random),
+            Destination::Named(Named::All) => Some(Peer::All),
+            Destination::Named(Named::Root) => Some(Peer::Root),
         };
-        let senders = match table.get("senders")? {
-            toml::Value::Array(list) => {
-                let numbers = list.iter().filter_map(toml::Value::as_integer).enumerate();
-                let motes = numbers.filter_map(|(index, number)| {
+        let senders = match keys.senders {
+            Senders::Listed(list) => {
+                let motes = list.into_iter().enumerate().filter_map(|(index, number)| {
                     mote(join(path, &format!("senders[{index}]")), number)
                 });
                 Some(motes.collect())
             }
-            _ => None,
+            Senders::All(_) => None,
         };
-        let pattern = match table.get("kind")?.as_str()? {
-            "burst" => Pattern::Burst {
-                after_ns: ns("at_s")?,
-                n_packets: u32::try_from(integer("n_packets")?).ok()?,
-            },
-            _ => {
-                let period_ns = ns("period_s")?;
-                let jitter = table.get("jitter").and_then(toml::Value::as_float)?;
+        let pattern = table.contains_key(TAG.key).then(|| typed::<PatternKeys>(table));
+        let pattern = match pattern? {
+            PatternKeys::Burst { at_s, n_packets } => {
+                Pattern::Burst { after_ns: ns(at_s), n_packets }
+            }
+            PatternKeys::Periodic { period_s, jitter } => {
+                let period_ns = ns(period_s);
                 Pattern::Periodic { period_ns, jitter_ns: (period_ns as f64 * jitter) as u64 }
             }
         };
-        let payload_bytes = u16::try_from(integer("payload_bytes")?).ok()?;
         if problems.len() != before {
             return None;
         }
-        Some(Self { pattern, peer: peer?, payload_bytes, senders })
+        Some(Self { pattern, peer: peer?, payload_bytes: keys.payload_bytes, senders })
     }
 }

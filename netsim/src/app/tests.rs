@@ -1,6 +1,6 @@
 use super::*;
 use proptest::prelude::*;
-use proto::config::{Default, Field, Kind, Node, Problem, TableSpec, check, parse};
+use proto::config::{Default, Field, Kind, Lists, Node, Problem, TableSpec, check, parse};
 use proto::rng::Purpose;
 use proto::types::NS_PER_S;
 
@@ -192,7 +192,7 @@ const APPS: TableSpec = TableSpec {
 fn read(text: &str) -> (Vec<Option<Spec>>, Vec<Problem>) {
     let node: Node = parse(text).unwrap();
     let mut problems = Vec::new();
-    let table = check(&node, "netsim", &APPS, &mut problems).table;
+    let table = check(&node, "netsim", &APPS, &Lists::NONE, &mut problems).table;
     let apps = table["app"].as_array().unwrap();
     let specs = apps
         .iter()

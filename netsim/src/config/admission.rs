@@ -1,7 +1,8 @@
 //! `[netsim.join]`.
 
 use crate::join::Config;
-use proto::config::{Default, Field, Kind, TableSpec};
+use proto::config::{Default, Field, Kind, TableSpec, typed};
+use serde::Deserialize;
 
 /// Description of `[netsim.join]`.
 pub(super) const SPEC: TableSpec = TableSpec {
@@ -31,13 +32,21 @@ pub(super) const SPEC: TableSpec = TableSpec {
     tag: None,
 };
 
+/// Keys of `[netsim.join]`.
+#[derive(Deserialize)]
+struct Keys {
+    secure: bool,
+    rate_bytes_s: Option<u32>,
+    burst_bytes: Option<u32>,
+}
+
 /// Makes the settings of the checked table.
 pub(super) fn build(table: &toml::Table) -> Config {
-    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
+    let Keys { secure, rate_bytes_s, burst_bytes } = typed(table);
     Config {
-        secure: table.get("secure").and_then(toml::Value::as_bool).unwrap_or(true),
-        join_rate_bytes_s: integer("rate_bytes_s").map(|rate| rate as u32),
-        join_burst_bytes: integer("burst_bytes").map(|burst| burst as u32),
+        secure,
+        join_rate_bytes_s: rate_bytes_s,
+        join_burst_bytes: burst_bytes,
         ..Config::default()
     }
 }

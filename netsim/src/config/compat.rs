@@ -61,9 +61,3 @@ pub const SPEC: TableSpec = TableSpec {
     ],
     tag: None,
 };
-
-/// Of a checked table.
-#[must_use]
-pub fn build(table: &toml::Table) -> Compat {
-    table.clone().try_into().unwrap_or_default()
-}

@@ -1,7 +1,8 @@
 //! `[netsim.energy]`.
 
 use crate::energy::{BATTERY_AA_MAH, Model};
-use proto::config::{Choice, Default, Field, Kind, Range, TableSpec};
+use proto::config::{Choice, Default, Field, Kind, Range, TableSpec, typed};
+use serde::Deserialize;
 
 /// Description of `[netsim.energy]`.
 pub(super) const SPEC: TableSpec = TableSpec {
@@ -32,10 +33,27 @@ pub(super) const SPEC: TableSpec = TableSpec {
     tag: None,
 };
 
+/// Keys of `[netsim.energy]`.
+#[derive(Deserialize)]
+struct Keys {
+    model: ModelKey,
+    battery_mah: f64,
+}
+
+/// The values of `model`.
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum ModelKey {
+    PerSlot,
+    ByLength,
+}
+
 /// Makes the model and the battery (mAh) of the checked table.
 pub(super) fn build(table: &toml::Table) -> (Model, f64) {
-    let by_length = table.get("model").and_then(toml::Value::as_str) == Some("by-length");
-    let battery_mah = table.get("battery_mah").and_then(toml::Value::as_float);
-    let model = if by_length { Model::ByLength } else { Model::PerSlot };
-    (model, battery_mah.unwrap_or(BATTERY_AA_MAH))
+    let keys: Keys = typed(table);
+    let model = match keys.model {
+        ModelKey::PerSlot => Model::PerSlot,
+        ModelKey::ByLength => Model::ByLength,
+    };
+    (model, keys.battery_mah)
 }

@@ -1,8 +1,9 @@
 //! `[netsim.lowpan]`.
 
 use crate::lowpan::{Config, Mode};
-use proto::config::{Choice, Default, Field, Kind, Range, TableSpec};
+use proto::config::{Choice, Default, Field, Kind, Range, TableSpec, typed};
 use proto::types::NS_PER_S;
+use serde::Deserialize;
 
 /// Description of `[netsim.lowpan]`.
 pub(super) const SPEC: TableSpec = TableSpec {
@@ -51,21 +52,39 @@ pub(super) const SPEC: TableSpec = TableSpec {
     tag: None,
 };
 
+/// Keys of `[netsim.lowpan]`.
+#[derive(Deserialize)]
+struct Keys {
+    fragmentation: Fragmentation,
+    reassembly_buffers: u16,
+    reassembly_timeout_s: f64,
+    vrb_entries: u16,
+    discard_after_missing: bool,
+    discard_after_last: bool,
+}
+
+/// The values of `fragmentation`.
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Fragmentation {
+    Forwarding,
+    PerHop,
+}
+
 /// Makes the settings of the checked table.
 pub(super) fn build(table: &toml::Table) -> Config {
-    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer).unwrap_or_default();
-    let flag = |key: &str| table.get(key).and_then(toml::Value::as_bool).unwrap_or_default();
-    let timeout_s =
-        table.get("reassembly_timeout_s").and_then(toml::Value::as_float).unwrap_or_default();
-    let timeout_ns = (timeout_s * NS_PER_S as f64).round() as u64;
-    let per_hop = table.get("fragmentation").and_then(toml::Value::as_str) == Some("per-hop");
+    let keys: Keys = typed(table);
+    let timeout_ns = (keys.reassembly_timeout_s * NS_PER_S as f64).round() as u64;
     Config {
-        mode: if per_hop { Mode::PerHopReassembly } else { Mode::FragmentForwarding },
-        reassembly_buffers: integer("reassembly_buffers") as u16,
+        mode: match keys.fragmentation {
+            Fragmentation::Forwarding => Mode::FragmentForwarding,
+            Fragmentation::PerHop => Mode::PerHopReassembly,
+        },
+        reassembly_buffers: keys.reassembly_buffers,
         reassembly_timeout_ns: timeout_ns,
-        vrb_entries: integer("vrb_entries") as u16,
+        vrb_entries: keys.vrb_entries,
         vrb_timeout_ns: timeout_ns,
-        discard_after_missing: flag("discard_after_missing"),
-        discard_after_last: flag("discard_after_last"),
+        discard_after_missing: keys.discard_after_missing,
+        discard_after_last: keys.discard_after_last,
     }
 }

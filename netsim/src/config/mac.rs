@@ -2,8 +2,9 @@
 
 use crate::mac::effect;
 use crate::mac::tsch::Config;
-use proto::config::{Default, Field, Kind, Problem, Range, TableSpec, join};
+use proto::config::{Default, Field, Kind, Problem, Range, Registry, TableSpec, join, typed};
 use proto::types::NS_PER_S;
+use serde::Deserialize;
 
 /// Description of `[netsim.mac]`.
 pub(super) const SPEC: TableSpec = TableSpec {
@@ -107,19 +108,55 @@ pub(super) const SPEC: TableSpec = TableSpec {
     tag: None,
 };
 
-/// Makes the MAC's settings of the checked table.
+/// Keys of `[netsim.mac]`.
+#[derive(Deserialize)]
+struct Keys {
+    queue_frames: u16,
+    max_retries: u16,
+    min_backoff_exponent: u8,
+    max_backoff_exponent: u8,
+    beacon_period_s: f64,
+    beacon_spacing_s: f64,
+    beacon_wait_s: f64,
+    neighbours_to_wait: u16,
+    scan_dwell_s: f64,
+    keep_alive_s: f64,
+    desynchronise_s: f64,
+    max_drift_ppm: f64,
+    crystal_hz: u32,
+    pending_bit: bool,
+    #[serde(default)]
+    effect: Vec<toml::Table>,
+}
+
+/// What the table is read with.
+pub(super) struct Surroundings<'a> {
+    /// Its path, for problems.
+    pub(super) path: &'a str,
+    /// Length of a slot (ns).
+    pub(super) slot_ns: u64,
+    /// Channels by absolute slot number.
+    pub(super) hopping_sequence: &'a [u8],
+    /// Probability of a beacon in an idle cell, where that decides.
+    pub(super) beacon_probability: Option<f64>,
+    /// Whether motes contend as in the 6TiSCH simulator.
+    pub(super) contends_as_peer: bool,
+    /// Capacity of the experiment.
+    pub(super) agent_count: usize,
+    /// What effects there are.
+    pub(super) effects: &'a Registry<effect::Entry>,
+}
+
+/// Makes the MAC's settings of the checked table, and the effects on what motes do.
 pub(super) fn build(
     table: &toml::Table,
-    path: &str,
-    slot_ns: u64,
-    hopping_sequence: &[u8],
-    beacon_probability: Option<f64>,
+    given: &Surroundings<'_>,
     problems: &mut Vec<Problem>,
-) -> Config {
-    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer).unwrap_or_default();
-    let number = |key: &str| table.get(key).and_then(toml::Value::as_float).unwrap_or_default();
-    let ns = |key: &str| (number(key) * NS_PER_S as f64).round() as u64;
-    let (min, max) = (integer("min_backoff_exponent"), integer("max_backoff_exponent"));
+) -> (Config, Vec<Box<dyn effect::Effect>>) {
+    let keys: Keys = typed(table);
+    let path = given.path;
+    let ns = |duration_s: f64| (duration_s * NS_PER_S as f64).round() as u64;
+    let (min, max) = (keys.min_backoff_exponent, keys.max_backoff_exponent);
     if max < min {
         problems.push(
             Problem::new(
@@ -130,46 +167,58 @@ pub(super) fn build(
             .nearest(max),
         );
     }
-    if ns("keep_alive_s") != 0 && ns("desynchronise_s") <= ns("keep_alive_s") {
+    let keep_alive_ns = ns(keys.keep_alive_s);
+    let desynchronise_ns = ns(keys.desynchronise_s);
+    let is_time_kept = keep_alive_ns != 0;
+    if is_time_kept && desynchronise_ns <= keep_alive_ns {
         problems.push(
             Problem::new(
                 join(path, "desynchronise_s"),
-                format!("must exceed keep_alive_s, {} s", number("keep_alive_s")),
+                format!("must exceed keep_alive_s, {} s", keys.keep_alive_s),
             )
-            .value(number("desynchronise_s"))
-            .nearest(number("keep_alive_s") * 1.75),
+            .value(keys.desynchronise_s)
+            .nearest(keys.keep_alive_s * 1.75),
         );
     }
     // Nobody would put those clocks right, or notice how far off they are: motes would fall deaf for good.
-    if ns("keep_alive_s") == 0 && number("max_drift_ppm") != 0.0 {
+    if !is_time_kept && keys.max_drift_ppm != 0.0 {
         problems.push(
             Problem::new(
                 join(path, "max_drift_ppm"),
                 "must be 0 with keep_alive_s = 0: clocks that drift must be kept",
             )
-            .value(number("max_drift_ppm"))
+            .value(keys.max_drift_ppm)
             .nearest(0.0),
         );
     }
-    Config {
-        slot_ns,
-        hopping_sequence: hopping_sequence.to_vec(),
-        queue_capacity: Some(integer("queue_frames") as u16).filter(|&frames| frames != 0),
-        max_retries: Some(integer("max_retries") as u16),
-        min_exponent: min as u8,
-        max_exponent: max as u8,
-        beacon_period_ns: ns("beacon_period_s"),
-        beacon_spacing_ns: ns("beacon_spacing_s"),
-        beacon_probability,
-        contends_as_peer: false,
-        beacon_wait_ns: ns("beacon_wait_s"),
-        neighbours_to_wait: integer("neighbours_to_wait") as u16,
-        scan_dwell_slots: (ns("scan_dwell_s") / slot_ns.max(1)).clamp(1, u64::from(u32::MAX))
-            as u32,
-        keep_alive_ns: ns("keep_alive_s"),
-        desynchronise_ns: ns("desynchronise_s"),
-        max_drift_ppm: number("max_drift_ppm"),
-        crystal_hz: integer("crystal_hz") as u32,
-        pending_bit: table.get("pending_bit").and_then(toml::Value::as_bool).unwrap_or_default(),
-    }
+    let effects = effect::build(
+        &keys.effect,
+        &join(path, "effect"),
+        given.agent_count,
+        is_time_kept,
+        given.effects,
+        problems,
+    );
+    let config = Config {
+        slot_ns: given.slot_ns,
+        hopping_sequence: given.hopping_sequence.to_vec(),
+        queue_capacity: Some(keys.queue_frames).filter(|&frames| frames != 0),
+        max_retries: Some(keys.max_retries),
+        min_exponent: min,
+        max_exponent: max,
+        beacon_period_ns: ns(keys.beacon_period_s),
+        beacon_spacing_ns: ns(keys.beacon_spacing_s),
+        beacon_probability: given.beacon_probability,
+        contends_as_peer: given.contends_as_peer,
+        beacon_wait_ns: ns(keys.beacon_wait_s),
+        neighbours_to_wait: keys.neighbours_to_wait,
+        scan_dwell_slots: (ns(keys.scan_dwell_s) / given.slot_ns.max(1))
+            .clamp(1, u64::from(u32::MAX)) as u32,
+        keep_alive_ns,
+        desynchronise_ns,
+        max_drift_ppm: keys.max_drift_ppm,
+        crystal_hz: keys.crystal_hz,
+        pending_bit: keys.pending_bit,
+    };
+    (config, effects)
 }

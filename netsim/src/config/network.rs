@@ -1,16 +1,18 @@
 //! The keys of `mode = "6tisch"`.
 
-use super::{admission, compat, energy, lowpan, mac, rpl, swarm};
+use super::compat::{self, Compat};
+use super::{admission, energy, lowpan, mac, rpl, swarm};
 use crate::app;
-use crate::mac::{effect, tsch};
+use crate::catalogue::Catalogue;
+use crate::mac::effect;
 use crate::medium::slot::timing;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
 use crate::sf;
 use crate::sixtop;
 use crate::wire::Eui64;
-use proto::config::{Default, Field, Kind, Problem, join};
-use proto::types::seconds;
+use proto::config::{Default, Field, Kind, Problem, join, typed};
+use serde::Deserialize;
 
 /// Keys of the full network.
 pub(super) const FIELDS: &[Field] = &[
@@ -89,6 +91,26 @@ pub(super) struct Given<'a> {
     pub(super) slot_ns: u64,
     /// Channels by absolute slot number.
     pub(super) hopping_sequence: &'a [u8],
+    /// What there is to choose from.
+    pub(super) catalogue: &'a Catalogue,
+}
+
+/// Keys of the full network.
+#[derive(Deserialize)]
+struct Keys {
+    roots: Option<Vec<u32>>,
+    #[serde(default)]
+    eui64: Vec<String>,
+    mac: toml::Table,
+    sf: toml::Table,
+    rpl: toml::Table,
+    lowpan: toml::Table,
+    join: toml::Table,
+    #[serde(default)]
+    app: Vec<toml::Table>,
+    swarm: toml::Table,
+    energy: toml::Table,
+    compat: Compat,
 }
 
 /// Probability of a beacon in an idle cell under `compat.eb_rule`: that of the 6TiSCH simulator.
@@ -101,31 +123,24 @@ pub(super) fn build(
     warnings: &mut Vec<String>,
 ) -> Option<(Settings, Addresses)> {
     let n_before = problems.len();
-    let empty = toml::Table::new();
-    let section =
-        |key: &str| given.table.get(key).and_then(toml::Value::as_table).unwrap_or(&empty);
+    let keys: Keys = typed(given.table);
     let at = |key: &str| join(given.path, key);
-    let compat = compat::build(section("compat"));
-    let roots = roots(given, problems);
-    let addresses = addresses(given, problems);
+    let compat = keys.compat;
+    let roots = roots(keys.roots.as_deref(), given, problems);
+    let addresses = addresses(&keys.eui64, given, problems);
 
-    let probability = compat.eb_rule.then_some(BEACON_PROBABILITY);
     let mac_path = at("mac");
-    let mac = mac::build(
-        section("mac"),
-        &mac_path,
-        given.slot_ns,
-        given.hopping_sequence,
-        probability,
-        problems,
-    );
-    let listed = section("mac").get("effect").and_then(toml::Value::as_array);
-    let effects = listed.map_or_else(Vec::new, |list| {
-        let is_time_kept = mac.keep_alive_ns != 0;
-        effect::build(list, &join(&mac_path, "effect"), given.agent_count, is_time_kept, problems)
-    });
+    let surroundings = mac::Surroundings {
+        path: &mac_path,
+        slot_ns: given.slot_ns,
+        hopping_sequence: given.hopping_sequence,
+        beacon_probability: compat.eb_rule.then_some(BEACON_PROBABILITY),
+        contends_as_peer: compat.shared_slot_0,
+        agent_count: given.agent_count,
+        effects: &given.catalogue.mac_effects,
+    };
+    let (mac, effects) = mac::build(&keys.mac, &surroundings, problems);
     let burdens = effect::burdens(&effects, given.agent_count, &roots);
-    let mac = tsch::Config { contends_as_peer: compat.shared_slot_0, ..mac };
     let sf_path = at("sf");
     let mut context = sf::BuildContext {
         path: &sf_path,
@@ -137,30 +152,29 @@ pub(super) fn build(
         problems: Vec::new(),
         warnings: Vec::new(),
     };
-    let scheduling = sf::build(section("sf"), &mut context);
+    let function = given.catalogue.scheduling_functions.selected(&keys.sf, &sf::TAG);
+    let scheduling = function.and_then(|function| (function.build)(&keys.sf, &mut context));
     problems.append(&mut context.problems);
     warnings.append(&mut context.warnings);
 
     let swarm_path = at("swarm");
     let mut swarm = swarm::Given {
         path: &swarm_path,
-        sf: section("sf").get("kind").and_then(toml::Value::as_str),
+        function,
         agent_count: given.agent_count,
         n_channels: given.hopping_sequence.len(),
         problems,
         warnings,
     };
-    let transport = swarm::build(section("swarm"), &mut swarm);
+    let transport = swarm::build(&keys.swarm, &mut swarm);
     let mut apps = Vec::new();
-    let listed = given.table.get("app").and_then(toml::Value::as_array);
-    for (index, table) in listed.into_iter().flatten().enumerate() {
+    for (index, table) in keys.app.iter().enumerate() {
         let path = at(&format!("app[{index}]"));
-        let Some(table) = table.as_table() else { continue };
         apps.extend(app::Spec::read(table, &path, given.agent_count as u32, problems));
     }
-    let (energy, battery_mah) = energy::build(section("energy"));
-    let rpl = rpl::build(section("rpl"), compat);
-    let join = admission::build(section("join"));
+    let (energy, battery_mah) = energy::build(&keys.energy);
+    let rpl = rpl::build(&keys.rpl, compat);
+    let join = admission::build(&keys.join);
     if join.secure && !rpl.advertises && roots.len() + 1 < given.agent_count {
         warnings.push(format!(
             "{}: without routes down the registrar's answers reach only motes that hear a root and join through it; \
@@ -175,6 +189,13 @@ pub(super) fn build(
     else {
         return None;
     };
+    warnings.extend(sf.advice(&sf::Formation {
+        path: &sf_path,
+        n_motes: given.agent_count,
+        n_roots: roots.len(),
+        frames_per_mote: u32::from(join.secure) + u32::from(rpl.dao_ack),
+        slot_ns: given.slot_ns,
+    }));
     let sixtop = sixtop::Config {
         slotframe_ns: u64::from(sf.slotframe_slots()) * given.slot_ns,
         max_retries: mac.max_retries.unwrap_or(u16::MAX),
@@ -188,7 +209,7 @@ pub(super) fn build(
         sf,
         sixtop,
         rpl,
-        lowpan: lowpan::build(section("lowpan")),
+        lowpan: lowpan::build(&keys.lowpan),
         join,
         apps,
         transport,
@@ -196,7 +217,6 @@ pub(super) fn build(
         battery_mah,
         compat,
     };
-    warnings.extend(slow_round_robin(&settings, given));
     Some((settings, addresses))
 }
 
@@ -205,51 +225,32 @@ pub(super) const LEAST_SLOT_NS: u64 =
     (timing::TX_OFFSET_NS + timing::MAX_TX_NS + timing::TX_ACK_DELAY_NS + timing::MAX_ACK_NS)
         as u64;
 
-/// What a round robin takes at least to form (s), if that is longer than experiments wait by default.
-const LONG_FORMATION_S: f64 = 3600.0;
-
-/// Whether the roots' own slots are too few for what they must tell every mote.
-fn slow_round_robin(settings: &Settings, given: &Given<'_>) -> Option<String> {
-    let sf::Config::Rrsf(sf) = &settings.sf else { return None };
-    let of_each = u32::from(settings.join.secure) + u32::from(settings.rpl.dao_ack);
-    let n_frames = f64::from(of_each) * given.agent_count as f64 / settings.roots.len() as f64;
-    let slotframe_s = seconds(u64::from(settings.sf.slotframe_slots()) * given.slot_ns);
-    let takes_s = n_frames * slotframe_s;
-    (sf.shared_slots == 0 && LONG_FORMATION_S < takes_s).then(|| {
-        format!(
-            "{} = \"rrsf\" gives a root one frame in {slotframe_s} s: to admit all motes and to acknowledge their routes takes \
-             it {takes_s:.0} s at least, and most requests go unanswered; join.secure = false and rpl.dao_ack = false spare \
-             it that",
-            join(&join(given.path, "sf"), "kind"),
-        )
-    })
-}
-
-fn roots(given: &Given<'_>, problems: &mut Vec<Problem>) -> Vec<u32> {
-    let Some(listed) = given.table.get("roots").and_then(toml::Value::as_array) else {
-        return vec![0];
-    };
+fn roots(listed: Option<&[u32]>, given: &Given<'_>, problems: &mut Vec<Problem>) -> Vec<u32> {
+    let Some(listed) = listed else { return vec![0] };
     let mut roots = Vec::new();
-    for (index, mote) in listed.iter().filter_map(toml::Value::as_integer).enumerate() {
+    for (index, &mote) in listed.iter().enumerate() {
         let path = join(given.path, &format!("roots[{index}]"));
-        if given.agent_count as i64 <= mote {
+        if given.agent_count <= mote as usize {
             let last = given.agent_count - 1;
             let message = format!("must be a mote, 0 to {last}");
             problems.push(Problem::new(path, message).value(mote).nearest(last));
-        } else if roots.contains(&(mote as u32)) {
+        } else if roots.contains(&mote) {
             problems.push(Problem::new(path, "must not be listed twice").value(mote));
         } else {
-            roots.push(mote as u32);
+            roots.push(mote);
         }
     }
     roots.sort_unstable();
     roots
 }
 
-fn addresses(given: &Given<'_>, problems: &mut Vec<Problem>) -> Option<Addresses> {
-    let listed = given.table.get("eui64").and_then(toml::Value::as_array);
+fn addresses(
+    listed: &[String],
+    given: &Given<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<Addresses> {
     let mut addresses = Vec::new();
-    for (index, text) in listed.into_iter().flatten().filter_map(toml::Value::as_str).enumerate() {
+    for (index, text) in listed.iter().enumerate() {
         let octets: Vec<&str> = text.split('-').collect();
         let is_well_formed = octets.len() == 8 && octets.iter().all(|octet| octet.len() == 2);
         match u64::from_str_radix(&octets.concat(), 16) {

@@ -2,8 +2,9 @@
 
 use super::compat::Compat;
 use crate::rpl::{Config, Mode, Objective, Solicitation};
-use proto::config::{Choice, Default, Field, Kind, Range, TableSpec};
+use proto::config::{Choice, Default, Field, Kind, Range, TableSpec, typed};
 use proto::types::NS_PER_S;
+use serde::Deserialize;
 
 /// Description of `[netsim.rpl]`.
 pub(super) const SPEC: TableSpec = TableSpec {
@@ -125,34 +126,58 @@ pub(super) const SPEC: TableSpec = TableSpec {
     tag: None,
 };
 
+/// Keys of `[netsim.rpl]`.
+#[derive(Deserialize)]
+struct Keys {
+    mode: Mode,
+    objective: ObjectiveKey,
+    dio_interval_min: u8,
+    dio_interval_doublings: u8,
+    dio_redundancy: u8,
+    max_rank_increase: u16,
+    solicitation: Solicitation,
+    dis_period_s: f64,
+    route_lifetime_s: f64,
+    dao_period_s: f64,
+    dao_delay_s: f64,
+    dao_ack: bool,
+    routes_down: bool,
+    neighbour_lifetime_s: f64,
+    global_repair_s: f64,
+}
+
+/// The values of `objective`.
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ObjectiveKey {
+    Of0,
+    Mrhof,
+}
+
 /// Makes the settings of the checked table.
 pub(super) fn build(table: &toml::Table, compat: Compat) -> Config {
-    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer).unwrap_or_default();
-    let number = |key: &str| table.get(key).and_then(toml::Value::as_float).unwrap_or_default();
-    let text = |key: &str| table.get(key).and_then(toml::Value::as_str).unwrap_or_default();
-    let flag = |key: &str| table.get(key).and_then(toml::Value::as_bool).unwrap_or_default();
-    let ns = |key: &str| (number(key) * NS_PER_S as f64).round() as u64;
+    let keys: Keys = typed(table);
+    let ns = |duration_s: f64| (duration_s * NS_PER_S as f64).round() as u64;
     Config {
-        mode: if text("mode") == "storing" { Mode::Storing } else { Mode::NonStoring },
-        objective: if text("objective") == "mrhof" { Objective::mrhof() } else { Objective::of0() },
-        dio_interval_min: integer("dio_interval_min") as u8,
-        dio_interval_doublings: integer("dio_interval_doublings") as u8,
-        dio_redundancy: integer("dio_redundancy") as u8,
-        max_rank_increase: integer("max_rank_increase") as u16,
-        solicitation: match text("solicitation") {
-            "multicast" => Solicitation::Multicast,
-            "off" => Solicitation::Off,
-            _ => Solicitation::Unicast,
+        mode: keys.mode,
+        objective: match keys.objective {
+            ObjectiveKey::Of0 => Objective::of0(),
+            ObjectiveKey::Mrhof => Objective::mrhof(),
         },
-        dis_period_ns: ns("dis_period_s"),
-        default_lifetime: (number("route_lifetime_s") / 60.0).round().clamp(1.0, 254.0) as u8,
+        dio_interval_min: keys.dio_interval_min,
+        dio_interval_doublings: keys.dio_interval_doublings,
+        dio_redundancy: keys.dio_redundancy,
+        max_rank_increase: keys.max_rank_increase,
+        solicitation: keys.solicitation,
+        dis_period_ns: ns(keys.dis_period_s),
+        default_lifetime: (keys.route_lifetime_s / 60.0).round().clamp(1.0, 254.0) as u8,
         lifetime_unit_s: 60,
-        dao_period_ns: ns("dao_period_s"),
-        dao_delay_ns: ns("dao_delay_s"),
-        dao_ack: flag("dao_ack"),
-        advertises: flag("routes_down"),
-        neighbour_lifetime_ns: ns("neighbour_lifetime_s"),
-        global_repair_period_ns: ns("global_repair_s"),
+        dao_period_ns: ns(keys.dao_period_s),
+        dao_delay_ns: ns(keys.dao_delay_s),
+        dao_ack: keys.dao_ack,
+        advertises: keys.routes_down,
+        neighbour_lifetime_ns: ns(keys.neighbour_lifetime_s),
+        global_repair_period_ns: ns(keys.global_repair_s),
         no_trickle_suppression: compat.no_trickle_suppression,
         stale_rank: compat.stale_rank,
         ..Config::default()

@@ -1,7 +1,9 @@
 //! `[netsim.swarm]`: how the swarm's payloads travel.
 
 use crate::mesh::settings::Transport;
-use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, join};
+use crate::sf;
+use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, join, typed};
+use serde::Deserialize;
 
 /// Description of `[netsim.swarm]`.
 pub(super) const SPEC: TableSpec = TableSpec {
@@ -55,8 +57,8 @@ pub(super) const SPEC: TableSpec = TableSpec {
 pub(super) struct Given<'a> {
     /// Its path.
     pub(super) path: &'a str,
-    /// The kind of scheduling function; `None`: it is none that is known, which has been said.
-    pub(super) sf: Option<&'a str>,
+    /// The scheduling function; `None`: it is none that is known, which has been said.
+    pub(super) function: Option<&'static sf::Entry>,
     /// Capacity of the experiment.
     pub(super) agent_count: usize,
     /// Length of the hopping sequence.
@@ -67,40 +69,72 @@ pub(super) struct Given<'a> {
     pub(super) warnings: &'a mut Vec<String>,
 }
 
+/// Keys of `[netsim.swarm]`.
+#[derive(Deserialize)]
+struct Keys {
+    transport: Option<Choices>,
+    slots: Option<u16>,
+    channel_offset: Option<u16>,
+}
+
+/// The values of `transport`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Choices {
+    None,
+    OwnCell,
+    SharedCell,
+    UnicastNeighbours,
+    BroadcastSlotframe,
+}
+
+impl Choices {
+    /// As it is written.
+    fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::OwnCell => "own-cell",
+            Self::SharedCell => "shared-cell",
+            Self::UnicastNeighbours => "unicast-neighbours",
+            Self::BroadcastSlotframe => "broadcast-slotframe",
+        }
+    }
+}
+
 /// Makes the transport of the checked table.
 pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
-    let Some(sf) = given.sf else { return Transport::None };
-    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
-    let has_own_cells = matches!(sf, "rrsf" | "sotdma" | "static");
-    let default = if has_own_cells { "own-cell" } else { "broadcast-slotframe" };
-    let transport = table.get("transport").and_then(toml::Value::as_str).unwrap_or(default);
-    let mut refuse = |why: &str, nearest: &str| {
+    let keys: Keys = typed(table);
+    let Some(function) = given.function else { return Transport::None };
+    let cells = function.payload_cells;
+    let default = if cells.has_own() { Choices::OwnCell } else { Choices::BroadcastSlotframe };
+    let transport = keys.transport.unwrap_or(default);
+    let mut refuse = |why: &str, nearest: Choices| {
         let path = join(given.path, "transport");
-        let message = format!("does not go with sf.kind = {sf:?}: {why}");
+        let message = format!("does not go with sf.kind = {:?}: {why}", function.variant.name);
         given.problems.push(
             Problem::new(path, message)
-                .value(format!("{transport:?}"))
-                .nearest(format!("{nearest:?}")),
+                .value(format!("{:?}", transport.name()))
+                .nearest(format!("{:?}", nearest.name())),
         );
     };
     let built = match transport {
-        "none" => Transport::None,
-        "own-cell" => {
-            if !has_own_cells {
-                refuse("it gives no mote a cell for itself", "broadcast-slotframe");
+        Choices::None => Transport::None,
+        Choices::OwnCell => {
+            if !cells.has_own() {
+                refuse("it gives no mote a cell for itself", Choices::BroadcastSlotframe);
             }
             Transport::OwnCell
         }
-        "shared-cell" => {
-            if matches!(sf, "rrsf" | "sotdma") {
-                refuse("every mote has its own cell", "own-cell");
+        Choices::SharedCell => {
+            if !cells.has_shared() {
+                refuse("every mote has its own cell", Choices::OwnCell);
             }
             Transport::SharedCell
         }
-        "unicast-neighbours" => Transport::UnicastNeighbours,
-        _ => Transport::BroadcastSlotframe {
-            slots: integer("slots").unwrap_or(given.agent_count.min(65_534) as i64) as u16,
-            channel: integer("channel_offset").unwrap_or(given.n_channels as i64 - 1) as u16,
+        Choices::UnicastNeighbours => Transport::UnicastNeighbours,
+        Choices::BroadcastSlotframe => Transport::BroadcastSlotframe {
+            slots: keys.slots.unwrap_or(given.agent_count.min(65_534) as u16),
+            channel: keys.channel_offset.unwrap_or(given.n_channels as u16 - 1),
         },
     };
     if let Transport::BroadcastSlotframe { slots, .. } = built {
@@ -114,8 +148,9 @@ pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
     } else {
         for key in ["slots", "channel_offset"].into_iter().filter(|key| table.contains_key(*key)) {
             given.warnings.push(format!(
-                "{} has no influence: transport = {transport:?} has no broadcast slotframe",
-                join(given.path, key)
+                "{} has no influence: transport = {:?} has no broadcast slotframe",
+                join(given.path, key),
+                transport.name(),
             ));
         }
     }

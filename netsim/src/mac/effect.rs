@@ -1,6 +1,6 @@
 //! Effects on what motes do in the network, each `[[netsim.mac.effect]]` of the configuration one of them.
 //!
-//! One file per effect, one list: [`LIST`]. An effect that is not configured contributes exactly nothing, and draws nothing.
+//! One file per effect, one list, `BUILT_IN`. An effect that is not configured contributes exactly nothing, and draws nothing.
 //! What the radio does with frames is not here: that is [`crate::phy::effect`].
 
 pub mod ack_loss;
@@ -10,8 +10,12 @@ pub mod node_reboots;
 pub mod processing_delay;
 pub mod queue_limit;
 
-use proto::config::{Default, Field, Kind, Problem, TableSpec, Tag, Variant, join};
+use proto::config::{
+    Default, Field, Kind, Problem, Registered, Registry, TableSpec, Tag, Variant, Variants, join,
+    typed,
+};
 use proto::effect::{About, Fit};
+use serde::Deserialize;
 use std::fmt::Debug;
 
 /// What weighs on a mote beyond what the protocols expect.
@@ -69,16 +73,12 @@ pub trait Effect: Send + Sync + Debug {
 }
 
 /// Description of one `[[netsim.mac.effect]]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "An effect on what motes do in the network.",
-    fields: &[],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "Which effect.",
-        default: None,
-        variants: || LIST.iter().map(|entry| entry.variant).collect(),
-    }),
-};
+pub const SPEC: TableSpec =
+    TableSpec { doc: "An effect on what motes do in the network.", fields: &[], tag: Some(&TAG) };
+
+/// The key that selects an effect.
+pub const TAG: Tag =
+    Tag { key: "kind", doc: "Which effect.", default: None, variants: Variants::List(LIST) };
 
 /// An effect that can be configured.
 #[derive(Debug)]
@@ -95,8 +95,17 @@ pub struct Entry {
     pub build: fn(&toml::Table) -> Option<Box<dyn Effect>>,
 }
 
-/// All effects.
-pub const LIST: &[Entry] = &[
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
+    }
+}
+
+/// What descriptions call the list of effects.
+pub(crate) const LIST: &str = "netsim.mac.effect";
+
+/// The effects that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[
     ack_loss::ENTRY,
     clock_drift::ENTRY,
     duty_cycle_limit::ENTRY,
@@ -105,8 +114,8 @@ pub const LIST: &[Entry] = &[
     queue_limit::ENTRY,
 ];
 
-/// The key with the motes that an effect concerns.
-const MOTES: Field = Field {
+/// The key with the motes that an effect concerns, whose numbers [`build`] checks.
+pub const MOTES: Field = Field {
     key: "motes",
     doc: "Numbers of the motes that it concerns. Absent: all.",
     kind: Kind::List {
@@ -117,39 +126,41 @@ const MOTES: Field = Field {
     default: Default::Absent,
 };
 
-/// The motes that an effect concerns; `None`: all.
-type Motes = Option<Vec<u32>>;
-
-/// Whether an effect concerns a mote.
-fn concerns(motes: &Motes, mote: u32) -> bool {
-    motes.as_ref().is_none_or(|motes| motes.contains(&mote))
+/// The part of an effect's keys that this module reads itself.
+#[derive(Deserialize)]
+struct Concerned {
+    motes: Motes,
 }
 
-/// The effect of this name, if there is one.
+/// The motes that an effect concerns; `None`: all.
+pub type Motes = Option<Vec<u32>>;
+
+/// Whether an effect whose key `motes` has this value concerns a mote.
 #[must_use]
-pub fn find(name: &str) -> Option<&'static Entry> {
-    LIST.iter().find(|entry| entry.variant.name == name)
+pub fn concerns(motes: &Motes, mote: u32) -> bool {
+    motes.as_ref().is_none_or(|motes| motes.contains(&mote))
 }
 
 /// Makes the effects of checked tables, in their order, and adds what is wrong with them together with the rest: they
 /// stand at `path[0]`, `path[1]`, …
 ///
 /// * `is_time_kept`: clocks are kept, so that they may drift.
+/// * `known`: what effects there are.
 pub fn build(
-    tables: &[toml::Value],
+    tables: &[toml::Table],
     path: &str,
     agent_count: usize,
     is_time_kept: bool,
+    known: &Registry<Entry>,
     problems: &mut Vec<Problem>,
 ) -> Vec<Box<dyn Effect>> {
     let mut effects = Vec::with_capacity(tables.len());
     for (index, table) in tables.iter().enumerate() {
         let at = format!("{path}[{index}]");
-        let kind = table.get("kind").and_then(toml::Value::as_str);
-        let (Some(entry), Some(keys)) = (kind.and_then(find), table.as_table()) else { continue };
-        let motes = keys.get(MOTES.key).and_then(toml::Value::as_array);
-        let numbers = motes.into_iter().flatten().filter_map(toml::Value::as_integer);
-        for (place, mote) in numbers.enumerate().filter(|(_, mote)| agent_count as i64 <= *mote) {
+        let Some(entry) = known.selected(table, &TAG) else { continue };
+        let Concerned { motes } = typed(table);
+        let numbers = motes.into_iter().flatten().enumerate();
+        for (place, mote) in numbers.filter(|(_, mote)| agent_count <= *mote as usize) {
             let last = agent_count as i64 - 1;
             let key = join(&at, &format!("{}[{place}]", MOTES.key));
             let problem = Problem::new(key, format!("must be a mote, 0 to {last}"));
@@ -157,9 +168,9 @@ pub fn build(
         }
         if entry.needs_kept_time && !is_time_kept {
             let message = "needs keep_alive_s other than 0: clocks that drift must be kept";
-            problems.push(Problem::new(join(&at, "kind"), message));
+            problems.push(Problem::new(join(&at, TAG.key), message));
         }
-        effects.extend((entry.build)(keys));
+        effects.extend((entry.build)(table));
     }
     effects
 }
@@ -199,9 +210,11 @@ pub(crate) mod testing {
             }],
             tag: None,
         };
-        let checked = proto::config::check(&node, "", &spec, &mut problems).table;
-        let list = checked["effect"].as_array().unwrap();
-        let effects = build(list, "effect", 4, true, &mut problems);
+        let known = Registry::new(BUILT_IN);
+        let lists = proto::config::Lists::default().with(LIST, &known);
+        let checked = proto::config::check(&node, "", &spec, &lists, &mut problems).table;
+        let list: Vec<toml::Table> = checked["effect"].clone().try_into().unwrap();
+        let effects = build(&list, "effect", 4, true, &known, &mut problems);
         assert!(problems.is_empty(), "{problems:?}");
         burdens(&effects, 4, &[0])
     }
@@ -230,7 +243,9 @@ mod tests {
         let tables: toml::Table =
             "[[effect]]\nkind = \"clock-drift\"\nmax_ppm = 50.0\nmotes = [1, 9]".parse().unwrap();
         let mut problems = Vec::new();
-        build(tables["effect"].as_array().unwrap(), "mac.effect", 4, false, &mut problems);
+        let tables: Vec<toml::Table> = tables["effect"].clone().try_into().unwrap();
+        let known = Registry::new(BUILT_IN);
+        build(&tables, "mac.effect", 4, false, &known, &mut problems);
         let paths: Vec<&str> = problems.iter().map(|problem| problem.path.as_str()).collect();
         assert_eq!(paths, ["mac.effect[0].motes[1]", "mac.effect[0].kind"]);
     }

@@ -16,7 +16,7 @@ use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU, payload_room};
 
 /// Settings of the network.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Settings {
     /// Motes that are roots, ascending.
     pub roots: Vec<u32>,

@@ -4,7 +4,6 @@ use super::down::Wanted;
 use super::{Mote, World};
 use crate::mac::CellRef;
 use crate::mesh::settings::Settings;
-use crate::sf::SchedulingFunction as _;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU};
 
 impl Mote {

@@ -8,7 +8,7 @@ use crate::mac::queue::{Queued, SWARM_HANDLE};
 use crate::mesh::packets::PacketKind;
 use crate::mesh::settings::Transport;
 use crate::rpl::Route;
-use crate::sf::{SchedulingFunction as _, Traffic};
+use crate::sf::Traffic;
 use crate::wire::Eui64;
 use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;

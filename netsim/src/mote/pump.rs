@@ -5,7 +5,7 @@ use super::{Mote, World};
 use crate::lowpan::DropReason;
 use crate::mac::tsch::Due;
 use crate::rpl;
-use crate::sf::{AnySf, Context, SchedulingFunction as _, Traffic};
+use crate::sf::{Context, SchedulingFunction, Traffic};
 use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::frame::Content;
 
@@ -14,7 +14,7 @@ impl Mote {
     pub(super) fn with_sf(
         &mut self,
         world: &mut World<'_>,
-        act: impl FnOnce(&mut AnySf, &mut Context<'_>),
+        act: impl FnOnce(&mut dyn SchedulingFunction, &mut Context<'_>),
     ) {
         let mut unusable = std::mem::take(&mut self.unusable);
         self.schedule.set_effective(world.effective_asn);
@@ -31,7 +31,7 @@ impl Mote {
             dice: &mut self.dice.scheduling,
             unusable: &mut unusable,
         };
-        act(&mut self.sf, &mut context);
+        act(&mut *self.sf, &mut context);
         self.unusable = unusable;
     }
 

@@ -8,7 +8,6 @@ use crate::mac::CellRef;
 use crate::mac::queue::Queued;
 use crate::mac::tsch::{Done, Verdict};
 use crate::rpl;
-use crate::sf::SchedulingFunction as _;
 use crate::wire::Eui64;
 use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;

@@ -1,6 +1,6 @@
 //! Physical effects that are added to a base model, each `[[netsim.phy.effect]]` of the configuration one of them.
 //!
-//! One file per effect, one list: [`LIST`]. An effect that is not configured contributes exactly nothing.
+//! One file per effect, one list: `BUILT_IN`. An effect that is not configured contributes exactly nothing.
 
 pub mod antenna_pattern;
 pub mod battery_sag;
@@ -30,7 +30,7 @@ pub(crate) mod testing;
 use super::link::{Link, Scene};
 use super::reception::Curve;
 use super::scatter::Scatter;
-use proto::config::{Problem, TableSpec, Tag, Variant};
+use proto::config::{Problem, Registered, Registry, TableSpec, Tag, Variant, Variants};
 use proto::effect::{About, Fit};
 
 /// One physical effect. Stateless: everything it depends on is an argument.
@@ -97,13 +97,12 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
 pub const SPEC: TableSpec = TableSpec {
     doc: "A physical effect that is added to the base model.",
     fields: &[],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "Which effect.",
-        default: None,
-        variants: || LIST.iter().map(|entry| entry.variant).collect(),
-    }),
+    tag: Some(&TAG),
 };
+
+/// The key that selects an effect.
+pub const TAG: Tag =
+    Tag { key: "kind", doc: "Which effect.", default: None, variants: Variants::List(LIST) };
 
 /// An effect that can be configured.
 #[derive(Debug)]
@@ -126,8 +125,17 @@ pub type Check = fn(&toml::Table, &str, &mut Vec<Problem>);
 /// Nothing is asked of the keys together.
 pub const UNCHECKED: Check = |_, _, _| {};
 
-/// All effects.
-pub const LIST: &[Entry] = &[
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
+    }
+}
+
+/// What descriptions call the list of effects.
+pub(crate) const LIST: &str = "netsim.phy.effect";
+
+/// The effects that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[
     antenna_pattern::ENTRY,
     battery_sag::ENTRY,
     body_blocking::ENTRY,
@@ -151,33 +159,29 @@ pub const LIST: &[Entry] = &[
     wall_attenuation::ENTRY,
 ];
 
-fn kind(table: &toml::Value) -> Option<&str> {
-    table.get("kind")?.as_str()
-}
-
-/// The effect of this name, if there is one.
-#[must_use]
-pub fn find(name: &str) -> Option<&'static Entry> {
-    LIST.iter().find(|entry| entry.variant.name == name)
-}
-
 /// Adds what is wrong with tables whose keys, one by one, have been checked already. They stand at `path[0]`, `path[1]`, …
-pub fn check(tables: &[toml::Value], path: &str, problems: &mut Vec<Problem>) {
+pub fn check(
+    tables: &[toml::Table],
+    path: &str,
+    known: &Registry<Entry>,
+    problems: &mut Vec<Problem>,
+) {
     for (index, table) in tables.iter().enumerate() {
-        if let (Some(entry), Some(keys)) = (kind(table).and_then(find), table.as_table()) {
-            (entry.check)(keys, &format!("{path}[{index}]"), problems);
+        if let Some(entry) = known.selected(table, &TAG) {
+            (entry.check)(table, &format!("{path}[{index}]"), problems);
         }
     }
 }
 
 /// Makes the effects of checked tables, in their order.
 #[must_use]
-pub fn build(tables: &[toml::Value]) -> Vec<Box<dyn Effect>> {
+pub fn build(tables: &[toml::Table], known: &Registry<Entry>) -> Vec<Box<dyn Effect>> {
+    let kind = |table: &toml::Table| known.selected(table, &TAG).map(|entry| entry.variant.name);
     let mut effects = Vec::with_capacity(tables.len());
     for (index, table) in tables.iter().enumerate() {
-        if let (Some(entry), Some(keys)) = (kind(table).and_then(find), table.as_table()) {
+        if let Some(entry) = known.selected(table, &TAG) {
             let earlier = tables[..index].iter().filter(|other| kind(other) == kind(table)).count();
-            effects.extend((entry.build)(keys, earlier as u32));
+            effects.extend((entry.build)(table, earlier as u32));
         }
     }
     effects

@@ -1,6 +1,6 @@
 //! What frames that are on the air together do to each other.
 //!
-//! One file per rule, one list: [`LIST`]. A rule says by which factor interference lowers the probability that a frame is
+//! One file per rule, one list: `BUILT_IN`. A rule says by which factor interference lowers the probability that a frame is
 //! received. What noise alone does is not its business: that is the probability which the reception curve, or the
 //! connectivity model, has given already. So the factor compares reception under noise and interference with reception
 //! under noise, is 1 where nobody interferes, and noise is counted once.
@@ -8,7 +8,10 @@
 pub mod o_qpsk;
 pub mod table;
 
-use proto::config::{Default, Field, Kind, Range, TableSpec, Tag, Variant};
+use proto::config::{
+    Default, Field, Kind, Range, Registered, Registry, TableSpec, Tag, Variant, Variants, typed,
+};
+use serde::Deserialize;
 
 /// How interference decides. Stateless.
 pub trait Rule: Send + Sync + std::fmt::Debug {
@@ -61,12 +64,15 @@ pub const SPEC: TableSpec = TableSpec {
         kind: Kind::Number(Range::closed(-200.0, 0.0)),
         default: Default::Absent,
     }],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "The rule.",
-        default: Some("o-qpsk"),
-        variants: || LIST.iter().map(|entry| entry.variant).collect(),
-    }),
+    tag: Some(&TAG),
+};
+
+/// The key that selects a rule.
+pub const TAG: Tag = Tag {
+    key: "kind",
+    doc: "The rule.",
+    default: Some(o_qpsk::ENTRY.variant.name),
+    variants: Variants::List(LIST),
 };
 
 /// Key of every rule: the noise against which disturbances are weighed.
@@ -86,16 +92,28 @@ pub struct Entry {
     pub build: fn(&toml::Table) -> Option<Box<dyn Rule>>,
 }
 
-/// All rules.
-pub const LIST: &[Entry] = &[o_qpsk::ENTRY, table::ENTRY];
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
+    }
+}
 
-/// Makes interference of a checked table. `None`: something required is missing, which the check has reported.
+/// What descriptions call the list of rules.
+pub(crate) const LIST: &str = "netsim.phy.interference";
+
+/// The rules that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[o_qpsk::ENTRY, table::ENTRY];
+
+/// Makes interference of a checked table. `None`: the rule is none that is known, which the check has reported.
 #[must_use]
-pub fn build(table: &toml::Table) -> Option<Interference> {
-    let kind = table.get("kind")?.as_str()?;
-    let entry = LIST.iter().find(|entry| entry.variant.name == kind)?;
-    let horizon_dbm = table.get("horizon_dbm").and_then(toml::Value::as_float);
-    Some(Interference { rule: (entry.build)(table)?, horizon_dbm })
+pub fn build(table: &toml::Table, known: &Registry<Entry>) -> Option<Interference> {
+    #[derive(Deserialize)]
+    struct Keys {
+        horizon_dbm: Option<f64>,
+    }
+    let rule = (known.selected(table, &TAG)?.build)(table)?;
+    let Keys { horizon_dbm } = typed(table);
+    Some(Interference { rule, horizon_dbm })
 }
 
 /// Power (mW) of a level (dBm).
@@ -108,11 +126,13 @@ pub fn milliwatts(level_dbm: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proto::config::{check, parse};
+    use proto::config::{Lists, check, parse};
 
     fn of(text: &str) -> Interference {
-        let checked = check(&parse(text).unwrap(), "", &SPEC, &mut Vec::new());
-        build(&checked.table).unwrap()
+        let known = Registry::new(BUILT_IN);
+        let lists = Lists::default().with(LIST, &known);
+        let checked = check(&parse(text).unwrap(), "", &SPEC, &lists, &mut Vec::new());
+        build(&checked.table, &known).unwrap()
     }
 
     #[test]

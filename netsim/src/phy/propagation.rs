@@ -1,6 +1,6 @@
 //! Base models of propagation: `netsim.phy.propagation`.
 //!
-//! One file per model, one list: [`LIST`]. There are two families. *Signal models* (`friis`, `probabilistic-disk`,
+//! One file per model, one list: `BUILT_IN`. There are two families. *Signal models* (`friis`, `probabilistic-disk`,
 //! `log-distance`, `experimental-randomness`) predict a power, and the reception curve makes a probability of it.
 //! *Connectivity models* (`full`, `unit-disk`, `line-of-sight`, `nearest-k`, `gaussian`, `trace`) state the probability
 //! themselves; effects in dB then change what is read, not what is received.
@@ -19,7 +19,8 @@ pub mod unit_disk;
 use super::link::{Link, Scene};
 use super::scatter::Scatter;
 use bytes::Bytes;
-use proto::config::{Default, Field, Kind, Problem, Range, Tag, Variant};
+use proto::config::{Default, Field, Kind, Problem, Range, Registered, Tag, Variant, Variants};
+use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// A base model of propagation. Stateless: everything it depends on is an argument.
@@ -84,7 +85,7 @@ pub enum Reach {
 }
 
 /// Radio settings that models share.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct Radio {
     /// Transmit power (dBm).
     pub tx_power_dbm: f64,
@@ -130,12 +131,43 @@ pub struct BuildContext<'a> {
 pub struct Entry {
     /// Its name and keys.
     pub variant: Variant,
+    /// What it says of a link.
+    pub family: Family,
+    /// How long a recording lasts that it replays. [`NOT_REPLAYED`]: it replays none.
+    pub replay: Replay,
     /// Makes it of the checked table of `[netsim.phy]`, or adds problems.
     pub build: fn(&toml::Table, &mut BuildContext<'_>) -> Option<Box<dyn Propagation>>,
 }
 
-/// All models.
-pub const LIST: &[Entry] = &[
+/// What a base model says of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Family {
+    /// The power of frames, of which the reception curve makes a probability.
+    Signal,
+    /// The probability of reception: the reception curve decides nothing.
+    Connectivity,
+    /// What was measured, on the channels on which it was: beside the reception curve, power, antennas and least distance
+    /// decide nothing, and frames need a channel.
+    Recording,
+}
+
+/// How long (ns) the recording of a checked table of `[netsim.phy]` lasts, the files given. `None`: a run may be longer.
+pub type Replay = fn(&toml::Table, &BTreeMap<String, Bytes>) -> Option<u64>;
+
+/// Nothing is replayed.
+pub const NOT_REPLAYED: Replay = |_, _| None;
+
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
+    }
+}
+
+/// What descriptions call the list of models.
+pub(crate) const LIST: &str = "netsim.phy.propagation";
+
+/// The models that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[
     experimental_randomness::ENTRY,
     friis::ENTRY,
     full::ENTRY,
@@ -152,16 +184,9 @@ pub const LIST: &[Entry] = &[
 pub const TAG: Tag = Tag {
     key: "propagation",
     doc: "The base model of who hears whom.",
-    default: Some("friis"),
-    variants: || LIST.iter().map(|entry| entry.variant).collect(),
+    default: Some(friis::ENTRY.variant.name),
+    variants: Variants::List(LIST),
 };
-
-/// Makes the model that a checked table of `[netsim.phy]` selects.
-pub fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn Propagation>> {
-    let name = table.get(TAG.key)?.as_str()?;
-    let entry = LIST.iter().find(|entry| entry.variant.name == name)?;
-    (entry.build)(table, context)
-}
 
 /// Key of connectivity models: what every received frame reads.
 const RSSI_FIELD: Field = Field {

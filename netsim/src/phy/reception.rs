@@ -1,11 +1,11 @@
 //! From received power to the probability that a frame is received.
 //!
-//! One file per curve, one list: [`LIST`].
+//! One file per curve, one list: `BUILT_IN`.
 
 pub mod o_qpsk;
 pub mod table;
 
-use proto::config::{Problem, TableSpec, Tag, Variant};
+use proto::config::{Problem, Registered, Registry, TableSpec, Tag, Variant, Variants};
 
 /// Probability of reception as a function of received power. Never falls as power rises.
 pub trait Curve: Send + Sync + std::fmt::Debug {
@@ -23,12 +23,15 @@ pub trait Curve: Send + Sync + std::fmt::Debug {
 pub const SPEC: TableSpec = TableSpec {
     doc: "How the strength of a frame decides whether it is received.",
     fields: &[],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "The curve from RSSI to the probability of reception.",
-        default: Some("table"),
-        variants: || LIST.iter().map(|entry| entry.variant).collect(),
-    }),
+    tag: Some(&TAG),
+};
+
+/// The key that selects a curve.
+pub const TAG: Tag = Tag {
+    key: "kind",
+    doc: "The curve from RSSI to the probability of reception.",
+    default: Some(table::ENTRY.variant.name),
+    variants: Variants::List(LIST),
 };
 
 /// A curve that can be configured.
@@ -43,16 +46,24 @@ pub struct Entry {
 /// Makes a curve of its checked table, or adds problems with keys under the given path.
 pub type Build = fn(&toml::Table, &str, &mut Vec<Problem>) -> Option<Box<dyn Curve>>;
 
-/// All curves.
-pub const LIST: &[Entry] = &[table::ENTRY, o_qpsk::ENTRY];
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
+    }
+}
+
+/// What descriptions call the list of curves.
+pub(crate) const LIST: &str = "netsim.phy.reception";
+
+/// The curves that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[table::ENTRY, o_qpsk::ENTRY];
 
 /// Makes the curve of a checked table.
 pub fn build(
     table: &toml::Table,
     path: &str,
+    known: &Registry<Entry>,
     problems: &mut Vec<Problem>,
 ) -> Option<Box<dyn Curve>> {
-    let kind = table.get("kind")?.as_str()?;
-    let entry = LIST.iter().find(|entry| entry.variant.name == kind)?;
-    (entry.build)(table, path, problems)
+    (known.selected(table, &TAG)?.build)(table, path, problems)
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Who keeps routes down: RFC 6550, § 6.3.1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// Only the root: datagrams go down by source routes (mode of operation 1; RFC 8180, § 5.2).
     NonStoring,
@@ -30,6 +31,7 @@ impl Mode {
 
 /// How a mote without a DODAG asks for one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Solicitation {
     /// The first time the mote through which it joined, if known; later everyone.
     Unicast,

@@ -1,8 +1,8 @@
 //! One cell for everything: RFC 8180.
 
-use super::{BuildContext, Config, Context, Entry, SchedulingFunction, slots_field};
+use super::{Config, Configured, Context, Entry, PayloadCells, SchedulingFunction, slots_field};
 use crate::mac::{Cell, CellKind, CellOptions, Schedule};
-use proto::config::{Default, Variant};
+use proto::config::{Default, Variant, typed};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "minimal"`.
@@ -17,7 +17,8 @@ pub const ENTRY: Entry = Entry {
             Default::Integer(7),
         )],
     },
-    build: |table, _: &mut BuildContext<'_>| crate::phy::keys(table).map(Config::Minimal),
+    payload_cells: PayloadCells::Shared,
+    build: |table, _| Some(Config::new(typed::<MinimalConfig>(table))),
 };
 
 /// Handle of the slotframe that holds the minimal cell.
@@ -49,6 +50,14 @@ pub struct MinimalConfig {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Minimal {
     slotframe_slots: u16,
+}
+
+impl Configured for MinimalConfig {
+    type OfMote = Minimal;
+
+    fn create(&self, mote: u32) -> Minimal {
+        Minimal::new(self, mote)
+    }
 }
 
 impl Minimal {

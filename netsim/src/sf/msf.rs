@@ -19,7 +19,7 @@ mod usage;
 #[cfg(test)]
 mod tests;
 
-use super::{Context, SchedulingFunction, Traffic};
+use super::{Configured, Context, SchedulingFunction, Traffic};
 use crate::mac::{Cell, CellOptions, CellRef};
 use crate::sixtop::Event;
 use crate::wire::Eui64;
@@ -81,6 +81,14 @@ pub struct Msf {
     /// Neighbours for whom frames wait.
     waiting: BTreeSet<Eui64>,
     n_full: u64,
+}
+
+impl Configured for MsfConfig {
+    type OfMote = Msf;
+
+    fn create(&self, mote: u32) -> Msf {
+        Msf::new(self, mote)
+    }
 }
 
 impl Msf {

@@ -9,7 +9,7 @@ mod tests;
 
 pub use config::{ENTRY, Hash, OrchestraConfig, Rule};
 
-use super::{Context, SchedulingFunction, Traffic};
+use super::{Configured, Context, SchedulingFunction, Traffic};
 use crate::mac::{Cell, CellKind, CellOptions, Schedule};
 use crate::wire::Eui64;
 use serde::{Deserialize, Serialize};
@@ -48,6 +48,14 @@ pub struct Orchestra {
     children: Vec<Eui64>,
     /// Neighbours that are roots, ascending.
     roots: Vec<Eui64>,
+}
+
+impl Configured for OrchestraConfig {
+    type OfMote = Orchestra;
+
+    fn create(&self, mote: u32) -> Orchestra {
+        Orchestra::new(self, mote)
+    }
 }
 
 impl Orchestra {

@@ -1,8 +1,12 @@
 //! One slot for every mote: BotNet's round-robin scheduling function.
 
-use super::{Config, Context, Entry, MAX_SLOTS, SchedulingFunction, TAG, Traffic};
+use super::{
+    Config, Configured, Context, Entry, Formation, MAX_SLOTS, PayloadCells, SchedulingFunction,
+    TAG, Traffic,
+};
 use crate::mac::{Cell, CellKind, CellOptions};
-use proto::config::{Default, Field, Kind, Problem, Variant, join};
+use proto::config::{Default, Field, Kind, Problem, Variant, join, typed};
+use proto::types::seconds;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "rrsf"`.
@@ -18,8 +22,9 @@ pub const ENTRY: Entry = Entry {
             default: Default::Integer(0),
         }],
     },
+    payload_cells: PayloadCells::Own,
     build: |table, context| {
-        let keys: Keys = crate::phy::keys(table)?;
+        let keys: Keys = typed(table);
         let most = usize::from(MAX_SLOTS - keys.shared_slots);
         let before = context.problems.len();
         if most < context.agent_count {
@@ -33,7 +38,7 @@ pub const ENTRY: Entry = Entry {
             let message = "must be 0 with compat.shared_slot_0, which repeats BotNet's schedule";
             context.problems.push(Problem::new(key, message).value(keys.shared_slots).nearest(0));
         }
-        (context.problems.len() == before).then_some(Config::Rrsf(RrsfConfig {
+        (context.problems.len() == before).then_some(Config::new(RrsfConfig {
             n_motes: context.agent_count as u16,
             shared_slots: keys.shared_slots,
             shared_slot_0: context.shared_slot_0,
@@ -50,6 +55,9 @@ struct Keys {
 pub const OWN_HANDLE: u8 = 1;
 /// Handle of the slotframe, as long, with the shared slots.
 pub const SHARED_HANDLE: u8 = 2;
+
+/// What it takes at least to form (s), if that is longer than experiments wait by default.
+const LONG_FORMATION_S: f64 = 3600.0;
 
 /// Who has how many slots.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -79,6 +87,32 @@ pub struct RrsfConfig {
 pub struct Rrsf {
     config: RrsfConfig,
     mote: u16,
+}
+
+impl Configured for RrsfConfig {
+    type OfMote = Rrsf;
+
+    fn create(&self, mote: u32) -> Rrsf {
+        Rrsf::new(self, mote)
+    }
+
+    /// Whether the roots' own slots are too few for what they must tell every mote.
+    fn advice(&self, network: &Formation<'_>) -> Option<String> {
+        let n_frames =
+            f64::from(network.frames_per_mote) * network.n_motes as f64 / network.n_roots as f64;
+        let slots = self.n_motes + self.shared_slots;
+        let slotframe_s = seconds(u64::from(slots) * network.slot_ns);
+        let takes_s = n_frames * slotframe_s;
+        (self.shared_slots == 0 && LONG_FORMATION_S < takes_s).then(|| {
+            format!(
+                "{} = {:?} gives a root one frame in {slotframe_s} s: to admit all motes and to acknowledge their routes takes \
+                 it {takes_s:.0} s at least, and most requests go unanswered; join.secure = false and rpl.dao_ack = false spare \
+                 it that",
+                join(network.path, TAG.key),
+                ENTRY.variant.name,
+            )
+        })
+    }
 }
 
 impl Rrsf {

@@ -1,10 +1,10 @@
 //! Slots that motes take for themselves, no two within two hops the same: for swarms that move.
 
-use super::{Config, Context, Entry, SchedulingFunction, Traffic};
+use super::{Config, Configured, Context, Entry, PayloadCells, SchedulingFunction, Traffic};
 use crate::mac::{Cell, CellKind, CellOptions, CellRef};
 use crate::wire::Eui64;
 use crate::wire::slots::{MAX_SLOTS, SlotSet, SlotsRepr, tag};
-use proto::config::{Default, Field, Kind, Problem, Variant, join};
+use proto::config::{Default, Field, Kind, Problem, Variant, join, typed};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "sotdma"`.
@@ -35,8 +35,9 @@ pub const ENTRY: Entry = Entry {
             },
         ],
     },
+    payload_cells: PayloadCells::Own,
     build: |table, context| {
-        let config: SotdmaConfig = crate::phy::keys(table)?;
+        let config: SotdmaConfig = typed(table);
         if config.slotframe_slots <= config.shared_slots {
             let message = format!(
                 "must leave slots for motes in a slotframe of {} (sf.slotframe_slots)",
@@ -48,7 +49,7 @@ pub const ENTRY: Entry = Entry {
             );
             return None;
         }
-        Some(Config::Sotdma(config))
+        Some(Config::new(config))
     },
 };
 
@@ -144,6 +145,14 @@ pub struct Sotdma {
     wants_frame: bool,
     /// By address.
     neighbours: Vec<Neighbour>,
+}
+
+impl Configured for SotdmaConfig {
+    type OfMote = Sotdma;
+
+    fn create(&self, mote: u32) -> Sotdma {
+        Sotdma::new(self, mote)
+    }
 }
 
 impl Sotdma {

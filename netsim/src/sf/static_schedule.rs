@@ -1,9 +1,11 @@
 //! Cells as they are configured, the same from beginning to end.
 
-use super::{BuildContext, Config, Context, Entry, SchedulingFunction, slots_field};
+use super::{
+    BuildContext, Config, Configured, Context, Entry, PayloadCells, SchedulingFunction, slots_field,
+};
 use crate::mac::{Cell, CellKind, CellOptions};
 use crate::wire::Eui64;
-use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, Variant, join};
+use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, Variant, join, typed};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -27,6 +29,7 @@ pub const ENTRY: Entry = Entry {
             },
         ],
     },
+    payload_cells: PayloadCells::Either,
     build,
 };
 
@@ -181,7 +184,7 @@ pub struct StaticConfig {
 }
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
-    let keys: Keys = crate::phy::keys(table)?;
+    let keys: Keys = typed(table);
     let mut problems = Vec::new();
     let mut known = BTreeSet::new();
     for (index, cell) in keys.cell.iter().enumerate() {
@@ -239,7 +242,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
         cells: cells.collect(),
     };
     warn(&config, context);
-    Some(Config::Static(config))
+    Some(Config::new(config))
 }
 
 /// Schedules with which a network cannot form.
@@ -279,6 +282,14 @@ pub struct StaticSchedule {
     slotframe_slots: u16,
     minimal_cell_slots: Option<u16>,
     cells: Vec<Cell>,
+}
+
+impl Configured for StaticConfig {
+    type OfMote = StaticSchedule;
+
+    fn create(&self, mote: u32) -> StaticSchedule {
+        StaticSchedule::new(self, mote)
+    }
 }
 
 impl StaticSchedule {

@@ -1,6 +1,7 @@
 //! A mote's surroundings, for tests of scheduling functions.
 
-use super::{AnySf, BuildContext, Config, Context, SPEC, SchedulingFunction, build, minimal};
+use super::{AnySf, BuildContext, Config, Context, SPEC, TAG, minimal};
+use crate::catalogue::Catalogue;
 use crate::dice::Dice;
 use crate::mac::Schedule;
 use crate::sixtop::Sixtop;
@@ -11,7 +12,9 @@ use proto::rng::Purpose;
 /// Reads `[netsim.sf]` for a network of `agent_count` motes on 16 channels, mote 0 the root.
 pub(super) fn read(text: &str, agent_count: usize) -> (Option<Config>, Vec<String>, Vec<String>) {
     let mut problems = Vec::new();
-    let table = check(&parse(text).unwrap(), "netsim.sf", &SPEC, &mut problems).table;
+    let catalogue = Catalogue::built_in();
+    let node = parse(text).unwrap();
+    let table = check(&node, "netsim.sf", &SPEC, &catalogue.lists(), &mut problems).table;
     let mut context = BuildContext {
         path: "netsim.sf",
         agent_count,
@@ -23,7 +26,8 @@ pub(super) fn read(text: &str, agent_count: usize) -> (Option<Config>, Vec<Strin
         problems,
         warnings: Vec::new(),
     };
-    let config = build(&table, &mut context);
+    let function = catalogue.scheduling_functions.selected(&table, &TAG);
+    let config = function.and_then(|function| (function.build)(&table, &mut context));
     let problems = context.problems.iter().map(ToString::to_string).collect();
     (config, problems, context.warnings)
 }

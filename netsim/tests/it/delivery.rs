@@ -3,6 +3,7 @@
 use super::harness::{
     at, count_heard, network, pairs_of, period, reading_dbm, setup, site, started,
 };
+use netsim::catalogue::Catalogue;
 use netsim::phy::propagation::{Reception, friis::friis_dbm};
 use netsim::phy::reception::{Curve as _, table::Table};
 use netsim::phy::{End, Scene};
@@ -321,7 +322,7 @@ fn everyone_hears_its_k_nearest() {
 #[test]
 fn the_model_that_is_evaluated_against_rows_is_the_one_that_runs() {
     let setup = setup(2, "[phy]\npropagation = \"gaussian\"\nsigma_m = 2");
-    let (config, ..) = netsim::config::read(&setup).unwrap();
+    let (config, ..) = netsim::config::read(&setup, Catalogue::built_in()).unwrap();
     let scene = Scene::default();
     let [a, b] = [End::at(0, [0.0; 3]), End::at(1, [3.0, 0.0, 0.0])];
     let budget = config.model.evaluate(&config.model.link(&scene, a, b, None, 0));

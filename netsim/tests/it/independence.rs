@@ -1,6 +1,7 @@
 //! What must not disturb what: effects, robots, threads, steps.
 
 use super::harness::{STEP_NS, at, interval, network, pairs_of, period, setup, started};
+use netsim::catalogue::Catalogue;
 use proptest::prelude::*;
 use proto::rng::{Draws, Purpose};
 use proto::side::NetSimulator as _;
@@ -203,7 +204,8 @@ fn plainly(
 ) -> Vec<(u32, u32, u32)> {
     use netsim::medium::{Air, Filters, Frame, Radios};
     use netsim::phy::{End, Scene};
-    let (config, ..) = netsim::config::read(setup).expect("a valid configuration");
+    let (config, ..) =
+        netsim::config::read(setup, Catalogue::built_in()).expect("a valid configuration");
     let n = states.len();
     let mut radios = Radios::default();
     for i in 0..n {

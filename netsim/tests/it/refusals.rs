@@ -1,6 +1,7 @@
 //! What is refused, and in which words.
 
 use super::harness::{setup, started, text};
+use netsim::catalogue::Catalogue;
 use netsim::sim::Network;
 use proto::config::{Node, parse};
 use proto::side::{NetSimulator as _, Setup};
@@ -142,10 +143,10 @@ fn the_effective_configuration_is_complete_and_means_the_same() {
 #[test]
 fn files_are_listed_before_they_are_read() {
     let node: Node = parse("[phy]\npropagation = \"trace\"\nfile = \"a.k7\"\n").unwrap();
-    let files = netsim::config::files(&node, "netsim");
+    let files = netsim::config::files(&node, "netsim", Catalogue::built_in());
     assert_eq!(files.len(), 1);
     assert_eq!((files[0].key.as_str(), files[0].path.as_str()), ("netsim.phy.file", "a.k7"));
-    assert_eq!(netsim::config::files(&Node::empty_table(), "netsim"), []);
+    assert_eq!(netsim::config::files(&Node::empty_table(), "netsim", Catalogue::built_in()), []);
 }
 
 #[test]
@@ -158,11 +159,11 @@ fn a_failed_configuration_leaves_the_simulator_as_it_was() {
 
 #[test]
 fn the_schema_lists_every_model_and_effect() {
-    let schema = Network::config_schema_json();
-    for entry in netsim::phy::propagation::LIST {
+    let schema = Network::default().config_schema_json();
+    for entry in Catalogue::built_in().propagation.iter() {
         assert!(schema.contains(&format!("{:?}", entry.variant.name)), "{}", entry.variant.name);
     }
-    for entry in netsim::phy::effect::LIST {
+    for entry in Catalogue::built_in().effects.iter() {
         assert!(schema.contains(&format!("{:?}", entry.variant.name)), "{}", entry.variant.name);
     }
 }

@@ -2,9 +2,10 @@
 
 use crate::harness::{payloads, setup, text};
 use crate::invariants::n_seeds;
+use netsim::catalogue::Catalogue;
 use netsim::dice::Dice;
 use netsim::mesh::network::Mesh;
-use netsim::sf::AnySf;
+use netsim::sf::sotdma::Sotdma;
 use proto::rng::Purpose;
 use proto::side::{NetInput, NetOutput, Setup};
 use proto::types::{AgentStates, NS_PER_S};
@@ -36,8 +37,8 @@ impl Field {
         let mut setup = setup(n, &config);
         setup.experiment.seed = seed;
         setup.experiment.step_ns = SLOTFRAME_NS;
-        let (mut config, ..) =
-            netsim::config::read(&setup).unwrap_or_else(|problems| panic!("{}", text(&problems)));
+        let (mut config, ..) = netsim::config::read(&setup, Catalogue::built_in())
+            .unwrap_or_else(|problems| panic!("{}", text(&problems)));
         let (settings, addresses) = *config.network.take().expect("the full network");
         let Setup { experiment, site, columns, records, .. } = setup;
         let mesh = Mesh::new(experiment, config, settings, addresses, site, columns, records);
@@ -84,12 +85,7 @@ impl Field {
     /// The slots that motes have.
     fn slots(&self) -> Vec<Option<u16>> {
         let motes = self.mesh.state().motes.iter();
-        motes
-            .map(|mote| match &mote.sf {
-                AnySf::Sotdma(sf) => sf.slot(),
-                _ => panic!("another function"),
-            })
-            .collect()
+        motes.map(|mote| mote.sf.as_kind::<Sotdma>().expect("no other function").slot()).collect()
     }
 
     fn are_in_reach(&self, a: usize, b: usize) -> bool {

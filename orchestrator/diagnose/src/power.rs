@@ -232,16 +232,15 @@ impl<'a> Plan<'a> {
         };
         let kind = question.effect.trim_end_matches(" (turn)");
         let (parameters, variants, section) = match subject {
-            Subject::Links => netsim::phy::effect::LIST
-                .iter()
-                .find(|entry| entry.variant.name == kind)
+            Subject::Links => netsim::catalogue::Catalogue::built_in()
+                .effects
+                .find(kind)
                 .map(|entry| (entry.fit.parameters, entry.fit.variants, "netsim.phy.effect")),
-            Subject::Robots => robotsim::dynamics::effect::LIST
-                .iter()
-                .find(|entry| entry.variant.name == kind)
-                .map(|entry| {
+            Subject::Robots => {
+                robotsim::catalogue::Catalogue::built_in().effects.find(kind).map(|entry| {
                     (entry.fit.parameters, entry.fit.variants, "robotsim.dynamics.effect")
-                }),
+                })
+            }
         }
         .unwrap_or((&[], &[], ""));
         let is_turn = question.effect != kind;

@@ -52,7 +52,7 @@ impl ControlPeriod {
 /// Slots in the slotframe of a network of that configuration, over which robots act once. Of one that is none of ours
 /// nothing is known: a slot for every agent.
 pub(super) fn slotframe_slots(netsim: &Node, agents: usize) -> u64 {
-    netsim::config::slotframe_slots(netsim, agents)
+    netsim::config::slotframe_slots(netsim, agents, netsim::catalogue::Catalogue::built_in())
 }
 
 /// Reads the checked `control_period`.

@@ -15,7 +15,7 @@ pub use sides::{SideConfig, URL};
 pub use timeline::Timeline;
 
 use proto::config::{
-    self, Choice, Default, Field, Kind, Node, Problem, Range, Refusal, TableSpec, Value,
+    self, Choice, Default, Field, Kind, Lists, Node, Problem, Range, Refusal, TableSpec, Value,
 };
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
@@ -308,8 +308,8 @@ pub fn of_tree(
 /// The JSON Schema of an experiment file.
 #[must_use]
 pub fn schema() -> serde_json::Value {
-    let section = |spec: &TableSpec, with_url: bool| {
-        let mut schema = config::json_schema(spec);
+    let section = |spec: &TableSpec, lists: &Lists, with_url: bool| {
+        let mut schema = config::json_schema(spec, lists);
         if with_url {
             let url = serde_json::json!({ "type": "string", "description": URL.doc });
             let tables = match schema.get_mut("oneOf").and_then(|tables| tables.as_array_mut()) {
@@ -322,26 +322,28 @@ pub fn schema() -> serde_json::Value {
         }
         schema
     };
+    let robots = robotsim::catalogue::Catalogue::built_in().lists();
+    let network = netsim::catalogue::Catalogue::built_in().lists();
     serde_json::json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Murmuration experiment",
         "type": "object",
         "properties": {
-            "experiment": section(&EXPERIMENT, false),
-            "site": section(&site::SPEC, false),
+            "experiment": section(&EXPERIMENT, &Lists::NONE, false),
+            "site": section(&site::SPEC, &Lists::NONE, false),
             "robotsim": {
-                "anyOf": [section(&robotsim::config::SPEC, true), foreign("robot")],
+                "anyOf": [section(&robotsim::config::SPEC, &robots, true), foreign("robot")],
             },
             "netsim": {
-                "anyOf": [section(&netsim::config::SPEC, true), foreign("network")],
+                "anyOf": [section(&netsim::config::SPEC, &network, true), foreign("network")],
             },
             "timeline": {
                 "type": "array",
                 "description": "Orders to the network, each at its time.",
-                "items": section(&timeline::SPEC, false),
+                "items": section(&timeline::SPEC, &Lists::NONE, false),
             },
-            "output": section(&output::SPEC, false),
-            "sweep": section(&sweep::SPEC, false),
+            "output": section(&output::SPEC, &Lists::NONE, false),
+            "sweep": section(&sweep::SPEC, &Lists::NONE, false),
         },
         "required": ["experiment"],
         "additionalProperties": false,
@@ -391,7 +393,8 @@ fn plan(
     let empty = Node::empty_table();
     let section = |key: &str| tree.get(key).unwrap_or(&empty);
     let experiment_table =
-        config::check(section("experiment"), "experiment", &EXPERIMENT, problems).table;
+        config::check(section("experiment"), "experiment", &EXPERIMENT, &Lists::NONE, problems)
+            .table;
     let (site, site_table) = site::read(section("site"), "site", problems);
     let (output, output_table) = output::read(section("output"), "output", problems);
 
@@ -423,9 +426,11 @@ fn plan(
         number("duration_s").filter(|_| duration_known),
         problems,
     );
+    let robots = robotsim::catalogue::Catalogue::built_in();
+    let network = netsim::catalogue::Catalogue::built_in();
     if overrides.netsim_url.is_none() && section("netsim").get(URL.key).is_none() {
-        timeline.check_orders(netsim::config::commands(section("netsim")), problems);
-        timeline.check_added(&netsim::config::absent(section("netsim")), problems);
+        timeline.check_orders(netsim::config::commands(section("netsim"), network), problems);
+        timeline.check_added(&netsim::config::absent(section("netsim"), network), problems);
     }
     let tls = overrides.tls.clone().or_else(|| tls_of(&experiment_table, base, problems));
 
@@ -448,22 +453,22 @@ fn plan(
         "robotsim",
         overrides.robotsim_url.as_ref(),
         |node, path, problems| {
-            robotsim::config::keys(node, path, problems);
+            robotsim::config::keys(node, path, robots, problems);
         },
-        robotsim::config::files,
-        |setup| robotsim::config::read(setup).map(|(_, effective)| (effective, Vec::new())),
+        |node, path| robotsim::config::files(node, path, robots),
+        |setup| robotsim::config::read(setup, robots).map(|(_, effective)| (effective, Vec::new())),
     );
     let netsim = sides.read(
         section("netsim"),
         "netsim",
         overrides.netsim_url.as_ref(),
         |node, path, problems| {
-            config::check(node, path, &netsim::config::SPEC, problems);
+            config::check(node, path, &netsim::config::SPEC, &network.lists(), problems);
         },
-        netsim::config::files,
+        |node, path| netsim::config::files(node, path, network),
         |setup| {
-            let (_, effective, warnings) = netsim::config::read(setup)?;
-            let trace_ns = netsim::config::replay_ns(&effective, &setup.files);
+            let (_, effective, warnings) = netsim::config::read(setup, network)?;
+            let trace_ns = netsim::config::replay_ns(&effective, &setup.files, network);
             match longer_than_the_trace(trace_ns, duration_s) {
                 Some(problem) => Err(vec![problem]),
                 None => Ok((effective, warnings)),

@@ -1,7 +1,8 @@
 //! The `[output]` section: which tables a run leaves, how often, and which links.
 
 use proto::config::{
-    Default as Absence, Field, Kind, Node, Problem, Range, TableSpec, Tag, Variant, check,
+    Default as Absence, Field, Kind, Lists, Node, Problem, Range, TableSpec, Tag, Variant,
+    Variants, check,
 };
 use proto::types::{DeliveryColumn, NS_PER_S, NetRecord};
 
@@ -98,7 +99,7 @@ impl Default for OutputConfig {
 
 /// Reads the section at `path`, adding to `problems`. Returns it with its effective table.
 pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (OutputConfig, toml::Table) {
-    let table = check(node, path, &SPEC, problems).table;
+    let table = check(node, path, &SPEC, &Lists::NONE, problems).table;
     let flag = |key: &str| table.get(key).and_then(toml::Value::as_bool).unwrap_or(true);
     let links = match table.get("links").and_then(toml::Value::as_str) {
         Some("all") => Links::All,
@@ -177,26 +178,24 @@ pub const SPEC: TableSpec = TableSpec {
         key: "links",
         doc: "Which links links.parquet holds: a link is a transmission and an agent that might hear it.",
         default: Some("heard"),
-        variants: links,
+        variants: Variants::Fixed(LINKS),
     }),
 };
 
-fn links() -> Vec<Variant> {
-    vec![
-        Variant { name: "none", doc: "No links: the file is not written.", fields: &[] },
-        Variant { name: "heard", doc: "Links over which something was heard.", fields: &[] },
-        Variant {
-            name: "sample",
-            doc: "A random sample of all links, heard or not.",
-            fields: &[LINKS_SAMPLE],
-        },
-        Variant {
-            name: "all",
-            doc: "Every link, heard or not: 2500 robots have six million in each step.",
-            fields: &[],
-        },
-    ]
-}
+const LINKS: &[Variant] = &[
+    Variant { name: "none", doc: "No links: the file is not written.", fields: &[] },
+    Variant { name: "heard", doc: "Links over which something was heard.", fields: &[] },
+    Variant {
+        name: "sample",
+        doc: "A random sample of all links, heard or not.",
+        fields: &[LINKS_SAMPLE],
+    },
+    Variant {
+        name: "all",
+        doc: "Every link, heard or not: 2500 robots have six million in each step.",
+        fields: &[],
+    },
+];
 
 const LINKS_SAMPLE: Field = Field {
     key: "links_sample",

@@ -52,8 +52,8 @@ impl Sides<'_> {
         node: &Node,
         path: &str,
         url_override: Option<&String>,
-        keys: fn(&Node, &str, &mut Vec<Problem>),
-        files: fn(&Node, &str) -> Vec<FileReference>,
+        keys: impl Fn(&Node, &str, &mut Vec<Problem>),
+        files: impl Fn(&Node, &str) -> Vec<FileReference>,
         check: impl Fn(&Setup) -> Result<(toml::Table, Vec<String>), Vec<Problem>>,
     ) -> (SideConfig, Vec<String>) {
         let mut own = node.clone();
@@ -176,9 +176,10 @@ pub(super) fn check_messages(
         toml::from_str::<toml::Table>(text).ok()
     };
     let (Some(robots), Some(network)) = (effective(robotsim), effective(netsim)) else { return };
-    if !robotsim::config::sends_messages(&robots) {
+    let catalogue = robotsim::catalogue::Catalogue::built_in();
+    let Some(controller) = robotsim::config::messaging_controller(&robots, catalogue) else {
         return;
-    }
+    };
     let mode = network.get("mode").and_then(toml::Value::as_str).unwrap_or_default();
     if mode != "6tisch" {
         let message = format!(
@@ -187,7 +188,7 @@ pub(super) fn check_messages(
         );
         problems.push(
             Problem::new("robotsim.controller.kind", message)
-                .value("\"exploration\"")
+                .value(format!("{controller:?}"))
                 .nearest("netsim.mode = \"6tisch\""),
         );
     } else if network.get("rpl").and_then(|rpl| rpl.get("routes_down")?.as_bool()) == Some(false) {

@@ -1,7 +1,8 @@
 //! The `[sweep]` section: what varies, and how often.
 
 use proto::config::{
-    self, Choice, Default, Field, Kind, Node, Problem, Range as Within, TableSpec, Value, join,
+    self, Choice, Default, Field, Kind, Lists, Node, Problem, Range as Within, TableSpec, Value,
+    join,
 };
 use std::collections::BTreeSet;
 
@@ -196,7 +197,7 @@ pub enum Keep {
 
 /// Reads the section, adding to `problems`.
 pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
-    let table = config::check(node, KEY, &SPEC, problems).table;
+    let table = config::check(node, KEY, &SPEC, &Lists::NONE, problems).table;
     let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
     let text = |key: &str| table.get(key).and_then(toml::Value::as_str);
     let texts = |key: &str| {
@@ -332,7 +333,7 @@ impl Reader<'_> {
 
     fn range(&mut self, node: &Node, path: &str) -> Option<Range> {
         let before = self.problems.len();
-        let table = config::check(node, path, &RANGE, self.problems).table;
+        let table = config::check(node, path, &RANGE, &Lists::NONE, self.problems).table;
         let number = |key: &str| table.get(key).and_then(toml::Value::as_float);
         let range = Range {
             span: node.span.clone(),

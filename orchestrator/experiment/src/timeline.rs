@@ -1,7 +1,8 @@
 //! `[[timeline]]`: faults and traffic that the experiment file orders, each at its time.
 
 use proto::config::{
-    Choice, Default, Field, Kind, Node, Problem, Range, TableSpec, Tag, Variant, check,
+    Choice, Default, Field, Kind, Lists, Node, Problem, Range, TableSpec, Tag, Variant, Variants,
+    check,
 };
 use proto::types::{MoteCommand, MoteCommandKind, MoteOrder, NS_PER_S, seconds};
 
@@ -19,27 +20,25 @@ pub const SPEC: TableSpec = TableSpec {
         key: "order",
         doc: "What happens.",
         default: None,
-        variants: || {
-            vec![
-                Variant { name: "kill", doc: "The radio of a mote fails.", fields: &[MOTES] },
-                Variant {
-                    name: "revive",
-                    doc: "The radio of a mote works again, as after a reboot.",
-                    fields: &[MOTES],
-                },
-                Variant {
-                    name: "add",
-                    doc: "A mote that netsim.absent leaves out joins the network.",
-                    fields: &[MOTES],
-                },
-                Variant {
-                    name: "jam",
-                    doc: "Noise on channels, everywhere or within a disc.",
-                    fields: &JAM,
-                },
-                Variant { name: "send", doc: "One packet more.", fields: &SEND },
-            ]
-        },
+        variants: Variants::Fixed(&[
+            Variant { name: "kill", doc: "The radio of a mote fails.", fields: &[MOTES] },
+            Variant {
+                name: "revive",
+                doc: "The radio of a mote works again, as after a reboot.",
+                fields: &[MOTES],
+            },
+            Variant {
+                name: "add",
+                doc: "A mote that netsim.absent leaves out joins the network.",
+                fields: &[MOTES],
+            },
+            Variant {
+                name: "jam",
+                doc: "Noise on channels, everywhere or within a disc.",
+                fields: &JAM,
+            },
+            Variant { name: "send", doc: "One packet more.", fields: &SEND },
+        ]),
     }),
 };
 
@@ -226,7 +225,7 @@ pub(super) fn read(
         entries.push(("timeline".to_owned(), None, written.clone()));
     }
     let n_problems = problems.len();
-    let mut table = check(&alone, "", &SECTION, problems).table;
+    let mut table = check(&alone, "", &SECTION, &Lists::NONE, problems).table;
     let effective = table.remove("timeline");
     let mut entries = Vec::new();
     for (index, table) in effective.iter().flat_map(toml::Value::as_array).flatten().enumerate() {

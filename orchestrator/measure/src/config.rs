@@ -87,7 +87,8 @@ impl Compared {
     /// Every problem that `[netsim.phy]` has, with its place.
     pub fn radio(&self, n_motes: usize) -> Result<(Model, toml::Table), Refusal> {
         let phy = self.section("netsim", "phy");
-        netsim::config::read_phy(&phy, "netsim.phy", n_motes, &BTreeMap::new())
+        let catalogue = netsim::catalogue::Catalogue::built_in();
+        netsim::config::read_phy(&phy, "netsim.phy", n_motes, &BTreeMap::new(), catalogue)
             .map_err(|problems| self.refuse(problems))
     }
 

@@ -3,6 +3,7 @@
 use super::DECIMALS;
 use super::Listed;
 use crate::report::svg::{Axis, Chart};
+use netsim::catalogue::Catalogue;
 use netsim::phy::effect::{self, Effect};
 use netsim::phy::link::{Covariates, End, Link, Scene, channel_hz};
 use netsim::phy::reception::Curve as _;
@@ -93,7 +94,7 @@ impl Picture {
             return None;
         }
         let checked = checked(&listed.keys())?;
-        let effect = effect::build(&checked).pop()?;
+        let effect = effect::build(&checked, &Catalogue::built_in().effects).pop()?;
         let swept = |value: fn(&dyn Effect, &Link<'_>) -> f64, y: &'static str| {
             SWEEPS
                 .iter()
@@ -201,12 +202,14 @@ fn spread(points: &[[f64; 2]]) -> f64 {
 }
 
 /// The table of an effect with these keys, checked.
-fn checked(keys: &str) -> Option<Vec<toml::Value>> {
+fn checked(keys: &str) -> Option<Vec<toml::Table>> {
     let node = proto::config::parse(keys).ok()?;
     let mut problems = Vec::new();
-    let table = proto::config::check(&node, "effect[0]", &effect::SPEC, &mut problems).table;
-    let tables = vec![toml::Value::Table(table)];
-    effect::check(&tables, "effect", &mut problems);
+    let catalogue = Catalogue::built_in();
+    let (spec, lists) = (&effect::SPEC, catalogue.lists());
+    let table = proto::config::check(&node, "effect[0]", spec, &lists, &mut problems).table;
+    let tables = vec![table];
+    effect::check(&tables, "effect", &catalogue.effects, &mut problems);
     problems.is_empty().then_some(tables)
 }
 

@@ -1,7 +1,6 @@
 //! Effects that may be missing from a network, and the values at which they are tried.
 
-use netsim::mac;
-use netsim::phy::effect as phy;
+use netsim::catalogue::Catalogue;
 use numbers::format::number;
 use proto::config::Kind;
 use proto::effect::{About, Parameter};
@@ -34,7 +33,7 @@ const STEPS: [f64; 5] = [-1.0, 0.0, 1.0, 2.0, 3.0];
 #[must_use]
 pub fn all() -> Vec<Candidate> {
     let mut list: Vec<Candidate> = Vec::new();
-    for entry in mac::effect::LIST {
+    for entry in Catalogue::built_in().mac_effects.iter() {
         let Some(parameter) = entry.fit.parameters.first() else { continue };
         let fixed = entry.fit.variants.first().copied().unwrap_or_default();
         let field = entry.variant.fields.iter().find(|field| field.key == parameter.key);
@@ -47,7 +46,7 @@ pub fn all() -> Vec<Candidate> {
             fixed: fixed.iter().map(|(key, value)| (*key, value.value())).collect(),
         });
     }
-    let interference = phy::LIST.iter().find(|entry| entry.variant.name == "interference");
+    let interference = Catalogue::built_in().effects.find("interference");
     if let Some((entry, parameter)) =
         interference.and_then(|entry| Some((entry, entry.fit.parameters.first()?)))
     {
@@ -179,7 +178,7 @@ mod tests {
     fn every_effect_of_the_network_is_tried_within_its_range() {
         let all = all();
         let names: Vec<&str> = all.iter().map(|candidate| candidate.name).collect();
-        for entry in mac::effect::LIST {
+        for entry in Catalogue::built_in().mac_effects.iter() {
             assert!(names.contains(&entry.variant.name), "{names:?}");
         }
         assert!(names.contains(&"interference"));

@@ -1,6 +1,6 @@
 //! Formulas that a user asks to have fitted.
 
-use proto::config::{Node, Problem, TableSpec, Value, check, most_similar};
+use proto::config::{Lists, Node, Problem, TableSpec, Value, check, most_similar};
 use proto::effect::Parameter;
 use proto::formula::Formula;
 
@@ -58,7 +58,7 @@ pub struct FormulaError(String);
 impl Wanted {
     /// The effect that it is.
     ///
-    /// * `spec`, `rest`: what is asked of the table of an effect, key by key and together.
+    /// * `spec`, `lists`, `rest`: what is asked of the table of an effect, key by key and together.
     /// * `known`: names that every formula may use.
     /// * `columns`: further names that have values in these measurements.
     ///
@@ -68,6 +68,7 @@ impl Wanted {
     pub fn checked(
         &self,
         spec: &TableSpec,
+        lists: &Lists,
         rest: fn(&toml::Table, &str, &mut Vec<Problem>),
         known: &[&str],
         columns: &[&str],
@@ -75,7 +76,7 @@ impl Wanted {
         let mut problems = Vec::new();
         let node =
             Node { value: Value::from(&toml::Value::Table(self.written(known))), span: None };
-        let table = check(&node, FORMULA, spec, &mut problems).table;
+        let table = check(&node, FORMULA, spec, lists, &mut problems).table;
         rest(&table, FORMULA, &mut problems);
         let mut wrong: Vec<String> = problems.iter().map(ToString::to_string).collect();
         wrong.extend(self.strangers(known, columns));

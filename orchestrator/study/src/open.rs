@@ -116,6 +116,7 @@ pub fn robots(
         &written,
         "robotsim.dynamics",
         &robotsim::dynamics::SPEC,
+        &robotsim::catalogue::Catalogue::built_in().lists(),
         &mut problems,
     )
     .table;

@@ -37,6 +37,7 @@ use motion::{Gains, Tracks};
 use nalgebra::DMatrix;
 use proto::effect::Level;
 use proto::site::Terrain;
+use robotsim::catalogue::Catalogue;
 use robotsim::dynamics::physics::Physics;
 use robotsim::dynamics::{Dynamics, Shape};
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -257,7 +258,8 @@ impl Model {
                 list.push(effect.table(fit.numbers(self, term)).into());
             }
         }
-        let physics = Dynamics::build(&table, "", &mut Vec::new())?.into_physics();
+        let physics = Dynamics::build(&table, "", &Catalogue::built_in().effects, &mut Vec::new())?
+            .into_physics();
         Some((physics, self.gains(fit)))
     }
 

@@ -2,22 +2,31 @@
 //!
 //! A section is described once, as a [`TableSpec`]: its keys, their meaning, unit, range and default. From that one
 //! description come the checks ([`check`], which collects every problem instead of stopping at the first), the
-//! effective configuration with defaults filled in, and the JSON Schema ([`json_schema`]). A checked table deserialises into
-//! the section's typed struct without further questions.
+//! effective configuration with defaults filled in, and the JSON Schema ([`json_schema`]).
+//!
+//! What can be chosen by name, such as the effects of a simulator, is a list that is open: whoever runs the simulator may
+//! add to it. A description therefore only names the list, and the lists themselves ([`Lists`]) are passed to the check.
+//!
+//! The check fills in defaults, so a default is written in the description and nowhere else: [`typed`] reads the section's
+//! typed struct from the checked table, and cannot fail.
 
 mod assignment;
 mod check;
 mod refusal;
+mod registry;
 mod schema;
 mod spec;
 mod tree;
+mod typed;
 
 pub use assignment::set;
 pub use check::{Checked, FileReference, check};
 pub use refusal::Refusal;
+pub use registry::{Lists, Registered, Registry};
 pub use schema::json_schema;
-pub use spec::{Choice, Default, Field, Kind, Range, TableSpec, Tag, Variant};
+pub use spec::{Choice, Default, Field, Kind, Range, TableSpec, Tag, Variant, Variants};
 pub use tree::{Node, Value, parse};
+pub use typed::typed;
 
 /// Something wrong with a configuration.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -99,7 +99,7 @@ pub trait RobotSimulator: Send + 'static {
     const NAME: &'static str;
 
     /// JSON Schema of its configuration.
-    fn config_schema_json() -> String;
+    fn config_schema_json(&self) -> String;
 
     /// Begins an experiment, discarding any before it.
     ///
@@ -195,7 +195,7 @@ pub trait NetSimulator: Send + 'static {
     const NAME: &'static str;
 
     /// JSON Schema of its configuration.
-    fn config_schema_json() -> String;
+    fn config_schema_json(&self) -> String;
 
     /// Orders it obeys in some configuration.
     fn commands() -> &'static [MoteCommandKind];

@@ -159,7 +159,7 @@ pub struct Obstacle {
 /// Reads `[site]`, which stands at `path`. The site is returned with its effective table, even where there were problems.
 pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (Site, toml::Table) {
     let before = problems.len();
-    let table = config::check(node, path, &SPEC, problems).table;
+    let table = config::check(node, path, &SPEC, &config::Lists::NONE, problems).table;
     if problems.len() != before {
         return (Site::default(), table);
     }

@@ -15,23 +15,57 @@ use proto_messages::v1::net_sim_service_session_response::Response as SessionRep
 use proto_messages::v1::{self, Limits};
 use proto_messages::{CONTRACT_VERSION, convert};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use tonic::{Request, Response, Status, Streaming};
 
 /// A network simulator as a service.
 pub struct NetHost<S> {
     shared: Shared<Lifecycle<S>>,
+    /// Of the simulator, which may be busy when it is asked to describe itself.
+    config_schema_json: Arc<str>,
 }
 
 impl<S> Clone for NetHost<S> {
     fn clone(&self) -> Self {
-        Self { shared: self.shared.clone() }
+        Self {
+            shared: self.shared.clone(),
+            config_schema_json: Arc::clone(&self.config_schema_json),
+        }
     }
 }
 
 impl<S: NetSimulator> NetHost<S> {
     /// A service around `simulator`, not configured yet.
     pub fn new(simulator: S) -> Self {
-        Self { shared: Shared::new(Lifecycle { simulator, active: None }) }
+        let config_schema_json = simulator.config_schema_json().into();
+        let shared = Shared::new(Lifecycle { simulator, active: None });
+        Self { shared, config_schema_json }
+    }
+
+    fn describe(&self) -> v1::NetSimServiceDescribeResponse {
+        v1::NetSimServiceDescribeResponse {
+            name: S::NAME.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            contract_version: CONTRACT_VERSION,
+            limits: Some(Limits {
+                max_message_bytes: super::MAX_MESSAGE_BYTES as u64,
+                max_agents: MAX_AGENTS,
+            }),
+            session: true,
+            snapshots: true,
+            commands: S::commands()
+                .iter()
+                .map(|&kind| v1::MoteCommandKind::from(kind).into())
+                .collect(),
+            parallel: true,
+            stop_at_first_delivery: true,
+            columns: S::columns()
+                .iter()
+                .map(|&column| v1::DeliveryColumn::from(column).into())
+                .collect(),
+            config_schema_json: self.config_schema_json.to_string(),
+            records: numbers(S::records()),
+        }
     }
 }
 
@@ -75,32 +109,6 @@ impl<S: NetSimulator> Discard for Lifecycle<S> {
 impl<S: NetSimulator> Lifecycle<S> {
     fn active(&mut self) -> Result<&mut Active, Status> {
         self.active.as_mut().ok_or_else(not_configured)
-    }
-
-    fn describe() -> v1::NetSimServiceDescribeResponse {
-        v1::NetSimServiceDescribeResponse {
-            name: S::NAME.to_owned(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            contract_version: CONTRACT_VERSION,
-            limits: Some(Limits {
-                max_message_bytes: super::MAX_MESSAGE_BYTES as u64,
-                max_agents: MAX_AGENTS,
-            }),
-            session: true,
-            snapshots: true,
-            commands: S::commands()
-                .iter()
-                .map(|&kind| v1::MoteCommandKind::from(kind).into())
-                .collect(),
-            parallel: true,
-            stop_at_first_delivery: true,
-            columns: S::columns()
-                .iter()
-                .map(|&column| v1::DeliveryColumn::from(column).into())
-                .collect(),
-            config_schema_json: S::config_schema_json(),
-            records: numbers(S::records()),
-        }
     }
 
     fn configure(
@@ -333,7 +341,7 @@ impl<S: NetSimulator> NetSimService for NetHost<S> {
         &self,
         _: Request<v1::NetSimServiceDescribeRequest>,
     ) -> Result<Response<v1::NetSimServiceDescribeResponse>, Status> {
-        Ok(Response::new(Lifecycle::<S>::describe()))
+        Ok(Response::new(NetHost::describe(self)))
     }
 
     async fn configure(

@@ -15,23 +15,49 @@ use proto_messages::v1::robot_sim_service_session_response::Response as SessionR
 use proto_messages::v1::{self, Limits};
 use proto_messages::{CONTRACT_VERSION, convert};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use tonic::{Request, Response, Status, Streaming};
 
 /// A robot simulator as a service.
 pub struct RobotHost<S> {
     shared: Shared<Lifecycle<S>>,
+    /// Of the simulator, which may be busy when it is asked to describe itself.
+    config_schema_json: Arc<str>,
 }
 
 impl<S> Clone for RobotHost<S> {
     fn clone(&self) -> Self {
-        Self { shared: self.shared.clone() }
+        Self {
+            shared: self.shared.clone(),
+            config_schema_json: Arc::clone(&self.config_schema_json),
+        }
     }
 }
 
 impl<S: RobotSimulator> RobotHost<S> {
     /// A service around `simulator`, not configured yet.
     pub fn new(simulator: S) -> Self {
-        Self { shared: Shared::new(Lifecycle { simulator, active: None }) }
+        let config_schema_json = simulator.config_schema_json().into();
+        let shared = Shared::new(Lifecycle { simulator, active: None });
+        Self { shared, config_schema_json }
+    }
+
+    fn describe(&self) -> v1::RobotSimServiceDescribeResponse {
+        v1::RobotSimServiceDescribeResponse {
+            name: S::NAME.to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            contract_version: CONTRACT_VERSION,
+            limits: Some(Limits {
+                max_message_bytes: super::MAX_MESSAGE_BYTES as u64,
+                max_agents: MAX_AGENTS,
+            }),
+            session: true,
+            snapshots: true,
+            commands: true,
+            parallel: true,
+            config_schema_json: self.config_schema_json.to_string(),
+            hold: true,
+        }
     }
 }
 
@@ -69,24 +95,6 @@ impl<S: RobotSimulator> Discard for Lifecycle<S> {
 impl<S: RobotSimulator> Lifecycle<S> {
     fn active(&mut self) -> Result<&mut Active, Status> {
         self.active.as_mut().ok_or_else(not_configured)
-    }
-
-    fn describe() -> v1::RobotSimServiceDescribeResponse {
-        v1::RobotSimServiceDescribeResponse {
-            name: S::NAME.to_owned(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            contract_version: CONTRACT_VERSION,
-            limits: Some(Limits {
-                max_message_bytes: super::MAX_MESSAGE_BYTES as u64,
-                max_agents: MAX_AGENTS,
-            }),
-            session: true,
-            snapshots: true,
-            commands: true,
-            parallel: true,
-            config_schema_json: S::config_schema_json(),
-            hold: true,
-        }
     }
 
     fn configure(
@@ -265,7 +273,7 @@ impl<S: RobotSimulator> RobotSimService for RobotHost<S> {
         &self,
         _: Request<v1::RobotSimServiceDescribeRequest>,
     ) -> Result<Response<v1::RobotSimServiceDescribeResponse>, Status> {
-        Ok(Response::new(Lifecycle::<S>::describe()))
+        Ok(Response::new(RobotHost::describe(self)))
     }
 
     async fn configure(

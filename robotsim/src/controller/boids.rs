@@ -1,43 +1,51 @@
 //! Boids: robots that flock without a leader.
 
-use super::{Controller, Registration, View, add, norm, scaled, sub};
+use super::{Controller, Demands, Entry, View, add, norm, scaled, sub};
 use crate::config::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range};
+use proto::config::{Default, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
 const WEIGHT: Kind = Kind::Number(Range::closed(0.0, 1e3));
 const RADIUS: Kind = Kind::Number(Range::above(0.0, 1e6));
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "boids",
-    doc: "Reynolds' flock: keep apart, head the same way, stay together.",
-    fields: &[
-        field("speed_mps", "Speed of everyone (m/s).", RADIUS, Default::Number(2.0)),
-        field(
-            "radius_m",
-            "Those farther than this are not looked at (m).",
-            RADIUS,
-            Default::Number(10.0),
-        ),
-        field(
-            "separation_m",
-            "From those nearer than this everyone moves away (m).",
-            RADIUS,
-            Default::Number(1.5),
-        ),
-        field("separation", "Weight of moving away (m²/s²).", WEIGHT, Default::Number(2.0)),
-        field("alignment", "Weight of heading the same way (1/s).", WEIGHT, Default::Number(1.0)),
-        field("cohesion", "Weight of staying together (1/s²).", WEIGHT, Default::Number(0.5)),
-        field(
-            "acceleration_cap_mps2",
-            "Greatest acceleration (m/s²).",
-            RADIUS,
-            Default::Number(10.0),
-        ),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "boids",
+        doc: "Reynolds' flock: keep apart, head the same way, stay together.",
+        fields: &[
+            field("speed_mps", "Speed of everyone (m/s).", RADIUS, Default::Number(2.0)),
+            field(
+                "radius_m",
+                "Those farther than this are not looked at (m).",
+                RADIUS,
+                Default::Number(10.0),
+            ),
+            field(
+                "separation_m",
+                "From those nearer than this everyone moves away (m).",
+                RADIUS,
+                Default::Number(1.5),
+            ),
+            field("separation", "Weight of moving away (m²/s²).", WEIGHT, Default::Number(2.0)),
+            field(
+                "alignment",
+                "Weight of heading the same way (1/s).",
+                WEIGHT,
+                Default::Number(1.0),
+            ),
+            field("cohesion", "Weight of staying together (1/s²).", WEIGHT, Default::Number(0.5)),
+            field(
+                "acceleration_cap_mps2",
+                "Greatest acceleration (m/s²).",
+                RADIUS,
+                Default::Number(10.0),
+            ),
+        ],
+    },
+    demands: Demands::NONE,
     build: |table, context, problems| {
-        let this: Boids = table.clone().try_into().ok()?;
+        let this: Boids = typed(table);
         super::check_speed("speed_mps", this.speed_mps, context, problems);
         Some(Box::new(this))
     },

@@ -1,41 +1,44 @@
 //! Robots that form a circle.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::config::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range};
+use proto::config::{Default, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "circle-formation",
-    doc: "Everyone moves to the circle that fits best those it knows of.",
-    fields: &[
-        field(
-            "radius_m",
-            "Radius of the circle (m). Absent: that which fits best.",
-            Kind::Number(Range::above(0.0, 1e6)),
-            Default::Absent,
-        ),
-        field(
-            "even",
-            "Robots also move along the circle, away from the nearer of their two neighbours on it.",
-            Kind::Bool,
-            Default::Bool(false),
-        ),
-        field(
-            "step_cap_m",
-            "Greatest displacement in a step (m).",
-            Kind::Number(Range::above(0.0, 1e6)),
-            Default::Number(0.1),
-        ),
-        field(
-            "threshold_m",
-            "Who is this near to where it should be stays (m).",
-            Kind::Number(Range::closed(0.0, 1e6)),
-            Default::Number(0.001),
-        ),
-    ],
-    build: |table, _, _| Some(Box::new(table.clone().try_into::<CircleFormation>().ok()?)),
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "circle-formation",
+        doc: "Everyone moves to the circle that fits best those it knows of.",
+        fields: &[
+            field(
+                "radius_m",
+                "Radius of the circle (m). Absent: that which fits best.",
+                Kind::Number(Range::above(0.0, 1e6)),
+                Default::Absent,
+            ),
+            field(
+                "even",
+                "Robots also move along the circle, away from the nearer of their two neighbours on it.",
+                Kind::Bool,
+                Default::Bool(false),
+            ),
+            field(
+                "step_cap_m",
+                "Greatest displacement in a step (m).",
+                Kind::Number(Range::above(0.0, 1e6)),
+                Default::Number(0.1),
+            ),
+            field(
+                "threshold_m",
+                "Who is this near to where it should be stays (m).",
+                Kind::Number(Range::closed(0.0, 1e6)),
+                Default::Number(0.001),
+            ),
+        ],
+    },
+    demands: Demands::NONE,
+    build: |table, _, _| Some(Box::new(typed::<CircleFormation>(table))),
 };
 
 /// Circle formation by least squares.

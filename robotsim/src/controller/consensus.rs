@@ -1,41 +1,44 @@
 //! Robots that come together.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::config::field;
 use crate::dynamics::Command;
-use proto::config::{Choice, Default, Kind, Range};
+use proto::config::{Choice, Default, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "consensus",
-    doc: "Rendezvous: everyone moves towards those it knows of.",
-    fields: &[
-        field(
-            "gain_per_s",
-            "How fast differences shrink (1/s).",
-            Kind::Number(Range::above(0.0, 1e3)),
-            Default::Number(1.0),
-        ),
-        field(
-            "over",
-            "What is taken of the differences.",
-            Kind::Choice(&[
-                Choice { name: "mean", doc: "Their mean: stable for any number of robots." },
-                Choice {
-                    name: "sum",
-                    doc: "Their sum, the Laplacian protocol: stable only if gain times period times most neighbours is below 1.",
-                },
-            ]),
-            Default::Text("mean"),
-        ),
-        field(
-            "threshold_m",
-            "The task is done when nobody wants to move farther than this in a period (m).",
-            Kind::Number(Range::above(0.0, 1e3)),
-            Default::Number(1e-3),
-        ),
-    ],
-    build: |table, _, _| Some(Box::new(table.clone().try_into::<Consensus>().ok()?)),
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "consensus",
+        doc: "Rendezvous: everyone moves towards those it knows of.",
+        fields: &[
+            field(
+                "gain_per_s",
+                "How fast differences shrink (1/s).",
+                Kind::Number(Range::above(0.0, 1e3)),
+                Default::Number(1.0),
+            ),
+            field(
+                "over",
+                "What is taken of the differences.",
+                Kind::Choice(&[
+                    Choice { name: "mean", doc: "Their mean: stable for any number of robots." },
+                    Choice {
+                        name: "sum",
+                        doc: "Their sum, the Laplacian protocol: stable only if gain times period times most neighbours is below 1.",
+                    },
+                ]),
+                Default::Text("mean"),
+            ),
+            field(
+                "threshold_m",
+                "The task is done when nobody wants to move farther than this in a period (m).",
+                Kind::Number(Range::above(0.0, 1e3)),
+                Default::Number(1e-3),
+            ),
+        ],
+    },
+    demands: Demands::NONE,
+    build: |table, _, _| Some(Box::new(typed::<Consensus>(table))),
 };
 
 /// Consensus on a place.

@@ -1,22 +1,25 @@
 //! Robots that all move with one velocity, whatever they hear.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::config::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range};
+use proto::config::{Default, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "constant-velocity",
-    doc: "Everyone moves with the same velocity.",
-    fields: &[field(
-        "velocity_mps",
-        "The velocity (x, y in m/s).",
-        Kind::List { of: &Kind::Number(Range::closed(-1e4, 1e4)), min: 2, max: 2 },
-        Default::Required,
-    )],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "constant-velocity",
+        doc: "Everyone moves with the same velocity.",
+        fields: &[field(
+            "velocity_mps",
+            "The velocity (x, y in m/s).",
+            Kind::List { of: &Kind::Number(Range::closed(-1e4, 1e4)), min: 2, max: 2 },
+            Default::Required,
+        )],
+    },
+    demands: Demands::NONE,
     build: |table, context, problems| {
-        let this: ConstantVelocity = table.clone().try_into().ok()?;
+        let this: ConstantVelocity = typed(table);
         let [vx, vy] = this.velocity_mps;
         super::check_speed("velocity_mps", libm::hypot(vx, vy), context, problems);
         Some(Box::new(this))

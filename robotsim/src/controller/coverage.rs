@@ -1,44 +1,47 @@
 //! Robots that spread over an area.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::config::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range};
+use proto::config::{Default, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
 const ANY: Kind = Kind::Number(Range::closed(-1e6, 1e6));
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "coverage",
-    doc: "Lloyd's algorithm: everyone moves to the centre of the part of an area that is nearest to it.",
-    fields: &[
-        field(
-            "from_m",
-            "South-western corner of the area (x, y in m).",
-            Kind::List { of: &ANY, min: 2, max: 2 },
-            Default::Required,
-        ),
-        field(
-            "to_m",
-            "North-eastern corner (x, y in m).",
-            Kind::List { of: &ANY, min: 2, max: 2 },
-            Default::Required,
-        ),
-        field(
-            "gain_per_s",
-            "How fast the way to the centre is made (1/s); nobody overshoots it.",
-            Kind::Number(Range::above(0.0, 1e3)),
-            Default::Number(1.0),
-        ),
-        field(
-            "threshold_m",
-            "The task is done when nobody wants to move farther than this in a period (m).",
-            Kind::Number(Range::above(0.0, 1e3)),
-            Default::Number(1e-3),
-        ),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "coverage",
+        doc: "Lloyd's algorithm: everyone moves to the centre of the part of an area that is nearest to it.",
+        fields: &[
+            field(
+                "from_m",
+                "South-western corner of the area (x, y in m).",
+                Kind::List { of: &ANY, min: 2, max: 2 },
+                Default::Required,
+            ),
+            field(
+                "to_m",
+                "North-eastern corner (x, y in m).",
+                Kind::List { of: &ANY, min: 2, max: 2 },
+                Default::Required,
+            ),
+            field(
+                "gain_per_s",
+                "How fast the way to the centre is made (1/s); nobody overshoots it.",
+                Kind::Number(Range::above(0.0, 1e3)),
+                Default::Number(1.0),
+            ),
+            field(
+                "threshold_m",
+                "The task is done when nobody wants to move farther than this in a period (m).",
+                Kind::Number(Range::above(0.0, 1e3)),
+                Default::Number(1e-3),
+            ),
+        ],
+    },
+    demands: Demands::NONE,
     build: |table, context, problems| {
-        let this: Coverage = table.clone().try_into().ok()?;
+        let this: Coverage = typed(table);
         if this.to_m[0] <= this.from_m[0] || this.to_m[1] <= this.from_m[1] {
             let [x, y] = this.from_m;
             problems.push(

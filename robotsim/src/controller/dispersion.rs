@@ -1,35 +1,38 @@
 //! Robots that spread as far as their links hold.
 
-use super::{Controller, Registration, View, add, norm, scaled, sub};
+use super::{Controller, Demands, Entry, View, add, norm, scaled, sub};
 use crate::config::{Context, field};
 use crate::dynamics::Command;
 use crate::knowledge::Seen;
-use proto::config::{Default, Kind, Problem, Range};
+use proto::config::{Default, Kind, Problem, Range, Variant, typed};
 use serde::Deserialize;
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "dispersion",
-    doc: "Everyone moves away from the others, slower as the link to its parent in routing weakens, and back to it if that is \
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "dispersion",
+        doc: "Everyone moves away from the others, slower as the link to its parent in routing weakens, and back to it if that is \
           nearly lost.",
-    fields: &[
-        field("speed_mps", "Greatest speed (m/s).", POSITIVE, Default::Number(1.0)),
-        field(
-            "rssi_floor_dbm",
-            "Strength of a link (dBm) below which a robot turns back.",
-            Kind::Number(Range::closed(-300.0, 100.0)),
-            Default::Number(-85.0),
-        ),
-        field(
-            "rssi_margin_db",
-            "Above the floor by so much (dB), a robot moves at its full speed; below, slower.",
-            POSITIVE,
-            Default::Number(6.0),
-        ),
-    ],
+        fields: &[
+            field("speed_mps", "Greatest speed (m/s).", POSITIVE, Default::Number(1.0)),
+            field(
+                "rssi_floor_dbm",
+                "Strength of a link (dBm) below which a robot turns back.",
+                Kind::Number(Range::closed(-300.0, 100.0)),
+                Default::Number(-85.0),
+            ),
+            field(
+                "rssi_margin_db",
+                "Above the floor by so much (dB), a robot moves at its full speed; below, slower.",
+                POSITIVE,
+                Default::Number(6.0),
+            ),
+        ],
+    },
+    demands: Demands::NONE,
     build: |table, context, problems| {
-        let this: Dispersion = table.clone().try_into().ok()?;
+        let this: Dispersion = typed(table);
         this.check(context, problems);
         Some(Box::new(this))
     },

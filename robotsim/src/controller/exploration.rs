@@ -1,70 +1,83 @@
 //! Rooms are explored: robots send maps to a base, which sends them where nobody has been.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::config::{Context, field};
 use crate::dynamics::Command;
 use crate::exploration::grid::{Grid, MAX_CELLS};
 use crate::exploration::{MIN_MESSAGE_BYTES, Settings};
-use proto::config::{Default, Kind, Problem, Range};
+use proto::config::{Default, Kind, Problem, Range, Variant, typed};
 use proto::types::NS_PER_S;
 use serde::Deserialize;
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
 const CORNER: Kind = Kind::List { of: &Kind::Number(Range::closed(-1e6, 1e6)), min: 2, max: 2 };
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "exploration",
-    doc: "Robots map what they see around them and send it to a base, which sends them to the nearest frontiers of its map, no two to one.",
-    fields: &[
-        field("from_m", "South-western corner of the area (x, y in m).", CORNER, Default::Required),
-        field("to_m", "North-eastern corner of the area (x, y in m).", CORNER, Default::Required),
-        field(
-            "cell_m",
-            "Side of a cell of the map (m).",
-            Kind::Number(Range::closed(0.01, 1e3)),
-            Default::Number(0.5),
-        ),
-        field(
-            "range_m",
-            "How far a robot sees (m), as far as no wall or obstacle is in the way; at least 1.5 cells.",
-            POSITIVE,
-            Default::Number(4.0),
-        ),
-        field("speed_mps", "How fast a robot goes (m/s).", POSITIVE, Default::Number(0.5)),
-        field(
-            "base",
-            "The robot to which maps are sent and which sends the others to places; it stays where it is. Ways to it are the \
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "exploration",
+        doc: "Robots map what they see around them and send it to a base, which sends them to the nearest frontiers of its map, no two to one.",
+        fields: &[
+            field(
+                "from_m",
+                "South-western corner of the area (x, y in m).",
+                CORNER,
+                Default::Required,
+            ),
+            field(
+                "to_m",
+                "North-eastern corner of the area (x, y in m).",
+                CORNER,
+                Default::Required,
+            ),
+            field(
+                "cell_m",
+                "Side of a cell of the map (m).",
+                Kind::Number(Range::closed(0.01, 1e3)),
+                Default::Number(0.5),
+            ),
+            field(
+                "range_m",
+                "How far a robot sees (m), as far as no wall or obstacle is in the way; at least 1.5 cells.",
+                POSITIVE,
+                Default::Number(4.0),
+            ),
+            field("speed_mps", "How fast a robot goes (m/s).", POSITIVE, Default::Number(0.5)),
+            field(
+                "base",
+                "The robot to which maps are sent and which sends the others to places; it stays where it is. Ways to it are the \
              shortest where it is a root of the network.",
-            Kind::Integer { min: 0, max: u32::MAX as i64 },
-            Default::Integer(0),
-        ),
-        field(
-            "report_s",
-            "How often a robot may report, and the base answer it (s).",
-            Kind::Number(Range::closed(1e-3, 1e4)),
-            Default::Number(1.0),
-        ),
-        field(
-            "retry_s",
-            "After this time without an answer a message is sent again (s); a robot with no news says so as often. At least report_s.",
-            Kind::Number(Range::closed(1e-3, 1e5)),
-            Default::Number(10.0),
-        ),
-        field(
-            "return_after_s",
-            "A robot that waits for a word from the base and has had none for so long (s) goes back towards where it began. Absent: it stays.",
-            Kind::Number(Range::closed(1e-3, 1e6)),
-            Default::Absent,
-        ),
-        field(
-            "message_bytes",
-            "Most bytes of a message. Up to about 60 go into one frame.",
-            Kind::Integer { min: MIN_MESSAGE_BYTES as i64, max: 900 },
-            Default::Integer(60),
-        ),
-    ],
+                Kind::Integer { min: 0, max: u32::MAX as i64 },
+                Default::Integer(0),
+            ),
+            field(
+                "report_s",
+                "How often a robot may report, and the base answer it (s).",
+                Kind::Number(Range::closed(1e-3, 1e4)),
+                Default::Number(1.0),
+            ),
+            field(
+                "retry_s",
+                "After this time without an answer a message is sent again (s); a robot with no news says so as often. At least report_s.",
+                Kind::Number(Range::closed(1e-3, 1e5)),
+                Default::Number(10.0),
+            ),
+            field(
+                "return_after_s",
+                "A robot that waits for a word from the base and has had none for so long (s) goes back towards where it began. Absent: it stays.",
+                Kind::Number(Range::closed(1e-3, 1e6)),
+                Default::Absent,
+            ),
+            field(
+                "message_bytes",
+                "Most bytes of a message. Up to about 60 go into one frame.",
+                Kind::Integer { min: MIN_MESSAGE_BYTES as i64, max: 900 },
+                Default::Integer(60),
+            ),
+        ],
+    },
+    demands: Demands { sends_messages: true, ..Demands::NONE },
     build: |table, context, problems| {
-        let raw: Raw = table.clone().try_into().ok()?;
+        let raw: Raw = typed(table);
         raw.settings(context, problems)
             .map(|settings| Box::new(Exploration { settings }) as Box<dyn Controller>)
     },

@@ -1,117 +1,123 @@
 //! Robots that follow a leader, held together and apart by a potential.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use crate::knowledge::Seen;
-use proto::config::{Choice, Default, Kind, Range};
+use proto::config::{Choice, Default, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
 const RADIUS: Kind = Kind::Number(Range::closed(1e-3, 1e6));
 const SPEED: Kind = Kind::Number(Range::closed(-1e4, 1e4));
 const POINT: Kind = Kind::List { of: &Kind::Number(Range::closed(-1e6, 1e6)), min: 2, max: 2 };
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "flocking",
-    doc: "One robot leads with a constant velocity, the others follow by a potential.",
-    fields: &[
-        field(
-            "law",
-            "The potential.",
-            Kind::Choice(&[
-                Choice { name: "paper", doc: "As the BotNet paper prints it: exponents in d²." },
-                Choice { name: "botnet", doc: "As BotNet's code has it: exponents in d." },
-                Choice {
-                    name: "zavlanos",
-                    doc: "The original, 1/d² + 1/(r_flock² − d²), which is singular at r_flock.",
-                },
-            ]),
-            Default::Text("paper"),
-        ),
-        field(
-            "flock_radius_m",
-            "r_flock: the greatest distance wanted between robots (m).",
-            RADIUS,
-            Default::Required,
-        ),
-        field(
-            "collision_radius_m",
-            "r_collision (m). Default: the BotNet paper's.",
-            RADIUS,
-            Default::Number(0.8),
-        ),
-        field(
-            "leader",
-            "The agent that leads.",
-            Kind::Integer { min: 0, max: u32::MAX as i64 },
-            Default::Integer(0),
-        ),
-        field(
-            "leaderless",
-            "Nobody leads: the flock is to emerge. leader_velocity_mps and leader_weight have no part.",
-            Kind::Bool,
-            Default::Bool(false),
-        ),
-        field(
-            "input",
-            "What the law gives.",
-            Kind::Choice(&[
-                Choice { name: "velocity", doc: "The velocity, as in the BotNet paper." },
-                Choice {
-                    name: "acceleration",
-                    doc: "The acceleration of followers: double integrators, as in the original.",
-                },
-            ]),
-            Default::Text("velocity"),
-        ),
-        field(
-            "leader_velocity_mps",
-            "The leader's velocity (x, y in m/s). Default: [7, 0], the BotNet paper's experiments.",
-            Kind::List { of: &SPEED, min: 2, max: 2 },
-            Default::Absent,
-        ),
-        field(
-            "leader_path_m",
-            "Points (x, y in m) along which the leader goes, at the speed of leader_velocity_mps. Absent: straight on.",
-            Kind::List { of: &POINT, min: 2, max: 10_000 },
-            Default::Absent,
-        ),
-        field(
-            "leader_path_closed",
-            "From the last point the leader goes to the first again.",
-            Kind::Bool,
-            Default::Bool(false),
-        ),
-        field(
-            "leader_weight",
-            "Weight of the leader among those a follower knows of. Default: a tenth of the number of agents, at least 1.",
-            Kind::Number(Range::above(0.0, 1e6)),
-            Default::Absent,
-        ),
-        field(
-            "leader_weight_on",
-            "Which term of the leader is weighted.",
-            Kind::Choice(&[
-                Choice { name: "gradient", doc: "The gradient of its potential." },
-                Choice {
-                    name: "velocity",
-                    doc: "The difference of velocities; needs velocity_term = true.",
-                },
-            ]),
-            Default::Text("gradient"),
-        ),
-        field(
-            "velocity_term",
-            "Followers also align velocities, by the first sum of the BotNet paper's general law.",
-            Kind::Bool,
-            Default::Bool(false),
-        ),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "flocking",
+        doc: "One robot leads with a constant velocity, the others follow by a potential.",
+        fields: &[
+            field(
+                "law",
+                "The potential.",
+                Kind::Choice(&[
+                    Choice {
+                        name: "paper",
+                        doc: "As the BotNet paper prints it: exponents in d².",
+                    },
+                    Choice { name: "botnet", doc: "As BotNet's code has it: exponents in d." },
+                    Choice {
+                        name: "zavlanos",
+                        doc: "The original, 1/d² + 1/(r_flock² − d²), which is singular at r_flock.",
+                    },
+                ]),
+                Default::Text("paper"),
+            ),
+            field(
+                "flock_radius_m",
+                "r_flock: the greatest distance wanted between robots (m).",
+                RADIUS,
+                Default::Required,
+            ),
+            field(
+                "collision_radius_m",
+                "r_collision (m). Default: the BotNet paper's.",
+                RADIUS,
+                Default::Number(0.8),
+            ),
+            field(
+                "leader",
+                "The agent that leads.",
+                Kind::Integer { min: 0, max: u32::MAX as i64 },
+                Default::Integer(0),
+            ),
+            field(
+                "leaderless",
+                "Nobody leads: the flock is to emerge. leader_velocity_mps and leader_weight have no part.",
+                Kind::Bool,
+                Default::Bool(false),
+            ),
+            field(
+                "input",
+                "What the law gives.",
+                Kind::Choice(&[
+                    Choice { name: "velocity", doc: "The velocity, as in the BotNet paper." },
+                    Choice {
+                        name: "acceleration",
+                        doc: "The acceleration of followers: double integrators, as in the original.",
+                    },
+                ]),
+                Default::Text("velocity"),
+            ),
+            field(
+                "leader_velocity_mps",
+                "The leader's velocity (x, y in m/s). Default: [7, 0], the BotNet paper's experiments.",
+                Kind::List { of: &SPEED, min: 2, max: 2 },
+                Default::Absent,
+            ),
+            field(
+                "leader_path_m",
+                "Points (x, y in m) along which the leader goes, at the speed of leader_velocity_mps. Absent: straight on.",
+                Kind::List { of: &POINT, min: 2, max: 10_000 },
+                Default::Absent,
+            ),
+            field(
+                "leader_path_closed",
+                "From the last point the leader goes to the first again.",
+                Kind::Bool,
+                Default::Bool(false),
+            ),
+            field(
+                "leader_weight",
+                "Weight of the leader among those a follower knows of. Default: a tenth of the number of agents, at least 1.",
+                Kind::Number(Range::above(0.0, 1e6)),
+                Default::Absent,
+            ),
+            field(
+                "leader_weight_on",
+                "Which term of the leader is weighted.",
+                Kind::Choice(&[
+                    Choice { name: "gradient", doc: "The gradient of its potential." },
+                    Choice {
+                        name: "velocity",
+                        doc: "The difference of velocities; needs velocity_term = true.",
+                    },
+                ]),
+                Default::Text("gradient"),
+            ),
+            field(
+                "velocity_term",
+                "Followers also align velocities, by the first sum of the BotNet paper's general law.",
+                Kind::Bool,
+                Default::Bool(false),
+            ),
+        ],
+    },
+    demands: Demands::NONE,
     build: |table, context, problems| {
         let default = context.n_agents as f64 / 10.0;
         table.entry("leader_weight").or_insert(default.max(1.0).into());
         table.entry("leader_velocity_mps").or_insert(vec![7.0, 0.0].into());
-        let this: Flocking = table.clone().try_into().ok()?;
+        let this: Flocking = typed(table);
         if context.n_agents <= this.leader {
             let last = context.n_agents - 1;
             problems.push(

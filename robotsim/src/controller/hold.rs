@@ -1,12 +1,16 @@
 //! Robots that stay where they are.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::dynamics::Command;
+use proto::config::Variant;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "hold",
-    doc: "Everyone stays where it is, unless ordered otherwise.",
-    fields: &[],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "hold",
+        doc: "Everyone stays where it is, unless ordered otherwise.",
+        fields: &[],
+    },
+    demands: Demands::NONE,
     build: |_, _, _| Some(Box::new(Hold)),
 };
 

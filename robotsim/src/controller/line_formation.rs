@@ -1,49 +1,52 @@
 //! Robots that form a straight line, wherever it may lie.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use crate::line_fit::{Fit, Moments};
-use proto::config::{Choice, Default, Kind, Range};
+use proto::config::{Choice, Default, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "line-formation",
-    doc: "Everyone moves to the straight line nearest to those it knows of.",
-    fields: &[
-        field(
-            "law",
-            "Which positions are fitted.",
-            Kind::Choice(&[
-                Choice { name: "paper", doc: "One's own once, as the BotNet paper says." },
-                Choice { name: "botnet", doc: "One's own twice, as BotNet's code does." },
-            ]),
-            Default::Text("paper"),
-        ),
-        field(
-            "fit",
-            "Which distances to the line are to be small.",
-            Kind::Choice(&[
-                Choice { name: "vertical", doc: "Along y, as the BotNet paper prints." },
-                Choice { name: "orthogonal", doc: "Across the line." },
-            ]),
-            Default::Text("vertical"),
-        ),
-        field(
-            "step_cap_m",
-            "Greatest move per control step (m). Default: BotNet's.",
-            Kind::Number(Range::above(0.0, 1e6)),
-            Default::Number(0.1),
-        ),
-        field(
-            "threshold_m",
-            "A robot closer to its line than this stays; the task is done when all stay (m). Default: BotNet's.",
-            Kind::Number(Range::closed(0.0, 1e6)),
-            Default::Number(0.001),
-        ),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "line-formation",
+        doc: "Everyone moves to the straight line nearest to those it knows of.",
+        fields: &[
+            field(
+                "law",
+                "Which positions are fitted.",
+                Kind::Choice(&[
+                    Choice { name: "paper", doc: "One's own once, as the BotNet paper says." },
+                    Choice { name: "botnet", doc: "One's own twice, as BotNet's code does." },
+                ]),
+                Default::Text("paper"),
+            ),
+            field(
+                "fit",
+                "Which distances to the line are to be small.",
+                Kind::Choice(&[
+                    Choice { name: "vertical", doc: "Along y, as the BotNet paper prints." },
+                    Choice { name: "orthogonal", doc: "Across the line." },
+                ]),
+                Default::Text("vertical"),
+            ),
+            field(
+                "step_cap_m",
+                "Greatest move per control step (m). Default: BotNet's.",
+                Kind::Number(Range::above(0.0, 1e6)),
+                Default::Number(0.1),
+            ),
+            field(
+                "threshold_m",
+                "A robot closer to its line than this stays; the task is done when all stay (m). Default: BotNet's.",
+                Kind::Number(Range::closed(0.0, 1e6)),
+                Default::Number(0.001),
+            ),
+        ],
+    },
+    demands: Demands::NONE,
     build: |table, context, problems| {
-        let this: LineFormation = table.clone().try_into().ok()?;
+        let this: LineFormation = typed(table);
         if this.step_cap_m <= this.threshold_m {
             problems.push(
                 context

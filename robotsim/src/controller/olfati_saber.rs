@@ -1,67 +1,77 @@
 //! Flocking as a lattice that moves, after Olfati-Saber.
 
-use super::{Controller, Registration, View, add, norm, scaled, sub};
+use super::{Controller, Demands, Entry, View, add, norm, scaled, sub};
 use crate::config::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range};
+use proto::config::{Default, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e6));
 const ANY: Kind = Kind::Number(Range::closed(-1e6, 1e6));
 const SPEED: Kind = Kind::Number(Range::closed(-1e4, 1e4));
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "olfati-saber",
-    doc: "Robots that form a lattice and follow a virtual leader whom all know.",
-    fields: &[
-        field(
-            "distance_m",
-            "d: distance wanted between neighbours (m). Default: the source's.",
-            POSITIVE,
-            Default::Number(7.0),
-        ),
-        field(
-            "range_ratio",
-            "r / d: how far neighbours matter. Default: the source's.",
-            Kind::Number(Range::above(1.0, 10.0)),
-            Default::Number(1.2),
-        ),
-        field(
-            "target_m",
-            "Where the virtual leader begins (x, y in m).",
-            Kind::List { of: &ANY, min: 2, max: 2 },
-            Default::Absent,
-        ),
-        field(
-            "target_velocity_mps",
-            "Its velocity (x, y in m/s).",
-            Kind::List { of: &SPEED, min: 2, max: 2 },
-            Default::Absent,
-        ),
-        field(
-            "target_gain_per_s2",
-            "c1: pull towards the virtual leader (1/s²).",
-            Kind::Number(Range::closed(0.0, 1e3)),
-            Default::Number(0.1),
-        ),
-        field(
-            "target_damping_per_s",
-            "c2: how fast its velocity is taken over (1/s). Default: 2 √c1.",
-            Kind::Number(Range::closed(0.0, 1e3)),
-            Default::Absent,
-        ),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "olfati-saber",
+        doc: "Robots that form a lattice and follow a virtual leader whom all know.",
+        fields: &[
+            field(
+                "distance_m",
+                "d: distance wanted between neighbours (m). Default: the source's.",
+                POSITIVE,
+                Default::Number(7.0),
+            ),
+            field(
+                "range_ratio",
+                "r / d: how far neighbours matter. Default: the source's.",
+                Kind::Number(Range::above(1.0, 10.0)),
+                Default::Number(1.2),
+            ),
+            field(
+                "target_m",
+                "Where the virtual leader begins (x, y in m).",
+                Kind::List { of: &ANY, min: 2, max: 2 },
+                Default::Absent,
+            ),
+            field(
+                "target_velocity_mps",
+                "Its velocity (x, y in m/s).",
+                Kind::List { of: &SPEED, min: 2, max: 2 },
+                Default::Absent,
+            ),
+            field(
+                "target_gain_per_s2",
+                "c1: pull towards the virtual leader (1/s²).",
+                Kind::Number(Range::closed(0.0, 1e3)),
+                Default::Number(0.1),
+            ),
+            field(
+                "target_damping_per_s",
+                "c2: how fast its velocity is taken over (1/s). Default: 2 √c1.",
+                Kind::Number(Range::closed(0.0, 1e3)),
+                Default::Absent,
+            ),
+        ],
+    },
+    demands: Demands::NONE,
     build: |table, context, problems| {
         table.entry("target_m").or_insert(vec![0.0, 0.0].into());
         table.entry("target_velocity_mps").or_insert(vec![0.0, 0.0].into());
-        let gain = table.get("target_gain_per_s2").and_then(toml::Value::as_float)?;
-        table.entry("target_damping_per_s").or_insert((2.0 * libm::sqrt(gain)).into());
-        let this: OlfatiSaber = table.clone().try_into().ok()?;
+        let Gain { target_gain_per_s2 } = typed(table);
+        let critical_per_s = 2.0 * libm::sqrt(target_gain_per_s2);
+        table.entry("target_damping_per_s").or_insert(critical_per_s.into());
+        let this: OlfatiSaber = typed(table);
         let [vx, vy] = this.target_velocity_mps;
         super::check_speed("target_velocity_mps", libm::hypot(vx, vy), context, problems);
         Some(Box::new(this))
     },
 };
+
+/// The key from which the default of another one follows.
+#[derive(Deserialize)]
+struct Gain {
+    target_gain_per_s2: f64,
+}
 
 /// α-lattice flocking with a navigational feedback.
 ///

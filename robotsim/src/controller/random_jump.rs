@@ -1,56 +1,60 @@
 //! Robots that jump at random within an arena: a workload for the network, not a behaviour.
 
-use super::{Controller, Registration, View};
+use super::{Controller, Demands, Entry, View};
 use crate::config::field;
 use crate::dynamics::Command;
-use proto::config::{Choice, Default, Kind, Range};
+use proto::config::{Choice, Default, Kind, Range, Variant, typed};
 use proto::rng::uniform;
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "random-jump",
-    doc: "Everyone jumps at random each step, within an arena around the origin: a workload for benchmarks.",
-    fields: &[
-        field(
-            "jump_m",
-            "Greatest jump along each axis (m). Default: that of BotNet's timing task.",
-            Kind::Number(Range::above(0.0, 1e6)),
-            Default::Number(2.5),
-        ),
-        field(
-            "arena",
-            "Where they stay.",
-            Kind::Choice(&[
-                Choice { name: "disc", doc: "In a disc of `density_per_m2`." },
-                Choice { name: "square", doc: "In a square of `side_m`." },
-            ]),
-            Default::Text("square"),
-        ),
-        field(
-            "side_m",
-            "Side of the square (m). Default: 10.",
-            Kind::Number(Range::above(0.0, 1e6)),
-            Default::Absent,
-        ),
-        field(
-            "density_per_m2",
-            "Agents per m² of the disc. Default: 0.22.",
-            Kind::Number(Range::closed(1e-9, 1e9)),
-            Default::Absent,
-        ),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "random-jump",
+        doc: "Everyone jumps at random each step, within an arena around the origin: a workload for benchmarks.",
+        fields: &[
+            field(
+                "jump_m",
+                "Greatest jump along each axis (m). Default: that of BotNet's timing task.",
+                Kind::Number(Range::above(0.0, 1e6)),
+                Default::Number(2.5),
+            ),
+            field(
+                "arena",
+                "Where they stay.",
+                Kind::Choice(&[
+                    Choice { name: "disc", doc: "In a disc of `density_per_m2`." },
+                    Choice { name: "square", doc: "In a square of `side_m`." },
+                ]),
+                Default::Text("square"),
+            ),
+            field(
+                "side_m",
+                "Side of the square (m). Default: 10.",
+                Kind::Number(Range::above(0.0, 1e6)),
+                Default::Absent,
+            ),
+            field(
+                "density_per_m2",
+                "Agents per m² of the disc. Default: 0.22.",
+                Kind::Number(Range::closed(1e-9, 1e9)),
+                Default::Absent,
+            ),
+        ],
+    },
+    demands: Demands { jumps: true, ..Demands::NONE },
     build: |table, context, problems| {
-        let raw: Raw = table.clone().try_into().ok()?;
-        let (own, foreign, default) = match raw.arena {
-            ArenaKind::Disc => ("density_per_m2", "side_m", 0.22),
-            ArenaKind::Square => ("side_m", "density_per_m2", 10.0),
+        let raw: Raw = typed(table);
+        let (own, foreign, given, default) = match raw.arena {
+            ArenaKind::Disc => ("density_per_m2", "side_m", raw.density_per_m2, 0.22),
+            ArenaKind::Square => ("side_m", "density_per_m2", raw.side_m, 10.0),
         };
         if table.contains_key(foreign) {
             problems.push(
                 context.problem(foreign, format!("does not go with arena = {}", table["arena"])),
             );
         }
-        let size = table.entry(own).or_insert(default.into()).as_float()?;
+        let size = given.unwrap_or(default);
+        table.insert(own.to_owned(), size.into());
         let arena = match raw.arena {
             ArenaKind::Disc => {
                 Arena::Disc { radius_m: crate::scenario::disc_radius_m(context.n_agents, size) }
@@ -65,6 +69,8 @@ pub(super) const REGISTRATION: Registration = Registration {
 struct Raw {
     jump_m: f64,
     arena: ArenaKind,
+    side_m: Option<f64>,
+    density_per_m2: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]

@@ -1,40 +1,43 @@
 //! Robots that wander: the mobility model of networks that move.
 
-use super::{Controller, Registration, View, scaled, sub};
+use super::{Controller, Demands, Entry, View, scaled, sub};
 use crate::config::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range};
+use proto::config::{Default, Kind, Range, Variant, typed};
 use proto::rng::{Draws, uniform};
 use serde::Deserialize;
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e6));
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "random-waypoint",
-    doc: "Everyone goes straight to one random place after another, each time at another speed.",
-    fields: &[
-        field(
-            "side_m",
-            "Side of the square around the origin in which the places lie (m).",
-            POSITIVE,
-            Default::Required,
-        ),
-        field(
-            "slowest_mps",
-            "Least speed (m/s); at 0 robots would grow slower for ever.",
-            POSITIVE,
-            Default::Number(0.5),
-        ),
-        field("fastest_mps", "Greatest speed (m/s).", POSITIVE, Default::Number(2.0)),
-        field(
-            "pause_s",
-            "How long a robot stays at each place (s).",
-            Kind::Number(Range::closed(0.0, 1e6)),
-            Default::Number(0.0),
-        ),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "random-waypoint",
+        doc: "Everyone goes straight to one random place after another, each time at another speed.",
+        fields: &[
+            field(
+                "side_m",
+                "Side of the square around the origin in which the places lie (m).",
+                POSITIVE,
+                Default::Required,
+            ),
+            field(
+                "slowest_mps",
+                "Least speed (m/s); at 0 robots would grow slower for ever.",
+                POSITIVE,
+                Default::Number(0.5),
+            ),
+            field("fastest_mps", "Greatest speed (m/s).", POSITIVE, Default::Number(2.0)),
+            field(
+                "pause_s",
+                "How long a robot stays at each place (s).",
+                Kind::Number(Range::closed(0.0, 1e6)),
+                Default::Number(0.0),
+            ),
+        ],
+    },
+    demands: Demands::NONE,
     build: |table, context, problems| {
-        let this: RandomWaypoint = table.clone().try_into().ok()?;
+        let this: RandomWaypoint = typed(table);
         super::check_speed("fastest_mps", this.fastest_mps, context, problems);
         if this.fastest_mps < this.slowest_mps {
             problems.push(

@@ -5,9 +5,10 @@ use super::surroundings::{Other, Surroundings};
 use super::{Command, Memory, Motion, Step, norm};
 use crate::config::field;
 use crate::obstacles::Course;
-use proto::config::{Default, Kind, Range, TableSpec, Tag, Variant};
+use proto::config::{Default, Kind, Range, TableSpec, Tag, Variant, Variants, typed};
 use proto::site::{Obstacle, Site, Wall};
 use proto::types::{AgentStates, seconds};
+use serde::Deserialize;
 
 /// Description of `[robotsim.contacts]`.
 pub(crate) const SPEC: TableSpec = TableSpec {
@@ -17,7 +18,7 @@ pub(crate) const SPEC: TableSpec = TableSpec {
         key: "kind",
         doc: "What happens.",
         default: None,
-        variants: || VARIANTS.to_vec(),
+        variants: Variants::Fixed(VARIANTS),
     }),
 };
 
@@ -97,8 +98,12 @@ const CLEARANCE: f64 = 1e-9;
 impl Contacts {
     /// Of a checked table: `None` where they are only counted.
     pub(crate) fn build(table: &toml::Table, diameter_m: f64) -> Option<Self> {
-        let restitution = table.get("restitution")?.as_float()?;
-        Some(Self { radius_m: 0.5 * diameter_m, restitution })
+        #[derive(Deserialize)]
+        struct Keys {
+            restitution: Option<f64>,
+        }
+        let Keys { restitution } = typed(table);
+        Some(Self { radius_m: 0.5 * diameter_m, restitution: restitution? })
     }
 
     /// Robots of this diameter (m) that part with no speed of their own.
@@ -409,6 +414,7 @@ impl Fleet {
 mod tests {
     use super::super::Dynamics;
     use super::*;
+    use crate::catalogue::Catalogue;
     use proptest::prelude::*;
 
     const STEP_NS: u64 = 100_000_000;
@@ -422,7 +428,13 @@ mod tests {
     ) -> Vec<([f64; 3], [f64; 3])> {
         let body = "kind = 'double-integrator'\nspeed_cap_mps = 30.0\nacceleration_cap_mps2 = 10.0";
         let contacts = Contacts { radius_m: 0.15, restitution };
-        let dynamics = Dynamics::build(&body.parse().unwrap(), "", &mut Vec::new()).unwrap();
+        let dynamics = Dynamics::build(
+            &body.parse().unwrap(),
+            "",
+            &Catalogue::built_in().effects,
+            &mut Vec::new(),
+        )
+        .unwrap();
         let dynamics = Fleet::new([(start.len(), dynamics)], Some(contacts), 0.3);
         let mut states = AgentStates::at_origin(start.len());
         let mut memory = dynamics.memory(start.len());

@@ -1,6 +1,6 @@
 //! Physical effects between command and motion, each `[[robotsim.dynamics.effect]]` of the configuration one of them.
 //!
-//! One file per effect, one list: [`LIST`]. An effect that is not configured contributes exactly nothing.
+//! One file per effect, one list: `BUILT_IN`. An effect that is not configured contributes exactly nothing.
 
 mod acceleration_limit;
 mod actuator_lag;
@@ -26,7 +26,9 @@ pub use localization::Localization;
 
 use super::body::{Drive, Part, Shape};
 use super::surroundings::Surroundings;
-use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, Tag, Variant};
+use proto::config::{
+    Choice, Default, Field, Kind, Problem, Registered, Registry, TableSpec, Tag, Variant, Variants,
+};
 use proto::effect::{About, Fit};
 
 /// One physical effect. Stateless: everything it depends on is an argument.
@@ -120,13 +122,12 @@ pub struct Situation<'a> {
 pub const SPEC: TableSpec = TableSpec {
     doc: "A physical effect between command and motion.",
     fields: &[],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "Which effect.",
-        default: None,
-        variants: || LIST.iter().map(|entry| entry.variant).collect(),
-    }),
+    tag: Some(&TAG),
 };
+
+/// The key that selects an effect.
+pub const TAG: Tag =
+    Tag { key: "kind", doc: "Which effect.", default: None, variants: Variants::List(LIST) };
 
 /// An effect that can be configured.
 #[derive(Debug)]
@@ -149,8 +150,17 @@ pub type Check = fn(&toml::Table, &str, &mut Vec<Problem>);
 /// Nothing is asked of the keys together.
 pub const UNCHECKED: Check = |_, _, _| {};
 
-/// All effects.
-pub const LIST: &[Entry] = &[
+impl Registered for Entry {
+    fn variant(&self) -> &Variant {
+        &self.variant
+    }
+}
+
+/// What descriptions call the list of effects.
+pub(crate) const LIST: &str = "robotsim.dynamics.effect";
+
+/// The effects that are built in.
+pub(crate) const BUILT_IN: &[Entry] = &[
     acceleration_limit::ENTRY,
     actuator_lag::ENTRY,
     dead_band::ENTRY,
@@ -172,14 +182,13 @@ pub const LIST: &[Entry] = &[
 /// Makes the effects of checked tables, in their order, and adds what is wrong with them together with the rest: they stand at
 /// `path[0]`, `path[1]`, …
 pub fn build(
-    tables: &[toml::Value],
+    tables: &[toml::Table],
     path: &str,
+    known: &Registry<Entry>,
     problems: &mut Vec<Problem>,
 ) -> Vec<Box<dyn Effect>> {
-    let mut one = |(index, table): (usize, &toml::Value)| {
-        let kind = table.get("kind")?.as_str()?;
-        let entry = LIST.iter().find(|entry| entry.variant.name == kind)?;
-        let table = table.as_table()?;
+    let mut one = |(index, table): (usize, &toml::Table)| {
+        let entry = known.selected(table, &TAG)?;
         (entry.check)(table, &format!("{path}[{index}]"), problems);
         (entry.build)(table)
     };
@@ -196,11 +205,6 @@ const ON: Field = Field {
     ]),
     default: Default::Text("speed"),
 };
-
-/// Reads the keys of a checked table.
-fn keys<T: serde::de::DeserializeOwned>(table: &toml::Table) -> Option<T> {
-    table.clone().try_into().ok()
-}
 
 /// A demand whose speed (the norm, or the speed along the heading) is changed, direction and turning as they are.
 fn with_speed(shape: Shape, demand: Drive, speed_mps: impl Fn(f64) -> f64) -> Drive {

@@ -1,17 +1,19 @@
 //! A circle.
 
-use super::{LENGTH, Place, Registration, Scenario};
+use super::{Entry, LENGTH, Place, Scenario};
 use crate::config::field;
-use proto::config::Default;
+use proto::config::{Default, Variant, typed};
 use proto::rng::Draws;
 use serde::Deserialize;
 use std::f64::consts::TAU;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "circle",
-    doc: "Evenly on a circle around the origin, agent 0 in the east, counter-clockwise.",
-    fields: &[field("radius_m", "Radius of the circle (m).", LENGTH, Default::Required)],
-    build: |table, _, _| Some(Box::new(table.clone().try_into::<Circle>().ok()?)),
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "circle",
+        doc: "Evenly on a circle around the origin, agent 0 in the east, counter-clockwise.",
+        fields: &[field("radius_m", "Radius of the circle (m).", LENGTH, Default::Required)],
+    },
+    build: |table, _, _| Some(Box::new(typed::<Circle>(table))),
 };
 
 /// Agent i at the angle 2 π i / n.

@@ -1,21 +1,25 @@
 //! Places from a file.
 
-use super::{Place, Registration, Scenario};
+use super::{Entry, Place, Scenario};
 use crate::config::{Context, field};
-use proto::config::{Default, Kind, Problem, most_similar};
+use proto::config::{Default, Kind, Problem, Variant, most_similar, typed};
 use proto::rng::Draws;
+use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "csv",
-    doc: "As a CSV file says: a heading line agent,x_m,y_m[,z_m][,heading_rad], then one line per agent in any order. Lines that begin with # are comments.",
-    fields: &[field(
-        "file",
-        "The file, relative to the configuration.",
-        Kind::File,
-        Default::Required,
-    )],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "csv",
+        doc: "As a CSV file says: a heading line agent,x_m,y_m[,z_m][,heading_rad], then one line per agent in any order. Lines that begin with # are comments.",
+        fields: &[field(
+            "file",
+            "The file, relative to the configuration.",
+            Kind::File,
+            Default::Required,
+        )],
+    },
     build: |table, context, problems| {
-        let file = table.get("file")?.as_str()?;
+        let Keys { file } = typed(table);
+        let file = &file?;
         let Some(content) = context.files.get(file) else {
             problems.push(context.problem("file", "was not provided").value(format!("{file:?}")));
             return None;
@@ -34,6 +38,12 @@ pub(super) const REGISTRATION: Registration = Registration {
         }
     },
 };
+
+#[derive(Deserialize)]
+struct Keys {
+    /// Required, but nothing can stand in for it where it is missing.
+    file: Option<String>,
+}
 
 /// Of the problems within a file, at most this many are shown.
 const SHOWN: usize = 20;

@@ -1,22 +1,24 @@
 //! A disc of given density.
 
-use super::{Place, Registration, Scenario};
+use super::{Entry, Place, Scenario};
 use crate::config::field;
-use proto::config::{Default, Kind, Range};
+use proto::config::{Default, Kind, Range, Variant, typed};
 use proto::rng::{Draws, uniform};
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "disc",
-    doc: "At random in a disc around the origin, as large as the density asks.",
-    fields: &[field(
-        "density_per_m2",
-        "Agents per m²: about 5 in the BotNet paper, 0.22 in its code.",
-        Kind::Number(Range::closed(1e-9, 1e9)),
-        Default::Required,
-    )],
-    build: |table, _, _| Some(Box::new(table.clone().try_into::<Disc>().ok()?)),
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "disc",
+        doc: "At random in a disc around the origin, as large as the density asks.",
+        fields: &[field(
+            "density_per_m2",
+            "Agents per m²: about 5 in the BotNet paper, 0.22 in its code.",
+            Kind::Number(Range::closed(1e-9, 1e9)),
+            Default::Required,
+        )],
+    },
+    build: |table, _, _| Some(Box::new(typed::<Disc>(table))),
 };
 
 /// Uniform in a disc of radius √(n / (π density)).

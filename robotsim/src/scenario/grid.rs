@@ -1,24 +1,26 @@
 //! A grid.
 
-use super::{LENGTH, Place, Registration, Scenario};
+use super::{Entry, LENGTH, Place, Scenario};
 use crate::config::field;
-use proto::config::{Default, Kind};
+use proto::config::{Default, Kind, Variant, typed};
 use proto::rng::Draws;
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "grid",
-    doc: "In rows from west to east, the first in the south, around the origin.",
-    fields: &[
-        field("spacing_m", "Distance between neighbours (m).", LENGTH, Default::Number(2.0)),
-        field(
-            "columns",
-            "Robots in a row. Absent: as many as make the grid square.",
-            Kind::Integer { min: 1, max: u32::MAX as i64 },
-            Default::Absent,
-        ),
-    ],
-    build: |table, _, _| Some(Box::new(table.clone().try_into::<Grid>().ok()?)),
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "grid",
+        doc: "In rows from west to east, the first in the south, around the origin.",
+        fields: &[
+            field("spacing_m", "Distance between neighbours (m).", LENGTH, Default::Number(2.0)),
+            field(
+                "columns",
+                "Robots in a row. Absent: as many as make the grid square.",
+                Kind::Integer { min: 1, max: u32::MAX as i64 },
+                Default::Absent,
+            ),
+        ],
+    },
+    build: |table, _, _| Some(Box::new(typed::<Grid>(table))),
 };
 
 /// Agent i in row ⌊i/c⌋ and column i mod c of c columns, c = ⌈√n⌉ unless it is given.

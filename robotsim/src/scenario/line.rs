@@ -1,30 +1,32 @@
 //! A line across the leader, alternating sides.
 
-use super::{LENGTH, Place, Registration, Scenario};
+use super::{Entry, LENGTH, Place, Scenario};
 use crate::config::field;
-use proto::config::{Default, Kind, Range};
+use proto::config::{Default, Kind, Range, Variant, typed};
 use proto::rng::Draws;
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "line",
-    doc: "Agent 0 at the origin, the others along the y axis, alternating sides.",
-    fields: &[
-        field(
-            "spacing_m",
-            "Distance along the line (m). Default: the BotNet paper's.",
-            LENGTH,
-            Default::Number(2.0),
-        ),
-        field(
-            "jitter_m",
-            "Each agent but 0 is displaced along the line by up to this (m). Default: BotNet's.",
-            Kind::Number(Range::closed(0.0, 1e6)),
-            Default::Number(0.25),
-        ),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "line",
+        doc: "Agent 0 at the origin, the others along the y axis, alternating sides.",
+        fields: &[
+            field(
+                "spacing_m",
+                "Distance along the line (m). Default: the BotNet paper's.",
+                LENGTH,
+                Default::Number(2.0),
+            ),
+            field(
+                "jitter_m",
+                "Each agent but 0 is displaced along the line by up to this (m). Default: BotNet's.",
+                Kind::Number(Range::closed(0.0, 1e6)),
+                Default::Number(0.25),
+            ),
+        ],
+    },
     build: |table, context, problems| {
-        let line: Line = table.clone().try_into().ok()?;
+        let line: Line = typed(table);
         if line.spacing_m < 2.0 * line.jitter_m {
             problems.push(
                 context

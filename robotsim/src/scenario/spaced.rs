@@ -1,20 +1,27 @@
 //! At random, but not too close.
 
-use super::{LENGTH, Place, Registration, Scenario};
+use super::{Entry, LENGTH, Place, Scenario};
 use crate::config::field;
-use proto::config::Default;
+use proto::config::{Default, Variant, typed};
 use proto::rng::{Draws, uniform};
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "spaced",
-    doc: "At random in a square around the origin, nobody closer to another than a least distance.",
-    fields: &[
-        field("side_m", "Side of the square (m).", LENGTH, Default::Required),
-        field("min_distance_m", "Least distance between robots (m).", LENGTH, Default::Required),
-    ],
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "spaced",
+        doc: "At random in a square around the origin, nobody closer to another than a least distance.",
+        fields: &[
+            field("side_m", "Side of the square (m).", LENGTH, Default::Required),
+            field(
+                "min_distance_m",
+                "Least distance between robots (m).",
+                LENGTH,
+                Default::Required,
+            ),
+        ],
+    },
     build: |table, context, problems| {
-        let this: Spaced = table.clone().try_into().ok()?;
+        let this: Spaced = typed(table);
         // Discs of half the distance, of which random placing fills 0.547 of the plane at most; half of that leaves room.
         let area_m2 = (this.side_m + this.min_distance_m) * (this.side_m + this.min_distance_m);
         let disc_m2 = std::f64::consts::PI / 4.0 * this.min_distance_m * this.min_distance_m;

@@ -1,21 +1,23 @@
 //! A square.
 
-use super::{LENGTH, Place, Registration, Scenario};
+use super::{Entry, LENGTH, Place, Scenario};
 use crate::config::field;
-use proto::config::Default;
+use proto::config::{Default, Variant, typed};
 use proto::rng::{Draws, uniform};
 use serde::Deserialize;
 
-pub(super) const REGISTRATION: Registration = Registration {
-    name: "square",
-    doc: "At random in a square around the origin.",
-    fields: &[field(
-        "side_m",
-        "Side of the square (m). Default: that of BotNet's timing task.",
-        LENGTH,
-        Default::Number(10.0),
-    )],
-    build: |table, _, _| Some(Box::new(table.clone().try_into::<Square>().ok()?)),
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "square",
+        doc: "At random in a square around the origin.",
+        fields: &[field(
+            "side_m",
+            "Side of the square (m). Default: that of BotNet's timing task.",
+            LENGTH,
+            Default::Number(10.0),
+        )],
+    },
+    build: |table, _, _| Some(Box::new(typed::<Square>(table))),
 };
 
 /// Uniform in a square.

@@ -2,6 +2,7 @@
 
 use crate::air::setup;
 use proto::side::RobotSimulator as _;
+use robotsim::catalogue::Catalogue;
 use robotsim::config;
 use robotsim::sim::Swarm;
 
@@ -11,7 +12,7 @@ fn refusal(toml: &str, csv: Option<&str>) -> String {
     if let Some(csv) = csv {
         setup.files.insert("places.csv".to_owned(), csv.as_bytes().to_vec().into());
     }
-    let problems = config::read(&setup).expect_err("it is wrong");
+    let problems = config::read(&setup, Catalogue::built_in()).expect_err("it is wrong");
     problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
@@ -128,7 +129,7 @@ robotsim.controller.velocity_mps: must not be faster than dynamics.speed_cap_mps
 robotsim.controller.kind: is missing: one of "flocking", "boids", "olfati-saber", "line-formation", "circle-formation", "consensus", "coverage", "dispersion", "exploration", "random-waypoint", "random-jump", "constant-velocity", "hold"
 "#);
     let with = format!("{without}controller = {{ kind = 'hold' }}\n");
-    assert!(config::read(&setup(&with, 5, 1)).is_ok());
+    assert!(config::read(&setup(&with, 5, 1), Catalogue::built_in()).is_ok());
     insta::assert_snapshot!(
         refusal("scenario.kind = 'line'\ncontacts.kind = 'resolve'\ndiameter_m = 0\n[[group]]\ncount = 5\n\
                  controller = { kind = 'random-jump', arena = 'square', jump_m = -1 }\n", None), @r#"
@@ -155,7 +156,13 @@ robotsim.group[1].controller.kind: must not be random-jump beside rigid bodies: 
 "#);
     let mixed = "controller.kind = 'hold'\n[[group]]\ncount = 2\n[[group]]\ncount = 3\ndynamics.kind = 'car'\n";
     for contacts in ["", "contacts.kind = 'resolve'\n"] {
-        assert!(config::read(&setup(&format!("{shared}{contacts}{mixed}"), 5, 1)).is_ok());
+        assert!(
+            config::read(
+                &setup(&format!("{shared}{contacts}{mixed}"), 5, 1),
+                Catalogue::built_in()
+            )
+            .is_ok()
+        );
     }
 }
 
@@ -204,14 +211,17 @@ fn places_are_read_in_any_order_with_optional_columns() {
     assert_eq!(states.x_m, [4.0, 7.0, 1.0]);
     assert_eq!(states.z_m, [6.0, 9.0, 3.0]);
     assert_eq!(states.heading_rad, [0.0, -1.0, 1.5]);
-    assert_eq!(config::files(&setup.config, "robotsim")[0].key, "robotsim.scenario.file");
+    assert_eq!(
+        config::files(&setup.config, "robotsim", Catalogue::built_in())[0].key,
+        "robotsim.scenario.file"
+    );
 }
 
 #[test]
 fn defaults_are_filled_in_and_read_back_as_the_same() {
     let written = "scenario.kind = 'line'\ncontroller = { kind = 'flocking', flock_radius_m = 10 }";
     let mut setup = setup(written, 25, 1);
-    let (_, effective) = config::read(&setup).unwrap();
+    let (_, effective) = config::read(&setup, Catalogue::built_in()).unwrap();
     insta::assert_snapshot!(effective, @r#"
 knowledge = "heard"
 diameter_m = 0.3
@@ -241,7 +251,7 @@ leader_weight_on = "gradient"
 velocity_term = false
 "#);
     setup.config = proto::config::parse(&effective.to_string()).unwrap();
-    assert_eq!(config::read(&setup).unwrap().1, effective);
+    assert_eq!(config::read(&setup, Catalogue::built_in()).unwrap().1, effective);
 }
 
 #[test]
@@ -257,9 +267,9 @@ fn every_default_of_every_kind_is_valid() {
     ] {
         for scenario in ["line", "square", "grid"] {
             let toml = format!("scenario.kind = '{scenario}'\ncontroller.kind = '{controller}'");
-            let (_, effective) = config::read(&setup(&toml, 1, 1)).unwrap();
+            let (_, effective) = config::read(&setup(&toml, 1, 1), Catalogue::built_in()).unwrap();
             assert!(effective.contains_key("dynamics"), "{effective}");
         }
     }
-    assert!(Swarm::config_schema_json().contains("\"flock_radius_m\""));
+    assert!(Swarm::default().config_schema_json().contains("\"flock_radius_m\""));
 }

@@ -1,7 +1,7 @@
 //! Acknowledgments that do not come.
 
 use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -47,7 +47,7 @@ pub const ENTRY: Entry = Entry {
         linear_in: None,
     },
     needs_kept_time: false,
-    build: |table| Some(Box::new(table.clone().try_into::<AckLoss>().ok()?)),
+    build: |table| Some(Box::new(typed::<AckLoss>(table))),
 };
 
 /// Acknowledgments that do not come, though the frame did.

@@ -1,7 +1,7 @@
 //! Airtime that is rationed.
 
 use super::{Burden, Duty, Effect, Entry, MOTES, Motes, Node, concerns};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -53,7 +53,7 @@ pub const ENTRY: Entry = Entry {
         linear_in: None,
     },
     needs_kept_time: false,
-    build: |table| Some(Box::new(table.clone().try_into::<DutyCycleLimit>().ok()?)),
+    build: |table| Some(Box::new(typed::<DutyCycleLimit>(table))),
 };
 
 /// Airtime is rationed.

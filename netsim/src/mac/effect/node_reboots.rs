@@ -1,7 +1,7 @@
 //! Motes that begin anew.
 
 use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -50,7 +50,7 @@ pub const ENTRY: Entry = Entry {
         linear_in: None,
     },
     needs_kept_time: false,
-    build: |table| Some(Box::new(table.clone().try_into::<NodeReboots>().ok()?)),
+    build: |table| Some(Box::new(typed::<NodeReboots>(table))),
 };
 
 /// Motes that begin anew.

@@ -1,7 +1,7 @@
 //! Queues with less room than thought.
 
 use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
-use proto::config::{Default, Field, Kind, Variant};
+use proto::config::{Default, Field, Kind, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -45,7 +45,7 @@ pub const ENTRY: Entry = Entry {
         linear_in: None,
     },
     needs_kept_time: false,
-    build: |table| Some(Box::new(table.clone().try_into::<QueueLimit>().ok()?)),
+    build: |table| Some(Box::new(typed::<QueueLimit>(table))),
 };
 
 /// Queues with less room.

@@ -1,9 +1,8 @@
 //! Antennas that are not the same in all directions.
 
 use super::{Effect, Entry};
-use crate::phy::keys;
 use crate::phy::link::{End, Link};
-use proto::config::{Choice, Default, Field, Kind, Problem, Range, Variant};
+use proto::config::{Choice, Default, Field, Kind, Problem, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -107,7 +106,7 @@ pub const ENTRY: Entry = Entry {
     },
     check,
     build: |table, _| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         let shape = match keys.shape {
             ShapeKey::Cardioid => Shape::Cardioid {
                 half_db: 0.5 * keys.front_to_back_db?,
@@ -120,7 +119,7 @@ pub const ENTRY: Entry = Entry {
     },
 };
 
-#[derive(Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum ShapeKey {
     Cardioid,
@@ -142,19 +141,23 @@ struct Keys {
 }
 
 fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
-    let shape = table.get("shape").and_then(toml::Value::as_str).unwrap_or_default();
+    let shape = typed::<Keys>(table).shape;
     let has = |key: &str| table.contains_key(key);
-    if shape == "cardioid" && !has("front_to_back_db") {
+    if shape == ShapeKey::Cardioid && !has("front_to_back_db") {
         let message = "is missing: a cardioid needs it";
         problems.push(Problem::new(format!("{path}.front_to_back_db"), message));
     }
-    if shape == "fourier" && !has("cos") && !has("sin") {
+    if shape == ShapeKey::Fourier && !has("cos") && !has("sin") {
         problems
             .push(Problem::new(path, "must have cos or sin: a Fourier series needs coefficients"));
     }
-    for (key, of) in [("front_to_back_db", "cardioid"), ("cos", "fourier"), ("sin", "fourier")] {
+    for (key, of, name) in [
+        ("front_to_back_db", ShapeKey::Cardioid, "cardioid"),
+        ("cos", ShapeKey::Fourier, "fourier"),
+        ("sin", ShapeKey::Fourier, "fourier"),
+    ] {
         if has(key) && shape != of {
-            let message = format!("must be left out: it belongs to shape = {of:?}");
+            let message = format!("must be left out: it belongs to shape = {name:?}");
             problems.push(Problem::new(format!("{path}.{key}"), message));
         }
     }

@@ -1,9 +1,8 @@
 //! Batteries that run down.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -56,7 +55,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         let nodes = keys.nodes.map(|mut nodes| {
             nodes.sort_unstable();
             nodes

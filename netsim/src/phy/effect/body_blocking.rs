@@ -1,10 +1,9 @@
 //! Others in the way.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::{Link, Scene};
 use crate::phy::sight::{bodies_in_first_zone, prepare_bodies};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -67,7 +66,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: BodyBlocking = keys(table)?;
+        let effect: BodyBlocking = typed(table);
         Some(Box::new(effect))
     },
 };

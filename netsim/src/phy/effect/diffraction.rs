@@ -1,10 +1,9 @@
 //! Waves that bend over edges.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::Link;
 use crate::phy::sight::Path;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -47,7 +46,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: Diffraction = keys(table)?;
+        let effect: Diffraction = typed(table);
         Some(Box::new(effect))
     },
 };

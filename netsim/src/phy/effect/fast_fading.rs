@@ -1,9 +1,8 @@
 //! Power that differs from frame to frame.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use proto::rng::Purpose;
 use serde::Deserialize;
@@ -48,7 +47,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, ordinal| {
-        let Keys { k_factor_db } = keys(table)?;
+        let Keys { k_factor_db } = typed(table);
         Some(Box::new(FastFading { k_factor_db, ordinal }))
     },
 };

@@ -3,9 +3,10 @@
 use super::{Effect, Entry};
 use crate::phy::link::{End, Link, Side};
 use crate::phy::sight::Path;
-use proto::config::{Choice, Default, Field, Kind, Range, Variant};
+use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Need};
 use proto::formula::{Bound, FIELDS, FIT, Written};
+use serde::Deserialize;
 
 /// `kind = "formula"`.
 pub const ENTRY: Entry = Entry {
@@ -62,15 +63,16 @@ pub const ENTRY: Entry = Entry {
     build: |table, _| {
         let known = NAMES.map(|(name, _)| name);
         let written = Written::read(table, "", &known, &mut Vec::new())?;
-        let target = match table.get("target")?.as_str()? {
-            "noise" => Target::Noise,
-            "loss" => Target::Loss,
-            _ => Target::Mean,
-        };
-        let limit_db = table.get("limit_db")?.as_float()?;
+        let Keys { target, limit_db } = typed(table);
         Some(Box::new(Formula { expression: written.bound(&NAMES), target, limit_db }))
     },
 };
+
+#[derive(Deserialize)]
+struct Keys {
+    target: Target,
+    limit_db: f64,
+}
 
 /// Reads a number off a link.
 type Read = fn(&Link<'_>) -> Option<f64>;
@@ -125,7 +127,8 @@ fn walls_crossed(link: &Link<'_>) -> f64 {
 }
 
 /// What an expression is added to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Target {
     /// The received power (dB).
     Mean,

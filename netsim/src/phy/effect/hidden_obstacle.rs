@@ -1,10 +1,9 @@
 //! Something in the way that no map shows.
 
 use super::{Effect, Entry};
-use crate::phy::keys;
 use crate::phy::link::Link;
 use crate::phy::sight::Path;
-use proto::config::{Default, Field, Kind, Problem, Range, Variant};
+use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use proto::site::{Obstacle, Wall};
 use serde::Deserialize;
@@ -78,7 +77,7 @@ pub const ENTRY: Entry = Entry {
     },
     check,
     build: |table, _| {
-        let Keys { loss_db, from_m, to_m, centre_m, radius_m } = keys(table)?;
+        let Keys { loss_db, from_m, to_m, centre_m, radius_m } = typed(table);
         let extent = match (from_m.zip(to_m), centre_m.zip(radius_m)) {
             (Some((from_m, to_m)), _) => {
                 Extent::Piece(Wall { from_m, to_m, height_m: None, material: None })

@@ -1,9 +1,8 @@
 //! Others on the band.
 
 use super::{Effect, Entry};
-use crate::phy::keys;
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Problem, Range, Variant};
+use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -99,7 +98,7 @@ pub const ENTRY: Entry = Entry {
     },
     check,
     build: |table, _| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         let receivers = keys.receivers.map(|mut receivers| {
             receivers.sort_unstable();
             receivers
@@ -130,15 +129,15 @@ struct Keys {
 }
 
 fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
-    let number = |key: &str| table.get(key).and_then(toml::Value::as_float);
-    if let (Some(from_s), Some(to_s)) = (number("from_s"), number("to_s"))
+    let keys: Keys = typed(table);
+    if let (Some(from_s), Some(to_s)) = (keys.from_s, keys.to_s)
         && to_s <= from_s
     {
         let message = format!("must be greater than from_s, {from_s}");
         problems.push(Problem::new(format!("{path}.to_s"), message).value(to_s));
     }
     for (key, other) in [("power_dbm", "sir_threshold_db"), ("sir_threshold_db", "power_dbm")] {
-        if number(key).is_some() && number(other).is_none() {
+        if table.contains_key(key) && !table.contains_key(other) {
             let message = format!("is missing: it belongs to {key}");
             problems.push(Problem::new(format!("{path}.{other}"), message));
         }

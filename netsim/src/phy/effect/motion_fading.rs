@@ -1,9 +1,8 @@
 //! A channel that changes while a frame is on the air.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::{End, Link, Side};
-use proto::config::{Choice, Default, Field, Kind, Range, Variant};
+use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -75,7 +74,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let Keys { rician_k_db, frame_ms, law } = keys(table)?;
+        let Keys { rician_k_db, frame_ms, law } = typed(table);
         let k = libm::pow(10.0, rician_k_db / 10.0);
         let scattered = match law {
             Law::CoherenceTime => 1.0 / (k + 1.0),

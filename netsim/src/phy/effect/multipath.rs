@@ -1,10 +1,9 @@
 //! Rays that arrive by several ways, channel by channel.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::SPEED_OF_LIGHT_MPS;
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use proto::rng::Purpose;
 use serde::Deserialize;
@@ -68,7 +67,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, ordinal| {
-        let Keys { sd_db, coherence_mhz } = keys(table)?;
+        let Keys { sd_db, coherence_mhz } = typed(table);
         Some(Box::new(Multipath { sd_db, coherence_hz: coherence_mhz * 1e6, ordinal }))
     },
 };

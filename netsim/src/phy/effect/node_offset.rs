@@ -1,10 +1,9 @@
 //! No two nodes are alike.
 
 use super::{Effect, Entry};
-use crate::phy::keys;
 use crate::phy::link::Link;
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Default, Field, Kind, Problem, Range, Variant};
+use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use proto::rng::Purpose;
 use serde::Deserialize;
@@ -81,9 +80,9 @@ pub const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: |table, path, problems| {
-        for end in ["tx", "rx"] {
-            let sd = table.get(&format!("{end}_sd_db")).and_then(toml::Value::as_float);
-            if table.contains_key(&format!("{end}_db")) && sd.is_some_and(|sd_db| 0.0 < sd_db) {
+        let keys: Keys = typed(table);
+        for (end, sd_db) in [("tx", keys.tx_sd_db), ("rx", keys.rx_sd_db)] {
+            if table.contains_key(&format!("{end}_db")) && 0.0 < sd_db {
                 let message =
                     format!("must be left out where {end}_db gives the values themselves");
                 problems.push(Problem::new(format!("{path}.{end}_sd_db"), message));
@@ -91,7 +90,7 @@ pub const ENTRY: Entry = Entry {
         }
     },
     build: |table, ordinal| {
-        let Keys { tx_sd_db, rx_sd_db, tx_db, rx_db } = keys(table)?;
+        let Keys { tx_sd_db, rx_sd_db, tx_db, rx_db } = typed(table);
         Some(Box::new(NodeOffset { tx_sd_db, rx_sd_db, tx_db, rx_db, ordinal }))
     },
 };

@@ -1,9 +1,8 @@
 //! A receiver noisier than the curve's.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -44,7 +43,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: NoiseFloor = keys(table)?;
+        let effect: NoiseFloor = typed(table);
         Some(Box::new(effect))
     },
 };

@@ -1,9 +1,8 @@
 //! Clutter: power falls faster, or slower, over distance than in free space.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -54,7 +53,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: PathLossExponent = keys(table)?;
+        let effect: PathLossExponent = typed(table);
         Some(Box::new(effect))
     },
 };

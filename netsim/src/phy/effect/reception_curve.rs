@@ -1,9 +1,8 @@
 //! The receiver's own waterfall.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::reception::Curve;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -64,7 +63,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: ReceptionCurve = keys(table)?;
+        let effect: ReceptionCurve = typed(table);
         Some(Box::new(effect))
     },
 };

@@ -1,9 +1,8 @@
 //! Log-normal shadowing.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use proto::rng::Purpose;
 use serde::Deserialize;
@@ -64,7 +63,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, ordinal| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         Some(Box::new(Shadowing {
             sd_db: keys.sd_db,
             decorrelation_m: keys.decorrelation_m,

@@ -1,9 +1,8 @@
 //! A constant offset.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, CONSTANT, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -55,7 +54,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: SystemGain = keys(table)?;
+        let effect: SystemGain = typed(table);
         Some(Box::new(effect))
     },
 };

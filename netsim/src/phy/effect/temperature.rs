@@ -1,9 +1,8 @@
 //! Electronics that grow warm.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::{Link, Side};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -66,7 +65,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: Temperature = keys(table)?;
+        let effect: Temperature = typed(table);
         Some(Box::new(effect))
     },
 };

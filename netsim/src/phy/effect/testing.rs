@@ -1,6 +1,7 @@
 //! What tests of effects share: a link, an effect of its keys, a radio.
 
-use super::{Effect, LIST, find};
+use super::Effect;
+use crate::catalogue::Catalogue;
 use crate::phy::link::{End, Link, Scene, channel_hz};
 use crate::phy::model::Model;
 use crate::phy::propagation::Radio;
@@ -38,13 +39,15 @@ pub(crate) fn over_friis(effect: Option<Box<dyn Effect>>) -> Model {
     Model::new(Box::new(Friis { radio }), effects, Box::new(Table::dust()), radio, 0.1, None)
 }
 
-fn checked(name: &str, keys: &str) -> (toml::Value, Vec<proto::config::Problem>) {
+fn checked(name: &str, keys: &str) -> (toml::Table, Vec<proto::config::Problem>) {
     let text = format!("kind = {name:?}\n{keys}");
     let mut problems = Vec::new();
     let node = proto::config::parse(&text).unwrap();
-    let table = proto::config::check(&node, "effect[0]", &super::SPEC, &mut problems).table;
-    let table = toml::Value::Table(table);
-    super::check(std::slice::from_ref(&table), "effect", &mut problems);
+    let catalogue = Catalogue::built_in();
+    let (spec, lists) = (&super::SPEC, catalogue.lists());
+    let table = proto::config::check(&node, "effect[0]", spec, &lists, &mut problems).table;
+    let tables = std::slice::from_ref(&table);
+    super::check(tables, "effect", &catalogue.effects, &mut problems);
     (table, problems)
 }
 
@@ -52,7 +55,7 @@ fn checked(name: &str, keys: &str) -> (toml::Value, Vec<proto::config::Problem>)
 pub(crate) fn made(name: &str, keys: &str) -> Box<dyn Effect> {
     let (table, problems) = checked(name, keys);
     assert!(problems.is_empty(), "{name}: {problems:?}");
-    super::build(&[table]).pop().unwrap()
+    super::build(&[table], &Catalogue::built_in().effects).pop().unwrap()
 }
 
 /// What is wrong with these keys of an effect.
@@ -72,7 +75,7 @@ fn needed(name: &str) -> &'static str {
 
 #[test]
 fn every_effect_can_be_made_from_its_starts_and_bounds_in_every_variant() {
-    for entry in LIST {
+    for entry in Catalogue::built_in().effects.iter() {
         let name = entry.variant.name;
         let variants =
             if entry.fit.variants.is_empty() { &[&[][..]][..] } else { entry.fit.variants };
@@ -104,15 +107,16 @@ fn every_effect_can_be_made_from_its_starts_and_bounds_in_every_variant() {
 
 #[test]
 fn the_list_is_in_order_and_says_everything() {
-    assert!(LIST.is_sorted_by_key(|entry| entry.variant.name));
-    for entry in LIST {
+    let effects = &Catalogue::built_in().effects;
+    assert!(effects.iter().is_sorted_by_key(|entry| entry.variant.name));
+    for entry in effects.iter() {
         let (name, about, fit) = (entry.variant.name, &entry.about, &entry.fit);
         for text in [about.mechanism, about.equation, about.source, about.validity, about.trace] {
             assert!(20 <= text.len(), "{name}: {text}");
         }
         assert!(!about.needs.is_empty(), "{name}");
         for general in fit.generalises {
-            assert!(find(general).is_some() && *general != name, "{name}: {general}");
+            assert!(effects.find(general).is_some() && *general != name, "{name}: {general}");
         }
         for parameter in fit.parameters {
             let key = parameter.key;

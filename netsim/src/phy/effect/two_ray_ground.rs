@@ -1,9 +1,8 @@
 //! The ray that the ground reflects.
 
 use super::{Effect, Entry, UNCHECKED};
-use crate::phy::keys;
 use crate::phy::link::Link;
-use proto::config::{Choice, Default, Field, Kind, Range, Variant};
+use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 use std::f64::consts::TAU;
@@ -71,7 +70,7 @@ pub const ENTRY: Entry = Entry {
     },
     check: UNCHECKED,
     build: |table, _| {
-        let effect: TwoRayGround = keys(table)?;
+        let effect: TwoRayGround = typed(table);
         Some(Box::new(effect))
     },
 };

@@ -1,9 +1,8 @@
 //! Interference by the bit error rate of IEEE 802.15.4's O-QPSK.
 
 use super::{Entry, NOISE_FIELD, Rule, milliwatts};
-use crate::phy::keys;
 use crate::phy::reception::o_qpsk::bit_error_rate;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
 /// `kind = "o-qpsk"`.
@@ -25,7 +24,7 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     build: |table| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         Some(Box::new(OQpsk::new(keys.noise_floor_dbm, keys.co_channel_rejection_db)))
     },
 };

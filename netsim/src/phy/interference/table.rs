@@ -1,10 +1,9 @@
 //! Interference by the 6TiSCH simulator's table.
 
 use super::{Entry, NOISE_FIELD, Rule, milliwatts};
-use crate::phy::keys;
 use crate::phy::reception::Curve;
 use crate::phy::reception::table::Table;
-use proto::config::Variant;
+use proto::config::{Variant, typed};
 use serde::Deserialize;
 
 /// `kind = "table"`.
@@ -17,7 +16,7 @@ pub const ENTRY: Entry = Entry {
         fields: &[NOISE_FIELD],
     },
     build: |table| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         Some(Box::new(ByTable::new(keys.noise_floor_dbm)))
     },
 };

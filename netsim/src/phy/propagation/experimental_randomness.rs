@@ -1,11 +1,10 @@
 //! Uniform between a bound and another 40 dB below: the Pister hack.
 
 use super::friis::{friis_dbm, friis_reach};
-use super::{Entry, Prediction, Propagation, Radio, Reach, Reception};
-use crate::phy::keys;
+use super::{Entry, Family, NOT_REPLAYED, Prediction, Propagation, Radio, Reach, Reception};
 use crate::phy::link::{Link, SPEED_OF_LIGHT_MPS};
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Choice, Default, Field, Kind, Variant};
+use proto::config::{Choice, Default, Field, Kind, Variant, typed};
 use proto::rng::Purpose;
 use serde::Deserialize;
 
@@ -29,8 +28,10 @@ pub const ENTRY: Entry = Entry {
             default: Default::Text("period"),
         }],
     },
+    family: Family::Signal,
+    replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         Some(Box::new(ExperimentalRandomness { radio: context.radio, redraw: keys.redraw }))
     },
 };

@@ -1,6 +1,6 @@
 //! Free space.
 
-use super::{Entry, Prediction, Propagation, Radio, Reach, Reception};
+use super::{Entry, Family, NOT_REPLAYED, Prediction, Propagation, Radio, Reach, Reception};
 use crate::phy::link::{Link, SPEED_OF_LIGHT_MPS};
 use proto::config::Variant;
 
@@ -11,6 +11,8 @@ pub const ENTRY: Entry = Entry {
         doc: "Free space (Friis 1946): the optimistic bound of the BotNet paper.",
         fields: &[],
     },
+    family: Family::Signal,
+    replay: NOT_REPLAYED,
     build: |_, context| Some(Box::new(Friis { radio: context.radio })),
 };
 

@@ -1,17 +1,28 @@
 //! Everyone hears everyone.
 
-use super::{AssignedRssi, Entry, Prediction, Propagation, RSSI_FIELD, Reach, Reception};
+use super::{
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
+    Reception,
+};
 use crate::phy::link::Link;
-use proto::config::Variant;
+use proto::config::{Variant, typed};
+use serde::Deserialize;
 
 /// `propagation = "full"`.
 pub const ENTRY: Entry = Entry {
     variant: Variant { name: "full", doc: "Every frame arrives.", fields: &[RSSI_FIELD] },
+    family: Family::Connectivity,
+    replay: NOT_REPLAYED,
     build: |table, context| {
-        let constant = table.get(RSSI_FIELD.key).and_then(toml::Value::as_float);
-        Some(Box::new(Full { rssi: AssignedRssi::new(context.radio, constant) }))
+        let keys: Keys = typed(table);
+        Some(Box::new(Full { rssi: AssignedRssi::new(context.radio, keys.rssi_dbm) }))
     },
 };
+
+#[derive(Deserialize)]
+struct Keys {
+    rssi_dbm: Option<f64>,
+}
 
 /// Every frame arrives, over any distance: the ideal radio.
 #[derive(Clone, Copy, Debug, PartialEq)]

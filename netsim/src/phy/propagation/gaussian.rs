@@ -1,10 +1,12 @@
 //! The Gaussian well.
 
 use super::friis::within;
-use super::{AssignedRssi, Entry, Prediction, Propagation, RSSI_FIELD, Reach, Reception};
-use crate::phy::keys;
+use super::{
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
+    Reception,
+};
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
 /// `propagation = "gaussian"`.
@@ -22,8 +24,10 @@ pub const ENTRY: Entry = Entry {
             RSSI_FIELD,
         ],
     },
+    family: Family::Connectivity,
+    replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
         Some(Box::new(Gaussian { sigma_m: keys.sigma_m, rssi }))
     },

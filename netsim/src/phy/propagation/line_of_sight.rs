@@ -1,11 +1,13 @@
 //! Who sees whom.
 
 use super::friis::within;
-use super::{AssignedRssi, Entry, Prediction, Propagation, RSSI_FIELD, Reach, Reception};
-use crate::phy::keys;
+use super::{
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
+    Reception,
+};
 use crate::phy::link::{Link, Scene};
 use crate::phy::sight::{Path, is_blocked_by_body, prepare_bodies};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
 /// `propagation = "line-of-sight"`.
@@ -42,8 +44,10 @@ pub const ENTRY: Entry = Entry {
             RSSI_FIELD,
         ],
     },
+    family: Family::Connectivity,
+    replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         Some(Box::new(LineOfSight {
             radius_m: keys.radius_m,
             field_of_view_rad: keys.field_of_view_rad,

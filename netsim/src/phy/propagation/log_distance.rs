@@ -1,10 +1,9 @@
 //! Path loss with an exponent.
 
 use super::friis::{friis_dbm, within};
-use super::{Entry, Prediction, Propagation, Radio, Reach, Reception};
-use crate::phy::keys;
+use super::{Entry, Family, NOT_REPLAYED, Prediction, Propagation, Radio, Reach, Reception};
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
 /// `propagation = "log-distance"`.
@@ -27,8 +26,10 @@ pub const ENTRY: Entry = Entry {
             },
         ],
     },
+    family: Family::Signal,
+    replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         Some(Box::new(LogDistance {
             radio: context.radio,
             exponent: keys.exponent,

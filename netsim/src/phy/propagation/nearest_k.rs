@@ -1,10 +1,12 @@
 //! The k nearest.
 
-use super::{AssignedRssi, Entry, Prediction, Propagation, RSSI_FIELD, Reach, Reception};
-use crate::phy::keys;
+use super::{
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
+    Reception,
+};
 use crate::phy::link::{Link, Scene};
 use crate::phy::nearest::Nearest;
-use proto::config::{Default, Field, Kind, Variant};
+use proto::config::{Default, Field, Kind, Variant, typed};
 use serde::Deserialize;
 
 /// `propagation = "nearest-k"`.
@@ -22,8 +24,10 @@ pub const ENTRY: Entry = Entry {
             RSSI_FIELD,
         ],
     },
+    family: Family::Connectivity,
+    replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = keys(table)?;
+        let keys: Keys = typed(table);
         let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
         Some(Box::new(NearestK { k: keys.k, rssi }))
     },

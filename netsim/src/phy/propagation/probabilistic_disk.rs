@@ -1,7 +1,7 @@
 //! 40 dB below free space.
 
 use super::friis::{friis_dbm, friis_reach};
-use super::{Entry, Prediction, Propagation, Radio, Reach, Reception};
+use super::{Entry, Family, NOT_REPLAYED, Prediction, Propagation, Radio, Reach, Reception};
 use crate::phy::link::Link;
 use proto::config::Variant;
 
@@ -12,6 +12,8 @@ pub const ENTRY: Entry = Entry {
         doc: "Friis - 40 dB: the pessimistic bound of the BotNet paper.",
         fields: &[],
     },
+    family: Family::Signal,
+    replay: NOT_REPLAYED,
     build: |_, context| Some(Box::new(ProbabilisticDisk { radio: context.radio })),
 };
 

@@ -1,9 +1,12 @@
 //! Replay of a measured trace.
 
-use super::{BuildContext, Entry, Prediction, Propagation, Reach, Reception};
+use super::{BuildContext, Entry, Family, Prediction, Propagation, Reach, Reception};
 use crate::k7::{self, K7};
 use crate::phy::link::Link;
-use proto::config::{Choice, Default, Field, Kind, Problem, Variant};
+use bytes::Bytes;
+use proto::config::{Choice, Default, Field, Kind, Problem, Variant, typed};
+use serde::Deserialize;
+use std::collections::BTreeMap;
 
 /// `propagation = "trace"`.
 pub const ENTRY: Entry = Entry {
@@ -31,11 +34,28 @@ pub const ENTRY: Entry = Entry {
             },
         ],
     },
+    family: Family::Recording,
+    replay: duration_ns,
     build,
 };
 
 /// The `after_end` with which a run may be longer than the trace.
-pub(crate) const REPLAY_ON: &str = "hold";
+const REPLAY_ON: &str = "hold";
+
+/// Keys of `[netsim.phy]`.
+#[derive(Deserialize)]
+struct Keys {
+    /// Required, but nothing can stand in for it where it is missing.
+    file: Option<String>,
+    after_end: String,
+}
+
+/// How long it lasts, unless links are held beyond its end.
+fn duration_ns(table: &toml::Table, files: &BTreeMap<String, Bytes>) -> Option<u64> {
+    let keys: Keys = typed(table);
+    let content = files.get(&keys.file?)?;
+    if keys.after_end == REPLAY_ON { None } else { Some(k7::header(content)?.duration_ns) }
+}
 
 /// What a link and channel without rows reads (dBm): the 6TiSCH simulator's mark for nothing.
 pub const NOTHING_DBM: f64 = -1000.0;
@@ -118,7 +138,8 @@ impl Propagation for Trace {
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn Propagation>> {
     let key = format!("{}.file", context.path);
-    let file = table.get("file")?.as_str()?;
+    let keys: Keys = typed(table);
+    let file = &keys.file?;
     let Some(content) = context.files.get(file) else {
         let message =
             "names a file that was not sent along: its content must come with the configuration";
@@ -156,7 +177,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
         );
         context.problems.push(Problem::new(&key, message));
     }
-    if table.get("after_end").and_then(toml::Value::as_str) != Some(REPLAY_ON) {
+    if keys.after_end != REPLAY_ON {
         let duration_s = proto::types::seconds(header.duration_ns);
         context.warnings.push(format!(
             "{file} lasts {duration_s} s, from time 0 on, formation included: in a longer run every link then stays as its \

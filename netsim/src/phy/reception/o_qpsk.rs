@@ -1,8 +1,7 @@
 //! The bit error rate of IEEE 802.15.4's O-QPSK in noise.
 
 use super::{Curve, Entry};
-use crate::phy::keys;
-use proto::config::{Default, Field, Kind, Problem, Range, Variant};
+use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
 use serde::Deserialize;
 
 /// `kind = "o-qpsk"`.
@@ -147,7 +146,7 @@ struct Keys {
 }
 
 fn build(table: &toml::Table, _: &str, _: &mut Vec<Problem>) -> Option<Box<dyn Curve>> {
-    let keys: Keys = keys(table)?;
+    let keys: Keys = typed(table);
     Some(Box::new(OQpsk::new(keys.noise_floor_dbm, keys.frame_bytes)))
 }
 

@@ -1,7 +1,7 @@
 //! Constants of MSF: RFC 9033, § 14.
 
-use crate::sf::{Config, Entry};
-use proto::config::{Default, Field, Kind, Problem, Variant, join};
+use crate::sf::{Config, Entry, PayloadCells};
+use proto::config::{Default, Field, Kind, Problem, Variant, join, typed};
 use serde::{Deserialize, Serialize};
 
 const fn field(key: &'static str, doc: &'static str, min: i64, max: i64, default: i64) -> Field {
@@ -88,8 +88,9 @@ pub const ENTRY: Entry = Entry {
             ),
         ],
     },
+    payload_cells: PayloadCells::Shared,
     build: |table, context| {
-        let config: MsfConfig = crate::phy::keys(table)?;
+        let config: MsfConfig = typed(table);
         let before = context.problems.len();
         let mut check = |is_right: bool, key: &str, message: &str| {
             if !is_right {
@@ -107,7 +108,7 @@ pub const ENTRY: Entry = Entry {
             "must not be above max_num_cells",
         );
         check(config.wait_min_s <= config.wait_max_s, "wait_min_s", "must not be above wait_max_s");
-        (context.problems.len() == before).then_some(Config::Msf(config))
+        (context.problems.len() == before).then_some(Config::new(config))
     },
 };
 

@@ -1,8 +1,8 @@
 //! Orchestra's keys and the arithmetic of its cells.
 
-use crate::sf::{BuildContext, Config, Entry, slots_field};
+use crate::sf::{BuildContext, Config, Entry, PayloadCells, slots_field};
 use crate::wire::Eui64;
-use proto::config::{Choice, Default, Field, Kind, Problem, Variant, join};
+use proto::config::{Choice, Default, Field, Kind, Problem, Variant, join, typed};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -80,6 +80,7 @@ pub const ENTRY: Entry = Entry {
             },
         ],
     },
+    payload_cells: PayloadCells::Shared,
     build,
 };
 
@@ -235,7 +236,7 @@ struct Keys {
 }
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
-    let keys: Keys = crate::phy::keys(table)?;
+    let keys: Keys = typed(table);
     let before = context.problems.len();
     let rules = keys.rules.unwrap_or_else(|| {
         vec![Rule::EbPerTimeSource, Rule::UnicastNonStoring, Rule::DefaultCommon]
@@ -305,5 +306,5 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
             }
         ));
     }
-    Some(Config::Orchestra(config))
+    Some(Config::new(config))
 }

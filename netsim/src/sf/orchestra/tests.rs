@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::mac::{CellRef, Slotframe};
-use crate::sf::SchedulingFunction;
 use crate::sf::testing::{Bench, built, read};
 use proptest::prelude::*;
 

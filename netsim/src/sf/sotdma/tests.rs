@@ -1,6 +1,6 @@
 use super::super::testing::{Bench, built, read};
 use super::*;
-use crate::sf::{AnySf, Config as AnyConfig};
+use crate::sf::Config as AnyConfig;
 
 /// Ten slots for motes, two for all.
 const TEXT: &str =
@@ -11,8 +11,7 @@ fn small() -> AnyConfig {
 }
 
 fn sotdma(bench: &Bench) -> &Sotdma {
-    let AnySf::Sotdma(sf) = &bench.sf else { panic!("another function") };
-    sf
+    bench.sf.as_kind().expect("no other function")
 }
 
 /// Neighbour `from`, in its own slot, says whom it hears where.

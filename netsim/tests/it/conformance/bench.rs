@@ -1,6 +1,7 @@
 //! A network of motes from outside: what was on the air, what became of packets, what each mote knows.
 
 use crate::harness::{at, payloads, setup, text};
+use netsim::catalogue::Catalogue;
 use netsim::mac::CellRef;
 use netsim::mesh::network::Mesh;
 use netsim::mesh::settings::Settings;
@@ -133,7 +134,8 @@ pub(super) fn set_up(n: usize, config: &str, seed: u64) -> Setup {
 
 /// What the protocols are set to.
 pub(super) fn settings(config: &str) -> Settings {
-    let (config, ..) = netsim::config::read(&set_up(2, config, 1)).expect("a valid configuration");
+    let (config, ..) = netsim::config::read(&set_up(2, config, 1), Catalogue::built_in())
+        .expect("a valid configuration");
     config.network.expect("a network").0
 }
 
@@ -156,8 +158,8 @@ impl Bench {
     }
 
     fn of(setup: Setup, places: &[(f64, f64)]) -> Self {
-        let (mut config, ..) =
-            netsim::config::read(&setup).unwrap_or_else(|problems| panic!("{}", text(&problems)));
+        let (mut config, ..) = netsim::config::read(&setup, Catalogue::built_in())
+            .unwrap_or_else(|problems| panic!("{}", text(&problems)));
         let (settings, addresses) = *config.network.take().expect("mode 6tisch has a network");
         let Setup { experiment, site, columns, records, .. } = setup;
         Self {

@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, EAGER, FULL, LINE, SLOT_NS, line, set_up};
 use crate::harness::text;
+use netsim::catalogue::Catalogue;
 
 #[test]
 fn k4_a_step_ends_at_the_slot_it_was_told() {
@@ -60,7 +61,7 @@ fn postcard_of(mesh: &netsim::mesh::network::Mesh) -> String {
 
 /// The problems of a configuration for three motes.
 fn refused(config: &str) -> String {
-    match netsim::config::read(&set_up(3, config, 1)) {
+    match netsim::config::read(&set_up(3, config, 1), Catalogue::built_in()) {
         Ok(_) => panic!("accepted: {config}"),
         Err(problems) => text(&problems),
     }
@@ -68,7 +69,7 @@ fn refused(config: &str) -> String {
 
 #[test]
 fn k8_keys_that_are_missing_or_unknown_and_values_of_a_wrong_type_are_refused_by_name() {
-    assert!(netsim::config::read(&set_up(3, FULL, 1)).is_ok());
+    assert!(netsim::config::read(&set_up(3, FULL, 1), Catalogue::built_in()).is_ok());
     let missing = refused("[sf]\nkind = \"static\"\n");
     assert!(missing.contains("netsim.sf.slotframe_slots"), "{missing}");
     let unknown = refused("[mac]\nebb_period_s = 1\n");
@@ -116,5 +117,5 @@ fn a4_an_address_given_twice_is_refused() {
     };
     // Mote 2 would be ..-02 by default.
     assert!(refused(&listed(2)).contains("must not have the same address"));
-    assert!(netsim::config::read(&set_up(3, &listed(0x20), 1)).is_ok());
+    assert!(netsim::config::read(&set_up(3, &listed(0x20), 1), Catalogue::built_in()).is_ok());
 }

@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, EAGER, LINE, What, line, own_cells, set_up, trace};
 use crate::harness::{at, network, pairs_of, period, reading_dbm, text};
+use netsim::catalogue::Catalogue;
 use netsim::medium::links::Links;
 use netsim::medium::slot::Sent;
 use netsim::phy::End;
@@ -12,7 +13,7 @@ use std::sync::Arc;
 #[test]
 fn c1_on_a_line_of_six_next_neighbours_hear_each_other_on_every_channel() {
     let config = "[phy]\npropagation = \"unit-disk\"\nradius_m = 15.0\nrssi_dbm = -10.0\n";
-    let (config, ..) = netsim::config::read(&set_up(6, config, 1)).unwrap();
+    let (config, ..) = netsim::config::read(&set_up(6, config, 1), Catalogue::built_in()).unwrap();
     let mut links = Links::new(Arc::clone(&config.model), 1, &config.hopping_sequence, None);
     let ends: Vec<End> =
         (0..6).map(|mote| End::at(mote, [10.0 * f64::from(mote), 0.0, 0.0])).collect();
@@ -111,7 +112,7 @@ fn c7_a_trace_of_other_nodes_or_channels_is_refused_and_a_subset_of_channels_is_
         let whole = trace(2, &[(0, 0, 1, 1.0)]);
         let all = "11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26";
         setup.files.insert("links.k7".to_owned(), whole.replace(all, channels).into());
-        netsim::config::read(&setup)
+        netsim::config::read(&setup, Catalogue::built_in())
             .map(|(.., warnings)| warnings)
             .map_err(|problems| text(&problems))
     };

@@ -8,9 +8,9 @@ use netsim::mac::{CellOptions, CellRef};
 use netsim::mesh::packets::Packets;
 use netsim::mote::up::Arrived;
 use netsim::mote::{Mote, World};
+use netsim::sf::msf::Msf;
 use netsim::sf::msf::hash::autonomous_cell;
 use netsim::sf::msf::{AUTONOMOUS, NEGOTIATED, SFID};
-use netsim::sf::{AnySf, SchedulingFunction};
 use netsim::wire::Eui64;
 use netsim::wire::datagram::{Datagram, UdpRepr, Upper, code_points};
 use netsim::wire::fragment::LowpanRepr;
@@ -157,7 +157,7 @@ fn m6_a_schedule_without_a_free_slot_is_noticed_and_nothing_is_asked() {
     bench.run_until(101, 100_000, |bench| bench.parent(1).is_some());
     // Before the wait of 30 to 60 s is over.
     bench.run(2_900);
-    let AnySf::Msf(msf) = &bench.mote(1).sf else { panic!("MSF was configured") };
+    let msf = bench.mote(1).sf.as_kind::<Msf>().expect("MSF was configured");
     assert_eq!(msf.n_full(), 1);
     assert_eq!(requests(&bench, 1), []);
     assert!(!bench.mote(1).ready);
@@ -281,7 +281,7 @@ fn rfc9031_6_1_1_requests_that_proxies_forward_do_not_count_as_use_of_cells() {
     let mote = bench.mote(1).clone();
     let mut lone = Lone { bench: &bench, config: &config, mote, asn: bench.asn, sequence: 100 };
     let used = |lone: &Lone<'_>| {
-        let AnySf::Msf(msf) = &lone.mote.sf else { panic!("{:?}", lone.mote.sf) };
+        let msf = lone.mote.sf.as_kind::<Msf>().expect("MSF was configured");
         msf.cells_used()
     };
     let [tx, rx] = used(&lone);

@@ -4,6 +4,7 @@
 use super::air::{self, Ear, Emission, Heard};
 use super::scenario::Scenario;
 use crate::harness::STEP_NS;
+use netsim::catalogue::Catalogue;
 use netsim::config::Config;
 use netsim::energy::{SlotUse, Usage};
 use netsim::lowpan::DropReason;
@@ -72,7 +73,8 @@ struct Listening {
 impl Plain {
     pub(crate) fn new(scenario: &Scenario) -> Self {
         let setup = scenario.setup();
-        let (mut config, ..) = netsim::config::read(&setup).expect("it was read before");
+        let (mut config, ..) =
+            netsim::config::read(&setup, Catalogue::built_in()).expect("it was read before");
         let (settings, addresses) = *config.network.take().expect("the full network");
         let interference = config.interference.take().expect("there is a rule");
         let curve_dbm = config.model.curve.floor_dbm();

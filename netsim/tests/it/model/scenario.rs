@@ -2,6 +2,7 @@
 
 use crate::harness::{STEP_NS, setup};
 use bytes::Bytes;
+use netsim::catalogue::Catalogue;
 use netsim::dice::Dice;
 use netsim::mesh::network::Mesh;
 use netsim::sim::Network;
@@ -150,9 +151,10 @@ impl Scenario {
     /// The network itself.
     pub(crate) fn mesh(&self) -> Mesh {
         let setup = self.setup();
-        let (mut config, ..) = netsim::config::read(&setup).unwrap_or_else(|problems| {
-            panic!("{}\n{}", crate::harness::text(&problems), self.config)
-        });
+        let (mut config, ..) =
+            netsim::config::read(&setup, Catalogue::built_in()).unwrap_or_else(|problems| {
+                panic!("{}\n{}", crate::harness::text(&problems), self.config)
+            });
         let (settings, addresses) = *config.network.take().expect("the full network");
         let Setup { experiment, site, columns, records, .. } = setup;
         Mesh::new(experiment, config, settings, addresses, site, columns, records)

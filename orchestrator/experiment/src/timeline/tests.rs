@@ -151,7 +151,10 @@ payload = \"a\"
     let unnoticed = |netsim: &str| {
         let mut problems = Vec::new();
         let netsim = proto::config::parse(netsim).unwrap();
-        timeline.check_orders(netsim::config::commands(&netsim), &mut problems);
+        timeline.check_orders(
+            netsim::config::commands(&netsim, netsim::catalogue::Catalogue::built_in()),
+            &mut problems,
+        );
         problems.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
     assert_eq!(unnoticed("mode = \"6tisch\""), Vec::<String>::new());
@@ -172,7 +175,10 @@ fn only_motes_that_are_left_out_can_be_added() {
     let (timeline, _) = of(text);
     let refused = |netsim: &str| {
         let mut problems = Vec::new();
-        let absent = netsim::config::absent(&proto::config::parse(netsim).unwrap());
+        let absent = netsim::config::absent(
+            &proto::config::parse(netsim).unwrap(),
+            netsim::catalogue::Catalogue::built_in(),
+        );
         timeline.check_added(&absent, &mut problems);
         problems.iter().map(ToString::to_string).collect::<Vec<_>>()
     };

@@ -5,6 +5,7 @@ use super::terms::{Curve, Spec};
 use super::{LinkStudy, testable};
 use crate::formula::{FORMULA, FormulaError, Wanted};
 use crate::{Candidate, knots};
+use netsim::catalogue::Catalogue;
 use netsim::phy::effect;
 use proto::effect::{CONSTANT, Level, Need};
 use std::sync::Arc;
@@ -21,15 +22,14 @@ const READING_GIVEN: &str = "changes what is read, which --given-rssi takes as i
 /// Every term that may be added.
 pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
     let effects =
-        effect::LIST.iter().filter(|entry| entry.variant.name != FORMULA).map(|entry| match entry
-            .variant
-            .name
-        {
-            "node-offset" => Spec::NodeOffset(entry),
-            "shadowing" => Spec::Shadowing(entry),
-            "multipath" => Spec::Multipath(entry),
-            _ => Spec::Effect(entry),
-        });
+        Catalogue::built_in().effects.iter().filter(|entry| entry.variant.name != FORMULA).map(
+            |entry| match entry.variant.name {
+                "node-offset" => Spec::NodeOffset(entry),
+                "shadowing" => Spec::Shadowing(entry),
+                "multipath" => Spec::Multipath(entry),
+                _ => Spec::Effect(entry),
+            },
+        );
     let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
     let measured = &rows.links.rows;
     let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
@@ -76,7 +76,7 @@ impl LinkStudy {
     ///
     /// The formula is wrong, or names what is neither a parameter nor known of these rows.
     pub fn add_formula(&mut self, wanted: &Wanted) -> Result<(), FormulaError> {
-        let entry = effect::LIST.iter().find(|entry| entry.variant.name == FORMULA);
+        let entry = Catalogue::built_in().effects.find(FORMULA);
         let Some(entry) = entry else { return Ok(()) };
         let columns = self.rows.links.covariates.iter().map(|(name, _)| name.as_str());
         // Of a column of both ends, its name without the end is their mean.
@@ -88,7 +88,13 @@ impl LinkStudy {
             .flatten()
             .collect();
         let known = effect::formula::NAMES.map(|(name, _)| name);
-        let asked = wanted.checked(&effect::SPEC, entry.check, &known, &columns)?;
+        let asked = wanted.checked(
+            &effect::SPEC,
+            &Catalogue::built_in().lists(),
+            entry.check,
+            &known,
+            &columns,
+        )?;
         let spec = Spec::Formula(entry, asked);
         self.candidates.push(candidate(&spec, &self.rows));
         self.specs.push(spec);

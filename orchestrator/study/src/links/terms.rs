@@ -2,7 +2,8 @@
 
 use crate::formula::{Asked, set};
 use crate::{CURVE, FINE, LOSS_CURVE, knots};
-use netsim::phy::effect::{Effect, Entry, LIST};
+use netsim::catalogue::Catalogue;
+use netsim::phy::effect::{Effect, Entry};
 use proto::config::Default;
 use proto::effect::{CONSTANT, Parameter};
 use std::sync::Arc;
@@ -88,7 +89,11 @@ impl Curve {
         let is_mean = !self.is_loss && !is_constant;
         let is_linear =
             |entry: &&Entry| is_mean && entry.fit.linear_in == Some(self.covariate.as_str());
-        let linear = LIST.iter().filter(is_linear).map(|entry| entry.variant.name.to_owned());
+        let linear = Catalogue::built_in()
+            .effects
+            .iter()
+            .filter(is_linear)
+            .map(|entry| entry.variant.name.to_owned());
         let coarse = self.is_fine.then(|| Self { is_fine: false, ..self.clone() }.name());
         let constant = (self.is_loss && !is_constant).then(|| format!("{LOSS_CURVE}{CONSTANT}"));
         coarse.into_iter().chain(constant).chain(linear).collect()

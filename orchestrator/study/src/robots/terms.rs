@@ -8,6 +8,7 @@ use crate::{CURVE, Candidate, FINE, knots};
 use measure::robots::Sample;
 use proto::config::{Node, Value, check};
 use proto::effect::{Level, Need, Parameter};
+use robotsim::catalogue::Catalogue;
 use robotsim::dynamics::effect::{self, Entry};
 use robotsim::dynamics::{Part, Shape};
 
@@ -70,7 +71,8 @@ pub(super) fn all(
     let mut candidates = Vec::new();
     let mut terms = Vec::new();
     let shape = tracks.robots.shape;
-    for entry in effect::LIST.iter().filter(|entry| entry.variant.name != FORMULA) {
+    for entry in Catalogue::built_in().effects.iter().filter(|entry| entry.variant.name != FORMULA)
+    {
         let variants: &[&[_]] =
             if entry.fit.variants.is_empty() { &[&[]] } else { entry.fit.variants };
         for variant in variants {
@@ -153,12 +155,18 @@ impl RobotStudy {
     ///
     /// The formula is wrong, or names what is neither a parameter nor known of these samples.
     pub fn add_formula(&mut self, wanted: &Wanted) -> Result<(), FormulaError> {
-        let entry = effect::LIST.iter().find(|entry| entry.variant.name == FORMULA);
+        let entry = Catalogue::built_in().effects.find(FORMULA);
         let Some(entry) = entry else { return Ok(()) };
         let covariates = &self.model.tracks.robots.covariates;
         let columns: Vec<&str> = covariates.iter().map(|(name, _)| name.as_str()).collect();
         let known = effect::NAMES.map(|(name, _)| name);
-        let asked = wanted.checked(&effect::SPEC, entry.check, &known, &columns)?;
+        let asked = wanted.checked(
+            &effect::SPEC,
+            &Catalogue::built_in().lists(),
+            entry.check,
+            &known,
+            &columns,
+        )?;
         self.candidates.push(Candidate {
             name: FORMULA.to_owned(),
             about: Some(&entry.about),
@@ -241,7 +249,7 @@ fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter
         }
     }
     let node = Node { value: Value::from(&toml::Value::Table(table)), span: None };
-    check(&node, "", &effect::SPEC, &mut Vec::new()).table
+    check(&node, "", &effect::SPEC, &Catalogue::built_in().lists(), &mut Vec::new()).table
 }
 
 /// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart.

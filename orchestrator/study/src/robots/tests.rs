@@ -27,7 +27,9 @@ fn lagging(n_steps: usize, tau_s: f64) -> Table {
 fn study(table: &Table) -> RobotStudy {
     let node = proto::config::parse("kind = 'point-mass'").unwrap();
     let spec = &robotsim::dynamics::SPEC;
-    let dynamics = proto::config::check(&node, "", spec, &mut Vec::new()).table;
+    let dynamics =
+        proto::config::check(&node, "", spec, &Catalogue::built_in().lists(), &mut Vec::new())
+            .table;
     let robots = robots::read(table).unwrap();
     RobotStudy::new(robots, &dynamics, Given::default(), (&Choices::default(), table)).unwrap()
 }
@@ -135,7 +137,9 @@ fn what_needs_turns_or_ground_is_said_to_be_not_testable() {
 fn a_body_that_takes_other_commands_is_refused() {
     let node = proto::config::parse("kind = 'car'").unwrap();
     let spec = &robotsim::dynamics::SPEC;
-    let dynamics = proto::config::check(&node, "", spec, &mut Vec::new()).table;
+    let dynamics =
+        proto::config::check(&node, "", spec, &Catalogue::built_in().lists(), &mut Vec::new())
+            .table;
     let table = lagging(100, 0.2);
     let robots = robots::read(&table).unwrap();
     let chosen = (&Choices::default(), &table);

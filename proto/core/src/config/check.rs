@@ -1,6 +1,8 @@
 //! The walk over what was written, held against its description.
 
-use super::{Default, Field, Kind, Node, Problem, TableSpec, Value, Variant, join, most_similar};
+use super::{
+    Default, Field, Kind, Lists, Node, Problem, TableSpec, Value, Variant, join, most_similar,
+};
 
 /// A table that was checked.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,8 +24,20 @@ pub struct FileReference {
 }
 
 /// Checks the table `node`, which stands at `path`, against `spec`, adding every problem to `problems`.
-pub fn check(node: &Node, path: &str, spec: &TableSpec, problems: &mut Vec<Problem>) -> Checked {
-    let mut walk = Walk { problems, files: Vec::new() };
+///
+/// * `lists`: those that tags of `spec` name; [`Lists::NONE`] where they name none.
+///
+/// # Panics
+///
+/// If `lists` lacks one of them.
+pub fn check(
+    node: &Node,
+    path: &str,
+    spec: &TableSpec,
+    lists: &Lists,
+    problems: &mut Vec<Problem>,
+) -> Checked {
+    let mut walk = Walk { problems, lists, files: Vec::new() };
     let table = match &node.value {
         Value::Table(_) => walk.table(Some(node), path, spec),
         _ => {
@@ -36,12 +50,14 @@ pub fn check(node: &Node, path: &str, spec: &TableSpec, problems: &mut Vec<Probl
 
 struct Walk<'a> {
     problems: &'a mut Vec<Problem>,
+    lists: &'a Lists,
     files: Vec<FileReference>,
 }
 
 impl Walk<'_> {
     fn table(&mut self, node: Option<&Node>, path: &str, spec: &TableSpec) -> toml::Table {
-        let variants = spec.tag.map(|tag| (tag.variants)()).unwrap_or_default();
+        let lists = self.lists;
+        let variants = spec.tag.map_or(&[][..], |tag| tag.variants(lists));
         let mut table = toml::Table::new();
         let mut selected: Option<Variant> = None;
         if let Some(tag) = spec.tag {
@@ -92,7 +108,7 @@ impl Walk<'_> {
                 let known = spec.tag.is_some_and(|tag| tag.key == key)
                     || own.iter().chain(spec.fields).any(|field| field.key == key);
                 if !known {
-                    self.unknown_key(key, path, spec, &variants, selected.as_ref(), unjudged);
+                    self.unknown_key(key, path, spec, variants, selected.as_ref(), unjudged);
                 }
             }
         }
@@ -352,7 +368,7 @@ fn fits_by_type(kind: &Kind, value: &Value) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Choice, Range, Tag, parse};
+    use super::super::{Choice, Range, Tag, Variants, parse};
     use super::*;
 
     const INNER: TableSpec = TableSpec {
@@ -394,27 +410,25 @@ mod tests {
             key: "kind",
             doc: "Which.",
             default: Some("a"),
-            variants: || {
-                vec![
-                    Variant { name: "a", doc: "A.", fields: &[] },
-                    Variant {
-                        name: "b",
-                        doc: "B.",
-                        fields: &[Field {
-                            key: "gain_db",
-                            doc: "Gain.",
-                            kind: Kind::Number(Range::ANY),
-                            default: Default::Required,
-                        }],
-                    },
-                ]
-            },
+            variants: Variants::Fixed(&[
+                Variant { name: "a", doc: "A.", fields: &[] },
+                Variant {
+                    name: "b",
+                    doc: "B.",
+                    fields: &[Field {
+                        key: "gain_db",
+                        doc: "Gain.",
+                        kind: Kind::Number(Range::ANY),
+                        default: Default::Required,
+                    }],
+                },
+            ]),
         }),
     };
 
     fn problems(text: &str) -> Vec<String> {
         let mut problems = Vec::new();
-        check(&parse(text).unwrap(), "x", &SPEC, &mut problems);
+        check(&parse(text).unwrap(), "x", &SPEC, &Lists::NONE, &mut problems);
         problems.iter().map(ToString::to_string).collect()
     }
 
@@ -469,14 +483,14 @@ mod tests {
             tag: None,
         };
         let mut problems = Vec::new();
-        check(&parse("motes = []").unwrap(), "x", &LIST, &mut problems);
+        check(&parse("motes = []").unwrap(), "x", &LIST, &Lists::NONE, &mut problems);
         assert_eq!(problems[0].to_string(), "x.motes: must have at least 1 entry, got []");
     }
 
     #[test]
     fn defaults_are_filled_in() {
         let mut problems = Vec::new();
-        let checked = check(&parse("").unwrap(), "", &SPEC, &mut problems);
+        let checked = check(&parse("").unwrap(), "", &SPEC, &Lists::NONE, &mut problems);
         assert!(problems.is_empty());
         assert_eq!(checked.table.to_string(), "kind = \"a\"\nradius_m = 10.0\nmode = \"slow\"\n");
     }

@@ -1,21 +1,25 @@
 //! JSON Schema (draft 2020-12) of a description.
 
-use super::{Default, Field, Kind, Range, TableSpec};
+use super::{Default, Field, Kind, Lists, Range, TableSpec};
 use serde_json::{Map, Value, json};
 
-/// The schema of a table.
+/// The schema of a table. `lists`: those that its tags name.
+///
+/// # Panics
+///
+/// If `lists` lacks one of them.
 #[must_use]
-pub fn json_schema(spec: &TableSpec) -> Value {
-    let mut schema = object(spec.doc, spec.fields, None);
+pub fn json_schema(spec: &TableSpec, lists: &Lists) -> Value {
+    let mut schema = object(spec.doc, spec.fields, None, lists);
     if let Some(tag) = spec.tag {
-        let variants = (tag.variants)();
+        let variants = tag.variants(lists);
         let names: Vec<&str> = variants.iter().map(|variant| variant.name).collect();
         let alternatives: Vec<Value> = variants
             .iter()
             .map(|variant| {
                 let mut fields = variant.fields.to_vec();
                 fields.extend_from_slice(spec.fields);
-                object(variant.doc, &fields, Some((tag.key, variant.name, tag.default)))
+                object(variant.doc, &fields, Some((tag.key, variant.name, tag.default)), lists)
             })
             .collect();
         schema = json!({ "type": "object", "description": spec.doc, "oneOf": alternatives });
@@ -27,7 +31,12 @@ pub fn json_schema(spec: &TableSpec) -> Value {
     schema
 }
 
-fn object(doc: &str, fields: &[Field], tag: Option<(&str, &str, Option<&str>)>) -> Value {
+fn object(
+    doc: &str,
+    fields: &[Field],
+    tag: Option<(&str, &str, Option<&str>)>,
+    lists: &Lists,
+) -> Value {
     let mut properties = Map::new();
     let mut required = Vec::new();
     if let Some((key, name, default)) = tag {
@@ -37,7 +46,7 @@ fn object(doc: &str, fields: &[Field], tag: Option<(&str, &str, Option<&str>)>) 
         }
     }
     for field in fields {
-        let mut property = kind_schema(&field.kind);
+        let mut property = kind_schema(&field.kind, lists);
         property["description"] = json!(field.doc);
         match field.default {
             Default::Required => required.push(field.key),
@@ -58,7 +67,7 @@ fn object(doc: &str, fields: &[Field], tag: Option<(&str, &str, Option<&str>)>) 
     })
 }
 
-fn kind_schema(kind: &Kind) -> Value {
+fn kind_schema(kind: &Kind, lists: &Lists) -> Value {
     match kind {
         Kind::Bool => json!({ "type": "boolean" }),
         Kind::Integer { min, max } => {
@@ -87,16 +96,18 @@ fn kind_schema(kind: &Kind) -> Value {
             json!({ "oneOf": alternatives })
         }
         Kind::List { of, min, max } => {
-            let mut schema = json!({ "type": "array", "items": kind_schema(of), "minItems": min });
+            let mut schema =
+                json!({ "type": "array", "items": kind_schema(of, lists), "minItems": min });
             if *max != usize::MAX {
                 schema["maxItems"] = json!(max);
             }
             schema
         }
-        Kind::Table(spec) => json_schema(spec),
-        Kind::Tables(spec) => json!({ "type": "array", "items": json_schema(spec) }),
+        Kind::Table(spec) => json_schema(spec, lists),
+        Kind::Tables(spec) => json!({ "type": "array", "items": json_schema(spec, lists) }),
         Kind::Either(kinds) => {
-            json!({ "anyOf": kinds.iter().map(kind_schema).collect::<Vec<_>>() })
+            let schemas = kinds.iter().map(|kind| kind_schema(kind, lists));
+            json!({ "anyOf": schemas.collect::<Vec<_>>() })
         }
         Kind::Anything => json!({}),
     }

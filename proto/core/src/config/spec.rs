@@ -1,5 +1,7 @@
 //! The description of a section.
 
+use super::Lists;
+
 /// A table: its own keys, and those that depend on one of them.
 #[derive(Clone, Copy, Debug)]
 pub struct TableSpec {
@@ -20,8 +22,32 @@ pub struct Tag {
     pub doc: &'static str,
     /// What is selected if the key is absent. `None`: the key is required.
     pub default: Option<&'static str>,
-    /// What can be selected. A function, so that a list elsewhere can be the one list.
-    pub variants: fn() -> Vec<Variant>,
+    /// What can be selected.
+    pub variants: Variants,
+}
+
+/// The values of a tag.
+#[derive(Clone, Copy, Debug)]
+pub enum Variants {
+    /// These and no others.
+    Fixed(&'static [Variant]),
+    /// Those of the list of this name, which is passed beside the description: [`Lists`].
+    List(&'static str),
+}
+
+impl Tag {
+    /// What can be selected.
+    ///
+    /// # Panics
+    ///
+    /// If the tag names a list that `lists` lacks: whoever passed `lists` left one out.
+    #[must_use]
+    pub fn variants<'a>(&self, lists: &'a Lists) -> &'a [Variant] {
+        match self.variants {
+            Variants::Fixed(variants) => variants,
+            Variants::List(name) => lists.get(name),
+        }
+    }
 }
 
 /// One value of a tag, and the keys that go with it.

@@ -1,7 +1,7 @@
 //! Velocity that changes only so fast.
 
-use super::{Effect, Entry, Part, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, Part, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
 
@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<AccelerationLimit>(table)?)),
+    build: |table| Some(Box::new(typed::<AccelerationLimit>(table))),
 };
 
 /// |v̇| ≤ a_max.

@@ -1,7 +1,7 @@
 //! Actuators that follow with a time constant.
 
-use super::{Effect, Entry, ON, Part, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, ON, Part, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
 
@@ -43,7 +43,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<ActuatorLag>(table)?)),
+    build: |table| Some(Box::new(typed::<ActuatorLag>(table))),
 };
 
 /// v̇ = (u − v)/τ.

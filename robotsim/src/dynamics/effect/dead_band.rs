@@ -1,7 +1,7 @@
 //! Small commands that move nothing.
 
-use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED, keys, with_speed};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED, with_speed};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
 
@@ -43,7 +43,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<DeadBand>(table)?)),
+    build: |table| Some(Box::new(typed::<DeadBand>(table))),
 };
 
 /// No motion below a commanded speed.

@@ -1,7 +1,7 @@
 //! Commands that act later.
 
-use super::{Effect, Entry, ON, Part, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, ON, Part, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
 
@@ -43,7 +43,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<DeadTime>(table)?)),
+    build: |table| Some(Box::new(typed::<DeadTime>(table))),
 };
 
 /// u acts `delay_s` later.

@@ -1,7 +1,7 @@
 //! Robots that blow each other away.
 
-use super::{Effect, Entry, Situation, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, Situation, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -58,7 +58,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<Downwash>(table)?)),
+    build: |table| Some(Box::new(typed::<Downwash>(table))),
 };
 
 /// Pairwise repulsion.

@@ -2,9 +2,10 @@
 
 use super::{Effect, Entry, Situation};
 use crate::dynamics::norm;
-use proto::config::{Choice, Default, Field, Kind, Range, Variant};
+use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
 use proto::effect::About;
 use proto::formula::{Bound, FIELDS, FIT, Written};
+use serde::Deserialize;
 
 /// `kind = "formula"`.
 pub(super) const ENTRY: Entry = Entry {
@@ -56,17 +57,33 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| {
         let known = NAMES.map(|(name, _)| name);
         let written = Written::read(table, "", &known, &mut Vec::new())?;
-        let target = match table.get("target")?.as_str()? {
-            "left" => Target::Left,
-            "east" => Target::Axis(0),
-            "north" => Target::Axis(1),
-            "up" => Target::Axis(2),
-            _ => Target::Ahead,
+        let Keys { target, limit_mps } = typed(table);
+        let target = match target {
+            TargetKey::Ahead => Target::Ahead,
+            TargetKey::Left => Target::Left,
+            TargetKey::East => Target::Axis(0),
+            TargetKey::North => Target::Axis(1),
+            TargetKey::Up => Target::Axis(2),
         };
-        let limit_mps = table.get("limit_mps")?.as_float()?;
         Some(Box::new(Formula { expression: written.bound(&NAMES), target, limit_mps }))
     },
 };
+
+#[derive(Deserialize)]
+struct Keys {
+    target: TargetKey,
+    limit_mps: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum TargetKey {
+    Ahead,
+    Left,
+    East,
+    North,
+    Up,
+}
 
 /// Reads a number off a robot.
 type Read = fn(&Situation<'_>) -> f64;

@@ -1,7 +1,7 @@
 //! Motion at an angle to what is commanded.
 
-use super::{Drive, Effect, Entry, Shape, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Drive, Effect, Entry, Shape, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
 
@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<HeadingBias>(table)?)),
+    build: |table| Some(Box::new(typed::<HeadingBias>(table))),
 };
 
 /// u rotated about the vertical; of a turning body, the course against the heading.

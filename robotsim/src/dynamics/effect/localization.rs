@@ -1,7 +1,7 @@
 //! Errors of the measured position.
 
-use super::{Effect, Entry, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
 
@@ -56,7 +56,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<Localization>(table)?)),
+    build: |table| Some(Box::new(typed::<Localization>(table))),
 };
 
 /// How positions are measured: scale, delay, noise.

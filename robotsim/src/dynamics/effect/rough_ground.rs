@@ -1,7 +1,7 @@
 //! A part of the plane that slows robots down.
 
-use super::{Effect, Entry, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
 
@@ -66,7 +66,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<RoughGround>(table)?)),
+    build: |table| Some(Box::new(typed::<RoughGround>(table))),
 };
 
 /// Speed scaled within a disc.

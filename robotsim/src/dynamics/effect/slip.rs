@@ -1,7 +1,7 @@
 //! Wheels that slip, or are not as large as assumed.
 
-use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
 
@@ -43,7 +43,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<Slip>(table)?)),
+    build: |table| Some(Box::new(typed::<Slip>(table))),
 };
 
 /// v = s u.

@@ -1,7 +1,7 @@
 //! Ground that leads downhill.
 
-use super::{Effect, Entry, Situation, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, Situation, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<Slope>(table)?)),
+    build: |table| Some(Box::new(typed::<Slope>(table))),
 };
 
 /// Drift −k ∇h.

@@ -1,7 +1,7 @@
 //! A robot that is slower than assumed.
 
-use super::{Drive, Effect, Entry, Shape, UNCHECKED, keys, with_speed};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Drive, Effect, Entry, Shape, UNCHECKED, with_speed};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Parameter};
 use serde::Deserialize;
 
@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<SpeedLimit>(table)?)),
+    build: |table| Some(Box::new(typed::<SpeedLimit>(table))),
 };
 
 /// |v| ≤ v_max.

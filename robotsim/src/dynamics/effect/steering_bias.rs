@@ -1,7 +1,7 @@
 //! Steering that is never quite straight.
 
-use super::{Drive, Effect, Entry, Shape, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Drive, Effect, Entry, Shape, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -58,7 +58,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<SteeringBias>(table)?)),
+    build: |table| Some(Box::new(typed::<SteeringBias>(table))),
 };
 
 /// A trim of the steering or of the yaw rate.

@@ -1,5 +1,6 @@
 //! What the tests of effects share.
 
+use crate::catalogue::Catalogue;
 use crate::dynamics::Dynamics;
 use crate::dynamics::body::Drive;
 use crate::dynamics::physics::{Order, Physics, Robot};
@@ -10,8 +11,9 @@ pub(in crate::dynamics) fn physics(text: &str) -> Physics {
     let node = proto::config::parse(text).expect("the text is TOML");
     let mut problems = Vec::new();
     let spec = &crate::dynamics::SPEC;
-    let table = proto::config::check(&node, "", spec, &mut problems).table;
-    let dynamics = Dynamics::build(&table, "", &mut problems);
+    let catalogue = Catalogue::built_in();
+    let table = proto::config::check(&node, "", spec, &catalogue.lists(), &mut problems).table;
+    let dynamics = Dynamics::build(&table, "", &catalogue.effects, &mut problems);
     assert!(problems.is_empty(), "{problems:?}");
     dynamics.expect("what has no problem can be built").into_physics()
 }

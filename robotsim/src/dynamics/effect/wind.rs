@@ -1,7 +1,7 @@
 //! A drift that is the same for all.
 
-use super::{Effect, Entry, Situation, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, Situation, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Parameter};
 use serde::Deserialize;
 
@@ -74,7 +74,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<Wind>(table)?)),
+    build: |table| Some(Box::new(typed::<Wind>(table))),
 };
 
 /// ẋ = u + w.

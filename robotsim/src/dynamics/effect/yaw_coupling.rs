@@ -1,7 +1,7 @@
 //! Drift to the side in turns.
 
-use super::{Effect, Entry, UNCHECKED, keys};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use super::{Effect, Entry, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
         linear_in: None,
     },
     check: UNCHECKED,
-    build: |table| Some(Box::new(keys::<YawCoupling>(table)?)),
+    build: |table| Some(Box::new(typed::<YawCoupling>(table))),
 };
 
 /// v picks up ω × v.

@@ -2,6 +2,7 @@
 
 use super::super::Dynamics;
 use super::*;
+use crate::catalogue::Catalogue;
 use proptest::prelude::*;
 use proto::site::{Obstacle, Wall};
 
@@ -28,7 +29,7 @@ fn run_each(
                         force_cap_n = 10.0\nfriction = 0.0\nrestitution = 0.0\nground_friction = 0.0";
         let mut table: toml::Table = defaults.parse().unwrap();
         table.extend(keys.parse::<toml::Table>().unwrap());
-        (1, Dynamics::build(&table, "", &mut Vec::new()).unwrap())
+        (1, Dynamics::build(&table, "", &Catalogue::built_in().effects, &mut Vec::new()).unwrap())
     });
     let fleet = Fleet::new(kinds, None, 0.4);
     let mut states = AgentStates::at_origin(bodies.len());
