@@ -2,7 +2,9 @@
 //!
 //! `UPDATE_REFERENCE=1 cargo test --release -p tests --test it catalogue` writes docs/effects.md anew.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
+use tests::campaign::{Hidden, RobotHidden};
 
 fn written(name: &str) -> (PathBuf, String) {
     let path = tests::repository().join(name);
@@ -100,4 +102,42 @@ fn the_program_lists_explains_and_draws_effects() {
     let (code, _, error) = run(&["two-way-ground"]);
     assert_eq!(code, Some(2));
     assert!(error.contains("did you mean two-ray-ground?"), "{error}");
+}
+
+/// Effects that no campaign of `tests/campaign` can hide, and why.
+const WITHOUT_CAMPAIGN: [(&str, &str, &str); 2] = [
+    (
+        "radio",
+        "formula",
+        "it is what its user writes: tests/it/formula.rs fits one to measurements",
+    ),
+    (
+        "robots",
+        "formula",
+        "it is what its user writes: tests/it/formula.rs fits one to measurements",
+    ),
+];
+
+#[test]
+fn every_effect_is_hidden_in_some_campaign_or_says_why_it_cannot_be() {
+    let names = |of: &str| -> BTreeSet<&str> {
+        let all = orchestrator::effects::all();
+        all.iter().filter(|effect| effect.of == of).map(|effect| effect.variant.name).collect()
+    };
+    for (of, hidden) in [
+        ("radio", Hidden::KNOWN.iter().map(|hidden| hidden.effect()).collect::<BTreeSet<_>>()),
+        ("robots", RobotHidden::KNOWN.iter().map(|hidden| hidden.effect()).collect()),
+    ] {
+        let excused = WITHOUT_CAMPAIGN.iter().filter(|(other, ..)| *other == of);
+        let excused: BTreeSet<&str> = excused.map(|(_, name, _)| *name).collect();
+        let covered: BTreeSet<&str> = hidden.union(&excused).copied().collect();
+        assert_eq!(names(of), covered, "{of}: a campaign for each, or a reason why there is none");
+        assert!(hidden.is_disjoint(&excused), "{of}: it has a campaign after all");
+    }
+    // Campaigns have equations of their own for links and for motion, not for a network: there the running simulation hides
+    // the effect from a model that lacks it.
+    let measured_by_packets = include_str!("packets_missing.rs");
+    for name in names("network") {
+        assert!(measured_by_packets.contains(&format!("{name:?}")), "{name} is hidden nowhere");
+    }
 }

@@ -8,6 +8,7 @@
 mod broadcast;
 mod conformance;
 mod delivery;
+mod extension;
 mod frames;
 mod harness;
 mod independence;

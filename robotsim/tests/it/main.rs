@@ -14,6 +14,7 @@ mod controllers;
 mod convergence;
 mod effects;
 mod exploration;
+mod extension;
 mod flocking;
 mod groups;
 mod line_formation;

@@ -1,0 +1,371 @@
+//! A user's own kinds, all in this file: each is added to the catalogue by one call, and then is configured, refused, described
+//! and simulated as those that are built in.
+
+use crate::harness::{at, interval, pairs_of, period, setup, text};
+use netsim::catalogue::Catalogue;
+use netsim::mac::effect::{self as mac, Burden, Duty, Node};
+use netsim::phy::link::Link;
+use netsim::phy::propagation::{
+    self, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reception,
+};
+use netsim::phy::reception::{self, Curve};
+use netsim::phy::{effect, interference};
+use netsim::sf::{self, Configured, Context, Formation, PayloadCells, SchedulingFunction};
+use netsim::sim::Network;
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
+use proto::effect::About;
+use proto::formula::FIT;
+use proto::side::{NetSimulator as _, Setup};
+use serde::{Deserialize, Serialize};
+
+const fn number(key: &'static str, range: Range) -> Field {
+    Field { key, doc: "A number.", kind: Kind::Number(range), default: Default::Required }
+}
+
+const ABOUT: About =
+    About { mechanism: "", equation: "", source: "", validity: "", trace: "", needs: &[] };
+
+/// A loss that is the same for all links.
+static LOSS: effect::Entry = effect::Entry {
+    variant: Variant {
+        name: "dummy-loss",
+        doc: "A loss.",
+        fields: &[number("loss_db", Range::closed(0.0, 60.0))],
+    },
+    about: ABOUT,
+    fit: FIT,
+    check: effect::UNCHECKED,
+    build: |table, _| Some(Box::new(typed::<Loss>(table))),
+};
+
+#[derive(Debug, Deserialize)]
+struct Loss {
+    loss_db: f64,
+}
+
+impl effect::Effect for Loss {
+    fn name(&self) -> &'static str {
+        LOSS.variant.name
+    }
+
+    fn contribution_db(&self, _link: &Link<'_>) -> f64 {
+        -self.loss_db
+    }
+}
+
+/// Motes that send one frame, and then nothing for longer than any test lasts.
+static MUTE: mac::Entry = mac::Entry {
+    variant: Variant {
+        name: "dummy-mute",
+        doc: "Silence.",
+        fields: &[number("fraction", Range::closed(0.0, 1e-6)), mac::MOTES],
+    },
+    about: ABOUT,
+    fit: FIT,
+    needs_kept_time: true,
+    build: |table| Some(Box::new(typed::<Mute>(table))),
+};
+
+#[derive(Debug, Deserialize)]
+struct Mute {
+    fraction: f64,
+    motes: mac::Motes,
+}
+
+impl mac::Effect for Mute {
+    fn name(&self) -> &'static str {
+        MUTE.variant.name
+    }
+
+    fn weigh(&self, node: Node, burden: &mut Burden) {
+        if mac::concerns(&self.motes, node.mote) {
+            burden.duty = Some(Duty { fraction: self.fraction, window_ns: 1_000_000_000 });
+        }
+    }
+}
+
+/// The minimal cell, every so many slots.
+static SLOTS: sf::Entry = sf::Entry {
+    variant: Variant {
+        name: "dummy-slots",
+        doc: "One cell.",
+        fields: &[Field {
+            key: "length",
+            doc: "Of the slotframe (slots).",
+            kind: Kind::Integer { min: 1, max: 20 },
+            default: Default::Integer(11),
+        }],
+    },
+    payload_cells: PayloadCells::Shared,
+    build: |table, _| Some(sf::Config::new(typed::<Slots>(table))),
+};
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Slots {
+    length: u16,
+}
+
+impl Configured for Slots {
+    type OfMote = Self;
+
+    fn create(&self, _mote: u32) -> Self {
+        self.clone()
+    }
+
+    fn advice(&self, network: &Formation<'_>) -> Option<String> {
+        (self.length == 20).then(|| format!("{}.length: {} motes", network.path, network.n_motes))
+    }
+}
+
+impl SchedulingFunction for Slots {
+    fn start(&mut self, _cx: &mut Context<'_>) {}
+
+    fn stop(&mut self) {}
+
+    fn slotframe_slots(&self) -> u16 {
+        self.length
+    }
+
+    fn minimal_cell(&self) -> Option<u16> {
+        Some(self.length)
+    }
+}
+
+/// Frames go to motes of higher number only.
+static UPWARDS: propagation::Entry = propagation::Entry {
+    variant: Variant {
+        name: "dummy-upwards",
+        doc: "One way.",
+        fields: &[number("power_dbm", Range::closed(-100.0, 0.0))],
+    },
+    family: Family::Connectivity,
+    replay: NOT_REPLAYED,
+    build: |table, _| Some(Box::new(typed::<Upwards>(table))),
+};
+
+#[derive(Debug, Deserialize)]
+struct Upwards {
+    power_dbm: f64,
+}
+
+impl Propagation for Upwards {
+    fn name(&self) -> &'static str {
+        UPWARDS.variant.name
+    }
+
+    fn predict(&self, link: &Link<'_>) -> Prediction {
+        let is_upwards = link.sender.id < link.receiver.id;
+        let reception = Reception::Stated(if is_upwards { 1.0 } else { 0.0 });
+        Prediction { rssi_dbm: self.power_dbm, reception }
+    }
+
+    fn reach(&self, _floor_dbm: f64, _frequency_hz: f64) -> Reach {
+        Reach::Unlimited
+    }
+}
+
+/// All or nothing.
+static STEP: reception::Entry = reception::Entry {
+    variant: Variant {
+        name: "dummy-step",
+        doc: "A step.",
+        fields: &[number("threshold_dbm", Range::closed(-200.0, 0.0))],
+    },
+    build: |table, _, _| Some(Box::new(typed::<Step>(table))),
+};
+
+#[derive(Debug, Deserialize)]
+struct Step {
+    threshold_dbm: f64,
+}
+
+impl Curve for Step {
+    fn reception_probability(&self, rssi_dbm: f64) -> f64 {
+        if self.threshold_dbm <= rssi_dbm { 1.0 } else { 0.0 }
+    }
+
+    fn floor_dbm(&self) -> f64 {
+        self.threshold_dbm
+    }
+
+    fn ceiling_dbm(&self) -> f64 {
+        self.threshold_dbm
+    }
+}
+
+/// Nobody disturbs anybody.
+static PEACE: interference::Entry = interference::Entry {
+    variant: Variant {
+        name: "dummy-peace",
+        doc: "Peace.",
+        fields: &[number("share", Range::FRACTION)],
+    },
+    build: |table| Some(Box::new(typed::<Peace>(table))),
+};
+
+#[derive(Debug, Deserialize)]
+struct Peace {
+    share: f64,
+}
+
+impl interference::Rule for Peace {
+    fn name(&self) -> &'static str {
+        PEACE.variant.name
+    }
+
+    fn disturbance_mw(&self, _rssi_dbm: f64) -> f64 {
+        0.0
+    }
+
+    fn survival(&self, _signal_dbm: f64, _mw: f64, _stretch_ns: i64, _frame_ns: i64) -> f64 {
+        self.share
+    }
+
+    fn capture_db(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    fn hides_preambles(&self) -> bool {
+        false
+    }
+}
+
+fn catalogue() -> Catalogue {
+    let mut catalogue = Catalogue::default();
+    catalogue.effects.add(&LOSS);
+    catalogue.mac_effects.add(&MUTE);
+    catalogue.scheduling_functions.add(&SLOTS);
+    catalogue.propagation.add(&UPWARDS);
+    catalogue.reception.add(&STEP);
+    catalogue.interference.add(&PEACE);
+    catalogue
+}
+
+fn started(setup: &Setup) -> Network {
+    let mut network = Network::with_catalogue(catalogue());
+    network.configure(setup).unwrap_or_else(|problems| panic!("{}", text(&problems)));
+    network
+}
+
+/// What is wrong with a configuration.
+fn refusal(config: &str) -> String {
+    text(&netsim::config::read(&setup(3, config), &catalogue()).expect_err("it is wrong"))
+}
+
+/// A network over the scheduling function and the rule of this file.
+const NETWORK: &str = "mode = \"6tisch\"\nswarm.transport = \"none\"\nsf.kind = \"dummy-slots\"\n\
+    phy = { propagation = \"full\", interference = { kind = \"dummy-peace\", share = 1.0 } }\n";
+
+#[test]
+fn each_is_refused_by_its_own_range_and_unknown_where_it_was_not_added() {
+    insta::assert_snapshot!(refusal("[[phy.effect]]\nkind = \"dummy-loss\"\nloss_db = 70"), @"netsim.phy.effect[0].loss_db: must be from 0 to 60, got 70 (nearest valid: 60)");
+    insta::assert_snapshot!(refusal(&format!("{NETWORK}[[mac.effect]]\nkind = \"dummy-mute\"\nfraction = 1\nmotes = [5]")), @"
+    netsim.mac.effect[0].fraction: must be from 0 to 0.000001, got 1 (nearest valid: 0.000001)
+    netsim.mac.effect[0].motes[0]: must be a mote, 0 to 2, got 5 (nearest valid: 2)
+    ");
+    insta::assert_snapshot!(refusal(&format!("{NETWORK}mac.keep_alive_s = 0\nmac.max_drift_ppm = 0\n[[mac.effect]]\nkind = \"dummy-mute\"\nfraction = 0")), @"netsim.mac.effect[0].kind: needs keep_alive_s other than 0: clocks that drift must be kept");
+    insta::assert_snapshot!(refusal(&format!("{NETWORK}sf.length = 21")), @"netsim.sf.length: must be a whole number from 1 to 20, got 21 (nearest valid: 20)");
+    insta::assert_snapshot!(refusal(&NETWORK.replace("none", "own-cell")), @r#"netsim.swarm.transport: does not go with sf.kind = "dummy-slots": it gives no mote a cell for itself, got "own-cell" (nearest valid: "broadcast-slotframe")"#);
+    insta::assert_snapshot!(refusal("phy = { propagation = \"dummy-upwards\", power_dbm = 3 }"), @"netsim.phy.power_dbm: must be from -100 to 0, got 3 (nearest valid: 0)");
+    insta::assert_snapshot!(refusal("phy.reception = { kind = \"dummy-step\", threshold_dbm = 3 }"), @"netsim.phy.reception.threshold_dbm: must be from -200 to 0, got 3 (nearest valid: 0)");
+    insta::assert_snapshot!(refusal(&NETWORK.replace("share = 1.0", "share = 2.0")), @"netsim.phy.interference.share: must be from 0 to 1, got 2.0 (nearest valid: 1)");
+    let setup = setup(3, NETWORK);
+    let problems = netsim::config::read(&setup, Catalogue::built_in()).unwrap_err();
+    let paths: Vec<&str> = problems.iter().map(|problem| problem.path.as_str()).collect();
+    assert_eq!(paths, ["netsim.phy.interference.kind", "netsim.sf.kind"]);
+}
+
+#[test]
+fn each_is_in_the_schema_with_its_keys() {
+    let schema = Network::with_catalogue(catalogue()).config_schema_json();
+    for (name, key) in [
+        ("dummy-loss", "loss_db"),
+        ("dummy-mute", "fraction"),
+        ("dummy-slots", "length"),
+        ("dummy-upwards", "power_dbm"),
+        ("dummy-step", "threshold_dbm"),
+        ("dummy-peace", "share"),
+    ] {
+        assert!(schema.contains(&format!("{{\"const\":{name:?}}}")), "{name}");
+        assert!(schema.contains(&format!("{key:?}:{{")), "{key}");
+        assert!(!Network::default().config_schema_json().contains(name), "{name}");
+    }
+}
+
+#[test]
+fn a_base_model_decides_who_hears_whom_and_a_curve_from_which_power_on() {
+    let config = "phy = { propagation = \"dummy-upwards\", power_dbm = -50 }";
+    let places = at(&[(0.0, 0.0), (1.0, 0.0), (9.0, 0.0)]);
+    let mut network = started(&setup(3, config));
+    let deliveries = period(&mut network, &places, 0).deliveries;
+    assert_eq!(pairs_of(&deliveries, 3), [(1, 0), (2, 0), (2, 1)]);
+    // Friis at 0 dBm and 2.44 GHz: -40.2 dBm over 1 m, -58.3 dBm over 8 m, -59.3 dBm over 9 m.
+    let step = "phy.reception = { kind = \"dummy-step\", threshold_dbm = -58.5 }";
+    let mut network = started(&setup(3, step));
+    let deliveries = period(&mut network, &places, 0).deliveries;
+    assert_eq!(pairs_of(&deliveries, 3), [(0, 1), (1, 0), (1, 2), (2, 1)]);
+}
+
+#[test]
+fn a_radio_effect_weakens_what_is_received_in_a_run_and_in_a_comparison() {
+    let config = |loss_db: f64| {
+        format!(
+            "phy.reception = {{ kind = \"dummy-step\", threshold_dbm = -45 }}\n\
+             [[phy.effect]]\nkind = \"dummy-loss\"\nloss_db = {loss_db:?}"
+        )
+    };
+    let places = at(&[(0.0, 0.0), (1.0, 0.0)]);
+    for (loss_db, n_heard) in [(0.0, 2), (4.0, 2), (5.0, 0)] {
+        let mut network = started(&setup(2, &config(loss_db)));
+        let deliveries = period(&mut network, &places, 0).deliveries;
+        assert_eq!(pairs_of(&deliveries, 2).len(), n_heard, "{loss_db}");
+    }
+    let phy = proto::config::parse(&config(5.0)).unwrap().take("phy").unwrap();
+    let files = std::collections::BTreeMap::new();
+    let (model, _) = netsim::config::read_phy(&phy, "netsim.phy", 2, &files, &catalogue()).unwrap();
+    assert_eq!(model.effects[0].name(), "dummy-loss");
+}
+
+#[test]
+fn a_scheduling_function_forms_a_network_and_an_effect_on_motes_keeps_it_from_forming() {
+    let joined = |config: &str| {
+        let mut network = started(&setup(3, config));
+        let states = at(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]);
+        let motes = interval(&mut network, &states, 0, 1_200_000_000_000).motes;
+        let joined = motes.joined.expect("the network reports it");
+        (0..3).filter(|&mote| joined.get(mote)).count()
+    };
+    assert_eq!(joined(NETWORK), 3);
+    let effect = "[[mac.effect]]\nkind = \"dummy-mute\"\nfraction = 0\nmotes = [0]";
+    assert_eq!(joined(&format!("{NETWORK}{effect}")), 1);
+}
+
+#[test]
+fn a_scheduling_function_says_how_long_its_slotframe_is_and_what_to_check() {
+    let slots = |text: &str| {
+        let node = proto::config::parse(&format!("{NETWORK}{text}")).unwrap();
+        netsim::config::slotframe_slots(&node, 3, &catalogue())
+    };
+    assert_eq!((slots(""), slots("sf.length = 7")), (11, 7));
+    let setup = setup(3, &format!("{NETWORK}sf.length = 20"));
+    let (.., warnings) = netsim::config::read(&setup, &catalogue()).unwrap();
+    assert_eq!(warnings, ["netsim.sf.length: 3 motes"]);
+}
+
+#[test]
+fn a_saved_network_goes_on_where_its_scheduling_function_is_known() {
+    let states = at(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]);
+    let mut network = started(&setup(3, NETWORK));
+    interval(&mut network, &states, 0, 60_000_000_000);
+    let saved = network.snapshot();
+    let mut other = Network::with_catalogue(catalogue());
+    other.restore(&saved).unwrap();
+    assert!(other.snapshot() == saved);
+    let go_on = |network: &mut Network| {
+        interval(network, &states, 60_000_000_000, 600_000_000_000);
+        network.snapshot()
+    };
+    assert!(go_on(&mut network) == go_on(&mut other));
+    let refused = Network::default().restore(&saved).unwrap_err();
+    assert!(refused.to_string().contains("dummy-slots"), "{refused}");
+}
