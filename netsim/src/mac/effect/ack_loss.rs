@@ -51,6 +51,25 @@ pub const ENTRY: Entry = Entry {
 };
 
 /// Acknowledgments that do not come, though the frame did.
+///
+/// # Model
+///
+/// ```text
+/// P(acknowledged)' = P(acknowledged) (1 − p)
+/// ```
+///
+/// Of several effects that concern a mote the factors are multiplied: p = 1 − Π (1 − p_k). Acknowledgments are lost where the
+/// receiver answers later than macTsTxAckDelay allows, or outside macTsAckWait: IEEE Std 802.15.4-2015, § 8.4.3.3.
+///
+/// # Arguments
+///
+/// * `probability` p: part of the acknowledgments that a mote sends and that are lost (1), 0 to 1.
+/// * `motes`: the motes whose acknowledgments are lost; absent: all.
+///
+/// # Validity
+///
+/// Losses are independent of each other, of the neighbour and of the channel. Receivers that answer late in bursts lose several
+/// acknowledgments of one frame, which costs more frames than this predicts. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct AckLoss {
     /// Part that is lost.

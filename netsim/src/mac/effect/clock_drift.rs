@@ -54,6 +54,28 @@ pub const ENTRY: Entry = Entry {
 };
 
 /// Clocks whose rates are further off.
+///
+/// # Model
+///
+/// ```text
+/// offset(t) = −(r + e) (t − t_c)        e ~ U(−d, d)
+/// a frame is heard where |offset of sender − offset of receiver| ≤ macTsRxWait / 2
+/// ```
+///
+/// r is the rate error that `netsim.mac.max_drift_ppm` allows, e the further one, drawn once for each mote, and t_c the last
+/// correction. Of several effects that concern a mote the bounds d are added before e is drawn. macTsRxWait: IEEE Std
+/// 802.15.4-2015, § 8.4.3.3; clocks that drift between corrections: Stanislowski et al., "Adaptive synchronization in IEEE802.15.4e
+/// networks", IEEE Trans. Ind. Inf. 10(1), 2014.
+///
+/// # Arguments
+///
+/// * `max_ppm` d: greatest further error of a clock's rate (10⁻⁶), not negative.
+/// * `motes`: the motes whose clocks are off; absent: all. Roots are the time, and never off.
+///
+/// # Validity
+///
+/// The rate is constant: it does not follow the temperature, so that clocks neither get better at night nor worse at noon. Needs
+/// clocks that are kept (`keep_alive_s` other than 0). Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct ClockDrift {
     /// By how much at most (ppm).

@@ -57,6 +57,27 @@ pub const ENTRY: Entry = Entry {
 };
 
 /// Airtime is rationed.
+///
+/// # Model
+///
+/// ```text
+/// left(t + Δt) = min(f w, left(t) + f Δt − airtime)        left(0) = f w
+/// a mote sends while 0 < left
+/// ```
+///
+/// A token bucket of depth f w that fills at the rate f. Of several effects that concern a mote the one of the least f holds.
+/// Below 1 GHz such limits are those of ETSI EN 300 220-2; at 2.4 GHz there is no such rule, and the limit is that of a power supply.
+///
+/// # Arguments
+///
+/// * `fraction` f: part of the time in which a mote may send (1), 10⁻⁶ to 1.
+/// * `window_s` w: the time over which that is computed (s): so long a silence can be saved up for a burst.
+/// * `motes`: the motes that are limited; absent: all.
+///
+/// # Validity
+///
+/// Acknowledgments are not counted. A frame that has begun is finished: the ration is overdrawn by one frame at most. Regulators
+/// count over fixed or sliding windows, which allow other bursts than a bucket does. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct DutyCycleLimit {
     /// Part of the time in which a mote may send.

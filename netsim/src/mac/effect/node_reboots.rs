@@ -54,6 +54,26 @@ pub const ENTRY: Entry = Entry {
 };
 
 /// Motes that begin anew.
+///
+/// # Model
+///
+/// ```text
+/// T ~ Exp(1/m)        P(T > t) = e^(−t/m)
+/// ```
+///
+/// T is the time from one reboot of a mote to the next. Of several effects that concern a mote the rates 1/m are added. A constant rate
+/// is the simplest law, and an assumption; that deployed motes reboot: Barrenetxea et al., "The hitchhiker's guide to successful
+/// wireless sensor network deployments", SenSys 2008.
+///
+/// # Arguments
+///
+/// * `mean_interval_s` m: mean time between two reboots of a mote (s), at least 1.
+/// * `motes`: the motes that reboot; absent: all but the roots.
+///
+/// # Validity
+///
+/// Reboots are independent of each other, of load and of time: motes that share a supply, or reboot when they are busy, are
+/// not described. Booting takes no time; finding the network takes far longer. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct NodeReboots {
     /// Mean time between two reboots of a mote (s).

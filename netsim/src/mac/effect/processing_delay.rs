@@ -51,6 +51,27 @@ pub const ENTRY: Entry = Entry {
 };
 
 /// Datagrams wait for the processor.
+///
+/// # Model
+///
+/// ```text
+/// a datagram that comes in the slot that ends at t is in the queue at t + w, and is sent in the next cell after that
+/// ```
+///
+/// Of several effects that concern a mote the times w are added. That a mote's processor works in and between slots: Vilajosana
+/// et al., "A realistic energy consumption model for TSCH networks", IEEE Sensors J. 14(2), 2014; one constant time for it is an
+/// assumption.
+///
+/// # Arguments
+///
+/// * `delay_s` w: from the end of the slot in which a datagram comes until it is in the queue (s), not negative.
+/// * `motes`: the motes that take this time; absent: all.
+///
+/// # Validity
+///
+/// The time is the same for every datagram, whatever its length and the load, and many are worked on at once: a real processor
+/// works on one after the other, so that under load this predicts too short a latency. Frames for everyone, MAC and 6P are
+/// not delayed. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct ProcessingDelay {
     /// How long (s).

@@ -49,6 +49,25 @@ pub const ENTRY: Entry = Entry {
 };
 
 /// Queues with less room.
+///
+/// # Model
+///
+/// ```text
+/// capacity = min(queue_frames, n)
+/// ```
+///
+/// Of several effects that concern a mote the least n holds. IEEE Std 802.15.4-2015 leaves the length of queues open; in
+/// Contiki-NG all neighbours share a pool of packet buffers (`QUEUEBUF_CONF_NUM`).
+///
+/// # Arguments
+///
+/// * `frames` n: frames for which a mote has room, at least 1; the lesser of this and `netsim.mac.queue_frames` holds.
+/// * `motes`: the motes with less room; absent: all.
+///
+/// # Validity
+///
+/// Frames for all neighbours share the room, whatever their length, and a frame that is being sent takes a place. Buffers that
+/// receiving shares with sending, or that are counted in bytes, fill in another order. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct QueueLimit {
     /// Frames for which there is room.

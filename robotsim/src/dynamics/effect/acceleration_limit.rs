@@ -43,7 +43,24 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<AccelerationLimit>(table))),
 };
 
-/// |v̇| ≤ a_max.
+/// A bound on how fast the velocity changes.
+///
+/// # Model
+///
+/// ```text
+/// |dv/dt| ≤ a        and with a lag τ:  dv/dt = (u − v)/τ, cut to the length a
+/// ```
+///
+/// u is the velocity asked for, after delays and all effects on the command. Definition. Solved exactly within a step.
+///
+/// # Arguments
+///
+/// * `limit_mps2` a: greatest change of the velocity, or of the speed along the heading (m/s²), greater than 0.
+///
+/// # Validity
+///
+/// The same in all directions, speeding up and braking, whereas grip and torque differ between them. Turning rates are not limited.
+/// Of several effects the least limit holds. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct AccelerationLimit {
     limit_mps2: f64,

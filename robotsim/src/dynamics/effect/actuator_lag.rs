@@ -46,7 +46,26 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<ActuatorLag>(table))),
 };
 
-/// v̇ = (u − v)/τ.
+/// Actuators that follow with a time constant.
+///
+/// # Model
+///
+/// ```text
+/// dv/dt = (u − v)/τ
+/// ```
+///
+/// First-order lag: Åström and Murray, Feedback Systems, Princeton 2008, § 5.3. u is what is asked of the actuator, v what it
+/// does. Solved exactly within a step.
+///
+/// # Arguments
+///
+/// * `tau_s` τ: the time constant (s), not negative; 0: the actuator follows at once.
+/// * `on`: which actuator: `speed`, or `turn` (yaw rate or steering).
+///
+/// # Validity
+///
+/// One time constant at all speeds, up and down alike: drives that saturate, or brake faster than they accelerate, are not
+/// described. Bodies that keep their velocity add τ to the lag of their thrust. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct ActuatorLag {
     tau_s: f64,

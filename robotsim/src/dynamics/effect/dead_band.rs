@@ -47,6 +47,25 @@ pub(super) const ENTRY: Entry = Entry {
 };
 
 /// No motion below a commanded speed.
+///
+/// # Model
+///
+/// ```text
+/// v = 0  where |u| < c,        else v = u
+/// ```
+///
+/// Stiction in its simplest form: Armstrong-Hélouvry, Dupont and Canudas de Wit, "A survey of models, analysis tools and
+/// compensation methods for the control of machines with friction", Automatica 30 (1994) 1083.
+///
+/// # Arguments
+///
+/// * `threshold_mps` c: the least command that moves the actuator (m/s; rad/s or rad on `turn`), not negative.
+/// * `on`: which actuator: `speed`, or `turn` (yaw rate or steering).
+///
+/// # Validity
+///
+/// The threshold is the same from rest and in motion (no hysteresis), and above it all of the command acts: real friction also
+/// takes away a part of what exceeds the threshold. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct DeadBand {
     threshold_mps: f64,

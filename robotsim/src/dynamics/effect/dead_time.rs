@@ -46,7 +46,25 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<DeadTime>(table))),
 };
 
-/// u acts `delay_s` later.
+/// Commands that act later.
+///
+/// # Model
+///
+/// ```text
+/// v(t) = u(t − d)
+/// ```
+///
+/// Transport delay, by definition. Commands are kept until they have acted, so that d need not be a multiple of the control period.
+///
+/// # Arguments
+///
+/// * `delay_s` d: from when a command is given until it acts (s), not negative.
+/// * `on`: which actuator: `speed`, or `turn` (yaw rate or steering).
+///
+/// # Validity
+///
+/// One delay at all times: buses and radios vary. Of several effects on one actuator the delays are added. Before its first command
+/// a robot stands. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct DeadTime {
     delay_s: f64,

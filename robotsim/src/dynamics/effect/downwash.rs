@@ -61,7 +61,27 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<Downwash>(table))),
 };
 
-/// Pairwise repulsion.
+/// Robots that push each other away without touching.
+///
+/// # Model
+///
+/// ```text
+/// v_i = u_i + g Σ_j e^(−d_ij/r) (x_i − x_j)/d_ij        d_ij = |x_i − x_j|
+/// ```
+///
+/// The exponential form is a simplification made here; measured wakes of rotors: Yeo, Shrestha, Paley and Atkins, "An empirical model of
+/// rotorcraft UAV downwash", AIAA AFM 2015.
+///
+/// # Arguments
+///
+/// * `gain` g: the push of a robot that is very near (m/s); negative: robots attract each other.
+/// * `range_m` r: the distance at which 1/e of that is left (m), greater than 0.
+///
+/// # Validity
+///
+/// The same in all directions, whereas a wake points downwards: beside each other aircraft are pushed less than above each other.
+/// Robots more than 8 r away do not count (e^(−8) of the push is lost). During a step the others go straight on. Not validated
+/// against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct Downwash {
     gain: f64,

@@ -110,7 +110,27 @@ enum Target {
     Axis(usize),
 }
 
-/// ẋ = u + f(t, x, u, …) d: an expression of the user's, along a direction.
+/// An expression of the user's, along a direction.
+///
+/// # Model
+///
+/// ```text
+/// v = u + clamp(f(t, x, u, θ, …), −c, c) d
+/// ```
+///
+/// f is the expression, and d the unit vector of its target: the way the robot moves (where it stands, the way it faces), a right
+/// angle to the left of that, or an axis. The equation is the user's.
+///
+/// # Arguments
+///
+/// * `expression`, `parameters`, `columns`: f (m/s), in the names of [`NAMES`] and columns of measurements.
+/// * `target`: d.
+/// * `limit_mps` c: values beyond this (m/s) count as it, not negative.
+///
+/// # Validity
+///
+/// As far as the expression. Where a name has no value, or the result is not a number, nothing is added. Columns of measurements have
+/// values in comparisons and fits; in a run only what describes the robot does.
 #[derive(Clone, Debug)]
 struct Formula {
     expression: Bound<Read>,

@@ -43,7 +43,26 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<HeadingBias>(table))),
 };
 
-/// u rotated about the vertical; of a turning body, the course against the heading.
+/// A direction that is not the one asked for.
+///
+/// # Model
+///
+/// ```text
+/// bodies commanded by a velocity:  v = R(α) u              R(α): rotation about the vertical
+/// turning bodies:                  course = heading + α
+/// ```
+///
+/// A rotation, by definition; a compass or an odometer whose heading is off: Borenstein and Feng, IEEE Trans. Robotics and
+/// Automation 12 (1996) 869.
+///
+/// # Arguments
+///
+/// * `angle_rad` α: by how much (rad), from +x towards +y.
+///
+/// # Validity
+///
+/// One angle at all places and headings, in the plane: the deviation of a compass near iron depends on both. Of several effects the
+/// angles are added. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct HeadingBias {
     angle_rad: f64,

@@ -60,6 +60,26 @@ pub(super) const ENTRY: Entry = Entry {
 };
 
 /// How positions are measured: scale, delay, noise.
+///
+/// # Model
+///
+/// ```text
+/// measured(t) = k x(t − d) + n        n ~ N(0, σ²) in x and y, 0 in z, independent from step to step
+/// ```
+///
+/// By definition. Robots believe what was measured, and say so on the air.
+///
+/// # Arguments
+///
+/// * `sd_m` σ: standard deviation of the noise, per component of the plane (m), not negative.
+/// * `delay_s` d: age of what is measured (s), not negative; between two known places a robot was on the straight line.
+/// * `scale` k: measured coordinate per true one (1).
+///
+/// # Validity
+///
+/// Noise is white: satellite and camera positions drift over seconds, which hides in no average as this does. A constant bias cannot be
+/// seen. In measurements a scale is the same as `slip` and a delay the same as `dead-time`: a diagnosis tries those in its
+/// place. Positions are measured once: one such effect per robot. Not validated against hardware.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct Localization {
     /// Standard deviation of the noise, per component of the plane (m).

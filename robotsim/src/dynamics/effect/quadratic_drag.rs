@@ -43,7 +43,25 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<QuadraticDrag>(table))),
 };
 
-/// v + q v² = u.
+/// Air drag against a drive that controls its speed in proportion.
+///
+/// # Model
+///
+/// ```text
+/// v + q v² = u        v = 2u / (1 + √(1 + 4 q u))
+/// ```
+///
+/// u and v are speeds; the direction is kept. The steady state of a drive whose force grows with the missing speed against
+/// Rayleigh's drag, which grows with the square: Landau and Lifshitz, Fluid Mechanics, § 45.
+///
+/// # Arguments
+///
+/// * `coefficient_per_m` q: drag per drive (1/m), not negative.
+///
+/// # Validity
+///
+/// The steady state only: how it is approached is `actuator-lag`'s. Still air: `wind` adds to the velocity and not to the
+/// drag. Drag that grows linearly is `slip`. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct QuadraticDrag {
     coefficient_per_m: f64,

@@ -70,6 +70,25 @@ pub(super) const ENTRY: Entry = Entry {
 };
 
 /// Speed scaled within a disc.
+///
+/// # Model
+///
+/// ```text
+/// v = k u  where |x − c| ≤ r,        else v = u
+/// ```
+///
+/// By definition. Over a way that lies partly inside, the mean of both, weighted by length.
+///
+/// # Arguments
+///
+/// * `centre_m` c: centre of the disc (x, y in m).
+/// * `radius_m` r: its radius (m), greater than 0.
+/// * `scale` k: speed over ground per speed asked for (1), not negative.
+///
+/// # Validity
+///
+/// One disc with a sharp border, at all heights; several effects for several discs, whose scales are multiplied where they overlap. Turning
+/// rates are as they were. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct RoughGround {
     centre_m: [f64; 2],

@@ -46,7 +46,26 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<Slip>(table))),
 };
 
-/// v = s u.
+/// A drive that does a constant share of what is asked.
+///
+/// # Model
+///
+/// ```text
+/// v = s u
+/// ```
+///
+/// A wheel whose radius is not the assumed one: Borenstein and Feng, "Measurement and correction of systematic odometry errors in
+/// mobile robots", IEEE Trans. Robotics and Automation 12 (1996) 869.
+///
+/// # Arguments
+///
+/// * `scale` s: what is done per what is asked (1), not negative.
+/// * `on`: which actuator: `speed`, or `turn` (yaw rate or steering).
+///
+/// # Validity
+///
+/// One share at all speeds and on all grounds: tyres slip more the more force they carry. On `turn` it does nothing to bodies that
+/// are commanded by a velocity. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct Slip {
     scale: f64,

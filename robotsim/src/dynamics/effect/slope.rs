@@ -43,7 +43,27 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<Slope>(table))),
 };
 
-/// Drift −k ∇h.
+/// A drift downhill.
+///
+/// # Model
+///
+/// ```text
+/// v = u − g ∇h(x, y)
+/// ```
+///
+/// A balance of weight and drive, linear in the slope: weight along the slope grows with ∇h for small slopes, and a drive that
+/// controls its speed in proportion gives way in proportion. A simplification made here.
+///
+/// # Arguments
+///
+/// * `gain` g: drift per slope (m/s); a slope of 1 is 45°. Negative: uphill.
+///
+/// h is the height of `[site]`'s terrain (m).
+///
+/// # Validity
+///
+/// Small slopes, drives that give way in proportion. Standing robots drift as well, where brakes would hold them. Where no terrain is
+/// known, the ground is level. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct Slope {
     gain: f64,

@@ -43,7 +43,24 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<SpeedLimit>(table))),
 };
 
-/// |v| ≤ v_max.
+/// A bound on the speed.
+///
+/// # Model
+///
+/// ```text
+/// v = u min(1, c/|u|)
+/// ```
+///
+/// Saturation, by definition. Turning bodies: their speed along the heading.
+///
+/// # Arguments
+///
+/// * `limit_mps` c: greatest speed (m/s), greater than 0.
+///
+/// # Validity
+///
+/// One limit in all directions and on any slope; the direction is kept, where drives that saturate one by one change it. Not
+/// validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct SpeedLimit {
     limit_mps: f64,

@@ -62,6 +62,26 @@ pub(super) const ENTRY: Entry = Entry {
 };
 
 /// A trim of the steering or of the yaw rate.
+///
+/// # Model
+///
+/// ```text
+/// car:      δ = δ_cmd + b
+/// unicycle: ω = ω_cmd + c
+/// ```
+///
+/// Wheels of unequal size make a robot turn that is told to go straight: Borenstein and Feng, IEEE Trans. Robotics and Automation 12
+/// (1996) 869.
+///
+/// # Arguments
+///
+/// * `angle_rad` b: added to the steering angle of cars (rad), to the left.
+/// * `rate_radps` c: added to the yaw rate of unicycles (rad/s), to the left.
+///
+/// # Validity
+///
+/// Constant: unequal wheels turn a robot in proportion to its speed, whereas here a unicycle that is told to stand still turns all
+/// the same. Nothing for bodies that are commanded by a velocity. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct SteeringBias {
     angle_rad: f64,

@@ -77,7 +77,29 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<Wind>(table))),
 };
 
-/// ẋ = u + w.
+/// A drift that is the same for all robots.
+///
+/// # Model
+///
+/// ```text
+/// v = u + R(Ω t) w + g(t)
+/// g(t) = σ (n_k cos(π f/2) + n_(k+1) sin(π f/2))        k = ⌊t/T⌋, f = t/T − k, n_k ~ N(0, 1)
+/// ```
+///
+/// By definition. cos² + sin² = 1: gusts have the variance σ² at all times, in x and in y independently. R(Ω t) turns w about the
+/// vertical.
+///
+/// # Arguments
+///
+/// * `velocity_mps` w: the drift at time 0 (x, y, z in m/s): where the wind blows to.
+/// * `turning_radps` Ω: how fast its direction turns to the left (rad/s).
+/// * `sd_mps` σ: standard deviation of gusts, per component of the plane (m/s), not negative.
+/// * `gust_s` T: how long a gust lasts (s), greater than 0.
+///
+/// # Validity
+///
+/// The wind is the same everywhere, carries robots along whatever their drag, and standing ones as well. Gusts are simulated and not
+/// fitted: a fit sees them as noise. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct Wind {
     velocity_mps: [f64; 3],

@@ -43,7 +43,25 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<YawCoupling>(table))),
 };
 
-/// v picks up ω × v.
+/// A body that slides outwards in turns.
+///
+/// # Model
+///
+/// ```text
+/// v = u + g (ω × u)
+/// ```
+///
+/// The steady state of dv/dt = (u − v)/τ + c (ω × v) for a small τ, g = c τ. Sideslip of vehicles: Rajamani, Vehicle Dynamics and
+/// Control, § 2.3. u is the velocity along the course, ω the yaw rate.
+///
+/// # Arguments
+///
+/// * `gain` g: sideways velocity per yaw rate and speed (s); positive: to the inside of the turn.
+///
+/// # Validity
+///
+/// Steady turns below the limit of grip: how sideslip builds up is not described. Of several effects the gains are added. Nothing
+/// for bodies that are commanded by a velocity. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct YawCoupling {
     gain: f64,
