@@ -30,8 +30,8 @@ fn the_catalogue_is_what_the_effects_say_of_themselves() {
 fn the_walk_through_is_the_example_that_the_tests_compile() {
     let (_, example) = written("netsim/examples/low_antenna.rs");
     let (_, guide) = written("docs/adding-an-effect.md");
-    let blocks: Vec<&str> =
-        guide.split("```rust\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    let (guide, _) = guide.split_once(SHORTEST).unwrap();
+    let blocks = blocks(guide);
     assert!(4 <= blocks.len(), "{}", blocks.len());
     for block in &blocks {
         for part in block.trim().split("\n\n") {
@@ -43,6 +43,35 @@ fn the_walk_through_is_the_example_that_the_tests_compile() {
     let program = example.split("fn main() {").nth(1).unwrap().split("\n}\n").next().unwrap();
     let rest = example.lines().count() - program.lines().count() - shown;
     assert!(rest <= 12, "{rest} lines of the example are not shown");
+}
+
+/// The heading of the part of the guide whose blocks are parts of the simulators' tests.
+const SHORTEST: &str = "## The shortest of each kind";
+
+fn blocks(guide: &str) -> Vec<&str> {
+    guide.split("```rust\n").skip(1).filter_map(|rest| rest.split("```").next()).collect()
+}
+
+#[test]
+fn the_shortest_of_each_kind_is_what_the_simulators_tests_add_and_has_under_40_lines() {
+    let (_, guide) = written("docs/adding-an-effect.md");
+    let (_, guide) = guide.split_once(SHORTEST).unwrap();
+    let tests = ["netsim", "robotsim"].map(|side| {
+        let (_, test) = written(&format!("{side}/tests/it/extension.rs"));
+        assert!(!test.is_empty(), "{side}");
+        test
+    });
+    let blocks = blocks(guide);
+    // The call that adds one, then an effect, a scheduling function, a controller and a scenario.
+    assert_eq!(blocks.len(), 5);
+    for block in &blocks[1..] {
+        let block = block.trim();
+        assert!(tests.iter().any(|test| test.contains(block)), "in no test:\n{block}");
+        assert!(block.lines().count() < 40, "{block}");
+    }
+    assert!(
+        tests.iter().any(|test| blocks[0].lines().nth(1).is_some_and(|add| test.contains(add)))
+    );
 }
 
 #[test]

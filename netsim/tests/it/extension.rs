@@ -10,7 +10,7 @@ use netsim::phy::propagation::{
 };
 use netsim::phy::reception::{self, Curve};
 use netsim::phy::{effect, interference};
-use netsim::sf::{self, Configured, Context, Formation, PayloadCells, SchedulingFunction};
+use netsim::sf::{self, Configured, Context, PayloadCells, SchedulingFunction};
 use netsim::sim::Network;
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::About;
@@ -28,7 +28,7 @@ const ABOUT: About =
 /// A loss that is the same for all links.
 static LOSS: effect::Entry = effect::Entry {
     variant: Variant {
-        name: "dummy-loss",
+        name: "flat-loss",
         doc: "A loss.",
         fields: &[number("loss_db", Range::closed(0.0, 60.0))],
     },
@@ -56,7 +56,7 @@ impl effect::Effect for Loss {
 /// Motes that send one frame, and then nothing for longer than any test lasts.
 static MUTE: mac::Entry = mac::Entry {
     variant: Variant {
-        name: "dummy-mute",
+        name: "mute-motes",
         doc: "Silence.",
         fields: &[number("fraction", Range::closed(0.0, 1e-6)), mac::MOTES],
     },
@@ -84,40 +84,34 @@ impl mac::Effect for Mute {
     }
 }
 
+const LENGTH: Field = Field {
+    key: "length",
+    doc: "Of the slotframe (slots).",
+    kind: Kind::Integer { min: 1, max: 20 },
+    default: Default::Integer(11),
+};
+
 /// The minimal cell, every so many slots.
-static SLOTS: sf::Entry = sf::Entry {
-    variant: Variant {
-        name: "dummy-slots",
-        doc: "One cell.",
-        fields: &[Field {
-            key: "length",
-            doc: "Of the slotframe (slots).",
-            kind: Kind::Integer { min: 1, max: 20 },
-            default: Default::Integer(11),
-        }],
-    },
+static ONE_CELL: sf::Entry = sf::Entry {
+    variant: Variant { name: "one-cell", doc: "One cell for everything.", fields: &[LENGTH] },
     payload_cells: PayloadCells::Shared,
-    build: |table, _| Some(sf::Config::new(typed::<Slots>(table))),
+    build: |table, _| Some(sf::Config::new(typed::<OneCell>(table))),
 };
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Slots {
+struct OneCell {
     length: u16,
 }
 
-impl Configured for Slots {
+impl Configured for OneCell {
     type OfMote = Self;
 
     fn create(&self, _mote: u32) -> Self {
         self.clone()
     }
-
-    fn advice(&self, network: &Formation<'_>) -> Option<String> {
-        (self.length == 20).then(|| format!("{}.length: {} motes", network.path, network.n_motes))
-    }
 }
 
-impl SchedulingFunction for Slots {
+impl SchedulingFunction for OneCell {
     fn start(&mut self, _cx: &mut Context<'_>) {}
 
     fn stop(&mut self) {}
@@ -134,7 +128,7 @@ impl SchedulingFunction for Slots {
 /// Frames go to motes of higher number only.
 static UPWARDS: propagation::Entry = propagation::Entry {
     variant: Variant {
-        name: "dummy-upwards",
+        name: "upwards-only",
         doc: "One way.",
         fields: &[number("power_dbm", Range::closed(-100.0, 0.0))],
     },
@@ -167,7 +161,7 @@ impl Propagation for Upwards {
 /// All or nothing.
 static STEP: reception::Entry = reception::Entry {
     variant: Variant {
-        name: "dummy-step",
+        name: "step-curve",
         doc: "A step.",
         fields: &[number("threshold_dbm", Range::closed(-200.0, 0.0))],
     },
@@ -196,7 +190,7 @@ impl Curve for Step {
 /// Nobody disturbs anybody.
 static PEACE: interference::Entry = interference::Entry {
     variant: Variant {
-        name: "dummy-peace",
+        name: "no-interference",
         doc: "Peace.",
         fields: &[number("share", Range::FRACTION)],
     },
@@ -234,7 +228,7 @@ fn catalogue() -> Catalogue {
     let mut catalogue = Catalogue::default();
     catalogue.effects.add(&LOSS);
     catalogue.mac_effects.add(&MUTE);
-    catalogue.scheduling_functions.add(&SLOTS);
+    catalogue.scheduling_functions.add(&ONE_CELL);
     catalogue.propagation.add(&UPWARDS);
     catalogue.reception.add(&STEP);
     catalogue.interference.add(&PEACE);
@@ -253,21 +247,21 @@ fn refusal(config: &str) -> String {
 }
 
 /// A network over the scheduling function and the rule of this file.
-const NETWORK: &str = "mode = \"6tisch\"\nswarm.transport = \"none\"\nsf.kind = \"dummy-slots\"\n\
-    phy = { propagation = \"full\", interference = { kind = \"dummy-peace\", share = 1.0 } }\n";
+const NETWORK: &str = "mode = \"6tisch\"\nswarm.transport = \"none\"\nsf.kind = \"one-cell\"\n\
+    phy = { propagation = \"full\", interference = { kind = \"no-interference\", share = 1.0 } }\n";
 
 #[test]
 fn each_is_refused_by_its_own_range_and_unknown_where_it_was_not_added() {
-    insta::assert_snapshot!(refusal("[[phy.effect]]\nkind = \"dummy-loss\"\nloss_db = 70"), @"netsim.phy.effect[0].loss_db: must be from 0 to 60, got 70 (nearest valid: 60)");
-    insta::assert_snapshot!(refusal(&format!("{NETWORK}[[mac.effect]]\nkind = \"dummy-mute\"\nfraction = 1\nmotes = [5]")), @"
+    insta::assert_snapshot!(refusal("[[phy.effect]]\nkind = \"flat-loss\"\nloss_db = 70"), @"netsim.phy.effect[0].loss_db: must be from 0 to 60, got 70 (nearest valid: 60)");
+    insta::assert_snapshot!(refusal(&format!("{NETWORK}[[mac.effect]]\nkind = \"mute-motes\"\nfraction = 1\nmotes = [5]")), @"
     netsim.mac.effect[0].fraction: must be from 0 to 0.000001, got 1 (nearest valid: 0.000001)
     netsim.mac.effect[0].motes[0]: must be a mote, 0 to 2, got 5 (nearest valid: 2)
     ");
-    insta::assert_snapshot!(refusal(&format!("{NETWORK}mac.keep_alive_s = 0\nmac.max_drift_ppm = 0\n[[mac.effect]]\nkind = \"dummy-mute\"\nfraction = 0")), @"netsim.mac.effect[0].kind: needs keep_alive_s other than 0: clocks that drift must be kept");
+    insta::assert_snapshot!(refusal(&format!("{NETWORK}mac.keep_alive_s = 0\nmac.max_drift_ppm = 0\n[[mac.effect]]\nkind = \"mute-motes\"\nfraction = 0")), @"netsim.mac.effect[0].kind: needs keep_alive_s other than 0: clocks that drift must be kept");
     insta::assert_snapshot!(refusal(&format!("{NETWORK}sf.length = 21")), @"netsim.sf.length: must be a whole number from 1 to 20, got 21 (nearest valid: 20)");
-    insta::assert_snapshot!(refusal(&NETWORK.replace("none", "own-cell")), @r#"netsim.swarm.transport: does not go with sf.kind = "dummy-slots": it gives no mote a cell for itself, got "own-cell" (nearest valid: "broadcast-slotframe")"#);
-    insta::assert_snapshot!(refusal("phy = { propagation = \"dummy-upwards\", power_dbm = 3 }"), @"netsim.phy.power_dbm: must be from -100 to 0, got 3 (nearest valid: 0)");
-    insta::assert_snapshot!(refusal("phy.reception = { kind = \"dummy-step\", threshold_dbm = 3 }"), @"netsim.phy.reception.threshold_dbm: must be from -200 to 0, got 3 (nearest valid: 0)");
+    insta::assert_snapshot!(refusal(&NETWORK.replace("none", "own-cell")), @r#"netsim.swarm.transport: does not go with sf.kind = "one-cell": it gives no mote a cell for itself, got "own-cell" (nearest valid: "broadcast-slotframe")"#);
+    insta::assert_snapshot!(refusal("phy = { propagation = \"upwards-only\", power_dbm = 3 }"), @"netsim.phy.power_dbm: must be from -100 to 0, got 3 (nearest valid: 0)");
+    insta::assert_snapshot!(refusal("phy.reception = { kind = \"step-curve\", threshold_dbm = 3 }"), @"netsim.phy.reception.threshold_dbm: must be from -200 to 0, got 3 (nearest valid: 0)");
     insta::assert_snapshot!(refusal(&NETWORK.replace("share = 1.0", "share = 2.0")), @"netsim.phy.interference.share: must be from 0 to 1, got 2.0 (nearest valid: 1)");
     let setup = setup(3, NETWORK);
     let problems = netsim::config::read(&setup, Catalogue::built_in()).unwrap_err();
@@ -279,12 +273,12 @@ fn each_is_refused_by_its_own_range_and_unknown_where_it_was_not_added() {
 fn each_is_in_the_schema_with_its_keys() {
     let schema = Network::with_catalogue(catalogue()).config_schema_json();
     for (name, key) in [
-        ("dummy-loss", "loss_db"),
-        ("dummy-mute", "fraction"),
-        ("dummy-slots", "length"),
-        ("dummy-upwards", "power_dbm"),
-        ("dummy-step", "threshold_dbm"),
-        ("dummy-peace", "share"),
+        ("flat-loss", "loss_db"),
+        ("mute-motes", "fraction"),
+        ("one-cell", "length"),
+        ("upwards-only", "power_dbm"),
+        ("step-curve", "threshold_dbm"),
+        ("no-interference", "share"),
     ] {
         assert!(schema.contains(&format!("{{\"const\":{name:?}}}")), "{name}");
         assert!(schema.contains(&format!("{key:?}:{{")), "{key}");
@@ -294,13 +288,13 @@ fn each_is_in_the_schema_with_its_keys() {
 
 #[test]
 fn a_base_model_decides_who_hears_whom_and_a_curve_from_which_power_on() {
-    let config = "phy = { propagation = \"dummy-upwards\", power_dbm = -50 }";
+    let config = "phy = { propagation = \"upwards-only\", power_dbm = -50 }";
     let places = at(&[(0.0, 0.0), (1.0, 0.0), (9.0, 0.0)]);
     let mut network = started(&setup(3, config));
     let deliveries = period(&mut network, &places, 0).deliveries;
     assert_eq!(pairs_of(&deliveries, 3), [(1, 0), (2, 0), (2, 1)]);
     // Friis at 0 dBm and 2.44 GHz: -40.2 dBm over 1 m, -58.3 dBm over 8 m, -59.3 dBm over 9 m.
-    let step = "phy.reception = { kind = \"dummy-step\", threshold_dbm = -58.5 }";
+    let step = "phy.reception = { kind = \"step-curve\", threshold_dbm = -58.5 }";
     let mut network = started(&setup(3, step));
     let deliveries = period(&mut network, &places, 0).deliveries;
     assert_eq!(pairs_of(&deliveries, 3), [(0, 1), (1, 0), (1, 2), (2, 1)]);
@@ -310,8 +304,8 @@ fn a_base_model_decides_who_hears_whom_and_a_curve_from_which_power_on() {
 fn a_radio_effect_weakens_what_is_received_in_a_run_and_in_a_comparison() {
     let config = |loss_db: f64| {
         format!(
-            "phy.reception = {{ kind = \"dummy-step\", threshold_dbm = -45 }}\n\
-             [[phy.effect]]\nkind = \"dummy-loss\"\nloss_db = {loss_db:?}"
+            "phy.reception = {{ kind = \"step-curve\", threshold_dbm = -45 }}\n\
+             [[phy.effect]]\nkind = \"flat-loss\"\nloss_db = {loss_db:?}"
         )
     };
     let places = at(&[(0.0, 0.0), (1.0, 0.0)]);
@@ -323,7 +317,7 @@ fn a_radio_effect_weakens_what_is_received_in_a_run_and_in_a_comparison() {
     let phy = proto::config::parse(&config(5.0)).unwrap().take("phy").unwrap();
     let files = std::collections::BTreeMap::new();
     let (model, _) = netsim::config::read_phy(&phy, "netsim.phy", 2, &files, &catalogue()).unwrap();
-    assert_eq!(model.effects[0].name(), "dummy-loss");
+    assert_eq!(model.effects[0].name(), "flat-loss");
 }
 
 #[test]
@@ -336,20 +330,17 @@ fn a_scheduling_function_forms_a_network_and_an_effect_on_motes_keeps_it_from_fo
         (0..3).filter(|&mote| joined.get(mote)).count()
     };
     assert_eq!(joined(NETWORK), 3);
-    let effect = "[[mac.effect]]\nkind = \"dummy-mute\"\nfraction = 0\nmotes = [0]";
+    let effect = "[[mac.effect]]\nkind = \"mute-motes\"\nfraction = 0\nmotes = [0]";
     assert_eq!(joined(&format!("{NETWORK}{effect}")), 1);
 }
 
 #[test]
-fn a_scheduling_function_says_how_long_its_slotframe_is_and_what_to_check() {
+fn a_scheduling_function_says_how_long_its_slotframe_is() {
     let slots = |text: &str| {
         let node = proto::config::parse(&format!("{NETWORK}{text}")).unwrap();
         netsim::config::slotframe_slots(&node, 3, &catalogue())
     };
     assert_eq!((slots(""), slots("sf.length = 7")), (11, 7));
-    let setup = setup(3, &format!("{NETWORK}sf.length = 20"));
-    let (.., warnings) = netsim::config::read(&setup, &catalogue()).unwrap();
-    assert_eq!(warnings, ["netsim.sf.length: 3 motes"]);
 }
 
 #[test]
@@ -367,5 +358,5 @@ fn a_saved_network_goes_on_where_its_scheduling_function_is_known() {
     };
     assert!(go_on(&mut network) == go_on(&mut other));
     let refused = Network::default().restore(&saved).unwrap_err();
-    assert!(refused.to_string().contains("dummy-slots"), "{refused}");
+    assert!(refused.to_string().contains("one-cell"), "{refused}");
 }

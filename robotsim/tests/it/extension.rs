@@ -22,7 +22,7 @@ const fn number(key: &'static str) -> Field {
 
 /// A drift to the east.
 static DRIFT: effect::Entry = effect::Entry {
-    variant: Variant { name: "dummy-drift", doc: "A drift.", fields: &[number("east_mps")] },
+    variant: Variant { name: "east-drift", doc: "A drift.", fields: &[number("east_mps")] },
     about: About { mechanism: "", equation: "", source: "", validity: "", trace: "", needs: &[] },
     fit: FIT,
     check: effect::UNCHECKED,
@@ -50,7 +50,7 @@ impl Effect for Drift {
 
 /// Robots that rise.
 static RISE: controller::Entry = controller::Entry {
-    variant: Variant { name: "dummy-rise", doc: "Up.", fields: &[number("up_mps")] },
+    variant: Variant { name: "rise", doc: "Up.", fields: &[number("up_mps")] },
     demands: Demands::NONE,
     build: |table, context, problems| {
         let rise: Rise = typed(table);
@@ -74,7 +74,7 @@ impl Controller for Rise {
 
 /// Robots that jump up, and ask a network to carry messages.
 static LEAP: controller::Entry = controller::Entry {
-    variant: Variant { name: "dummy-leap", doc: "Up at once.", fields: &[] },
+    variant: Variant { name: "leap", doc: "Up at once.", fields: &[] },
     demands: Demands { jumps: true, sends_messages: true },
     build: |_, _, _| Some(Box::new(Leap)),
 };
@@ -90,7 +90,7 @@ impl Controller for Leap {
 
 /// One robot above the other.
 static TOWER: scenario::Entry = scenario::Entry {
-    variant: Variant { name: "dummy-tower", doc: "A tower.", fields: &[number("floor_m")] },
+    variant: Variant { name: "tower", doc: "A tower.", fields: &[number("floor_m")] },
     build: |table, _, _| Some(Box::new(typed::<Tower>(table))),
 };
 
@@ -114,9 +114,9 @@ fn catalogue() -> Catalogue {
     catalogue
 }
 
-const ALL: &str = "scenario = { kind = 'dummy-tower', floor_m = 3 }\n\
-    controller = { kind = 'dummy-rise', up_mps = 2 }\n\
-    [[dynamics.effect]]\nkind = 'dummy-drift'\neast_mps = 4";
+const ALL: &str = "scenario = { kind = 'tower', floor_m = 3 }\n\
+    controller = { kind = 'rise', up_mps = 2 }\n\
+    [[dynamics.effect]]\nkind = 'east-drift'\neast_mps = 4";
 
 #[test]
 fn robots_begin_want_and_drift_as_they_say_and_a_saved_swarm_goes_on() {
@@ -154,9 +154,9 @@ fn each_is_refused_by_its_own_range_and_unknown_where_it_was_not_added() {
     ");
     let slow = format!("dynamics.speed_cap_mps = 1\n{ALL}");
     insta::assert_snapshot!(refusal(&slow, &catalogue()), @"robotsim.controller.up_mps: is beyond the cap, got 2");
-    let solid = "diameter_m = 1\ncontacts.kind = 'resolve'\nscenario.kind = 'dummy-tower'\n\
-                 controller.kind = 'dummy-leap'";
-    insta::assert_snapshot!(refusal(solid, &catalogue()), @r#"robotsim.contacts.kind: must be "count" for dummy-leap, whose robots are not anywhere between two places, got "resolve""#);
+    let solid = "diameter_m = 1\ncontacts.kind = 'resolve'\nscenario.kind = 'tower'\n\
+                 controller.kind = 'leap'";
+    insta::assert_snapshot!(refusal(solid, &catalogue()), @r#"robotsim.contacts.kind: must be "count" for leap, whose robots are not anywhere between two places, got "resolve""#);
     let unknown = refusal(ALL, Catalogue::built_in());
     assert_eq!(unknown.lines().filter(|line| line.contains("must be one of")).count(), 3);
 }
@@ -164,12 +164,11 @@ fn each_is_refused_by_its_own_range_and_unknown_where_it_was_not_added() {
 #[test]
 fn each_is_in_the_schema_with_its_keys() {
     let schema = Swarm::with_catalogue(catalogue()).config_schema_json();
-    for (name, key) in
-        [("dummy-drift", "east_mps"), ("dummy-rise", "up_mps"), ("dummy-tower", "floor_m")]
-    {
+    let built_in = Swarm::default().config_schema_json();
+    for (name, key) in [("east-drift", "east_mps"), ("rise", "up_mps"), ("tower", "floor_m")] {
         assert!(schema.contains(&format!("{{\"const\":{name:?}}}")), "{name}");
         assert!(schema.contains(&format!("{key:?}:{{")), "{key}");
-        assert!(!Swarm::default().config_schema_json().contains(name), "{name}");
+        assert!(!built_in.contains(&format!("{{\"const\":{name:?}}}")), "{name}");
     }
 }
 
@@ -180,8 +179,8 @@ fn a_controller_says_whether_its_robots_send_messages_through_the_network() {
             .expect("a valid configuration");
         robotsim::config::messaging_controller(&effective, &catalogue())
     };
-    let leap = "scenario.kind = 'dummy-tower'\ncontroller.kind = 'dummy-leap'";
-    assert_eq!(messaging(leap), Some("dummy-leap"));
+    let leap = "scenario.kind = 'tower'\ncontroller.kind = 'leap'";
+    assert_eq!(messaging(leap), Some("leap"));
     assert_eq!(messaging(&format!("knowledge = 'truth'\n{leap}")), None);
     assert_eq!(messaging(ALL), None);
 }
