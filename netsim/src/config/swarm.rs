@@ -11,8 +11,8 @@ pub(super) const SPEC: TableSpec = TableSpec {
     fields: &[
         Field {
             key: "transport",
-            doc: "In which cells. Absent: own-cell where the scheduling function gives each mote a cell for itself (rrsf, \
-                  sotdma, static), otherwise broadcast-slotframe.",
+            doc: "In which cells. Absent: own-cell where the scheduling function gives each mote a cell for itself, \
+                  otherwise broadcast-slotframe.",
             kind: Kind::Choice(&[
                 Choice { name: "none", doc: "They do not: a sensor network." },
                 Choice {
