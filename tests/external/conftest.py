@@ -11,9 +11,12 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = ROOT / (os.environ.get("CARGO_TARGET_DIR") or "target") / "release"
 
-# Real measurements are not part of the repository: what needs them runs where this names their folder.
+# Real measurements are not part of the repository: the tests that need them run where this variable names their folder.
 REAL = "MURMURATION_DATA"
-collect_ignore = [] if os.environ.get(REAL) else ["test_real_measurements.py"]
+REAL_TESTS = "test_real_measurements.py"
+REAL_MISSING = f"real measurements were not found: {REAL_TESTS} does not run. Set {REAL} to their folder (tests/external/README.md)"
+HAS_REAL = bool(os.environ.get(REAL))
+collect_ignore = [] if HAS_REAL else [REAL_TESTS]
 
 # A run of a ready experiment takes seconds; a hang must not take the whole of CI with it.
 RUN_DEADLINE_S = 120
@@ -79,12 +82,24 @@ def stubs(tmp_path_factory):
     return out
 
 
+def pytest_configure(config):
+    """CI without the real measurements fails before the first test, rather than pass without them."""
+    if not HAS_REAL and os.environ.get("CI"):
+        raise pytest.UsageError(f"{REAL_MISSING}. In CI this is an error.")
+
+
+def pytest_report_header(config):
+    """Says before the first test whether real measurements are there."""
+    return f"{REAL}: {os.environ[REAL]}" if HAS_REAL else f"WARNING: {REAL_MISSING}"
+
+
 def pytest_terminal_summary(terminalreporter):
-    """The last line of the suite: what passed, what did not. A skipped test has not passed."""
+    """The last lines of the suite: which tests passed and which did not. A skipped test has not passed."""
     outcomes = terminalreporter.stats
     failed = sum(len(outcomes.get(kind, [])) for kind in ("failed", "error", "skipped", "xfailed"))
-    if collect_ignore:
-        terminalreporter.write_line(f"real measurements: NOT RUN. Set {REAL} to the folder that holds them (tests/external/README.md)")
+    if not HAS_REAL:
+        terminalreporter.write_sep("!", "real measurements NOT RUN", red=True)
+        terminalreporter.write_line(REAL_MISSING, red=True)
     terminalreporter.write_line(f"external: {len(outcomes.get('passed', []))} passed, {failed} failed")
 
 

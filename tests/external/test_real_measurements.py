@@ -1,8 +1,8 @@
 """Real measurements: the model, extended step by step, predicts what it has not seen at least as well as a careful analysis by
 hand did, and what that analysis refused is refused. docs/validation.md has the figures beside each other.
 
-The measurements are not part of the repository. MURMURATION_DATA names the folder that holds them; without it nothing here is
-run, and the suite's last lines say so.
+The measurements are not part of the repository. MURMURATION_DATA names the folder that holds them. Without it these tests do
+not run: the suite says so at its start and at its end, and fails where CI is set.
 """
 
 import itertools
