@@ -64,10 +64,12 @@ const TWO_BY_TWO: &str = "[sweep]\nseeds = 5\n[sweep.vary]\n\
 fn a_sweep_killed_again_and_again_leaves_the_same_as_one_never_interrupted() {
     let folder = tests::folder();
     experiment(folder.path(), TWO_BY_TWO);
+    let begun = Instant::now();
     sweep(folder.path(), &["--out", "whole", "--set", "sweep.seeds=15"]);
+    let took = begun.elapsed();
     let mut n_done = Vec::new();
-    // Other moments each time, from before the first trial to well within.
-    for attempt in 0..40u64 {
+    // Other moments each time, from before the first trial to well within, by how fast this machine is now.
+    for attempt in 0..40_u32 {
         let mut running = Command::new(tests::executable("orchestrator"))
             .args(["sweep", "s.toml", "--out", "killed", "--set", "sweep.seeds=15"])
             .current_dir(folder.path())
@@ -76,7 +78,7 @@ fn a_sweep_killed_again_and_again_leaves_the_same_as_one_never_interrupted() {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        std::thread::park_timeout(Duration::from_millis(60 + attempt * 67 % 410));
+        std::thread::park_timeout(took.mul_f64(0.1 + 0.8 * f64::from(attempt * 67 % 410) / 410.0));
         running.kill().unwrap();
         running.wait().unwrap();
         let journal = std::fs::read_to_string(folder.path().join("killed/s/trials.jsonl"));
