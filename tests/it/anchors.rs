@@ -43,6 +43,11 @@ fn without(key: &str) -> Vec<&'static str> {
     COMPAT.into_iter().filter(|other| *other != key).collect()
 }
 
+/// Whether rows of which nothing is asserted are simulated, too: `WHOLE_TABLES=1` prints the tables of docs/validation.md.
+fn wants_whole_tables() -> bool {
+    std::env::var_os("WHOLE_TABLES").is_some()
+}
+
 /// A network whose motes stand still, without a swarm.
 struct Standing {
     network: Network,
