@@ -2,11 +2,11 @@
 //!
 //! Thousands of runs take seconds this way. That the processes do the same, to the last bit, is itself under test.
 
+use drive::coupling::{Coupled, StepPlan};
+use drive::peer::{InProcess as Direct, Network, Peer, Robots, ready};
+use drive::{Asked, Wanted, configure};
 use experiment::{Overrides, read};
 use netsim::sim::Network as BuiltInNetwork;
-use orchestrator::coupling::{Coupled, StepPlan};
-use orchestrator::drive::{Asked, Wanted, configure};
-use orchestrator::peer::{InProcess as Direct, Network, Peer, Robots, ready};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use proto::types::{AgentStates, Coupling};

@@ -10,16 +10,16 @@ mod peers;
 mod standing;
 mod swarm;
 
-use crate::coupling::{StepOutcome, StepPlan};
-use crate::drive::{Taken, Wanted};
-use crate::report;
 use crate::run::{Processes, RunError, StartOptions, record_of, start};
+use drive::coupling::{StepOutcome, StepPlan};
+use drive::{Taken, Wanted};
 use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
 use peers::{Figures, ROWS};
 use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::{Ending, Recorder, RunHeader};
+use report;
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
@@ -272,7 +272,7 @@ pub fn rows(table: Option<Which>) -> Vec<u32> {
     rows
 }
 
-fn side(error: crate::peer::SideError) -> RunError {
+fn side(error: drive::peer::SideError) -> RunError {
     RunError::Side { error, kept: None }
 }
 

@@ -2,7 +2,7 @@
 
 mod probe;
 
-use crate::peer::{SideError, Standing, connect};
+use drive::peer::{SideError, Standing, connect};
 use experiment::Tls;
 use probe::Probe;
 use proto::digest;
@@ -108,7 +108,7 @@ impl fmt::Display for Conformance {
 ///
 /// It cannot be reached, or is none.
 pub async fn robots(options: &ConformanceOptions) -> Result<Conformance, SideError> {
-    ask::<crate::peer::Robots>(options).await
+    ask::<drive::peer::Robots>(options).await
 }
 
 /// Asks the network simulator at a URL.
@@ -117,7 +117,7 @@ pub async fn robots(options: &ConformanceOptions) -> Result<Conformance, SideErr
 ///
 /// It cannot be reached, or is none.
 pub async fn network(options: &ConformanceOptions) -> Result<Conformance, SideError> {
-    ask::<crate::peer::Network>(options).await
+    ask::<drive::peer::Network>(options).await
 }
 
 /// How long any answer may take.

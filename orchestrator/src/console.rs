@@ -1,7 +1,7 @@
 //! What a person reads while it works: results on standard output, progress and errors on standard error.
 
-use crate::drive;
 use crate::run::Audience;
+use drive;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::types::{Formation, seconds};
 use std::fmt::{Display, Write as _};

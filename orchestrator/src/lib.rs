@@ -8,11 +8,6 @@
 //! | [`run`] | one experiment from file to results |
 //! | [`mod@sweep`] | many experiments that differ in what a sweep says |
 //! | [`mod@compare_runs`] | what changed from one run, or one sweep, to another |
-//! | [`drive`] | an experiment over two configured simulators, step after step |
-//! | [`coupling`] | keeping the two simulators in step |
-//! | [`peer`] | one simulator as the orchestrator sees it: process, connection, deadlines |
-//! | [`report`] | the page that shows it |
-//! | [`network`] | the network against measured packets |
 //! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
@@ -25,11 +20,6 @@ pub mod cli;
 pub mod compare_runs;
 pub mod conformance;
 pub mod console;
-pub mod coupling;
-pub mod drive;
 pub mod effects;
-pub mod network;
-pub mod peer;
-pub mod report;
 pub mod run;
 pub mod sweep;

@@ -8,13 +8,13 @@ mod trial;
 pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Outcome, Sides, Trial};
 
-use crate::drive::{Driver, Failure, Observer, Progress, Schedule, Stopped, Taken, Wanted};
-use crate::peer::SideError;
-use crate::report;
+use drive::peer::SideError;
+use drive::{Driver, Failure, Observer, Progress, Schedule, Stopped, Taken, Wanted};
 use experiment::Overrides;
 use interrupt::Interrupt;
 use proto::config::Refusal;
 use record::{Ending, Finished, RecordError, Recorder, Status, StepRecord};
+use report;
 use std::path::PathBuf;
 use std::time::Instant;
 

@@ -3,10 +3,10 @@
 
 use experiment::{Overrides, load, read};
 use measure::table::Table;
-use orchestrator::network::compared::Among;
-use orchestrator::network::resimulate::{Resimulation, exchanged};
-use orchestrator::network::spread::LEVEL;
-use orchestrator::network::tracks::Tracks;
+use network::compared::Among;
+use network::resimulate::{Resimulation, exchanged};
+use network::spread::LEVEL;
+use network::tracks::Tracks;
 use proto_messages::v1;
 use record::read::Reader;
 use serde_json::Value;
@@ -97,7 +97,7 @@ fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
         let measured = truth.packets(&truth.network(), 1000..1001).unwrap().remove(0);
         let among = Among::of(&measured, &runs, 0.0);
         assert!(among.placed.p_value <= 0.01, "{effect}: {}", among.placed.p_value);
-        let kpis = orchestrator::network::kpis::KPIS;
+        let kpis = network::kpis::KPIS;
         let furthest = (0..kpis.len())
             .filter_map(|k| Some((among.placed.figures[k]?.z, kpis[k].name)))
             .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))

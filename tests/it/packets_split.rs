@@ -7,10 +7,10 @@ use experiment::{Overrides, read};
 use measure::config::Compared;
 use measure::packets;
 use measure::table::Table;
-use orchestrator::network::compared::Asked;
-use orchestrator::network::resimulate::Resimulation;
-use orchestrator::network::split::{Split, split};
-use orchestrator::network::tracks::Tracks;
+use network::compared::Asked;
+use network::resimulate::Resimulation;
+use network::split::{Split, split};
+use network::tracks::Tracks;
 use proto::types::AgentStates;
 use serde_json::Value;
 use std::path::Path;
@@ -137,12 +137,7 @@ fn each_fault_goes_with_its_part_and_none_with_none() {
         ("[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.3", &["protocol"]),
     ] {
         let split = parts(fault);
-        assert_eq!(
-            found(&split),
-            expected,
-            "{fault}\n{}",
-            orchestrator::network::split::text(&split)
-        );
+        assert_eq!(found(&split), expected, "{fault}\n{}", network::split::text(&split));
     }
 }
 

@@ -2,11 +2,11 @@
 //! processes, of a model with a fault in one of the two: places, and who heard whom.
 
 use experiment::{Overrides, read};
-use orchestrator::network::compared::Asked;
-use orchestrator::network::resimulate::Resimulation;
-use orchestrator::network::task::heard::Hearing;
-use orchestrator::network::task::{Measured, TaskSplit, text};
-use orchestrator::network::tracks::Tracks;
+use network::compared::Asked;
+use network::resimulate::Resimulation;
+use network::task::heard::Hearing;
+use network::task::{Measured, TaskSplit, text};
+use network::tracks::Tracks;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -49,7 +49,8 @@ fn parts(fault: &str, seed: u64) -> TaskSplit {
     let heard = Hearing::read(&out, 8, 0.0).unwrap();
     let plan = read(Path::new("model.toml"), MODEL.to_owned(), &Overrides::default()).unwrap();
     let resimulation = Resimulation::of_task(plan, tracks.clone()).unwrap();
-    let measured = Measured { resimulation: &resimulation, tracks: &tracks, heard: &heard, sd_m: 0.0 };
+    let measured =
+        Measured { resimulation: &resimulation, tracks: &tracks, heard: &heard, sd_m: 0.0 };
     measured.split(Asked { seeds: 99, ..Asked::default() }).unwrap()
 }
 

@@ -11,6 +11,7 @@ use measure::account::Account;
 use measure::robots;
 use measure::table::Table;
 use proto::effect::Level;
+use robotsim::catalogue::Catalogue;
 use study::choices::Choices;
 use study::folds::scramble;
 use study::open::Subject;
@@ -32,7 +33,9 @@ fn carried(n_steps: usize) -> Table {
 fn study(table: &Table) -> RobotStudy {
     let node = proto::config::parse("kind = 'point-mass'").unwrap();
     let spec = &robotsim::dynamics::SPEC;
-    let dynamics = proto::config::check(&node, "", spec, &mut Vec::new()).table;
+    let dynamics =
+        proto::config::check(&node, "", spec, &Catalogue::built_in().lists(), &mut Vec::new())
+            .table;
     let robots = robots::read(table).unwrap();
     RobotStudy::new(robots, &dynamics, Given::default(), (&Choices::default(), table)).unwrap()
 }

@@ -4,8 +4,8 @@ use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, record_failed, step,
     temporary_folder,
 };
-use crate::drive::Wanted;
 use crate::run::{Processes, RunError, start};
+use drive::Wanted;
 use experiment::{Overrides, Plan};
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;

@@ -3,8 +3,8 @@
 use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, step, steps, temporary_folder,
 };
-use crate::drive::Wanted;
 use crate::run::{Processes, RunError, start};
+use drive::Wanted;
 use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
 use proto::types::{NS_PER_S, seconds};

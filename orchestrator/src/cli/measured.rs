@@ -5,8 +5,6 @@ use super::packets::{Adding, Opened, ResimulationArgs};
 use super::task::{self, Files};
 use super::{Failure, inputs, place_for, stop, write_json, write_whole};
 use crate::console::{say, warn};
-use crate::report::measured::{Contents, LinkRows, MeasuredAnswer, RobotRows, Rows, page};
-use crate::report::packets::NetworkAnswer;
 use clap::{Args, ValueEnum};
 use diagnose::answer::{self, Measurements};
 use diagnose::compare;
@@ -18,6 +16,8 @@ use measure::config::Compared;
 use measure::packets;
 use measure::robots::Sample;
 use measure::table::Table;
+use report::measured::{Contents, LinkRows, MeasuredAnswer, RobotRows, Rows, page};
+use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -254,7 +254,7 @@ impl AnswerArgs {
         let words = format!("{further}{}", self.resimulation.words());
         let verb =
             if matches!(found, NetworkAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
-        let page = crate::report::packets::page(&name, &self.command(verb, &words), found);
+        let page = report::packets::page(&name, &self.command(verb, &words), found);
         write_whole("--report", path, &page)?;
         say(format!("look at {}", path.display()));
         Ok(())

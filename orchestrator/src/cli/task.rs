@@ -2,14 +2,14 @@
 
 use super::{Failure, inputs};
 use crate::console::say;
-use crate::network::compared::Asked;
-use crate::network::resimulate::Resimulation;
-use crate::network::task::comparison::{HeardFile, TaskComparison};
-use crate::network::task::heard::Hearing;
-use crate::network::task::{self, FEWEST_SEEDS, Measured};
-use crate::network::tracks::Tracks;
 use experiment::Overrides;
 use measure::table::Table;
+use network::compared::Asked;
+use network::resimulate::Resimulation;
+use network::task::comparison::{HeardFile, TaskComparison};
+use network::task::heard::Hearing;
+use network::task::{self, FEWEST_SEEDS, Measured};
+use network::tracks::Tracks;
 use std::path::Path;
 use study::open::{self, Account};
 

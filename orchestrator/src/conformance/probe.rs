@@ -1,7 +1,7 @@
 //! What differs between asking robots and asking a network.
 
 use super::{Questions, STEP_NS, said, within};
-use crate::peer::{Network, Robots, Service};
+use drive::peer::{Network, Robots, Service};
 use prost::Message as _;
 use proto::digest::{self, Digest};
 use proto::types::{AgentStates, Deliveries, Heard, Payloads, Transmissions};

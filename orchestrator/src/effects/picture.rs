@@ -2,7 +2,6 @@
 
 use super::DECIMALS;
 use super::Listed;
-use crate::report::svg::{Axis, Chart};
 use netsim::catalogue::Catalogue;
 use netsim::phy::effect::{self, Effect};
 use netsim::phy::link::{Covariates, End, Link, Scene, channel_hz};
@@ -11,6 +10,7 @@ use netsim::phy::reception::table::Table;
 use netsim::phy::scatter::{Moment, PairBlock, Renewal};
 use numbers::format::trimmed;
 use proto::site::{Foliage, Site, Wall};
+use report::svg::{Axis, Chart};
 use serde_json::{Value, json};
 
 /// One curve.

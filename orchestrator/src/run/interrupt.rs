@@ -1,6 +1,6 @@
 //! Ctrl-C and SIGTERM: the step under way is finished, what was recorded is kept.
 
-use crate::drive::Interrupts;
+use drive::Interrupts;
 use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 

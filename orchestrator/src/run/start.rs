@@ -1,9 +1,9 @@
 //! Starting, connecting and configuring both sides of a run.
 
 use super::RunError;
-use crate::coupling::Coupled;
-use crate::drive::{self, Asked, Unfit, Wanted};
-use crate::peer::{Launch, Network, Peer, Reach, Remote, Robots, Service, Side as _, SideError};
+use drive::coupling::Coupled;
+use drive::peer::{Launch, Network, Peer, Reach, Remote, Robots, Service, Side as _, SideError};
+use drive::{self, Asked, Unfit, Wanted};
 use experiment::{EXPERIMENT, Plan, SideConfig, Start};
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::exchange::Configured;

@@ -3,12 +3,12 @@
 use super::interrupt::Interrupt;
 use super::start::{Processes, StartOptions, Started, connect, ready};
 use super::{RunError, ended_by, record_of};
-use crate::drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
-use crate::peer::{Network, Peer as _, Remote, Robots};
-use crate::report;
+use drive::peer::{Network, Peer as _, Remote, Robots};
+use drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
 use experiment::{Plan, Tls, Transport};
 use record::run_summary::RunSummary;
 use record::{Ending, Measurer, RecordError, Recorder};
+use report;
 use serde_json::Value;
 use std::path::Path;
 

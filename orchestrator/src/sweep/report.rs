@@ -4,11 +4,11 @@ use super::plan::SweepPlan;
 use super::results::Figures;
 use super::statistics::FEWEST;
 use super::sweep_summary::SweepSummary;
-use crate::report::svg::{Axis, Chart};
-use crate::report::text::escape;
 use numbers::format::{count, number, percent, shortest};
 use proto::config::Value as Written;
 use record::ColumnKind;
+use report::svg::{Axis, Chart};
+use report::text::escape;
 use std::fmt::Write as _;
 
 /// The page.
@@ -16,7 +16,7 @@ pub(super) fn page(plan: &SweepPlan, figures: &[Figures<'_>], summary: &SweepSum
     let name = escape(&plan.name);
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
-        include_str!("../report/style.css")
+        report::STYLE
     );
     let _ = write!(
         page,

@@ -1,7 +1,7 @@
 //! What a page says in words and tables.
 
 use super::{Contents, MeasuredAnswer};
-use crate::report::text::escape;
+use crate::text::escape;
 use diagnose::compare::comparison::Comparison;
 use diagnose::diagnosis::{Diagnosis, Rung};
 use measure::account::Account;

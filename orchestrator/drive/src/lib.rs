@@ -4,6 +4,8 @@
 //! Runs, trials and re-simulations differ in the peers that they couple, in who observes the steps, and in when it ends.
 
 mod configure;
+pub mod coupling;
+pub mod peer;
 
 pub use configure::{Asked, Unfit, Wanted, announced, configure, starts};
 

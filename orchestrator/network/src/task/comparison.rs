@@ -1,7 +1,7 @@
 //! What a comparison of a swarm's task found: the answer that programs read as JSON, pages draw and people read as text.
 
-use crate::network::comparison::Kpi;
-use crate::network::error_split::{ErrorPart, PartOfFigure};
+use crate::comparison::Kpi;
+use crate::error_split::{ErrorPart, PartOfFigure};
 use diagnose::json_number;
 use indexmap::IndexMap;
 use measure::account::Account;

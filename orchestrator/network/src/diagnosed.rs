@@ -12,7 +12,7 @@ use super::spread::LEVEL;
 use super::tried::{Curve, Fit, Fitted, Ground};
 use measure::packets::Packet;
 use std::sync::atomic::{AtomicBool, Ordering};
-pub(crate) use told::said;
+pub use told::said;
 pub use told::{answer, parameters, text};
 
 /// The chance below which a gain is taken for none: that the model without any of the effects would give as great a one.

@@ -1,8 +1,8 @@
 //! In place of a network: who heard whom, as it was measured.
 
 use super::heard::Hearing;
-use crate::peer::{Described, Network, Peer, Side, SideError, Standing};
 use bytes::Bytes;
+use drive::peer::{Described, Network, Peer, Side, SideError, Standing};
 use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep};
 use proto::types::{DeliveryColumn, MoteCommandKind, Payloads};
 

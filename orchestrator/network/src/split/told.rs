@@ -1,8 +1,8 @@
 //! Where the error comes from: the answer, a table and a sentence.
 
 use super::{Part, Share, Split};
-use crate::network::error_split::{ErrorPart, NetworkErrorSplit, NetworkFigureSplit, PartOfFigure};
-use crate::network::kpis::KPIS;
+use crate::error_split::{ErrorPart, NetworkErrorSplit, NetworkFigureSplit, PartOfFigure};
+use crate::kpis::KPIS;
 use numbers::format::{capitalised, number, percent};
 use std::fmt::Write as _;
 

@@ -1,7 +1,7 @@
 //! The figures of a swarm's task that are compared: those of a run's summary (docs/metrics.md), of places alone.
 
-use crate::network::figure::{Figure, figure};
-use crate::network::tracks::Tracks;
+use crate::figure::{Figure, figure};
+use crate::tracks::Tracks;
 use metrics::figures::FigureValue;
 use metrics::places::measures_of;
 use metrics::{Measures, Task};

@@ -1,14 +1,14 @@
 //! From what a search found of a network to an answer, and its words.
 
 use super::{Found, Rung, Trial};
-use crate::network::candidates::Candidate;
-use crate::network::compared::{Asked, among_seeds, sentence as compared};
-use crate::network::diagnosis::{
+use crate::candidates::Candidate;
+use crate::compared::{Asked, among_seeds, sentence as compared};
+use crate::diagnosis::{
     NetworkCandidate, NetworkDiagnosis, NetworkRung, NextCampaign, SCHEMA, UnexplainedFigure,
 };
-use crate::network::kpis::KPIS;
-use crate::network::spread::LEVEL;
-use crate::network::tried::Fitted;
+use crate::kpis::KPIS;
+use crate::spread::LEVEL;
+use crate::tried::Fitted;
 use diagnose::diagnosis::{Parameter, Verdict};
 use indexmap::IndexMap;
 use measure::account::Account;
@@ -24,7 +24,7 @@ pub fn parameters(candidate: &Candidate, fitted: &Fitted) -> IndexMap<&'static s
 }
 
 /// A fitted number in words: `delay_s = 0.600 s (90 %: 0.580 to 0.620)`.
-pub(crate) fn said(candidate: &Candidate, fitted: &Fitted) -> String {
+pub fn said(candidate: &Candidate, fitted: &Fitted) -> String {
     let [low, high] = fitted.interval.map(number);
     format!("{} (90 %: {low} to {high})", candidate.said(fitted.value))
 }

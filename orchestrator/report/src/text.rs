@@ -1,7 +1,7 @@
 //! Text as HTML.
 
 /// Text in which no character is markup.
-pub(crate) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

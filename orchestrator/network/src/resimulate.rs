@@ -2,13 +2,13 @@
 
 use super::kpis::Figures;
 use super::tracks::Tracks;
-use crate::coupling::Coupled;
-use crate::drive::{
+use bytes::Bytes;
+use drive::coupling::Coupled;
+use drive::peer::{Described, InProcess, Network, Peer, Robots, Side, SideError, Standing, ready};
+use drive::{
     Asked, Driver, End, Failure, Observer, Schedule, Stopped, Taken, Uninterrupted, Wanted,
     configure,
 };
-use crate::peer::{Described, InProcess, Network, Peer, Robots, Side, SideError, Standing, ready};
-use bytes::Bytes;
 use experiment::{Plan, Start};
 use measure::packets::{OWN, Packet};
 use netsim::sim::Network as BuiltInNetwork;

@@ -10,7 +10,7 @@
 //! ([`Smooth`]), so that the chances of single values do not count for the parameter's.
 
 use super::kpis::{Figures, KPIS};
-use crate::network::kpis::Scale;
+use crate::kpis::Scale;
 use nalgebra::{DMatrix, DVector};
 use numbers::statistics;
 use std::collections::BTreeMap;

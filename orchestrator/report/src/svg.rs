@@ -6,13 +6,13 @@ use std::fmt::Write as _;
 
 /// An axis: what it shows, from where to where.
 #[derive(Clone, Debug)]
-pub(crate) struct Axis {
+pub struct Axis {
     /// What it shows, with the unit.
-    pub(crate) label: String,
+    pub label: String,
     /// Lower end.
-    pub(crate) min: f64,
+    pub min: f64,
     /// Upper end, greater than `min`.
-    pub(crate) max: f64,
+    pub max: f64,
     /// Ticks are in per cent.
     is_percent: bool,
     /// Least distance of ticks.
@@ -23,7 +23,7 @@ pub(crate) struct Axis {
 
 impl Axis {
     /// An axis from `min` to `max`, or to one more where that is no further.
-    pub(crate) fn new(label: &str, min: f64, max: f64) -> Self {
+    pub fn new(label: &str, min: f64, max: f64) -> Self {
         let max = if min < max { max } else { min + 1.0 };
         Self {
             label: label.to_owned(),
@@ -36,19 +36,19 @@ impl Axis {
     }
 
     /// The same with ticks in per cent.
-    pub(crate) fn percent(mut self) -> Self {
+    pub fn percent(mut self) -> Self {
         self.is_percent = true;
         self
     }
 
     /// The same with ticks at whole numbers only.
-    pub(crate) fn whole(mut self) -> Self {
+    pub fn whole(mut self) -> Self {
         self.least_step = 1.0;
         self
     }
 
     /// The same with words at 0, 1, 2, … in place of numbers.
-    pub(crate) fn named(mut self, names: &[String]) -> Self {
+    pub fn named(mut self, names: &[String]) -> Self {
         self.names = names.to_vec();
         self
     }
@@ -94,7 +94,7 @@ fn round_step(step: f64) -> f64 {
 }
 
 /// A chart being drawn.
-pub(crate) struct Chart {
+pub struct Chart {
     x: Axis,
     y: Axis,
     width: f64,
@@ -106,24 +106,24 @@ pub(crate) struct Chart {
 
 impl Chart {
     /// An empty chart of this size, in pixels at its natural size.
-    pub(crate) fn new(x: Axis, y: Axis, width: f64, height: f64) -> Self {
+    pub fn new(x: Axis, y: Axis, width: f64, height: f64) -> Self {
         let mut chart = Self { x, y, width, height, body: String::new(), over: String::new() };
         chart.axes();
         chart
     }
 
     /// Height of the plane for a chart of that width whose axes have the same scale.
-    pub(crate) fn plane_width(width: f64) -> f64 {
+    pub fn plane_width(width: f64) -> f64 {
         width - LEFT - RIGHT
     }
 
     /// Height of the chart with a plane of that height.
-    pub(crate) fn with_plane_height(height: f64) -> f64 {
+    pub fn with_plane_height(height: f64) -> f64 {
         height + TOP + BOTTOM
     }
 
     /// A line through points; a gap where there is none.
-    pub(crate) fn line(&mut self, class: &str, points: impl IntoIterator<Item = Option<[f64; 2]>>) {
+    pub fn line(&mut self, class: &str, points: impl IntoIterator<Item = Option<[f64; 2]>>) {
         let path = self.path(points);
         if !path.is_empty() {
             let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
@@ -131,7 +131,7 @@ impl Chart {
     }
 
     /// The area between two lines over the same x.
-    pub(crate) fn band(&mut self, class: &str, low_high: &[(f64, f64, f64)]) {
+    pub fn band(&mut self, class: &str, low_high: &[(f64, f64, f64)]) {
         let there = low_high.iter().map(|&(x, _, high)| Some([x, high]));
         let back = low_high.iter().rev().map(|&(x, low, _)| Some([x, low]));
         let path = self.path(there.chain(back));
@@ -141,7 +141,7 @@ impl Chart {
     }
 
     /// Straight lines between two points each, all alike.
-    pub(crate) fn segments(&mut self, class: &str, lines: impl IntoIterator<Item = [[f64; 2]; 2]>) {
+    pub fn segments(&mut self, class: &str, lines: impl IntoIterator<Item = [[f64; 2]; 2]>) {
         let mut path = String::new();
         for [from, to] in lines {
             let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
@@ -153,11 +153,7 @@ impl Chart {
     }
 
     /// Rectangles between two corners each, all alike.
-    pub(crate) fn rectangles(
-        &mut self,
-        class: &str,
-        corners: impl IntoIterator<Item = [[f64; 2]; 2]>,
-    ) {
+    pub fn rectangles(&mut self, class: &str, corners: impl IntoIterator<Item = [[f64; 2]; 2]>) {
         let mut path = String::new();
         for [from, to] in corners {
             let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
@@ -169,7 +165,7 @@ impl Chart {
     }
 
     /// Dots, all alike.
-    pub(crate) fn dots(&mut self, class: &str, points: impl IntoIterator<Item = [f64; 2]>) {
+    pub fn dots(&mut self, class: &str, points: impl IntoIterator<Item = [f64; 2]>) {
         let mut path = String::new();
         for point in points {
             let [x, y] = self.place(point);
@@ -181,17 +177,17 @@ impl Chart {
     }
 
     /// What is drawn from here to [`Self::close`] belongs to a class.
-    pub(crate) fn open(&mut self, class: &str) {
+    pub fn open(&mut self, class: &str) {
         let _ = write!(self.body, "<g class=\"{class}\">");
     }
 
     /// The end of what [`Self::open`] began.
-    pub(crate) fn close(&mut self) {
+    pub fn close(&mut self) {
         self.body.push_str("</g>");
     }
 
     /// A ring around a point.
-    pub(crate) fn ring(&mut self, class: &str, point: [f64; 2], radius: f64) {
+    pub fn ring(&mut self, class: &str, point: [f64; 2], radius: f64) {
         let [x, y] = self.place(point);
         let _ = write!(
             self.body,
@@ -200,7 +196,7 @@ impl Chart {
     }
 
     /// A circle of a radius in the units of the axes, which have the same scale.
-    pub(crate) fn circle(&mut self, class: &str, centre: [f64; 2], radius: f64) {
+    pub fn circle(&mut self, class: &str, centre: [f64; 2], radius: f64) {
         let ([x, y], [edge, _]) = (self.place(centre), self.place([centre[0] + radius, centre[1]]));
         let radius = edge - x;
         let _ = write!(
@@ -210,7 +206,7 @@ impl Chart {
     }
 
     /// A dot with an interval, which says more when pointed at.
-    pub(crate) fn interval(&mut self, x: f64, y: f64, [low, high]: [f64; 2], title: &str) {
+    pub fn interval(&mut self, x: f64, y: f64, [low, high]: [f64; 2], title: &str) {
         let ([px, py], [_, top], [_, foot]) =
             (self.place([x, y]), self.place([x, high]), self.place([x, low]));
         let _ = write!(
@@ -223,7 +219,7 @@ impl Chart {
     }
 
     /// Walls and discs, cut off at the edge of the plane. For axes of the same scale.
-    pub(crate) fn site(&mut self, walls: &[[[f64; 2]; 2]], discs: &[([f64; 2], f64)]) {
+    pub fn site(&mut self, walls: &[[[f64; 2]; 2]], discs: &[([f64; 2], f64)]) {
         if walls.is_empty() && discs.is_empty() {
             return;
         }
@@ -251,7 +247,7 @@ impl Chart {
     }
 
     /// A level drawn across, with a few words above its right end.
-    pub(crate) fn level(&mut self, y: f64, label: &str) {
+    pub fn level(&mut self, y: f64, label: &str) {
         let [left, py] = self.place([self.x.min, y]);
         let [right, _] = self.place([self.x.max, y]);
         // Above the line; below where there is no room above.
@@ -265,7 +261,7 @@ impl Chart {
     }
 
     /// Moments, as lines from top to bottom, each with a word; of those that stand too close only the first has its word.
-    pub(crate) fn moments(&mut self, moments: &[(f64, &str)]) {
+    pub fn moments(&mut self, moments: &[(f64, &str)]) {
         let mut free_x = f64::NEG_INFINITY;
         for &(moment, word) in moments {
             if !(self.x.min..=self.x.max).contains(&moment) {
@@ -288,7 +284,7 @@ impl Chart {
     }
 
     /// A few words beside a point.
-    pub(crate) fn label(&mut self, class: &str, point: [f64; 2], text: &str) {
+    pub fn label(&mut self, class: &str, point: [f64; 2], text: &str) {
         let [x, y] = self.place(point);
         let to_the_left = self.width - RIGHT - 60.0 < x;
         let (x, anchor) = if to_the_left { (x - 8.0, "end") } else { (x + 8.0, "start") };
@@ -301,7 +297,7 @@ impl Chart {
     }
 
     /// The picture, with a name and a text that says the same.
-    pub(crate) fn finish(self, id: &str, title: &str, alternative: &str) -> String {
+    pub fn finish(self, id: &str, title: &str, alternative: &str) -> String {
         format!(
             "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-labelledby=\"{id}-title {id}-text\"><title id=\"{id}-title\">{}</title><desc id=\"{id}-text\">{}</desc>{}{}</svg>",
             self.width,

@@ -1,8 +1,8 @@
 //! The map of the site with what the model errs by in each place.
 
 use super::{Contents, LinkRows, Picture, RobotRows, Rows};
-use crate::report::figures::{WIDE, equal_scales};
-use crate::report::svg::Chart;
+use crate::figures::{WIDE, equal_scales};
+use crate::svg::Chart;
 use numbers::format::number;
 use std::collections::BTreeMap;
 use study::view::View;

@@ -1,7 +1,7 @@
 //! A comparison of a network in words: the text of the terminal.
 
 use super::shown;
-use crate::network::comparison::NetworkComparison;
+use crate::comparison::NetworkComparison;
 use numbers::format::capitalised;
 use std::fmt::Write as _;
 

@@ -5,9 +5,9 @@ use super::comparison::{
 };
 use super::figures::FIGURES;
 use super::{Part, Placing, Runs, TaskSplit};
-use crate::network::compared::Asked;
-use crate::network::error_split::{ErrorPart, PartOfFigure};
-use crate::network::spread::{LEVEL, kpi};
+use crate::compared::Asked;
+use crate::error_split::{ErrorPart, PartOfFigure};
+use crate::spread::{LEVEL, kpi};
 use indexmap::IndexMap;
 use measure::account::Account;
 use numbers::format::{capitalised, number};

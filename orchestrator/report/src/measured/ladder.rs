@@ -1,7 +1,7 @@
 //! The ladder of held-out error, and what each candidate gains.
 
 use super::Picture;
-use crate::report::text::escape;
+use crate::text::escape;
 use diagnose::diagnosis::{Diagnosis, Rung, Tested};
 use numbers::format::number;
 use std::fmt::Write as _;

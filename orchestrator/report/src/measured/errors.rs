@@ -1,7 +1,7 @@
 //! Predicted against measured, errors against covariates, reception, and whether the predicted uncertainty is right.
 
 use super::{Contents, Picture, Rows, bin, drawn, edges, half, quantiles, thinned};
-use crate::report::svg::Axis;
+use crate::svg::Axis;
 use metrics::DistanceBin;
 use numbers::format::{capitalised, number, percent};
 use numbers::statistics::mean;

@@ -5,8 +5,8 @@ pub mod measured;
 mod motes;
 mod network;
 pub mod packets;
-pub(crate) mod svg;
-pub(crate) mod text;
+pub mod svg;
+pub mod text;
 
 use figures::Figure;
 use metrics::Measures;
@@ -17,6 +17,9 @@ use record::{Contents, Status, TRUTH_BASELINE};
 use std::fmt::Write as _;
 use text::escape;
 
+/// The style sheet of every page.
+pub const STYLE: &str = include_str!("style.css");
+
 /// The page.
 #[must_use]
 pub fn page(contents: &Contents<'_>) -> String {
@@ -25,7 +28,7 @@ pub fn page(contents: &Contents<'_>) -> String {
     let suffix = if is_truth { format!(" ({TRUTH_BASELINE})") } else { String::new() };
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}{suffix}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
-        include_str!("report/style.css")
+        STYLE
     );
     heading(&mut page, contents, is_truth);
     notices(&mut page, contents.summary);
