@@ -30,4 +30,6 @@ pub mod power;
 pub mod progress;
 pub mod scan;
 pub mod simulate;
+#[cfg(test)]
+mod structure_tests;
 pub mod words;

@@ -22,12 +22,14 @@ pub struct Distances {
     doublings: u32,
 }
 
-impl Distances {
+impl Default for Distances {
     /// No attempts yet.
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self { bins: vec![[0; 2]; N_BINS], doublings: 0 }
     }
+}
 
+impl Distances {
     /// Counts an attempt over a distance (m, finite).
     pub fn add(&mut self, distance_m: f64, delivered: bool) {
         loop {
@@ -115,7 +117,7 @@ mod tests {
 
     #[test]
     fn nothing_is_lost_when_the_range_grows() {
-        let mut distances = Distances::new();
+        let mut distances = Distances::default();
         for i in 0..10_000u32 {
             distances.add(f64::from(i) * 0.37, i % 3 == 0);
         }
@@ -134,7 +136,7 @@ mod tests {
 
     #[test]
     fn widths_are_round() {
-        let mut distances = Distances::new();
+        let mut distances = Distances::default();
         (0..=90).for_each(|metre| distances.add(f64::from(metre), true));
         let table = distances.table(30);
         assert_eq!((table[0].from_m, table[0].to_m), (0.0, 5.0));

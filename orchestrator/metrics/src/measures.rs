@@ -103,7 +103,7 @@ impl Measures {
             deliveries: 0,
             unicast_deliveries: 0,
             is_distance_sampled: false,
-            distances: Distances::new(),
+            distances: Distances::default(),
             delay_ns: 0,
             flock_speed_sum: 0.0,
             speed_sum: 0.0,

@@ -161,10 +161,10 @@ mod tests {
 
     #[test]
     fn an_uncertain_number_has_two_digits_of_its_uncertainty() {
-        let shown = [(3.14159, 0.02), (3.14159, 2.0), (-3.14159, 0.1), (314.159, 20.0)]
+        let shown = [(3.24159, 0.02), (3.24159, 2.0), (-3.24159, 0.1), (314.159, 20.0)]
             .map(|(value, half)| number_within(value, half));
-        assert_eq!(shown, ["3.142", "3.1", "−3.14", "314"]);
-        assert_eq!(number_within(3.14159, 0.0), "3.14");
+        assert_eq!(shown, ["3.242", "3.2", "−3.24", "314"]);
+        assert_eq!(number_within(3.24159, 0.0), "3.24");
     }
 
     #[test]

@@ -3,9 +3,9 @@
 #[path = "../../study/src/robots/tests/driven.rs"]
 mod driven;
 
-use diagnose::answer::{Measurements, answer};
-use diagnose::ladder::Search;
-use diagnose::scan;
+use crate::answer::{Measurements, answer};
+use crate::ladder::Search;
+use crate::scan;
 use driven::{STEP_S, driven};
 use measure::account::Account;
 use measure::robots;
