@@ -91,7 +91,7 @@ mod tests {
         let answer = Answer { ends, seeds: vec![None, Some(1e300), Some(f64::NEG_INFINITY)] };
         assert_eq!(
             serde_json::to_string(&answer).unwrap(),
-            r#"{"ends":{"b":[0.30000000000000004,null],"a":[null,-0.0]},"seeds":[null,1e300,null]}"#
+            r#"{"ends":{"b":[0.30000000000000004,null],"a":[null,-0.0]},"seeds":[null,1e+300,null]}"#
         );
     }
 }

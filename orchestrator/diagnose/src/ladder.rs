@@ -2,6 +2,7 @@
 
 mod choice;
 
+use super::acceptance::{self, FAMILY_ERROR, WORTH_NATS};
 use super::gain::{Gain, Scores};
 use super::progress::Progress;
 use proto::effect::Level;
@@ -12,14 +13,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use study::{COMMON, Candidate, RowScore, Study};
 use tracing::debug;
 
-/// All candidates together may accept wrongly with this probability (Holm).
-pub const FAMILY_ERROR: f64 = 0.005;
-/// A term is worth having from this gain on (nats per row) …
-pub(crate) const WORTH_NATS: f64 = 0.01;
-/// … or from this share of the error removed.
-pub(crate) const WORTH_SHARE: f64 = 0.01;
-/// In any case it removes this share of the error of the model as configured.
-pub(crate) const LEAST_SHARE: f64 = 0.001;
 /// A term that raises the likelihood of all rows together by less (nats) is not beyond chance on rows left out: where the mean of a
 /// logarithm of a likelihood ratio is m, its variance is about 2 m, so that it stands √(m/2) standard errors above 0, and 2.58 are
 /// needed if it were the only candidate. On rows left out it gains less than on those it was fitted to.
@@ -334,7 +327,7 @@ impl<'a, S: Study> Search<'a, S> {
         let mut decided: Vec<Trial> = Vec::new();
         let mut rungs = vec![self.rung(&[])];
         let too_little = self.too_little();
-        let configured = rungs[0].scores.mean_square();
+        let configured = rungs[0].scores;
         let mut removed: Vec<usize> = Vec::new();
         let mut last: Vec<Trial> = Vec::new();
         let mut stopped = None;
@@ -350,16 +343,21 @@ impl<'a, S: Study> Search<'a, S> {
                 stopped = Some(round);
                 break;
             }
-            let floor =
-                LEAST_SHARE * share_scale(configured, rungs[rungs.len() - 1].scores.mean_square());
+            let floor = acceptance::least_share(&configured, &rungs[rungs.len() - 1].scores);
             self.weigh(&mut trials, &accepted, &removed, floor);
             if !trials.iter().any(|trial| trial.is_acceptable) {
                 // Beside accepted effects, only levels of links, nodes and channels: what they explain comes in small parts from
                 // all rows, of which blocks of time tell little.
                 let is_random = |term: usize| candidates[term].level == Level::Random;
                 let may_be = |trial: &Trial| accepted.is_empty() || is_random(trial.term);
-                let least = (self.n_tried() as f64 / FAMILY_ERROR).ln() * self.study.rows_of_one();
-                beyond_doubt(&mut trials, may_be, least);
+                for trial in trials.iter_mut().filter(|trial| trial.is_plausible && may_be(trial)) {
+                    trial.is_significant = acceptance::is_certain_by_total(
+                        &trial.gain,
+                        self.n_tried(),
+                        self.study.rows_of_one(),
+                    );
+                    trial.is_acceptable = trial.is_significant;
+                }
             }
             let found = self
                 .choose(&trials, &accepted, &removed)
@@ -418,18 +416,20 @@ impl<'a, S: Study> Search<'a, S> {
         self.study.candidates().iter().filter(|candidate| candidate.is_tried()).count()
     }
 
-    /// Decides which trials are beyond chance, and worth having: by gain, or by the share of the error that is removed, at least
-    /// `floor`. What was removed once does not come back.
+    /// Judges trials by the acceptance rule. What was removed once does not come back.
     fn weigh(&self, trials: &mut [Trial], accepted: &[usize], removed: &[usize], floor: f64) {
         let candidates = self.study.candidates();
-        holm(trials, self.n_tried());
-        for trial in trials.iter_mut().filter(|trial| trial.gain.p_value < FAMILY_ERROR) {
-            let level = candidates[trial.term].level;
-            let now = Scores::of(&self.held_out(&with(accepted, trial.term), level));
-            let before = Scores::of(&self.held_out(accepted, level));
-            let is_worth_it = WORTH_NATS <= trial.gain.gain
-                || WORTH_SHARE.max(floor) <= now.share_removed(&before);
-            trial.is_plausible = is_worth_it && !removed.contains(&trial.term);
+        let gains: Vec<Gain> = trials.iter().map(|trial| trial.gain).collect();
+        let terms: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
+        let share_removed = |index: usize| {
+            let level = candidates[terms[index]].level;
+            let now = Scores::of(&self.held_out(&with(accepted, terms[index]), level));
+            now.share_removed(&Scores::of(&self.held_out(accepted, level)))
+        };
+        let verdicts = acceptance::judge(&gains, self.n_tried(), floor, share_removed);
+        for (trial, verdict) in trials.iter_mut().zip(verdicts) {
+            trial.is_significant = verdict.is_significant;
+            trial.is_plausible = verdict.is_plausible && !removed.contains(&trial.term);
             trial.is_acceptable = trial.is_significant && trial.is_plausible;
         }
     }
@@ -527,33 +527,5 @@ pub(super) fn without(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().filter(|&other| other != term).collect()
 }
 
-/// How much greater the mean squared error of the model as configured is than that of another: shares of the one are so many
-/// times smaller than shares of the other.
-pub(super) fn share_scale(configured: f64, other: f64) -> f64 {
-    let scale = configured / other;
-    if scale.is_finite() { scale.max(1.0) } else { 1.0 }
-}
-
-/// Where blocks are too few, or too unlike, for anything to be beyond chance with all candidates counted, but something is
-/// missing beyond doubt: what would be beyond chance as the only candidate, and gains so much in all (`least`, nats) that as great a
-/// gain of any of them would be beyond chance, too, were what rows say independent of each other (a likelihood ratio of what was left
-/// out exceeds e^g by chance with a probability of at most e^-g). Only trials that `may_be` are looked at.
-fn beyond_doubt(trials: &mut [Trial], may_be: impl Fn(&Trial) -> bool, least: f64) {
-    for trial in trials.iter_mut().filter(|trial| trial.is_plausible && may_be(trial)) {
-        trial.is_significant = least < trial.gain.total();
-        trial.is_acceptable = trial.is_significant;
-    }
-}
-
-/// Marks what is beyond chance with `n` candidates counted (Holm 1979).
-fn holm(trials: &mut [Trial], n: usize) {
-    let mut order: Vec<usize> = (0..trials.len()).collect();
-    order.sort_by(|&a, &b| trials[a].gain.p_value.total_cmp(&trials[b].gain.p_value));
-    for (rank, index) in order.into_iter().enumerate() {
-        let left = n.saturating_sub(rank).max(1) as f64;
-        if FAMILY_ERROR / left < trials[index].gain.p_value {
-            return;
-        }
-        trials[index].is_significant = true;
-    }
-}
+#[cfg(test)]
+mod tests;

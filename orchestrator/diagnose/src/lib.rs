@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`held_out`] | predictions of rows by fits that have not seen them |
 //! | [`ladder`] | the search |
+//! | [`acceptance`] | which terms are significant, and worth having |
 //! | [`gain`] | how much better one model predicts than another |
 //! | [`next`] | the measurement that would break a tie |
 //! | [`progress`] | what a search reports while it works |
@@ -17,6 +18,7 @@
 //! | [`mod@power`] | how large an effect a campaign would show |
 //! | [`json_number`] | numbers of answers that JSON cannot hold |
 
+pub mod acceptance;
 pub mod answer;
 pub mod compare;
 pub mod diagnosis;

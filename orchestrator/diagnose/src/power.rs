@@ -7,9 +7,10 @@
 
 pub mod answer;
 
+use crate::acceptance;
 use crate::extend::{self, ExtendError};
 use crate::gain::Scores;
-use crate::ladder::{FAMILY_ERROR, Search, WORTH_NATS, WORTH_SHARE};
+use crate::ladder::Search;
 use crate::simulate;
 use answer::{Power, SCHEMA, Size};
 use measure::config::Compared;
@@ -17,7 +18,7 @@ use measure::table::Table;
 use proto::effect::{Fixed, Parameter};
 use proto::rng::{Draws, Purpose};
 use rayon::prelude::*;
-use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
+use statrs::distribution::{ContinuousCDF as _, Normal};
 use study::Study;
 use study::choices::Choices;
 use study::open::{self, OpenError, Subject};
@@ -399,8 +400,7 @@ impl<'a> Plan<'a> {
 
     /// Standard errors that a gain must exceed.
     fn critical(&self) -> f64 {
-        StudentsT::new(0.0, 1.0, (self.n_blocks.max(2) - 1) as f64)
-            .map_or(f64::INFINITY, |t| -t.inverse_cdf(FAMILY_ERROR / self.n_candidates as f64))
+        acceptance::critical_t(self.n_candidates, self.n_blocks)
     }
 
     fn outcome(&self, knob: &Knob, size: f64, seed: u64) -> Result<Outcome, PowerError> {
@@ -421,11 +421,12 @@ impl<'a> Plan<'a> {
         let gain = search.gain(&[term], &[], level);
         let [before, after] =
             [&[][..], &[term]].map(|terms| Scores::of(&search.held_out(terms, level)));
-        let is_significant = gain.p_value * self.n_candidates as f64 <= FAMILY_ERROR;
-        let is_worth = WORTH_NATS <= gain.gain || WORTH_SHARE <= after.share_removed(&before);
+        let floor = acceptance::least_share(&before, &before);
+        let share_removed = |_| after.share_removed(&before);
+        let verdict = acceptance::judge(&[gain], self.n_candidates, floor, share_removed)[0];
         let t = if 0.0 < gain.standard_error { gain.gain / gain.standard_error } else { 0.0 };
         Ok(Outcome {
-            is_found: is_significant && is_worth,
+            is_found: verdict.is_acceptable(),
             margin: t - self.critical(),
             rmse: [before.rmse, after.rmse],
         })

@@ -1,6 +1,7 @@
 //! What is left over when no effect gains any more: structure over a covariate.
 
-use super::ladder::{LEAST_SHARE, Ladder, Search, WORTH_NATS, WORTH_SHARE, share_scale, without};
+use super::acceptance::{FAMILY_ERROR, LEAST_SHARE, is_worth, share_scale};
+use super::ladder::{Ladder, Search, without};
 use numbers::statistics::nth_quantile;
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -9,8 +10,6 @@ use study::folds::Blocks;
 use study::symbolic::Formula;
 use study::{COMMON, Study};
 
-/// All covariates together may be called structure wrongly with this probability.
-const FAMILY_ERROR: f64 = 0.005;
 /// Bins of a covariate …
 const BINS: usize = 10;
 /// … and, where nothing is found so, of one that comes and goes.
@@ -54,7 +53,7 @@ impl Residuals<'_> {
     /// Whether structure that explains this share is worth telling: as for effects, by nats, or by the share of the error.
     fn are_worth(&self, explained: f64) -> bool {
         let nats = -0.5 * (1.0 - explained).ln();
-        WORTH_NATS <= nats || WORTH_SHARE.max(LEAST_SHARE * self.configured) <= explained
+        is_worth(nats, LEAST_SHARE * self.configured, || explained)
     }
 }
 

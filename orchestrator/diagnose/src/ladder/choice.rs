@@ -1,6 +1,7 @@
 //! Which of the candidates that are acceptable is taken, and which cannot be told from it.
 
-use super::{COMMON, FAMILY_ERROR, NEARLY, Search, Trial, WORTH_NATS, with, without};
+use super::{COMMON, NEARLY, Search, Trial, with, without};
+use crate::acceptance::{FAMILY_ERROR, WORTH_NATS};
 use crate::gain::Gain;
 use proto::effect::{CONSTANT, Level};
 use rayon::prelude::*;

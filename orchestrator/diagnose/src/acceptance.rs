@@ -1,0 +1,174 @@
+//! The acceptance rule: which of the terms that were tested are significant, and worth having.
+//!
+//! `diagnose` applies it to all candidates of a round, `power` to one effect. A term is accepted if what it gains on rows left out is
+//! significant at [`FAMILY_ERROR`] after Holm's correction for all candidates, and if it is worth having: by its gain per row, or by
+//! the share of the error that it removes.
+
+use crate::gain::{Gain, Scores};
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
+
+/// Probability with which any of all candidates together may be accepted wrongly.
+pub const FAMILY_ERROR: f64 = 0.005;
+/// A term is worth having from this gain on (nats per row) …
+pub const WORTH_NATS: f64 = 0.01;
+/// … or from this share of the error removed.
+pub const WORTH_SHARE: f64 = 0.01;
+/// In any case it removes this share of the error of the model as configured.
+pub const LEAST_SHARE: f64 = 0.001;
+
+/// What the rule says of one term.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// Significant at [`FAMILY_ERROR`] after Holm's correction for all candidates.
+    pub is_significant: bool,
+    /// Significant at [`FAMILY_ERROR`] if it were the only candidate, and worth having.
+    pub is_plausible: bool,
+}
+
+impl Verdict {
+    /// Significant after the correction, and worth having.
+    #[must_use]
+    pub fn is_acceptable(self) -> bool {
+        self.is_significant && self.is_plausible
+    }
+}
+
+/// Judges terms that were each tested on top of the same model.
+///
+/// * `gains`: of the terms, on rows left out.
+/// * `n_candidates`: how many candidates are corrected for, those that were not worth a test included.
+/// * `least_share`: the share of the error that a term must remove if its gain alone is not worth it; at least [`WORTH_SHARE`].
+/// * `share_removed`: the share of the error that the term at an index removes; asked only where the gain is significant by itself.
+#[must_use]
+pub fn judge(
+    gains: &[Gain],
+    n_candidates: usize,
+    least_share: f64,
+    share_removed: impl Fn(usize) -> f64,
+) -> Vec<Verdict> {
+    let is_significant = holm(gains, n_candidates);
+    let judge_one = |(index, is_significant): (usize, bool)| {
+        let gain = &gains[index];
+        let is_plausible = gain.p_value < FAMILY_ERROR
+            && is_worth(gain.gain, least_share, || share_removed(index));
+        Verdict { is_significant, is_plausible }
+    };
+    is_significant.into_iter().enumerate().map(judge_one).collect()
+}
+
+/// Whether a gain (nats per row) or the share of the error that is removed is worth having.
+#[must_use]
+pub fn is_worth(gain: f64, least_share: f64, share_removed: impl FnOnce() -> f64) -> bool {
+    WORTH_NATS <= gain || WORTH_SHARE.max(least_share) <= share_removed()
+}
+
+/// The least share of the present error that a term must remove, so that it removes [`LEAST_SHARE`] of the error of the model as
+/// configured.
+#[must_use]
+pub fn least_share(configured: &Scores, present: &Scores) -> f64 {
+    LEAST_SHARE * share_scale(configured.mean_square(), present.mean_square())
+}
+
+/// How many times greater the mean squared error of the model as configured is than that of another, at least 1: shares of the
+/// one are so many times smaller than shares of the other.
+#[must_use]
+pub fn share_scale(configured: f64, other: f64) -> f64 {
+    let scale = configured / other;
+    if scale.is_finite() { scale.max(1.0) } else { 1.0 }
+}
+
+/// Whether a term is certain by its total gain (nats), where blocks are too few or too unlike for anything to be significant after
+/// the correction: a likelihood ratio of rows left out exceeds e^g by chance with a probability of at most e^-g. Rows count as
+/// `design_effect` times fewer independent ones.
+#[must_use]
+pub fn is_certain_by_total(gain: &Gain, n_candidates: usize, design_effect: f64) -> bool {
+    let least = (n_candidates as f64 / FAMILY_ERROR).ln() * design_effect;
+    least < gain.total()
+}
+
+/// Standard errors that a gain over so many blocks must exceed to be the first that Holm's rule accepts.
+#[must_use]
+pub fn critical_t(n_candidates: usize, n_blocks: usize) -> f64 {
+    StudentsT::new(0.0, 1.0, (n_blocks.max(2) - 1) as f64)
+        .map_or(f64::INFINITY, |law| -law.inverse_cdf(FAMILY_ERROR / n_candidates as f64))
+}
+
+/// Which gains are significant with `n` candidates counted (S. Holm, A simple sequentially rejective multiple test procedure,
+/// Scand. J. Stat. 6, 1979).
+fn holm(gains: &[Gain], n: usize) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..gains.len()).collect();
+    order.sort_by(|&a, &b| gains[a].p_value.total_cmp(&gains[b].p_value));
+    let mut is_significant = vec![false; gains.len()];
+    for (rank, index) in order.into_iter().enumerate() {
+        let left = n.saturating_sub(rank).max(1) as f64;
+        if FAMILY_ERROR / left < gains[index].p_value {
+            break;
+        }
+        is_significant[index] = true;
+    }
+    is_significant
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gain(gain: f64, p_value: f64) -> Gain {
+        Gain { gain, standard_error: 0.001, p_value, n_blocks: 60, n_rows: 1000 }
+    }
+
+    #[test]
+    fn holm_corrects_the_least_p_value_for_all_candidates_and_each_next_for_one_less() {
+        // 0.005 / 10 = 0.0005, 0.005 / 9 = 0.00056.
+        let p_values = |first, second| [gain(1.0, second), gain(1.0, first)];
+        assert_eq!(holm(&p_values(0.0005, 0.00055), 10), [true, true]);
+        assert_eq!(holm(&p_values(0.00051, 0.00051), 10), [false, false]);
+        assert_eq!(holm(&p_values(0.0001, 0.0006), 10), [false, true]);
+    }
+
+    #[test]
+    fn one_term_is_judged_as_the_first_of_many() {
+        let alone = |p_value| judge(&[gain(1.0, p_value)], 10, 0.0, |_| 0.0)[0];
+        assert!(alone(0.0004).is_acceptable());
+        let plausible = alone(0.004);
+        assert!(plausible.is_plausible && !plausible.is_significant);
+        assert!(!alone(0.006).is_plausible);
+    }
+
+    #[test]
+    fn a_significant_term_is_refused_unless_its_gain_or_its_share_of_the_error_is_worth_it() {
+        let judged = |nats, least, share: f64| {
+            judge(&[gain(nats, 1e-9)], 10, least, |_| share)[0].is_acceptable()
+        };
+        assert!(judged(0.01, 0.5, 0.0));
+        assert!(!judged(0.009, 0.0, 0.009));
+        assert!(judged(0.009, 0.0, 0.01));
+        assert!(!judged(0.009, 0.02, 0.015));
+    }
+
+    #[test]
+    fn the_share_of_the_error_is_not_asked_of_terms_that_are_not_significant() {
+        let asked = std::cell::Cell::new(0);
+        let share = |_| {
+            asked.set(asked.get() + 1);
+            1.0
+        };
+        let _ = judge(&[gain(0.0, 1.0), gain(0.001, 1e-6), gain(1.0, 1e-6)], 3, 0.0, share);
+        assert_eq!(asked.get(), 1);
+    }
+
+    #[test]
+    fn a_total_gain_is_certain_beyond_the_logarithm_of_candidates_over_the_error() {
+        // ln(10 / 0.005) = 7.6 nats of 1000 rows.
+        assert!(is_certain_by_total(&gain(0.0077, 0.004), 10, 1.0));
+        assert!(!is_certain_by_total(&gain(0.0075, 0.004), 10, 1.0));
+        assert!(!is_certain_by_total(&gain(0.0077, 0.004), 10, 4.0));
+    }
+
+    #[test]
+    fn the_critical_t_is_that_of_students_law() {
+        // One-sided 0.0005 at 59 degrees of freedom, by tables 3.46.
+        assert!((critical_t(10, 60) - 3.46).abs() < 0.01, "{}", critical_t(10, 60));
+        assert!(critical_t(10, 2).is_finite());
+    }
+}
