@@ -1,10 +1,12 @@
 //! The pictures of a report. Each says in one sentence what it shows.
 
-use super::network;
 use super::svg::{Axis, Chart};
+use super::{layout, network};
+use maud::{Markup, html};
 use metrics::{DistanceBin, Measures, Sample, Trajectories};
 use numbers::format::{count, number, percent, shortest};
 use proto::types::seconds;
+use record::Contents;
 
 /// A picture with its words.
 #[derive(Clone, Debug)]
@@ -16,13 +18,28 @@ pub(crate) struct Figure {
     /// What its marks mean: class of the mark, words.
     pub(crate) key: Vec<(&'static str, &'static str)>,
     /// The picture.
-    pub(crate) svg: String,
+    pub(crate) svg: Markup,
     /// It takes the whole width.
     pub(crate) is_wide: bool,
 }
 
+/// The pictures of a run.
+pub(super) fn section(contents: &Contents<'_>) -> Option<Markup> {
+    let figures = of_run(contents.measures?, contents.header.agent_count);
+    Some(html! { div.figures { @for figure in &figures { (figure.markup()) } } })
+}
+
+impl Figure {
+    fn markup(&self) -> Markup {
+        let words = html! { p { (self.sentence) } };
+        let key =
+            html! { @for (mark, words) in &self.key { (layout::key_entry(mark, None, words)) } };
+        layout::figure(self.title, &words, &key, &self.svg, self.is_wide)
+    }
+}
+
 /// All pictures for which there is something to show.
-pub(crate) fn of_run(measures: &Measures, n_agents: u32) -> Vec<Figure> {
+fn of_run(measures: &Measures, n_agents: u32) -> Vec<Figure> {
     let mut figures = Vec::new();
     if measures.has_way() {
         figures.push(trajectories(measures));
@@ -60,12 +77,17 @@ fn trajectories(measures: &Measures) -> Figure {
         })
     };
     let (x, y, height) = equal_scales(span(0), span(1));
+    let n = starts.len();
     let mut chart = Chart::new(x, y, WIDE, height);
+    if MANY < n {
+        // Many agents need finer marks.
+        chart = chart.with_class("many");
+    }
 
     let walls: Vec<_> = measures.site.wall.iter().map(|wall| [wall.from_m, wall.to_m]).collect();
     let discs: Vec<_> =
         measures.site.obstacle.iter().map(|disc| (disc.centre_m, disc.radius_m)).collect();
-    chart.site(&walls, &discs);
+    chart.site("plane", &walls, &discs);
 
     let is_leader = |agent: usize| leader == Some(agent);
     for (place, &agent) in agents.iter().enumerate().filter(|&(_, &agent)| !is_leader(agent)) {
@@ -86,7 +108,6 @@ fn trajectories(measures: &Measures) -> Figure {
         }
     }
 
-    let n = starts.len();
     let spread = measures
         .final_spread_m()
         .map(|spread| {
@@ -110,8 +131,6 @@ fn trajectories(measures: &Measures) -> Figure {
         key.push(("wall", "walls and obstacles"));
     }
     let svg = chart.finish("trajectories", "Trajectories", &sentence);
-    // Many agents need finer marks.
-    let svg = if MANY < n { svg.replacen("<svg ", "<svg class=\"many\" ", 1) } else { svg };
     Figure { title: "Trajectories", sentence, key, svg, is_wide: true }
 }
 

@@ -6,16 +6,16 @@ mod ladder;
 mod places;
 pub(crate) mod words;
 
+use super::layout;
 use super::svg::{Axis, Chart};
-use super::text::escape;
 use diagnose::compare::comparison::Comparison;
 use diagnose::diagnosis::Diagnosis;
+use maud::{Markup, html};
 use measure::account::Account;
 use numbers::format::count;
 use numbers::statistics::quantile_nearest;
 use proto::site::Site;
 use serde::Serialize;
-use std::fmt::Write as _;
 use study::view::View;
 
 /// Marks of a key: class of the mark, words.
@@ -29,7 +29,7 @@ pub(super) struct Picture {
     /// What it means.
     pub(super) means: String,
     pub(super) key: Key,
-    pub(super) svg: String,
+    pub(super) svg: Markup,
     pub(super) is_wide: bool,
 }
 
@@ -116,6 +116,11 @@ pub struct Contents<'a> {
 }
 
 impl Contents<'_> {
+    fn title(&self) -> String {
+        let kind = if self.answer.diagnosis().is_some() { "Diagnosis" } else { "Comparison" };
+        format!("{kind}: {} against {}", self.config, self.answer.account().data.file)
+    }
+
     fn unit(&self) -> &'static str {
         match self.rows {
             Rows::Links(_) => "dB",
@@ -137,98 +142,53 @@ impl Contents<'_> {
     }
 }
 
+/// A section of the page, or none where the answer has nothing to show in it.
+type Section = fn(&Contents<'_>) -> Option<Markup>;
+
+/// The page from top to bottom.
+const SECTIONS: &[Section] = &[
+    words::heading,
+    words::notices,
+    words::tiles,
+    ladder::section,
+    words::parameters,
+    words::ties,
+    words::left_over,
+    errors::by_covariate,
+    places::maps,
+    errors::of_distributions,
+    words::untestable,
+    words::scores,
+    words::again,
+];
+
+/// The style of pages about measurements, beside that of all pages.
+pub(super) const STYLE: &str = include_str!("measured/style.css");
+
 /// The page.
 #[must_use]
 pub fn page(contents: &Contents<'_>) -> String {
-    let (answer, account) = (contents.answer, contents.answer.account());
-    let title = format!(
-        "{}: {} against {}",
-        if answer.diagnosis().is_some() { "Diagnosis" } else { "Comparison" },
-        contents.config,
-        account.data.file
-    );
-    let mut page = begin(&title);
-    words::heading(&mut page, contents, &escape(&title));
-    words::notices(&mut page, account);
-    words::tiles(&mut page, contents);
-    if let Some(diagnosis) = answer.diagnosis() {
-        let ladder = ladder::pictures(diagnosis, contents.unit());
-        figures(
-            &mut page,
-            "Which effects are missing",
-            "Effects are added one at a time, each time the one that makes the model predict best what it has not seen, until none \
-             does beyond chance.",
-            &ladder,
-        );
-        words::parameters(&mut page, diagnosis);
-        let ties = diagnosis.candidates.iter().map(|candidate| {
-            let others = candidate.indistinguishable_from.iter().map(String::as_str);
-            (candidate.effect.as_str(), others.collect())
-        });
-        let next = diagnosis.next_measurement.iter().map(|next| next.sentence.as_str());
-        words::ties(&mut page, ties, next);
-        words::left_over(&mut page, diagnosis);
-    }
-    figures(
-        &mut page,
-        "Where the model errs",
-        "A model that is right errs alike everywhere. A bend or a slope over something is physics that the model lacks, or something \
-         that goes along with it: look for the strongest, the others may be its shadows. Bars are 90 % intervals of a mean, as if \
-         rows were independent.",
-        &errors::by_covariate(contents),
-    );
-    figures(&mut page, "On the map", "", &places::maps(contents));
-    figures(
-        &mut page,
-        "Does it know what it does not know?",
-        "A model predicts a distribution, not a number: how strong, how likely to be received, how far off.",
-        &errors::pictures(contents),
-    );
-    match answer {
-        MeasuredAnswer::Diagnosis(diagnosis) => words::untestable(&mut page, diagnosis),
-        MeasuredAnswer::Comparison(comparison) => words::scores(&mut page, comparison),
-    }
-    words::again(&mut page, contents);
-    page.push_str("</main>\n</body>\n</html>\n");
-    page
+    let sections = SECTIONS.iter().filter_map(|section| section(contents));
+    layout::page(&contents.title(), STYLE, &html! { @for section in sections { (section) } })
 }
 
-/// How a page begins.
-pub(super) fn begin(title: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{}</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n",
-        escape(title),
-        include_str!("style.css"),
-        include_str!("measured/style.css")
-    )
+/// Pictures under a heading, with a paragraph before them if `intro` is not empty; none where there are no pictures.
+pub(super) fn figures(heading: &str, intro: &str, pictures: &[Picture]) -> Option<Markup> {
+    let figures = html! {
+        h2 { (heading) }
+        @if !intro.is_empty() { p { (intro) } }
+        div.figures { @for picture in pictures { (picture.markup()) } }
+    };
+    (!pictures.is_empty()).then_some(figures)
 }
 
-pub(super) fn figures(page: &mut String, heading: &str, intro: &str, pictures: &[Picture]) {
-    if pictures.is_empty() {
-        return;
+impl Picture {
+    fn markup(&self) -> Markup {
+        let words = html! { p { (self.look) } p.means { (self.means) } };
+        let key =
+            html! { @for (mark, words) in &self.key { (layout::key_entry(mark, None, words)) } };
+        layout::figure(&self.title, &words, &key, &self.svg, self.is_wide)
     }
-    let intro = if intro.is_empty() { String::new() } else { format!("<p>{}</p>", escape(intro)) };
-    let _ = writeln!(page, "<h2>{}</h2>\n{intro}<div class=\"figures\">", escape(heading));
-    for picture in pictures {
-        let class = if picture.is_wide { " class=\"wide\"" } else { "" };
-        let _ = write!(
-            page,
-            "<figure{class}>\n<figcaption><h3>{}</h3>\n<p>{}</p>\n<p class=\"means\">{}</p></figcaption>\n<ul class=\"key\">",
-            escape(&picture.title),
-            escape(&picture.look),
-            escape(&picture.means)
-        );
-        for (mark, words) in &picture.key {
-            let shape = super::mark(mark);
-            let _ = write!(
-                page,
-                "<li><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\">{shape}</svg>{}</li>",
-                escape(words)
-            );
-        }
-        let _ = write!(page, "</ul>\n<div class=\"plot\">{}</div>\n</figure>\n", picture.svg);
-    }
-    page.push_str("</div>\n");
 }
 
 /// Most dots of a scatter.

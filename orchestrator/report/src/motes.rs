@@ -2,11 +2,12 @@
 //! place by every figure that rows can be sorted by.
 
 use super::network::depths;
+use maud::{Markup, html};
 use metrics::Measures;
 use metrics::kpi::kpi_summary::KpiSummary;
 use numbers::format::{count, count_of, number, percent};
+use record::Contents;
 use std::cmp::Ordering;
-use std::fmt::Write as _;
 
 /// A column: heading, what it says, and the cell of each mote.
 struct Column {
@@ -22,60 +23,63 @@ struct Key {
     greatest_first: bool,
 }
 
-/// Adds the table, if the network told figures of its motes. `kpis`: of `summary.json`.
-pub(super) fn section(page: &mut String, kpis: Option<&KpiSummary>, measures: &Measures) {
+/// The table, if the network reported figures of its motes.
+pub(super) fn section(contents: &Contents<'_>) -> Option<Markup> {
+    table(contents.summary.kpis.as_ref()?, contents.measures?)
+}
+
+/// The table. `kpis`: of `summary.json`.
+fn table(kpis: &KpiSummary, measures: &Measures) -> Option<Markup> {
     let n = measures.kpis.motes.alive.len();
-    let Some(kpis) = kpis.filter(|kpis| !kpis.motes.is_empty()) else { return };
+    if kpis.motes.is_empty() {
+        return None;
+    }
     let figures = Figures { kpis, measures, n };
     let shown = figures.shown();
     let columns: Vec<Column> =
         figures.columns().into_iter().filter(|column| column.says_something(&shown)).collect();
     let mut keys = figures.keys();
     keys.retain(|key| key.values.iter().any(Option::is_some));
-    let open = if n <= MAX_OPEN { " open" } else { "" };
-    let left_out = if shown.len() < n {
-        format!(
-            " Of {} motes these are the {} that do worst: those that never joined, then those of whose packets the smallest share arrived, then those whose packets took longest.",
-            count(n as u64),
-            count(shown.len() as u64)
-        )
-    } else {
-        String::new()
-    };
-    let _ = write!(
-        page,
-        "<h2>Motes</h2>\n<details class=\"motes\"{open}><summary>{} one by one</summary>\n<p>At the end of the run. Packets are the mote's own, of applications, to one destination; what ended at a mote is anything that it had to send.{left_out} All figures of all motes are in <code>summary.json</code>, <code>kpis.motes</code>, and over time in <code>motes.parquet</code>.</p>\n<p class=\"sort\">Sorted by\n<label><input type=\"radio\" name=\"motes\" checked> number</label>\n",
-        count_of(n as u64, "mote"),
-    );
-    for (k, key) in keys.iter().enumerate() {
-        let _ = writeln!(
-            page,
-            "<label><input type=\"radio\" name=\"motes\" id=\"motes-{k}\"> {}</label>",
-            key.words
-        );
-    }
     let places: Vec<Vec<usize>> = keys.iter().map(|key| key.places(&shown)).collect();
-    let _ = write!(
-        page,
-        "</p>\n<div class=\"scroll\"><table style=\"--n:{}\">\n<thead><tr>",
-        columns.len()
-    );
-    for column in &columns {
-        let _ = write!(page, "<th title=\"{}\">{}</th>", column.doc, column.heading);
-    }
-    page.push_str("</tr></thead>\n<tbody>\n");
-    for (row, &mote) in shown.iter().enumerate() {
-        page.push_str("<tr style=\"");
-        for (k, places) in places.iter().enumerate() {
-            let _ = write!(page, "--k{k}:{};", places[row]);
+    let style_of_row = |row: usize| -> String {
+        places.iter().enumerate().map(|(k, places)| format!("--k{k}:{};", places[row])).collect()
+    };
+    Some(html! {
+        h2 { "Motes" }
+        details.motes open[n <= MAX_OPEN] {
+            summary { (count_of(n as u64, "mote")) " one by one" }
+            p {
+                "At the end of the run. Packets are the mote's own, of applications, to one destination; what ended at a mote is \
+                 anything that it had to send."
+                @if shown.len() < n {
+                    " Of " (count(n as u64)) " motes these are the " (count(shown.len() as u64)) " that do worst: those that never \
+                    joined, then those of whose packets the smallest share arrived, then those whose packets took longest."
+                }
+                " All figures of all motes are in " code { "summary.json" } ", " code { "kpis.motes" } ", and over time in "
+                code { "motes.parquet" } "."
+            }
+            p.sort {
+                "Sorted by "
+                label { input type="radio" name="motes" checked; " number" }
+                @for (k, key) in keys.iter().enumerate() {
+                    " "
+                    label { input type="radio" name="motes" id={ "motes-" (k) }; " " (key.words) }
+                }
+            }
+            div.scroll {
+                table style={ "--n:" (columns.len()) } {
+                    thead { tr { @for column in &columns { th title=(column.doc) { (column.heading) } } } }
+                    tbody {
+                        @for (row, &mote) in shown.iter().enumerate() {
+                            tr style=(style_of_row(row)) {
+                                @for column in &columns { td { (column.cells[mote]) } }
+                            }
+                        }
+                    }
+                }
+            }
         }
-        page.push_str("\">");
-        for column in &columns {
-            let _ = write!(page, "<td>{}</td>", column.cells[mote]);
-        }
-        page.push_str("</tr>\n");
-    }
-    page.push_str("</tbody></table></div></details>\n");
+    })
 }
 
 /// Where the figures come from.
@@ -135,10 +139,8 @@ impl Figures<'_> {
                 .filter(|&(n, _)| n != 0.0)
                 .collect();
             why.sort_by(|a, b| b.0.total_cmp(&a.0));
-            let words: Vec<String> = why
-                .iter()
-                .map(|(n, reason)| format!("{} {}", count(*n as u64), super::escape(reason)))
-                .collect();
+            let words: Vec<String> =
+                why.iter().map(|(n, reason)| format!("{} {}", count(*n as u64), reason)).collect();
             let sum = (!reasons.is_empty()).then(|| why.iter().map(|(n, _)| n).sum());
             (sum, words.join(", "))
         };
@@ -322,9 +324,7 @@ mod tests {
         let summary = kpis.summary();
         let states = AgentStates::at_origin(n);
         let measures = Measures::new(Task::of(""), Site::default(), &states, kpis);
-        let mut page = String::new();
-        section(&mut page, summary.as_ref(), &measures);
-        page
+        table(&summary.unwrap(), &measures).unwrap().into_string()
     }
 
     #[test]
@@ -333,7 +333,7 @@ mod tests {
         assert!(page.contains("<details class=\"motes\" open><summary>9 motes one by one"));
         assert_eq!(page.matches("<tr style").count(), 9);
         let row = |mote: &str| {
-            page.lines().find(|line| line.contains(&format!("<td>{mote}</td>"))).unwrap()
+            page.split("<tr").find(|row| row.contains(&format!("<td>{mote}</td>"))).unwrap()
         };
         assert!(
             row("0 root").contains("<td>0 root</td><td>0</td><td>–</td><td>512</td><td>0</td>")

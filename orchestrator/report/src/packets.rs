@@ -1,10 +1,11 @@
 //! The page of a network against measured packets: each figure among those of seeds, each mote's delivery.
 
 use super::figures::HALF;
-use super::measured::{Picture, begin, figures, half, words};
+use super::layout::{self, number_cell};
+use super::measured::{Picture, STYLE, figures, half, words};
 use super::svg::{Axis, Chart};
-use super::text::escape;
 use indexmap::IndexMap;
+use maud::{Markup, html};
 use measure::account::Account;
 use network::comparison::{Kpi, MoteDelivery, NetworkComparison};
 use network::diagnosis::NetworkDiagnosis;
@@ -12,7 +13,6 @@ use network::error_split::{NetworkErrorSplit, PartOfFigure};
 use network::task::comparison::{TaskComparison, TaskErrorSplit};
 use numbers::format::{capitalised, count, number};
 use serde::Serialize;
-use std::fmt::Write as _;
 
 /// An answer about a network or a swarm's task.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -77,83 +77,133 @@ impl<'a> NetworkAnswer<'a> {
     }
 }
 
+/// What goes into the page.
+struct Contents<'a> {
+    config: &'a str,
+    command: &'a str,
+    answer: NetworkAnswer<'a>,
+}
+
+/// A section of the page, or none where the answer has nothing to show in it.
+type Section = fn(&Contents<'_>) -> Option<Markup>;
+
+/// The page from top to bottom.
+const SECTIONS: &[Section] =
+    &[heading, notices, candidates, ties, all_figures, error_split, by_figure, by_mote, again];
+
 /// The page. `command`: what makes this page again.
 #[must_use]
 pub fn page(config: &str, command: &str, answer: NetworkAnswer<'_>) -> String {
-    let account = answer.account();
-    let diagnosis = match answer {
-        NetworkAnswer::Diagnosis(diagnosis) => Some(diagnosis),
-        NetworkAnswer::Comparison(_) | NetworkAnswer::Task(_) => None,
-    };
-    let title = format!(
-        "{}: {config} against {}",
-        if diagnosis.is_some() { "Diagnosis" } else { "Comparison" },
-        account.data.file
-    );
-    let mut page = begin(&title);
-    let _ = write!(
-        page,
-        "<header>\n<h1>{}</h1>\n<p class=\"lead\">{} {}, {} used; the network was run under {} seeds. A measurement is one run whose chances fell in one way: the question is whether it could be one of the model's.</p>\n</header>\n<p class=\"verdict\">{}</p>\n",
-        escape(&title),
-        count(account.rows as u64),
-        if matches!(answer, NetworkAnswer::Task(_)) { "places" } else { "packets" },
-        count(account.used as u64),
-        answer.seeds(),
-        escape(&capitalised(answer.sentence()))
-    );
-    words::notices(&mut page, account);
-    if let Some(diagnosis) = diagnosis {
-        candidates(&mut page, diagnosis);
-        let ties = diagnosis.candidates.iter();
-        let ties = ties.map(|tested| (tested.effect, tested.indistinguishable_from.clone()));
-        let next = diagnosis.next_measurement.iter().map(|next| next.sentence.as_str());
-        words::ties(&mut page, ties, next);
-    }
-    let with = diagnosis.and_then(|diagnosis| diagnosis.kpis_with.as_deref());
-    table(&mut page, answer.kpis(), with.unwrap_or_default());
-    if let Some(found) = answer.split() {
-        split(&mut page, &found);
-    }
-    figures(
-        &mut page,
-        "Figure by figure",
-        "Dots are seeds of the model, from the least to the greatest; the line is what was measured. A line amid the dots is no news. \
-         One beyond them is what the model has no run for.",
-        &answer.kpis().iter().filter_map(kpi).collect::<Vec<_>>(),
-    );
-    let motes: Vec<Picture> = delivery(answer.motes()).into_iter().collect();
-    figures(&mut page, "Mote by mote", "", &motes);
-    let _ = write!(
-        page,
-        "<h2>Again</h2>\n<p><code>{}</code></p>\n</main>\n</body>\n</html>\n",
-        escape(command)
-    );
-    page
+    let contents = Contents { config, command, answer };
+    let sections = SECTIONS.iter().filter_map(|section| section(&contents));
+    layout::page(&contents.title(), STYLE, &html! { @for section in sections { (section) } })
 }
 
-fn table(page: &mut String, kpis: &[Kpi], with: &[Kpi]) {
-    let column = if with.is_empty() { "" } else { "<th class=\"n\">with what was found</th>" };
-    let _ = writeln!(
-        page,
-        "<h2>All figures</h2>\n<table>\n<tr><th>figure</th><th>what it is</th><th class=\"n\">measured</th><th class=\"n\">model, 90 % of seeds</th>{column}<th>unit</th><th class=\"n\">p</th></tr>"
-    );
-    let range = |kpi: &Kpi| format!("{} to {}", number(kpi.model.low), number(kpi.model.high));
-    for (k, kpi) in kpis.iter().enumerate() {
-        let with = with
-            .get(k)
-            .map_or_else(String::new, |kpi| format!("<td class=\"n\">{}</td>", range(kpi)));
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>{with}<td>{}</td><td class=\"n\">{}</td></tr>",
-            escape(kpi.name),
-            escape(kpi.doc),
-            number(kpi.measured),
-            range(kpi),
-            kpi.unit,
-            number(kpi.p_value.unwrap_or(f64::NAN)),
-        );
+impl<'a> Contents<'a> {
+    fn title(&self) -> String {
+        let kind = if self.diagnosis().is_some() { "Diagnosis" } else { "Comparison" };
+        format!("{kind}: {} against {}", self.config, self.answer.account().data.file)
     }
-    page.push_str("</table>\n");
+
+    /// The diagnosis, if the answer is one.
+    fn diagnosis(&self) -> Option<&'a NetworkDiagnosis> {
+        match self.answer {
+            NetworkAnswer::Diagnosis(diagnosis) => Some(diagnosis),
+            NetworkAnswer::Comparison(_) | NetworkAnswer::Task(_) => None,
+        }
+    }
+}
+
+fn heading(contents: &Contents<'_>) -> Option<Markup> {
+    let answer = contents.answer;
+    let account = answer.account();
+    let rows = if matches!(answer, NetworkAnswer::Task(_)) { "places" } else { "packets" };
+    Some(html! {
+        header {
+            h1 { (contents.title()) }
+            p.lead {
+                (count(account.rows as u64)) " " (rows) ", " (count(account.used as u64)) " used; the network was run under "
+                (answer.seeds()) " seeds. A measurement is one run whose chances fell in one way: the question is whether it could \
+                be one of the model's."
+            }
+        }
+        p.verdict { (capitalised(answer.sentence())) }
+    })
+}
+
+fn notices(contents: &Contents<'_>) -> Option<Markup> {
+    words::notices_of(contents.answer.account())
+}
+
+fn candidates(contents: &Contents<'_>) -> Option<Markup> {
+    let diagnosis = contents.diagnosis()?;
+    Some(html! {
+        h2 { "What was tried" }
+        p {
+            "Each candidate was run under the same seeds as the model; its gain is how much more probable these packets are with it. \
+            A chance below the level accepts it: that the model itself, without the effect, would give so great a gain."
+        }
+        table {
+            tr { th { "effect" } th.n { "gain (nats)" } th.n { "p" } th { "parameters" } th { "accepted" } }
+            @for candidate in &diagnosis.candidates {
+                @let parameters: Vec<String> = candidate
+                    .parameters
+                    .iter()
+                    .map(|(name, it)| {
+                        format!("{name} = {} {} ({} to {})", number(it.value), it.unit, number(it.low), number(it.high))
+                    })
+                    .collect();
+                tr {
+                    td { (candidate.effect) }
+                    (number_cell(number(candidate.gain.unwrap_or(f64::NAN))))
+                    (number_cell(number(candidate.p_value.unwrap_or(f64::NAN))))
+                    td { (parameters.join(", ")) }
+                    td { @if candidate.accepted { "yes" } }
+                }
+            }
+        }
+    })
+}
+
+fn ties(contents: &Contents<'_>) -> Option<Markup> {
+    let diagnosis = contents.diagnosis()?;
+    let candidates = diagnosis.candidates.iter();
+    let candidates =
+        candidates.map(|tested| (tested.effect, tested.indistinguishable_from.clone()));
+    let next = diagnosis.next_measurement.iter().map(|next| next.sentence.as_str());
+    words::ties_of(candidates, next)
+}
+
+/// Each figure as measured and in the model.
+fn all_figures(contents: &Contents<'_>) -> Option<Markup> {
+    let with = contents.diagnosis().and_then(|diagnosis| diagnosis.kpis_with.as_deref());
+    let with = with.unwrap_or_default();
+    let range = |kpi: &Kpi| format!("{} to {}", number(kpi.model.low), number(kpi.model.high));
+    Some(html! {
+        h2 { "All figures" }
+        table {
+            tr {
+                th { "figure" }
+                th { "what it is" }
+                th.n { "measured" }
+                th.n { "model, 90 % of seeds" }
+                @if !with.is_empty() { th.n { "with what was found" } }
+                th { "unit" }
+                th.n { "p" }
+            }
+            @for (k, kpi) in contents.answer.kpis().iter().enumerate() {
+                tr {
+                    td { (kpi.name) }
+                    td { (kpi.doc) }
+                    (number_cell(number(kpi.measured)))
+                    (number_cell(range(kpi)))
+                    @if let Some(with) = with.get(k) { (number_cell(range(with))) }
+                    td { (kpi.unit) }
+                    (number_cell(number(kpi.p_value.unwrap_or(f64::NAN))))
+                }
+            }
+        }
+    })
 }
 
 /// Where an error comes from, of packets or of a task.
@@ -211,66 +261,57 @@ impl<'a> Split<'a> {
     }
 }
 
-fn split(page: &mut String, split: &Split<'_>) {
-    let columns: String =
-        split.parts.iter().map(|part| format!("<th class=\"n\">{part}</th>")).collect();
-    let _ = writeln!(
-        page,
-        "<h2>{}</h2>\n<p>{}. {}.</p>\n<table>\n<tr><th>figure</th><th class=\"n\">measured</th><th class=\"n\">whole model</th>{columns}<th>unit</th></tr>",
-        split.heading,
-        escape(&capitalised(split.sentence)),
-        escape(&capitalised(split.note)),
-    );
-    for figure in split.figures.iter().filter(|figure| figure.measured.is_finite()) {
-        let cell = |part: &&str| match figure.parts.get(part).copied().flatten() {
-            None => "<td class=\"n\">–</td>".to_owned(),
-            Some(PartOfFigure { value, low, high, .. }) => format!(
-                "<td class=\"n\">{} ({} to {})</td>",
-                number(value),
-                number(low),
-                number(high)
-            ),
-        };
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>{}<td>{}</td></tr>",
-            escape(figure.name),
-            number(figure.measured),
-            number(figure.whole),
-            split.parts.iter().map(cell).collect::<String>(),
-            figure.unit,
-        );
-    }
-    page.push_str("</table>\n");
+/// Where the error comes from, where that was asked.
+fn error_split(contents: &Contents<'_>) -> Option<Markup> {
+    let split = contents.answer.split()?;
+    Some(html! {
+        h2 { (split.heading) }
+        p { (capitalised(split.sentence)) ". " (capitalised(split.note)) "." }
+        table {
+            tr {
+                th { "figure" }
+                th.n { "measured" }
+                th.n { "whole model" }
+                @for part in &split.parts { th.n { (part) } }
+                th { "unit" }
+            }
+            @for figure in split.figures.iter().filter(|figure| figure.measured.is_finite()) {
+                tr {
+                    td { (figure.name) }
+                    (number_cell(number(figure.measured)))
+                    (number_cell(number(figure.whole)))
+                    @for part in &split.parts {
+                        (number_cell(part_in_words(figure.parts.get(part).copied().flatten())))
+                    }
+                    td { (figure.unit) }
+                }
+            }
+        }
+    })
 }
 
-fn candidates(page: &mut String, diagnosis: &NetworkDiagnosis) {
-    page.push_str("<h2>What was tried</h2>\n<p>Each candidate was run under the same seeds as the model; its gain is how much more probable these packets are with it. A chance below the level accepts it: that the model itself, without the effect, would give so great a gain.</p>\n<table>\n<tr><th>effect</th><th class=\"n\">gain (nats)</th><th class=\"n\">p</th><th>parameters</th><th>accepted</th></tr>\n");
-    for candidate in &diagnosis.candidates {
-        let parameters: Vec<String> = candidate
-            .parameters
-            .iter()
-            .map(|(name, it)| {
-                format!(
-                    "{name} = {} {} ({} to {})",
-                    number(it.value),
-                    it.unit,
-                    number(it.low),
-                    number(it.high)
-                )
-            })
-            .collect();
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td>{}</td><td>{}</td></tr>",
-            escape(candidate.effect),
-            number(candidate.gain.unwrap_or(f64::NAN)),
-            number(candidate.p_value.unwrap_or(f64::NAN)),
-            escape(&parameters.join(", ")),
-            if candidate.accepted { "yes" } else { "" },
-        );
+fn part_in_words(part: Option<PartOfFigure>) -> String {
+    match part {
+        None => "–".to_owned(),
+        Some(PartOfFigure { value, low, high, .. }) => {
+            format!("{} ({} to {})", number(value), number(low), number(high))
+        }
     }
-    page.push_str("</table>\n");
+}
+
+fn by_figure(contents: &Contents<'_>) -> Option<Markup> {
+    let intro = "Dots are seeds of the model, from the least to the greatest; the line is what was measured. A line amid the dots is \
+                 no news. One beyond them is what the model has no run for.";
+    let pictures: Vec<Picture> = contents.answer.kpis().iter().filter_map(kpi).collect();
+    figures("Figure by figure", intro, &pictures)
+}
+
+fn by_mote(contents: &Contents<'_>) -> Option<Markup> {
+    figures("Mote by mote", "", &[delivery(contents.answer.motes())?])
+}
+
+fn again(contents: &Contents<'_>) -> Option<Markup> {
+    Some(html! { h2 { "Again" } p { code { (contents.command) } } })
 }
 
 /// Bounds with some room about them.

@@ -1,8 +1,23 @@
 //! Charts as inline SVG: axes, lines, bands and marks. Colours come from classes, so that a style sheet can make the same
 //! picture light or dark.
+//!
+//! The drawing is our own because a page needs three things that plotting libraries do not offer together: pictures without a
+//! script, colours from the page's style sheet in place of fixed ones, and each picture's words as its accessible name. What
+//! is left to do for a chart is two linear scales and a dozen kinds of marks. Elements and escaping come from maud; only the
+//! data of paths are written here.
 
-use super::text::escape;
+use maud::{Markup, PreEscaped, Render, html};
 use std::fmt::Write as _;
+
+/// A coordinate in pixels, written with one decimal.
+#[derive(Clone, Copy)]
+pub(crate) struct Px(pub(crate) f64);
+
+impl Render for Px {
+    fn render_to(&self, buffer: &mut String) {
+        let _ = write!(buffer, "{:.1}", self.0);
+    }
+}
 
 /// An axis: what it shows, from where to where.
 #[derive(Clone, Debug)]
@@ -71,7 +86,7 @@ impl Axis {
 
     fn tick_label(&self, tick: f64, step: f64) -> String {
         if let Some(name) = self.names.get(tick.max(0.0) as usize) {
-            return escape(name);
+            return name.clone();
         }
         if self.is_percent {
             return format!("{:.0} %", 100.0 * tick);
@@ -99,17 +114,26 @@ pub struct Chart {
     y: Axis,
     width: f64,
     height: f64,
-    body: String,
+    /// Class of the whole picture.
+    class: Option<&'static str>,
+    body: Markup,
     /// What lies above everything else.
-    over: String,
+    over: Markup,
 }
 
 impl Chart {
     /// An empty chart of this size, in pixels at its natural size.
     pub fn new(x: Axis, y: Axis, width: f64, height: f64) -> Self {
-        let mut chart = Self { x, y, width, height, body: String::new(), over: String::new() };
+        let (body, over) = (Markup::default(), Markup::default());
+        let mut chart = Self { x, y, width, height, class: None, body, over };
         chart.axes();
         chart
+    }
+
+    /// The same with a class for the whole picture.
+    pub fn with_class(mut self, class: &'static str) -> Self {
+        self.class = Some(class);
+        self
     }
 
     /// Height of the plane for a chart of that width whose axes have the same scale.
@@ -125,19 +149,18 @@ impl Chart {
     /// A line through points; a gap where there is none.
     pub fn line(&mut self, class: &str, points: impl IntoIterator<Item = Option<[f64; 2]>>) {
         let path = self.path(points);
-        if !path.is_empty() {
-            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
-        }
+        self.draw_path(class, &path);
     }
 
     /// The area between two lines over the same x.
     pub fn band(&mut self, class: &str, low_high: &[(f64, f64, f64)]) {
         let there = low_high.iter().map(|&(x, _, high)| Some([x, high]));
         let back = low_high.iter().rev().map(|&(x, low, _)| Some([x, low]));
-        let path = self.path(there.chain(back));
+        let mut path = self.path(there.chain(back));
         if !path.is_empty() {
-            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}Z\"/>");
+            path.push('Z');
         }
+        self.draw_path(class, &path);
     }
 
     /// Straight lines between two points each, all alike.
@@ -147,9 +170,7 @@ impl Chart {
             let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
             let _ = write!(path, "M{x0:.1},{y0:.1}L{x1:.1},{y1:.1}");
         }
-        if !path.is_empty() {
-            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
-        }
+        self.draw_path(class, &path);
     }
 
     /// Rectangles between two corners each, all alike.
@@ -159,9 +180,7 @@ impl Chart {
             let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
             let _ = write!(path, "M{x0:.1},{y0:.1}H{x1:.1}V{y1:.1}H{x0:.1}Z");
         }
-        if !path.is_empty() {
-            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
-        }
+        self.draw_path(class, &path);
     }
 
     /// Dots, all alike.
@@ -171,79 +190,69 @@ impl Chart {
             let [x, y] = self.place(point);
             let _ = write!(path, "M{x:.1},{y:.1}h0");
         }
-        if !path.is_empty() {
-            let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
-        }
+        self.draw_path(class, &path);
     }
 
-    /// What is drawn from here to [`Self::close`] belongs to a class.
-    pub fn open(&mut self, class: &str) {
-        let _ = write!(self.body, "<g class=\"{class}\">");
+    /// All that `draw` draws, as a group of this class.
+    pub fn group(&mut self, class: &str, draw: impl FnOnce(&mut Self)) {
+        let before = std::mem::take(&mut self.body);
+        draw(self);
+        let inside = std::mem::replace(&mut self.body, before);
+        self.draw(&html! { g class=(class) { (inside) } });
     }
 
-    /// The end of what [`Self::open`] began.
-    pub fn close(&mut self) {
-        self.body.push_str("</g>");
-    }
-
-    /// A ring around a point.
+    /// A ring around a point, its radius in pixels.
     pub fn ring(&mut self, class: &str, point: [f64; 2], radius: f64) {
         let [x, y] = self.place(point);
-        let _ = write!(
-            self.body,
-            "<circle class=\"{class}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\"/>"
-        );
+        self.draw(&html! { circle class=(class) cx=(Px(x)) cy=(Px(y)) r=(radius) {} });
     }
 
     /// A circle of a radius in the units of the axes, which have the same scale.
     pub fn circle(&mut self, class: &str, centre: [f64; 2], radius: f64) {
         let ([x, y], [edge, _]) = (self.place(centre), self.place([centre[0] + radius, centre[1]]));
-        let radius = edge - x;
-        let _ = write!(
-            self.body,
-            "<circle class=\"{class}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\"/>"
-        );
+        self.draw(&html! { circle class=(class) cx=(Px(x)) cy=(Px(y)) r=(Px(edge - x)) {} });
     }
 
     /// A dot with an interval, which says more when pointed at.
     pub fn interval(&mut self, x: f64, y: f64, [low, high]: [f64; 2], title: &str) {
         let ([px, py], [_, top], [_, foot]) =
             (self.place([x, y]), self.place([x, high]), self.place([x, low]));
-        let _ = write!(
-            self.body,
-            "<g class=\"interval\"><title>{}</title><path d=\"M{px:.1},{top:.1}V{foot:.1}M{:.1},{top:.1}h6M{:.1},{foot:.1}h6\"/><circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3.5\"/></g>",
-            escape(title),
-            px - 3.0,
-            px - 3.0,
-        );
+        let left = px - 3.0;
+        let whisker =
+            format!("M{px:.1},{top:.1}V{foot:.1}M{left:.1},{top:.1}h6M{left:.1},{foot:.1}h6");
+        self.draw(&html! {
+            g.interval {
+                title { (title) }
+                path d=(whisker) {}
+                circle cx=(Px(px)) cy=(Px(py)) r="3.5" {}
+            }
+        });
     }
 
-    /// Walls and discs, cut off at the edge of the plane. For axes of the same scale.
-    pub fn site(&mut self, walls: &[[[f64; 2]; 2]], discs: &[([f64; 2], f64)]) {
+    /// Walls and discs, cut off at the edge of the plane. For axes of the same scale. `clip`: the identifier of the plane, which
+    /// no other picture of the page has.
+    pub fn site(&mut self, clip: &str, walls: &[[[f64; 2]; 2]], discs: &[([f64; 2], f64)]) {
         if walls.is_empty() && discs.is_empty() {
             return;
         }
         let [left, top] = self.place([self.x.min, self.y.max]);
         let [right, bottom] = self.place([self.x.max, self.y.min]);
-        let (width, height) = (right - left, bottom - top);
-        let _ = write!(
-            self.body,
-            "<clipPath id=\"plane\"><rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\"/></clipPath><g clip-path=\"url(#plane)\">",
-        );
-        for &[from, to] in walls {
-            let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
-            let _ =
-                write!(self.body, "<path class=\"wall\" d=\"M{x0:.1},{y0:.1}L{x1:.1},{y1:.1}\"/>");
-        }
         let pixels = (right - left) / (self.x.max - self.x.min);
-        for &(centre, radius) in discs {
-            let ([x, y], radius) = (self.place(centre), radius * pixels);
-            let _ = write!(
-                self.body,
-                "<circle class=\"wall disc\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\"/>"
-            );
-        }
-        self.body.push_str("</g>");
+        self.draw(&html! {
+            clipPath id=(clip) {
+                rect x=(Px(left)) y=(Px(top)) width=(Px(right - left)) height=(Px(bottom - top)) {}
+            }
+            g clip-path={ "url(#" (clip) ")" } {
+                @for &[from, to] in walls {
+                    @let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
+                    path.wall d=(format_args!("M{x0:.1},{y0:.1}L{x1:.1},{y1:.1}")) {}
+                }
+                @for &(centre, radius) in discs {
+                    @let [x, y] = self.place(centre);
+                    circle.wall.disc cx=(Px(x)) cy=(Px(y)) r=(Px(radius * pixels)) {}
+                }
+            }
+        });
     }
 
     /// A level drawn across, with a few words above its right end.
@@ -252,12 +261,10 @@ impl Chart {
         let [right, _] = self.place([self.x.max, y]);
         // Above the line; below where there is no room above.
         let text_y = if py < TOP + 16.0 { py + 13.0 } else { py - 5.0 };
-        let _ = write!(self.body, "<path class=\"level\" d=\"M{left:.1},{py:.1}H{right:.1}\"/>");
-        let _ = write!(
-            self.over,
-            "<text class=\"note\" x=\"{right:.1}\" y=\"{text_y:.1}\" text-anchor=\"end\">{}</text>",
-            escape(label)
-        );
+        self.draw_path("level", &format!("M{left:.1},{py:.1}H{right:.1}"));
+        self.draw_over(&html! {
+            text.note x=(Px(right)) y=(Px(text_y)) text-anchor="end" { (label) }
+        });
     }
 
     /// Moments, as lines from top to bottom, each with a word; of those that stand too close only the first has its word.
@@ -269,15 +276,9 @@ impl Chart {
             }
             let [x, bottom] = self.place([moment, self.y.min]);
             let [_, top] = self.place([moment, self.y.max]);
-            let _ =
-                write!(self.body, "<path class=\"moment\" d=\"M{x:.1},{top:.1}V{bottom:.1}\"/>");
+            self.draw_path("moment", &format!("M{x:.1},{top:.1}V{bottom:.1}"));
             if free_x <= x {
-                let (text_x, text_y) = (x + 3.0, top + 12.0);
-                let _ = write!(
-                    self.over,
-                    "<text class=\"note\" x=\"{text_x:.1}\" y=\"{text_y:.1}\">{}</text>",
-                    escape(word)
-                );
+                self.draw_over(&html! { text.note x=(Px(x + 3.0)) y=(Px(top + 12.0)) { (word) } });
                 free_x = x + 8.0 + 7.0 * word.chars().count() as f64;
             }
         }
@@ -289,24 +290,50 @@ impl Chart {
         let to_the_left = self.width - RIGHT - 60.0 < x;
         let (x, anchor) = if to_the_left { (x - 8.0, "end") } else { (x + 8.0, "start") };
         let y = (y - 7.0).max(TOP + 10.0);
-        let _ = write!(
-            self.body,
-            "<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>",
-            escape(text)
-        );
+        self.draw(&html! {
+            text class=(class) x=(Px(x)) y=(Px(y)) text-anchor=(anchor) { (text) }
+        });
     }
 
-    /// The picture, with a name and a text that says the same.
-    pub fn finish(self, id: &str, title: &str, alternative: &str) -> String {
-        format!(
-            "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-labelledby=\"{id}-title {id}-text\"><title id=\"{id}-title\">{}</title><desc id=\"{id}-text\">{}</desc>{}{}</svg>",
-            self.width,
-            self.height,
-            escape(title),
-            escape(alternative),
-            self.body,
-            self.over
-        )
+    /// The picture as part of a page, with a name and a text that says the same. `id`: the identifier that its name and text
+    /// begin with, which no other picture of the page has.
+    pub fn finish(self, id: &str, title: &str, alternative: &str) -> Markup {
+        self.svg(id, title, alternative, None)
+    }
+
+    /// The picture as a file of its own, which brings its style.
+    pub fn finish_file(self, id: &str, title: &str, alternative: &str, style: &str) -> String {
+        self.svg(id, title, alternative, Some(style)).into_string() + "\n"
+    }
+
+    fn svg(self, id: &str, title: &str, alternative: &str, style: Option<&str>) -> Markup {
+        let namespace = style.map(|_| "http://www.w3.org/2000/svg");
+        html! {
+            svg class=[self.class] xmlns=[namespace] viewBox={ "0 0 " (self.width) " " (self.height) }
+                role="img" aria-labelledby={ (id) "-title " (id) "-text" }
+            {
+                @if let Some(style) = style { style { (PreEscaped(style)) } }
+                title id={ (id) "-title" } { (title) }
+                desc id={ (id) "-text" } { (alternative) }
+                (self.body)
+                (self.over)
+            }
+        }
+    }
+
+    fn draw(&mut self, markup: &Markup) {
+        markup.render_to(&mut self.body.0);
+    }
+
+    fn draw_over(&mut self, markup: &Markup) {
+        markup.render_to(&mut self.over.0);
+    }
+
+    /// Draws a path, if there is anything on it.
+    fn draw_path(&mut self, class: &str, path: &str) {
+        if !path.is_empty() {
+            self.draw(&html! { path class=(class) d=(path) {} });
+        }
     }
 
     /// Where a point lies in the picture.
@@ -359,38 +386,29 @@ impl Chart {
         let n_y = ((self.height - TOP - BOTTOM) / 45.0).max(2.0);
         let [left, bottom] = self.place([self.x.min, self.y.min]);
         let [right, top] = self.place([self.x.max, self.y.max]);
-        let mut body = String::new();
-        let ticks = self.x.ticks(n_x);
-        for &tick in &ticks {
-            let [x, _] = self.place([tick, self.y.min]);
-            let label = self.x.tick_label(tick, self.x.step(n_x));
-            let _ = write!(
-                body,
-                "<path class=\"grid\" d=\"M{x:.1},{top:.1}V{bottom:.1}\"/><text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
-                bottom + 17.0
-            );
-        }
-        let ticks = self.y.ticks(n_y);
-        for &tick in &ticks {
-            let [_, y] = self.place([self.x.min, tick]);
-            let label = self.y.tick_label(tick, self.y.step(n_y));
-            let _ = write!(
-                body,
-                "<path class=\"grid\" d=\"M{left:.1},{y:.1}H{right:.1}\"/><text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
-                left - 7.0,
-                y + 4.0
-            );
-        }
-        let _ = write!(
-            body,
-            "<path class=\"axis\" d=\"M{left:.1},{top:.1}V{bottom:.1}H{right:.1}\"/><text class=\"axis-label\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text><text class=\"axis-label\" transform=\"translate(14,{:.1})rotate(-90)\" text-anchor=\"middle\">{}</text>",
-            (left + right) / 2.0,
-            self.height - 6.0,
-            escape(&self.x.label),
-            (top + bottom) / 2.0,
-            escape(&self.y.label)
-        );
-        self.body.push_str(&body);
+        let ticks = |axis: &Axis, n: f64| -> Vec<(f64, String)> {
+            let step = axis.step(n);
+            axis.ticks(n).into_iter().map(|tick| (tick, axis.tick_label(tick, step))).collect()
+        };
+        self.draw(&html! {
+            @for (tick, label) in ticks(&self.x, n_x) {
+                @let [x, _] = self.place([tick, self.y.min]);
+                path.grid d=(format_args!("M{x:.1},{top:.1}V{bottom:.1}")) {}
+                text.tick x=(Px(x)) y=(Px(bottom + 17.0)) text-anchor="middle" { (label) }
+            }
+            @for (tick, label) in ticks(&self.y, n_y) {
+                @let [_, y] = self.place([self.x.min, tick]);
+                path.grid d=(format_args!("M{left:.1},{y:.1}H{right:.1}")) {}
+                text.tick x=(Px(left - 7.0)) y=(Px(y + 4.0)) text-anchor="end" { (label) }
+            }
+            path.axis d=(format_args!("M{left:.1},{top:.1}V{bottom:.1}H{right:.1}")) {}
+            text.axis-label x=(Px((left + right) / 2.0)) y=(Px(self.height - 6.0)) text-anchor="middle" {
+                (self.x.label)
+            }
+            text.axis-label transform={ "translate(14," (Px((top + bottom) / 2.0)) ")rotate(-90)" } text-anchor="middle" {
+                (self.y.label)
+            }
+        });
     }
 }
 

@@ -26,6 +26,10 @@ pub struct Picture {
     pub points: Vec<[f64; 2]>,
 }
 
+/// The style of a picture that is a file of its own.
+const STYLE: &str = "text{font:13px sans-serif;fill:#333}path{fill:none;stroke:#999;stroke-width:1}\
+                     .curve{stroke:#06c;stroke-width:2}";
+
 /// How many points a curve has.
 const N: usize = 240;
 
@@ -165,28 +169,13 @@ impl Picture {
             320.0,
         );
         chart.line("curve", self.points.iter().map(|&point| Some(point)));
-        let inner = chart.finish("effect", title, &self.caption());
-        standalone(&inner)
+        chart.finish_file("effect", title, &self.caption(), STYLE)
     }
 
     /// As JSON.
     #[must_use]
     pub fn to_json(&self) -> Value {
         json!({ "x": self.x, "y": self.y, "where": self.where_, "points": self.points })
-    }
-}
-
-/// An inline picture as a file: it brings its own style and says what it is.
-fn standalone(inline: &str) -> String {
-    const STYLE: &str = "<style>text{font:13px sans-serif;fill:#333}path{fill:none;stroke:#999;stroke-width:1}\
-                         .curve{stroke:#06c;stroke-width:2}</style>";
-    let svg = inline.replacen("<svg ", "<svg xmlns=\"http://www.w3.org/2000/svg\" ", 1);
-    let begin = svg.find("<svg ").unwrap_or_default();
-    let end = svg.find("</svg>").map_or(svg.len(), |end| end + "</svg>".len());
-    let svg = &svg[begin..end];
-    match svg.find('>') {
-        Some(head) => format!("{}{STYLE}{}\n", &svg[..=head], &svg[head + 1..]),
-        None => svg.to_owned(),
     }
 }
 

@@ -2,56 +2,90 @@
 
 use super::plan::SweepPlan;
 use super::results::Figures;
-use super::statistics::FEWEST;
+use super::statistics::{FEWEST, Spread};
 use super::sweep_summary::SweepSummary;
+use maud::{Markup, html};
 use numbers::format::{count, number, percent, shortest};
 use proto::config::Value as Written;
-use record::ColumnKind;
+use report::layout::{self, key_entry, listing, number_cell};
 use report::svg::{Axis, Chart};
-use report::text::escape;
-use std::fmt::Write as _;
+
+/// What goes into the page.
+struct Contents<'a> {
+    plan: &'a SweepPlan,
+    figures: &'a [Figures<'a>],
+    summary: &'a SweepSummary,
+}
+
+/// A section of the page, or none where there is nothing to show in it.
+type Section = fn(&Contents<'_>) -> Option<Markup>;
+
+/// The page from top to bottom.
+const SECTIONS: &[Section] = &[heading, notices, pictures, in_numbers, again];
 
 /// The page.
 pub(super) fn page(plan: &SweepPlan, figures: &[Figures<'_>], summary: &SweepSummary) -> String {
-    let name = escape(&plan.name);
-    let mut page = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
-        report::STYLE
-    );
-    let _ = write!(
-        page,
-        "<header>\n<h1>{name}</h1>\n<p class=\"lead\">{} settings, {} seeds each, {} trials. Every setting was run with the same seeds.</p>\n</header>\n",
-        count(plan.settings.len() as u64),
-        count(plan.seeds.len() as u64),
-        count(plan.n_trials() as u64)
-    );
-    if !summary.warnings.is_empty() {
-        page.push_str("<section class=\"notice\" aria-label=\"Warnings\"><ul>\n");
-        for warning in &summary.warnings {
-            let _ = writeln!(page, "<li>{}</li>", escape(warning));
+    let contents = Contents { plan, figures, summary };
+    let sections = SECTIONS.iter().filter_map(|section| section(&contents));
+    layout::page(&plan.name, "", &html! { @for section in sections { (section) } })
+}
+
+fn heading(contents: &Contents<'_>) -> Option<Markup> {
+    let plan = contents.plan;
+    Some(html! {
+        header {
+            h1 { (plan.name) }
+            p.lead {
+                (count(plan.settings.len() as u64)) " settings, " (count(plan.seeds.len() as u64)) " seeds each, "
+                (count(plan.n_trials() as u64)) " trials. Every setting was run with the same seeds."
+            }
         }
-        page.push_str("</ul></section>\n");
-    }
-    let _ = write!(
-        page,
-        "<p>Points are trials. Beside them stands the median of each setting; the bar is where it lies with 95 % confidence (percentile bootstrap, {FEWEST} trials or more).</p>\n<div class=\"figures\">\n"
-    );
+    })
+}
+
+fn notices(contents: &Contents<'_>) -> Option<Markup> {
+    layout::notices(&contents.summary.warnings)
+}
+
+fn pictures(contents: &Contents<'_>) -> Option<Markup> {
+    let Contents { plan, figures, .. } = contents;
     let views = views(plan);
-    for (number, figures) in figures.iter().enumerate() {
-        for (place, view) in views.iter().enumerate() {
-            figure(&mut page, plan, view, figures, &format!("figure-{number}-{place}"));
+    let pairs = figures.iter().enumerate().flat_map(|(number, figures)| {
+        views.iter().enumerate().map(move |(place, view)| (number, figures, place, view))
+    });
+    Some(html! {
+        p {
+            "Points are trials. Beside them stands the median of each setting; the bar is where it lies with 95 % confidence \
+             (percentile bootstrap, " (FEWEST) " trials or more)."
         }
-    }
-    page.push_str("</div>\n<h2>In numbers</h2>\n");
-    for figures in figures {
-        table(&mut page, plan, figures);
-    }
-    let _ = write!(
-        page,
-        "<h2>To do it again</h2>\n<p>Beside this page, <code>sweep.toml</code> holds the whole file, and <code>trials.parquet</code> a row for each trial. The same file gives the same table, byte for byte.</p>\n<pre>orchestrator sweep sweep.toml --out again</pre>\n<details><summary>The file</summary>\n<pre>{}</pre></details>\n</main>\n</body>\n</html>\n",
-        escape(plan.written.trim_end())
-    );
-    page
+        div.figures {
+            @for (number, figures, place, view) in pairs {
+                @if let Some(figure) = figure(plan, view, figures, &format!("figure-{number}-{place}")) { (figure) }
+            }
+        }
+    })
+}
+
+fn in_numbers(contents: &Contents<'_>) -> Option<Markup> {
+    Some(html! {
+        h2 { "In numbers" }
+        @for figures in contents.figures { (table(contents.plan, figures)) }
+    })
+}
+
+fn again(contents: &Contents<'_>) -> Option<Markup> {
+    Some(html! {
+        h2 { "To do it again" }
+        p {
+            "Beside this page, " code { "sweep.toml" } " holds the whole file, and " code { "trials.parquet" } " a row for each \
+             trial. The same file gives the same table, byte for byte."
+        }
+        (listing("orchestrator sweep sweep.toml --out again"))
+        details {
+            summary { "The file" }
+            (listing(contents.plan.written.trim_end()))
+        }
+    })
 }
 
 /// What a picture has along its axis, and what tells its lines apart.
@@ -173,13 +207,14 @@ fn one_by_one(plan: &SweepPlan) -> View {
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 330.0;
 
-fn figure(page: &mut String, plan: &SweepPlan, view: &View, figures: &Figures<'_>, id: &str) {
+/// A figure of the trials against what varies, `None` where no trial has it.
+fn figure(plan: &SweepPlan, view: &View, figures: &Figures<'_>, id: &str) -> Option<Markup> {
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)])
     };
     let [low, high] = ends(&mut figures.values.iter().flatten().copied());
     if high < low {
-        return;
+        return None;
     }
     let [left, right] = ends(&mut view.places.iter().copied());
     let name = &figures.column.name;
@@ -207,46 +242,44 @@ fn figure(page: &mut String, plan: &SweepPlan, view: &View, figures: &Figures<'_
     let mut chart = Chart::new(x, y, WIDTH, HEIGHT);
     for line in 0..view.lines.len() {
         let shift = (line as f64 - (view.lines.len() - 1) as f64 / 2.0) * 1.6 * step;
-        chart.open(&format!("series-{line}"));
-        let mut medians = Vec::new();
-        for number in (0..plan.settings.len()).filter(|&number| view.series[number] == line) {
-            let place = view.places[number] + shift;
-            // A share has no points: all would lie at 0 or 1.
-            if !figures.is_share() {
-                let values = &figures.values[number];
-                chart.dots("trial", values.iter().map(|&value| [place - 0.8 * step, value]));
+        chart.group(&series(line), |chart| {
+            let mut medians = Vec::new();
+            for number in (0..plan.settings.len()).filter(|&number| view.series[number] == line) {
+                let place = view.places[number] + shift;
+                // A share has no points: all would lie at 0 or 1.
+                if !figures.is_share() {
+                    let values = &figures.values[number];
+                    chart.dots("trial", values.iter().map(|&value| [place - 0.8 * step, value]));
+                }
+                let Some(spread) = &figures.spreads[number] else { continue };
+                let middle = if figures.is_share() { spread.mean } else { spread.median };
+                medians.push([place + 0.5 * step, middle]);
+                let title =
+                    format!("{}: {}", plan.settings[number].describe(), shown(figures, number));
+                let interval = spread.interval_95.filter(|_| !figures.is_share());
+                let interval = interval.unwrap_or([middle, middle]);
+                chart.interval(place + 0.5 * step, middle, interval, &title);
             }
-            let Some(spread) = &figures.spreads[number] else { continue };
-            let middle = if figures.is_share() { spread.mean } else { spread.median };
-            medians.push([place + 0.5 * step, middle]);
-            let title = format!("{}: {}", plan.settings[number].describe(), shown(figures, number));
-            let interval = spread.interval_95.filter(|_| !figures.is_share());
-            let interval = interval.unwrap_or([middle, middle]);
-            chart.interval(place + 0.5 * step, middle, interval, &title);
-        }
-        if view.is_joined {
-            medians.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            chart.line("line", medians.into_iter().map(Some));
-        }
-        chart.close();
+            if view.is_joined {
+                medians.sort_by(|a, b| a[0].total_cmp(&b[0]));
+                chart.line("line", medians.into_iter().map(Some));
+            }
+        });
     }
     let words = if figures.is_share() { "Share of trials" } else { "Trials and median" };
     let sentence = format!("{words}: {name} against {}.", view.label);
-    let _ = write!(
-        page,
-        "<figure>\n<figcaption><h3>{}</h3>\n<p>{}</p></figcaption>\n<ul class=\"key\">",
-        escape(name),
-        escape(&sentence)
-    );
-    for (line, words) in view.lines.iter().enumerate().filter(|(_, words)| !words.is_empty()) {
-        let _ = write!(
-            page,
-            "<li class=\"series-{line}\"><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\"><path class=\"line\" d=\"M0,6H26\"/></svg>{}</li>",
-            escape(words)
-        );
-    }
-    let svg = chart.finish(id, name, &sentence);
-    let _ = write!(page, "</ul>\n<div class=\"plot\">{svg}</div>\n</figure>\n");
+    let words = html! { p { (sentence) } };
+    let key = html! {
+        @for (line, words) in view.lines.iter().enumerate().filter(|(_, words)| !words.is_empty()) {
+            (key_entry("line", Some(&series(line)), words))
+        }
+    };
+    Some(layout::figure(name, &words, &key, &chart.finish(id, name, &sentence), false))
+}
+
+/// The class of a line and all its marks.
+fn series(line: usize) -> String {
+    format!("series-{line}")
 }
 
 /// Median and interval, or share, of a setting in words.
@@ -262,44 +295,49 @@ fn shown(figures: &Figures<'_>, number_of_setting: usize) -> String {
     format!("{}{interval}, {} trials", number(spread.median), spread.n)
 }
 
-fn table(page: &mut String, plan: &SweepPlan, figures: &Figures<'_>) {
-    let _ = write!(
-        page,
-        "<details><summary>{}</summary>\n<table>\n<tr><th class=\"n\">setting</th><th></th><th class=\"n\">trials</th>",
-        escape(&figures.column.name)
-    );
-    let is_share = figures.column.kind == ColumnKind::Bool;
-    page.push_str(if is_share {
-        "<th class=\"n\">share</th></tr>\n"
+fn table(plan: &SweepPlan, figures: &Figures<'_>) -> Markup {
+    let headings: &[&str] = if figures.is_share() {
+        &["share"]
     } else {
-        "<th class=\"n\">median</th><th class=\"n\">95 % interval</th><th class=\"n\">middle half</th><th class=\"n\">all</th><th class=\"n\">mean ± sd</th></tr>\n"
-    });
-    for (setting, (words, spread)) in plan.settings.iter().zip(&figures.spreads).enumerate() {
-        let _ = write!(
-            page,
-            "<tr><td class=\"n\">{setting}</td><td>{}</td>",
-            escape(&words.describe())
-        );
-        let Some(spread) = spread else {
-            page.push_str("<td class=\"n\">0</td></tr>\n");
-            continue;
-        };
-        let _ = write!(page, "<td class=\"n\">{}</td>", spread.n);
-        if is_share {
-            let _ = writeln!(page, "<td class=\"n\">{}</td></tr>", percent(spread.mean));
-            continue;
+        &["median", "95 % interval", "middle half", "all", "mean ± sd"]
+    };
+    html! {
+        details {
+            summary { (figures.column.name) }
+            table {
+                tr {
+                    th.n { "setting" }
+                    th {}
+                    th.n { "trials" }
+                    @for heading in headings { th.n { (heading) } }
+                }
+                @for (setting, (words, spread)) in plan.settings.iter().zip(&figures.spreads).enumerate() {
+                    tr {
+                        (number_cell(setting))
+                        td { (words.describe()) }
+                        (number_cell(spread.as_ref().map_or(0, |spread| spread.n)))
+                        @if let Some(spread) = spread {
+                            @for cell in cells(spread, figures.is_share()) { (number_cell(cell)) }
+                        }
+                    }
+                }
+            }
         }
-        let pair = |low: f64, high: f64| format!("{} to {}", number(low), number(high));
-        let _ = writeln!(
-            page,
-            "<td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}{}</td></tr>",
-            number(spread.median),
-            spread.interval_95.map_or_else(|| "–".to_owned(), |[low, high]| pair(low, high)),
-            pair(spread.q25, spread.q75),
-            pair(spread.min, spread.max),
-            number(spread.mean),
-            spread.sd.map_or_else(String::new, |sd| format!(" ± {}", number(sd)))
-        );
     }
-    page.push_str("</table></details>\n");
+}
+
+/// The cells of a setting, under the headings of the table.
+fn cells(spread: &Spread, is_share: bool) -> Vec<String> {
+    if is_share {
+        return vec![percent(spread.mean)];
+    }
+    let pair = |low: f64, high: f64| format!("{} to {}", number(low), number(high));
+    let sd = spread.sd.map_or_else(String::new, |sd| format!(" ± {}", number(sd)));
+    vec![
+        number(spread.median),
+        spread.interval_95.map_or_else(|| "–".to_owned(), |[low, high]| pair(low, high)),
+        pair(spread.q25, spread.q75),
+        pair(spread.min, spread.max),
+        number(spread.mean) + &sd,
+    ]
 }

@@ -1,7 +1,9 @@
 //! Predicted against measured, errors against covariates, reception, and whether the predicted uncertainty is right.
 
-use super::{Contents, Picture, Rows, bin, drawn, edges, half, quantiles, thinned};
+use super::{Contents, Picture, Rows, bin, drawn, edges, figures, half, quantiles, thinned};
+
 use crate::svg::Axis;
+use maud::Markup;
 use metrics::DistanceBin;
 use numbers::format::{capitalised, number, percent};
 use numbers::statistics::mean;
@@ -71,7 +73,15 @@ fn spoken_of(contents: &Contents<'_>) -> BTreeSet<String> {
 /// A covariate: whether a verdict speaks of it, what it explains, its name and values.
 type Ranked<'a> = (bool, f64, &'a (String, Vec<f64>));
 
-pub(super) fn by_covariate(contents: &Contents<'_>) -> Vec<Picture> {
+/// The errors against what was predicted, and over the covariates that explain most of them.
+pub(super) fn by_covariate(contents: &Contents<'_>) -> Option<Markup> {
+    let intro = "A model that is right errs alike everywhere. A bend or a slope over something is physics that the model lacks, or \
+                 something that goes along with it: look for the strongest, the others may be its shadows. Bars are 90 % intervals \
+                 of a mean, as if rows were independent.";
+    figures("Where the model errs", intro, &over_covariates(contents))
+}
+
+fn over_covariates(contents: &Contents<'_>) -> Vec<Picture> {
     let residuals = contents.before.residuals();
     let spoken_of = spoken_of(contents);
     let mut ranked: Vec<Ranked<'_>> = contents
@@ -246,7 +256,13 @@ fn around(contents: &Contents<'_>) -> Picture {
     Picture { title, look, means, key, svg, is_wide: false }
 }
 
-pub(super) fn pictures(contents: &Contents<'_>) -> Vec<Picture> {
+/// Whether predicted distributions are right.
+pub(super) fn of_distributions(contents: &Contents<'_>) -> Option<Markup> {
+    let intro = "A model predicts a distribution, not a number: how strong, how likely to be received, how far off.";
+    figures("Does it know what it does not know?", intro, &distributions(contents))
+}
+
+fn distributions(contents: &Contents<'_>) -> Vec<Picture> {
     let mut pictures = vec![pit(contents)];
     match &contents.rows {
         Rows::Links(links) => {

@@ -1,10 +1,10 @@
 //! The ladder of held-out error, and what each candidate gains.
 
-use super::Picture;
-use crate::text::escape;
+use super::{Contents, Picture, figures};
+use crate::svg::Px;
 use diagnose::diagnosis::{Diagnosis, Rung, Tested};
+use maud::{Markup, html};
 use numbers::format::number;
-use std::fmt::Write as _;
 
 /// Width of a picture, of its labels, of the numbers at its right end.
 const WIDTH: f64 = 540.0;
@@ -25,47 +25,49 @@ struct Bar {
     text: String,
 }
 
-fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> String {
+fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> Markup {
     let low = rows.iter().map(|row| row.value - row.half).fold(0.0, f64::min);
     let high = rows.iter().map(|row| row.value + row.half).fold(1e-9, f64::max);
     let plane = WIDTH - LABELS - NUMBERS;
     let x = |value: f64| LABELS + (value - low) / (high - low) * plane;
     let height = ROW * rows.len() as f64 + 8.0;
-    let mut body = String::new();
-    for (k, row) in rows.iter().enumerate() {
+    let bar = |k: usize, row: &Bar| {
         let (top, middle) = (ROW * k as f64 + 8.0, ROW * k as f64 + 4.0 + ROW / 2.0);
         let (from, to) = (x(0.0).min(x(row.value)), x(0.0).max(x(row.value)));
-        let _ = write!(
-            body,
-            "<text class=\"row\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text><path class=\"bar {}\" d=\"M{from:.1},{top:.1}H{to:.1}v{:.1}H{from:.1}Z\"/>",
-            LABELS - 10.0,
-            middle + 4.0,
-            escape(&row.label),
-            row.class,
-            ROW - 8.0
-        );
-        if 0.0 < row.half {
-            let (a, b) = (x(row.value - row.half), x(row.value + row.half));
-            let _ = write!(body, "<path class=\"axis\" d=\"M{a:.1},{middle:.1}H{b:.1}\"/>");
+        let text_y = Px(middle + 4.0);
+        html! {
+            text.row x=(Px(LABELS - 10.0)) y=(text_y) text-anchor="end" { (row.label) }
+            path class={ "bar " (row.class) }
+                d=(format_args!("M{from:.1},{top:.1}H{to:.1}v{:.1}H{from:.1}Z", ROW - 8.0)) {}
+            @if 0.0 < row.half {
+                @let (a, b) = (x(row.value - row.half), x(row.value + row.half));
+                path.axis d=(format_args!("M{a:.1},{middle:.1}H{b:.1}")) {}
+            }
+            text.value x=(Px(WIDTH - 4.0)) y=(text_y) text-anchor="end" { (row.text) }
         }
-        let _ = write!(
-            body,
-            "<text class=\"value\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            WIDTH - 4.0,
-            middle + 4.0,
-            escape(&row.text)
-        );
-    }
+    };
     let zero = x(0.0);
-    let _ = write!(body, "<path class=\"axis\" d=\"M{zero:.1},4V{:.1}\"/>", height - 2.0);
-    format!(
-        "<svg viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-labelledby=\"{id}-title {id}-text\"><title id=\"{id}-title\">{}</title><desc id=\"{id}-text\">{}</desc>{body}</svg>",
-        escape(title),
-        escape(alternative)
-    )
+    html! {
+        svg viewBox={ "0 0 " (WIDTH) " " (height) } role="img"
+            aria-labelledby={ (id) "-title " (id) "-text" }
+        {
+            title id={ (id) "-title" } { (title) }
+            desc id={ (id) "-text" } { (alternative) }
+            @for (k, row) in rows.iter().enumerate() { (bar(k, row)) }
+            path.axis d=(format_args!("M{zero:.1},4V{:.1}", height - 2.0)) {}
+        }
+    }
 }
 
-pub(super) fn pictures(diagnosis: &Diagnosis, unit: &str) -> Vec<Picture> {
+/// The ladder in pictures.
+pub(super) fn section(contents: &Contents<'_>) -> Option<Markup> {
+    let pictures = pictures(contents.answer.diagnosis()?, contents.unit());
+    let intro = "Effects are added one at a time, each time the one that makes the model predict best what it has not seen, until \
+                 none does beyond chance.";
+    figures("Which effects are missing", intro, &pictures)
+}
+
+fn pictures(diagnosis: &Diagnosis, unit: &str) -> Vec<Picture> {
     let rungs = &diagnosis.ladder;
     let losses = |rung: &Rung| rung.reception_log_loss;
     let mut pictures: Vec<Picture> = Vec::new();

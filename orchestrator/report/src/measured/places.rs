@@ -1,8 +1,9 @@
 //! The map of the site with what the model errs by in each place.
 
-use super::{Contents, LinkRows, Picture, RobotRows, Rows};
+use super::{Contents, LinkRows, Picture, RobotRows, Rows, figures};
 use crate::figures::{WIDE, equal_scales};
 use crate::svg::Chart;
+use maud::Markup;
 use numbers::format::number;
 use std::collections::BTreeMap;
 use study::view::View;
@@ -62,7 +63,12 @@ fn span(points: impl Iterator<Item = [f64; 2]>) -> Option<[[f64; 2]; 2]> {
     })
 }
 
-pub(super) fn maps(contents: &Contents<'_>) -> Vec<Picture> {
+/// Errors where they were made.
+pub(super) fn maps(contents: &Contents<'_>) -> Option<Markup> {
+    figures("On the map", "", &maps_of_models(contents))
+}
+
+fn maps_of_models(contents: &Contents<'_>) -> Vec<Picture> {
     let rows: Vec<[f64; 2]> = match &contents.rows {
         Rows::Links(links) => links.ends.iter().flatten().map(|(place, _)| *place).collect(),
         Rows::Robots(robots) => robots.tracks.iter().flatten().copied().collect(),
@@ -138,7 +144,7 @@ fn map(
         let dots = spots.all().filter(|(.., mean)| class(*mean, scale) == k);
         chart.dots(&format!("spot {name}"), dots.map(|(_, place, _)| place));
     }
-    chart.site(&walls, &discs);
+    chart.site(&format!("plane-{class_name}"), &walls, &discs);
     let (pieces, round) = if class_name == "after" { found(contents) } else { Found::default() };
     chart.segments("found", pieces.iter().copied());
     for &(centre, radius_m) in &round {
@@ -198,10 +204,6 @@ fn map(
     }
     .to_owned();
     let svg = chart.finish(&format!("map-{class_name}"), &title, &look);
-    // Each picture has its own clip path.
-    let svg = svg
-        .replace("id=\"plane\"", &format!("id=\"plane-{class_name}\""))
-        .replace("url(#plane)", &format!("url(#plane-{class_name})"));
     Picture { title, look, means, key, svg, is_wide: true }
 }
 

@@ -1,0 +1,100 @@
+//! What all pages have in common: the shell around them, and the parts that come up in several.
+//!
+//! A page is one file that opens without a network and needs no script.
+
+use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
+
+/// The style of all pages.
+const STYLE: &str = include_str!("style.css");
+
+/// A whole page. `style`: rules of this kind of page, beside those of all.
+pub fn page(title: &str, style: &str, body: &Markup) -> String {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(STYLE)) (PreEscaped(style)) }
+            }
+            body { main { (body) } }
+        }
+    }
+    .into_string()
+}
+
+/// What must be known before anything else on the page is believed, if there is anything.
+pub fn notices(items: &[impl Render]) -> Option<Markup> {
+    let list = html! {
+        section.notice aria-label="Warnings" {
+            ul { @for item in items { li { (item) } } }
+        }
+    };
+    (!items.is_empty()).then_some(list)
+}
+
+/// The few numbers at the top of a page: name and value of each.
+pub fn tiles<'a>(tiles: impl IntoIterator<Item = (&'a str, Markup)>) -> Markup {
+    html! {
+        dl.tiles {
+            @for (name, value) in tiles {
+                div.tile { dt { (name) } dd { (value) } }
+            }
+        }
+    }
+}
+
+/// A number and its unit, of a tile.
+pub fn with_unit(number: &str, unit: &str) -> Markup {
+    html! { (number) " " small { (unit) } }
+}
+
+/// A picture under its heading, its words and the key to its marks.
+///
+/// * `words`: its paragraphs.
+/// * `key`: its entries, see [`key_entry`].
+pub fn figure(title: &str, words: &Markup, key: &Markup, svg: &Markup, is_wide: bool) -> Markup {
+    html! {
+        figure class=[is_wide.then_some("wide")] {
+            figcaption { h3 { (title) } (words) }
+            ul.key { (key) }
+            div.plot { (svg) }
+        }
+    }
+}
+
+/// An entry of a key: a mark and what it means. `mark`: the class that the mark has in the picture; `series`: the class of the
+/// group of marks that it belongs to there.
+pub fn key_entry(mark: &str, series: Option<&str>, words: &str) -> Markup {
+    html! {
+        li class=[series] { svg viewBox="0 0 26 12" aria-hidden="true" { (sample(mark)) } (words) }
+    }
+}
+
+/// How a mark looks in a key.
+fn sample(mark: &str) -> Markup {
+    let path = |shape: &str| html! { path class=(mark) d=(shape) {} };
+    match mark {
+        "band" => path("M0,1H26V11H0Z"),
+        "start" | "end" | "mote" => path("M13,6h0"),
+        "dot" | "dot after" => path("M5,8h0M10,4h0M15,7h0M20,5h0"),
+        "interval" => html! {
+            g.interval { path d="M13,1V11M10,1h6M10,11h6" {} circle cx="13" cy="6" r="3" {} }
+        },
+        filled if filled.starts_with("cell") || filled.starts_with('b') && filled != "before" => {
+            path("M8,1H18V11H8Z")
+        }
+        _ => path("M0,6H26"),
+    }
+}
+
+/// Text that is copied, as a block.
+pub fn listing(text: &str) -> Markup {
+    html! { pre { (text) } }
+}
+
+/// A cell of a table that holds a number, or a range of them.
+pub fn number_cell(number: impl Render) -> Markup {
+    html! { td.n { (number) } }
+}

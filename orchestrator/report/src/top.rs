@@ -1,0 +1,87 @@
+//! The top of a run's page: what was run, what must be known before the rest is believed, and the few numbers that matter most.
+
+use super::is_truth;
+use super::layout::{self, with_unit};
+use maud::{Markup, html};
+use numbers::format::{count, number, percent, shortest};
+use proto::types::Coupling;
+use record::run_summary::RunSummary;
+use record::{Contents, Status, TRUTH_BASELINE};
+
+pub(super) fn heading(contents: &Contents<'_>) -> Option<Markup> {
+    let Contents { header, summary, .. } = contents;
+    let controller = contents.measures.and_then(|measures| measures.task.controller.as_deref());
+    let started_s = summary.robots_started_s.filter(|started_s| 0.0 < *started_s);
+    Some(html! {
+        header {
+            h1 {
+                (header.name)
+                span.badge.alert[summary.status != Status::Complete] { (summary.status.name()) }
+                @if is_truth(contents) { span.badge.alert { (TRUTH_BASELINE) } }
+            }
+            p.lead {
+                @if let Some(controller) = controller { (controller) ", " }
+                (count(u64::from(header.agent_count))) " agents, "
+                (count(summary.steps)) " steps of "
+                @if header.coupling == Coupling::Event { "at most " }
+                (shortest(header.step_ns as f64 / 1e9)) " s, "
+                (shortest(summary.simulated_s)) " s simulated"
+                @if let Some(started_s) = started_s {
+                    ", the first " (shortest(started_s)) " of them without the robots"
+                }
+                ", " (coupling_in_words(header.coupling)) " coupling, seed " (header.seed) "."
+            }
+        }
+    })
+}
+
+/// The word for a coupling, as configurations have it.
+pub(super) fn coupling_in_words(coupling: Coupling) -> &'static str {
+    match coupling {
+        Coupling::Sequential => "sequential",
+        Coupling::Parallel => "parallel",
+        Coupling::Event => "event",
+    }
+}
+
+pub(super) fn notices(contents: &Contents<'_>) -> Option<Markup> {
+    let RunSummary { reason, warnings, .. } = contents.summary;
+    let reason = reason.iter().map(|reason| html! { strong { (reason) } });
+    let warnings = warnings.iter().map(|warning| html! { (warning) });
+    layout::notices(&reason.chain(warnings).collect::<Vec<_>>())
+}
+
+pub(super) fn tiles(contents: &Contents<'_>) -> Option<Markup> {
+    let measures = contents.measures?;
+    let n_agents = contents.header.agent_count;
+    let kpis = contents.summary.kpis.as_ref();
+    let formation = kpis.and_then(|kpis| kpis.formation.as_ref());
+    let delivery = kpis.and_then(|kpis| kpis.delivery.as_ref());
+    let latency_s = delivery.and_then(|delivery| delivery.latency_s.as_ref()?.median);
+    // Of the standing network: before, motes scan.
+    let energy =
+        kpis.and_then(|kpis| kpis.energy_since_formation.as_ref().or(kpis.energy.as_ref()));
+    let lifetime_years = energy.and_then(|energy| energy.network_lifetime_years);
+    let unit = |value: Option<f64>, unit: &str| Some(with_unit(&number(value?), unit));
+    let share = |value: Option<f64>| Some(html! { (percent(value?)) });
+    let others = format!("of {}", count(u64::from(n_agents.saturating_sub(1))));
+    let is_line = measures.task.controller.as_deref() == Some("line-formation");
+    let has_way = measures.has_way();
+    let is_flock = !is_line && measures.anybody_moved();
+    let residual_m2 = measures.line_residual_m2().filter(|_| is_line);
+    let tiles = [
+        ("Flock speed", unit(measures.flock_speed_mps().filter(|_| is_flock), "m/s")),
+        ("Residual of the line", unit(residual_m2, "m²")),
+        ("Spread at the end", unit(measures.final_spread_m().filter(|_| has_way), "m")),
+        ("Task done after", unit(measures.completed_after_s(), "s")),
+        ("Neighbours heard", unit(measures.mean_neighbours(), &others)),
+        ("Delivery ratio", share(measures.delivery_ratio())),
+        ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
+        ("Network formed after", unit(formation.and_then(|formation| formation.formed_s), "s")),
+        ("Packets delivered", share(delivery.map(|delivery| delivery.ratio))),
+        ("Median latency", unit(latency_s, "s")),
+        ("Radio on", share(energy.and_then(|energy| energy.duty_cycle.mean))),
+        ("Network lifetime", unit(lifetime_years, "years")),
+    ];
+    Some(layout::tiles(tiles.into_iter().filter_map(|(name, value)| Some((name, value?)))))
+}
