@@ -129,6 +129,19 @@ const WALLS: &[(&str, &[&str])] = &[
     ("robotsim", SHELL),
     ("proto-messages", &["clap", "hyper", "mcap", "tokio", "tonic"]),
     ("proto-host", &["mcap"]),
+    ("numbers", SHELL),
+    ("measure", SHELL),
+    ("study", SHELL),
+    ("study", &["diagnose", "experiment", "metrics", "record", "report"]),
+    ("diagnose", SHELL),
+    ("diagnose", &["experiment", "metrics", "record", "report"]),
+    ("metrics", SHELL),
+    ("experiment", SHELL),
+    ("experiment", &["metrics", "record", "report"]),
+    ("record", &["clap", "hyper", "tokio", "tonic"]),
+    ("drive", &["diagnose", "mcap", "metrics", "parquet", "record", "report", "study"]),
+    ("network", &["mcap", "record", "report"]),
+    ("report", &["orchestrator"]),
 ];
 
 #[test]

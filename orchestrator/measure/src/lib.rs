@@ -3,21 +3,21 @@
 //! | module | what |
 //! |---|---|
 //! | [`account`] | which measurements an answer is about |
-//! | [`table`] | a file as named columns of numbers: CSV, gzipped CSV, Parquet |
+//! | [`table`] | a file as named columns of numbers |
+//! | [`formats`] | file formats: CSV, Parquet, K7, the folder of a run |
 //! | [`links`] | link samples and aggregated link tables |
 //! | [`oddities`] | what is odd about measurements that can be used |
 //! | [`packets`] | packets from end to end |
 //! | [`robots`] | robot samples |
-//! | [`run`] | link samples of a run |
 //! | [`config`] | the part of a configuration that is held against them |
 
 pub mod account;
 pub mod config;
+pub mod formats;
 pub mod links;
 pub mod oddities;
 pub mod packets;
 pub mod robots;
-pub mod run;
 pub mod table;
 
 use schemars::JsonSchema;

@@ -1,9 +1,17 @@
 //! Link samples from what a run has left: who sent, who might have heard, where both were.
 
-use super::DataError;
-use super::table::Table;
+use super::Format;
+use crate::DataError;
+use crate::table::Table;
 use std::collections::BTreeMap;
 use std::path::Path;
+
+/// The format: the folder of a run.
+pub const FORMAT: Format = Format {
+    name: "the folder of a run",
+    recognises: |path, _| path.is_dir(),
+    read: |path, _| links(path),
+};
 
 /// Link samples of a run: every transmission and agent that might hear it which `links.parquet` has, with the places in
 /// `steps.parquet`. What went over several hops is no link, and left out.
@@ -11,7 +19,7 @@ use std::path::Path;
 /// # Errors
 ///
 /// The folder is no run's, or its links were not recorded.
-pub fn links(folder: &Path) -> Result<Table, DataError> {
+fn links(folder: &Path) -> Result<Table, DataError> {
     let format = |message: String| DataError::Format { path: folder.to_owned(), message };
     for name in ["links.parquet", "steps.parquet"] {
         if !folder.join(name).is_file() {

@@ -1,0 +1,143 @@
+//! File formats of measurements: one file each, and the one list [`BUILT_IN`].
+//!
+//! A format says by the beginning of a file whether it can read it, and makes a [`Table`] of it; [`Table::of_columns`] is enough for
+//! that. Files that gzip has compressed are decompressed before a format sees them. [`read`] takes the list as an argument, so that
+//! another program adds formats of its own by the same call.
+
+pub mod csv;
+pub mod k7;
+pub mod parquet;
+pub mod run;
+
+use crate::DataError;
+use crate::table::Table;
+use flate2::read::MultiGzDecoder;
+use sha2::{Digest as _, Sha256};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read as _};
+use std::path::Path;
+
+/// What a file holds, from its beginning on.
+pub type Content<'a> = Box<dyn BufRead + 'a>;
+
+/// A file format.
+#[derive(Clone, Copy, Debug)]
+pub struct Format {
+    /// Its name.
+    pub name: &'static str,
+    /// Whether it reads a file, by its path and its first bytes: up to 64 KiB of it, none of a folder.
+    pub recognises: fn(&Path, &[u8]) -> bool,
+    /// Reads a file that it recognises; the content of a folder is empty.
+    pub read: fn(&Path, Content<'_>) -> Result<Table, DataError>,
+}
+
+/// The formats that are known, the first that recognises a file reading it.
+pub const BUILT_IN: &[Format] = &[run::FORMAT, parquet::FORMAT, k7::FORMAT, csv::FORMAT];
+
+/// How gzip files begin (RFC 1952, section 2.3.1).
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+/// Reads a file, or the folder of a run, by the first of `formats` that recognises it. The table has the file's path and SHA-256.
+///
+/// # Errors
+///
+/// It cannot be read, no format recognises it, or it is no table: the place is named.
+pub fn read(path: &Path, formats: &[Format]) -> Result<Table, DataError> {
+    let failed = |source| DataError::Read { path: path.to_owned(), source };
+    if path.is_dir() {
+        return read_content(path, Box::new(std::io::empty()), formats);
+    }
+    let sha256 = digest(&mut File::open(path).map_err(failed)?).map_err(failed)?;
+    let mut content = BufReader::new(File::open(path).map_err(failed)?);
+    let is_gzip = content.fill_buf().map_err(failed)?.starts_with(&GZIP);
+    let content: Content<'_> = if is_gzip {
+        Box::new(BufReader::new(MultiGzDecoder::new(content)))
+    } else {
+        Box::new(content)
+    };
+    let table = read_content(path, content, formats)?;
+    Ok(Table { sha256, ..table })
+}
+
+fn read_content(
+    path: &Path,
+    mut content: Content<'_>,
+    formats: &[Format],
+) -> Result<Table, DataError> {
+    let begin =
+        content.fill_buf().map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+    match formats.iter().find(|format| (format.recognises)(path, begin)) {
+        Some(format) => (format.read)(path, content),
+        None => {
+            let names: Vec<&str> = formats.iter().map(|format| format.name).collect();
+            Err(DataError::Format {
+                path: path.to_owned(),
+                message: format!("is in no known format: these are {}", names.join(", ")),
+            })
+        }
+    }
+}
+
+fn digest(file: &mut File) -> std::io::Result<String> {
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0u8; 1 << 16];
+    loop {
+        match file.read(&mut buffer)? {
+            0 => break,
+            n => hash.update(&buffer[..n]),
+        }
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write as _;
+
+    /// A format from outside: a number a line, under one name.
+    const LINES: Format = Format {
+        name: "numbers",
+        recognises: |path, begin| {
+            path.extension().is_some_and(|extension| extension == "numbers") && !begin.is_empty()
+        },
+        read: |path, content| {
+            let values: Vec<f64> = content
+                .lines()
+                .map_while(Result::ok)
+                .map(|line| line.parse().unwrap_or(f64::NAN))
+                .collect();
+            let table = Table::of_columns(vec!["value".to_owned()], vec![values]);
+            Ok(Table { path: path.to_owned(), ..table })
+        },
+    };
+
+    #[test]
+    fn a_format_from_outside_reads_what_it_recognises_compressed_or_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let formats: Vec<Format> = [LINES].iter().chain(BUILT_IN).copied().collect();
+        let plain = folder.path().join("plain.numbers");
+        std::fs::write(&plain, "1\n2.5\n").unwrap();
+        let compressed = folder.path().join("compressed.numbers");
+        let file = File::create(&compressed).unwrap();
+        let mut encoder = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
+        encoder.write_all(b"1\n2.5\n").unwrap();
+        encoder.finish().unwrap();
+        for path in [&plain, &compressed] {
+            let table = read(path, &formats).unwrap();
+            assert_eq!(table.column("value"), Some(&[1.0, 2.5][..]));
+            assert_eq!((table.path.as_path(), table.sha256.len()), (path.as_path(), 64));
+            // Without it, the first line is a bad header.
+            assert!(read(path, BUILT_IN).unwrap_err().to_string().contains("name the columns"));
+        }
+    }
+
+    #[test]
+    fn a_file_in_no_format_is_refused_with_the_formats_that_there_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("data");
+        std::fs::write(&path, "a\n1\n").unwrap();
+        let error = read(&path, &[parquet::FORMAT, k7::FORMAT]).unwrap_err().to_string();
+        assert!(error.contains("no known format: these are Parquet, K7"), "{error}");
+    }
+}

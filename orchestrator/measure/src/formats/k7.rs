@@ -1,0 +1,45 @@
+//! K7: traces of link quality, as the 6TiSCH simulator reads them. They begin with a line of JSON.
+
+use super::{Content, Format};
+use crate::DataError;
+use crate::table::Table;
+use std::io::Read as _;
+use std::path::Path;
+
+/// The format.
+pub const FORMAT: Format =
+    Format { name: "K7", recognises: |_, begin| begin.first() == Some(&b'{'), read };
+
+/// Nanoseconds of a day: runs of a K7 trace.
+const NS_PER_DAY: u64 = 86_400_000_000_000;
+
+fn read(path: &Path, mut content: Content<'_>) -> Result<Table, DataError> {
+    let mut bytes = Vec::new();
+    content
+        .read_to_end(&mut bytes)
+        .map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+    let trace = netsim::k7::read(&bytes).map_err(|complaints| DataError::Format {
+        path: path.to_owned(),
+        message: complaints.first().map_or_else(String::new, ToString::to_string),
+    })?;
+    Ok(Table { path: path.to_owned(), first_line: 3, ..table_of(&trace) })
+}
+
+/// The rows of a K7 trace as an aggregated link table.
+fn table_of(trace: &netsim::k7::K7) -> Table {
+    let of = |value: &dyn Fn(&netsim::k7::Row) -> f64| trace.rows.iter().map(value).collect();
+    let columns: [(&str, Vec<f64>); 8] = [
+        ("time_s", of(&|row| row.from_ns as f64 * 1e-9)),
+        // Days from the first row on, so that one can be told from another.
+        ("run", of(&|row| 1.0 + (row.from_ns / NS_PER_DAY) as f64)),
+        ("tx", of(&|row| f64::from(row.src))),
+        ("rx", of(&|row| f64::from(row.dst))),
+        ("channel", of(&|row| row.channel.map_or(f64::NAN, f64::from))),
+        ("rssi_dbm", of(&|row| row.rssi_dbm.unwrap_or(f64::NAN))),
+        ("pdr", of(&|row| row.pdr)),
+        ("frames", of(&|row| row.tx_count.map_or(100.0, f64::from))),
+    ];
+    let (names, columns) =
+        columns.into_iter().map(|(name, column)| (name.to_owned(), column)).unzip();
+    Table::of_columns(names, columns)
+}

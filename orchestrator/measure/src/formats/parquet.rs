@@ -1,0 +1,67 @@
+//! Apache Parquet: columns of numbers and truth values.
+
+use super::Format;
+use crate::DataError;
+use crate::table::Table;
+use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use parquet::record::Field;
+use std::fs::File;
+use std::path::Path;
+
+/// The format. It is read by place, not from beginning to end.
+pub const FORMAT: Format = Format {
+    name: "Parquet",
+    recognises: |_, begin| begin.starts_with(b"PAR1"),
+    read: |path, _| {
+        let file =
+            File::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+        read(path, file)
+    },
+};
+
+fn read(path: &Path, file: File) -> Result<Table, DataError> {
+    let format = |error: parquet::errors::ParquetError| DataError::Format {
+        path: path.to_owned(),
+        message: error.to_string(),
+    };
+    let reader = SerializedFileReader::new(file).map_err(format)?;
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
+    let mut table = Table::of_columns(names, Vec::new());
+    table.columns = vec![Vec::new(); table.names.len()];
+    table.path = path.to_owned();
+    table.first_line = 1;
+    for row in reader.get_row_iter(None).map_err(format)? {
+        let row = row.map_err(format)?;
+        for (column, (_, field)) in row.get_column_iter().enumerate() {
+            match field {
+                Field::Null => table.columns[column].push(f64::NAN),
+                field => {
+                    let number = match field {
+                        Field::Bool(truth) => Some(f64::from(u8::from(*truth))),
+                        Field::Byte(n) => Some(f64::from(*n)),
+                        Field::Short(n) => Some(f64::from(*n)),
+                        Field::Int(n) => Some(f64::from(*n)),
+                        Field::Long(n) => Some(*n as f64),
+                        Field::UByte(n) => Some(f64::from(*n)),
+                        Field::UShort(n) => Some(f64::from(*n)),
+                        Field::UInt(n) => Some(f64::from(*n)),
+                        Field::ULong(n) => Some(*n as f64),
+                        Field::Float(n) => Some(f64::from(*n)),
+                        Field::Double(n) => Some(*n),
+                        _ => None,
+                    };
+                    match number.filter(|number| number.is_finite()) {
+                        Some(number) => table.columns[column].push(number),
+                        None => {
+                            table.strange.push((table.n_rows, column, field.to_string()));
+                            table.columns[column].push(f64::NAN);
+                        }
+                    }
+                }
+            }
+        }
+        table.n_rows += 1;
+    }
+    Ok(table)
+}
