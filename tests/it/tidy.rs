@@ -179,9 +179,40 @@ fn campaigns_share_nothing_with_what_they_judge() {
     files.push(tests::repository().join("tests/campaign.rs"));
     for file in files {
         let text = std::fs::read_to_string(&file).unwrap();
-        for name in ["netsim::", "robotsim::", "orchestrator::", "proto::"] {
-            assert!(!text.contains(name), "{} uses {name}", file.display());
+        for name in packages() {
+            let path = format!("{}::", name.replace('-', "_"));
+            let uses = |line: &str| {
+                line.split(|c: char| !(c.is_alphanumeric() || "_:".contains(c)))
+                    .any(|word| word.starts_with(&path))
+            };
+            assert!(name == "tests" || !text.lines().any(uses), "{} uses {path}", file.display());
         }
+    }
+}
+
+/// Names of the packages of the workspace.
+fn packages() -> Vec<String> {
+    let manifest = std::fs::read_to_string(tests::repository().join("Cargo.toml")).unwrap();
+    let manifest: toml::Table = toml::from_str(&manifest).unwrap();
+    let members = manifest["workspace"]["members"].as_array().unwrap().clone();
+    let name = |member: toml::Value| {
+        let path = tests::repository().join(member.as_str().unwrap()).join("Cargo.toml");
+        let manifest: toml::Table =
+            toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        manifest["package"]["name"].as_str().unwrap().to_owned()
+    };
+    members.into_iter().map(name).collect()
+}
+
+#[test]
+fn architecture_md_names_every_crate_of_the_workspace() {
+    let text = std::fs::read_to_string(tests::repository().join("ARCHITECTURE.md")).unwrap();
+    let manifest = std::fs::read_to_string(tests::repository().join("Cargo.toml")).unwrap();
+    let manifest: toml::Table = toml::from_str(&manifest).unwrap();
+    let members = manifest["workspace"]["members"].as_array().unwrap();
+    assert!(18 <= members.len());
+    for member in members.iter().filter_map(toml::Value::as_str) {
+        assert!(text.contains(&format!("`{member}/`")), "ARCHITECTURE.md does not name {member}/");
     }
 }
 
