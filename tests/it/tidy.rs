@@ -1,5 +1,6 @@
 //! What the compiler cannot enforce about the shape of the code.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -161,15 +162,39 @@ fn what_a_package_links_stays_behind_its_wall() {
 
 /// Names of the packages that `package` links, itself included: tests and build scripts may use others.
 fn linked_by(package: &str) -> Vec<String> {
+    tree(&["--edges", "normal", "--format", "{p}", "--package", package])
+        .iter()
+        .filter_map(|line| line.split(' ').next())
+        .map(str::to_owned)
+        .collect()
+}
+
+/// Lines of `cargo tree`, each once.
+fn tree(args: &[&str]) -> Vec<String> {
     let tree = Command::new(env!("CARGO"))
-        .args(["tree", "--offline", "--locked", "--edges", "normal", "--prefix", "none"])
-        .args(["--format", "{p}", "--package", package])
+        .args(["tree", "--offline", "--locked", "--prefix", "none"])
+        .args(args)
         .current_dir(tests::repository())
         .output()
         .unwrap();
     assert!(tree.status.success(), "{}", String::from_utf8_lossy(&tree.stderr));
     let text = String::from_utf8(tree.stdout).unwrap();
-    text.lines().filter_map(|line| line.split(' ').next()).map(str::to_owned).collect()
+    let lines: BTreeSet<&str> =
+        text.lines().map(|line| line.strip_suffix(" (*)").unwrap_or(line)).collect();
+    lines.into_iter().map(str::to_owned).collect()
+}
+
+/// Cargo builds a library once for each set of its features, and everything that depends on it as often. Where development
+/// dependencies switch on more features than the program needs, `cargo test` builds nearly all of it a second time: such features
+/// belong into orchestrator/Cargo.toml, too.
+#[test]
+fn the_program_and_the_tests_share_one_build_of_every_library() {
+    let format = ["--format", "{p} {f}"];
+    let of_tests = tree(&[&["--workspace", "--edges", "normal,dev"], &format[..]].concat());
+    let program = ["--package", "orchestrator", "--edges", "normal"];
+    for library in tree(&[&program[..], &format[..]].concat()) {
+        assert!(of_tests.contains(&library), "tests build {library} with other features");
+    }
 }
 
 #[test]
