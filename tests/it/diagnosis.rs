@@ -18,7 +18,10 @@ use study::links::LinkStudy;
 use study::open::{self, Account, Subject};
 use tests::campaign::{Campaign, Hidden, Layout, Size};
 
+/// Rows of a campaign …
 const ROWS: usize = 5000;
+/// … and of one in which something of clear size is hidden, which shows in fewer.
+const CLEAR_ROWS: usize = 3000;
 const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
 
 fn opened(folder: &Path, campaign: &Campaign) -> (Compared, LinkStudy, Account) {
@@ -54,6 +57,16 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
 
 fn standard(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
     Campaign::link(seed, &Layout::standard(), hidden, ROWS)
+}
+
+/// With effects of clear size.
+fn clear(hidden: &[Hidden]) -> Campaign {
+    // Few paths go past a body or the edge of an unmapped disc. There intervals of 3000 rows are too narrow: at this seed the loss by
+    // bodies is 4.03 standard errors off, the disc's centre 4.27.
+    let is_rare = hidden.contains(&Hidden::BodyBlocking) || hidden.contains(&Hidden::HiddenDisc);
+    let n_rows = if is_rare { ROWS } else { CLEAR_ROWS };
+    let hidden: Vec<(Hidden, Size)> = hidden.iter().map(|&kind| (kind, Size::Clear)).collect();
+    Campaign::link(0, &Layout::standard(), &hidden, n_rows)
 }
 
 fn drawn(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
@@ -177,7 +190,7 @@ const UNEXPLAINED: [Hidden; 7] = [
 fn a_clear_effect_is_named_first_and_fitted() {
     let mut wrong: Vec<String> = Vec::new();
     for hidden in FOUND {
-        let campaign = standard(&[(hidden, Size::Clear)], 0);
+        let campaign = clear(&[hidden]);
         wrong.extend(faults(&campaign, &diagnosed(&campaign)));
     }
     assert_eq!(wrong, [""; 0], "{wrong:#?}");
@@ -186,8 +199,7 @@ fn a_clear_effect_is_named_first_and_fitted() {
 #[test]
 fn two_effects_are_both_found() {
     for pair in PAIRS {
-        let hidden = pair.map(|effect| (effect, Size::Clear));
-        let campaign = standard(&hidden, 0);
+        let campaign = clear(&pair);
         assert_all_found(diagnosed(&campaign).0, &campaign);
     }
 }
@@ -204,7 +216,7 @@ fn one_effect_goes_in_place_of_several_that_it_explains() {
 #[test]
 fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     for hidden in UNEXPLAINED {
-        let campaign = standard(&[(hidden, Size::Clear)], 0);
+        let campaign = clear(&[hidden]);
         let (_, _, json) = diagnosed(&campaign);
         assert_eq!(json["verdict"], "unexplained-structure", "{hidden:?}");
         let covariate = json["unexplained"][0]["covariate"].as_str().unwrap();

@@ -99,7 +99,7 @@ fn a_run_that_has_not_begun_can_be_stopped() {
 fn a_search_that_is_stopped_tells_what_it_has_found() {
     let folder = tests::folder();
     let hidden = [(Hidden::Temperature, Size::Clear), (Hidden::WallAttenuation, Size::Clear)];
-    let campaign = Campaign::link(0, &Layout::standard(), &hidden, 20_000);
+    let campaign = Campaign::link(0, &Layout::standard(), &hidden, 8000);
     std::fs::write(folder.path().join("model.toml"), &campaign.config_toml).unwrap();
     std::fs::write(folder.path().join("data.csv"), &campaign.csv).unwrap();
     let asked = ["diagnose", "model.toml", "--data", "data.csv", "--json", "found.json"];
