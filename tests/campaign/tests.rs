@@ -93,13 +93,14 @@ fn a_link_campaign_is_frozen() {
 fn every_effect_has_the_size_asked_for() {
     for hidden in all_hidden() {
         for size in Size::ALL {
-            let campaign = Campaign::link(2, &Layout::standard(), &[(hidden, size)], 10_000);
+            let campaign = Campaign::link(2, &Layout::standard(), &[(hidden, size)], 5000);
             let wanted =
                 if hidden.is_of_reception() { size.of_delivery() } else { size.of_noise() };
             let found = campaign.truth[0].size;
             // The transmit power is rounded to 0.01 dB after the strength is found.
             assert!((found / wanted - 1.0).abs() < 0.01, "{hidden:?} {size:?}: {found}");
-            // Between 61 and 84 % are expected; of 10,000 frames the share has a standard error of 0.5 points.
+            // Between 61 and 84 % are expected; of 5,000 frames the share has a standard error of 0.7 points, so that a campaign
+            // at either end fails for one seed in 500.
             assert!((0.59..0.86).contains(&campaign.received), "{hidden:?}: {}", campaign.received);
         }
     }
