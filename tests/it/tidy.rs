@@ -22,7 +22,18 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Folders of the crates that are functions of their arguments.
-const CORES: [&str; 3] = ["proto/core", "netsim", "robotsim"];
+const CORES: [&str; 7] = [
+    "proto/core",
+    "netsim",
+    "robotsim",
+    "orchestrator/numbers",
+    "orchestrator/metrics",
+    "orchestrator/study",
+    "orchestrator/diagnose",
+];
+
+/// Folders of further crates that compute: they read files, but take elementary functions from libm as cores do.
+const COMPUTE: [&str; 2] = ["orchestrator/measure", "orchestrator/network"];
 
 fn crates() -> [PathBuf; 5] {
     ["proto", "netsim", "robotsim", "orchestrator", "tests"]
@@ -71,8 +82,8 @@ fn cores_touch_no_socket_file_thread_or_clock() {
 }
 
 #[test]
-fn cores_take_elementary_functions_from_libm() {
-    const PLATFORM: [&str; 14] = [
+fn what_computes_takes_elementary_functions_from_libm() {
+    const PLATFORM: [&str; 18] = [
         ".exp()",
         ".ln()",
         ".log10()",
@@ -87,8 +98,12 @@ fn cores_take_elementary_functions_from_libm() {
         ".mul_add(",
         ".tanh()",
         ".exp2()",
+        ".exp_m1()",
+        ".ln_1p()",
+        ".powi(",
+        ".cbrt()",
     ];
-    for name in CORES {
+    for name in CORES.iter().chain(&COMPUTE) {
         for file in rust_files(&tests::repository().join(name).join("src")) {
             let text = std::fs::read_to_string(&file).unwrap();
             let core = text.split("#[cfg(test)]").next().unwrap();
@@ -103,6 +118,16 @@ fn cores_take_elementary_functions_from_libm() {
                 );
             }
         }
+    }
+}
+
+#[test]
+fn clippy_holds_what_computes_to_the_rules_of_cores() {
+    let rules = |name: &str| {
+        std::fs::read_to_string(tests::repository().join(name).join("clippy.toml")).unwrap()
+    };
+    for name in CORES.iter().chain(&COMPUTE) {
+        assert_eq!(rules(name), rules("proto/core"), "{name}/clippy.toml");
     }
 }
 

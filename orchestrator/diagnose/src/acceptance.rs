@@ -82,7 +82,7 @@ pub fn share_scale(configured: f64, other: f64) -> f64 {
 /// `design_effect` times fewer independent ones.
 #[must_use]
 pub fn is_certain_by_total(gain: &Gain, n_candidates: usize, design_effect: f64) -> bool {
-    let least = (n_candidates as f64 / FAMILY_ERROR).ln() * design_effect;
+    let least = libm::log(n_candidates as f64 / FAMILY_ERROR) * design_effect;
     least < gain.total()
 }
 

@@ -8,6 +8,7 @@ use crate::held_out;
 use crate::ladder::Search;
 use comparison::{Bin, Comparison, Explained, Place, SCHEMA};
 use measure::account::Account;
+use numbers::power::square;
 use numbers::statistics::{self, mean_ignoring_nan, nth_quantile, quantile_nearest};
 use study::folds::Blocks;
 use study::links::LinkStudy;
@@ -49,7 +50,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>, account: &Accoun
         (links.readings.is_aggregated && links.readings.has_losses && !is_given).then(|| {
             let passes = held_out::predictions(study, search, &[]).passes;
             let rows = links.rows.iter().zip(passes);
-            rows.map(|(row, passes)| (row.received / row.frames - passes).powi(2)).collect()
+            rows.map(|(row, passes)| square(row.received / row.frames - passes)).collect()
         });
     let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
@@ -57,7 +58,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>, account: &Accoun
         let mean = |values: &[f64]| mean_ignoring_nan(rows.iter().map(|&row| values[row]));
         let brier = |row: &usize| {
             let loss = scores[*row].reception_log_loss;
-            let missed = 1.0 - (-loss).exp();
+            let missed = 1.0 - libm::exp(-loss);
             missed * missed
         };
         let mut list = vec![

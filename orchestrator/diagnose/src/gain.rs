@@ -1,5 +1,6 @@
 //! How well rows that were left out are predicted, and how much better than by another model.
 
+use numbers::power::integer_power;
 use numbers::statistics::mean_ignoring_nan;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use study::RowScore;
@@ -92,7 +93,7 @@ impl Gain {
         let gain = sums.iter().map(|(sum, _)| sum).sum::<f64>() / n;
         let blocks = n_blocks as f64;
         let moment = |power: i32| -> f64 {
-            sums.iter().map(|&(sum, n)| (sum - n as f64 * gain).powi(power)).sum()
+            sums.iter().map(|&(sum, n)| integer_power(sum - n as f64 * gain, power)).sum()
         };
         let (squares, cubes) = (moment(2), moment(3));
         let standard_error = (blocks / (blocks - 1.0) * squares).sqrt() / n;

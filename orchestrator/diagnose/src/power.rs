@@ -179,17 +179,17 @@ fn size_of(points: &[(f64, u64, Vec<Outcome>)]) -> Option<f64> {
     let mut best: Option<(f64, f64)> = None;
     let (low, high) = (points.first()?.0 * 0.5, points.last()?.0 * 1.25);
     for i in 0..=200 {
-        let middle = low.ln() + f64::from(i) / 200.0 * (high / low).ln();
+        let middle = libm::log(low) + f64::from(i) / 200.0 * libm::log(high / low);
         for width in [0.05, 0.08, 0.12, 0.18, 0.27, 0.4] {
             let log: f64 = points
                 .iter()
                 .map(|(size, n, outcomes)| {
-                    let p = law.cdf((size.ln() - middle) / width).clamp(1e-3, 1.0 - 1e-3);
+                    let p = law.cdf((libm::log(*size) - middle) / width).clamp(1e-3, 1.0 - 1e-3);
                     let k = found(outcomes) as f64;
-                    k * p.ln() + (*n as f64 - k) * (1.0 - p).ln()
+                    k * libm::log(p) + (*n as f64 - k) * libm::log(1.0 - p)
                 })
                 .sum();
-            let size = (middle + law.inverse_cdf(POWER) * width).exp();
+            let size = libm::exp(middle + law.inverse_cdf(POWER) * width);
             if best.is_none_or(|(other, _)| other < log) {
                 best = Some((log, size));
             }
@@ -346,7 +346,7 @@ impl<'a> Plan<'a> {
                     .places_m
                     .iter()
                     .zip(&driven.places_m)
-                    .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]))
+                    .map(|(a, b)| libm::hypot(a[0] - b[0], a[1] - b[1]))
                     .sum();
                 way / plain.places_m.len() as f64 + driven.more_sd_m
             }

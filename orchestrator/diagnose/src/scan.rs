@@ -2,6 +2,7 @@
 
 use super::acceptance::{FAMILY_ERROR, LEAST_SHARE, is_worth, share_scale};
 use super::ladder::{Ladder, Search, without};
+use numbers::power::square;
 use numbers::statistics::nth_quantile;
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -52,7 +53,7 @@ pub struct Residuals<'a> {
 impl Residuals<'_> {
     /// Whether structure that explains this share is worth telling: as for effects, by nats, or by the share of the error.
     fn are_worth(&self, explained: f64) -> bool {
-        let nats = -0.5 * (1.0 - explained).ln();
+        let nats = -0.5 * libm::log(1.0 - explained);
         is_worth(nats, LEAST_SHARE * self.configured, || explained)
     }
 }
@@ -170,7 +171,7 @@ fn weighed(bins: &[u8], residual: &[f64], levels: &[&Blocks], n_bins: usize) -> 
         within.map(|(sum, n)| sum * sum / n).sum::<f64>() - total * total / n_rows
     };
     let mean = rows.iter().map(|&row| residual[row]).sum::<f64>() / n_rows;
-    let squares: f64 = rows.iter().map(|&row| (residual[row] - mean).powi(2)).sum();
+    let squares: f64 = rows.iter().map(|&row| square(residual[row] - mean)).sum();
     let mut sums = [0.0; 256];
     for &row in &rows {
         sums[usize::from(bins[row])] += residual[row];

@@ -12,6 +12,7 @@ use measure::links::Row;
 use measure::table::Table;
 use netsim::phy::scatter::{Moment, PairBlock};
 use numbers::format::trimmed;
+use numbers::power::square;
 use proto::rng::{Draws, Purpose};
 use std::collections::BTreeMap;
 use study::COMMON;
@@ -239,7 +240,7 @@ fn ways(rows: &[Row]) -> Vec<[f64; 2]> {
         let mut way_m = 0.0;
         let mut last = track[0].1;
         let list = track.into_iter().map(|(time_s, place)| {
-            let step: f64 = (0..3).map(|k| (place[k] - last[k]).powi(2)).sum::<f64>().sqrt();
+            let step: f64 = (0..3).map(|k| square(place[k] - last[k])).sum::<f64>().sqrt();
             way_m += if step.is_finite() { step } else { 0.0 };
             last = place;
             (time_s, way_m)
@@ -277,7 +278,7 @@ fn robots(
             .map(|&sample| {
                 let at = &samples[sample];
                 // As the running simulation has it: heights are measured as they are.
-                let axis_sd_m = if axis < 2 { sd_m.hypot(driven.more_sd_m) } else { 0.0 };
+                let axis_sd_m = if axis < 2 { libm::hypot(sd_m, driven.more_sd_m) } else { 0.0 };
                 let time_ns = (at.time_s.max(0.0) * 1e9) as u64;
                 let entity = u64::from(at.run) << 32 | u64::from(at.agent);
                 driven.places_m[sample][axis]

@@ -42,6 +42,7 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// # Errors
 ///
 /// It cannot be read, no format recognises it, or it is no table: the place is named.
+#[expect(clippy::disallowed_methods, reason = "measurements are files")]
 pub fn read(path: &Path, formats: &[Format]) -> Result<Table, DataError> {
     let failed = |source| DataError::Read { path: path.to_owned(), source };
     if path.is_dir() {
@@ -91,6 +92,7 @@ fn digest(file: &mut File) -> std::io::Result<String> {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests write the files that they read")]
 mod tests {
     use super::*;
     use std::io::Write as _;

@@ -212,7 +212,7 @@ fn tracks(rows: &[Row]) -> Tracks {
 }
 
 fn way_m(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    libm::hypot(a[0] - b[0], a[1] - b[1])
 }
 
 fn milliseconds(rows: &[Row], tracks: &Tracks) -> Option<String> {

@@ -2,6 +2,7 @@
 
 use super::table::Table;
 use super::{Rejected, Rejections, TWICE, oddities};
+use numbers::power::square;
 use numbers::statistics::median_high;
 use robotsim::dynamics::{Drive, Shape};
 use std::collections::BTreeMap;
@@ -329,7 +330,7 @@ impl Robots {
         for (a, b) in self.steps() {
             let sign = if a.command[0] < 0.0 { -1.0 } else { 1.0 };
             let [dx, dy] = [0, 1].map(|i| sign * (b.position_m[i] - a.position_m[i]));
-            let along = |heading: f64| dx * heading.cos() + dy * heading.sin();
+            let along = |heading: f64| dx * libm::cos(heading) + dy * libm::sin(heading);
             as_rad += along(a.heading_rad);
             as_degrees += along(a.heading_rad.to_radians());
         }
@@ -351,7 +352,7 @@ fn is_same_moment(a: &Sample, b: &Sample) -> bool {
 }
 
 fn distance_m(a: &Sample, b: &Sample) -> f64 {
-    (0..3).map(|i| (a.position_m[i] - b.position_m[i]).powi(2)).sum::<f64>().sqrt()
+    (0..3).map(|i| square(a.position_m[i] - b.position_m[i])).sum::<f64>().sqrt()
 }
 
 fn or_zero(number: f64) -> f64 {

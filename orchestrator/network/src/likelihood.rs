@@ -12,6 +12,7 @@
 use super::kpis::{Figures, KPIS};
 use crate::kpis::Scale;
 use nalgebra::{DMatrix, DVector};
+use numbers::power::square;
 use numbers::statistics;
 use std::collections::BTreeMap;
 
@@ -180,7 +181,7 @@ impl Law {
     #[must_use]
     pub fn apart(&self, other: &Self) -> Vec<(usize, f64)> {
         let of = |k: usize| {
-            let sd = libm::sqrt(0.5 * (self.sd[k].powi(2) + other.sd[k].powi(2)));
+            let sd = libm::sqrt(0.5 * (square(self.sd[k]) + square(other.sd[k])));
             (k, (self.mean[k] - other.mean[k]) / sd)
         };
         self.usable.iter().map(|&k| of(k)).filter(|(_, z)| z.is_finite()).collect()
@@ -191,9 +192,9 @@ impl Law {
 fn shrunk(mut correlation: Vec<[f64; D]>, usable: &[usize], n: f64) -> Vec<[f64; D]> {
     let pairs =
         || usable.iter().flat_map(|&i| usable.iter().map(move |&j| (i, j))).filter(|(i, j)| i != j);
-    let squares: f64 = pairs().map(|(i, j)| correlation[i][j].powi(2)).sum();
+    let squares: f64 = pairs().map(|(i, j)| square(correlation[i][j])).sum();
     let doubts: f64 = pairs()
-        .map(|(i, j)| (1.0 - correlation[i][j].powi(2)).max(0.0).powi(2) / (n - 1.0).max(1.0))
+        .map(|(i, j)| square((1.0 - square(correlation[i][j])).max(0.0)) / (n - 1.0).max(1.0))
         .sum();
     // A little always, so that figures of which one follows from others do no harm.
     let part = if 0.0 < squares { (doubts / squares).clamp(0.02, 1.0) } else { 1.0 };

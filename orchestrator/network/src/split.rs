@@ -18,6 +18,7 @@ use measure::config::Compared;
 use measure::links::{self, Row};
 use measure::packets::Packet;
 use measure::table::Table;
+use numbers::power::square;
 use numbers::statistics::{mean, variance};
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
@@ -150,7 +151,7 @@ impl Campaign {
             if 0.0 < share && share < 1.0 {
                 let angle = libm::asin(libm::sqrt(share))
                     + 0.5 / libm::sqrt(count.frames) * draws.normal(k as u64, 0, 0);
-                share = libm::sin(angle.clamp(0.0, std::f64::consts::FRAC_PI_2)).powi(2);
+                share = square(libm::sin(angle.clamp(0.0, std::f64::consts::FRAC_PI_2)));
             }
             let rssi = if 0.0 < count.readings.1 {
                 format!("{:.2}", count.readings.0 / count.readings.1)

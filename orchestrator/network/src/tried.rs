@@ -9,6 +9,7 @@
 use super::candidates::Candidate;
 use super::likelihood::{self, Law, Moments, Run, Smooth, between};
 use super::resimulate::{Resimulation, ResimulationError};
+use numbers::power::square;
 use numbers::statistics::{quantile, standard_deviation};
 use proto::rng::{Draws, Purpose, uniform};
 
@@ -272,7 +273,7 @@ impl Ground<'_> {
             again.push((at, log - self.base_density(base, Some(&picks))));
         }
         let sd_of_place = sd(again.iter().map(|it| it.0));
-        let widened = |end: f64| libm::sqrt((best - end).powi(2) + (Z_95 * sd_of_place).powi(2));
+        let widened = |end: f64| libm::sqrt(square(best - end) + square(Z_95 * sd_of_place));
         let value = |at: f64| curve.candidate.value(at);
         let mut interval = [value(best - widened(ends[0])), value(best + widened(ends[1]))];
         interval.sort_by(f64::total_cmp);

@@ -3,4 +3,5 @@
 //! Each definition exists once, here, and says what it does with no values, with one, and with NaN.
 
 pub mod format;
+pub mod power;
 pub mod statistics;

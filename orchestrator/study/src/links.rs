@@ -219,7 +219,9 @@ impl LinkStudy {
             .cells
             .iter()
             .min_by(|a, b| {
-                (a.0 / decorrelation_m).ln().abs().total_cmp(&(b.0 / decorrelation_m).ln().abs())
+                libm::log(a.0 / decorrelation_m)
+                    .abs()
+                    .total_cmp(&libm::log(b.0 / decorrelation_m).abs())
             })
             .unwrap_or(&self.cells[0]);
         &nearest.1
@@ -504,13 +506,13 @@ fn configured(rows: &Rows) -> Deviations {
     {
         match (scatter.law, scatter.renewal) {
             (Law::Nodes { tx_sd_db, rx_sd_db }, _) => {
-                known.tx_db = known.tx_db.hypot(tx_sd_db);
-                known.rx_db = known.rx_db.hypot(rx_sd_db);
+                known.tx_db = libm::hypot(known.tx_db, tx_sd_db);
+                known.rx_db = libm::hypot(known.rx_db, rx_sd_db);
             }
             (Law::Normal { sd_db }, Renewal::Place { .. }) => {
-                known.channel_db = known.channel_db.hypot(sd_db);
+                known.channel_db = libm::hypot(known.channel_db, sd_db);
             }
-            (Law::Normal { sd_db }, _) => known.link_db = known.link_db.hypot(sd_db),
+            (Law::Normal { sd_db }, _) => known.link_db = libm::hypot(known.link_db, sd_db),
             _ => {}
         }
     }

@@ -35,6 +35,7 @@ use measure::robots::Robots;
 use measure::table::Table;
 use motion::{Gains, Tracks};
 use nalgebra::DMatrix;
+use numbers::power::square;
 use proto::effect::Level;
 use proto::site::Terrain;
 use robotsim::catalogue::Catalogue;
@@ -265,8 +266,8 @@ impl Model {
 
     /// How much measurements count under a fit.
     fn gains(&self, fit: &RobotFit) -> Gains {
-        let heading = if self.has_direction() { fit.values[1].exp() } else { 1.0 };
-        Gains { position: fit.values[0].exp(), heading }
+        let heading = if self.has_direction() { libm::exp(fit.values[1]) } else { 1.0 };
+        Gains { position: libm::exp(fit.values[0]), heading }
     }
 }
 
@@ -435,7 +436,7 @@ impl RobotStudy {
             Term::Noise(table) => {
                 // What there is beside the noise that the configuration says.
                 let given_m = self.model.given_sd_m.unwrap_or(0.0);
-                let more_m = (fit.density.sd_m.powi(2) - given_m * given_m).max(0.0).sqrt();
+                let more_m = (square(fit.density.sd_m) - given_m * given_m).max(0.0).sqrt();
                 let mut table = table.clone();
                 set(&mut table, "sd_m", more_m);
                 Some(table)

@@ -2,6 +2,7 @@
 
 use super::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
+use numbers::power::{integer_power, square};
 use numbers::statistics::mean_ignoring_nan;
 use std::f64::consts::FRAC_PI_2;
 
@@ -56,8 +57,8 @@ impl Shape {
 
     fn wave(name: &str, pace: f64) -> Self {
         let terms = vec![
-            term(format!("sin({pace:.6e} * {name})"), move |x, _| (pace * x).sin()),
-            term(format!("cos({pace:.6e} * {name})"), move |x, _| (pace * x).cos()),
+            term(format!("sin({pace:.6e} * {name})"), move |x, _| libm::sin(pace * x)),
+            term(format!("cos({pace:.6e} * {name})"), move |x, _| libm::cos(pace * x)),
         ];
         Self { pace: Some(pace), ..Self::of(terms) }
     }
@@ -72,12 +73,12 @@ fn term(text: String, function: impl Fn(f64, f64) -> f64 + 'static) -> (String, 
 fn shapes(name: &str, known: &[f64], quarter: f64) -> Vec<Shape> {
     let power = |power: i32| {
         let text = if power == 1 { name.to_owned() } else { format!("{name}^{power}") };
-        term(text, move |x, _| x.powi(power))
+        term(text, move |x, _| integer_power(x, power))
     };
     let powers = |highest: i32| Shape::of((1..=highest).map(power).collect());
     let mut all: Vec<Shape> = (1..=3).map(powers).collect();
     if known.first().is_some_and(|least| 0.0 < *least) {
-        all.push(Shape::of(vec![term(format!("ln({name})"), |x, _| x.ln())]));
+        all.push(Shape::of(vec![term(format!("ln({name})"), |x, _| libm::log(x))]));
     }
     let at = |share: f64| known[((known.len() - 1) as f64 * share) as usize];
     for share in [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9] {
@@ -100,7 +101,7 @@ fn products(name: &str, other: &str) -> Vec<Shape> {
 pub fn constant(deviations: &[f64], target: &'static str) -> Option<Formula> {
     let level = mean_ignoring_nan(deviations.iter().copied());
     let rmse =
-        mean_ignoring_nan(deviations.iter().map(|deviation| (deviation - level).powi(2))).sqrt();
+        mean_ignoring_nan(deviations.iter().map(|deviation| square(deviation - level))).sqrt();
     rmse.is_finite().then(|| Formula::new(format!("{level:.6}"), target, rmse))
 }
 
@@ -144,7 +145,7 @@ pub fn of_covariate(
     }
     if let Some(mut pace) = pace {
         for half in 1..=HALVES {
-            let step = quarter * 0.5_f64.powi(half);
+            let step = quarter * integer_power(0.5, half);
             for other in [pace - step, pace + step] {
                 if data.improve(&mut best, &Shape::wave(name, other), 1.0, blocks) {
                     pace = other;
@@ -212,7 +213,7 @@ impl Data<'_> {
                 let (x, z) = (self.values[row], self.others[row]);
                 let value: f64 = parts.map(|((_, term), factor)| factor * term(x, z)).sum();
                 let value = value * self.factor(row);
-                squares += (self.deviations.values[row] - value).powi(2);
+                squares += square(self.deviations.values[row] - value);
                 n_scored += 1;
             }
         }
@@ -299,7 +300,8 @@ mod tests {
     fn the_pace_of_a_wave_is_found_between_quarters_of_a_cycle() {
         // 16.7 rad over all rows: 10.6 quarters of a cycle.
         let x: Vec<f64> = (0..N).map(|row| row as f64 / 180.0).collect();
-        let y: Vec<f64> = noise().iter().zip(&x).map(|(z, x)| z + 4.0 * (x + 0.3).sin()).collect();
+        let y: Vec<f64> =
+            noise().iter().zip(&x).map(|(z, x)| z + 4.0 * libm::sin(x + 0.3)).collect();
         let formula = found(&x, &[], &y, None);
         let after = formula.text.split("sin(").nth(1).unwrap();
         let pace: f64 = after.split(" *").next().unwrap().parse().unwrap();

@@ -66,7 +66,7 @@ impl Lines {
 
     fn log_density(&self, fit: &LineFit, row: usize) -> f64 {
         let left = self.y[row] - self.predicted(fit, row);
-        -0.5 * (left * left + std::f64::consts::TAU.ln())
+        -0.5 * (left * left + libm::log(std::f64::consts::TAU))
     }
 }
 

@@ -9,6 +9,7 @@ use std::fs::File;
 use std::path::Path;
 
 /// The format. It is read by place, not from beginning to end.
+#[expect(clippy::disallowed_methods, reason = "the file is opened again, to be read by place")]
 pub const FORMAT: Format = Format {
     name: "Parquet",
     recognises: |_, begin| begin.starts_with(b"PAR1"),

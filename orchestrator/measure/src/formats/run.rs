@@ -3,6 +3,7 @@
 use super::Format;
 use crate::DataError;
 use crate::table::Table;
+use numbers::power::square;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -69,7 +70,7 @@ fn links(folder: &Path) -> Result<Table, DataError> {
                 let squares = (0..3).map(|part| {
                     let ends =
                         [sender[row], receiver[row]].map(|agent| place(back, row, agent, part));
-                    (ends[0] - ends[1]).powi(2)
+                    square(ends[0] - ends[1])
                 });
                 (squares.sum::<f64>().sqrt() - distance_m[row]).abs()
             })

@@ -13,6 +13,7 @@ use diagnose::diagnosis::{Parameter, Verdict};
 use indexmap::IndexMap;
 use measure::account::Account;
 use numbers::format::{capitalised, number};
+use numbers::power::square;
 use std::fmt::Write as _;
 
 /// The number of an effect as fitted, by its key.
@@ -184,7 +185,7 @@ fn next(found: &Found) -> Vec<NextCampaign> {
         .map(|rivals| {
             let figure = KPIS[rivals.figure].name;
             // By then the log likelihood of one lies as far before that of the other as it takes, on average.
-            let runs = (2.0 * super::TIE / rivals.apart.powi(2)).ceil().max(1.0);
+            let runs = (2.0 * super::TIE / square(rivals.apart)).ceil().max(1.0);
             let [one, other] = rivals.names;
             let apart = number(rivals.apart.abs());
             let sentence = if runs <= 100.0 {

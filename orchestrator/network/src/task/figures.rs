@@ -5,6 +5,7 @@ use crate::tracks::Tracks;
 use metrics::figures::FigureValue;
 use metrics::places::measures_of;
 use metrics::{Measures, Task};
+use numbers::power::square;
 use proto::types::{AgentStates, NS_PER_S};
 
 /// On which scale differences of a figure are told.
@@ -169,7 +170,7 @@ impl Sheet {
         for ((_, a), (_, b)) in self.places(one).iter().zip(self.places(other)) {
             for agent in 0..self.n_agents {
                 let (a, b) = (a.position_m(agent), b.position_m(agent));
-                squares += (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>();
+                squares += (0..3).map(|axis| square(a[axis] - b[axis])).sum::<f64>();
                 n += 1.0;
             }
         }

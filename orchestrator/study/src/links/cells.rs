@@ -308,7 +308,7 @@ impl Solver<'_> {
                     continue;
                 }
                 let total = weight + cost;
-                half_log_determinant += 0.5 * (total / cost).ln();
+                half_log_determinant += 0.5 * libm::log(total / cost);
                 let pull = channel.gradient[cell] - cost * random.channel_db[cell];
                 channel.eliminate(cell, total, pull, &mut matrix, &mut vector);
                 if 0.0 < sd.link_db {
@@ -333,7 +333,7 @@ impl Solver<'_> {
                     continue;
                 }
                 let total = weight + cost;
-                half_log_determinant += 0.5 * (total / cost).ln();
+                half_log_determinant += 0.5 * libm::log(total / cost);
                 let pull = link.gradient[cell] - cost * random.link_db[cell];
                 link.eliminate(cell, total, pull, &mut matrix, &mut vector);
             }
@@ -343,7 +343,7 @@ impl Solver<'_> {
             let cost = 1.0 / (deviation * deviation).max(1e-12);
             matrix[(p + node, p + node)] += cost;
             vector[p + node] -= cost * random.node_db[node];
-            half_log_determinant -= 0.5 * cost.ln();
+            half_log_determinant -= 0.5 * libm::log(cost);
         }
         for i in 0..size {
             for j in 0..i {
@@ -353,7 +353,8 @@ impl Solver<'_> {
         let mut information = matrix.view((0, 0), (p, p)).into_owned();
         if 0 < n_nodes {
             let factor = matrix.view((p, p), (2 * n_nodes, 2 * n_nodes)).into_owned().cholesky()?;
-            half_log_determinant += factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+            half_log_determinant +=
+                factor.l_dirty().diagonal().iter().map(|d| libm::log(*d)).sum::<f64>();
             let inverse = factor.inverse();
             for node in 0..2 * n_nodes {
                 out.node_variance[node] = inverse[(node, node)];

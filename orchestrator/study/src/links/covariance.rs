@@ -4,6 +4,7 @@
 //! whatever the noise. The squares in which a fit takes levels for constant say less: how large they are best depends on how
 //! densely links were measured, too.
 
+use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 /// Parts of the links that are left out in turn (delete-a-group jackknife).
@@ -73,18 +74,18 @@ impl Products {
         }
         let error = |k: usize| {
             let mean = parts.iter().map(|part| part[k]).sum::<f64>() / n;
-            let squares: f64 = parts.iter().map(|part| (part[k] - mean).powi(2)).sum();
+            let squares: f64 = parts.iter().map(|part| square(part[k] - mean)).sum();
             ((n - 1.0) / n * squares).sqrt()
         };
         let quantile = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.7, |t| t.inverse_cdf(0.95));
         let half = quantile * error(0);
         let (low, high) = (whole[0] - half, whole[0] + half);
         Some(Length {
-            value: whole[0].exp(),
-            low: low.max(shortest).exp(),
-            high: high.min(longest).exp(),
+            value: libm::exp(whole[0]),
+            low: libm::exp(low.max(shortest)),
+            high: libm::exp(high.min(longest)),
             is_determined: shortest <= low || high <= longest,
-            sd_db: (0.5 * whole[1]).exp(),
+            sd_db: libm::exp(0.5 * whole[1]),
             sd_error: 0.5 * error(1),
         })
     }
@@ -106,7 +107,7 @@ impl Products {
 fn range(bins: &[[f64; 3]]) -> Option<(f64, f64)> {
     let last = bins.last()?[0];
     let first = bins.iter().map(|bin| bin[0]).find(|&lag| 0.0 < lag)?;
-    (3 <= bins.len() && first < last).then(|| ((first / REACH).ln(), (last * REACH).ln()))
+    (3 <= bins.len() && first < last).then(|| (libm::log(first / REACH), libm::log(last * REACH)))
 }
 
 /// Logarithms of length and variance of the covariance that lies nearest to the bins (lag, mean product, weight).
@@ -114,10 +115,10 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
     let (low, high) = range(bins)?;
     // The variance follows from the length; what is left says how good both are.
     let at = |ln_length: f64| {
-        let length = ln_length.exp();
+        let length = libm::exp(ln_length);
         let (mut cross, mut squares) = (0.0, 0.0);
         for [lag, product, weight] in bins {
-            let shape = (-lag / length).exp();
+            let shape = libm::exp(-lag / length);
             cross += weight * shape * product;
             squares += weight * shape * shape;
         }
@@ -143,7 +144,7 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
         }
     }
     let (gain, variance) = at(best);
-    (0.0 < gain).then(|| [best, variance.ln()])
+    (0.0 < gain).then(|| [best, libm::log(variance)])
 }
 
 #[cfg(test)]
@@ -157,7 +158,7 @@ mod tests {
         let mut products = Products::new(edges);
         let draws = Draws::new(seed, Purpose::Resample);
         for link in 0..80u64 {
-            let keeps = (-1.0 / length).exp();
+            let keeps = libm::exp(-1.0 / length);
             let mut level = draws.normal(link, 0, 0);
             let mut read = Vec::new();
             for step in 0..60u64 {

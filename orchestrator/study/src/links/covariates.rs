@@ -17,7 +17,7 @@ pub fn of(rows: &Rows) -> Vec<(String, Vec<f64>)> {
     };
     let measured = &rows.links.rows;
     add("distance_m", &|row| rows.link(row, |link| link.distance_m));
-    add("log10_distance", &|row| rows.link(row, |link| link.distance_m.log10()));
+    add("log10_distance", &|row| rows.link(row, |link| libm::log10(link.distance_m)));
     add("frequency_mhz", &|row| {
         measured[row].channel.map_or(f64::NAN, |channel| channel_hz(channel) / 1e6)
     });
@@ -26,7 +26,7 @@ pub fn of(rows: &Rows) -> Vec<(String, Vec<f64>)> {
     add("elevation_rad", &|row| {
         rows.link(row, |link| {
             let [dx, dy, dz] = way(link);
-            dz.atan2(dx.hypot(dy))
+            libm::atan2(dz, libm::hypot(dx, dy))
         })
     });
     add("tx_bearing_rad", &|row| rows.link(row, |link| seen(link, link.sender.heading_rad, 1.0)));
@@ -52,7 +52,7 @@ fn way(link: &Link<'_>) -> [f64; 3] {
 fn seen(link: &Link<'_>, heading_rad: Option<f64>, sign: f64) -> f64 {
     let [dx, dy, _] = way(link);
     heading_rad.map_or(f64::NAN, |heading| {
-        let bearing = (sign * dy).atan2(sign * dx) - heading;
-        bearing.sin().atan2(bearing.cos())
+        let bearing = libm::atan2(sign * dy, sign * dx) - heading;
+        libm::atan2(libm::sin(bearing), libm::cos(bearing))
     })
 }

@@ -6,6 +6,7 @@ use super::terms::Spec;
 use super::{From, LinkStudy, group, search};
 use crate::COMMON;
 use crate::{Estimate, Study as _};
+use numbers::power::square;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
 
@@ -143,7 +144,7 @@ impl LinkStudy {
             let apart = channel(one)?.abs_diff(channel(other)?);
             (self.way_m(one, other) < group::HALF_WAVE_M).then_some(5.0 * f64::from(apart))
         });
-        (sd.channel_db.hypot(sd.link_db), products.length())
+        (libm::hypot(sd.channel_db, sd.link_db), products.length())
     }
 
     /// The length over which shadowing changes (m), where nodes move.
@@ -163,7 +164,7 @@ impl LinkStudy {
             if tx.id < rx.id { [tx, rx] } else { [rx, tx] }.map(|end| end.position_m)
         };
         let moved = |(a, b): ([f64; 3], [f64; 3])| {
-            (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+            (0..3).map(|axis| square(a[axis] - b[axis])).sum::<f64>().sqrt()
         };
         ends(one).into_iter().zip(ends(other)).map(moved).sum()
     }
@@ -266,7 +267,7 @@ fn with_length(
 /// Widens the interval of the spread of levels to what the covariance of residuals says of it: a fit takes levels for constant
 /// within a place, and those of channels for independent.
 fn widen(spread: &mut Estimate, length: &Length) {
-    let at = |sds: f64| length.sd_db * (sds * length.sd_error).exp();
+    let at = |sds: f64| length.sd_db * libm::exp(sds * length.sd_error);
     spread.low = spread.low.min(at(-NINETY));
     spread.high = spread.high.max(at(NINETY));
 }

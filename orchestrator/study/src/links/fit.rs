@@ -10,6 +10,7 @@ use super::terms::{Spec, State};
 use nalgebra::{DMatrix, DVector};
 use netsim::phy::effect::Effect;
 use netsim::phy::scatter::Renewal;
+use numbers::power::square;
 use proto::effect;
 use proto::rng::Purpose;
 use std::sync::Arc;
@@ -258,7 +259,7 @@ impl<'a> Problem<'a> {
         let worth = here.random.n_determined(self.cells);
         let moved = |sd_db: f64, slope: f64, information: f64| {
             let step = (slope + worth) / information.max(1.0);
-            (sd_db * step.clamp(-0.5, 0.5).exp()).clamp(NOISE_DB.0, NOISE_DB.1)
+            (sd_db * libm::exp(step.clamp(-0.5, 0.5))).clamp(NOISE_DB.0, NOISE_DB.1)
         };
         let over_ln_sd: f64 = here.slopes.iter().map(|slope| slope.over_ln_sd).sum();
         let information = 2.0 * (n_received - 0.5 * worth);
@@ -269,9 +270,9 @@ impl<'a> Problem<'a> {
         }
         // Levels of cells take from what rows vary; how frames vary about them is another matter.
         let over_link: f64 = here.slopes.iter().map(|slope| slope.over_ln_link_sd).sum();
-        let squares: f64 = here.slopes.iter().map(|slope| slope.over_ln_sd.powi(2)).sum();
+        let squares: f64 = here.slopes.iter().map(|slope| square(slope.over_ln_sd)).sum();
         let step = (over_ln_sd / squares.max(1e-9)).clamp(-0.5, 0.5);
-        let frames = (sd_db * step.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
+        let frames = (sd_db * libm::exp(step)).clamp(NOISE_DB.0, NOISE_DB.1);
         Noise {
             sd_db: if self.fixed_sd_db.is_some() { sd_db } else { frames },
             link_sd_db: moved(link_sd_db, over_link, information),
@@ -376,7 +377,7 @@ impl<'a> Problem<'a> {
         }
         let mut noise = here.instrument.noise();
         if index < step.parameters.len() {
-            let factor = step.parameters[index].clamp(-0.7, 0.7).exp();
+            let factor = libm::exp(step.parameters[index].clamp(-0.7, 0.7));
             if self.rows.links.readings.is_given {
                 noise.share_sd = (noise.share_sd * factor).clamp(SHARE_SD.0, SHARE_SD.1);
             } else {
@@ -385,7 +386,7 @@ impl<'a> Problem<'a> {
         }
         if index + 1 < step.parameters.len() {
             let change = step.parameters[index + 1].clamp(-0.7, 0.7);
-            noise.link_sd_db = (noise.link_sd_db * change.exp()).clamp(NOISE_DB.0, NOISE_DB.1);
+            noise.link_sd_db = (noise.link_sd_db * libm::exp(change)).clamp(NOISE_DB.0, NOISE_DB.1);
         }
         let random = here.random.moved(&step.random);
         self.here(states, noise, random)

@@ -137,7 +137,7 @@ impl Instrument {
             |variance: f64| Density::new(&spread, variance, sd_db, !readings.is_aggregated);
         let falls = OFFSETS.map(|offset| {
             let z = offset * readings.quantum_db / sd_db;
-            (-0.5 * z * z).exp()
+            libm::exp(-0.5 * z * z)
         });
         Self {
             falls,
@@ -221,7 +221,7 @@ impl Instrument {
             parts.iter().fold(f64::NEG_INFINITY, |greatest, (part, _)| greatest.max(part.log));
         let (mut total, mut sum, mut squares) = (0.0, Slope::default(), 0.0);
         for (part, weight) in &parts {
-            let share = weight * (part.log - greatest).exp();
+            let share = weight * libm::exp(part.log - greatest);
             total += share;
             sum.over_level += share * part.over_level;
             squares += share * part.over_level * part.over_level;
@@ -231,7 +231,7 @@ impl Instrument {
         let (over_level, weight) = (sum.over_level / total, sum.weight / total);
         let spread = squares / total - over_level * over_level;
         Slope {
-            log: greatest + total.ln(),
+            log: greatest + libm::log(total),
             over_level,
             weight: (weight - spread).max(0.1 * weight),
             over_ln_sd: sum.over_ln_sd / total,
@@ -243,7 +243,7 @@ impl Instrument {
     /// other, e^`tilt` at the first of them above the middle, but for one that does not depend on the deviation.
     fn rounded_normal(&self, power_dbm: f64, deviation_db: f64, tilt: f64) -> Slope {
         let variance = self.of_strength.variance();
-        let up = tilt.exp();
+        let up = libm::exp(tilt);
         let ratios = [1.0 / (up * up * up), 1.0 / up, up, up * up * up];
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
         for ((offset, ratio), falls) in OFFSETS.iter().zip(ratios).zip(self.falls) {
@@ -257,7 +257,7 @@ impl Instrument {
         let (mean, square) = (first / total, second / total);
         Slope {
             log: self.of_strength.ln_peak() - 0.5 * deviation_db * deviation_db / variance
-                + (total / OFFSETS.len() as f64).ln(),
+                + libm::log(total / OFFSETS.len() as f64),
             over_level: mean / variance,
             weight: (1.0 / variance - (square - mean * mean) / (variance * variance))
                 .max(0.1 / variance),
@@ -299,17 +299,18 @@ impl Instrument {
             return slope;
         }
         if let Some(stated) = level.stated {
-            let passes = (stated * level.ln_survival.exp()).clamp(STRAY, 1.0 - STRAY);
-            slope.log += if is_received { passes.ln() } else { (1.0 - passes).ln() };
+            let passes = (stated * libm::exp(level.ln_survival)).clamp(STRAY, 1.0 - STRAY);
+            slope.log += if is_received { libm::log(passes) } else { libm::log(1.0 - passes) };
         } else if is_received {
             let power_dbm = row.rssi_dbm - offset_db;
             slope.log += self.curve.ln_at(power_dbm - level.shift_db) + level.ln_survival;
         } else {
             let chance = self.averaged.at(level.power_dbm + lift_db - level.shift_db);
-            let survival = if level.ln_survival == 0.0 { 1.0 } else { level.ln_survival.exp() };
+            let survival =
+                if level.ln_survival == 0.0 { 1.0 } else { libm::exp(level.ln_survival) };
             let lost = 1.0 - survival * chance.passes;
             let first = -survival * chance.slope / lost;
-            slope.log = lost.ln();
+            slope.log = libm::log(lost);
             slope.over_level = first;
             slope.weight =
                 (survival * chance.bend / lost + first * first).max(0.25 * first * first);
@@ -321,7 +322,7 @@ impl Instrument {
     /// Probability that a frame at this level is received.
     #[must_use]
     pub fn reception(&self, level: &Level, lift_db: f64) -> f64 {
-        let survival = level.ln_survival.exp();
+        let survival = libm::exp(level.ln_survival);
         let passes = match level.stated {
             Some(stated) => stated.clamp(STRAY, 1.0 - STRAY),
             None => self.averaged.at(level.power_dbm + lift_db - level.shift_db).passes,
@@ -383,7 +384,7 @@ impl Instrument {
         if self.readings.has_losses && row.received.is_finite() {
             let passes = self.reception(level, lift_db).clamp(1e-9, 1.0 - 1e-9);
             score.reception_log_loss =
-                if row.received == 1.0 { -passes.ln() } else { -(1.0 - passes).ln() };
+                if row.received == 1.0 { -libm::log(passes) } else { -libm::log(1.0 - passes) };
         }
         score
     }
@@ -393,7 +394,7 @@ impl Instrument {
 #[must_use]
 pub fn normal_crps(deviation: f64, sd: f64) -> f64 {
     let z = deviation / sd;
-    let density = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+    let density = libm::exp(-0.5 * z * z) / std::f64::consts::TAU.sqrt();
     let below = 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
     sd * (z * (2.0 * below - 1.0) + 2.0 * density - 1.0 / std::f64::consts::PI.sqrt())
 }
@@ -447,7 +448,7 @@ pub(in crate::links) mod tests {
             let (instrument, level) = (instrument(2.0), level(power_dbm));
             let readings = (-120..-60).map(f64::from);
             let sum: f64 = readings
-                .map(|rssi| instrument.sample(&row(1.0, 1.0, rssi), &level, 0.0).log.exp())
+                .map(|rssi| libm::exp(instrument.sample(&row(1.0, 1.0, rssi), &level, 0.0).log))
                 .sum();
             let passes = instrument.reception(&level, 0.0);
             assert!((sum - passes).abs() < 2e-3 * passes.max(0.1), "{power_dbm}: {sum} {passes}");
@@ -470,7 +471,7 @@ pub(in crate::links) mod tests {
             let (mut sum, mut mean_dbm) = (0.0, 0.0);
             for rssi_dbm in (-120..-60).map(f64::from) {
                 let level = bent(power_dbm, rssi_dbm);
-                let share = instrument.sample(&row(1.0, 1.0, rssi_dbm), &level, 0.0).log.exp();
+                let share = libm::exp(instrument.sample(&row(1.0, 1.0, rssi_dbm), &level, 0.0).log);
                 sum += share;
                 mean_dbm += share * rssi_dbm;
             }

@@ -63,7 +63,7 @@ impl Spread {
             for (deviation, sums) in &mut grid {
                 let z = (*deviation - level) / sd_db;
                 if z.abs() <= reach_sd + step_sd {
-                    let weight = p * (-0.5 * z * z).exp();
+                    let weight = p * libm::exp(-0.5 * z * z);
                     sums[0] += weight;
                     sums[1] += weight * z;
                     sums[2] += weight * (z * z - 1.0);
@@ -113,7 +113,7 @@ impl Sampled {
         let last = values[values.len() - 1];
         let n_before = values.iter().rposition(|&value| value != last).map_or(0, |index| index + 1);
         let level_from_dbm = from_dbm + n_before as f64 * STEP_DB;
-        Self { from_dbm, level_from_dbm, ln_level: last.ln(), values }
+        Self { from_dbm, level_from_dbm, ln_level: libm::log(last), values }
     }
 
     /// Probability that a frame of this strength passes.
@@ -141,7 +141,7 @@ impl Sampled {
     /// The logarithm of [`Self::at`].
     #[must_use]
     pub fn ln_at(&self, dbm: f64) -> f64 {
-        if self.level_from_dbm <= dbm { self.ln_level } else { self.at(dbm).ln() }
+        if self.level_from_dbm <= dbm { self.ln_level } else { libm::log(self.at(dbm)) }
     }
 
     /// Whether frames about as strong as this, by `reach_db`, pass alike: above the curve, or below it.
@@ -267,7 +267,7 @@ mod tests {
         let averaged = Sampled::of(&Normal).averaged(2.0, &Spread::none());
         for z in [-1.5f64, -0.5, 0.0, 1.0, 2.0] {
             let chance = averaged.at(-90.0 + 2.5 * z);
-            let density = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+            let density = libm::exp(-0.5 * z * z) / std::f64::consts::TAU.sqrt();
             // A frame in a thousand goes against the curve on either side.
             assert!((chance.passes - below(z)).abs() < 2e-3, "{z}: {chance:?}");
             assert!((chance.slope - density / 2.5).abs() < 2e-3, "{z}: {chance:?}");

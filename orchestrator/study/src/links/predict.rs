@@ -42,8 +42,8 @@ pub(super) fn instrument_for<'a>(
     tables: &'a mut BTreeMap<i64, Instrument>,
 ) -> &'a Instrument {
     let variance = fit.instrument.sd_db * fit.instrument.sd_db + extra;
-    let key = (25.0 * variance.ln()).round() as i64;
-    tables.entry(key).or_insert_with(|| fit.instrument.with_sd((key as f64 / 50.0).exp()))
+    let key = (25.0 * libm::log(variance)).round() as i64;
+    tables.entry(key).or_insert_with(|| fit.instrument.with_sd(libm::exp(key as f64 / 50.0)))
 }
 
 /// What random levels add to a row.

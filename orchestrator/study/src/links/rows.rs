@@ -352,7 +352,7 @@ fn ln_survival(loss: f64) -> f64 {
     if loss == 0.0 {
         return 0.0;
     }
-    (1.0 - loss.clamp(0.0, 1.0)).max(1e-9).ln()
+    libm::log((1.0 - loss.clamp(0.0, 1.0)).max(1e-9))
 }
 
 /// Gives planar places the height of the antennas.

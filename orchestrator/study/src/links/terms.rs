@@ -111,7 +111,7 @@ impl Curve {
     pub fn at(&self, values: &[f64], row: usize) -> [f64; 3] {
         let value = self.shares(row).iter().map(|&(k, part)| part * values[k]).sum::<f64>();
         if self.is_loss {
-            [0.0, 0.0, (1.0 - value.clamp(0.0, MOST_LOST)).ln()]
+            [0.0, 0.0, libm::log(1.0 - value.clamp(0.0, MOST_LOST))]
         } else {
             [value, 0.0, 0.0]
         }

@@ -5,6 +5,7 @@ use super::fit::{CURVE_SD, Known, LEAST_DAMPED, Point, damped};
 use super::motion::Paths;
 use super::{Model, RobotFit};
 use nalgebra::{DMatrix, DVector};
+use numbers::power::square;
 
 /// How far numbers are moved to see how residuals bend, in units of their small steps.
 const BEND_STEPS: f64 = 0.2;
@@ -166,8 +167,8 @@ impl Model {
             let sd_m = at.density.sd_m(residual);
             for part in 0..at.density.n_parts {
                 let scale = weight / (sd_m[part] * sd_m[part]);
-                let own = (at.density.sd_m / sd_m[part]).powi(2);
-                let surprise = scale * residual.parts_m[part].powi(2) - 1.0;
+                let own = square(at.density.sd_m / sd_m[part]);
+                let surprise = scale * square(residual.parts_m[part]) - 1.0;
                 for (i, bend) in bends.iter().enumerate() {
                     bent[i] += scale * residual.parts_m[part] * bend.second[row][part];
                     slope[i] += 0.5 * own * surprise * bend.spread[row];

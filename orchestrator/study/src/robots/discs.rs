@@ -1,6 +1,7 @@
 //! Which discs of the plane robots cross slower or faster than the model says.
 
 use super::{Model, RobotFit};
+use numbers::power::square;
 
 /// Discs that are tried.
 const N_TRIED: usize = 6;
@@ -33,16 +34,15 @@ impl Model {
         let weights: Vec<f64> = residuals
             .iter()
             .map(|residual| {
-                parent.density.log(residual).1 / parent.density.sd_m(residual)[0].powi(2)
+                parent.density.log(residual).1 / square(parent.density.sd_m(residual)[0])
             })
             .collect();
         let mut found: Vec<(f64, Vec<f64>)> = discs
             .iter()
             .filter_map(|disc| {
                 let &[x_m, y_m, radius_m, _] = disc.as_slice() else { return None };
-                let is_inside = |[x, y]: &&[f64; 2]| {
-                    (x - x_m).powi(2) + (y - y_m).powi(2) < radius_m * radius_m
-                };
+                let is_inside =
+                    |[x, y]: &&[f64; 2]| square(x - x_m) + square(y - y_m) < radius_m * radius_m;
                 let (mut error, mut square) = (0.0, 0.0);
                 for ((looks, residual), weight) in looks.iter().zip(&residuals).zip(&weights) {
                     let inside = looks.iter().filter(is_inside).count() as f64 / N_LOOKS as f64;

@@ -5,6 +5,7 @@ use super::{RobotFit, RobotStudy};
 use crate::symbolic::{self, Deviations, Formula};
 use crate::view::Viewed as _;
 use crate::{Component, Residuals, Study as _};
+use numbers::power::square;
 use numbers::statistics::mean_ignoring_nan;
 use robotsim::dynamics::effect::NAMES;
 
@@ -84,7 +85,7 @@ impl RobotStudy {
             let found = symbolic::of_covariate(covariate, &others, deviations, &self.in_time)?;
             let taken = mean_ignoring_nan((0..residuals.len()).map(|row| {
                 let value = deviations.values[row];
-                let taken = (value * value - found.rmse * found.rmse) * acted_s(row).powi(2);
+                let taken = (value * value - found.rmse * found.rmse) * square(acted_s(row));
                 if covariate.1[row].is_finite() { taken } else { 0.0 }
             }));
             Some((taken, found))

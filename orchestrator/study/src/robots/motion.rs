@@ -2,6 +2,7 @@
 
 use super::density::Residual;
 use measure::robots::{Robots, Sample};
+use numbers::power::square;
 use proto::rng::Draws;
 use proto::site::Terrain;
 use robotsim::dynamics::physics::{Order, Physics, Robot};
@@ -292,7 +293,7 @@ impl Tracks {
         let measured_m = self.robots.samples[window.end as usize].position_m;
         let error_m: [f64; 3] =
             std::array::from_fn(|i| measured_m[i] - (begin.robot.position_m[i] + moved_m[i]));
-        let way_m = moved_m[0].hypot(moved_m[1]);
+        let way_m = libm::hypot(moved_m[0], moved_m[1]);
         let [cos, sin] = direction(moved_m);
         Residual {
             parts_m: [
@@ -359,7 +360,7 @@ impl Tracks {
                 let expected = robot.heading_rad + at.turned_rad;
                 at.turned_rad += heading_gain * wrapped(pair[1].heading_rad - expected);
             }
-            at.variance = (1.0 - gain).powi(2) * at.variance + gain * gain;
+            at.variance = square(1.0 - gain) * at.variance + gain * gain;
             at.path_m = robot.position_m;
             at.step_m = step_m;
             known.push(at);
@@ -391,7 +392,7 @@ impl Tracks {
                 robot.heading_rad +=
                     heading_gain * wrapped(pair[1].heading_rad - robot.heading_rad);
             }
-            variance = (1.0 - gain).powi(2) * variance + gain * gain;
+            variance = square(1.0 - gain) * variance + gain * gain;
             known.push(Known { robot, variance, step_m, ..Known::default() });
         }
         known
@@ -454,7 +455,7 @@ fn weights(gains: Gains, index: usize) -> (f64, f64) {
 
 /// Cosine and sine of the direction of a motion; east where there is none.
 fn direction(moved_m: [f64; 3]) -> [f64; 2] {
-    let way_m = moved_m[0].hypot(moved_m[1]);
+    let way_m = libm::hypot(moved_m[0], moved_m[1]);
     if way_m < 1e-9 { [1.0, 0.0] } else { [moved_m[0] / way_m, moved_m[1] / way_m] }
 }
 
@@ -462,7 +463,7 @@ fn rotated([x, y, z]: [f64; 3], angle_rad: f64) -> [f64; 3] {
     if angle_rad == 0.0 {
         return [x, y, z];
     }
-    let (sin, cos) = angle_rad.sin_cos();
+    let (sin, cos) = libm::sincos(angle_rad);
     [x * cos - y * sin, x * sin + y * cos, z]
 }
 

@@ -3,6 +3,7 @@
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
 use crate::PredictionDifference;
+use numbers::power::square;
 
 impl RobotStudy {
     /// The distance (m) between the ends that two fits predict of each window.
@@ -18,7 +19,7 @@ impl RobotStudy {
         let by_row = ends(one)?
             .iter()
             .zip(ends(other)?)
-            .map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt())
+            .map(|(a, b)| (0..3).map(|i| square(a[i] - b[i])).sum::<f64>().sqrt())
             .collect();
         Some(PredictionDifference { by_row, unit: "m", covariates: self.covariates() })
     }

@@ -74,7 +74,7 @@ fn an_effect_that_does_nothing_gains_nothing() {
 /// Robots that do not move at slow commands.
 fn reluctant(n_steps: usize) -> Table {
     driven(n_steps, "battery_v", |_, command, at, _| {
-        let is_moving = THRESHOLD_MPS < command[0].hypot(command[1]);
+        let is_moving = THRESHOLD_MPS < libm::hypot(command[0], command[1]);
         for axis in 0..2 {
             at[axis] += if is_moving { STEP_S * command[axis] } else { 0.0 };
         }

@@ -5,6 +5,7 @@ use super::motion::Tracks;
 use super::terms::Term;
 use super::{Model, RobotFit};
 use measure::robots::Sample;
+use numbers::power::square;
 use robotsim::dynamics::Part;
 
 /// How often the share of commands beyond a threshold is halved, from a 24th on: a limit that only the fastest commands meet is
@@ -66,14 +67,14 @@ impl Tracks {
         let n_parts = if self.robots.shape.is_turning() { 1 } else { 3 };
         let change = |pair: &[Sample]| -> f64 {
             let parts = 0..n_parts;
-            parts.map(|k| (pair[1].command[k] - pair[0].command[k]).powi(2)).sum::<f64>().sqrt()
+            parts.map(|k| square(pair[1].command[k] - pair[0].command[k])).sum::<f64>().sqrt()
         };
         let tracks = self.robots.tracks.iter();
         let changes = tracks.flat_map(|track| self.robots.samples[track.clone()].windows(2));
         let greatest_mps = changes.map(change).fold(0.0, f64::max);
         let spacing_s = self.robots.spacing_s();
         let (least, most) = ((greatest_mps / (100.0 * spacing_s)).clamp(0.01, 1e3), 1e6);
-        (0..14).map(|k| least * (most / least).powf(f64::from(k) / 13.0)).collect()
+        (0..14).map(|k| least * libm::pow(most / least, f64::from(k) / 13.0)).collect()
     }
 }
 

@@ -5,6 +5,7 @@ use super::{HORIZONS_S, RobotFit, RobotStudy};
 use crate::Study;
 use crate::view::{View, Viewed};
 use measure::robots::Sample;
+use numbers::power::square;
 use robotsim::dynamics::Drive;
 
 impl Viewed for RobotStudy {
@@ -94,19 +95,19 @@ impl Tracks {
         } else {
             add("commanded_direction_rad", &|s| {
                 let [vx, vy, _] = samples[s].command;
-                if vx == 0.0 && vy == 0.0 { f64::NAN } else { vy.atan2(vx) }
+                if vx == 0.0 && vy == 0.0 { f64::NAN } else { libm::atan2(vy, vx) }
             });
         }
         add("measured_speed_mps", &|s| {
             before(s).map_or(f64::NAN, |b| {
                 let [p, q] = [samples[b].position_m, samples[s].position_m];
-                (q[0] - p[0]).hypot(q[1] - p[1]) / (samples[s].time_s - samples[b].time_s)
+                libm::hypot(q[0] - p[0], q[1] - p[1]) / (samples[s].time_s - samples[b].time_s)
             })
         });
         add("change_of_command", &|s| {
             before(s).map_or(0.0, |b| {
                 let [p, q] = [samples[b].command, samples[s].command];
-                (0..3).map(|k| (q[k] - p[k]).powi(2)).sum::<f64>().sqrt()
+                (0..3).map(|k| square(q[k] - p[k])).sum::<f64>().sqrt()
             })
         });
         // How long a command has been in force.

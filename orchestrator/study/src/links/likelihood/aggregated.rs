@@ -76,7 +76,7 @@ impl Seen {
             received: received * share,
             reading_dbm: row.rssi_dbm,
             readings: received.max(1.0),
-            ln_readings: received.max(1.0).ln(),
+            ln_readings: libm::log(received.max(1.0)),
             knows_losses,
         }
     }
@@ -119,7 +119,7 @@ impl Instrument {
     /// Chance that a frame passes at a level, how much stronger those that pass are in the mean (dB), and their variance (dB²).
     fn frames(&self, level: &Level, u: f64) -> (f64, f64, f64) {
         let chance = self.averaged.at(u - level.shift_db);
-        let survival = if level.ln_survival == 0.0 { 1.0 } else { level.ln_survival.exp() };
+        let survival = if level.ln_survival == 0.0 { 1.0 } else { libm::exp(level.ln_survival) };
         match level.stated {
             Some(stated) => {
                 let passes = (stated * survival).clamp(STRAY, 1.0 - STRAY);
@@ -145,7 +145,15 @@ impl Instrument {
                 let fails = 1.0 - passes;
                 let variance = self.rounded_variance(variance);
                 let (by_passes, by_fails) = (slope / passes, -slope / fails);
-                [passes.ln(), by_passes, fails.ln(), by_fails, lift_db, variance, variance.ln()]
+                [
+                    libm::log(passes),
+                    by_passes,
+                    libm::log(fails),
+                    by_fails,
+                    lift_db,
+                    variance,
+                    libm::log(variance),
+                ]
             })
             .collect();
         let top = rows[rows.len() - 1];
@@ -166,15 +174,15 @@ impl Instrument {
                 let mut frame = frames.at(u - level.shift_db);
                 if level.ln_survival != 0.0 {
                     frame.ln_passes += level.ln_survival;
-                    frame.ln_fails = (-frame.ln_passes.exp_m1()).ln();
+                    frame.ln_fails = libm::log(-libm::expm1(frame.ln_passes));
                 }
                 frame
             }
             _ => {
                 let (passes, lift_db, variance) = self.frames(level, u);
                 let variance = self.rounded_variance(variance);
-                let (ln_passes, ln_fails) = (passes.ln(), (1.0 - passes).ln());
-                Frame { ln_passes, ln_fails, lift_db, variance, ln_variance: variance.ln() }
+                let (ln_passes, ln_fails) = (libm::log(passes), libm::log(1.0 - passes));
+                Frame { ln_passes, ln_fails, lift_db, variance, ln_variance: libm::log(variance) }
             }
         };
         let mut log = 0.0;
@@ -229,7 +237,7 @@ impl Instrument {
         let own_over_ln_sd =
             if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / seen.readings };
         Some(Integral {
-            log: by_frames - 0.5 * (share + both.ln() + LN_TAU),
+            log: by_frames - 0.5 * (share + libm::log(both) + LN_TAU),
             level: posterior,
             left,
             over_ln_sd: 0.5 * own_over_ln_sd * (share - 1.0) / both,
@@ -321,29 +329,29 @@ impl Instrument {
         let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
         for (&(away, weight), log) in points.iter().zip(logs) {
-            let part = weight * (log - best).exp();
+            let part = weight * libm::exp(log - best);
             total += part;
             first += part * away;
             second += part * away * away;
         }
         let (shift, square) = (first / total, second / total);
-        let log = best + total.ln() - 0.5 * (variance.ln() + LN_TAU);
+        let log = best + libm::log(total) - 0.5 * (libm::log(variance) + LN_TAU);
         let left = (square - shift * shift).max(1e-12);
         // The same integral with frames that vary a little more, as a ratio.
         let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
             let mut sum = 0.0;
             for (&(away, weight), log) in points.iter().zip(logs) {
-                let part = (log - best).exp();
+                let part = libm::exp(log - best);
                 if LEAST_PART < part {
                     let u = top + away;
                     let prior = -0.5 * (u - mean) * (u - mean) / variance;
                     let ratio = wider.seen_at(seen, level, u) + prior - log;
-                    sum += weight * part * ratio.exp();
+                    sum += weight * part * libm::exp(ratio);
                 } else {
                     sum += weight * part;
                 }
             }
-            (sum / total).ln() / WIDER.ln()
+            libm::log(sum / total) / libm::log(WIDER)
         });
         Integral { log, level: top + shift, left, over_ln_sd }
     }
@@ -431,9 +439,10 @@ impl Instrument {
             let z = 8.0 * k as f64 / (POINTS - 1) as f64 - 4.0;
             let u = mean + z * sd;
             let (passes, lift, variance) = self.frames(level, u);
-            let weight = (-0.5 * z * z).exp();
+            let weight = libm::exp(-0.5 * z * z);
             // Rows without a single frame received show no reading.
-            let shows = weight * (1.0 - (seen.sent * (1.0 - passes).max(1e-300).ln()).exp());
+            let shows =
+                weight * (1.0 - libm::exp(seen.sent * libm::log((1.0 - passes).max(1e-300))));
             let readings = (seen.sent * passes).max(1.0);
             let reading = read.map_or(u + level.register_db + lift, |read| read(u + lift));
             sums[0] += weight;
@@ -477,7 +486,7 @@ impl Instrument {
             let share = share.clamp(1e-9, 1.0 - 1e-9);
             let measured = seen.received / seen.sent;
             score.reception_log_loss =
-                -measured * share.ln() - (1.0 - measured) * (1.0 - share).ln();
+                -measured * libm::log(share) - (1.0 - measured) * libm::log(1.0 - share);
         }
         score
     }
@@ -491,7 +500,8 @@ fn mean_variance(variance: f64, readings: f64) -> f64 {
 /// Logarithm of what a row's likelihood is multiplied by whatever the level: the number of ways in which so many of the frames are
 /// received, and by how much wider powers lie than readings.
 fn beside(seen: &Seen, level: &Level) -> f64 {
-    let ln_stretch = if seen.reading_dbm.is_finite() { level.range.stretch.ln() } else { 0.0 };
+    let ln_stretch =
+        if seen.reading_dbm.is_finite() { libm::log(level.range.stretch) } else { 0.0 };
     ways(seen) + ln_stretch
 }
 

@@ -2,6 +2,7 @@
 
 use super::Slope;
 use crate::links::passing::Spread;
+use numbers::power::integer_power;
 
 /// Step of a table (standard deviations of the noise).
 const STEP_SD: f64 = 1.0 / 16.0;
@@ -32,7 +33,7 @@ impl Density {
             spread: spread.clone(),
             variance,
             noise_share: sd_db * sd_db / variance,
-            ln_peak: -0.5 * (std::f64::consts::TAU * variance).ln(),
+            ln_peak: -0.5 * libm::log(std::f64::consts::TAU * variance),
             from_db: 0.0,
             step_db: variance.sqrt() * STEP_SD,
             rows: Vec::new(),
@@ -69,17 +70,17 @@ impl Density {
             levels.iter().fold(f64::NEG_INFINITY, |most, &(level, _)| most.max(exponent(level)));
         let mut sums = [0.0; 4];
         for &(level, p) in levels {
-            let part = p * (exponent(level) - greatest).exp();
+            let part = p * libm::exp(exponent(level) - greatest);
             let d = (deviation_db - level) / self.variance;
             for (power, sum) in sums.iter_mut().enumerate() {
-                *sum += part * d.powi(power as i32);
+                *sum += part * integer_power(d, power as i32);
             }
         }
         let [total, ..] = sums;
         let [_, mean, square, cube] = sums.map(|sum| sum / total);
         let third = cube - 3.0 * mean * square + 2.0 * mean * mean * mean;
         [
-            self.ln_peak + greatest + total.ln(),
+            self.ln_peak + greatest + libm::log(total),
             -mean,
             square - mean * mean - 1.0 / self.variance,
             -third,
@@ -132,7 +133,7 @@ mod tests {
     /// Levels as fading makes them: a long tail of weak ones.
     fn fading() -> Spread {
         let levels: Vec<f64> =
-            (1..=40).map(|i| 10.0 * (-(f64::from(i) / 41.0).ln()).log10()).collect();
+            (1..=40).map(|i| 10.0 * libm::log10(-libm::log(f64::from(i) / 41.0))).collect();
         Spread(levels.into_iter().map(|level| (level, 1.0 / 40.0)).collect())
     }
 
@@ -168,7 +169,7 @@ mod tests {
             let apart = |f: &dyn Fn(f64) -> f64| (f(h) - f(-h)) / (2.0 * h);
             let by_mean = apart(&|h| at(deviation_db - h, 2.0).log);
             let bend = apart(&|h| at(deviation_db - h, 2.0).over_level);
-            let by_ln_sd = apart(&|h| at(deviation_db, 2.0 * h.exp()).log);
+            let by_ln_sd = apart(&|h| at(deviation_db, 2.0 * libm::exp(h)).log);
             let weight = (-bend).max(LEAST_WEIGHT / (2.0 * 2.0 + 1.0 / 12.0));
             for (slope, difference) in
                 [(here.over_level, by_mean), (here.weight, weight), (here.over_ln_sd, by_ln_sd)]

@@ -26,7 +26,7 @@ const LEAST_PASSES: f64 = 1e-9;
 
 /// Mean and variance of the share of `frames` that are received, each with the probability `passes`, something being received.
 fn moments(passes: f64, frames: f64) -> (f64, f64) {
-    let any = -(frames * (-passes).ln_1p()).exp_m1();
+    let any = -libm::expm1(frames * libm::log1p(-passes));
     let mean = passes / any;
     let square = (passes * passes + passes * (1.0 - passes) / frames) / any;
     (mean, (square - mean * mean).max(0.0))
@@ -36,7 +36,7 @@ impl Instrument {
     /// Mean and variance of the share received of a row `away_db` beyond its level.
     fn moments(&self, row: &Row, level: &Level, away_db: f64) -> (f64, f64) {
         let power_dbm = level.power_dbm - level.shift_db + away_db;
-        let survival = level.ln_survival.exp();
+        let survival = libm::exp(level.ln_survival);
         // Frames that go against the curve make a share less certain, not greater or less.
         let own = moments(LEAST_PASSES.max(self.curve.own_at(power_dbm)) * survival, row.frames);
         let all = moments(self.curve.at(power_dbm) * survival, row.frames);
@@ -60,7 +60,7 @@ impl Instrument {
         let away = row.received / row.frames - mean;
         let z2 = away * away / variance;
         Slope {
-            log: -0.5 * (z2 + variance.ln() + LN_TAU),
+            log: -0.5 * (z2 + libm::log(variance) + LN_TAU),
             over_level: rises * away / variance + 0.5 * widens * (z2 - 1.0),
             weight: rises * rises / variance + 0.5 * widens * widens,
             over_ln_sd: self.share_sd * self.share_sd / variance * (z2 - 1.0),
@@ -79,7 +79,8 @@ impl Instrument {
             log: self.given(row, level).log,
             squared_error: away * away,
             crps: normal_crps(away, sd),
-            reception_log_loss: -measured * share.ln() - (1.0 - measured) * (1.0 - share).ln(),
+            reception_log_loss: -measured * libm::log(share)
+                - (1.0 - measured) * libm::log(1.0 - share),
         }
     }
 }
@@ -92,6 +93,7 @@ mod tests {
     use crate::links::passing::{Sampled, Spread};
     use measure::links::Readings;
     use netsim::phy::reception::table::Table;
+    use numbers::power::square;
 
     fn instrument(share_sd: f64) -> Instrument {
         let readings =
@@ -139,12 +141,12 @@ mod tests {
         // At -85.5 dBm pass 0.95865 of all frames, half between the points of the table at -86 and -85; of these a share e^-0.1 is not
         // lost otherwise. A frame in a thousand may go against it.
         let (mean, sd) = instrument(0.1).share_of(&row(50.0, 50.0, -85.0), &level(-85.0));
-        let expected = 0.958_65 * (-0.1f64).exp();
-        let with_stray = (0.001 + 0.998 * 0.958_65) * (-0.1f64).exp();
+        let expected = 0.958_65 * libm::exp(-0.1);
+        let with_stray = (0.001 + 0.998 * 0.958_65) * libm::exp(-0.1);
         assert!((mean - expected).abs() < 1e-9, "{mean} {expected}");
         assert!((sd * sd - 0.01 - with_stray * (1.0 - with_stray) / 50.0).abs() < 1e-9, "{sd}");
         let score = instrument(0.1).score_given(&row(50.0, 25.0, -85.0), &level(-85.0));
-        assert!((score.squared_error - (0.5 - expected).powi(2)).abs() < 1e-9, "{score:?}");
+        assert!((score.squared_error - square(0.5 - expected)).abs() < 1e-9, "{score:?}");
     }
 
     #[test]
@@ -156,7 +158,7 @@ mod tests {
         assert!((mean - 0.5).abs() < 1e-8, "{mean}");
         // A frame in a thousand may pass: one of two did, or with a chance of p²/any both.
         let both = p * p / any;
-        let expected = 0.25 * (1.0 - both) + both - (p / any).powi(2);
+        let expected = 0.25 * (1.0 - both) + both - square(p / any);
         assert!((sd * sd - expected).abs() < 1e-9, "{sd}");
     }
 }

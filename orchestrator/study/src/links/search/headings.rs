@@ -56,7 +56,7 @@ fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> 
                 if dx == 0.0 && dy == 0.0 {
                     return None;
                 }
-                let bearing_rad = dy.atan2(dx);
+                let bearing_rad = libm::atan2(dy, dx);
                 let (unknown, heading_rad) = match own.heading_rad {
                     Some(heading_rad) => (None, heading_rad),
                     None => (Some(nodes.binary_search(&own.id).ok()?), 0.0),
@@ -78,7 +78,7 @@ type Sought = DVector<f64>;
 
 /// Cosine and sine.
 fn unit(angle_rad: f64) -> [f64; 2] {
-    let (sin, cos) = angle_rad.sin_cos();
+    let (sin, cos) = libm::sincos(angle_rad);
     [cos, sin]
 }
 

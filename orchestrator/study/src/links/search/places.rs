@@ -99,7 +99,7 @@ impl Walk {
             let there = self.moved(&here, what, size, normal(one, other));
             if self.is_possible(&there) {
                 let then = self.lost(&there);
-                if uniform(accept).ln() < lost - then {
+                if libm::log(uniform(accept)) < lost - then {
                     (here, lost) = (there, then);
                 }
             }
@@ -111,7 +111,7 @@ impl Walk {
     /// A move that is as likely as its way back: of one number; of a segment, or of one end of it, along it or across, or about
     /// an end; of a disc with an edge that stays. `turn`: a number in 0 to 1.
     fn moved(&self, here: &[f64], what: u64, (size, turn): (f64, f64), by: f64) -> Vec<f64> {
-        let scaled = |(least, most): (f64, f64)| by * least * (most / least).powf(size);
+        let scaled = |(least, most): (f64, f64)| by * least * libm::pow(most / least, size);
         let mut there = here.to_vec();
         let loss = here.len() - 1;
         let own_moves = match self.shape {
@@ -129,14 +129,14 @@ impl Walk {
             return there;
         }
         if let Shape::Disc(..) = self.shape {
-            let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * turn);
             there[0] += by_m * cos;
             there[1] += by_m * sin;
             there[2] += by_m;
             return there;
         }
         let (east, north) = (here[2] - here[0], here[3] - here[1]);
-        let length_m = east.hypot(north);
+        let length_m = libm::hypot(east, north);
         let (east, north) = (east / length_m, north / length_m);
         let mut add = |end: usize, east_m: f64, north_m: f64| {
             there[2 * end] += east_m;
@@ -149,7 +149,7 @@ impl Walk {
             3 => (0..2).for_each(|end| add(end, -by_m * north, by_m * east)),
             // One end about the other, by an arc so long.
             about => {
-                let (sin, cos) = (by_m / length_m).sin_cos();
+                let (sin, cos) = libm::sincos(by_m / length_m);
                 let end = about % 2;
                 let sign = if end == 0 { -1.0 } else { 1.0 };
                 let turned = [east * cos - north * sin - east, east * sin + north * cos - north];
@@ -162,7 +162,7 @@ impl Walk {
     fn is_possible(&self, numbers: &[f64]) -> bool {
         let Some((loss_db, place)) = numbers.split_last() else { return false };
         let size_m = match self.shape {
-            Shape::Segment(..) => (place[2] - place[0]).hypot(place[3] - place[1]),
+            Shape::Segment(..) => libm::hypot(place[2] - place[0], place[3] - place[1]),
             Shape::Disc(..) => place[2],
         };
         let [least, most] = self.bounds_m;
@@ -238,7 +238,7 @@ mod tests {
             let there = walk.moved(&here, what, (0.9, 0.3), 1.3);
             let (east_m, north_m) = of(&there);
             let is_grown = what < 7;
-            assert_eq!((east_m.hypot(north_m) - 5.0).abs() < 1e-12, !is_grown, "{what}");
+            assert_eq!((libm::hypot(east_m, north_m) - 5.0).abs() < 1e-12, !is_grown, "{what}");
             let across_m = 4.0 * east_m - 3.0 * north_m;
             assert_eq!(across_m.abs() < 1e-12, what < 9, "{what}: {there:?}");
             assert_ne!(there, here, "{what}");

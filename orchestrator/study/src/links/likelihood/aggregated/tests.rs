@@ -4,6 +4,7 @@ use crate::links::likelihood::tests::row;
 use crate::links::passing::{Sampled, Spread};
 use measure::links::Readings;
 use netsim::phy::reception::Curve;
+use numbers::power::square;
 
 /// Half of all frames at −90 dBm, 1.5 dB wide.
 #[derive(Debug)]
@@ -44,8 +45,8 @@ fn far_above_the_curve_it_is_the_normal_density_of_the_mean() {
     let slope = instrument(2.0, 3.0).summed(&row(100.0, 100.0, -52.0), &level(-50.0), 0.0);
     // A stray loss in a thousand; the mean varies by 3 dB and by the least.
     let variance: f64 = 9.0 + 0.09;
-    let expected = 100.0 / (1.0 + 99.0 * ALIKE) * (1.0f64 - STRAY).ln()
-        - 0.5 * (4.0 / variance + (std::f64::consts::TAU * variance).ln());
+    let expected = 100.0 / (1.0 + 99.0 * ALIKE) * libm::log(1.0 - STRAY)
+        - 0.5 * (4.0 / variance + libm::log(std::f64::consts::TAU * variance));
     assert!((slope.log - expected).abs() < 1e-6, "{} {expected}", slope.log);
     assert!((slope.over_level + 2.0 / variance).abs() < 1e-6);
     assert!((slope.weight - 1.0 / variance).abs() < 1e-6);
@@ -66,9 +67,10 @@ fn slopes_are_those_of_the_likelihood() {
         let (h, here) = (0.2, at(-89.0, 2.0, 1.5));
         let by_level = (at(-89.0 + h, 2.0, 1.5).log - at(-89.0 - h, 2.0, 1.5).log) / (2.0 * h);
         let h = 0.05f64;
-        let by_link =
-            (at(-89.0, 2.0, 1.5 * h.exp()).log - at(-89.0, 2.0, 1.5 * (-h).exp()).log) / (2.0 * h);
-        let by_sd = (at(-89.0, 2.0 * 1.02, 1.5).log - here.log) / 1.02f64.ln();
+        let by_link = (at(-89.0, 2.0, 1.5 * libm::exp(h)).log
+            - at(-89.0, 2.0, 1.5 * libm::exp(-h)).log)
+            / (2.0 * h);
+        let by_sd = (at(-89.0, 2.0 * 1.02, 1.5).log - here.log) / libm::log(1.02);
         assert!(
             (here.over_level - by_level).abs() < 1e-2,
             "{received}: {} {by_level}",
@@ -116,10 +118,10 @@ fn few_points_say_what_many_say() {
             let seen = Seen::of(&row, &few);
             let u = |k: u32| -120.0 + 0.005 * f64::from(k);
             let sum: f64 = (0..14_000)
-                .map(|k| few.seen_at(&seen, &PLAIN, u(k)) - (u(k) - power).powi(2) / 18.0)
-                .map(f64::exp)
+                .map(|k| few.seen_at(&seen, &PLAIN, u(k)) - square(u(k) - power) / 18.0)
+                .map(libm::exp)
                 .sum();
-            let exact = (sum * 0.005).ln() - 0.5 * (9f64.ln() + LN_TAU);
+            let exact = libm::log(sum * 0.005) - 0.5 * (libm::log(9.0) + LN_TAU);
             let found = few.integral(&seen, &PLAIN, power, 9.0).log;
             assert!((found - exact).abs() < 0.01, "{received} at {power}: {found} {exact}");
         }
