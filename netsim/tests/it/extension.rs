@@ -266,7 +266,10 @@ fn each_is_refused_by_its_own_range_and_unknown_where_it_was_not_added() {
     let setup = setup(3, NETWORK);
     let problems = netsim::config::read(&setup, Catalogue::built_in()).unwrap_err();
     let paths: Vec<&str> = problems.iter().map(|problem| problem.path.as_str()).collect();
-    assert_eq!(paths, ["netsim.phy.interference.kind", "netsim.sf.kind"]);
+    assert_eq!(
+        paths,
+        ["netsim.sf.kind", "netsim.phy.interference.kind", "netsim.phy.interference.share"]
+    );
 }
 
 #[test]
