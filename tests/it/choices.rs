@@ -8,7 +8,7 @@ use measure::config::Compared;
 use measure::table::Table;
 use std::fmt::Write as _;
 use std::path::Path;
-use study::choices::{Choices, Split};
+use study::choices::{Choices, SplitBy};
 use study::open;
 use study::{COMMON, Study as _, links::LinkStudy, robots::RobotStudy};
 
@@ -113,10 +113,10 @@ fn campaigns_that_are_scored_are_not_seen_by_the_fit() {
     let study = of_links(&table, &choices);
     let search = Search::new(&study, QUIET);
     let gain = term(&study, "system-gain");
-    let (estimates, _) = study.estimates(&search.full(&[gain], COMMON, None), gain);
+    let (estimates, _) = study.estimates(&search.full_fit(&[gain], COMMON, None), gain);
     // 600 readings with a noise of 2 dB: four standard errors are 0.33 dB.
     assert!((estimates[0].value + 5.0).abs() < 0.33, "{estimates:?}");
-    let scores = search.held_out(&[gain], COMMON);
+    let scores = search.held_out_scores(&[gain], COMMON);
     let is_scored: Vec<bool> = scores.iter().map(|score| !score.log.is_nan()).collect();
     let expected: Vec<bool> = study.rows.links.rows.iter().map(|row| row.run == 2).collect();
     assert_eq!(is_scored, expected);
@@ -124,16 +124,16 @@ fn campaigns_that_are_scored_are_not_seen_by_the_fit() {
     let found = compare::links(&study, &search, &Account::default());
     let rmse_db = found.scores["rmse_db"];
     assert!((rmse_db - 68f64.sqrt()).abs() < 0.2, "as configured, 8 dB off: {found:?}");
-    let after = diagnose::gain::Scores::of(&scores);
+    let after = diagnose::gain::Scores::mean(&scores);
     assert!((after.rmse - 13f64.sqrt()).abs() < 0.2, "{after:?}");
 
     let choices = Choices { score_runs: vec![5], ..Choices::default() };
     let study = of_robots(&choices);
     let search = Search::new(&study, QUIET);
     let slip = term(&study, "slip");
-    let (estimates, _) = study.estimates(&search.full(&[slip], COMMON, None), slip);
+    let (estimates, _) = study.estimates(&search.full_fit(&[slip], COMMON, None), slip);
     assert!((estimates[0].value - 0.9).abs() < 0.001, "{estimates:?}");
-    let scores = diagnose::gain::Scores::of(&search.held_out(&[slip], COMMON));
+    let scores = diagnose::gain::Scores::mean(&search.held_out_scores(&[slip], COMMON));
     // Windows of 1 s, one in four with a turn in it: a tenth of 1 m/s, of those without.
     assert!((0.07..0.1).contains(&scores.rmse), "{scores:?}");
 }
@@ -147,16 +147,16 @@ fn what_is_left_out_together_is_as_chosen() {
         let rows = study.rows.links.rows.clone();
         (blocks, rows)
     };
-    let (blocks, rows) = by(Split::Pair);
+    let (blocks, rows) = by(SplitBy::Pair);
     for (row, other) in (0..400).zip(1..) {
         let pair = |row: usize| (rows[row].tx.min(rows[row].rx), rows[row].tx.max(rows[row].rx));
         assert_eq!(pair(row) == pair(other), blocks.of_row[row] == blocks.of_row[other]);
     }
-    let (blocks, rows) = by(Split::Run);
+    let (blocks, rows) = by(SplitBy::Run);
     assert_eq!(blocks.n_blocks(), 2);
     assert!(rows.iter().zip(&blocks.of_row).all(|(row, &block)| row.run == block + 1));
     // Whoever is scored of a node has not seen that node.
-    let (blocks, rows) = by(Split::Node);
+    let (blocks, rows) = by(SplitBy::Node);
     for fold in 0..blocks.n_folds() {
         let (train, test) = blocks.split(fold);
         let out: std::collections::BTreeSet<u32> =
@@ -172,8 +172,8 @@ fn what_is_left_out_together_is_as_chosen() {
         let blocks = study.blocks(COMMON);
         (blocks.unit, blocks.n_blocks())
     };
-    assert_eq!(by(Split::Run), ("campaigns", 5));
-    assert_eq!(by(Split::Time).0, "parts of tracks");
+    assert_eq!(by(SplitBy::Run), ("campaigns", 5));
+    assert_eq!(by(SplitBy::Time).0, "parts of tracks");
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn windows_are_as_long_as_chosen() {
             ..Choices::default()
         });
         let search = Search::new(&study, QUIET);
-        diagnose::gain::Scores::of(&search.held_out(&[], COMMON)).rmse
+        diagnose::gain::Scores::mean(&search.held_out_scores(&[], COMMON)).rmse
     };
     // From the begin of each campaign: a tenth of the way at 1 m/s, and noise of 1 mm.
     assert!((rmse_m(1.0) - 0.1).abs() < 0.01, "{}", rmse_m(1.0));
@@ -205,7 +205,7 @@ fn choices_that_cannot_be_are_refused_with_the_nearest_that_can() {
     for (error, parts) in [
         (of_links(condition("distanc_m < 5")), &["--where", "distance_m?", "\n    ^"][..]),
         (of_links(condition("rssi_dbm > 0")), &["holds on none of 1200 rows"]),
-        (of_links(split(Split::Place)), &["no node moves", "--split pair"]),
+        (of_links(split(SplitBy::Place)), &["no node moves", "--split pair"]),
         (of_links(window(2.0)), &["--window", "link data"]),
         (
             of_links(Choices { fit_runs: vec![1], score_runs: vec![4], ..Choices::default() }),
@@ -215,8 +215,11 @@ fn choices_that_cannot_be_are_refused_with_the_nearest_that_can() {
             of_links(Choices { fit_runs: vec![1, 2], ..Choices::default() }),
             &["--fit-runs", "none is left to be scored"],
         ),
-        (of_robots(split(Split::Pair)), &["one by one", "--split node"]),
-        (of_robots(split(Split::Node)), &["all windows are of one of the robots", "--split time"]),
+        (of_robots(split(SplitBy::Pair)), &["one by one", "--split node"]),
+        (
+            of_robots(split(SplitBy::Node)),
+            &["all windows are of one of the robots", "--split time"],
+        ),
         (of_robots(window(0.01)), &["0.1"]),
         (of_robots(window(60.0)), &["the longest track lasts 19.9", "is 19.9"]),
         (of_robots(window(f64::NAN)), &["--window NaN", "0.1"]),

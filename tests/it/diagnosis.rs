@@ -42,14 +42,14 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     let folder = tempfile::tempdir().unwrap();
     let (_, study, account) = opened(folder.path(), campaign);
     let search = Search::new(&study, QUIET);
-    let ladder = search.climb();
+    let ladder = search.stepwise_selection();
     let measurements = Measurements {
         subject: Subject::Links,
         error_unit: "dB",
         searched: None,
         account: &account,
     };
-    let left = scan::left_over(&study, &search, &ladder);
+    let left = scan::scan_residuals(&study, &search, &ladder);
     let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
     let json = serde_json::to_value(found).unwrap();
     (names(&study, &ladder), ladder, json)
@@ -387,6 +387,6 @@ fn data_that_cannot_carry_an_answer_are_refused_in_words() {
     let handful: String = (0..12).map(|time| row(time, "-70", "1")).collect();
     let table = Table::of_csv(Path::new("links.csv"), format!("{header}{handful}").as_bytes());
     let (study, _) = open::links(&config, &table.unwrap(), &Choices::default()).unwrap();
-    let ladder = Search::new(&study, QUIET).climb();
+    let ladder = Search::new(&study, QUIET).stepwise_selection();
     assert!(ladder.too_little.unwrap().contains("too few independent blocks"));
 }

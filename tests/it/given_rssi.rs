@@ -98,8 +98,8 @@ fn study(text: &str, table: &Table) -> LinkStudy {
 
 fn diagnosed(study: &LinkStudy) -> Value {
     let search = Search::new(study, QUIET);
-    let ladder = search.climb();
-    let left = scan::left_over(study, &search, &ladder);
+    let ladder = search.stepwise_selection();
+    let left = scan::scan_residuals(study, &search, &ladder);
     let measurements = Measurements {
         subject: Subject::Links,
         error_unit: "pdr",
@@ -169,7 +169,8 @@ fn what_changes_readings_is_told_to_be_untestable_and_moves_nothing() {
         "[netsim.phy]\npropagation = \"log-distance\"\nexponent = 4.0\ntx_power_dbm = 20.0\n",
     ]
     .map(|text| study(text, &table));
-    let scores = |study: &LinkStudy| Scores::of(&Search::new(study, QUIET).held_out(&[], COMMON));
+    let scores =
+        |study: &LinkStudy| Scores::mean(&Search::new(study, QUIET).held_out_scores(&[], COMMON));
     assert_eq!(scores(&one), scores(&other));
     for candidate in one.candidates() {
         let why = candidate.untestable.as_deref().unwrap_or_default();

@@ -5,7 +5,7 @@ use diagnose::power::{Question, power};
 use measure::config::Compared;
 use measure::table::Table;
 use std::path::Path;
-use study::choices::{Choices, Split};
+use study::choices::{Choices, SplitBy};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
 const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
@@ -74,7 +74,7 @@ fn what_is_chosen_of_the_rows_is_judged_alone() {
     let text = found(&condition("tx == 300")).unwrap_err().to_string();
     assert!(text.contains("holds on none of"), "{text}");
     let text =
-        found(&Choices { split: Some(Split::Run), ..Choices::NONE }).unwrap_err().to_string();
+        found(&Choices { split: Some(SplitBy::Run), ..Choices::NONE }).unwrap_err().to_string();
     assert!(text.contains("--split run"), "{text}");
 }
 

@@ -54,12 +54,13 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
 
     let (study, _) = open::links(&config(&plain), &made, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
-    let ladder = search.climb();
+    let ladder = search.stepwise_selection();
     let names: Vec<&str> =
         ladder.accepted.iter().map(|&term| study.candidates()[term].name.as_str()).collect();
     assert_eq!(names, ["temperature"]);
     let term = ladder.accepted[0];
-    let (estimates, _) = study.estimates(&search.full(&ladder.accepted, study::COMMON, None), term);
+    let (estimates, _) =
+        study.estimates(&search.full_fit(&ladder.accepted, study::COMMON, None), term);
     let slope = estimates.iter().find(|estimate| estimate.name == "db_per_c").unwrap();
     let error = (slope.high - slope.low) / 3.29;
     assert!((slope.value + 0.3).abs() < 4.0 * error, "{slope:?}");
@@ -92,7 +93,7 @@ fn an_effect_of_robots_that_is_put_in_is_found_and_the_true_model_knows_what_it_
     let level = study.candidates()[slip].level;
     let gain = search.gain(&[slip], &[], level);
     assert!(gain.p_value < 1e-6, "{gain:?}");
-    let (estimates, _) = study.estimates(&search.full(&[slip], level, None), slip);
+    let (estimates, _) = study.estimates(&search.full_fit(&[slip], level, None), slip);
     let scale = estimates.iter().find(|estimate| estimate.name == "scale").unwrap();
     let error = (scale.high - scale.low) / 3.29;
     assert!((scale.value - 0.97).abs() < 4.0 * error + 1e-4, "{scale:?}");

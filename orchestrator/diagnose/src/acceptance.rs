@@ -18,14 +18,14 @@ pub const LEAST_SHARE: f64 = 0.001;
 
 /// What the rule says of one term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Verdict {
+pub struct Acceptance {
     /// Significant at [`FAMILY_ERROR`] after Holm's correction for all candidates.
     pub is_significant: bool,
     /// Significant at [`FAMILY_ERROR`] if it were the only candidate, and worth having.
     pub is_plausible: bool,
 }
 
-impl Verdict {
+impl Acceptance {
     /// Significant after the correction, and worth having.
     #[must_use]
     pub fn is_acceptable(self) -> bool {
@@ -45,13 +45,13 @@ pub fn judge(
     n_candidates: usize,
     least_share: f64,
     share_removed: impl Fn(usize) -> f64,
-) -> Vec<Verdict> {
+) -> Vec<Acceptance> {
     let is_significant = holm(gains, n_candidates);
     let judge_one = |(index, is_significant): (usize, bool)| {
         let gain = &gains[index];
         let is_plausible = gain.p_value < FAMILY_ERROR
             && is_worth(gain.gain, least_share, || share_removed(index));
-        Verdict { is_significant, is_plausible }
+        Acceptance { is_significant, is_plausible }
     };
     is_significant.into_iter().enumerate().map(judge_one).collect()
 }

@@ -4,15 +4,15 @@ use super::diagnosis::{
     Affects, AlsoAlong, Diagnosis, Parameter, Rung, SCHEMA, Structure, Tested, Verdict,
 };
 use super::gain::Gain;
-use super::ladder::{self, Ladder, Search, Trial};
+use super::ladder::{self, CandidateTest, Ladder, Search};
 use super::next;
-use super::scan::LeftOver;
+use super::scan::Unexplained;
 use super::words;
 use indexmap::IndexMap;
 use measure::account::Account;
 use std::sync::Arc;
 use study::open::Subject;
-use study::symbolic::Formula;
+use study::symbolic::FittedFormula;
 use study::{COMMON, Estimate, Study};
 
 /// The measurements that a diagnosis is about.
@@ -35,7 +35,7 @@ pub fn numbers<'a, S: Study>(
     whole: Option<&'a S>,
     terms: &[usize],
 ) -> (&'a S, Arc<S::Fit>) {
-    let found = search.full(terms, COMMON, None);
+    let found = search.full_fit(terms, COMMON, None);
     let Some(whole) = whole else { return (study, found) };
     (whole, Arc::new(whole.fit(terms, &whole.fitted_rows(), COMMON, Some(&found))))
 }
@@ -46,7 +46,7 @@ pub fn answer<S: Study>(
     search: &Search<'_, S>,
     ladder: &Ladder,
     measurements: Measurements<'_>,
-    left_over: &LeftOver,
+    left_over: &Unexplained,
     whole: Option<&S>,
 ) -> Diagnosis {
     let (numbers_of, fit) = numbers(search, study, whole, &ladder.accepted);
@@ -88,7 +88,7 @@ pub fn answer<S: Study>(
     diagnosis
 }
 
-fn rung<S: Study>(study: &S, rung: &ladder::Rung) -> Rung {
+fn rung<S: Study>(study: &S, rung: &ladder::LadderStep) -> Rung {
     let scores = &rung.scores;
     Rung {
         model: match rung.terms.last() {
@@ -103,7 +103,7 @@ fn rung<S: Study>(study: &S, rung: &ladder::Rung) -> Rung {
 }
 
 /// Structure that no effect explains: the curves that were accepted, and what a scan of the residuals found.
-fn unexplained<S: Study>(study: &S, ladder: &Ladder, left_over: &LeftOver) -> Vec<Structure> {
+fn unexplained<S: Study>(study: &S, ladder: &Ladder, left_over: &Unexplained) -> Vec<Structure> {
     let curves = ladder.accepted.iter().enumerate();
     let mut structure: Vec<Structure> =
         curves.filter_map(|(step, &term)| curve(study, ladder, left_over, (step, term))).collect();
@@ -128,12 +128,12 @@ fn unexplained<S: Study>(study: &S, ladder: &Ladder, left_over: &LeftOver) -> Ve
 fn curve<S: Study>(
     study: &S,
     ladder: &Ladder,
-    left_over: &LeftOver,
+    left_over: &Unexplained,
     (step, term): (usize, usize),
 ) -> Option<Structure> {
     let candidate = &study.candidates()[term];
     let covariate = candidate.curve_over()?;
-    let trial = trial_of(ladder, term)?;
+    let test = trial_of(ladder, term)?;
     let (before, after) = (&ladder.rungs[step].scores, &ladder.rungs[step + 1].scores);
     let (affects, left) = if candidate.is_of_losses() {
         (Affects::Losses, after.reception_log_loss / before.reception_log_loss)
@@ -141,13 +141,13 @@ fn curve<S: Study>(
         (Affects::Readings, after.mean_square() / before.mean_square())
     };
     // A curve over the same with other knots is not another cause.
-    let others = trial.ties.iter().filter_map(|&tie| study.candidates()[tie].curve_over());
-    let formula: Option<&Formula> = left_over.formulas.get(&candidate.name);
+    let others = test.ties.iter().filter_map(|&tie| study.candidates()[tie].curve_over());
+    let formula: Option<&FittedFormula> = left_over.formulas.get(&candidate.name);
     Some(Structure {
         covariate: covariate.to_owned(),
         affects: Some(affects),
         explained: (1.0 - left).max(0.0),
-        p_value: trial.gain.p_value,
+        p_value: test.gain.p_value,
         formula: formula.map(|formula| formula.text.clone()),
         target: formula.map(|formula| formula.target.to_owned()),
         also: formula.and_then(also),
@@ -160,13 +160,13 @@ fn curve<S: Study>(
 }
 
 /// A formula along a second direction.
-fn also(formula: &Formula) -> Option<AlsoAlong> {
+fn also(formula: &FittedFormula) -> Option<AlsoAlong> {
     let (text, target) = formula.also.as_ref()?;
     Some(AlsoAlong { formula: text.clone(), target: (*target).to_owned() })
 }
 
-fn trial_of(ladder: &Ladder, term: usize) -> Option<&Trial> {
-    ladder.trials.iter().find(|trial| trial.term == term)
+fn trial_of(ladder: &Ladder, term: usize) -> Option<&CandidateTest> {
+    ladder.tests.iter().find(|test| test.term == term)
 }
 
 /// The estimates of terms.
@@ -182,19 +182,19 @@ fn tested<S: Study>(
     let candidates = study.candidates();
     let (mut listed, mut known) = (Vec::new(), Vec::new());
     for (term, candidate) in candidates.iter().enumerate() {
-        let trial = trial_of(ladder, term);
+        let test = trial_of(ladder, term);
         let accepted = ladder.accepted.contains(&term);
         // Of a curve and the one that stands in for it, one is listed.
         let stands_in = |&other: &usize| candidates[other].stands_in_for == Some(term);
         if candidate.stands_in_for.is_some() && !accepted || ladder.accepted.iter().any(stands_in) {
             continue;
         }
-        let gain = trial.map_or(Gain::NONE, |trial| trial.gain);
+        let gain = test.map_or(Gain::NONE, |test| test.gain);
         let is_other = |&&tie: &&usize| {
             let [a, b] = [candidate, &candidates[tie]];
             a.curve_over().is_none() || a.curve_over() != b.curve_over()
         };
-        let ties = trial.map_or(&[][..], |trial| &trial.ties);
+        let ties = test.map_or(&[][..], |test| &test.ties);
         let (mut parameters, mut warning) = (IndexMap::new(), None);
         if accepted {
             let (estimates, of_estimates) = numbers_of.estimates(fit, term);

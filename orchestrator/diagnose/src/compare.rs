@@ -26,7 +26,7 @@ const BINS: usize = 8;
 type Named = Vec<(&'static str, f64)>;
 
 /// A score with its 90 % interval.
-struct Interval {
+struct BootstrapInterval {
     name: &'static str,
     value: f64,
     low: f64,
@@ -35,8 +35,8 @@ struct Interval {
 
 /// Holds a link model against its measurements, nothing refitted but the noise.
 pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>, account: &Account) -> Comparison {
-    let scores = search.held_out(&[], COMMON);
-    let fit = search.full(&[], COMMON, None);
+    let scores = search.held_out_scores(&[], COMMON);
+    let fit = search.full_fit(&[], COMMON, None);
     let [deviation, scaled, surprise] = study.residuals(&fit);
     let inside: Vec<f64> = scaled
         .iter()
@@ -54,7 +54,7 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>, account: &Accoun
         });
     let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
-        let all = Scores::of(&part);
+        let all = Scores::mean(&part);
         let mean = |values: &[f64]| mean_ignoring_nan(rows.iter().map(|&row| values[row]));
         let brier = |row: &usize| {
             let loss = scores[*row].reception_log_loss;
@@ -86,11 +86,11 @@ pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>, account: &Accoun
 fn finished(
     kind: Subject,
     unit: &str,
-    intervals: &[Interval],
+    intervals: &[BootstrapInterval],
     places: Vec<Place>,
     account: &Account,
 ) -> Comparison {
-    let name = |interval: &Interval| interval.name.to_owned();
+    let name = |interval: &BootstrapInterval| interval.name.to_owned();
     Comparison {
         schema: SCHEMA,
         kind,
@@ -108,13 +108,13 @@ pub fn robots(
     search: &Search<'_, RobotStudy>,
     account: &Account,
 ) -> Comparison {
-    let scores = search.held_out(&[], COMMON);
-    let view = study.view(&search.full(&[], COMMON, None));
+    let scores = search.held_out_scores(&[], COMMON);
+    let view = study.view(&search.full_fit(&[], COMMON, None));
     let along = view.residuals();
     let blocks = study.blocks(COMMON);
     let of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
-        let all = Scores::of(&part);
+        let all = Scores::mean(&part);
         let n = 2.0 * rows.len() as f64;
         let inside = rows.iter().map(|&row| [view.scaled_at(row), view.scaled_across(row)]);
         let inside = inside.flatten().filter(|z| z.abs() <= 1.645).count() as f64;
@@ -140,7 +140,11 @@ fn scored(blocks: &Blocks) -> Vec<usize> {
 }
 
 /// 90 % intervals by resampling blocks. The draws are fixed: the same file gives the same interval.
-fn bootstrap(values: &Named, blocks: &Blocks, of: &dyn Fn(&[usize]) -> Named) -> Vec<Interval> {
+fn bootstrap(
+    values: &Named,
+    blocks: &Blocks,
+    of: &dyn Fn(&[usize]) -> Named,
+) -> Vec<BootstrapInterval> {
     let mut rows_of_block: Vec<Vec<usize>> = vec![Vec::new(); blocks.n_blocks()];
     for row in scored(blocks) {
         rows_of_block[blocks.of_row[row] as usize].push(row);
@@ -168,7 +172,7 @@ fn bootstrap(values: &Named, blocks: &Blocks, of: &dyn Fn(&[usize]) -> Named) ->
         .map(|(&(name, value), list)| {
             list.sort_by(f64::total_cmp);
             let [low, high] = [0.05, 0.95].map(|share| quantile_nearest(list, share));
-            Interval { name, value, low, high }
+            BootstrapInterval { name, value, low, high }
         })
         .collect()
 }

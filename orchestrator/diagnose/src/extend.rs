@@ -37,7 +37,7 @@ pub enum ExtendError {
 
 /// A configuration with effects added.
 #[derive(Clone, Debug)]
-pub struct Extended {
+pub struct ExtendedConfig {
     /// The new file's text.
     pub text: String,
     /// What was added, and what it gains.
@@ -73,7 +73,7 @@ pub fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> 
 
 /// Fits several new terms. All at once each starts where it would by itself, one after the other where those before it have left
 /// room: of bands that may be disturbed the right one is seen only once the curve of reception is right. The likelier counts.
-fn together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
+fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
     if terms.len() < 2 {
         return;
     }
@@ -88,7 +88,7 @@ fn together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
     {
         best = stepwise;
     }
-    search.full(terms, COMMON, Some(&best));
+    search.full_fit(terms, COMMON, Some(&best));
 }
 
 /// The configuration with terms added: the text as it was, then the new sections with the fit's provenance.
@@ -108,17 +108,17 @@ pub fn extend<S: Study>(
     terms: &[usize],
     section: &str,
     whole: Option<&S>,
-) -> Result<Extended, ExtendError> {
+) -> Result<ExtendedConfig, ExtendError> {
     let candidates = study.candidates();
     let terms: Vec<usize> =
         terms.iter().copied().filter(|&term| candidates[term].curve_over().is_none()).collect();
     if terms.is_empty() {
         return Err(ExtendError::Nothing);
     }
-    together(study, search, &terms);
+    fit_together(study, search, &terms);
     let (measured, fit) = numbers(search, study, whole, &terms);
-    let before = Scores::of(&search.held_out(&[], COMMON));
-    let after = Scores::of(&search.held_out(&terms, COMMON));
+    let before = Scores::mean(&search.held_out_scores(&[], COMMON));
+    let after = Scores::mean(&search.held_out_scores(&terms, COMMON));
     let mut text = config.text.trim_end().to_owned();
     text.push('\n');
     let mut names = Vec::new();
@@ -161,5 +161,5 @@ pub fn extend<S: Study>(
         log_score: [before.log_score, after.log_score],
         rmse: [before.rmse, after.rmse],
     };
-    Ok(Extended { text, answer })
+    Ok(ExtendedConfig { text, answer })
 }

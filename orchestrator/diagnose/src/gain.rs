@@ -21,7 +21,7 @@ pub struct Scores {
 impl Scores {
     /// Of rows.
     #[must_use]
-    pub fn of(rows: &[RowScore]) -> Self {
+    pub fn mean(rows: &[RowScore]) -> Self {
         Self {
             log_score: mean_ignoring_nan(rows.iter().map(|row| row.log)),
             rmse: mean_ignoring_nan(rows.iter().map(|row| row.squared_error)).sqrt(),
@@ -75,7 +75,7 @@ impl Gain {
 
     /// Of rows in blocks: scores of the candidate less those of its parent.
     #[must_use]
-    pub fn of(candidate: &[RowScore], parent: &[RowScore], block_of_row: &[u32]) -> Self {
+    pub fn from_scores(candidate: &[RowScore], parent: &[RowScore], block_of_row: &[u32]) -> Self {
         let n_blocks = block_of_row.iter().max().map_or(0, |&last| last as usize + 1);
         let mut sums = vec![(0.0, 0usize); n_blocks];
         for ((a, b), &block) in candidate.iter().zip(parent).zip(block_of_row) {
@@ -100,17 +100,17 @@ impl Gain {
         let skewness =
             blocks / (blocks - 2.0) * cubes / squares * ((blocks - 1.0) / squares).sqrt();
         let unjudged = Self { gain, standard_error, p_value: 1.0, n_blocks, n_rows };
-        unjudged.judged(|t| unskewed(t, skewness, blocks))
+        unjudged.with_p_value(|t| skewness_corrected_t(t, skewness, blocks))
     }
 
     /// Judged by Student's t alone, however few blocks carry the gain.
     #[must_use]
-    pub fn by_t(self) -> Self {
-        self.judged(|t| t)
+    pub fn by_students_t(self) -> Self {
+        self.with_p_value(|t| t)
     }
 
     /// With the probability by chance that Student's law gives what is made of t.
-    fn judged(self, made_of: impl FnOnce(f64) -> f64) -> Self {
+    fn with_p_value(self, made_of: impl FnOnce(f64) -> f64) -> Self {
         let p_value = match StudentsT::new(0.0, 1.0, self.n_blocks as f64 - 1.0) {
             Ok(law) if 0.0 < self.standard_error => {
                 law.sf(made_of(self.gain / self.standard_error))
@@ -123,7 +123,7 @@ impl Gain {
 
 /// Student's t of a mean above 0, of so many values that are skewed to the right: where few of them make up the mean they make up its
 /// standard error as well, and t says too little (L. Chen, Testing the mean of skewed distributions, J. Am. Stat. Assoc. 90, 1995).
-fn unskewed(t: f64, skewness: f64, n: f64) -> f64 {
+fn skewness_corrected_t(t: f64, skewness: f64, n: f64) -> f64 {
     if t.is_nan() || t <= 0.0 || skewness.is_nan() || skewness <= 0.0 {
         return t;
     }
@@ -146,7 +146,7 @@ mod tests {
         let candidate: Vec<RowScore> = values.iter().map(|&value| score(value)).collect();
         let parent = vec![score(0.0); values.len()];
         let blocks: Vec<u32> = (0..values.len() as u32).collect();
-        Gain::of(&candidate, &parent, &blocks)
+        Gain::from_scores(&candidate, &parent, &blocks)
     }
 
     #[test]

@@ -7,7 +7,7 @@ use study::view::{View, Viewed};
 
 /// Every row as predicted by a fit to the other folds.
 pub fn predictions<S: Viewed>(study: &S, search: &Search<'_, S>, terms: &[usize]) -> View {
-    let start = search.full(terms, COMMON, None);
+    let start = search.full_fit(terms, COMMON, None);
     let blocks = study.blocks(COMMON);
     let parts: Vec<(Vec<u32>, View)> = (0..blocks.n_folds())
         .into_par_iter()

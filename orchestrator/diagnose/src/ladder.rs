@@ -27,7 +27,7 @@ const MOST_TERMS: usize = 8;
 
 /// What was found about a candidate when it was last tried.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Trial {
+pub struct CandidateTest {
     /// Which candidate.
     pub term: usize,
     /// Gain at its own level.
@@ -44,7 +44,7 @@ pub struct Trial {
     pub ties: Vec<usize>,
 }
 
-impl Trial {
+impl CandidateTest {
     /// Whether it may stand where another does: it is beyond chance with all candidates counted, or neither is, but this one is by
     /// itself.
     fn is_as_certain_as(&self, other: &Self) -> bool {
@@ -52,12 +52,12 @@ impl Trial {
     }
 
     /// As it is told once it was taken: where what it gains by its own measure did not decide, by what it gains on the common split.
-    fn taken(self) -> Self {
-        if self.is_acceptable { self } else { self.by_common() }
+    fn as_accepted(self) -> Self {
+        if self.is_acceptable { self } else { self.accepted_on_common_split() }
     }
 
     /// Accepted by what it gains on the common split.
-    fn by_common(self) -> Self {
+    fn accepted_on_common_split(self) -> Self {
         Self {
             gain: self.common,
             is_significant: true,
@@ -70,7 +70,7 @@ impl Trial {
 
 /// A rung of the ladder.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Rung {
+pub struct LadderStep {
     /// Terms in the model.
     pub terms: Vec<usize>,
     /// How well it predicts what it has not seen, on the common split.
@@ -83,9 +83,9 @@ pub struct Ladder {
     /// Terms in the order in which they were added.
     pub accepted: Vec<usize>,
     /// The model as configured, then with each term.
-    pub rungs: Vec<Rung>,
-    /// For each candidate the trial that decided: of the round in which it was accepted, else of the last.
-    pub trials: Vec<Trial>,
+    pub rungs: Vec<LadderStep>,
+    /// For each candidate the test that decided: of the round in which it was accepted, else of the last.
+    pub tests: Vec<CandidateTest>,
     /// Why nothing can be told, if so.
     pub too_little: Option<String>,
     /// The round in which the search was stopped, if so: what was accepted before stands, nothing more was looked for.
@@ -113,11 +113,11 @@ pub struct Search<'a, S: Study> {
 type Key = (Vec<usize>, Level);
 type Cache<T> = Mutex<BTreeMap<Key, T>>;
 
-fn look<T: Clone>(cache: &Cache<T>, key: &Key) -> Option<T> {
+fn cached<T: Clone>(cache: &Cache<T>, key: &Key) -> Option<T> {
     cache.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
 }
 
-fn keep<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
+fn store<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
     cache.lock().unwrap_or_else(PoisonError::into_inner).insert(key, value.clone());
 }
 
@@ -136,7 +136,7 @@ impl<'a, S: Study> Search<'a, S> {
 
     /// The same, but its climb ends as soon as this becomes true.
     #[must_use]
-    pub fn until(self, stop: &'a AtomicBool) -> Self {
+    pub fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
         Self { stop: Some(stop), ..self }
     }
 
@@ -145,24 +145,24 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// A fit to all rows, which starts from `parent` if it has not been made yet.
-    pub fn full(&self, terms: &[usize], level: Level, parent: Option<&S::Fit>) -> Arc<S::Fit> {
-        let key = (terms.to_vec(), self.study.judged(level));
-        if let Some(fit) = look(&self.full, &key) {
+    pub fn full_fit(&self, terms: &[usize], level: Level, parent: Option<&S::Fit>) -> Arc<S::Fit> {
+        let key = (terms.to_vec(), self.study.judging_level(level));
+        if let Some(fit) = cached(&self.full, &key) {
             return fit;
         }
         let fit = Arc::new(self.study.fit(terms, &self.all, level, parent));
-        keep(&self.full, key, &fit);
+        store(&self.full, key, &fit);
         fit
     }
 
     /// Every row predicted by a fit to the other folds, in blocks of `level`.
-    pub fn held_out(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
-        let level = self.study.judged(level);
+    pub fn held_out_scores(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
+        let level = self.study.judging_level(level);
         let key = (terms.to_vec(), level);
-        if let Some(scores) = look(&self.held_out, &key) {
+        if let Some(scores) = cached(&self.held_out, &key) {
             return scores;
         }
-        let start = self.full(terms, level, None);
+        let start = self.full_fit(terms, level, None);
         let blocks = self.study.blocks(level);
         let n_folds = blocks.n_folds();
         let parts: Vec<(Vec<u32>, Vec<RowScore>)> = (0..n_folds)
@@ -194,21 +194,22 @@ impl<'a, S: Study> Search<'a, S> {
             }
         }
         let scores = Arc::new(scores);
-        keep(&self.held_out, key, &scores);
+        store(&self.held_out, key, &scores);
         scores
     }
 
     /// Fits to all rows at every level, from one at some level.
     fn prepare(&self, terms: &[usize], from: &S::Fit) {
         self.levels().into_par_iter().for_each(|level| {
-            self.full(terms, level, Some(from));
+            self.full_fit(terms, level, Some(from));
         });
     }
 
     /// Levels at which candidates are judged.
     fn levels(&self) -> Vec<Level> {
         let is_used = |level: &Level| {
-            let is_judged = |c: &Candidate| c.is_tried() && self.study.judged(c.level) == *level;
+            let is_judged =
+                |c: &Candidate| c.is_tried() && self.study.judging_level(c.level) == *level;
             *level == COMMON
                 || (self.study.candidates().iter().any(is_judged)
                     && self.study.blocks(*level).suffices())
@@ -219,19 +220,23 @@ impl<'a, S: Study> Search<'a, S> {
     /// Gain of `terms` over `parent`, at a level.
     pub fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
         let blocks = self.study.blocks(level);
-        Gain::of(&self.held_out(terms, level), &self.held_out(parent, level), blocks.dependent())
+        Gain::from_scores(
+            &self.held_out_scores(terms, level),
+            &self.held_out_scores(parent, level),
+            blocks.dependent(),
+        )
     }
 
     /// The same of one of the terms. A curve, which names no cause and may stand in for effects that do, is held to Student's t alone.
-    fn gain_of(&self, term: usize, terms: &[usize], parent: &[usize], level: Level) -> Gain {
+    fn term_gain(&self, term: usize, terms: &[usize], parent: &[usize], level: Level) -> Gain {
         let gain = self.gain(terms, parent, level);
         let is_curve = self.study.candidates()[term].curve_over().is_some();
-        if is_curve { gain.by_t() } else { gain }
+        if is_curve { gain.by_students_t() } else { gain }
     }
 
     /// A fit to all rows with one term more than `parent`; none where a quick one raises the likelihood by less than `least`
     /// (nats).
-    fn promising(
+    fn fit_if_promising(
         &self,
         terms: &[usize],
         level: Level,
@@ -243,13 +248,13 @@ impl<'a, S: Study> Search<'a, S> {
         if start.as_ref().is_some_and(|start| self.study.log_likelihood(start) - before < least) {
             return None;
         }
-        Some(self.full(terms, level, Some(start.as_ref().unwrap_or(parent))))
+        Some(self.full_fit(terms, level, Some(start.as_ref().unwrap_or(parent))))
     }
 
     /// Tries a candidate on top of `accepted`.
-    fn attempt(&self, accepted: &[usize], term: usize) -> Trial {
+    fn test_candidate(&self, accepted: &[usize], term: usize) -> CandidateTest {
         let candidate = &self.study.candidates()[term];
-        let hopeless = Trial {
+        let hopeless = CandidateTest {
             term,
             gain: Gain::NONE,
             common: Gain::NONE,
@@ -266,9 +271,9 @@ impl<'a, S: Study> Search<'a, S> {
         {
             return hopeless;
         }
-        let parent = self.full(accepted, level, None);
-        let terms = with(accepted, term);
-        let Some(fit) = self.promising(&terms, level, &parent, HOPELESS_NATS / 2.0) else {
+        let parent = self.full_fit(accepted, level, None);
+        let terms = with_term(accepted, term);
+        let Some(fit) = self.fit_if_promising(&terms, level, &parent, HOPELESS_NATS / 2.0) else {
             debug!(name = candidate.name, "screened out");
             return hopeless;
         };
@@ -277,23 +282,23 @@ impl<'a, S: Study> Search<'a, S> {
         // What its numbers raise by chance they take away again on rows left out; those of a curve are held near 0.
         let by_chance = if candidate.curve_over().is_none() { candidate.n_parameters } else { 0 };
         if rise < HOPELESS_NATS + by_chance as f64
-            || self.is_but_a_special_case(accepted, term, level, rise)
+            || self.is_no_better_than_special_case(accepted, term, level, rise)
         {
             return hopeless;
         }
-        let gain = self.gain_of(term, &terms, accepted, level);
-        let common = if self.study.judged(level) == COMMON || FAMILY_ERROR < gain.p_value {
+        let gain = self.term_gain(term, &terms, accepted, level);
+        let common = if self.study.judging_level(level) == COMMON || FAMILY_ERROR < gain.p_value {
             gain
         } else {
-            self.full(&terms, COMMON, Some(&fit));
-            self.gain_of(term, &terms, accepted, COMMON)
+            self.full_fit(&terms, COMMON, Some(&fit));
+            self.term_gain(term, &terms, accepted, COMMON)
         };
         debug!(name = candidate.name, gain = gain.gain, p = gain.p_value, "scored");
-        Trial { gain, common, ..hopeless }
+        CandidateTest { gain, common, ..hopeless }
     }
 
     /// Whether a candidate that raises the likelihood at a level by `rise` (nats) says nothing more than a special case of it.
-    fn is_but_a_special_case(
+    fn is_no_better_than_special_case(
         &self,
         accepted: &[usize],
         term: usize,
@@ -302,7 +307,7 @@ impl<'a, S: Study> Search<'a, S> {
     ) -> bool {
         let candidates = self.study.candidates();
         let general = &candidates[term];
-        let parent = self.full(accepted, level, None);
+        let parent = self.full_fit(accepted, level, None);
         let is_special = |&special: &usize| {
             let candidate = &candidates[special];
             candidate.is_tried()
@@ -310,9 +315,9 @@ impl<'a, S: Study> Search<'a, S> {
                 && general.generalises.contains(&candidate.name)
         };
         (0..candidates.len()).filter(is_special).any(|special| {
-            let terms = with(accepted, special);
+            let terms = with_term(accepted, special);
             // As it is tried by itself, perhaps at this moment: whoever comes first, the fit is the same.
-            let fit = self.promising(&terms, level, &parent, HOPELESS_NATS / 2.0);
+            let fit = self.fit_if_promising(&terms, level, &parent, HOPELESS_NATS / 2.0);
             fit.is_some_and(|fit| {
                 let risen = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
                 rise < risen + NOTHING_MORE_NATS
@@ -321,94 +326,96 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// Climbs the ladder.
-    pub fn climb(&self) -> Ladder {
+    pub fn stepwise_selection(&self) -> Ladder {
         let candidates = self.study.candidates();
         let mut accepted: Vec<usize> = Vec::new();
-        let mut decided: Vec<Trial> = Vec::new();
+        let mut decided: Vec<CandidateTest> = Vec::new();
         let mut rungs = vec![self.rung(&[])];
         let too_little = self.too_little();
         let configured = rungs[0].scores;
         let mut removed: Vec<usize> = Vec::new();
-        let mut last: Vec<Trial> = Vec::new();
+        let mut last: Vec<CandidateTest> = Vec::new();
         let mut stopped = None;
         let mut round = 0;
         while too_little.is_none() && accepted.len() < MOST_TERMS {
             round += 1;
             (self.report)(Progress::Round { round });
             for level in self.levels() {
-                self.held_out(&accepted, level);
+                self.held_out_scores(&accepted, level);
             }
-            let mut trials = self.trials(&accepted, round);
+            let mut tests = self.test_all(&accepted, round);
             if self.is_stopped() {
                 stopped = Some(round);
                 break;
             }
             let floor = acceptance::least_share(&configured, &rungs[rungs.len() - 1].scores);
-            self.weigh(&mut trials, &accepted, &removed, floor);
-            if !trials.iter().any(|trial| trial.is_acceptable) {
+            self.apply_acceptance_rule(&mut tests, &accepted, &removed, floor);
+            if !tests.iter().any(|test| test.is_acceptable) {
                 // Beside accepted effects, only levels of links, nodes and channels: what they explain comes in small parts from
                 // all rows, of which blocks of time tell little.
                 let is_random = |term: usize| candidates[term].level == Level::Random;
-                let may_be = |trial: &Trial| accepted.is_empty() || is_random(trial.term);
-                for trial in trials.iter_mut().filter(|trial| trial.is_plausible && may_be(trial)) {
-                    trial.is_significant = acceptance::is_certain_by_total(
-                        &trial.gain,
+                let may_be = |test: &CandidateTest| accepted.is_empty() || is_random(test.term);
+                for test in tests.iter_mut().filter(|test| test.is_plausible && may_be(test)) {
+                    test.is_significant = acceptance::is_certain_by_total(
+                        &test.gain,
                         self.n_tried(),
-                        self.study.rows_of_one(),
+                        self.study.design_effect(),
                     );
-                    trial.is_acceptable = trial.is_significant;
+                    test.is_acceptable = test.is_significant;
                 }
             }
             let found = self
-                .choose(&trials, &accepted, &removed)
+                .choose(&tests, &accepted, &removed)
                 .map(|best| (best, Vec::new()))
-                .or_else(|| self.exchange(&trials, &accepted).map(|(old, new)| (new, vec![old])))
                 .or_else(|| {
-                    let (olds, trial) = self
-                        .one_for_many(&decided, &accepted, &removed)
-                        .or_else(|| self.more_than_linear(&accepted, &removed))?;
-                    let new = trials.iter().position(|other| other.term == trial.term)?;
-                    trials[new] = trial;
+                    self.exchange_step(&tests, &accepted).map(|(old, new)| (new, vec![old]))
+                })
+                .or_else(|| {
+                    let (olds, test) = self
+                        .single_replacement(&decided, &accepted, &removed)
+                        .or_else(|| self.nonlinear_replacement(&accepted, &removed))?;
+                    let new = tests.iter().position(|other| other.term == test.term)?;
+                    tests[new] = test;
                     Some((new, olds))
                 });
             let Some((best, in_place_of)) = found else {
-                last = trials;
+                last = tests;
                 break;
             };
             let name = |term: usize| candidates[term].name.as_str();
             if in_place_of.is_empty() {
-                (self.report)(Progress::Accepted { name: name(trials[best].term) });
+                (self.report)(Progress::Accepted { name: name(tests[best].term) });
             } else {
                 let old = in_place_of.iter().map(|&old| name(old)).collect();
-                (self.report)(Progress::Exchanged { new: name(trials[best].term), old });
+                (self.report)(Progress::Exchanged { new: name(tests[best].term), old });
                 accepted.retain(|term| !in_place_of.contains(term));
                 removed.extend(in_place_of);
             }
-            let ties = self.ties(best, &trials, &accepted);
-            let trial = Trial { ties, ..trials.swap_remove(best).taken() };
-            accepted = with(&accepted, trial.term);
-            let fit = self.full(&accepted, candidates[trial.term].level, None);
+            let ties = self.ties(best, &tests, &accepted);
+            let test = CandidateTest { ties, ..tests.swap_remove(best).as_accepted() };
+            accepted = with_term(&accepted, test.term);
+            let fit = self.full_fit(&accepted, candidates[test.term].level, None);
             self.prepare(&accepted, &fit);
-            decided.push(trial);
-            removed.extend(self.weed(&mut accepted));
-            for trial in &mut decided {
+            decided.push(test);
+            removed.extend(self.backward_elimination(&mut accepted));
+            for test in &mut decided {
                 let in_its_place = |&&term: &&usize| {
-                    !accepted.contains(&trial.term)
-                        && candidates[term].stands_in_for == Some(trial.term)
+                    !accepted.contains(&test.term)
+                        && candidates[term].stands_in_for == Some(test.term)
                 };
-                trial.term = accepted.iter().find(in_its_place).copied().unwrap_or(trial.term);
+                test.term = accepted.iter().find(in_its_place).copied().unwrap_or(test.term);
             }
-            decided.retain(|trial| accepted.contains(&trial.term));
+            decided.retain(|test| accepted.contains(&test.term));
             rungs = self.rungs(&accepted);
         }
         if stopped.is_none() {
             (self.report)(Progress::Ties);
-            self.part(&mut decided, &accepted);
+            self.drop_resolved_ties(&mut decided, &accepted);
         }
-        let mut trials = decided;
-        let is_decided: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
-        trials.extend(last.into_iter().filter(|trial| !is_decided.contains(&trial.term)));
-        Ladder { accepted, rungs, trials, too_little, stopped }
+        let mut tests = decided;
+        let is_decided: Vec<usize> = tests.iter().map(|test| test.term).collect();
+        tests.extend(last.into_iter().filter(|test| !is_decided.contains(&test.term)));
+        Ladder { accepted, rungs, tests, too_little, stopped }
     }
 
     /// How many candidates chance is counted with.
@@ -416,39 +423,46 @@ impl<'a, S: Study> Search<'a, S> {
         self.study.candidates().iter().filter(|candidate| candidate.is_tried()).count()
     }
 
-    /// Judges trials by the acceptance rule. What was removed once does not come back.
-    fn weigh(&self, trials: &mut [Trial], accepted: &[usize], removed: &[usize], floor: f64) {
+    /// Judges tests by the acceptance rule. What was removed once does not come back.
+    fn apply_acceptance_rule(
+        &self,
+        tests: &mut [CandidateTest],
+        accepted: &[usize],
+        removed: &[usize],
+        floor: f64,
+    ) {
         let candidates = self.study.candidates();
-        let gains: Vec<Gain> = trials.iter().map(|trial| trial.gain).collect();
-        let terms: Vec<usize> = trials.iter().map(|trial| trial.term).collect();
+        let gains: Vec<Gain> = tests.iter().map(|test| test.gain).collect();
+        let terms: Vec<usize> = tests.iter().map(|test| test.term).collect();
         let share_removed = |index: usize| {
             let level = candidates[terms[index]].level;
-            let now = Scores::of(&self.held_out(&with(accepted, terms[index]), level));
-            now.share_removed(&Scores::of(&self.held_out(accepted, level)))
+            let now =
+                Scores::mean(&self.held_out_scores(&with_term(accepted, terms[index]), level));
+            now.share_removed(&Scores::mean(&self.held_out_scores(accepted, level)))
         };
         let verdicts = acceptance::judge(&gains, self.n_tried(), floor, share_removed);
-        for (trial, verdict) in trials.iter_mut().zip(verdicts) {
-            trial.is_significant = verdict.is_significant;
-            trial.is_plausible = verdict.is_plausible && !removed.contains(&trial.term);
-            trial.is_acceptable = trial.is_significant && trial.is_plausible;
+        for (test, verdict) in tests.iter_mut().zip(verdicts) {
+            test.is_significant = verdict.is_significant;
+            test.is_plausible = verdict.is_plausible && !removed.contains(&test.term);
+            test.is_acceptable = test.is_significant && test.is_plausible;
         }
     }
 
     /// Takes out what gains nothing any more: what was accepted before may have stood in for what came last.
-    fn weed(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
+    fn backward_elimination(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
         let candidates = self.study.candidates();
         let mut removed = Vec::new();
         let mut index = 0;
         while index + 1 < accepted.len() {
             let term = accepted[index];
             let level = candidates[term].level;
-            let mut rest = without(accepted, term);
+            let mut rest = without_term(accepted, term);
             if candidates[term].curve_over().is_none() {
-                rest.iter_mut().for_each(|term| *term = self.whole(*term));
+                rest.iter_mut().for_each(|term| *term = self.stand_in_for(*term));
             }
-            let all = self.full(accepted, level, None);
+            let all = self.full_fit(accepted, level, None);
             self.prepare(&rest, &all);
-            let gain = self.gain_of(term, accepted, &rest, level);
+            let gain = self.term_gain(term, accepted, &rest, level);
             debug!(
                 name = candidates[term].name,
                 gain = gain.gain,
@@ -467,13 +481,13 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// Of a curve without a constant part, the one that stands in for it.
-    fn whole(&self, term: usize) -> usize {
+    fn stand_in_for(&self, term: usize) -> usize {
         let mut all = self.study.candidates().iter();
         all.position(|candidate| candidate.stands_in_for == Some(term)).unwrap_or(term)
     }
 
     /// Tries every candidate.
-    fn trials(&self, accepted: &[usize], round: usize) -> Vec<Trial> {
+    fn test_all(&self, accepted: &[usize], round: usize) -> Vec<CandidateTest> {
         let candidates = self.study.candidates();
         let wanted: Vec<usize> = (0..candidates.len())
             .filter(|&term| candidates[term].stands_in_for.is_none())
@@ -481,10 +495,10 @@ impl<'a, S: Study> Search<'a, S> {
         let n = wanted.len();
         let done = AtomicUsize::new(0);
         let try_one = |term| {
-            let trial = self.attempt(accepted, term);
+            let test = self.test_candidate(accepted, term);
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             (self.report)(Progress::Tried { round, done, of: n });
-            trial
+            test
         };
         wanted.into_par_iter().map(try_one).collect()
     }
@@ -502,8 +516,8 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// The model as configured, then with each term.
-    fn rungs(&self, accepted: &[usize]) -> Vec<Rung> {
-        let all = self.full(accepted, COMMON, None);
+    fn rungs(&self, accepted: &[usize]) -> Vec<LadderStep> {
+        let all = self.full_fit(accepted, COMMON, None);
         let upto = |n: usize| {
             if 0 < n {
                 self.prepare(&accepted[..n], &all);
@@ -513,17 +527,20 @@ impl<'a, S: Study> Search<'a, S> {
         (0..=accepted.len()).map(upto).collect()
     }
 
-    fn rung(&self, terms: &[usize]) -> Rung {
-        Rung { terms: terms.to_vec(), scores: Scores::of(&self.held_out(terms, COMMON)) }
+    fn rung(&self, terms: &[usize]) -> LadderStep {
+        LadderStep {
+            terms: terms.to_vec(),
+            scores: Scores::mean(&self.held_out_scores(terms, COMMON)),
+        }
     }
 }
 
-fn with(accepted: &[usize], term: usize) -> Vec<usize> {
+fn with_term(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().chain([term]).collect()
 }
 
 /// These terms but one.
-pub(super) fn without(accepted: &[usize], term: usize) -> Vec<usize> {
+pub(super) fn without_term(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().filter(|&other| other != term).collect()
 }
 

@@ -27,7 +27,7 @@ pub struct Condition {
 
 /// The tenth of the rows, by one covariate, in which two models differ most.
 #[must_use]
-pub fn greatest(difference: &PredictionDifference) -> Option<Condition> {
+pub fn greatest_difference(difference: &PredictionDifference) -> Option<Condition> {
     let total: f64 = difference.by_row.iter().sum();
     let n = difference.by_row.len();
     let mut best: Option<Condition> = None;
@@ -66,14 +66,14 @@ pub fn measurements<S: Study>(
     estimates: &[(usize, Vec<Estimate>)],
 ) -> Vec<NextMeasurement> {
     let candidates = study.candidates();
-    let chosen = search.full(&ladder.accepted, COMMON, None);
+    let chosen = search.full_fit(&ladder.accepted, COMMON, None);
     let mut all = Vec::new();
     for (place, &term) in ladder.accepted.iter().enumerate() {
-        let Some(trial) = ladder.trials.iter().find(|trial| trial.term == term) else { continue };
-        for &rival in trial.ties.iter().filter(|tie| !ladder.accepted.contains(tie)) {
+        let Some(test) = ladder.tests.iter().find(|test| test.term == term) else { continue };
+        for &rival in test.ties.iter().filter(|tie| !ladder.accepted.contains(tie)) {
             let mut terms = ladder.accepted.clone();
             terms[place] = rival;
-            let other = search.full(&terms, COMMON, Some(&chosen));
+            let other = search.full_fit(&terms, COMMON, Some(&chosen));
             let (a, b) = (&candidates[term].name, &candidates[rival].name);
             let aim = format!("to tell {a} from {b}");
             all.extend(measurement(study, (&chosen, &other), [a, b], &aim));
@@ -85,7 +85,7 @@ pub fn measurements<S: Study>(
             if high - low <= WEAK * value.abs() || !(high - low).is_finite() {
                 continue;
             }
-            let at = |end: f64| study.held(&chosen, *term, key, end);
+            let at = |end: f64| study.with_parameter_held(&chosen, *term, key, end);
             let (Some(least), Some(most)) = (at(*low), at(*high)) else { continue };
             let ends = [low, high].map(|end| format!("{key} = {end:.4}"));
             let aim = format!("to know {key} of {name} better than from {low:.4} to {high:.4}");
@@ -104,7 +104,7 @@ fn measurement<S: Study>(
 ) -> Option<NextMeasurement> {
     let difference = study.prediction_difference(one, other)?;
     // What would be told as 0.00 is no condition to measure under.
-    let at = greatest(&difference).filter(|at| 0.005 <= at.inside)?;
+    let at = greatest_difference(&difference).filter(|at| 0.005 <= at.inside)?;
     let sentence = sentence(aim, &at, difference.unit);
     Some(NextMeasurement {
         between: between.map(str::to_owned),
@@ -136,7 +136,8 @@ mod tests {
         let by_row = x.iter().map(|x| if (300.0..400.0).contains(x) { 2.0 } else { 0.5 }).collect();
         let other = (0..1000).map(|row| f64::from(row % 13)).collect();
         let covariates = vec![("other".to_owned(), other), ("x".to_owned(), x)];
-        let found = greatest(&PredictionDifference { by_row, unit: "dB", covariates }).unwrap();
+        let found =
+            greatest_difference(&PredictionDifference { by_row, unit: "dB", covariates }).unwrap();
         assert_eq!((found.covariate.as_str(), found.from, found.to), ("x", 300.0, 399.0));
         assert_eq!((found.inside, found.outside), (2.0, 0.5));
     }

@@ -100,7 +100,7 @@ struct Knob {
 
 /// A campaign with the effect in it, judged.
 #[derive(Clone, Copy, Debug)]
-struct Outcome {
+struct CampaignResult {
     is_found: bool,
     /// Gain in standard errors, less what is needed for significance.
     margin: f64,
@@ -119,16 +119,16 @@ pub fn power(
     report: &(dyn Fn(&str) + Sync),
 ) -> Result<Power, PowerError> {
     let subject = open::subject(table)?;
-    let plan = Plan::new(config, table, question, subject)?;
+    let plan = PowerPlan::new(config, table, question, subject)?;
     let knob = plan.knob()?;
     let mut asked = 0;
-    let mut at = |size: f64, n: u64| -> Result<Vec<Outcome>, PowerError> {
+    let mut at = |size: f64, n: u64| -> Result<Vec<CampaignResult>, PowerError> {
         let first = asked;
         asked += n;
         report(&format!("{} = {:.4}: {n} campaigns", knob.key, plan.value(&knob, size)));
         (first..asked)
             .into_par_iter()
-            .map(|k| plan.outcome(&knob, size, question.seed + k))
+            .map(|k| plan.run_campaign(&knob, size, question.seed + k))
             .collect()
     };
     // A first estimate: the gain in standard errors grows in proportion to the size.
@@ -145,7 +145,7 @@ pub fn power(
         let factor = ((critical + needed) / (critical + margin).max(0.5)).clamp(0.2, 3.0);
         size = (size * factor).min(knob.greatest);
     }
-    let mut points: Vec<(f64, u64, Vec<Outcome>)> = Vec::new();
+    let mut points: Vec<(f64, u64, Vec<CampaignResult>)> = Vec::new();
     for relative in SIZES {
         let size = (size * relative).min(knob.greatest);
         if points.iter().all(|(other, ..)| *other != size) {
@@ -154,7 +154,8 @@ pub fn power(
     }
     // Detections may begin elsewhere, where it is not significance that decides but whether it is worth having.
     for _ in 0..4 {
-        let share = |point: &(f64, u64, Vec<Outcome>)| found(&point.2) as f64 / point.1 as f64;
+        let share =
+            |point: &(f64, u64, Vec<CampaignResult>)| n_found(&point.2) as f64 / point.1 as f64;
         let next = match (points.first(), points.last()) {
             (Some(first), _) if POWER <= share(first) => first.0 * 0.6,
             (_, Some(last)) if share(last) < POWER && last.0 < knob.greatest => {
@@ -168,13 +169,13 @@ pub fn power(
     Ok(plan.answer(&knob, &points))
 }
 
-fn found(outcomes: &[Outcome]) -> usize {
+fn n_found(outcomes: &[CampaignResult]) -> usize {
     outcomes.iter().filter(|outcome| outcome.is_found).count()
 }
 
 /// The size at which a normal law over the logarithm of sizes reaches [`POWER`]: the likeliest one. `None`: even the greatest
 /// size is hardly ever found.
-fn size_of(points: &[(f64, u64, Vec<Outcome>)]) -> Option<f64> {
+fn detectable_size(points: &[(f64, u64, Vec<CampaignResult>)]) -> Option<f64> {
     let law = Normal::standard();
     let mut best: Option<(f64, f64)> = None;
     let (low, high) = (points.first()?.0 * 0.5, points.last()?.0 * 1.25);
@@ -185,7 +186,7 @@ fn size_of(points: &[(f64, u64, Vec<Outcome>)]) -> Option<f64> {
                 .iter()
                 .map(|(size, n, outcomes)| {
                     let p = law.cdf((libm::log(*size) - middle) / width).clamp(1e-3, 1.0 - 1e-3);
-                    let k = found(outcomes) as f64;
+                    let k = n_found(outcomes) as f64;
                     k * libm::log(p) + (*n as f64 - k) * libm::log(1.0 - p)
                 })
                 .sum();
@@ -200,7 +201,7 @@ fn size_of(points: &[(f64, u64, Vec<Outcome>)]) -> Option<f64> {
 }
 
 /// Files and question, read.
-struct Plan<'a> {
+struct PowerPlan<'a> {
     config: &'a Compared,
     table: &'a Table,
     question: &'a Question<'a>,
@@ -216,7 +217,7 @@ struct Plan<'a> {
     keys: Vec<(String, toml::Value)>,
 }
 
-impl<'a> Plan<'a> {
+impl<'a> PowerPlan<'a> {
     fn new(
         config: &'a Compared,
         table: &'a Table,
@@ -224,12 +225,14 @@ impl<'a> Plan<'a> {
         subject: Subject,
     ) -> Result<Self, PowerError> {
         let (n_candidates, n_blocks) = match subject {
-            Subject::Links => {
-                judged(&open::links(config, table, question.choices)?.0, question.effect)?
-            }
-            Subject::Robots => {
-                judged(&open::robots(config, table, question.choices)?.0, question.effect)?
-            }
+            Subject::Links => candidates_and_blocks(
+                &open::links(config, table, question.choices)?.0,
+                question.effect,
+            )?,
+            Subject::Robots => candidates_and_blocks(
+                &open::robots(config, table, question.choices)?.0,
+                question.effect,
+            )?,
         };
         let kind = question.effect.trim_end_matches(" (turn)");
         let (parameters, variants, section) = match subject {
@@ -403,41 +406,50 @@ impl<'a> Plan<'a> {
         acceptance::critical_t(self.n_candidates, self.n_blocks)
     }
 
-    fn outcome(&self, knob: &Knob, size: f64, seed: u64) -> Result<Outcome, PowerError> {
+    fn run_campaign(
+        &self,
+        knob: &Knob,
+        size: f64,
+        seed: u64,
+    ) -> Result<CampaignResult, PowerError> {
         let truth = self.with_effect(&knob.key, self.value(knob, size))?;
         let made = simulate::simulate(&truth, self.table, seed, Some(self.noise))?.to_table();
         let Question { effect, choices, .. } = *self.question;
         match self.subject {
-            Subject::Links => self.tried(&open::links(self.config, &made, choices)?.0, effect),
-            Subject::Robots => self.tried(&open::robots(self.config, &made, choices)?.0, effect),
+            Subject::Links => {
+                self.test_effect(&open::links(self.config, &made, choices)?.0, effect)
+            }
+            Subject::Robots => {
+                self.test_effect(&open::robots(self.config, &made, choices)?.0, effect)
+            }
         }
     }
 
     /// Whether an effect is accepted on a campaign.
-    fn tried<S: Study>(&self, study: &S, effect: &str) -> Result<Outcome, PowerError> {
+    fn test_effect<S: Study>(&self, study: &S, effect: &str) -> Result<CampaignResult, PowerError> {
         let term = extend::candidate(study, effect)?;
         let level = study.candidates()[term].level;
         let search = Search::new(study, &|_| {});
         let gain = search.gain(&[term], &[], level);
         let [before, after] =
-            [&[][..], &[term]].map(|terms| Scores::of(&search.held_out(terms, level)));
+            [&[][..], &[term]].map(|terms| Scores::mean(&search.held_out_scores(terms, level)));
         let floor = acceptance::least_share(&before, &before);
         let share_removed = |_| after.share_removed(&before);
         let verdict = acceptance::judge(&[gain], self.n_candidates, floor, share_removed)[0];
         let t = if 0.0 < gain.standard_error { gain.gain / gain.standard_error } else { 0.0 };
-        Ok(Outcome {
+        Ok(CampaignResult {
             is_found: verdict.is_acceptable(),
             margin: t - self.critical(),
             rmse: [before.rmse, after.rmse],
         })
     }
 
-    fn answer(&self, knob: &Knob, points: &[(f64, u64, Vec<Outcome>)]) -> Power {
+    fn answer(&self, knob: &Knob, points: &[(f64, u64, Vec<CampaignResult>)]) -> Power {
         let tried = points.iter().map(|(size, n, outcomes)| {
             let mean = |k: usize| outcomes.iter().map(|o| o.rmse[k]).sum::<f64>() / *n as f64;
             Size {
                 value: self.value(knob, *size),
-                found: found(outcomes),
+                found: n_found(outcomes),
                 campaigns: *n,
                 rmse: [mean(0), mean(1)],
             }
@@ -449,7 +461,7 @@ impl<'a> Plan<'a> {
             unit: knob.unit,
             neutral: knob.neutral,
             power: POWER,
-            value: size_of(points).map(|size| self.value(knob, size)),
+            value: detectable_size(points).map(|size| self.value(knob, size)),
             sentence: String::new(),
             noise: self.noise,
             candidates: self.n_candidates,
@@ -467,7 +479,7 @@ fn is_text(fixed: &Fixed, wanted: &str) -> bool {
 }
 
 /// How many candidates are counted, and into how many blocks the data fall at the level of an effect.
-fn judged<S: Study>(study: &S, effect: &str) -> Result<(usize, usize), PowerError> {
+fn candidates_and_blocks<S: Study>(study: &S, effect: &str) -> Result<(usize, usize), PowerError> {
     let term = extend::candidate(study, effect)?;
     let candidates = study.candidates();
     let blocks = study.blocks(candidates[term].level);

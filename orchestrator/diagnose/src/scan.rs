@@ -1,14 +1,14 @@
 //! What is left over when no effect gains any more: structure over a covariate.
 
 use super::acceptance::{FAMILY_ERROR, LEAST_SHARE, is_worth, share_scale};
-use super::ladder::{Ladder, Search, without};
+use super::ladder::{Ladder, Search, without_term};
 use numbers::power::square;
 use numbers::statistics::nth_quantile;
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, Gamma};
 use std::collections::BTreeMap;
 use study::folds::Blocks;
-use study::symbolic::Formula;
+use study::symbolic::FittedFormula;
 use study::{COMMON, Study};
 
 /// Bins of a covariate …
@@ -20,7 +20,7 @@ const FLIPS: u64 = 200;
 
 /// Structure over a covariate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Structure {
+pub struct ResidualStructure {
     /// The covariate.
     pub covariate: String,
     /// The share of what is left that it explains, what chance explains taken off.
@@ -28,21 +28,21 @@ pub struct Structure {
     /// Probability of as much by chance.
     pub p_value: f64,
     /// A short formula of the covariate, if there is one.
-    pub formula: Option<Formula>,
+    pub formula: Option<FittedFormula>,
 }
 
 /// What is left when the search has ended.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LeftOver {
+pub struct Unexplained {
     /// Formulas of the curves that were taken, by their names.
-    pub formulas: BTreeMap<String, Formula>,
+    pub formulas: BTreeMap<String, FittedFormula>,
     /// The strongest structure that nothing in the model explains.
-    pub structure: Option<Structure>,
+    pub structure: Option<ResidualStructure>,
 }
 
 /// Residuals that have a mean of 0 and a variance of 1 each where the model is right.
 #[derive(Clone, Copy, Debug)]
-pub struct Residuals<'a> {
+pub struct StandardisedResiduals<'a> {
     /// Row by row.
     pub values: &'a [f64],
     /// How many times greater the mean square error of the model as configured is than what is left: shares of the one are so
@@ -50,7 +50,7 @@ pub struct Residuals<'a> {
     pub configured: f64,
 }
 
-impl Residuals<'_> {
+impl StandardisedResiduals<'_> {
     /// Whether structure that explains this share is worth telling: as for effects, by nats, or by the share of the error.
     fn are_worth(&self, explained: f64) -> bool {
         let nats = -0.5 * libm::log(1.0 - explained);
@@ -61,31 +61,31 @@ impl Residuals<'_> {
 /// What the ladder leaves unexplained: for each curve that was accepted its formula, and the strongest structure of the residuals over a
 /// covariate.
 #[must_use]
-pub fn left_over<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> LeftOver {
+pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> Unexplained {
     let mut formulas = BTreeMap::new();
     for &term in &ladder.accepted {
         let candidate = &study.candidates()[term];
         if candidate.curve_over().is_none() {
             continue;
         }
-        let fit = search.full(&without(&ladder.accepted, term), COMMON, None);
+        let fit = search.full_fit(&without_term(&ladder.accepted, term), COMMON, None);
         if let Some(formula) = study.formula_of_curve(term, &fit) {
             formulas.insert(candidate.name.clone(), formula);
         }
     }
     let levels = study.scanned_blocks();
     if !ladder.is_complete() || levels.is_empty() {
-        return LeftOver { formulas, structure: None };
+        return Unexplained { formulas, structure: None };
     }
-    let fit = search.full(&ladder.accepted, COMMON, None);
+    let fit = search.full_fit(&ladder.accepted, COMMON, None);
     let unexplained = study.scanned_residuals(&fit);
     let (first, last) = (&ladder.rungs[0], &ladder.rungs[ladder.rungs.len() - 1]);
     let mean_square = unexplained.mean_square.unwrap_or_else(|| last.scores.mean_square());
     let scale = share_scale(first.scores.mean_square(), mean_square);
-    let residuals: Vec<Residuals<'_>> = unexplained
+    let residuals: Vec<StandardisedResiduals<'_>> = unexplained
         .components
         .iter()
-        .map(|component| Residuals {
+        .map(|component| StandardisedResiduals {
             values: &component.standardised,
             configured: if component.is_of_error { scale } else { 1.0 },
         })
@@ -94,7 +94,7 @@ pub fn left_over<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -
     if let Some(structure) = &mut structure {
         structure.formula = study.formula_of_residuals(&structure.covariate, &fit);
     }
-    LeftOver { formulas, structure }
+    Unexplained { formulas, structure }
 }
 
 /// The strongest structure, if there is any, in these residuals over `covariates`. Rows of one block of `levels` may depend on
@@ -102,9 +102,9 @@ pub fn left_over<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -
 #[must_use]
 pub fn strongest(
     covariates: &[(String, Vec<f64>)],
-    residuals: &[Residuals<'_>],
+    residuals: &[StandardisedResiduals<'_>],
     levels: &[&Blocks],
-) -> Option<Structure> {
+) -> Option<ResidualStructure> {
     let in_bins = |n_bins| strongest_in(covariates, residuals, levels, n_bins);
     in_bins(BINS).or_else(|| in_bins(FINE_BINS))
 }
@@ -112,24 +112,29 @@ pub fn strongest(
 /// The same in so many bins of each covariate.
 fn strongest_in(
     covariates: &[(String, Vec<f64>)],
-    residuals: &[Residuals<'_>],
+    residuals: &[StandardisedResiduals<'_>],
     levels: &[&Blocks],
     n_bins: usize,
-) -> Option<Structure> {
+) -> Option<ResidualStructure> {
     let tests = (2 * covariates.len() * residuals.len()).max(1) as f64;
-    let mut best: Option<Structure> = None;
+    let mut best: Option<ResidualStructure> = None;
     for (name, values) in covariates {
         let Some(bins) = binned(values, n_bins) else { continue };
         for residual in residuals {
-            let Some((explained, p_value)) = weighed(&bins, residual.values, levels, n_bins) else {
+            let Some((explained, p_value)) = test_structure(&bins, residual.values, levels, n_bins)
+            else {
                 continue;
             };
             let found = p_value < FAMILY_ERROR / tests
                 && residual.are_worth(explained)
                 && best.as_ref().is_none_or(|best| best.explained < explained);
             if found {
-                best =
-                    Some(Structure { covariate: name.clone(), explained, p_value, formula: None });
+                best = Some(ResidualStructure {
+                    covariate: name.clone(),
+                    explained,
+                    p_value,
+                    formula: None,
+                });
             }
         }
     }
@@ -153,7 +158,12 @@ fn binned(values: &[f64], n_bins: usize) -> Option<Vec<u8>> {
 
 /// The share of a residual's squares between bins, chance taken off, and its probability by chance: signs of whole blocks
 /// flipped at random (the wild cluster bootstrap of Cameron, Gelbach and Miller 2008), a gamma law fitted to what comes.
-fn weighed(bins: &[u8], residual: &[f64], levels: &[&Blocks], n_bins: usize) -> Option<(f64, f64)> {
+fn test_structure(
+    bins: &[u8],
+    residual: &[f64],
+    levels: &[&Blocks],
+    n_bins: usize,
+) -> Option<(f64, f64)> {
     let rows: Vec<usize> =
         (0..bins.len()).filter(|&row| bins[row] != u8::MAX && residual[row].is_finite()).collect();
     if rows.len() < 20 * n_bins {
@@ -234,7 +244,7 @@ mod tests {
         let covariates = [("x".to_owned(), x.clone()), ("other".to_owned(), other)];
         let blocks = blocks(n);
         let plain = noise(n);
-        let residuals = |values, configured| Residuals { values, configured };
+        let residuals = |values, configured| StandardisedResiduals { values, configured };
         assert_eq!(strongest(&covariates, &[residuals(&plain, 1.0)], &[&blocks]), None);
         let bent: Vec<f64> = plain
             .iter()
@@ -254,7 +264,7 @@ mod tests {
         let x: Vec<f64> = (0..n).map(|row| (row * 7919 % n) as f64 / n as f64).collect();
         let pulse = |x: &f64| if (10.0 * x).fract() < 0.5 { 0.3 } else { -0.3 };
         let values: Vec<f64> = noise(n).iter().zip(&x).map(|(z, x)| z + pulse(x)).collect();
-        let residuals = [Residuals { values: &values, configured: 1.0 }];
+        let residuals = [StandardisedResiduals { values: &values, configured: 1.0 }];
         let (covariates, blocks) = ([("x".to_owned(), x)], blocks(n));
         assert_eq!(strongest_in(&covariates, &residuals, &[&blocks], BINS), None);
         let found = strongest(&covariates, &residuals, &[&blocks]).unwrap();

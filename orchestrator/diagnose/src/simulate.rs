@@ -79,7 +79,7 @@ pub fn noise(config: &Compared, table: &Table, choices: &Choices) -> Result<f64,
 
 /// The noise of readings that a model leaves (dB).
 fn estimated_db(study: &LinkStudy) -> f64 {
-    Search::new(study, &|_| {}).full(&[], COMMON, None).instrument.sd_db
+    Search::new(study, &|_| {}).full_fit(&[], COMMON, None).instrument.sd_db
 }
 
 fn links(
@@ -101,7 +101,7 @@ fn links(
         with_noise = open::links(&config, table, &Choices::NONE)?.0;
         &with_noise.rows
     };
-    let drawn = Frames::new(rows, seed).all();
+    let drawn = FrameDraws::new(rows, seed).draw_all();
     let (mut names, mut columns) = copied(table, rows.links.rows.iter().map(|row| row.line));
     let mut put = |name: &str, values: Vec<f64>| {
         if let Some(place) = names.iter().position(|other| other == name) {
@@ -146,7 +146,7 @@ fn copied(table: &Table, lines: impl Iterator<Item = usize>) -> (Vec<String>, Ve
 
 /// What came of the frames of a row.
 #[derive(Clone, Copy, Debug)]
-struct Outcome {
+struct ReceivedFrames {
     n_received: f64,
     /// Mean reading; NaN where no frame was received.
     mean_dbm: f64,
@@ -155,19 +155,19 @@ struct Outcome {
 }
 
 /// Draws the frames of all rows.
-struct Frames<'a> {
+struct FrameDraws<'a> {
     rows: &'a Rows,
     seed: u64,
     /// The way that each mote has travelled until each row of it, by row: of the sender and of the receiver (m).
     ways_m: Vec<[f64; 2]>,
 }
 
-impl<'a> Frames<'a> {
+impl<'a> FrameDraws<'a> {
     fn new(rows: &'a Rows, seed: u64) -> Self {
         Self { rows, seed, ways_m: ways(&rows.links.rows) }
     }
 
-    fn all(&self) -> Vec<Outcome> {
+    fn draw_all(&self) -> Vec<ReceivedFrames> {
         // Of frames of one link at one moment each has draws of its own.
         let mut sent: BTreeMap<(u32, u32, u64), u64> = BTreeMap::new();
         (0..self.rows.len())
@@ -178,13 +178,13 @@ impl<'a> Frames<'a> {
                 let first_ns = time_ns + *before;
                 let n_frames = measured.frames as u64;
                 *before += n_frames;
-                self.outcome(row, first_ns, n_frames)
+                self.draw_row(row, first_ns, n_frames)
             })
             .collect()
     }
 
     /// Frames of a row: the first at this time, the others each a nanosecond later.
-    fn outcome(&self, row: usize, first_ns: u64, n_frames: u64) -> Outcome {
+    fn draw_row(&self, row: usize, first_ns: u64, n_frames: u64) -> ReceivedFrames {
         let measured = &self.rows.links.rows[row];
         let (tx, rx) = (measured.tx, measured.rx);
         let quantum_db = self.rows.links.readings.quantum_db;
@@ -220,7 +220,11 @@ impl<'a> Frames<'a> {
         });
         let mean_dbm = if 0.0 < n { sum / n } else { f64::NAN };
         let variance = (squares - n * mean_dbm * mean_dbm).max(0.0) / (n - 1.0);
-        Outcome { n_received: n, mean_dbm, sd_db: if 1.0 < n { variance.sqrt() } else { f64::NAN } }
+        ReceivedFrames {
+            n_received: n,
+            mean_dbm,
+            sd_db: if 1.0 < n { variance.sqrt() } else { f64::NAN },
+        }
     }
 }
 

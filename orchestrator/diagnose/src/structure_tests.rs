@@ -15,7 +15,7 @@ use robotsim::catalogue::Catalogue;
 use study::choices::Choices;
 use study::folds::scramble;
 use study::open::Subject;
-use study::robots::{Given, RobotStudy};
+use study::robots::{RobotStudy, StatedSettings};
 use study::{COMMON, Study as _};
 
 /// Robots that a tide carries to the east, always, now more and now less: by as much as the noise in some seconds.
@@ -37,7 +37,8 @@ fn study(table: &Table) -> RobotStudy {
         proto::config::check(&node, "", spec, &Catalogue::built_in().lists(), &mut Vec::new())
             .table;
     let robots = robots::read(table).unwrap();
-    RobotStudy::new(robots, &dynamics, Given::default(), (&Choices::default(), table)).unwrap()
+    RobotStudy::new(robots, &dynamics, StatedSettings::default(), (&Choices::default(), table))
+        .unwrap()
 }
 
 fn index(study: &RobotStudy, name: &str) -> usize {
@@ -49,13 +50,13 @@ fn index(study: &RobotStudy, name: &str) -> usize {
 fn what_no_effect_explains_is_one_thing_with_its_mean() {
     let study = study(&carried(6000));
     let search = Search::new(&study, &|_| {});
-    let ladder = search.climb();
+    let ladder = search.stepwise_selection();
     let names = |terms: &[usize]| -> Vec<String> {
         terms.iter().map(|&term| study.candidates()[term].name.clone()).collect()
     };
     assert_eq!(names(&ladder.accepted), ["curve:tide_m"]);
     let wind = study.fit(&[index(&study, "wind")], &study.fitted_rows(), Level::Time, None);
-    let found = search.full(&ladder.accepted, COMMON, None);
+    let found = search.full_fit(&ladder.accepted, COMMON, None);
     let likelihoods = [study.configured(), &wind, &found].map(|fit| study.log_likelihood(fit));
     assert!(likelihoods[0] + 100.0 < likelihoods[1], "{likelihoods:?}");
     assert!(likelihoods[1] + 50.0 < likelihoods[2], "{likelihoods:?}");
@@ -65,7 +66,7 @@ fn what_no_effect_explains_is_one_thing_with_its_mean() {
         searched: None,
         account: &Account::default(),
     };
-    let left = scan::left_over(&study, &search, &ladder);
+    let left = scan::scan_residuals(&study, &search, &ladder);
     let diagnosis = answer(&study, &search, &ladder, measurements, &left, None);
     let curves = diagnosis.candidates.iter().filter(|it| it.effect == "curve:tide_m");
     assert_eq!(curves.map(|curve| curve.accepted).collect::<Vec<_>>(), [true]);

@@ -1,7 +1,7 @@
 //! A formula of the user's on the command line.
 
 use clap::Args;
-use study::formula::Wanted;
+use study::formula::FormulaRequest;
 
 /// A formula to be fitted.
 #[derive(Args)]
@@ -25,8 +25,8 @@ pub(super) struct FormulaArgs {
 
 impl FormulaArgs {
     /// The formula, if there is one.
-    pub(super) fn wanted(&self) -> Option<Wanted> {
-        Some(Wanted {
+    pub(super) fn wanted(&self) -> Option<FormulaRequest> {
+        Some(FormulaRequest {
             expression: self.formula.clone()?,
             parameters: self.parameter.clone(),
             target: self.target.clone(),

@@ -21,7 +21,7 @@ use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use study::choices::{Choices, Split};
+use study::choices::{Choices, SplitBy};
 use study::formula::FORMULA;
 use study::links::LinkStudy;
 use study::open::{self, Account, Subject};
@@ -69,7 +69,7 @@ enum SplitArg {
     Run,
 }
 
-impl From<SplitArg> for Split {
+impl From<SplitArg> for SplitBy {
     fn from(split: SplitArg) -> Self {
         match split {
             SplitArg::Time => Self::Time,
@@ -150,7 +150,7 @@ impl ChoiceArgs {
     pub(super) fn choices(&self) -> Choices {
         Choices {
             condition: self.condition.clone(),
-            split: self.split.map(Split::from),
+            split: self.split.map(SplitBy::from),
             fit_runs: self.fit_runs.clone(),
             score_runs: self.score_runs.clone(),
             window_s: self.window,
@@ -166,7 +166,8 @@ impl ChoiceArgs {
         };
         [
             self.condition.as_ref().map_or_else(String::new, |text| format!(" --where '{text}'")),
-            self.split.map_or_else(String::new, |split| format!(" --split {}", Split::from(split))),
+            self.split
+                .map_or_else(String::new, |split| format!(" --split {}", SplitBy::from(split))),
             runs("fit-runs", &self.fit_runs),
             runs("score-runs", &self.score_runs),
             self.window.map_or_else(String::new, |window_s| format!(" --window {window_s}")),
@@ -324,11 +325,11 @@ impl Pictures {
         tracing::info!("drawing");
         let robots = study.robots();
         let place = |sample: &Sample| [sample.position_m[0], sample.position_m[1]];
-        let before = study.errors_by_horizon(&search.full(&[], COMMON, None));
+        let before = study.errors_by_horizon(&search.full_fit(&[], COMMON, None));
         let after = if terms.is_empty() {
             Vec::new()
         } else {
-            study.errors_by_horizon(&search.full(terms, COMMON, None))
+            study.errors_by_horizon(&search.full_fit(terms, COMMON, None))
         };
         let horizons = before
             .into_iter()
@@ -539,7 +540,7 @@ fn extend_with<S: Study>(
     let report = |progress: Progress<'_>| log.log(progress);
     let search = Search::new(study, &report);
     let terms = if args.all {
-        search.climb().accepted
+        search.stepwise_selection().accepted
     } else {
         let formula = args.formula.wanted().map(|_| FORMULA);
         let found: Result<Vec<usize>, _> = args
@@ -581,9 +582,9 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
             let log = SearchLog::new();
             let report = |progress: Progress<'_>| log.log(progress);
-            let search = Search::new(searched, &report).until(stop);
-            let ladder = search.climb();
-            let left = scan::left_over(searched, &search, &ladder);
+            let search = Search::new(searched, &report).with_stop_flag(stop);
+            let ladder = search.stepwise_selection();
+            let left = scan::scan_residuals(searched, &search, &ladder);
             let measurements = Measurements {
                 subject: Subject::Links,
                 error_unit: data.unit(),
@@ -609,9 +610,9 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             account_text(&account);
             let log = SearchLog::new();
             let report = |progress: Progress<'_>| log.log(progress);
-            let search = Search::new(&study, &report).until(stop);
-            let ladder = search.climb();
-            let left = scan::left_over(&study, &search, &ladder);
+            let search = Search::new(&study, &report).with_stop_flag(stop);
+            let ladder = search.stepwise_selection();
+            let left = scan::scan_residuals(&study, &search, &ladder);
             let measurements = Measurements {
                 subject: Subject::Robots,
                 error_unit: "m",

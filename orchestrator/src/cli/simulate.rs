@@ -68,7 +68,7 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
     if 0 < simulated.n_left_out {
         warn(format!("{} rows cannot be used, and are left out", simulated.n_left_out));
     }
-    write_json(args.json.as_deref(), &Simulation::of(&simulated, args.seed))
+    write_json(args.json.as_deref(), &Simulation::summarise(&simulated, args.seed))
 }
 
 fn write(path: &Path, ending: &str, simulated: &Simulated) -> Result<(), Failure> {

@@ -11,7 +11,7 @@ pub struct Choices {
     /// A condition over columns and derived covariates: rows on which it does not hold are not used.
     pub condition: Option<String>,
     /// What is left out together, at every level.
-    pub split: Option<Split>,
+    pub split: Option<SplitBy>,
     /// Campaigns that models are fitted to; empty: all that are not scored.
     pub fit_runs: Vec<u32>,
     /// Campaigns that are predicted; empty: all that are not fitted to. Both empty: folds.
@@ -36,7 +36,7 @@ impl Choices {
 
 /// What is left out together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Split {
+pub enum SplitBy {
     /// Parts of the time that was measured.
     Time,
     /// Pairs of nodes, both directions together.
@@ -49,7 +49,7 @@ pub enum Split {
     Run,
 }
 
-impl Split {
+impl SplitBy {
     /// As it is typed.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -63,7 +63,7 @@ impl Split {
     }
 }
 
-impl fmt::Display for Split {
+impl fmt::Display for SplitBy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
@@ -87,11 +87,11 @@ pub enum ChoiceError {
     #[error("--split {split}: {reason}; the nearest that these data allow is --split {nearest}")]
     Split {
         /// What was asked for.
-        split: Split,
+        split: SplitBy,
         /// Why not.
         reason: String,
         /// What can be asked for.
-        nearest: Split,
+        nearest: SplitBy,
     },
     /// There is no such campaign.
     #[error("{option}: there is no run {run}, the nearest is {nearest}; there are {}", listed(.known))]
@@ -181,7 +181,7 @@ fn listed(runs: &[u32]) -> String {
 }
 
 /// Rows of a study as a condition sees them.
-pub struct Seen<'a> {
+pub struct ConditionRows<'a> {
     /// The file.
     pub table: &'a Table,
     /// The line of each row in it.
@@ -196,7 +196,7 @@ pub struct Seen<'a> {
 
 /// Which rows are used.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Kept {
+pub struct RowSelection {
     /// Row by row.
     pub rows: Vec<bool>,
     /// The others, by reason.
@@ -249,9 +249,10 @@ impl Choices {
     /// # Errors
     ///
     /// The condition cannot be read, or holds nowhere.
-    pub fn kept(&self, seen: &Seen<'_>) -> Result<Kept, ChoiceError> {
+    pub fn select_rows(&self, seen: &ConditionRows<'_>) -> Result<RowSelection, ChoiceError> {
         let n = seen.lines.len();
-        let mut kept = Kept { rows: vec![true; n], rejected: Vec::new(), asked: Vec::new() };
+        let mut kept =
+            RowSelection { rows: vec![true; n], rejected: Vec::new(), asked: Vec::new() };
         if let Some(condition) = &self.condition {
             let (truths, asked) = truths(condition, seen)?;
             kept.asked = asked;
@@ -279,15 +280,20 @@ impl Choices {
 
     /// Which rows are scored, by a fit to all others, of rows of these campaigns; none where rows are left out in turn.
     #[must_use]
-    pub fn scored(&self, runs: &[u32]) -> Option<Vec<bool>> {
+    pub fn scored_rows(&self, runs: &[u32]) -> Option<Vec<bool>> {
         let of_runs = || runs.iter().map(|run| self.score_runs.contains(run)).collect();
         (!self.score_runs.is_empty()).then(of_runs)
     }
 }
 
-impl Kept {
+impl RowSelection {
     /// Leaves rows out that are still in.
-    fn leave_out(&mut self, seen: &Seen<'_>, reason: String, is_out: impl Fn(usize) -> bool) {
+    fn leave_out(
+        &mut self,
+        seen: &ConditionRows<'_>,
+        reason: String,
+        is_out: impl Fn(usize) -> bool,
+    ) {
         let mut first_line = usize::MAX;
         let mut n = 0;
         for row in 0..self.rows.len() {
@@ -304,7 +310,10 @@ impl Kept {
 }
 
 /// The value of a condition on each row, and what it asks for.
-fn truths(condition: &str, seen: &Seen<'_>) -> Result<(Vec<f64>, Vec<String>), ChoiceError> {
+fn truths(
+    condition: &str,
+    seen: &ConditionRows<'_>,
+) -> Result<(Vec<f64>, Vec<String>), ChoiceError> {
     let columns = seen.table.names().iter().map(String::as_str);
     let derived = seen.derived.iter().map(|(name, _)| name.as_str());
     let mut known: Vec<&str> = columns.chain(derived).collect();
@@ -337,8 +346,8 @@ fn truths(condition: &str, seen: &Seen<'_>) -> Result<(Vec<f64>, Vec<String>), C
 mod tests {
     use super::*;
 
-    fn seen(table: &Table) -> Seen<'_> {
-        Seen {
+    fn seen(table: &Table) -> ConditionRows<'_> {
+        ConditionRows {
             table,
             lines: vec![2, 3, 4, 5],
             runs: vec![1, 1, 2, 3],
@@ -357,7 +366,7 @@ mod tests {
         let table = table();
         let of = |condition: &str| {
             let choices = Choices { condition: Some(condition.to_owned()), ..Choices::default() };
-            choices.kept(&seen(&table))
+            choices.select_rows(&seen(&table))
         };
         let kept = of("pdr > 0.5").unwrap();
         assert_eq!(kept.rows, [true, false, false, true]);
@@ -386,7 +395,7 @@ mod tests {
         assert_eq!(of(&[], &[3]).unwrap().fit_runs, [1, 2]);
         let both = of(&[1], &[3]).unwrap();
         let table = table();
-        assert_eq!(both.kept(&seen(&table)).unwrap().rows, [true, true, false, true]);
+        assert_eq!(both.select_rows(&seen(&table)).unwrap().rows, [true, true, false, true]);
         assert_eq!(of(&[1], &[1]).unwrap_err(), ChoiceError::Both { run: 1 });
         let error = of(&[1], &[9]).unwrap_err().to_string();
         assert!(error.contains("no run 9, the nearest is 3; there are 1, 2, 3"), "{error}");

@@ -9,7 +9,7 @@ pub const FORMULA: &str = "formula";
 
 /// A formula as the user writes it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wanted {
+pub struct FormulaRequest {
     /// The expression.
     pub expression: String,
     /// Its parameters: each with its start, least and greatest value.
@@ -20,7 +20,7 @@ pub struct Wanted {
 
 /// A formula that suits the measurements: an effect whose parameters are to be fitted.
 #[derive(Clone, Debug)]
-pub struct Asked {
+pub struct FormulaCandidate {
     /// Its checked table, parameters at their starts.
     pub table: toml::Table,
     /// What is fitted.
@@ -53,9 +53,9 @@ pub fn set(table: &mut toml::Table, key: &str, value: f64) {
 /// A formula cannot be fitted: all that is wrong with it, a line each.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the formula cannot be fitted to these data\n{0}")]
-pub struct FormulaError(String);
+pub struct FormulaFitError(String);
 
-impl Wanted {
+impl FormulaRequest {
     /// The effect that it is.
     ///
     /// * `spec`, `lists`, `rest`: what is asked of the table of an effect, key by key and together.
@@ -72,7 +72,7 @@ impl Wanted {
         rest: fn(&toml::Table, &str, &mut Vec<Problem>),
         known: &[&str],
         columns: &[&str],
-    ) -> Result<Asked, FormulaError> {
+    ) -> Result<FormulaCandidate, FormulaFitError> {
         let mut problems = Vec::new();
         let node =
             Node { value: Value::from(&toml::Value::Table(self.written(known))), span: None };
@@ -81,14 +81,14 @@ impl Wanted {
         let mut wrong: Vec<String> = problems.iter().map(ToString::to_string).collect();
         wrong.extend(self.strangers(known, columns));
         if !wrong.is_empty() {
-            return Err(FormulaError(wrong.join("\n")));
+            return Err(FormulaFitError(wrong.join("\n")));
         }
         let parameters = self
             .parameters
             .iter()
             .map(|(name, range)| Parameter::of_formula(name, *range))
             .collect();
-        Ok(Asked { table, parameters })
+        Ok(FormulaCandidate { table, parameters })
     }
 
     /// The table of an effect as a configuration has it.
@@ -148,7 +148,7 @@ impl Wanted {
     }
 }
 
-impl Asked {
+impl FormulaCandidate {
     /// Where a fit starts.
     #[must_use]
     pub fn starts(&self) -> Vec<f64> {

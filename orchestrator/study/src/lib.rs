@@ -16,7 +16,7 @@ pub mod view;
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};
 use serde::Serialize;
-use symbolic::Formula;
+use symbolic::FittedFormula;
 
 /// Before the covariate in the name of a curve of what is read …
 pub const CURVE: &str = "curve:";
@@ -157,7 +157,7 @@ pub trait Study: Sync {
     fn n_rows(&self) -> usize;
 
     /// How many rows say what one that is independent of the others would.
-    fn rows_of_one(&self) -> f64 {
+    fn design_effect(&self) -> f64 {
         1.0
     }
 
@@ -170,7 +170,7 @@ pub trait Study: Sync {
     fn blocks(&self, level: Level) -> &Blocks;
 
     /// The level that decides how rows are left out: what is random is judged on blocks of time, unless told otherwise.
-    fn judged(&self, level: Level) -> Level {
+    fn judging_level(&self, level: Level) -> Level {
         if level == Level::Random { Level::Time } else { level }
     }
 
@@ -214,13 +214,19 @@ pub trait Study: Sync {
 
     /// A short formula of the covariate of an accepted curve, for the residuals of a fit without that curve. None where the term is no
     /// curve, or no formula fits.
-    fn formula_of_curve(&self, term: usize, fit_without: &Self::Fit) -> Option<Formula>;
+    fn formula_of_curve(&self, term: usize, fit_without: &Self::Fit) -> Option<FittedFormula>;
 
     /// A short formula of a covariate for the residuals of a fit.
-    fn formula_of_residuals(&self, covariate: &str, fit: &Self::Fit) -> Option<Formula>;
+    fn formula_of_residuals(&self, covariate: &str, fit: &Self::Fit) -> Option<FittedFormula>;
 
     /// A fit with a parameter of a term at another value, all others following; none where the term has no such parameter.
-    fn held(&self, _fit: &Self::Fit, _term: usize, _key: &str, _value: f64) -> Option<Self::Fit> {
+    fn with_parameter_held(
+        &self,
+        _fit: &Self::Fit,
+        _term: usize,
+        _key: &str,
+        _value: f64,
+    ) -> Option<Self::Fit> {
         None
     }
 

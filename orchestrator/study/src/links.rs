@@ -43,20 +43,20 @@ mod view;
 
 use super::choices::{ChoiceError, Choices};
 use super::folds::Blocks;
-use super::symbolic::Formula;
+use super::symbolic::FittedFormula;
 use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study};
 use basis::{Bases, Basis};
-use cells::{Cells, Deviations, Random};
-use fit::{Free, LinkFit, Problem, Steps};
+use cells::{Random, RandomEffectSds, RowCells};
+use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
 use likelihood::Instrument;
 use netsim::phy::scatter::{Law, Renewal};
-use passing::Spread;
+use passing::PowerMixture;
 use predict::Above;
 use proto::effect::Level;
 use rows::Rows;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use terms::{Spec, State};
+use terms::{TermSpec, TermState};
 
 /// Lengths (m) over which shadowing may change: correlations fall as e^(-way / length).
 const DECORRELATION_M: [f64; 4] = [0.5, 1.5, 4.0, 10.0];
@@ -76,15 +76,15 @@ pub struct LinkStudy {
     /// The measurements and the model.
     pub rows: Rows,
     candidates: Vec<Candidate>,
-    specs: Vec<Spec>,
+    specs: Vec<TermSpec>,
     time: Blocks,
     place: Blocks,
     /// Links and channels, where nothing was measured twice.
     once: Option<Blocks>,
     /// Cells by decorrelation length; the second is used where nothing is said.
-    cells: Vec<(f64, Cells)>,
+    cells: Vec<(f64, RowCells)>,
     fixed_sd_db: Option<f64>,
-    configured: Deviations,
+    configured: RandomEffectSds,
     bases: Bases,
     /// What was chosen by hand.
     choices: Choices,
@@ -93,8 +93,8 @@ pub struct LinkStudy {
 }
 
 /// How a random contribution varies from frame to frame.
-pub(super) fn spread_of(law: &Law) -> Spread {
-    Spread(law.levels())
+pub(super) fn spread_of(law: &Law) -> PowerMixture {
+    PowerMixture(law.levels())
 }
 
 impl LinkStudy {
@@ -154,7 +154,7 @@ impl LinkStudy {
 
     /// What each term is made of.
     #[must_use]
-    pub fn specs(&self) -> &[Spec] {
+    pub fn specs(&self) -> &[TermSpec] {
         &self.specs
     }
 
@@ -167,21 +167,25 @@ impl LinkStudy {
     /// What an error may depend on: a value per row.
     #[must_use]
     pub fn covariates(&self) -> Vec<(String, Vec<f64>)> {
-        covariates::of(&self.rows)
+        covariates::by_name(&self.rows)
     }
 
-    fn specs_of(&self, terms: &[usize]) -> Vec<&Spec> {
+    fn specs_of(&self, terms: &[usize]) -> Vec<&TermSpec> {
         terms.iter().map(|&term| &self.specs[term]).collect()
     }
 
     /// Random levels of a model with these terms, where a search for them starts.
-    fn deviations(&self, specs: &[&Spec], level: Level) -> (Deviations, Free) {
-        let has = |wanted: fn(&Spec) -> bool| specs.iter().any(|spec| wanted(spec));
+    fn deviations(
+        &self,
+        specs: &[&TermSpec],
+        level: Level,
+    ) -> (RandomEffectSds, FreeRandomEffects) {
+        let has = |wanted: fn(&TermSpec) -> bool| specs.iter().any(|spec| wanted(spec));
         let carried = level == Level::Place;
-        let nodes = has(|spec| matches!(spec, Spec::NodeOffset(_))) || carried;
-        let channel = has(|spec| matches!(spec, Spec::Multipath(_)));
+        let nodes = has(|spec| matches!(spec, TermSpec::NodeOffset(_))) || carried;
+        let channel = has(|spec| matches!(spec, TermSpec::Multipath(_)));
         // Channels that are near each other fade alike: what a link's channels share belongs to them.
-        let link = has(|spec| matches!(spec, Spec::Shadowing(_))) || carried || channel;
+        let link = has(|spec| matches!(spec, TermSpec::Shadowing(_))) || carried || channel;
         let of = |configured: f64, wanted: bool, start: f64| {
             if 0.0 < configured {
                 configured
@@ -192,16 +196,16 @@ impl LinkStudy {
             }
         };
         if self.rows.links.readings.is_given {
-            return (Deviations::default(), Free::default());
+            return (RandomEffectSds::default(), FreeRandomEffects::default());
         }
         let known = self.configured;
-        let sd = Deviations {
+        let sd = RandomEffectSds {
             link_db: of(known.link_db, link, 2.0),
             channel_db: of(known.channel_db, channel, 2.0),
             tx_db: of(known.tx_db, nodes, 1.0),
             rx_db: of(known.rx_db, nodes, 1.0),
         };
-        let free = Free {
+        let free = FreeRandomEffects {
             link: known.link_db == 0.0 && link,
             channel: known.channel_db == 0.0 && channel,
             nodes: known.tx_db == 0.0 && known.rx_db == 0.0 && nodes,
@@ -214,7 +218,7 @@ impl LinkStudy {
         self.cells.iter().map(|(length, _)| *length).filter(|length| FINEST_M < *length)
     }
 
-    fn cells(&self, decorrelation_m: f64) -> &Cells {
+    fn cells(&self, decorrelation_m: f64) -> &RowCells {
         let nearest = self
             .cells
             .iter()
@@ -228,19 +232,25 @@ impl LinkStudy {
     }
 
     /// The length over which levels of links change, in the states of a fit.
-    fn decorrelation_m(specs: &[&Spec], states: &[State], level: Level) -> f64 {
-        let of = |wanted: fn(&Spec) -> bool| {
+    fn decorrelation_m(specs: &[&TermSpec], states: &[TermState], level: Level) -> f64 {
+        let of = |wanted: fn(&TermSpec) -> bool| {
             specs.iter().zip(states).find(move |(spec, _)| wanted(spec)).map(|(_, state)| state)
         };
-        if let Some(shadowing) = of(|spec| matches!(spec, Spec::Shadowing(_))) {
+        if let Some(shadowing) = of(|spec| matches!(spec, TermSpec::Shadowing(_))) {
             let length = shadowing.table.get("decorrelation_m").and_then(toml::Value::as_float);
             return length.unwrap_or(PLACE_M);
         }
-        let fades = of(|spec| matches!(spec, Spec::Multipath(_))).is_some();
+        let fades = of(|spec| matches!(spec, TermSpec::Multipath(_))).is_some();
         if fades && level != Level::Place { FINEST_M } else { PLACE_M }
     }
 
-    fn run(&self, terms: &[usize], states: Vec<State>, train: &[u32], from: From<'_>) -> LinkFit {
+    fn run(
+        &self,
+        terms: &[usize],
+        states: Vec<TermState>,
+        train: &[u32],
+        from: From<'_>,
+    ) -> LinkFit {
         let From { level, parent, is_trial, held, most_steps } = from;
         let specs = self.specs_of(terms);
         let (mut sd, free) = self.deviations(&specs, level);
@@ -261,13 +271,13 @@ impl LinkStudy {
                 }
             };
             let known = parent.random.sd;
-            sd = Deviations {
+            sd = RandomEffectSds {
                 link_db: warm(known.link_db, sd.link_db, free.link),
                 channel_db: warm(known.channel_db, sd.channel_db, free.channel),
                 tx_db: warm(known.tx_db, sd.tx_db, free.nodes),
                 rx_db: warm(known.rx_db, sd.rx_db, free.nodes),
             };
-            random = parent.random.with(sd);
+            random = parent.random.with_sds(sd);
         }
         let exact: Vec<Option<Arc<Basis>>> = terms
             .iter()
@@ -293,7 +303,7 @@ impl LinkStudy {
             .map(|(place, exact)| exact.clone().or_else(|| line(place)))
             .collect();
         let is_exact = bases.iter().map(Option::is_some).eq(exact.iter().map(Option::is_some));
-        let mut problem = Problem {
+        let mut problem = FitProblem {
             rows: &self.rows,
             specs: specs.clone(),
             cells,
@@ -310,13 +320,13 @@ impl LinkStudy {
         // Who starts with the same terms has its spreads already.
         let is_same = parent.is_some_and(|parent| parent.terms == terms);
         let rounds = if is_same { WARM_ROUNDS } else { MOST_ROUNDS };
-        let steps = Steps { most_steps, rounds };
+        let steps = IterationLimits { most_steps, rounds };
         let fit = problem.fit(terms, states, noise, random, steps);
         if is_trial || is_exact {
             return fit;
         }
         problem.bases = exact;
-        let steps = Steps { most_steps, rounds: 1 };
+        let steps = IterationLimits { most_steps, rounds: 1 };
         problem.fit(terms, fit.states, Some(fit.instrument.noise()), fit.random, steps)
     }
 }
@@ -338,12 +348,12 @@ struct From<'a> {
 
 impl<'a> From<'a> {
     /// A trial on top of a parent, if there is one.
-    fn trial(level: Level, parent: Option<&'a LinkFit>) -> Self {
+    fn quick(level: Level, parent: Option<&'a LinkFit>) -> Self {
         Self { level, parent, is_trial: true, held: None, most_steps: TRIAL_STEPS }
     }
 
     /// A fit to convergence.
-    fn whole(level: Level, parent: Option<&'a LinkFit>) -> Self {
+    fn to_convergence(level: Level, parent: Option<&'a LinkFit>) -> Self {
         Self { level, parent, is_trial: false, held: None, most_steps: MOST_STEPS }
     }
 }
@@ -376,7 +386,7 @@ impl Study for LinkStudy {
         }
     }
 
-    fn judged(&self, level: Level) -> Level {
+    fn judging_level(&self, level: Level) -> Level {
         if level == Level::Random && self.once.is_none() { Level::Time } else { level }
     }
 
@@ -397,7 +407,7 @@ impl Study for LinkStudy {
             (!again).then(|| fit.states[index].clone())
         };
         // One term at a time may be new: the others start where they were.
-        let mut starts: Vec<Vec<State>> = vec![Vec::new()];
+        let mut starts: Vec<Vec<TermState>> = vec![Vec::new()];
         for &term in terms {
             let options = match known(term) {
                 Some(state) => vec![state],
@@ -416,17 +426,22 @@ impl Study for LinkStudy {
         let best = if starts.len() == 1 {
             starts.swap_remove(0)
         } else {
-            let from =
-                if asks_for_links { From::whole(level, start) } else { From::trial(level, start) };
+            let from = if asks_for_links {
+                From::to_convergence(level, start)
+            } else {
+                From::quick(level, start)
+            };
             self.best_of(terms, starts, train, from).map(|fit| fit.states).unwrap_or_default()
         };
-        self.run(terms, best, train, From::whole(level, start))
+        self.run(terms, best, train, From::to_convergence(level, start))
     }
 
     fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
         let (&term, _) = terms.split_last()?;
-        if matches!(self.specs[term], Spec::Shadowing(_) | Spec::Multipath(_) | Spec::NodeOffset(_))
-        {
+        if matches!(
+            self.specs[term],
+            TermSpec::Shadowing(_) | TermSpec::Multipath(_) | TermSpec::NodeOffset(_)
+        ) {
             return None;
         }
         let all = self.fitted_rows();
@@ -435,7 +450,7 @@ impl Study for LinkStudy {
             .into_iter()
             .map(|state| parent.states.iter().cloned().chain([state]).collect())
             .collect();
-        self.best_of(terms, starts, &all, From::trial(level, Some(parent)))
+        self.best_of(terms, starts, &all, From::quick(level, Some(parent)))
     }
 
     fn prediction_difference(
@@ -459,15 +474,21 @@ impl Study for LinkStudy {
         self.standardised(fit)
     }
 
-    fn formula_of_curve(&self, term: usize, fit_without: &LinkFit) -> Option<Formula> {
+    fn formula_of_curve(&self, term: usize, fit_without: &LinkFit) -> Option<FittedFormula> {
         self.curve_as_formula(term, fit_without)
     }
 
-    fn formula_of_residuals(&self, covariate: &str, fit: &LinkFit) -> Option<Formula> {
+    fn formula_of_residuals(&self, covariate: &str, fit: &LinkFit) -> Option<FittedFormula> {
         self.residuals_as_formula(covariate, fit)
     }
 
-    fn held(&self, fit: &LinkFit, term: usize, key: &str, value: f64) -> Option<LinkFit> {
+    fn with_parameter_held(
+        &self,
+        fit: &LinkFit,
+        term: usize,
+        key: &str,
+        value: f64,
+    ) -> Option<LinkFit> {
         self.held_at(fit, term, key, value)
     }
 
@@ -484,7 +505,7 @@ impl Study for LinkStudy {
             .map(|&row| {
                 let row = row as usize;
                 let level = fit.level((&self.rows, &specs), row, &otherwise);
-                let above = Above::of(fit, cells, row);
+                let above = Above::for_row(fit, cells, row);
                 self.score(fit, row, (&level, &otherwise), above, &mut tables)
             })
             .collect()
@@ -500,8 +521,8 @@ impl Study for LinkStudy {
 }
 
 /// Random levels that the configuration itself has.
-fn configured(rows: &Rows) -> Deviations {
-    let mut known = Deviations::default();
+fn configured(rows: &Rows) -> RandomEffectSds {
+    let mut known = RandomEffectSds::default();
     for scatter in rows.model.scatters().iter().filter(|scatter| scatter.renewal != Renewal::Frame)
     {
         match (scatter.law, scatter.renewal) {

@@ -1,12 +1,12 @@
 //! From two files, measurements and a configuration, to a study.
 
 use super::Study;
-use super::choices::{ChoiceError, Choices, Seen};
+use super::choices::{ChoiceError, Choices, ConditionRows};
 use super::folds::FEWEST_BLOCKS;
 use super::links::LinkStudy;
 use super::links::covariates;
 use super::links::rows::Rows;
-use super::robots::{Given, RobotStudy, RobotStudyError};
+use super::robots::{RobotStudy, RobotStudyError, StatedSettings};
 use measure::DataError;
 use measure::account::DataFile;
 use measure::config::Compared;
@@ -138,7 +138,7 @@ pub fn robots(
         rejected: robots.rejected.clone(),
         warnings: robots.warnings.clone(),
     };
-    let given = Given {
+    let given = StatedSettings {
         is_wheelbase_given: written.get("wheelbase_m").is_some(),
         sd_m: localization_sd_m(config),
         terrain: config.site.terrain.clone(),
@@ -242,14 +242,14 @@ fn chosen(rows: Rows, table: &Table, choices: &Choices) -> Result<(Rows, Choices
     let measured = &rows.links.rows;
     let runs: Vec<u32> = measured.iter().map(|row| row.run).collect();
     let choices = choices.resolved(&runs)?;
-    let seen = Seen {
+    let seen = ConditionRows {
         table,
         lines: measured.iter().map(|row| row.line).collect(),
         runs,
-        derived: if choices.condition.is_some() { covariates::of(&rows) } else { Vec::new() },
+        derived: if choices.condition.is_some() { covariates::by_name(&rows) } else { Vec::new() },
         when: "",
     };
-    let kept = choices.kept(&seen)?;
+    let kept = choices.select_rows(&seen)?;
     if !kept.rows.contains(&false) {
         return Ok((rows, choices));
     }

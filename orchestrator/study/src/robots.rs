@@ -22,18 +22,18 @@ mod tests;
 mod thresholds;
 mod view;
 
-use super::choices::{ChoiceError, Choices, Seen};
+use super::choices::{ChoiceError, Choices, ConditionRows};
 use super::folds::Blocks;
 use super::formula::set;
-use super::symbolic::Formula;
+use super::symbolic::FittedFormula;
 use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, is_at_bound};
-use density::{Density, Residual};
+use density::{Residual, ResidualDensity};
 use derivatives::Derivatives;
 use fit::Number;
 use measure::Rejected;
 use measure::robots::Robots;
 use measure::table::Table;
-use motion::{Gains, Tracks};
+use motion::{Gains, MeasuredTracks};
 use nalgebra::DMatrix;
 use numbers::power::square;
 use proto::effect::Level;
@@ -62,7 +62,7 @@ const CONFOUNDED: f64 = 0.95;
 /// Robot samples held against a configuration.
 #[derive(Debug)]
 pub struct RobotStudy {
-    model: Model,
+    model: RobotModel,
     candidates: Vec<Candidate>,
     in_time: Blocks,
     in_place: Blocks,
@@ -76,8 +76,8 @@ pub struct RobotStudy {
 
 /// The configured model and what may be added to it.
 #[derive(Debug)]
-struct Model {
-    tracks: Tracks,
+struct RobotModel {
+    tracks: MeasuredTracks,
     dynamics: toml::Table,
     is_wheelbase_free: bool,
     /// Standard deviation of the noise of measured positions (m), where it is given.
@@ -93,7 +93,7 @@ struct Model {
 
 /// What a configuration says beside the dynamics.
 #[derive(Clone, Debug, Default)]
-pub struct Given {
+pub struct StatedSettings {
     /// It says a car's wheelbase; otherwise that is fitted with the noise.
     pub is_wheelbase_given: bool,
     /// Standard deviation of the noise of measured positions (m), where it says that.
@@ -127,7 +127,7 @@ fn check_window(robots: &Robots, window_s: f64) -> Result<(), ChoiceError> {
 pub struct RobotFit {
     terms: Vec<usize>,
     values: Vec<f64>,
-    density: Density,
+    density: ResidualDensity,
     log_likelihood: f64,
     /// Derivatives of all residuals at these numbers, once somebody asked for them.
     derivatives: Arc<OnceLock<Option<Derivatives>>>,
@@ -164,7 +164,7 @@ pub enum RobotStudyError {
 
 impl RobotFit {
     /// The numbers of a term.
-    fn numbers(&self, model: &Model, term: usize) -> &[f64] {
+    fn numbers(&self, model: &RobotModel, term: usize) -> &[f64] {
         if !self.terms.contains(&term) {
             return &[];
         }
@@ -173,7 +173,7 @@ impl RobotFit {
     }
 
     /// Where the numbers of a term, which the fit has, begin among all.
-    fn first(&self, model: &Model, term: usize) -> usize {
+    fn first(&self, model: &RobotModel, term: usize) -> usize {
         let before = self.terms.iter().take_while(|&&other| other != term);
         model.base.len() + before.map(|&other| model.n_numbers(other)).sum::<usize>()
     }
@@ -185,7 +185,7 @@ impl RobotFit {
     }
 }
 
-impl Model {
+impl RobotModel {
     fn n_numbers(&self, term: usize) -> usize {
         match &self.terms[term] {
             Term::Effect(effect) => effect.parameters.len(),
@@ -200,7 +200,7 @@ impl Model {
             || terms.iter().any(|&term| matches!(self.terms[term], Term::Noise(_)))
     }
 
-    fn curve(&self, term: usize) -> Option<&curve::Curve> {
+    fn curve(&self, term: usize) -> Option<&curve::RobotCurve> {
         match &self.terms[term] {
             Term::Curve(curve) => Some(curve),
             Term::Effect(_) | Term::Noise(_) => None,
@@ -283,10 +283,10 @@ impl RobotStudy {
     pub fn new(
         robots: Robots,
         dynamics: &toml::Table,
-        given: Given,
+        given: StatedSettings,
         (choices, table): (&Choices, &Table),
     ) -> Result<Self, RobotStudyError> {
-        let Given { is_wheelbase_given, sd_m: given_sd_m, terrain } = given;
+        let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain } = given;
         let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
         let needed = match robots.shape {
             Shape::Velocity => "point-mass",
@@ -302,19 +302,19 @@ impl RobotStudy {
         if choices.window_s.is_some() {
             check_window(&robots, window_s)?;
         }
-        let mut tracks = Tracks::new(robots, window_s, terrain);
+        let mut tracks = MeasuredTracks::new(robots, window_s, terrain);
         if tracks.windows.is_empty() {
             return Err(RobotStudyError::NoWindow { window_s });
         }
         let choices = choices.resolved(&tracks.runs())?;
-        let seen = Seen {
+        let seen = ConditionRows {
             table,
             lines: tracks.lines(),
             runs: tracks.runs(),
             derived: if choices.condition.is_some() { tracks.covariates() } else { Vec::new() },
             when: " when a window begins",
         };
-        let kept = choices.kept(&seen)?;
+        let kept = choices.select_rows(&seen)?;
         tracks.keep(&kept.rows);
         let is_wheelbase_free = shape == Shape::Car && !is_wheelbase_given;
         let gain = Number { min: -6.0, max: 0.0, step: 0.5 };
@@ -337,10 +337,10 @@ impl RobotStudy {
             }
             None => (tracks.blocks_in_time(window_s), tracks.blocks_in_place()),
         };
-        let scored = choices.scored(&tracks.runs());
+        let scored = choices.scored_rows(&tracks.runs());
         let [in_time, in_place] =
             [in_time, in_place].map(|blocks| Blocks { scored: scored.clone(), ..blocks });
-        let mut model = Model {
+        let mut model = RobotModel {
             tracks,
             dynamics: dynamics.clone(),
             is_wheelbase_free,
@@ -353,7 +353,7 @@ impl RobotStudy {
         let start = RobotFit {
             terms: Vec::new(),
             values,
-            density: Density {
+            density: ResidualDensity {
                 sd_m: given_sd_m.unwrap_or(0.1),
                 sd_rad: if shape.is_turning() { 0.01 } else { 0.0 },
                 n_parts,
@@ -396,7 +396,7 @@ impl RobotStudy {
         &self.configured
     }
 
-    fn known(&self, terms: &[usize]) -> Option<RobotFit> {
+    fn cached_fit(&self, terms: &[usize]) -> Option<RobotFit> {
         self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(terms).cloned()
     }
 
@@ -473,7 +473,7 @@ impl Study for RobotStudy {
         self.model.tracks.windows.len()
     }
 
-    fn rows_of_one(&self) -> f64 {
+    fn design_effect(&self) -> f64 {
         self.model.tracks.n_overlapping
     }
 
@@ -497,7 +497,7 @@ impl Study for RobotStudy {
             sorted.sort_unstable();
             sorted
         };
-        if is_all && let Some(fit) = self.known(&sorted) {
+        if is_all && let Some(fit) = self.cached_fit(&sorted) {
             return self.model.carried(terms, &fit);
         }
         let start = start.unwrap_or(&self.configured);
@@ -545,7 +545,7 @@ impl Study for RobotStudy {
         self.standardised(fit)
     }
 
-    fn formula_of_curve(&self, term: usize, fit_without: &RobotFit) -> Option<Formula> {
+    fn formula_of_curve(&self, term: usize, fit_without: &RobotFit) -> Option<FittedFormula> {
         let (Term::Curve(curve), Some(name)) =
             (&self.model.terms[term], self.candidates[term].curve_over())
         else {
@@ -554,13 +554,19 @@ impl Study for RobotStudy {
         self.formula((name, curve.values()), &self.independent_covariates(), fit_without)
     }
 
-    fn formula_of_residuals(&self, covariate: &str, fit: &RobotFit) -> Option<Formula> {
+    fn formula_of_residuals(&self, covariate: &str, fit: &RobotFit) -> Option<FittedFormula> {
         let covariates = self.independent_covariates();
         let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
         self.formula((name, values), &covariates, fit)
     }
 
-    fn held(&self, fit: &RobotFit, term: usize, key: &str, value: f64) -> Option<RobotFit> {
+    fn with_parameter_held(
+        &self,
+        fit: &RobotFit,
+        term: usize,
+        key: &str,
+        value: f64,
+    ) -> Option<RobotFit> {
         self.held_at(fit, term, key, value)
     }
 

@@ -22,7 +22,7 @@ const LEAST_ROWS: usize = 200;
 
 /// A short formula for what a model leaves.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Formula {
+pub struct FittedFormula {
     /// The expression, as `extend --formula` takes it.
     pub text: String,
     /// What it is added to: of links `mean` or `loss`, of robots a direction.
@@ -33,7 +33,7 @@ pub struct Formula {
     pub rmse: f64,
 }
 
-impl Formula {
+impl FittedFormula {
     fn new(text: String, target: &'static str, rmse: f64) -> Self {
         Self { text, target, also: None, rmse }
     }
@@ -43,14 +43,14 @@ impl Formula {
 type Function = Box<dyn Fn(f64, f64) -> f64>;
 
 /// A formula in a covariate, or in two: its terms as text and as functions.
-struct Shape {
+struct FormulaShape {
     terms: Vec<(String, Function)>,
     /// Of a wave: what the covariate is multiplied by.
     pace: Option<f64>,
 }
 
-impl Shape {
-    fn of(terms: Vec<(String, Function)>) -> Self {
+impl FormulaShape {
+    fn with_constant(terms: Vec<(String, Function)>) -> Self {
         let one: (String, Function) = ("1".to_owned(), Box::new(|_, _| 1.0));
         Self { terms: [one].into_iter().chain(terms).collect(), pace: None }
     }
@@ -60,7 +60,7 @@ impl Shape {
             term(format!("sin({pace:.6e} * {name})"), move |x, _| libm::sin(pace * x)),
             term(format!("cos({pace:.6e} * {name})"), move |x, _| libm::cos(pace * x)),
         ];
-        Self { pace: Some(pace), ..Self::of(terms) }
+        Self { pace: Some(pace), ..Self::with_constant(terms) }
     }
 }
 
@@ -70,44 +70,51 @@ fn term(text: String, function: impl Fn(f64, f64) -> f64 + 'static) -> (String, 
 
 /// Shapes that a formula in one covariate may have, the simplest first. `quarter`: the pace of a quarter of a cycle over the
 /// values known.
-fn shapes(name: &str, known: &[f64], quarter: f64) -> Vec<Shape> {
+fn shapes(name: &str, known: &[f64], quarter: f64) -> Vec<FormulaShape> {
     let power = |power: i32| {
         let text = if power == 1 { name.to_owned() } else { format!("{name}^{power}") };
         term(text, move |x, _| integer_power(x, power))
     };
-    let powers = |highest: i32| Shape::of((1..=highest).map(power).collect());
-    let mut all: Vec<Shape> = (1..=3).map(powers).collect();
+    let powers = |highest: i32| FormulaShape::with_constant((1..=highest).map(power).collect());
+    let mut all: Vec<FormulaShape> = (1..=3).map(powers).collect();
     if known.first().is_some_and(|least| 0.0 < *least) {
-        all.push(Shape::of(vec![term(format!("ln({name})"), |x, _| libm::log(x))]));
+        all.push(FormulaShape::with_constant(vec![term(format!("ln({name})"), |x, _| {
+            libm::log(x)
+        })]));
     }
     let at = |share: f64| known[((known.len() - 1) as f64 * share) as usize];
     for share in [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9] {
         let edge = at(share);
         let text = format!("step({name} - ({edge:.6}))");
-        all.push(Shape::of(vec![term(text, move |x, _| f64::from(u8::from(edge < x)))]));
+        all.push(FormulaShape::with_constant(vec![term(text, move |x, _| {
+            f64::from(u8::from(edge < x))
+        })]));
     }
-    all.extend((2..=MOST_QUARTERS).map(|n| Shape::wave(name, f64::from(n) * quarter)));
+    all.extend((2..=MOST_QUARTERS).map(|n| FormulaShape::wave(name, f64::from(n) * quarter)));
     all
 }
 
 /// Shapes in which what one covariate does depends on another.
-fn products(name: &str, other: &str) -> Vec<Shape> {
+fn products(name: &str, other: &str) -> Vec<FormulaShape> {
     let product = || term(format!("{name} * {other}"), |x, z| x * z);
-    vec![Shape::of(vec![product()]), Shape::of(vec![term(name.to_owned(), |x, _| x), product()])]
+    vec![
+        FormulaShape::with_constant(vec![product()]),
+        FormulaShape::with_constant(vec![term(name.to_owned(), |x, _| x), product()]),
+    ]
 }
 
 /// The formula of deviations that are the same in every row.
 #[must_use]
-pub fn constant(deviations: &[f64], target: &'static str) -> Option<Formula> {
+pub fn constant(deviations: &[f64], target: &'static str) -> Option<FittedFormula> {
     let level = mean_ignoring_nan(deviations.iter().copied());
     let rmse =
         mean_ignoring_nan(deviations.iter().map(|deviation| square(deviation - level))).sqrt();
-    rmse.is_finite().then(|| Formula::new(format!("{level:.6}"), target, rmse))
+    rmse.is_finite().then(|| FittedFormula::new(format!("{level:.6}"), target, rmse))
 }
 
 /// What a formula is to describe.
 #[derive(Clone, Copy, Debug)]
-pub struct Deviations<'a> {
+pub struct UnexplainedResiduals<'a> {
     /// Measured less predicted, row by row; NaN where unknown.
     pub values: &'a [f64],
     /// What a formula is multiplied by: its name, and its values row by row.
@@ -122,9 +129,9 @@ pub struct Deviations<'a> {
 pub fn of_covariate(
     covariate: (&str, &[f64]),
     others: &[&(String, Vec<f64>)],
-    deviations: Deviations<'_>,
+    deviations: UnexplainedResiduals<'_>,
     blocks: &Blocks,
-) -> Option<Formula> {
+) -> Option<FittedFormula> {
     let (name, values) = covariate;
     let rows: Vec<usize> = (0..values.len())
         .filter(|&row| values[row].is_finite() && deviations.values[row].is_finite())
@@ -147,7 +154,7 @@ pub fn of_covariate(
         for half in 1..=HALVES {
             let step = quarter * integer_power(0.5, half);
             for other in [pace - step, pace + step] {
-                if data.improve(&mut best, &Shape::wave(name, other), 1.0, blocks) {
+                if data.improve(&mut best, &FormulaShape::wave(name, other), 1.0, blocks) {
                     pace = other;
                 }
             }
@@ -164,7 +171,7 @@ pub fn of_covariate(
         Some((factor, _)) => format!("{factor} * ({text})"),
         None => text,
     };
-    Some(Formula::new(text, deviations.target, rmse))
+    Some(FittedFormula::new(text, deviations.target, rmse))
 }
 
 /// What a formula is fitted to.
@@ -172,7 +179,7 @@ pub fn of_covariate(
 struct Data<'a> {
     values: &'a [f64],
     others: &'a [f64],
-    deviations: Deviations<'a>,
+    deviations: UnexplainedResiduals<'a>,
     rows: &'a [usize],
 }
 
@@ -181,7 +188,7 @@ impl Data<'_> {
     fn improve(
         &self,
         best: &mut Option<(f64, String)>,
-        shape: &Shape,
+        shape: &FormulaShape,
         share: f64,
         blocks: &Blocks,
     ) -> bool {
@@ -202,7 +209,7 @@ impl Data<'_> {
     }
 
     /// The rmse of rows left out; none where the shape cannot be fitted.
-    fn held_out(&self, shape: &Shape, blocks: &Blocks) -> Option<f64> {
+    fn held_out(&self, shape: &FormulaShape, blocks: &Blocks) -> Option<f64> {
         let (mut squares, mut n_scored) = (0.0, 0usize);
         for fold in 0..blocks.n_folds() {
             let is_test = |row: usize| blocks.fold(row as u32) == fold;
@@ -227,7 +234,11 @@ impl Data<'_> {
     }
 
     /// Factors of the terms by least squares.
-    fn fitted(&self, shape: &Shape, rows: impl Iterator<Item = usize>) -> Option<DVector<f64>> {
+    fn fitted(
+        &self,
+        shape: &FormulaShape,
+        rows: impl Iterator<Item = usize>,
+    ) -> Option<DVector<f64>> {
         let n = shape.terms.len();
         let mut matrix = DMatrix::zeros(n, n);
         let mut vector = DVector::zeros(n);
@@ -268,9 +279,9 @@ mod tests {
         others: &[&(String, Vec<f64>)],
         values: &[f64],
         factor: Option<(&'static str, &[f64])>,
-    ) -> Formula {
+    ) -> FittedFormula {
         let keys: Vec<u64> = (0..N).map(|row| row / 50).collect();
-        let deviations = Deviations { values, factor, target: "mean" };
+        let deviations = UnexplainedResiduals { values, factor, target: "mean" };
         of_covariate(("x", x), others, deviations, &Blocks::of_keys("blocks", &keys)).unwrap()
     }
 

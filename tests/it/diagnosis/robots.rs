@@ -26,14 +26,14 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     let table = Table::read(&data).unwrap();
     let (study, account) = open::robots(&config, &table, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
-    let ladder = search.climb();
+    let ladder = search.stepwise_selection();
     let measurements = Measurements {
         subject: Subject::Robots,
         error_unit: "m",
         searched: None,
         account: &account,
     };
-    let left = scan::left_over(&study, &search, &ladder);
+    let left = scan::scan_residuals(&study, &search, &ladder);
     let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
     let json = serde_json::to_value(found).unwrap();
     (names(&study, &ladder), ladder, json)

@@ -3,7 +3,7 @@
 use super::*;
 use proto::rng::{Draws, Purpose};
 use study::folds::Blocks;
-use study::symbolic::Formula;
+use study::symbolic::FittedFormula;
 use study::{Estimate, Residuals};
 
 const ROWS: u64 = 3000;
@@ -122,11 +122,11 @@ impl Study for Lines {
         Residuals { components: Vec::new(), mean_square: None }
     }
 
-    fn formula_of_curve(&self, _term: usize, _fit_without: &LineFit) -> Option<Formula> {
+    fn formula_of_curve(&self, _term: usize, _fit_without: &LineFit) -> Option<FittedFormula> {
         None
     }
 
-    fn formula_of_residuals(&self, _covariate: &str, _fit: &LineFit) -> Option<Formula> {
+    fn formula_of_residuals(&self, _covariate: &str, _fit: &LineFit) -> Option<FittedFormula> {
         None
     }
 
@@ -157,7 +157,7 @@ impl Study for Lines {
 }
 
 fn accepted(study: &Lines) -> Vec<String> {
-    let ladder = Search::new(study, &|_| {}).climb();
+    let ladder = Search::new(study, &|_| {}).stepwise_selection();
     ladder.accepted.iter().map(|&term| study.candidates[term].name.clone()).collect()
 }
 
@@ -184,17 +184,17 @@ fn a_term_that_is_significant_and_not_worth_having_is_refused() {
     let search = Search::new(&study, &|_| {});
     let gain = search.gain(&[0], &[], Level::Time);
     assert!(gain.p_value < acceptance::FAMILY_ERROR && gain.gain < WORTH_NATS, "{gain:?}");
-    assert_eq!(search.climb().accepted, Vec::<usize>::new());
+    assert_eq!(search.stepwise_selection().accepted, Vec::<usize>::new());
 }
 
 #[test]
 fn two_columns_that_are_one_are_tied() {
     let mut study = Lines::new(&["a", "b", "c"], 3, |x| 0.5 * x[0]);
     study.columns[2] = study.columns[0].iter().map(|x| 2.0 * x).collect();
-    let ladder = Search::new(&study, &|_| {}).climb();
+    let ladder = Search::new(&study, &|_| {}).stepwise_selection();
     assert_eq!(ladder.accepted.len(), 1);
-    let trial = ladder.trials.iter().find(|trial| trial.term == ladder.accepted[0]).unwrap();
-    assert_eq!(trial.ties, [2 - ladder.accepted[0]]);
+    let test = ladder.tests.iter().find(|test| test.term == ladder.accepted[0]).unwrap();
+    assert_eq!(test.ties, [2 - ladder.accepted[0]]);
 }
 
 #[test]
@@ -202,7 +202,7 @@ fn a_search_reports_rounds_what_it_tried_and_what_it_accepted() {
     let study = Lines::new(&["a", "b"], 3, |x| 0.8 * x[1]);
     let log = Mutex::new(Vec::new());
     let report = |progress: Progress<'_>| log.lock().unwrap().push(format!("{progress:?}"));
-    Search::new(&study, &report).climb();
+    Search::new(&study, &report).stepwise_selection();
     let log = log.into_inner().unwrap();
     let count = |part: &str| log.iter().filter(|line| line.starts_with(part)).count();
     assert_eq!((count("Round"), count("Tried"), count("Accepted"), count("Ties")), (2, 4, 1, 1));

@@ -33,7 +33,7 @@ pub struct Simulation {
 impl Simulation {
     /// Of a campaign that was simulated under a seed.
     #[must_use]
-    pub fn of(simulated: &Simulated, seed: u64) -> Self {
+    pub fn summarise(simulated: &Simulated, seed: u64) -> Self {
         Self {
             schema: SCHEMA,
             rows: simulated.n_rows(),

@@ -1,7 +1,7 @@
 //! Effects at certain values, and what a model with them says about a row.
 
-use super::likelihood::Level;
-use super::register::{Range, Register};
+use super::likelihood::RowPrediction;
+use super::register::{PowerRange, Register};
 use super::rows::Rows;
 use netsim::phy::effect::Effect;
 use netsim::phy::link::Link;
@@ -9,13 +9,13 @@ use std::sync::Arc;
 
 /// An effect at certain values of its parameters.
 #[derive(Clone, Debug)]
-pub(super) struct Active {
+pub(super) struct ActiveEffect {
     pub(super) effect: Arc<dyn Effect>,
     /// What registers make of powers with it.
     register: Register,
 }
 
-impl Active {
+impl ActiveEffect {
     pub(super) fn new(effect: Box<dyn Effect>, rows: &Rows) -> Self {
         let register = rows.register_of(&*effect);
         Self { effect: Arc::from(effect), register }
@@ -38,18 +38,18 @@ impl Active {
 
 /// Effects with which registers read otherwise.
 #[derive(Clone, Debug)]
-pub(super) struct Otherwise<'a> {
+pub(super) struct AlteredRegister<'a> {
     effects: Vec<&'a dyn Effect>,
     is_bent: bool,
 }
 
-impl<'a> Otherwise<'a> {
+impl<'a> AlteredRegister<'a> {
     /// Of the effects of terms, held against these rows.
-    pub(super) fn of(effects: &'a [Option<Active>], rows: &Rows) -> Self {
+    pub(super) fn from_effects(effects: &'a [Option<ActiveEffect>], rows: &Rows) -> Self {
         let all = || effects.iter().flatten();
         let is_bent = rows.is_bent || all().any(|active| active.register == Register::Bent);
         let otherwise = all().filter(|active| active.register != Register::Exact);
-        Self { effects: otherwise.map(Active::get).collect(), is_bent }
+        Self { effects: otherwise.map(ActiveEffect::get).collect(), is_bent }
     }
 
     /// What the register of a row reads of a power (dBm); none where it but shifts.
@@ -72,7 +72,12 @@ impl<'a> Otherwise<'a> {
 }
 
 /// What a model with terms says about a row. `added`: power, shift, logarithm of survival that the terms add.
-pub(super) fn level(rows: &Rows, row: usize, added: [f64; 3], otherwise: &Otherwise<'_>) -> Level {
+pub(super) fn level(
+    rows: &Rows,
+    row: usize,
+    added: [f64; 3],
+    otherwise: &AlteredRegister<'_>,
+) -> RowPrediction {
     let base = &rows.base[row];
     let power_dbm = base.power_dbm + added[0];
     let (register_db, range) = if otherwise.is_bent {
@@ -81,9 +86,9 @@ pub(super) fn level(rows: &Rows, row: usize, added: [f64; 3], otherwise: &Otherw
             let read = |dbm: f64| otherwise.read_of(rows, link, dbm);
             let register_db = read(power_dbm) - power_dbm;
             let range = if rssi_dbm.is_finite() {
-                Range::of(&read, rssi_dbm, rows.links.readings.quantum_db)
+                PowerRange::of_reading(&read, rssi_dbm, rows.links.readings.quantum_db)
             } else {
-                Range::shifted(register_db)
+                PowerRange::shifted(register_db)
             };
             (register_db, range)
         })
@@ -93,9 +98,9 @@ pub(super) fn level(rows: &Rows, row: usize, added: [f64; 3], otherwise: &Otherw
             .effects
             .iter()
             .fold(shifted_dbm, |dbm, effect| rows.register_dbm(*effect, row, dbm));
-        (reading_dbm - power_dbm, Range::shifted(reading_dbm - power_dbm))
+        (reading_dbm - power_dbm, PowerRange::shifted(reading_dbm - power_dbm))
     };
-    Level {
+    RowPrediction {
         power_dbm,
         register_db,
         range,

@@ -3,9 +3,9 @@
 //! Most effects are such sums exactly. Others are near a point of interest, which is enough to tell whether a further term
 //! is worth a fit.
 
-use super::active::Active;
+use super::active::ActiveEffect;
 use super::rows::Rows;
-use super::terms::{Spec, State};
+use super::terms::{TermSpec, TermState};
 use netsim::phy::effect::Effect;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,7 +20,7 @@ pub struct Basis {
 impl Basis {
     /// What the term adds to a row with these values of its parameters (dB).
     #[must_use]
-    pub fn at(&self, values: &[f64], row: usize) -> f64 {
+    pub fn contribution(&self, values: &[f64], row: usize) -> f64 {
         self.columns
             .iter()
             .zip(values)
@@ -50,16 +50,16 @@ fn means(rows: &Rows, effect: &dyn Effect, which: &[usize]) -> Option<Vec<f64>> 
         .collect()
 }
 
-fn added(rows: &Rows, spec: &Spec, state: &State, which: &[usize]) -> Option<Vec<f64>> {
-    let effect = Active::new(state.build(spec)?, rows);
+fn added(rows: &Rows, spec: &TermSpec, state: &TermState, which: &[usize]) -> Option<Vec<f64>> {
+    let effect = ActiveEffect::new(state.build(spec)?, rows);
     effect.is_plain().then(|| means(rows, effect.get(), which))?
 }
 
 /// Columns by differences of `share` of each parameter's small step.
 fn columns(
     rows: &Rows,
-    spec: &Spec,
-    state: &State,
+    spec: &TermSpec,
+    state: &TermState,
     which: &[usize],
     share: f64,
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
@@ -89,7 +89,7 @@ fn columns(
 }
 
 /// The columns of an effect that is a sum of columns whatever its values; none where it is not.
-fn exact(rows: &Rows, spec: &Spec, state: &State, which: &[usize]) -> Option<Basis> {
+fn exact(rows: &Rows, spec: &TermSpec, state: &TermState, which: &[usize]) -> Option<Basis> {
     let (offset, columns) = columns(rows, spec, state, which, 1.0)?;
     let basis = Basis { offset, columns };
     for direction in [-1.0, 1.0, 0.0] {
@@ -106,7 +106,7 @@ fn exact(rows: &Rows, spec: &Spec, state: &State, which: &[usize]) -> Option<Bas
         }
         let moved = added(rows, spec, &there, which)?;
         let differs = moved.iter().enumerate().any(|(row, &moved)| {
-            let sum = basis.at(&there.values, row);
+            let sum = basis.contribution(&there.values, row);
             ROUNDING * (1.0 + moved.abs()) < (sum - moved).abs()
         });
         if differs {
@@ -119,12 +119,12 @@ fn exact(rows: &Rows, spec: &Spec, state: &State, which: &[usize]) -> Option<Bas
 /// Bases of terms, each computed when it is first asked for.
 #[derive(Debug, Default)]
 pub struct Bases {
-    exact: Known,
-    tangents: Known,
+    exact: BasisCache,
+    tangents: BasisCache,
 }
 
 /// By term and state: none where the term is no sum of columns.
-type Known = Mutex<BTreeMap<(usize, String), Option<Arc<Basis>>>>;
+type BasisCache = Mutex<BTreeMap<(usize, String), Option<Arc<Basis>>>>;
 
 impl Bases {
     /// The columns of a term in a state, whatever its values; none where it is no sum of columns. `keep`: for the next who
@@ -133,11 +133,11 @@ impl Bases {
         &self,
         rows: &Rows,
         term: usize,
-        spec: &Spec,
-        state: &State,
+        spec: &TermSpec,
+        state: &TermState,
         keep: bool,
     ) -> Option<Arc<Basis>> {
-        if !matches!(spec, Spec::Effect(_) | Spec::Formula(..)) {
+        if !matches!(spec, TermSpec::Effect(_) | TermSpec::Formula(..)) {
             return None;
         }
         let compute = || {
@@ -158,10 +158,10 @@ impl Bases {
         &self,
         rows: &Rows,
         term: usize,
-        spec: &Spec,
-        state: &State,
+        spec: &TermSpec,
+        state: &TermState,
     ) -> Option<Arc<Basis>> {
-        if !matches!(spec, Spec::Effect(_) | Spec::Formula(..)) {
+        if !matches!(spec, TermSpec::Effect(_) | TermSpec::Formula(..)) {
             return None;
         }
         looked_up(&self.tangents, (term, state.keys(spec).to_string()), || {
@@ -173,7 +173,7 @@ impl Bases {
 }
 
 fn looked_up(
-    known: &Known,
+    known: &BasisCache,
     key: (usize, String),
     compute: impl FnOnce() -> Option<Arc<Basis>>,
 ) -> Option<Arc<Basis>> {

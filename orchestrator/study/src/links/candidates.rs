@@ -1,9 +1,9 @@
 //! What may be missing: every effect of the catalogue, and a smooth curve over every covariate.
 
 use super::rows::Rows;
-use super::terms::{Curve, Spec};
+use super::terms::{LinkCurve, TermSpec};
 use super::{LinkStudy, testable};
-use crate::formula::{FORMULA, FormulaError, Wanted};
+use crate::formula::{FORMULA, FormulaFitError, FormulaRequest};
 use crate::{Candidate, knots};
 use netsim::catalogue::Catalogue;
 use netsim::phy::effect;
@@ -20,14 +20,14 @@ const TIME: &str = "time_s";
 const READING_GIVEN: &str = "changes what is read, which --given-rssi takes as it is";
 
 /// Every term that may be added.
-pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
+pub(super) fn specs(rows: &Rows) -> Vec<TermSpec> {
     let effects =
         Catalogue::built_in().effects.iter().filter(|entry| entry.variant.name != FORMULA).map(
             |entry| match entry.variant.name {
-                "node-offset" => Spec::NodeOffset(entry),
-                "shadowing" => Spec::Shadowing(entry),
-                "multipath" => Spec::Multipath(entry),
-                _ => Spec::Effect(entry),
+                "node-offset" => TermSpec::NodeOffset(entry),
+                "shadowing" => TermSpec::Shadowing(entry),
+                "multipath" => TermSpec::Multipath(entry),
+                _ => TermSpec::Effect(entry),
             },
         );
     let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
@@ -37,11 +37,11 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
         let values: Vec<f64> = measured.iter().map(|row| of(row)[axis]).collect();
         (format!("{end}_{}_m", ["x", "y"][axis]), values, true)
     });
-    let derived = super::covariates::of(rows)
+    let derived = super::covariates::by_name(rows)
         .into_iter()
         .filter(|(name, _)| DERIVED.contains(&name.as_str()))
         .map(|(name, values)| (name, values, true));
-    let covariates: Vec<Curve> = given
+    let covariates: Vec<LinkCurve> = given
         .chain(derived)
         .chain(places)
         .flat_map(|(name, values, is_derived)| {
@@ -61,10 +61,10 @@ pub(super) fn specs(rows: &Rows) -> Vec<Spec> {
                 || curve.covariate == TIME && !curve.is_fine
                 || curve.covariate == CHANNEL && rows.links.readings.is_given
         })
-        .map(|curve| Spec::Curve(Curve { is_loss: true, ..curve.clone() }))
+        .map(|curve| TermSpec::Curve(LinkCurve { is_loss: true, ..curve.clone() }))
         .filter(|_| rows.links.readings.has_losses)
         .collect::<Vec<_>>();
-    let of_readings = covariates.iter().cloned().map(Spec::Curve);
+    let of_readings = covariates.iter().cloned().map(TermSpec::Curve);
     let of_readings = of_readings.filter(|_| !rows.links.readings.is_given);
     effects.chain(of_readings).chain(of_losses).collect()
 }
@@ -75,7 +75,7 @@ impl LinkStudy {
     /// # Errors
     ///
     /// The formula is wrong, or names what is neither a parameter nor known of these rows.
-    pub fn add_formula(&mut self, wanted: &Wanted) -> Result<(), FormulaError> {
+    pub fn add_formula(&mut self, wanted: &FormulaRequest) -> Result<(), FormulaFitError> {
         let entry = Catalogue::built_in().effects.find(FORMULA);
         let Some(entry) = entry else { return Ok(()) };
         let columns = self.rows.links.covariates.iter().map(|(name, _)| name.as_str());
@@ -95,7 +95,7 @@ impl LinkStudy {
             &known,
             &columns,
         )?;
-        let spec = Spec::Formula(entry, asked);
+        let spec = TermSpec::Formula(entry, asked);
         self.candidates.push(candidate(&spec, &self.rows));
         self.specs.push(spec);
         Ok(())
@@ -103,9 +103,9 @@ impl LinkStudy {
 }
 
 /// How a term stands among the others.
-pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
+pub(super) fn candidate(spec: &TermSpec, rows: &Rows) -> Candidate {
     match spec {
-        Spec::Curve(curve) => Candidate {
+        TermSpec::Curve(curve) => Candidate {
             name: curve.name(),
             about: None,
             level: level_of(rows, curve),
@@ -130,7 +130,7 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
                 about: Some(&entry.about),
                 level: entry.fit.level,
                 n_parameters: match spec {
-                    Spec::Formula(_, asked) => asked.parameters.len(),
+                    TermSpec::Formula(_, asked) => asked.parameters.len(),
                     _ => entry.fit.parameters.len(),
                 },
                 generalises: entry.fit.generalises.iter().map(|name| (*name).to_owned()).collect(),
@@ -148,9 +148,9 @@ pub(super) fn candidate(spec: &Spec, rows: &Rows) -> Candidate {
 }
 
 /// Whether a term says which frames pass at a level.
-fn decides_reception(spec: &Spec) -> bool {
+fn decides_reception(spec: &TermSpec) -> bool {
     match spec {
-        Spec::Formula(_, asked) => ["loss", "noise"]
+        TermSpec::Formula(_, asked) => ["loss", "noise"]
             .map(Some)
             .contains(&asked.table.get("target").and_then(toml::Value::as_str)),
         _ => spec.entry().is_none_or(|entry| entry.about.needs.contains(&Need::Losses)),
@@ -158,7 +158,7 @@ fn decides_reception(spec: &Spec) -> bool {
 }
 
 /// At which level a curve is judged: what follows from places, on places left out.
-fn level_of(rows: &Rows, curve: &Curve) -> Level {
+fn level_of(rows: &Rows, curve: &LinkCurve) -> Level {
     if curve.is_derived && ![TIME, CHANNEL].contains(&curve.covariate.as_str()) {
         return Level::Place;
     }
@@ -166,8 +166,8 @@ fn level_of(rows: &Rows, curve: &Curve) -> Level {
 }
 
 /// The same in every row: of losses, those that are alike everywhere, which every other curve of losses has in it.
-fn constant(rows: &Rows) -> Curve {
-    Curve {
+fn constant(rows: &Rows) -> LinkCurve {
+    LinkCurve {
         covariate: CONSTANT.to_owned(),
         values: Arc::from(vec![0.0; rows.len()]),
         knots: vec![0.0],
@@ -184,7 +184,7 @@ fn curve(
     values: &Arc<[f64]>,
     is_derived: bool,
     is_fine: bool,
-) -> Option<Curve> {
+) -> Option<LinkCurve> {
     let mut known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     known.sort_by(f64::total_cmp);
     if known.len() < rows.len() / 2 || known.is_empty() {
@@ -196,7 +196,7 @@ fn curve(
     } else {
         knots::at_quantiles(&known, if is_fine { knots::MANY } else { knots::FEW })
     };
-    (2 <= knots.len()).then(|| Curve {
+    (2 <= knots.len()).then(|| LinkCurve {
         covariate: covariate.to_owned(),
         values: values.clone(),
         knots,

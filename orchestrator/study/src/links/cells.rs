@@ -5,12 +5,12 @@
 //! rows, however many cells there are (a Schur complement: Bates et al., Fitting linear mixed-effects models using lme4,
 //! Journal of Statistical Software 67 (2015), § 3, for the Gaussian case; here the weights are those of the likelihood).
 
-use super::likelihood::Slope;
+use super::likelihood::RowLikelihood;
 use nalgebra::{DMatrix, DVector};
 
 /// Which random levels a model has, as standard deviations (dB); 0: none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Deviations {
+pub struct RandomEffectSds {
     /// Of a link, at a place.
     pub link_db: f64,
     /// Of a link and channel, at a finer place.
@@ -23,7 +23,7 @@ pub struct Deviations {
 
 /// The cells of every row, by number.
 #[derive(Clone, Debug)]
-pub struct Cells {
+pub struct RowCells {
     /// Link and place.
     pub link: Vec<u32>,
     /// Link, place, channel and finer place: each lies in one cell of `link`.
@@ -42,7 +42,7 @@ pub struct Cells {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Random {
     /// Standard deviations.
-    pub sd: Deviations,
+    pub sd: RandomEffectSds,
     link_db: Vec<f64>,
     link_weight: Vec<f64>,
     channel_db: Vec<f64>,
@@ -53,7 +53,7 @@ pub struct Random {
 
 /// A step of Newton's method.
 #[derive(Clone, Debug)]
-pub struct Step {
+pub struct NewtonStep {
     /// Of the parameters.
     pub parameters: DVector<f64>,
     /// Of the random levels.
@@ -67,7 +67,7 @@ pub struct Step {
 impl Random {
     /// None known yet.
     #[must_use]
-    pub fn new(sd: Deviations, cells: &Cells) -> Self {
+    pub fn new(sd: RandomEffectSds, cells: &RowCells) -> Self {
         Self {
             sd,
             link_db: vec![0.0; cells.n_links],
@@ -81,7 +81,7 @@ impl Random {
 
     /// The same levels with other spreads; none where a spread is 0.
     #[must_use]
-    pub fn with(&self, sd: Deviations) -> Self {
+    pub fn with_sds(&self, sd: RandomEffectSds) -> Self {
         let mut other = Self { sd, ..self.clone() };
         let (tx, rx) = other.node_db.split_at_mut(self.node_db.len() / 2);
         let levels = [
@@ -98,7 +98,7 @@ impl Random {
 
     /// Whether these are levels of such cells.
     #[must_use]
-    pub fn fits(&self, cells: &Cells) -> bool {
+    pub fn fits(&self, cells: &RowCells) -> bool {
         self.link_db.len() == cells.n_links
             && self.channel_db.len() == cells.link_of_channel.len()
             && self.node_db.len() == 2 * cells.n_nodes
@@ -106,7 +106,7 @@ impl Random {
 
     /// The random level of a row: its mode (dB).
     #[must_use]
-    pub fn level_db(&self, cells: &Cells, row: usize) -> f64 {
+    pub fn level_db(&self, cells: &RowCells, row: usize) -> f64 {
         let (tx, rx) = cells.nodes[row];
         self.link_db[cells.link[row] as usize]
             + self.channel_db[cells.channel[row] as usize]
@@ -131,7 +131,7 @@ impl Random {
 
     /// Variance of the random level of a row about its mode (dB²).
     #[must_use]
-    pub fn variance(&self, cells: &Cells, row: usize) -> f64 {
+    pub fn variance(&self, cells: &RowCells, row: usize) -> f64 {
         let (tx, rx) = cells.nodes[row];
         let nodes =
             self.node_variance[tx as usize] + self.node_variance[cells.n_nodes + rx as usize];
@@ -179,7 +179,7 @@ impl Random {
     /// Standard deviations that the levels suggest (MacKay's fixed point of the marginal likelihood), and how many cells
     /// are well determined.
     #[must_use]
-    pub fn suggested(&self, cells: &Cells) -> (Deviations, [f64; 4]) {
+    pub fn suggested(&self, cells: &RowCells) -> (RandomEffectSds, [f64; 4]) {
         let of = |levels: &[f64],
                   variances: &dyn Fn(usize) -> f64,
                   seen: &dyn Fn(usize) -> bool,
@@ -224,12 +224,12 @@ impl Random {
         );
         let (tx_db, txs) = of(tx, &|index| self.node_variance[index], &|_| true, self.sd.tx_db);
         let (rx_db, rxs) = of(rx, &|index| self.node_variance[n + index], &|_| true, self.sd.rx_db);
-        (Deviations { link_db, channel_db, tx_db, rx_db }, [links, channels, txs, rxs])
+        (RandomEffectSds { link_db, channel_db, tx_db, rx_db }, [links, channels, txs, rxs])
     }
 
     /// How many numbers the random levels are worth in all: each well-determined cell one.
     #[must_use]
-    pub fn n_determined(&self, cells: &Cells) -> f64 {
+    pub fn n_determined(&self, cells: &RowCells) -> f64 {
         self.suggested(cells).1.iter().sum()
     }
 }
@@ -238,11 +238,11 @@ impl Random {
 /// their costs. `extra` is added to the information of the parameters, `gradient` to their gradient (what is not a mean).
 pub struct Solver<'a> {
     /// Cells of all rows of the study.
-    pub cells: &'a Cells,
+    pub cells: &'a RowCells,
     /// The rows that are fitted.
     pub train: &'a [u32],
     /// Their slopes, in the same order.
-    pub slopes: &'a [Slope],
+    pub slopes: &'a [RowLikelihood],
     /// Derivatives of their levels over the parameters.
     pub jacobian: &'a [f64],
     /// Number of parameters.
@@ -258,7 +258,7 @@ impl Solver<'_> {
         extra: &DMatrix<f64>,
         gradient: &DVector<f64>,
         damping: f64,
-    ) -> Option<Step> {
+    ) -> Option<NewtonStep> {
         let p = self.n_parameters;
         let sd = random.sd;
         let has_nodes = 0.0 < sd.tx_db || 0.0 < sd.rx_db;
@@ -393,7 +393,7 @@ impl Solver<'_> {
                     (pull - along(&channel.dense[cell]) - weight * link_step) / (weight + cost);
             }
         }
-        Some(Step {
+        Some(NewtonStep {
             parameters: solution.rows(0, p).into_owned(),
             random: out,
             information,
@@ -430,7 +430,7 @@ impl Sums {
         Self { weight: vec![0.0; n], gradient: vec![0.0; n], dense: vec![Vec::new(); n] }
     }
 
-    fn add(&mut self, cell: usize, slope: &Slope, entries: &[(usize, f64)]) {
+    fn add(&mut self, cell: usize, slope: &RowLikelihood, entries: &[(usize, f64)]) {
         self.weight[cell] += slope.weight;
         self.gradient[cell] += slope.over_level;
         for &(i, a) in entries {

@@ -27,7 +27,7 @@ pub struct Products {
 
 /// A length, and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Length {
+pub struct CorrelationLength {
     /// Where the covariance has fallen to 1/e.
     pub value: f64,
     /// Lower end of the 90 % interval.
@@ -60,13 +60,13 @@ impl Products {
 
     /// The length and its interval; none where the products tell none.
     #[must_use]
-    pub fn length(&self) -> Option<Length> {
-        let bins = self.without(None);
+    pub fn length(&self) -> Option<CorrelationLength> {
+        let bins = self.bins_without(None);
         let (shortest, longest) = range(&bins)?;
         let whole = fitted(&bins)?;
         let parts: Vec<[f64; 2]> = (0..GROUPS)
             .filter(|&group| self.sums[group].iter().any(|sum| 0.0 < sum[0]))
-            .filter_map(|group| fitted(&self.without(Some(group))))
+            .filter_map(|group| fitted(&self.bins_without(Some(group))))
             .collect();
         let n = parts.len() as f64;
         if n < 4.0 {
@@ -80,7 +80,7 @@ impl Products {
         let quantile = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.7, |t| t.inverse_cdf(0.95));
         let half = quantile * error(0);
         let (low, high) = (whole[0] - half, whole[0] + half);
-        Some(Length {
+        Some(CorrelationLength {
             value: libm::exp(whole[0]),
             low: libm::exp(low.max(shortest)),
             high: libm::exp(high.min(longest)),
@@ -91,7 +91,7 @@ impl Products {
     }
 
     /// Mean lag, mean product and number of pairs by bin, a part left out.
-    fn without(&self, group: Option<usize>) -> Vec<[f64; 3]> {
+    fn bins_without(&self, group: Option<usize>) -> Vec<[f64; 3]> {
         let kept = || (0..GROUPS).filter(|&other| Some(other) != group);
         (0..self.edges.len())
             .map(|bin| {

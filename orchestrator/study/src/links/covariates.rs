@@ -5,7 +5,7 @@ use netsim::phy::link::{Link, channel_hz};
 
 /// Covariates by name, with a value per row; NaN where it is unknown.
 #[must_use]
-pub fn of(rows: &Rows) -> Vec<(String, Vec<f64>)> {
+pub fn by_name(rows: &Rows) -> Vec<(String, Vec<f64>)> {
     let mut all: Vec<(String, Vec<f64>)> = Vec::new();
     let mut add = |name: &str, value: &dyn Fn(usize) -> f64| {
         let values: Vec<f64> = (0..rows.len()).map(value).collect();

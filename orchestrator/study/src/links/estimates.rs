@@ -1,8 +1,8 @@
 //! The numbers of a fit: with intervals, and as a section of a configuration.
 
-use super::covariance::{Length, Products};
+use super::covariance::{CorrelationLength, Products};
 use super::fit::LinkFit;
-use super::terms::Spec;
+use super::terms::TermSpec;
 use super::{From, LinkStudy, group, search};
 use crate::COMMON;
 use crate::{Estimate, Study as _};
@@ -30,25 +30,25 @@ impl LinkStudy {
         let (_, determined) = fit.random.suggested(cells);
         let sd = fit.random.sd;
         match specs[place] {
-            Spec::Shadowing(_) => {
+            TermSpec::Shadowing(_) => {
                 // Levels of neighbouring places are not independent of each other.
                 let n = determined[0].min(group::n_pairs(&self.rows) as f64);
                 let level = spread("sd_db", sd.link_db, n);
                 return with_length(level, "decorrelation_m", "m", self.decorrelation(fit));
             }
-            Spec::Multipath(_) => {
+            TermSpec::Multipath(_) => {
                 let (sd_db, coherence) = self.fading(fit);
                 let level = spread("sd_db", sd_db, determined[1]);
                 return with_length(level, "coherence_mhz", "MHz", coherence);
             }
-            Spec::NodeOffset(_) => {
+            TermSpec::NodeOffset(_) => {
                 let all = vec![
                     spread("tx_sd_db", sd.tx_db, determined[2]),
                     spread("rx_sd_db", sd.rx_db, determined[3]),
                 ];
                 return (all, None);
             }
-            Spec::Effect(_) | Spec::Formula(..) | Spec::Curve { .. } => {}
+            TermSpec::Effect(_) | TermSpec::Formula(..) | TermSpec::Curve { .. } => {}
         }
         let before: usize = fit.states[..place].iter().map(|state| state.values.len()).sum();
         let parameters = specs[place].parameters();
@@ -124,7 +124,7 @@ impl LinkStudy {
         let mut keys = toml::Table::new();
         keys.insert("kind".to_owned(), toml::Value::String(entry.variant.name.to_owned()));
         keys.extend(fit.states[place].keys(spec));
-        if let Spec::Shadowing(_) | Spec::Multipath(_) | Spec::NodeOffset(_) = spec {
+        if let TermSpec::Shadowing(_) | TermSpec::Multipath(_) | TermSpec::NodeOffset(_) = spec {
             for spread in self.estimates_of(fit, term).0 {
                 keys.insert(spread.name, toml::Value::Float(spread.value));
             }
@@ -133,9 +133,9 @@ impl LinkStudy {
     }
 
     /// Spread of multipath fading (dB) and, where nothing else makes a link's channels alike, its coherence (MHz).
-    fn fading(&self, fit: &LinkFit) -> (f64, Option<Length>) {
+    fn fading(&self, fit: &LinkFit) -> (f64, Option<CorrelationLength>) {
         let sd = fit.random.sd;
-        if self.specs_of(&fit.terms).iter().any(|spec| matches!(spec, Spec::Shadowing(_))) {
+        if self.specs_of(&fit.terms).iter().any(|spec| matches!(spec, TermSpec::Shadowing(_))) {
             return (sd.channel_db, None);
         }
         let edges = (0..16).map(|apart| 5.0 * f64::from(apart) + 2.5).collect();
@@ -148,7 +148,7 @@ impl LinkStudy {
     }
 
     /// The length over which shadowing changes (m), where nodes move.
-    fn decorrelation(&self, fit: &LinkFit) -> Option<Length> {
+    fn decorrelation(&self, fit: &LinkFit) -> Option<CorrelationLength> {
         if self.cells.len() < 2 {
             return None;
         }
@@ -207,7 +207,7 @@ impl LinkStudy {
     fn confusable(
         &self,
         fit: &LinkFit,
-        specs: &[&Spec],
+        specs: &[&TermSpec],
         inverse: &nalgebra::DMatrix<f64>,
         place: usize,
     ) -> Option<String> {
@@ -255,7 +255,7 @@ fn with_length(
     mut level: Estimate,
     name: &str,
     unit: &str,
-    length: Option<Length>,
+    length: Option<CorrelationLength>,
 ) -> (Vec<Estimate>, Option<String>) {
     let Some(length) = length else { return (vec![level], None) };
     widen(&mut level, &length);
@@ -266,7 +266,7 @@ fn with_length(
 
 /// Widens the interval of the spread of levels to what the covariance of residuals says of it: a fit takes levels for constant
 /// within a place, and those of channels for independent.
-fn widen(spread: &mut Estimate, length: &Length) {
+fn widen(spread: &mut Estimate, length: &CorrelationLength) {
     let at = |sds: f64| length.sd_db * libm::exp(sds * length.sd_error);
     spread.low = spread.low.min(at(-NINETY));
     spread.high = spread.high.max(at(NINETY));
@@ -297,7 +297,7 @@ impl LinkStudy {
         let k = parameters.iter().position(|parameter| parameter.key == key)?;
         let mut states = fit.states.clone();
         states[place].values[k] = value;
-        let from = From { held: Some((place, k)), ..From::trial(COMMON, Some(fit)) };
+        let from = From { held: Some((place, k)), ..From::quick(COMMON, Some(fit)) };
         Some(self.run(&fit.terms, states, &self.fitted_rows(), from))
     }
 
@@ -308,7 +308,7 @@ impl LinkStudy {
         let parameter = &specs[place].parameters()[k];
         let best = fit.states[place].values[k];
         let all = self.fitted_rows();
-        let from = |held| From { held, ..From::trial(COMMON, Some(fit)) };
+        let from = |held| From { held, ..From::quick(COMMON, Some(fit)) };
         let fall = |value: f64, top: f64| {
             let mut states = fit.states.clone();
             states[place].values[k] = value;

@@ -1,12 +1,12 @@
 //! Fits a radio model with further terms to rows: Newton's method on the likelihood of the instrument.
 
-use super::active::{Active, Otherwise, level};
+use super::active::{ActiveEffect, AlteredRegister, level};
 use super::basis::Basis;
-use super::cells::{Cells, Deviations, Random, Solver, Step};
-use super::likelihood::{Instrument, Level, Noise, Slope};
-use super::passing::{Sampled, Spread};
+use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Solver};
+use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
+use super::passing::{PowerMixture, SampledCurve};
 use super::rows::Rows;
-use super::terms::{Spec, State};
+use super::terms::{TermSpec, TermState};
 use nalgebra::{DMatrix, DVector};
 use netsim::phy::effect::Effect;
 use netsim::phy::scatter::Renewal;
@@ -21,7 +21,7 @@ pub struct LinkFit {
     /// Terms, as indices of candidates.
     pub terms: Vec<usize>,
     /// Their states, in the same order.
-    pub states: Vec<State>,
+    pub states: Vec<TermState>,
     /// How frames vary about the mean level, and which pass.
     pub instrument: Instrument,
     /// Random levels.
@@ -35,17 +35,17 @@ pub struct LinkFit {
     /// Information about the parameters of all terms in their order, then the logarithm of the noise.
     pub information: DMatrix<f64>,
     /// Effects of the terms.
-    effects: Vec<Option<Active>>,
+    effects: Vec<Option<ActiveEffect>>,
 }
 
 /// What is fitted.
-pub struct Problem<'a> {
+pub struct FitProblem<'a> {
     /// The measurements and the configured model.
     pub rows: &'a Rows,
     /// The terms.
-    pub specs: Vec<&'a Spec>,
+    pub specs: Vec<&'a TermSpec>,
     /// Cells of all rows.
-    pub cells: &'a Cells,
+    pub cells: &'a RowCells,
     /// The length over which levels of links change in them (m).
     pub decorrelation_m: f64,
     /// The level at which the fit will be judged.
@@ -55,7 +55,7 @@ pub struct Problem<'a> {
     /// The noise, where the configuration gives it.
     pub fixed_sd_db: Option<f64>,
     /// Which standard deviations of random levels the fit may change.
-    pub free: Free,
+    pub free: FreeRandomEffects,
     /// The spreads of random levels stay as they are, and the noise with them.
     pub holds: bool,
     /// A parameter that stays where it is: its term, and its place there.
@@ -66,7 +66,7 @@ pub struct Problem<'a> {
 
 /// Which standard deviations of random levels a fit may change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Free {
+pub struct FreeRandomEffects {
     /// Of links.
     pub link: bool,
     /// Of channels.
@@ -80,7 +80,7 @@ const CURVE_STEP: f64 = 1e-3;
 
 /// How far a fit goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Steps {
+pub struct IterationLimits {
     /// Most steps of Newton's method.
     pub most_steps: usize,
     /// Most rounds in which the spreads of random levels are found.
@@ -100,40 +100,49 @@ const CONVERGED_NATS: f64 = 1e-4;
 struct Levels {
     /// By term, by row: power, shift, logarithm of survival.
     parts: Vec<Vec<[f64; 3]>>,
-    levels: Vec<Level>,
+    levels: Vec<RowPrediction>,
 }
 
 /// A place in the search.
 #[derive(Clone)]
 struct Here {
-    states: Vec<State>,
-    effects: Vec<Option<Active>>,
+    states: Vec<TermState>,
+    effects: Vec<Option<ActiveEffect>>,
     levels: Levels,
     instrument: Instrument,
     random: Random,
-    slopes: Vec<Slope>,
+    slopes: Vec<RowLikelihood>,
     log: f64,
 }
 
-impl<'a> Problem<'a> {
-    fn effects(&self, states: &[State]) -> Vec<Option<Active>> {
+impl<'a> FitProblem<'a> {
+    fn effects(&self, states: &[TermState]) -> Vec<Option<ActiveEffect>> {
         self.specs
             .iter()
             .zip(states)
-            .map(|(spec, state)| state.build(spec).map(|effect| Active::new(effect, self.rows)))
+            .map(|(spec, state)| {
+                state.build(spec).map(|effect| ActiveEffect::new(effect, self.rows))
+            })
             .collect()
     }
 
     /// What a term adds to the rows.
-    fn part(&self, term: usize, state: &State, effect: Option<&dyn Effect>) -> Vec<[f64; 3]> {
+    fn contribution(
+        &self,
+        term: usize,
+        state: &TermState,
+        effect: Option<&dyn Effect>,
+    ) -> Vec<[f64; 3]> {
         if let Some(basis) = &self.bases[term] {
-            let added = |&row: &u32| [basis.at(&state.values, row as usize), 0.0, 0.0];
+            let added = |&row: &u32| [basis.contribution(&state.values, row as usize), 0.0, 0.0];
             return self.train.iter().map(added).collect();
         }
         match (self.specs[term], effect) {
-            (Spec::Curve(curve), _) => {
-                self.train.iter().map(|&row| curve.at(&state.values, row as usize)).collect()
-            }
+            (TermSpec::Curve(curve), _) => self
+                .train
+                .iter()
+                .map(|&row| curve.contribution(&state.values, row as usize))
+                .collect(),
             (_, Some(effect)) => {
                 self.train.iter().map(|&row| self.rows.effect(effect, row as usize)).collect()
             }
@@ -141,7 +150,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    fn levels(&self, parts: Vec<Vec<[f64; 3]>>, effects: &[Option<Active>]) -> Levels {
+    fn levels(&self, parts: Vec<Vec<[f64; 3]>>, effects: &[Option<ActiveEffect>]) -> Levels {
         let mut added = vec![[0.0; 3]; self.train.len()];
         for part in &parts {
             for (sum, term) in added.iter_mut().zip(part) {
@@ -150,7 +159,7 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        let otherwise = Otherwise::of(effects, self.rows);
+        let otherwise = AlteredRegister::from_effects(effects, self.rows);
         let levels = self
             .train
             .iter()
@@ -161,9 +170,10 @@ impl<'a> Problem<'a> {
     }
 
     /// The instrument with this noise: with the curve and the spread of the terms that have one.
-    fn instrument(&self, effects: &[Option<Active>], noise: Noise) -> Instrument {
+    fn instrument(&self, effects: &[Option<ActiveEffect>], noise: Noise) -> Instrument {
         let curve = effects.iter().rev().flatten().find_map(|active| active.effect.curve());
-        let curve = Sampled::of(curve.unwrap_or_else(|| self.rows.model.reception_curve()));
+        let curve =
+            SampledCurve::tabulate(curve.unwrap_or_else(|| self.rows.model.reception_curve()));
         let mut spread = self.rows.base_spread();
         for scatter in effects.iter().flatten().filter_map(|active| active.effect.scatter()) {
             spread = spread.and(&super::spread_of(&scatter.law));
@@ -176,22 +186,33 @@ impl<'a> Problem<'a> {
         }
     }
 
-    fn slopes(&self, instrument: &Instrument, levels: &Levels, random: &Random) -> Vec<Slope> {
-        let any = random.sd != Deviations::default();
+    fn slopes(
+        &self,
+        instrument: &Instrument,
+        levels: &Levels,
+        random: &Random,
+    ) -> Vec<RowLikelihood> {
+        let any = random.sd != RandomEffectSds::default();
         self.train
             .iter()
             .zip(&levels.levels)
             .map(|(&row, level)| {
                 let lift = if any { random.level_db(self.cells, row as usize) } else { 0.0 };
-                instrument.sample(&self.rows.links.rows[row as usize], level, lift)
+                instrument.row_likelihood(&self.rows.links.rows[row as usize], level, lift)
             })
             .collect()
     }
 
-    fn here(&self, states: Vec<State>, noise: Noise, random: Random) -> Here {
+    fn here(&self, states: Vec<TermState>, noise: Noise, random: Random) -> Here {
         let effects = self.effects(&states);
         let parts = (0..self.specs.len())
-            .map(|term| self.part(term, &states[term], effects[term].as_ref().map(Active::get)))
+            .map(|term| {
+                self.contribution(
+                    term,
+                    &states[term],
+                    effects[term].as_ref().map(ActiveEffect::get),
+                )
+            })
             .collect();
         let levels = self.levels(parts, &effects);
         let instrument = self.instrument(&effects, noise);
@@ -206,12 +227,12 @@ impl<'a> Problem<'a> {
     pub fn fit(
         &self,
         terms: &[usize],
-        states: Vec<State>,
+        states: Vec<TermState>,
         noise: Option<Noise>,
         random: Random,
-        steps: Steps,
+        steps: IterationLimits,
     ) -> LinkFit {
-        let is_random = random.sd != Deviations::default() && !self.holds;
+        let is_random = random.sd != RandomEffectSds::default() && !self.holds;
         let mut noise = noise.unwrap_or_else(|| self.rough_noise(&states));
         noise.sd_db = self.fixed_sd_db.unwrap_or(noise.sd_db);
         let mut here = self.here(states, noise, random);
@@ -222,7 +243,7 @@ impl<'a> Problem<'a> {
                 let (sd, _) = here.random.suggested(self.cells);
                 let noise = self.suggested_noise(&here);
                 let old = here.random.sd;
-                here.random.sd = Deviations {
+                here.random.sd = RandomEffectSds {
                     link_db: if self.free.link { sd.link_db } else { old.link_db },
                     channel_db: if self.free.channel { sd.channel_db } else { old.channel_db },
                     tx_db: if self.free.nodes { sd.tx_db } else { old.tx_db },
@@ -281,10 +302,16 @@ impl<'a> Problem<'a> {
     }
 
     /// A first guess of the noise: the spread of what was received about the mean level.
-    fn rough_noise(&self, states: &[State]) -> Noise {
+    fn rough_noise(&self, states: &[TermState]) -> Noise {
         let effects = self.effects(states);
         let parts = (0..self.specs.len())
-            .map(|term| self.part(term, &states[term], effects[term].as_ref().map(Active::get)))
+            .map(|term| {
+                self.contribution(
+                    term,
+                    &states[term],
+                    effects[term].as_ref().map(ActiveEffect::get),
+                )
+            })
             .collect();
         let levels = self.levels(parts, &effects);
         let (mut sum, mut n) = (0.0, 0.0);
@@ -310,7 +337,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Climbs to the top from here.
-    fn climb(&self, here: &mut Here, most_steps: usize) -> Step {
+    fn climb(&self, here: &mut Here, most_steps: usize) -> NewtonStep {
         let mut damping = 1e-4;
         let mut last = None;
         for _ in 0..most_steps {
@@ -352,7 +379,7 @@ impl<'a> Problem<'a> {
         }
         last.unwrap_or_else(|| {
             let p = self.n_parameters(here);
-            Step {
+            NewtonStep {
                 parameters: DVector::zeros(p),
                 random: here.random.clone(),
                 information: DMatrix::zeros(p, p),
@@ -362,7 +389,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Here with a step taken, within the ranges of the parameters.
-    fn moved(&self, here: &Here, step: &Step) -> Here {
+    fn moved(&self, here: &Here, step: &NewtonStep) -> Here {
         let mut states = here.states.clone();
         let mut index = 0;
         for (spec, state) in self.specs.iter().zip(&mut states) {
@@ -396,7 +423,7 @@ impl<'a> Problem<'a> {
     /// a mean: shifts, losses, curves, noise.
     fn derivatives(&self, here: &Here) -> (Vec<f64>, DMatrix<f64>, DVector<f64>) {
         let readings = self.rows.links.readings;
-        let fits_noise = here.random.sd == Deviations::default()
+        let fits_noise = here.random.sd == RandomEffectSds::default()
             && (self.fixed_sd_db.is_none() || readings.is_aggregated);
         let n_terms = self.n_parameters(here);
         let fits_rows = fits_noise && readings.is_aggregated && !readings.is_given;
@@ -406,7 +433,7 @@ impl<'a> Problem<'a> {
         let mut scores: Vec<(usize, Vec<f64>)> = Vec::new();
         let mut index = 0;
         for (term, (spec, state)) in self.specs.iter().zip(&here.states).enumerate() {
-            if let Spec::Curve(curve) = spec
+            if let TermSpec::Curve(curve) = spec
                 && !curve.is_loss
             {
                 for (i, &row) in self.train.iter().enumerate() {
@@ -445,12 +472,12 @@ impl<'a> Problem<'a> {
                     }
                 }
                 there.values[k] += step;
-                let effect = there.build(spec).map(|effect| Active::new(effect, self.rows));
-                if effect.is_none() && !matches!(spec, Spec::Curve(_)) {
+                let effect = there.build(spec).map(|effect| ActiveEffect::new(effect, self.rows));
+                if effect.is_none() && !matches!(spec, TermSpec::Curve(_)) {
                     continue;
                 }
-                let part = self.part(term, &there, effect.as_ref().map(Active::get));
-                let is_mean = effect.as_ref().is_some_and(Active::is_plain)
+                let part = self.contribution(term, &there, effect.as_ref().map(ActiveEffect::get));
+                let is_mean = effect.as_ref().is_some_and(ActiveEffect::is_plain)
                     && part
                         .iter()
                         .zip(&here.levels.parts[term])
@@ -461,7 +488,7 @@ impl<'a> Problem<'a> {
                     }
                 } else {
                     let mut effects = here.effects.clone();
-                    let has_curve = effect.as_ref().is_some_and(Active::is_instrument);
+                    let has_curve = effect.as_ref().is_some_and(ActiveEffect::is_instrument);
                     effects[term] = effect;
                     let mut parts = here.levels.parts.clone();
                     parts[term] = part;
@@ -520,22 +547,22 @@ impl<'a> Problem<'a> {
 
 impl LinkFit {
     /// Effects with which registers read otherwise.
-    pub(super) fn otherwise(&self, rows: &Rows) -> Otherwise<'_> {
-        Otherwise::of(&self.effects, rows)
+    pub(super) fn otherwise(&self, rows: &Rows) -> AlteredRegister<'_> {
+        AlteredRegister::from_effects(&self.effects, rows)
     }
 
     /// What the fitted model says about any row, random levels apart.
     pub(super) fn level(
         &self,
-        (rows, specs): (&Rows, &[&Spec]),
+        (rows, specs): (&Rows, &[&TermSpec]),
         row: usize,
-        otherwise: &Otherwise<'_>,
-    ) -> Level {
+        otherwise: &AlteredRegister<'_>,
+    ) -> RowPrediction {
         let mut added = [0.0; 3];
         for ((spec, state), effect) in specs.iter().zip(&self.states).zip(&self.effects) {
             match (spec, effect) {
-                (Spec::Curve(curve), _) => {
-                    let part = curve.at(&state.values, row);
+                (TermSpec::Curve(curve), _) => {
+                    let part = curve.contribution(&state.values, row);
                     added = std::array::from_fn(|k| added[k] + part[k]);
                 }
                 (_, Some(effect)) => {
@@ -553,13 +580,15 @@ impl LinkFit {
 impl Rows {
     /// What varies about the base model's mean from frame to frame.
     #[must_use]
-    pub fn base_spread(&self) -> Spread {
+    pub fn base_spread(&self) -> PowerMixture {
         self.model
             .scatters()
             .iter()
             .filter(|scatter| scatter.renewal == Renewal::Frame)
             .filter(|scatter| scatter.purpose != Purpose::FrameNoise)
-            .fold(Spread::none(), |spread, scatter| spread.and(&super::spread_of(&scatter.law)))
+            .fold(PowerMixture::none(), |spread, scatter| {
+                spread.and(&super::spread_of(&scatter.law))
+            })
     }
 
     /// Whether a row has a reading.

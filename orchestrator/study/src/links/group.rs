@@ -1,8 +1,8 @@
 //! Which rows belong together: blocks that are left out together, and cells that share a random level.
 
-use super::cells::Cells;
+use super::cells::RowCells;
 use super::rows::Rows;
-use crate::choices::{ChoiceError, Choices, Split};
+use crate::choices::{ChoiceError, Choices, SplitBy};
 use crate::folds::{Blocks, FEWEST_BLOCKS, scramble};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -154,7 +154,7 @@ pub(super) struct Grouped {
 /// Rows in blocks, as chosen or as suits them.
 pub(super) fn grouped(rows: &Rows, choices: &Choices) -> Result<Grouped, ChoiceError> {
     let runs: Vec<u32> = rows.links.rows.iter().map(|row| row.run).collect();
-    let scored = choices.scored(&runs);
+    let scored = choices.scored_rows(&runs);
     let grouped = match choices.split {
         Some(split) => {
             let blocks = split_blocks(rows, split, scored.as_deref())?;
@@ -175,28 +175,32 @@ pub(super) fn grouped(rows: &Rows, choices: &Choices) -> Result<Grouped, ChoiceE
 }
 
 /// Rows that are left out together by choice.
-fn split_blocks(rows: &Rows, split: Split, scored: Option<&[bool]>) -> Result<Blocks, ChoiceError> {
+fn split_blocks(
+    rows: &Rows,
+    split: SplitBy,
+    scored: Option<&[bool]>,
+) -> Result<Blocks, ChoiceError> {
     let refused =
         |reason: &str, nearest| ChoiceError::Split { split, reason: reason.to_owned(), nearest };
     let blocks = match split {
-        Split::Time if !has_times(rows) => {
+        SplitBy::Time if !has_times(rows) => {
             let reason = "rows have no times, or fewer than 20 different ones";
-            return Err(refused(reason, Split::Pair));
+            return Err(refused(reason, SplitBy::Pair));
         }
-        Split::Time => time_blocks(rows, scored),
-        Split::Pair => Blocks::of_keys("pairs of nodes", &pairs(rows)),
-        Split::Node => node_blocks(rows),
-        Split::Place if rows.still().values().all(|&still| still) => {
-            return Err(refused("no node moves, or no places are known", Split::Pair));
+        SplitBy::Time => time_blocks(rows, scored),
+        SplitBy::Pair => Blocks::of_keys("pairs of nodes", &pairs(rows)),
+        SplitBy::Node => node_blocks(rows),
+        SplitBy::Place if rows.still().values().all(|&still| still) => {
+            return Err(refused("no node moves, or no places are known", SplitBy::Pair));
         }
-        Split::Place => blocks_of_squares(rows),
-        Split::Run => {
+        SplitBy::Place => blocks_of_squares(rows),
+        SplitBy::Run => {
             let runs = rows.links.rows.iter().map(|row| u64::from(row.run));
             Blocks::of_keys("campaigns", &runs.collect::<Vec<_>>())
         }
     };
     if blocks.n_blocks() < 2 {
-        let nearest = if has_times(rows) { Split::Time } else { Split::Pair };
+        let nearest = if has_times(rows) { SplitBy::Time } else { SplitBy::Pair };
         let reason = format!("all rows are of one of the {}", blocks.unit);
         return Err(refused(&reason, nearest));
     }
@@ -211,7 +215,7 @@ fn square(place_m: [f64; 3], side_m: f64) -> u64 {
 }
 
 /// Cells of random levels.
-pub(super) fn cells_of(rows: &Rows, side_m: f64) -> Cells {
+pub(super) fn cells_of(rows: &Rows, side_m: f64) -> RowCells {
     let ids: Vec<u32> = rows.still().keys().copied().collect();
     let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
     let places = |row: usize, side_m: f64| {
@@ -244,7 +248,7 @@ pub(super) fn cells_of(rows: &Rows, side_m: f64) -> Cells {
         link_of_channel[cell as usize] = link[row];
     }
     let nodes = rows.links.rows.iter().map(|row| (node(row.tx), node(row.rx))).collect();
-    Cells { link, channel, link_of_channel, n_links, nodes, n_nodes: ids.len() }
+    RowCells { link, channel, link_of_channel, n_links, nodes, n_nodes: ids.len() }
 }
 
 /// Numbers keys in the order in which they sort.

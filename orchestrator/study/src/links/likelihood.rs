@@ -1,20 +1,20 @@
 //! How likely a row is under a model: the likelihood of the instrument, lost frames and rounding included.
 
-use super::passing::{Averaged, Sampled, Spread};
-use super::register::{Range, width_db};
+use super::passing::{AveragedCurve, PowerMixture, SampledCurve};
+use super::register::{PowerRange, width_db};
 use crate::RowScore;
-use density::Density;
+use density::FadingDensity;
 use measure::links::{Readings, Row};
 
 /// What a model says about a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Level {
+pub struct RowPrediction {
     /// Mean power at the receiver (dBm).
     pub power_dbm: f64,
     /// What the register reads more than that (dB).
     pub register_db: f64,
     /// The powers of which the row's reading is read.
-    pub range: Range,
+    pub range: PowerRange,
     /// By how much the reception curve is shifted (dB).
     pub shift_db: f64,
     /// Logarithm of the probability that nothing but weakness loses a frame.
@@ -24,11 +24,11 @@ pub struct Level {
 }
 
 /// What a register reads of a power (dBm).
-pub type Read<'a> = &'a dyn Fn(f64) -> f64;
+pub type RegisterResponse<'a> = &'a dyn Fn(f64) -> f64;
 
 /// Logarithm of a row's likelihood, and how it changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Slope {
+pub struct RowLikelihood {
     /// Log likelihood (nats).
     pub log: f64,
     /// Its derivative over the mean level (1/dB).
@@ -47,11 +47,11 @@ pub struct Instrument {
     /// Standard deviation of the noise (dB).
     pub sd_db: f64,
     /// What varies beside.
-    pub spread: Spread,
+    pub spread: PowerMixture,
     /// The reception curve.
-    pub curve: Sampled,
+    pub curve: SampledCurve,
     /// It averaged over the noise.
-    pub averaged: Averaged,
+    pub averaged: AveragedCurve,
     /// What rows are.
     pub readings: Readings,
     /// Standard deviation (dB) of the level that such frames share; without meaning for single frames.
@@ -61,12 +61,12 @@ pub struct Instrument {
     /// The same with frames that vary a little more, where derivatives are asked for.
     pub wider: Option<Box<Self>>,
     /// What frames do at every level, where rows sum them up and losses are known.
-    pub tabulated: Option<tables::Frames>,
+    pub tabulated: Option<tables::FrameTable>,
     /// What rows of which nothing was received say, for usual numbers of frames sent.
-    pub silent: Vec<tables::Silent>,
+    pub silent: Vec<tables::SilentRowTable>,
     /// How readings lie about their mean, and strengths before they are rounded.
-    of_reading: Density,
-    of_strength: Density,
+    of_reading: FadingDensity,
+    of_strength: FadingDensity,
     /// All deviations of strengths from their mean (dB) on a grid, with their weights: what a received row reads is averaged over these.
     deviations: Vec<(f64, f64)>,
     /// How much less likely a strength is at each of the places looked at than at the middle, where the middle is likeliest.
@@ -75,7 +75,7 @@ pub struct Instrument {
 
 mod aggregated;
 mod density;
-mod given;
+mod reception_share;
 mod tables;
 
 /// Between two points a step apart, each with its value and slope.
@@ -129,12 +129,17 @@ const STRAY: f64 = 1e-3;
 impl Instrument {
     /// Of a curve of reception and what varies, nothing tabulated.
     #[must_use]
-    pub fn new(curve: Sampled, spread: Spread, noise: Noise, readings: Readings) -> Self {
+    pub fn new(
+        curve: SampledCurve,
+        spread: PowerMixture,
+        noise: Noise,
+        readings: Readings,
+    ) -> Self {
         let Noise { sd_db, link_sd_db, share_sd } = noise;
         let averaged = curve.averaged(sd_db, &spread);
         let reading_variance = sd_db * sd_db + readings.quantum_db * readings.quantum_db / 12.0;
         let density =
-            |variance: f64| Density::new(&spread, variance, sd_db, !readings.is_aggregated);
+            |variance: f64| FadingDensity::new(&spread, variance, sd_db, !readings.is_aggregated);
         let falls = OFFSETS.map(|offset| {
             let z = offset * readings.quantum_db / sd_db;
             libm::exp(-0.5 * z * z)
@@ -170,9 +175,9 @@ impl Instrument {
         Self::new(self.curve.clone(), self.spread.clone(), noise, self.readings)
     }
 
-    /// As [`Density::at`], of all strengths about `power_dbm` that are rounded to the same reading, each by the probability
+    /// As [`FadingDensity::log_density_at`], of all strengths about `power_dbm` that are rounded to the same reading, each by the probability
     /// that such a frame passes.
-    fn rounded(&self, power_dbm: f64, deviation_db: f64) -> Slope {
+    fn rounded(&self, power_dbm: f64, deviation_db: f64) -> RowLikelihood {
         if let [(level, _)] = self.spread.0[..] {
             let deviation_db = deviation_db - level;
             let variance = self.of_strength.variance();
@@ -181,16 +186,22 @@ impl Instrument {
                 return self.rounded_normal(power_dbm, deviation_db, tilt);
             }
         }
-        self.over(OFFSETS.map(|offset| {
+        self.mixture(OFFSETS.map(|offset| {
             let offset_db = offset * self.readings.quantum_db;
-            let passes = self.curve.at(power_dbm + offset_db);
+            let passes = self.curve.probability_at(power_dbm + offset_db);
             (deviation_db + offset_db, passes / OFFSETS.len() as f64)
         }))
     }
 
     /// As [`Self::rounded`], of all strengths in a range that is `stretch` times as wide as the step of readings, about one
     /// `deviation_db` from the mean; each by the probability that such a frame passes, if `by_curve`, at `power_dbm` in the middle.
-    fn bent(&self, power_dbm: f64, deviation_db: f64, stretch: f64, by_curve: bool) -> Slope {
+    fn bent(
+        &self,
+        power_dbm: f64,
+        deviation_db: f64,
+        stretch: f64,
+        by_curve: bool,
+    ) -> RowLikelihood {
         let quantum_db = width_db(self.readings.quantum_db);
         let half_db = 0.5 * stretch * quantum_db;
         let (from_db, to_db) = (deviation_db - half_db, deviation_db + half_db);
@@ -205,21 +216,24 @@ impl Instrument {
             let (place, weight) = LEGENDRE[i / 2];
             (if i % 2 == 0 { place } else { -place }, weight)
         });
-        self.over(points.map(|(place, weight)| {
+        self.mixture(points.map(|(place, weight)| {
             let at_db = middle_db + half_db * place;
-            let passes =
-                if by_curve { self.curve.at(power_dbm + at_db - deviation_db) } else { 1.0 };
+            let passes = if by_curve {
+                self.curve.probability_at(power_dbm + at_db - deviation_db)
+            } else {
+                1.0
+            };
             (at_db, weight * passes * half_db / quantum_db)
         }))
     }
 
-    /// As [`Density::at`], of several deviations together, each with its weight.
-    fn over<const N: usize>(&self, points: [(f64, f64); N]) -> Slope {
-        let parts =
-            points.map(|(deviation_db, weight)| (self.of_strength.at(deviation_db), weight));
+    /// As [`FadingDensity::log_density_at`], of several deviations together, each with its weight.
+    fn mixture<const N: usize>(&self, points: [(f64, f64); N]) -> RowLikelihood {
+        let parts = points
+            .map(|(deviation_db, weight)| (self.of_strength.log_density_at(deviation_db), weight));
         let greatest =
             parts.iter().fold(f64::NEG_INFINITY, |greatest, (part, _)| greatest.max(part.log));
-        let (mut total, mut sum, mut squares) = (0.0, Slope::default(), 0.0);
+        let (mut total, mut sum, mut squares) = (0.0, RowLikelihood::default(), 0.0);
         for (part, weight) in &parts {
             let share = weight * libm::exp(part.log - greatest);
             total += share;
@@ -230,7 +244,7 @@ impl Instrument {
         }
         let (over_level, weight) = (sum.over_level / total, sum.weight / total);
         let spread = squares / total - over_level * over_level;
-        Slope {
+        RowLikelihood {
             log: greatest + libm::log(total),
             over_level,
             weight: (weight - spread).max(0.1 * weight),
@@ -241,21 +255,21 @@ impl Instrument {
 
     /// As [`Self::rounded`] where nothing varies but by normal noise: densities at places a step apart are in a constant ratio to each
     /// other, e^`tilt` at the first of them above the middle, but for one that does not depend on the deviation.
-    fn rounded_normal(&self, power_dbm: f64, deviation_db: f64, tilt: f64) -> Slope {
+    fn rounded_normal(&self, power_dbm: f64, deviation_db: f64, tilt: f64) -> RowLikelihood {
         let variance = self.of_strength.variance();
         let up = libm::exp(tilt);
         let ratios = [1.0 / (up * up * up), 1.0 / up, up, up * up * up];
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
         for ((offset, ratio), falls) in OFFSETS.iter().zip(ratios).zip(self.falls) {
             let offset_db = offset * self.readings.quantum_db;
-            let share = ratio * falls * self.curve.at(power_dbm + offset_db);
+            let share = ratio * falls * self.curve.probability_at(power_dbm + offset_db);
             let deviation_db = deviation_db + offset_db;
             total += share;
             first += share * deviation_db;
             second += share * deviation_db * deviation_db;
         }
         let (mean, square) = (first / total, second / total);
-        Slope {
+        RowLikelihood {
             log: self.of_strength.ln_peak() - 0.5 * deviation_db * deviation_db / variance
                 + libm::log(total / OFFSETS.len() as f64),
             over_level: mean / variance,
@@ -268,17 +282,17 @@ impl Instrument {
 
     /// Log likelihood of a sample: one frame, received or lost. `lift_db` is added to the level.
     #[must_use]
-    pub fn sample(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
+    pub fn row_likelihood(&self, row: &Row, level: &RowPrediction, lift_db: f64) -> RowLikelihood {
         if self.readings.is_given {
-            return self.given(row, level);
+            return self.share_likelihood(row, level);
         }
         if self.readings.is_aggregated {
-            return self.summed(row, level, lift_db);
+            return self.aggregated_likelihood(row, level, lift_db);
         }
         let is_received = row.received == 1.0;
-        let Range { offset_db, stretch } = level.range;
+        let PowerRange { offset_db, stretch } = level.range;
         let deviation = row.rssi_dbm - level.power_dbm - offset_db - lift_db;
-        let mut slope = Slope::default();
+        let mut slope = RowLikelihood::default();
         if is_received {
             let by_curve = self.readings.has_losses && level.stated.is_none();
             let power_dbm = row.rssi_dbm - offset_db - level.shift_db;
@@ -288,7 +302,7 @@ impl Instrument {
             slope = match (is_bent, is_cut) {
                 (true, _) => self.bent(power_dbm, deviation, stretch, by_curve),
                 (false, true) => self.rounded(power_dbm, deviation),
-                (false, false) => self.of_reading.at(deviation),
+                (false, false) => self.of_reading.log_density_at(deviation),
             };
             if is_bent && by_curve || is_cut {
                 slope.log += level.ln_survival;
@@ -305,7 +319,7 @@ impl Instrument {
             let power_dbm = row.rssi_dbm - offset_db;
             slope.log += self.curve.ln_at(power_dbm - level.shift_db) + level.ln_survival;
         } else {
-            let chance = self.averaged.at(level.power_dbm + lift_db - level.shift_db);
+            let chance = self.averaged.reception_at(level.power_dbm + lift_db - level.shift_db);
             let survival =
                 if level.ln_survival == 0.0 { 1.0 } else { libm::exp(level.ln_survival) };
             let lost = 1.0 - survival * chance.passes;
@@ -321,11 +335,11 @@ impl Instrument {
 
     /// Probability that a frame at this level is received.
     #[must_use]
-    pub fn reception(&self, level: &Level, lift_db: f64) -> f64 {
+    pub fn reception(&self, level: &RowPrediction, lift_db: f64) -> f64 {
         let survival = libm::exp(level.ln_survival);
         let passes = match level.stated {
             Some(stated) => stated.clamp(STRAY, 1.0 - STRAY),
-            None => self.averaged.at(level.power_dbm + lift_db - level.shift_db).passes,
+            None => self.averaged.reception_at(level.power_dbm + lift_db - level.shift_db).passes,
         };
         survival * passes
     }
@@ -333,7 +347,12 @@ impl Instrument {
     /// What a received row should read (dBm), and the standard deviation of that (dB). `read`: what its register reads, where it
     /// does more than shift.
     #[must_use]
-    pub fn reading(&self, level: &Level, lift_db: f64, read: Option<Read<'_>>) -> (f64, f64) {
+    pub fn reading(
+        &self,
+        level: &RowPrediction,
+        lift_db: f64,
+        read: Option<RegisterResponse<'_>>,
+    ) -> (f64, f64) {
         let mean = level.power_dbm + level.register_db + lift_db;
         let by_curve = level.stated.is_none() && self.readings.has_losses;
         if !by_curve && read.is_none() {
@@ -344,8 +363,11 @@ impl Instrument {
         let power = level.power_dbm + lift_db;
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
         for &(deviation, weight) in &self.deviations {
-            let passes =
-                if by_curve { self.curve.at(power + deviation - level.shift_db) } else { 1.0 };
+            let passes = if by_curve {
+                self.curve.probability_at(power + deviation - level.shift_db)
+            } else {
+                1.0
+            };
             let away = read.map_or(deviation, |read| read(power + deviation) - mean);
             let part = weight * passes;
             total += part;
@@ -365,12 +387,12 @@ impl Instrument {
     pub fn score(
         &self,
         row: &Row,
-        level: &Level,
+        level: &RowPrediction,
         lift_db: f64,
-        read: Option<Read<'_>>,
+        read: Option<RegisterResponse<'_>>,
     ) -> RowScore {
         let mut score = RowScore {
-            log: self.sample(row, level, lift_db).log,
+            log: self.row_likelihood(row, level, lift_db).log,
             squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
@@ -405,8 +427,8 @@ pub(in crate::links) mod tests {
     use netsim::phy::reception::table::Table;
 
     fn instrument(sd_db: f64) -> Instrument {
-        let curve = Sampled::of(&Table::dust());
-        let spread = Spread::none();
+        let curve = SampledCurve::tabulate(&Table::dust());
+        let spread = PowerMixture::none();
         let readings =
             Readings { quantum_db: 1.0, has_losses: true, is_aggregated: false, is_given: false };
         Instrument::new(curve, spread, Noise { sd_db, ..Noise::default() }, readings)
@@ -431,11 +453,11 @@ pub(in crate::links) mod tests {
         }
     }
 
-    fn level(power_dbm: f64) -> Level {
-        Level {
+    fn level(power_dbm: f64) -> RowPrediction {
+        RowPrediction {
             power_dbm,
             register_db: 0.0,
-            range: Range::shifted(0.0),
+            range: PowerRange::shifted(0.0),
             shift_db: 1.3,
             ln_survival: -0.2,
             stated: None,
@@ -448,7 +470,9 @@ pub(in crate::links) mod tests {
             let (instrument, level) = (instrument(2.0), level(power_dbm));
             let readings = (-120..-60).map(f64::from);
             let sum: f64 = readings
-                .map(|rssi| libm::exp(instrument.sample(&row(1.0, 1.0, rssi), &level, 0.0).log))
+                .map(|rssi| {
+                    libm::exp(instrument.row_likelihood(&row(1.0, 1.0, rssi), &level, 0.0).log)
+                })
                 .sum();
             let passes = instrument.reception(&level, 0.0);
             assert!((sum - passes).abs() < 2e-3 * passes.max(0.1), "{power_dbm}: {sum} {passes}");
@@ -460,8 +484,11 @@ pub(in crate::links) mod tests {
         power_dbm.min(-93.0) + 0.4 * (power_dbm + 93.0).max(0.0)
     }
 
-    fn bent(power_dbm: f64, rssi_dbm: f64) -> Level {
-        Level { range: Range::of(&saturating, rssi_dbm, 1.0), ..level(power_dbm) }
+    fn bent(power_dbm: f64, rssi_dbm: f64) -> RowPrediction {
+        RowPrediction {
+            range: PowerRange::of_reading(&saturating, rssi_dbm, 1.0),
+            ..level(power_dbm)
+        }
     }
 
     #[test]
@@ -471,12 +498,15 @@ pub(in crate::links) mod tests {
             let (mut sum, mut mean_dbm) = (0.0, 0.0);
             for rssi_dbm in (-120..-60).map(f64::from) {
                 let level = bent(power_dbm, rssi_dbm);
-                let share = libm::exp(instrument.sample(&row(1.0, 1.0, rssi_dbm), &level, 0.0).log);
+                let share =
+                    libm::exp(instrument.row_likelihood(&row(1.0, 1.0, rssi_dbm), &level, 0.0).log);
                 sum += share;
                 mean_dbm += share * rssi_dbm;
             }
-            let level =
-                Level { register_db: saturating(power_dbm) - power_dbm, ..level(power_dbm) };
+            let level = RowPrediction {
+                register_db: saturating(power_dbm) - power_dbm,
+                ..level(power_dbm)
+            };
             let passes = instrument.reception(&level, 0.0);
             assert!((sum - passes).abs() < 2e-3 * passes.max(0.1), "{power_dbm}: {sum} {passes}");
             let (reading_dbm, _) = instrument.reading(&level, 0.0, Some(&saturating));
@@ -488,7 +518,7 @@ pub(in crate::links) mod tests {
     #[test]
     fn normal_noise_alone_is_as_a_spread_of_which_both_halves_are_alike() {
         let alone = instrument(2.0);
-        let halves = Spread(vec![(0.0, 0.5), (0.0, 0.5)]);
+        let halves = PowerMixture(vec![(0.0, 0.5), (0.0, 0.5)]);
         let both = Instrument::new(alone.curve.clone(), halves, alone.noise(), alone.readings);
         for (power_dbm, deviation_db) in [(-95.0, -3.0), (-92.4, 0.3), (-90.0, 11.0)] {
             let [a, b] = [&alone, &both].map(|it| it.rounded(power_dbm, deviation_db));
@@ -510,7 +540,7 @@ pub(in crate::links) mod tests {
         for (rssi_dbm, is_bent) in plain.into_iter().chain(above) {
             let at = |power_dbm: f64, sd_db: f64| {
                 let level = if is_bent { bent(power_dbm, rssi_dbm) } else { level(power_dbm) };
-                instrument(sd_db).sample(&row(1.0, 1.0, rssi_dbm), &level, 0.0)
+                instrument(sd_db).row_likelihood(&row(1.0, 1.0, rssi_dbm), &level, 0.0)
             };
             let (here, h) = (at(-94.0, 2.0), 1e-3);
             let by_level = (at(-94.0 + h, 2.0).log - at(-94.0 - h, 2.0).log) / (2.0 * h);

@@ -15,9 +15,9 @@ const KERNEL_REACH_SD: f64 = 5.0;
 
 /// What varies about the mean level from frame to frame beside normal noise: levels (dB) with their probabilities.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spread(pub Vec<(f64, f64)>);
+pub struct PowerMixture(pub Vec<(f64, f64)>);
 
-impl Spread {
+impl PowerMixture {
     /// Nothing.
     #[must_use]
     pub fn none() -> Self {
@@ -85,7 +85,7 @@ impl Spread {
 
 /// A reception curve, sampled.
 #[derive(Clone, Debug)]
-pub struct Sampled {
+pub struct SampledCurve {
     from_dbm: f64,
     values: Vec<f64>,
     /// From here on all frames pass alike (dBm), and the logarithm of how many.
@@ -93,10 +93,10 @@ pub struct Sampled {
     ln_level: f64,
 }
 
-impl Sampled {
+impl SampledCurve {
     /// Of a curve.
     #[must_use]
-    pub fn of(curve: &dyn Curve) -> Self {
+    pub fn tabulate(curve: &dyn Curve) -> Self {
         let from_dbm = curve.floor_dbm().max(-200.0);
         let to_dbm = curve.ceiling_dbm().min(100.0).max(from_dbm + 1.0);
         let n = ((to_dbm - from_dbm) / STEP_DB).ceil() as usize + 2;
@@ -118,7 +118,7 @@ impl Sampled {
 
     /// Probability that a frame of this strength passes.
     #[must_use]
-    pub fn at(&self, dbm: f64) -> f64 {
+    pub fn probability_at(&self, dbm: f64) -> f64 {
         let place = (dbm - self.from_dbm) / STEP_DB;
         let last = self.values.len() - 1;
         if place <= 0.0 {
@@ -135,13 +135,13 @@ impl Sampled {
     /// The same without the frames that go against the curve.
     #[must_use]
     pub fn own_at(&self, dbm: f64) -> f64 {
-        ((self.at(dbm) - STRAY) / (1.0 - 2.0 * STRAY)).clamp(0.0, 1.0)
+        ((self.probability_at(dbm) - STRAY) / (1.0 - 2.0 * STRAY)).clamp(0.0, 1.0)
     }
 
-    /// The logarithm of [`Self::at`].
+    /// The logarithm of [`Self::probability_at`].
     #[must_use]
     pub fn ln_at(&self, dbm: f64) -> f64 {
-        if self.level_from_dbm <= dbm { self.ln_level } else { libm::log(self.at(dbm)) }
+        if self.level_from_dbm <= dbm { self.ln_level } else { libm::log(self.probability_at(dbm)) }
     }
 
     /// Whether frames about as strong as this, by `reach_db`, pass alike: above the curve, or below it.
@@ -152,7 +152,7 @@ impl Sampled {
 
     /// Averages over normal noise about the mean.
     #[must_use]
-    pub fn averaged(&self, sd_db: f64, spread: &Spread) -> Averaged {
+    pub fn averaged(&self, sd_db: f64, spread: &PowerMixture) -> AveragedCurve {
         let sd_db = sd_db.max(0.05);
         let widest = spread.0.iter().fold(0.0f64, |widest, (level, _)| widest.max(level.abs()));
         let reach = REACH_SD * sd_db + widest;
@@ -164,7 +164,7 @@ impl Sampled {
         let moments = |mean: f64| {
             let mut sums = [0.0; 3];
             for (deviation, weights) in &kernel {
-                let passes = self.at(mean + deviation);
+                let passes = self.probability_at(mean + deviation);
                 for (sum, weight) in sums.iter_mut().zip(weights) {
                     *sum += weight * passes;
                 }
@@ -172,13 +172,13 @@ impl Sampled {
             sums
         };
         let values = (0..n).map(|i| moments(from_dbm + i as f64 * step)).collect();
-        Averaged { from_dbm, step, sd_db, values }
+        AveragedCurve { from_dbm, step, sd_db, values }
     }
 }
 
 /// The probability that a frame passes as a function of its mean level, noise averaged out, with derivatives.
 #[derive(Clone, Debug)]
-pub struct Averaged {
+pub struct AveragedCurve {
     /// The first mean level at which it was computed (dBm).
     pub from_dbm: f64,
     /// The step from one to the next (dB).
@@ -187,7 +187,7 @@ pub struct Averaged {
     values: Vec<[f64; 3]>,
 }
 
-/// What [`Averaged`] says about a level.
+/// What [`AveragedCurve`] says about a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chance {
     /// Probability that a frame passes.
@@ -202,7 +202,7 @@ pub struct Chance {
     pub lift_db: f64,
 }
 
-impl Averaged {
+impl AveragedCurve {
     /// The mean levels (dBm) at which it was computed.
     pub fn points(&self) -> impl Iterator<Item = f64> + use<'_> {
         (0..self.values.len()).map(|i| self.from_dbm + i as f64 * self.step)
@@ -216,7 +216,7 @@ impl Averaged {
 
     /// At a mean level.
     #[must_use]
-    pub fn at(&self, dbm: f64) -> Chance {
+    pub fn reception_at(&self, dbm: f64) -> Chance {
         let place = ((dbm - self.from_dbm) / self.step).max(0.0);
         let last = self.values.len() - 1;
         let index = (place as usize).min(last - 1);
@@ -264,9 +264,9 @@ mod tests {
 
     #[test]
     fn a_normal_curve_averaged_over_normal_noise_is_a_wider_one() {
-        let averaged = Sampled::of(&Normal).averaged(2.0, &Spread::none());
+        let averaged = SampledCurve::tabulate(&Normal).averaged(2.0, &PowerMixture::none());
         for z in [-1.5f64, -0.5, 0.0, 1.0, 2.0] {
-            let chance = averaged.at(-90.0 + 2.5 * z);
+            let chance = averaged.reception_at(-90.0 + 2.5 * z);
             let density = libm::exp(-0.5 * z * z) / std::f64::consts::TAU.sqrt();
             // A frame in a thousand goes against the curve on either side.
             assert!((chance.passes - below(z)).abs() < 2e-3, "{z}: {chance:?}");

@@ -1,12 +1,12 @@
 //! What a fitted model predicts for the rows, and what is left of them.
 
 use super::LinkStudy;
-use super::active::Otherwise;
-use super::cells::Cells;
+use super::active::AlteredRegister;
+use super::cells::RowCells;
 use super::fit::LinkFit;
-use super::likelihood::{Instrument, Level, Read};
-use super::terms::Spec;
-use crate::symbolic::{self, Deviations, Formula};
+use super::likelihood::{Instrument, RegisterResponse, RowPrediction};
+use super::terms::TermSpec;
+use crate::symbolic::{self, FittedFormula, UnexplainedResiduals};
 use crate::{Component, PredictionDifference, Residuals, RowScore};
 use netsim::phy::effect::formula::NAMES;
 use numbers::statistics::mean_ignoring_nan;
@@ -55,7 +55,7 @@ pub(super) struct Above {
 }
 
 impl Above {
-    pub(super) fn of(fit: &LinkFit, cells: &Cells, row: usize) -> Self {
+    pub(super) fn for_row(fit: &LinkFit, cells: &RowCells, row: usize) -> Self {
         Self { lift_db: fit.random.level_db(cells, row), variance: fit.random.variance(cells, row) }
     }
 }
@@ -66,13 +66,13 @@ impl LinkStudy {
         &self,
         fit: &LinkFit,
         row: usize,
-        (level, otherwise): (&Level, &Otherwise<'_>),
+        (level, otherwise): (&RowPrediction, &AlteredRegister<'_>),
         Above { lift_db, variance }: Above,
         tables: &mut BTreeMap<i64, Instrument>,
     ) -> RowScore {
         let measured = &self.rows.links.rows[row];
         let read = otherwise.read(&self.rows, row);
-        let read = read.as_ref().map(|read| read as Read<'_>);
+        let read = read.as_ref().map(|read| read as RegisterResponse<'_>);
         if fit.instrument.readings.is_given {
             return fit.instrument.score_given(measured, level);
         }
@@ -91,10 +91,10 @@ impl LinkStudy {
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         let one = |row: usize| {
             let level = fit.level((&self.rows, &specs), row, &otherwise);
-            let Above { lift_db, variance } = Above::of(fit, cells, row);
+            let Above { lift_db, variance } = Above::for_row(fit, cells, row);
             let level_dbm = level.power_dbm + lift_db - level.shift_db;
             let read = otherwise.read(&self.rows, row);
-            let read = read.as_ref().map(|read| read as Read<'_>);
+            let read = read.as_ref().map(|read| read as RegisterResponse<'_>);
             if fit.instrument.readings.is_given {
                 let measured = &self.rows.links.rows[row];
                 let (passes, passes_sd) = fit.instrument.share_of(measured, &level);
@@ -176,8 +176,12 @@ impl LinkStudy {
     }
 
     /// The formula of an accepted curve, for the residuals of a fit without it.
-    pub(super) fn curve_as_formula(&self, term: usize, fit_without: &LinkFit) -> Option<Formula> {
-        let Spec::Curve(curve) = &self.specs[term] else { return None };
+    pub(super) fn curve_as_formula(
+        &self,
+        term: usize,
+        fit_without: &LinkFit,
+    ) -> Option<FittedFormula> {
+        let TermSpec::Curve(curve) = &self.specs[term] else { return None };
         let (deviation, target) = if curve.is_loss {
             (self.losses_left(fit_without), LOSS)
         } else {
@@ -189,17 +193,21 @@ impl LinkStudy {
         }
         let covariates = self.covariates();
         let others = self.formula_covariates(&covariates);
-        let deviations = Deviations { values: &deviation, factor: None, target };
+        let deviations = UnexplainedResiduals { values: &deviation, factor: None, target };
         symbolic::of_covariate((&curve.covariate, &curve.values), &others, deviations, &self.time)
     }
 
     /// The formula of a covariate, for the residuals of readings.
-    pub(super) fn residuals_as_formula(&self, covariate: &str, fit: &LinkFit) -> Option<Formula> {
+    pub(super) fn residuals_as_formula(
+        &self,
+        covariate: &str,
+        fit: &LinkFit,
+    ) -> Option<FittedFormula> {
         let covariates = self.covariates();
         let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
         let [deviation, ..] = self.residuals(fit);
         let others = self.formula_covariates(&covariates);
-        let deviations = Deviations { values: &deviation, factor: None, target: MEAN };
+        let deviations = UnexplainedResiduals { values: &deviation, factor: None, target: MEAN };
         symbolic::of_covariate((name, values), &others, deviations, &self.time)
     }
 }

@@ -24,7 +24,7 @@ pub enum Register {
 impl Register {
     /// Of what is read at every power (dBm).
     #[must_use]
-    pub fn of(read_dbm: &dyn Fn(f64) -> f64) -> Self {
+    pub fn classify(read_dbm: &dyn Fn(f64) -> f64) -> Self {
         let more_db = |step: i32| {
             let power_dbm = 2.0 * f64::from(step);
             read_dbm(power_dbm) - power_dbm
@@ -45,14 +45,14 @@ impl Register {
 
 /// The powers that have one reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
+pub struct PowerRange {
     /// The reading less the power in their middle (dB).
     pub offset_db: f64,
     /// How wide they lie for a decibel of readings; exactly 1 where the register only shifts.
     pub stretch: f64,
 }
 
-impl Range {
+impl PowerRange {
     /// Where the register reads as much more of every power (dB).
     #[must_use]
     pub const fn shifted(offset_db: f64) -> Self {
@@ -61,7 +61,7 @@ impl Range {
 
     /// Powers with this reading (dBm), which is rounded to steps (dB; 0: it is not), of a register that never reads less of more.
     #[must_use]
-    pub fn of(read_dbm: &dyn Fn(f64) -> f64, reading_dbm: f64, quantum_db: f64) -> Self {
+    pub fn of_reading(read_dbm: &dyn Fn(f64) -> f64, reading_dbm: f64, quantum_db: f64) -> Self {
         let quantum_db = width_db(quantum_db);
         let [low, high] =
             [-0.5, 0.5].map(|half| power_dbm(read_dbm, reading_dbm + half * quantum_db));
@@ -135,11 +135,11 @@ mod tests {
     #[test]
     fn powers_of_a_reading_are_those_that_are_read_so() {
         let read = saturating(0.25);
-        let range = |reading_dbm: f64| Range::of(&read, reading_dbm, 1.0);
-        assert_eq!(range(-70.0), Range::shifted(0.0));
+        let range = |reading_dbm: f64| PowerRange::of_reading(&read, reading_dbm, 1.0);
+        assert_eq!(range(-70.0), PowerRange::shifted(0.0));
         // -48 dBm is read from -44 to -40 dBm, and half a decibel about the knee from -50.5 to -48 dBm.
         for (reading_dbm, low_dbm, high_dbm) in [(-48.0, -44.0, -40.0), (-50.0, -50.5, -48.0)] {
-            let Range { offset_db, stretch } = range(reading_dbm);
+            let PowerRange { offset_db, stretch } = range(reading_dbm);
             assert!((stretch - (high_dbm - low_dbm)).abs() < 1e-9, "{reading_dbm}: {stretch}");
             let middle_dbm = reading_dbm - offset_db;
             assert!((middle_dbm - 0.5 * (low_dbm + high_dbm)).abs() < 1e-9, "{reading_dbm}");
@@ -149,9 +149,9 @@ mod tests {
     #[test]
     fn what_is_never_read_takes_more_power_than_there_is() {
         let read = saturating(0.0);
-        let last = Range::of(&read, -50.0, 1.0);
+        let last = PowerRange::of_reading(&read, -50.0, 1.0);
         assert!((last.stretch - (POWERS_DBM.1 + 50.5)).abs() < 1e-6, "{last:?}");
-        let beyond = Range::of(&read, -48.0, 1.0);
+        let beyond = PowerRange::of_reading(&read, -48.0, 1.0);
         assert_eq!(-48.0 - beyond.offset_db, POWERS_DBM.1);
     }
 
@@ -166,8 +166,8 @@ mod tests {
 
     #[test]
     fn registers_are_told_by_what_they_read() {
-        assert_eq!(Register::of(&|dbm| dbm), Register::Exact);
-        assert_eq!(Register::of(&|dbm| dbm + 3.0), Register::Shifted);
-        assert_eq!(Register::of(&saturating(0.9)), Register::Bent);
+        assert_eq!(Register::classify(&|dbm| dbm), Register::Exact);
+        assert_eq!(Register::classify(&|dbm| dbm + 3.0), Register::Shifted);
+        assert_eq!(Register::classify(&saturating(0.9)), Register::Bent);
     }
 }

@@ -21,7 +21,7 @@ pub struct Rows {
     /// Walls, obstacles, ground.
     pub site: Arc<Site>,
     /// What the model as configured says about each row.
-    pub base: Vec<Base>,
+    pub base: Vec<BasePrediction>,
     /// What registers read more than there is depends on the power, by the model as configured.
     pub is_bent: bool,
     names: Vec<String>,
@@ -35,7 +35,7 @@ pub struct Rows {
 
 /// What a model says about a row, scatter apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Base {
+pub struct BasePrediction {
     /// Mean power at the receiver (dBm).
     pub power_dbm: f64,
     /// What the register reads more than that (dB).
@@ -197,7 +197,7 @@ impl Rows {
         if self.is_empty() {
             return Register::Exact;
         }
-        Register::of(&|dbm| self.register_dbm(effect, 0, dbm))
+        Register::classify(&|dbm| self.register_dbm(effect, 0, dbm))
     }
 
     /// The level that the reading of a row is taken for (dBm), where readings are given.
@@ -205,11 +205,11 @@ impl Rows {
         self.links.readings.is_given.then(|| self.links.rows[row].rssi_dbm)
     }
 
-    fn base_of(&self, row: usize) -> Base {
+    fn base_of(&self, row: usize) -> BasePrediction {
         let given_dbm = self.given_dbm(row);
         self.link(row, |link| {
             let prediction = self.model.propagation.predict(link);
-            let mut base = Base {
+            let mut base = BasePrediction {
                 power_dbm: prediction.rssi_dbm,
                 register_db: 0.0,
                 shift_db: 0.0,

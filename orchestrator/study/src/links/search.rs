@@ -7,11 +7,11 @@
 pub mod headings;
 pub mod places;
 
-use super::cells::Cells;
+use super::cells::RowCells;
 use super::fit::LinkFit;
-use super::likelihood::Slope;
+use super::likelihood::RowLikelihood;
 use super::rows::Rows;
-use super::terms::{Spec, State};
+use super::terms::{TermSpec, TermState};
 use std::collections::BTreeMap;
 
 /// Distance between the points of the first search (m), at the least.
@@ -32,24 +32,24 @@ const LOSSES_DB: [f64; 4] = [2.0, 4.0, 8.0, 14.0];
 pub fn left_over(
     rows: &Rows,
     fit: &LinkFit,
-    specs: &[&Spec],
-    cells: &Cells,
+    specs: &[&TermSpec],
+    cells: &RowCells,
     train: &[u32],
-) -> Vec<Slope> {
+) -> Vec<RowLikelihood> {
     let otherwise = fit.otherwise(rows);
     train
         .iter()
         .map(|&row| {
             let level = fit.level((rows, specs), row as usize, &otherwise);
             let lift = fit.random.level_db(cells, row as usize);
-            fit.instrument.sample(&rows.links.rows[row as usize], &level, lift)
+            fit.instrument.row_likelihood(&rows.links.rows[row as usize], &level, lift)
         })
         .collect()
 }
 
 /// A way between two places in the plane, with what the rows on it say.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct LinkPath {
     from_m: [f64; 2],
     to_m: [f64; 2],
     slope: f64,
@@ -57,8 +57,8 @@ struct Way {
 }
 
 /// Rows between the same places, together.
-fn ways(rows: &Rows, train: &[u32], left: &[Slope]) -> Vec<Way> {
-    let mut ways: BTreeMap<[u64; 4], Way> = BTreeMap::new();
+fn ways(rows: &Rows, train: &[u32], left: &[RowLikelihood]) -> Vec<LinkPath> {
+    let mut ways: BTreeMap<[u64; 4], LinkPath> = BTreeMap::new();
     for (&row, slope) in train.iter().zip(left) {
         let (tx, rx) = rows.ends(row as usize);
         let (mut a, mut b) =
@@ -67,7 +67,8 @@ fn ways(rows: &Rows, train: &[u32], left: &[Slope]) -> Vec<Way> {
             std::mem::swap(&mut a, &mut b);
         }
         let key = [a[0], a[1], b[0], b[1]].map(f64::to_bits);
-        let way = ways.entry(key).or_insert(Way { from_m: a, to_m: b, slope: 0.0, weight: 0.0 });
+        let way =
+            ways.entry(key).or_insert(LinkPath { from_m: a, to_m: b, slope: 0.0, weight: 0.0 });
         way.slope += slope.over_level;
         way.weight += slope.weight;
     }
@@ -76,13 +77,13 @@ fn ways(rows: &Rows, train: &[u32], left: &[Slope]) -> Vec<Way> {
 
 /// A place that may attenuate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Shape {
+enum ObstacleShape {
     Segment([f64; 2], [f64; 2]),
     Disc([f64; 2], f64),
 }
 
-impl Shape {
-    fn is_crossed(&self, way: &Way) -> bool {
+impl ObstacleShape {
+    fn is_crossed(&self, way: &LinkPath) -> bool {
         match *self {
             Self::Segment(a, b) => crosses(way.from_m, way.to_m, a, b),
             Self::Disc(centre, radius_m) => {
@@ -107,7 +108,7 @@ impl Shape {
         [first].into_iter().chain(last)
     }
 
-    fn of(&self, numbers: &[f64]) -> Self {
+    fn with_numbers(&self, numbers: &[f64]) -> Self {
         match *self {
             Self::Segment(..) => Self::Segment([numbers[0], numbers[1]], [numbers[2], numbers[3]]),
             Self::Disc(..) => Self::Disc([numbers[0], numbers[1]], numbers[2].abs().max(0.1)),
@@ -139,7 +140,7 @@ fn square_of_distance(point: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
 
 /// What a shape gains at its best loss (nats, by the score test), and that loss (dB). `mean` is the slope and weight that
 /// all rows share: an obstacle must explain more than a constant would.
-fn worth(shape: &Shape, ways: &[Way]) -> (f64, f64) {
+fn score_gain(shape: &ObstacleShape, ways: &[LinkPath]) -> (f64, f64) {
     let (mut slope, mut weight) = (0.0, 0.0);
     for way in ways.iter().filter(|way| shape.is_crossed(way)) {
         slope += way.slope;
@@ -154,7 +155,12 @@ fn worth(shape: &Shape, ways: &[Way]) -> (f64, f64) {
 
 /// States of a hidden obstacle at the places that explain most.
 #[must_use]
-pub fn obstacles(rows: &Rows, train: &[u32], left: &[Slope], start: &State) -> Vec<State> {
+pub fn obstacles(
+    rows: &Rows,
+    train: &[u32],
+    left: &[RowLikelihood],
+    start: &TermState,
+) -> Vec<TermState> {
     let ways = ways(rows, train, left);
     let mut low = [f64::INFINITY; 2];
     let mut high = [f64::NEG_INFINITY; 2];
@@ -172,27 +178,27 @@ pub fn obstacles(rows: &Rows, train: &[u32], left: &[Slope], start: &State) -> V
         (0..n).map(move |i| low[k] + i as f64 * step)
     };
     let points: Vec<[f64; 2]> = side(0).flat_map(|x| side(1).map(move |y| [x, y])).collect();
-    let mut shapes: Vec<Shape> = Vec::new();
+    let mut shapes: Vec<ObstacleShape> = Vec::new();
     for (i, &a) in points.iter().enumerate() {
-        shapes.extend(RADII_M.iter().map(|&radius_m| Shape::Disc(a, radius_m)));
-        shapes.extend(points[..i].iter().map(|&b| Shape::Segment(a, b)));
+        shapes.extend(RADII_M.iter().map(|&radius_m| ObstacleShape::Disc(a, radius_m)));
+        shapes.extend(points[..i].iter().map(|&b| ObstacleShape::Segment(a, b)));
     }
-    let mut ranked: Vec<(f64, Shape)> =
-        shapes.into_iter().map(|shape| (worth(&shape, &ways).0, shape)).collect();
+    let mut ranked: Vec<(f64, ObstacleShape)> =
+        shapes.into_iter().map(|shape| (score_gain(&shape, &ways).0, shape)).collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
     // The best of each kind, and others that are not the same place again.
-    let mut finalists: Vec<(f64, Shape)> = Vec::new();
+    let mut finalists: Vec<(f64, ObstacleShape)> = Vec::new();
     for kind in [true, false] {
         let of_kind =
-            ranked.iter().filter(|(_, shape)| matches!(shape, Shape::Segment(..)) == kind);
-        let refined: Vec<(f64, Shape)> =
+            ranked.iter().filter(|(_, shape)| matches!(shape, ObstacleShape::Segment(..)) == kind);
+        let refined: Vec<(f64, ObstacleShape)> =
             of_kind.take(8).map(|&(_, shape)| refined(shape, &ways)).collect();
         finalists.extend(refined);
     }
     finalists.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut states = Vec::new();
     for &(_, shape) in &finalists {
-        let (gain, loss_db) = worth(&shape, &ways);
+        let (gain, loss_db) = score_gain(&shape, &ways);
         if gain <= 0.0 || FINALISTS <= states.len() {
             break;
         }
@@ -201,11 +207,11 @@ pub fn obstacles(rows: &Rows, train: &[u32], left: &[Slope], start: &State) -> V
             toml::Value::Array(numbers.iter().map(|&number| toml::Value::Float(number)).collect())
         };
         match shape {
-            Shape::Segment(a, b) => {
+            ObstacleShape::Segment(a, b) => {
                 state.table.insert("from_m".to_owned(), list(&a));
                 state.table.insert("to_m".to_owned(), list(&b));
             }
-            Shape::Disc(centre, radius_m) => {
+            ObstacleShape::Disc(centre, radius_m) => {
                 state.table.insert("centre_m".to_owned(), list(&centre));
                 state.table.insert("radius_m".to_owned(), toml::Value::Float(radius_m));
             }
@@ -228,8 +234,8 @@ pub fn obstacles(rows: &Rows, train: &[u32], left: &[Slope], start: &State) -> V
 }
 
 /// Moves a shape about, in ever smaller steps, as long as it explains more.
-fn refined(shape: Shape, ways: &[Way]) -> (f64, Shape) {
-    let mut best = (worth(&shape, ways).0, shape);
+fn refined(shape: ObstacleShape, ways: &[LinkPath]) -> (f64, ObstacleShape) {
+    let mut best = (score_gain(&shape, ways).0, shape);
     let mut step_m = GRID_M / 2.0;
     while FINEST_M < step_m {
         let numbers = best.1.numbers();
@@ -239,8 +245,8 @@ fn refined(shape: Shape, ways: &[Way]) -> (f64, Shape) {
             for sign in [-1.0, 1.0] {
                 let mut there = numbers.clone();
                 there[k] += sign * step_m;
-                let shape = best.1.of(&there);
-                let gain = worth(&shape, ways).0;
+                let shape = best.1.with_numbers(&there);
+                let gain = score_gain(&shape, ways).0;
                 if moved.0 < gain {
                     moved = (gain, shape);
                 }
@@ -249,13 +255,13 @@ fn refined(shape: Shape, ways: &[Way]) -> (f64, Shape) {
         if directions == 4 {
             // The whole segment, too.
             for (dx, dy) in [(step_m, 0.0), (-step_m, 0.0), (0.0, step_m), (0.0, -step_m)] {
-                let shape = best.1.of(&[
+                let shape = best.1.with_numbers(&[
                     numbers[0] + dx,
                     numbers[1] + dy,
                     numbers[2] + dx,
                     numbers[3] + dy,
                 ]);
-                let gain = worth(&shape, ways).0;
+                let gain = score_gain(&shape, ways).0;
                 if moved.0 < gain {
                     moved = (gain, shape);
                 }
@@ -272,7 +278,12 @@ fn refined(shape: Shape, ways: &[Way]) -> (f64, Shape) {
 
 /// States of batteries that sag: all transmitters alike, or those that do so beyond doubt.
 #[must_use]
-pub fn sagging(rows: &Rows, train: &[u32], left: &[Slope], start: &State) -> Vec<State> {
+pub fn sagging(
+    rows: &Rows,
+    train: &[u32],
+    left: &[RowLikelihood],
+    start: &TermState,
+) -> Vec<TermState> {
     // Slope of each transmitter over time, by the score test, its mean level taken out.
     let mut sums: BTreeMap<u32, [f64; 5]> = BTreeMap::new();
     for (&row, slope) in train.iter().zip(left) {
@@ -305,7 +316,7 @@ pub fn sagging(rows: &Rows, train: &[u32], left: &[Slope], start: &State) -> Vec
             best = (gain, n + 1, pull / spread);
         }
     }
-    let all = State { values: vec![best.2], ..start.clone() };
+    let all = TermState { values: vec![best.2], ..start.clone() };
     let mut some = all.clone();
     let mut nodes: Vec<u32> = slopes[..best.1].iter().map(|(node, ..)| *node).collect();
     nodes.sort_unstable();

@@ -1,8 +1,8 @@
 //! From where a fit starts, and which start is best.
 
 use super::fit::LinkFit;
-use super::likelihood::Slope;
-use super::terms::{Spec, State};
+use super::likelihood::RowLikelihood;
+use super::terms::{TermSpec, TermState};
 use super::{From, LinkStudy, search};
 use crate::Study;
 use proto::effect::Level;
@@ -18,7 +18,7 @@ impl LinkStudy {
     pub(super) fn best_of(
         &self,
         terms: &[usize],
-        starts: Vec<Vec<State>>,
+        starts: Vec<Vec<TermState>>,
         train: &[u32],
         from: From<'_>,
     ) -> Option<LinkFit> {
@@ -36,10 +36,10 @@ impl LinkStudy {
     pub(super) fn promising(
         &self,
         terms: &[usize],
-        starts: Vec<Vec<State>>,
+        starts: Vec<Vec<TermState>>,
         train: &[u32],
         from: From<'_>,
-    ) -> Vec<Vec<State>> {
+    ) -> Vec<Vec<TermState>> {
         if !from.is_trial || starts.len() <= MANY_STARTS {
             return starts;
         }
@@ -53,7 +53,7 @@ impl LinkStudy {
 
     /// Whether a term has a spread of links, over one of several lengths.
     pub(super) fn asks_for_links(&self, term: usize) -> bool {
-        matches!(self.specs[term], Spec::Shadowing(_))
+        matches!(self.specs[term], TermSpec::Shadowing(_))
     }
 
     /// Whether the term has places or nodes that a search finds.
@@ -63,7 +63,7 @@ impl LinkStudy {
     }
 
     /// What the rows say about their levels under a fit.
-    pub(super) fn slopes_left(&self, fit: &LinkFit, train: &[u32]) -> Vec<Slope> {
+    pub(super) fn slopes_left(&self, fit: &LinkFit, train: &[u32]) -> Vec<RowLikelihood> {
         let specs = self.specs_of(&fit.terms);
         search::left_over(&self.rows, fit, &specs, self.cells(fit.decorrelation_m), train)
     }
@@ -72,18 +72,18 @@ impl LinkStudy {
     pub(super) fn heading(
         &self,
         term: usize,
-        mut state: State,
+        mut state: TermState,
         train: &[u32],
         level: Level,
         parent: &LinkFit,
-    ) -> State {
+    ) -> TermState {
         let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
         for _ in 0..HEADING_ROUNDS {
             let states = parent.states.iter().cloned().chain([state.clone()]).collect();
-            let fit = self.run(&terms, states, train, From::trial(level, Some(parent)));
+            let fit = self.run(&terms, states, train, From::quick(level, Some(parent)));
             let left = self.slopes_left(&fit, train);
             if let Some(last) = fit.states.last() {
-                state = search::headings::again(&self.rows, train, &left, last);
+                state = search::headings::refine(&self.rows, train, &left, last);
             }
         }
         state
@@ -97,9 +97,9 @@ impl LinkStudy {
         train: &[u32],
         level: Level,
         parent: Option<&LinkFit>,
-    ) -> Vec<State> {
+    ) -> Vec<TermState> {
         let spec = &self.specs[term];
-        let states = State::starts(spec);
+        let states = TermState::starts(spec);
         if self.is_searched(term) {
             // Searches take turns: each is made on top of those before it.
             let place = terms.iter().position(|&other| other == term).unwrap_or_default();
@@ -117,7 +117,7 @@ impl LinkStudy {
             return match name {
                 "antenna-pattern" => {
                     let found = search::headings::patterns(&self.rows, train, &left, &states);
-                    match <[State; 1]>::try_from(found) {
+                    match <[TermState; 1]>::try_from(found) {
                         Ok([state]) => vec![self.heading(term, state, train, level, &parent)],
                         Err(found) => found,
                     }
@@ -126,7 +126,7 @@ impl LinkStudy {
                 _ => search::sagging(&self.rows, train, &left, &states[0]),
             };
         }
-        if !matches!(spec, Spec::Shadowing(_)) {
+        if !matches!(spec, TermSpec::Shadowing(_)) {
             return states;
         }
         self.lengths()

@@ -1,6 +1,6 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
-use crate::formula::{Asked, set};
+use crate::formula::{FormulaCandidate, set};
 use crate::{CURVE, FINE, LOSS_CURVE, knots};
 use netsim::catalogue::Catalogue;
 use netsim::phy::effect::{Effect, Entry};
@@ -10,11 +10,11 @@ use std::sync::Arc;
 
 /// What a term is made of.
 #[derive(Clone, Debug)]
-pub enum Spec {
+pub enum TermSpec {
     /// An effect of the catalogue.
     Effect(&'static Entry),
     /// A smooth curve over a covariate.
-    Curve(Curve),
+    Curve(LinkCurve),
     /// A random level per node.
     NodeOffset(&'static Entry),
     /// A random level per link and place.
@@ -22,10 +22,10 @@ pub enum Spec {
     /// A random level per link, channel and fine place.
     Multipath(&'static Entry),
     /// A formula of the user's.
-    Formula(&'static Entry, Asked),
+    Formula(&'static Entry, FormulaCandidate),
 }
 
-impl Spec {
+impl TermSpec {
     /// The entry of the catalogue.
     #[must_use]
     pub fn entry(&self) -> Option<&'static Entry> {
@@ -52,7 +52,7 @@ impl Spec {
 
 /// A smooth curve over a covariate, linear between knots: of the mean level (dB), or of the share of frames lost.
 #[derive(Clone, Debug)]
-pub struct Curve {
+pub struct LinkCurve {
     /// The covariate.
     pub covariate: String,
     /// Its value in every row; NaN where it is unknown: there the curve adds nothing.
@@ -72,7 +72,7 @@ const SMALL_LOSS: f64 = 0.02;
 /// No curve loses more.
 const MOST_LOST: f64 = 0.95;
 
-impl Curve {
+impl LinkCurve {
     /// The name of the candidate.
     #[must_use]
     pub fn name(&self) -> String {
@@ -108,7 +108,7 @@ impl Curve {
 
     /// What it adds to a row with these values at the knots: power, shift of the curve, logarithm of survival.
     #[must_use]
-    pub fn at(&self, values: &[f64], row: usize) -> [f64; 3] {
+    pub fn contribution(&self, values: &[f64], row: usize) -> [f64; 3] {
         let value = self.shares(row).iter().map(|&(k, part)| part * values[k]).sum::<f64>();
         if self.is_loss {
             [0.0, 0.0, libm::log(1.0 - value.clamp(0.0, MOST_LOST))]
@@ -120,7 +120,7 @@ impl Curve {
 
 /// A term in a fit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct State {
+pub struct TermState {
     /// Keys that are not fitted by slopes.
     pub table: toml::Table,
     /// Values of the parameters, or of a curve at its knots.
@@ -143,22 +143,24 @@ fn defaults(entry: &Entry) -> toml::Table {
     table
 }
 
-impl State {
+impl TermState {
     /// The states from which a search for this term starts.
     #[must_use]
-    pub fn starts(spec: &Spec) -> Vec<Self> {
+    pub fn starts(spec: &TermSpec) -> Vec<Self> {
         match spec {
-            Spec::Curve(curve) => {
+            TermSpec::Curve(curve) => {
                 let start = if curve.is_loss { SMALL_LOSS } else { 0.0 };
                 vec![Self { table: toml::Table::new(), values: vec![start; curve.knots.len()] }]
             }
-            Spec::NodeOffset(entry) | Spec::Shadowing(entry) | Spec::Multipath(entry) => {
+            TermSpec::NodeOffset(entry)
+            | TermSpec::Shadowing(entry)
+            | TermSpec::Multipath(entry) => {
                 vec![Self { table: defaults(entry), values: Vec::new() }]
             }
-            Spec::Formula(_, asked) => {
+            TermSpec::Formula(_, asked) => {
                 vec![Self { table: asked.table.clone(), values: asked.starts() }]
             }
-            Spec::Effect(entry) => {
+            TermSpec::Effect(entry) => {
                 let mut tables = vec![defaults(entry)];
                 if !entry.fit.variants.is_empty() {
                     tables = entry
@@ -201,16 +203,18 @@ impl State {
 
     /// The effect with these values.
     #[must_use]
-    pub fn build(&self, spec: &Spec) -> Option<Box<dyn Effect>> {
+    pub fn build(&self, spec: &TermSpec) -> Option<Box<dyn Effect>> {
         match spec {
-            Spec::Effect(entry) | Spec::Formula(entry, _) => (entry.build)(&self.keys(spec), 0),
+            TermSpec::Effect(entry) | TermSpec::Formula(entry, _) => {
+                (entry.build)(&self.keys(spec), 0)
+            }
             _ => None,
         }
     }
 
     /// Its keys with the fitted values.
     #[must_use]
-    pub fn keys(&self, spec: &Spec) -> toml::Table {
+    pub fn keys(&self, spec: &TermSpec) -> toml::Table {
         let mut table = self.table.clone();
         for (parameter, &value) in spec.parameters().iter().zip(&self.values) {
             set(&mut table, parameter.key, value);

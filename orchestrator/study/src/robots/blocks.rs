@@ -1,8 +1,8 @@
 //! Which windows are independent of which.
 
-use super::motion::Tracks;
+use super::motion::MeasuredTracks;
 use super::{MEMORY_S, WANTED_BLOCKS};
-use crate::choices::{ChoiceError, Split};
+use crate::choices::{ChoiceError, SplitBy};
 use crate::folds::{Blocks, N_FOLDS};
 use measure::robots::Sample;
 use std::collections::BTreeMap;
@@ -12,26 +12,30 @@ const SHORTEST: f64 = 2.0;
 /// Longest blocks, in windows.
 const LONGEST: f64 = 20.0;
 
-impl Tracks {
+impl MeasuredTracks {
     /// Blocks of windows that are left out together by choice.
-    pub(super) fn split_blocks(&self, window_s: f64, split: Split) -> Result<Blocks, ChoiceError> {
+    pub(super) fn split_blocks(
+        &self,
+        window_s: f64,
+        split: SplitBy,
+    ) -> Result<Blocks, ChoiceError> {
         let whole = |unit, key: &dyn Fn(&Sample) -> u32| {
             let keys = self.windows.iter().map(|window| u64::from(key(self.start(window))));
             Blocks::of_keys(unit, &keys.collect::<Vec<_>>())
         };
         let refused = |reason: String, nearest| Err(ChoiceError::Split { split, reason, nearest });
         let blocks = match split {
-            Split::Time => self.blocks_in_time(window_s),
-            Split::Place => self.blocks_in_place(),
-            Split::Run => whole("campaigns", &|sample| sample.run),
-            Split::Node => whole("robots", &|sample| sample.agent),
-            Split::Pair => {
-                return refused("robots are measured one by one".to_owned(), Split::Node);
+            SplitBy::Time => self.blocks_in_time(window_s),
+            SplitBy::Place => self.blocks_in_place(),
+            SplitBy::Run => whole("campaigns", &|sample| sample.run),
+            SplitBy::Node => whole("robots", &|sample| sample.agent),
+            SplitBy::Pair => {
+                return refused("robots are measured one by one".to_owned(), SplitBy::Node);
             }
         };
         if blocks.n_blocks() < 2 {
             let reason = format!("all windows are of one of the {}", blocks.unit);
-            return refused(reason, Split::Time);
+            return refused(reason, SplitBy::Time);
         }
         Ok(blocks)
     }
@@ -53,7 +57,7 @@ impl Tracks {
         let lengths: Vec<f64> = lengths.collect();
         let total_s: f64 = lengths.iter().sum();
         let block_s = (total_s / WANTED_BLOCKS).clamp(SHORTEST * window_s, LONGEST * window_s);
-        let key = |window: &super::motion::Window| {
+        let key = |window: &super::motion::MotionWindow| {
             let track = window.track as usize;
             let sample = &self.robots.samples[window.start as usize];
             // Parts of equal length, so that none is a scrap.

@@ -1,15 +1,15 @@
 //! Smooth curves over a covariate: what a robot's way is longer by, and where it drifts.
 
 use super::density::Residual;
-use super::motion::{Gains, Tracks};
-use super::{Model, RobotFit};
+use super::motion::{Gains, MeasuredTracks};
+use super::{RobotFit, RobotModel};
 use crate::knots;
 use numbers::statistics::mean_ignoring_nan;
 use std::ops::Range;
 
 /// Hat functions over a covariate, each less its mean over all windows, and perhaps a constant.
 #[derive(Clone, Debug)]
-pub(super) struct Curve {
+pub(super) struct RobotCurve {
     knots: Vec<f64>,
     means: Vec<f64>,
     /// The covariate at each sample; NaN where it is missing.
@@ -23,9 +23,9 @@ pub(super) struct Curve {
 /// Numbers of a function: one for the way, two for the drift.
 const N_EACH: usize = 3;
 
-impl Curve {
+impl RobotCurve {
     /// With so many knots over a covariate of each sample; of few values with fewer.
-    pub(super) fn new(tracks: &Tracks, samples: Vec<f64>, n_knots: usize) -> Option<Self> {
+    pub(super) fn new(tracks: &MeasuredTracks, samples: Vec<f64>, n_knots: usize) -> Option<Self> {
         let windows: Vec<f64> = tracks.windows.iter().map(|w| samples[w.start as usize]).collect();
         let mut sorted: Vec<f64> = windows.iter().copied().filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
@@ -45,7 +45,7 @@ impl Curve {
     }
 
     /// The same with a constant.
-    pub(super) fn whole(&self) -> Self {
+    pub(super) fn with_constant(&self) -> Self {
         Self { has_constant: true, ..self.clone() }
     }
 
@@ -80,7 +80,7 @@ impl Curve {
 
 /// A curve, and what it has done to where robots are believed to be.
 pub(super) struct Acting<'a> {
-    curve: &'a Curve,
+    curve: &'a RobotCurve,
     /// Where its numbers are among all of a fit.
     pub(super) numbers: Range<usize>,
     /// By window and function: way (m, east and north) and time (s) that a unit of the function has acted on and measurements have
@@ -88,7 +88,7 @@ pub(super) struct Acting<'a> {
     before: Vec<[f64; 3]>,
 }
 
-impl Model {
+impl RobotModel {
     /// What the curves of a fit do where measurements count as much as it says.
     pub(super) fn actings(&self, fit: &RobotFit) -> Vec<Acting<'_>> {
         let gains = self.gains(fit);
@@ -100,7 +100,7 @@ impl Model {
         fit.terms.iter().filter_map(acting).collect()
     }
 
-    fn acting<'a>(&self, curve: &'a Curve, numbers: Range<usize>, gains: Gains) -> Acting<'a> {
+    fn acting<'a>(&self, curve: &'a RobotCurve, numbers: Range<usize>, gains: Gains) -> Acting<'a> {
         let n_knots = curve.knots.len();
         let mut before = Vec::with_capacity(self.tracks.windows.len() * curve.n_functions());
         // One sum for each knot's hat, and after them one for 1.

@@ -21,7 +21,7 @@ pub(super) struct Residual {
 /// Scatter of residuals: a normal law and, for one window in a hundred, one that is ten times as broad, so that a single
 /// window at the edge of a threshold does not decide.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Density {
+pub(super) struct ResidualDensity {
     /// Standard deviation of one measured position, per component (m).
     pub(super) sd_m: f64,
     /// Standard deviation of the direction at the window's start (rad): scatter across the motion grows with the way.
@@ -30,7 +30,7 @@ pub(super) struct Density {
     pub(super) n_parts: usize,
 }
 
-impl Density {
+impl ResidualDensity {
     /// Standard deviations (m) of the components of a residual.
     pub(super) fn sd_m(&self, residual: &Residual) -> [f64; 3] {
         let own = self.sd_m * self.sd_m * residual.spread;
@@ -173,7 +173,7 @@ mod tests {
         for residual in residuals.iter_mut().step_by(200) {
             residual.parts_m[0] += 0.3;
         }
-        let start = Density { sd_m: 1.0, sd_rad: 1.0, n_parts: 2 };
+        let start = ResidualDensity { sd_m: 1.0, sd_rad: 1.0, n_parts: 2 };
         let found = start.fitted(&residuals, true, true);
         // Standard errors about 0.7 % and 2 %; the far ones add a little.
         assert!((found.sd_m / 0.02 - 1.0).abs() < 0.03, "{found:?}");
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn densities_sum_to_one() {
-        let density = Density { sd_m: 0.02, sd_rad: 0.03, n_parts: 2 };
+        let density = ResidualDensity { sd_m: 0.02, sd_rad: 0.03, n_parts: 2 };
         let h = 0.004;
         let mut sum = 0.0;
         for i in -400..400 {
@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn the_crps_of_a_normal_law_is_that_of_the_literature() {
         // Gneiting and Raftery 2007, at z = 0: sd (2 φ(0) − 1/√π) = 0.233695 sd.
-        let density = Density { sd_m: 2.0, sd_rad: 0.0, n_parts: 2 };
+        let density = ResidualDensity { sd_m: 2.0, sd_rad: 0.0, n_parts: 2 };
         let residual = Residual { parts_m: [0.0; 3], spread: 1.0, way_m: 0.0 };
         assert!((density.crps_m(&residual) - 2.0 * 0.233_695).abs() < 1e-6);
     }

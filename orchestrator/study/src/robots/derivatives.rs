@@ -1,9 +1,9 @@
 //! How residuals of robots change with the numbers of a fit, and where that leads.
 
 use super::density::Residual;
-use super::fit::{CURVE_SD, Known, LEAST_DAMPED, Point, damped};
-use super::motion::Paths;
-use super::{Model, RobotFit};
+use super::fit::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged, damped};
+use super::motion::ModelPaths;
+use super::{RobotFit, RobotModel};
 use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
 
@@ -42,20 +42,22 @@ impl Derivatives {
     }
 
     /// By the first `n` numbers, those that say how much measurements count among them, and those of `more`.
-    pub(super) fn with(&mut self, n: usize, more: Self) {
+    pub(super) fn replace_after(&mut self, n: usize, more: Self) {
         self.by.truncate(n);
         self.by.extend(more.by);
     }
 
     /// At some of the windows.
     pub(super) fn at_rows(&self, rows: &[u32]) -> Self {
-        fn of<T: Copy>(column: &[T], rows: &[u32]) -> Vec<T> {
+        fn select<T: Copy>(column: &[T], rows: &[u32]) -> Vec<T> {
             rows.iter().map(|&row| column[row as usize]).collect()
         }
-        let bend =
-            |bend: &Bend| Bend { second: of(&bend.second, rows), spread: of(&bend.spread, rows) };
+        let bend = |bend: &Bend| Bend {
+            second: select(&bend.second, rows),
+            spread: select(&bend.spread, rows),
+        };
         Self {
-            by: self.by.iter().map(|column| of(column, rows)).collect(),
+            by: self.by.iter().map(|column| select(column, rows)).collect(),
             bends: self.bends.iter().map(bend).collect(),
         }
     }
@@ -83,11 +85,11 @@ fn with_bends(straight: DMatrix<f64>, bends: &[f64]) -> DMatrix<f64> {
     if damped(&bent, LEAST_DAMPED).cholesky().is_some() { bent } else { straight }
 }
 
-impl Model {
+impl RobotModel {
     /// Derivatives at all windows under a fit.
     pub(super) fn derivatives(&self, fit: &RobotFit) -> Option<Derivatives> {
         let all: Vec<u32> = (0..self.tracks.windows.len() as u32).collect();
-        let (residuals, paths) = self.residuals_and_paths(fit, &all, Known::default())?;
+        let (residuals, paths) = self.residuals_and_paths(fit, &all, Unchanged::default())?;
         self.jacobian(fit, (&residuals, &paths), &all, 0)
     }
 
@@ -96,14 +98,14 @@ impl Model {
     pub(super) fn jacobian(
         &self,
         fit: &RobotFit,
-        (at, paths): (&[Residual], &Paths),
+        (at, paths): (&[Residual], &ModelPaths),
         train: &[u32],
         from: usize,
     ) -> Option<Derivatives> {
         let numbers = self.numbers_of(&fit.terms);
         let mut derivatives = Derivatives::default();
         let actings = self.actings(fit);
-        let moved = |index: usize, by: f64, known: Known<'_>| {
+        let moved = |index: usize, by: f64, known: Unchanged<'_>| {
             let mut moved = fit.clone();
             moved.values[index] += by;
             self.residuals_and_paths(&moved, train, known).map(|(residuals, _)| residuals)
@@ -111,7 +113,8 @@ impl Model {
         for (index, number) in numbers.iter().enumerate().skip(from) {
             if index < self.n_gains() {
                 // How much measurements count does not change what the model does alone …
-                let known = Known { paths: (!paths.is_empty()).then_some(paths), actings: None };
+                let known =
+                    Unchanged { paths: (!paths.is_empty()).then_some(paths), actings: None };
                 let h = BEND_STEPS * number.step;
                 let [above, below] = [moved(index, h, known)?, moved(index, -h, known)?];
                 let both = || above.iter().zip(&below);
@@ -142,7 +145,7 @@ impl Model {
             let h = 0.02 * number.step;
             let h = if number.max < fit.values[index] + h { -h } else { h };
             // … and nothing else changes what curves do.
-            let there = moved(index, h, Known { paths: None, actings: Some(&actings) })?;
+            let there = moved(index, h, Unchanged { paths: None, actings: Some(&actings) })?;
             let column = there.iter().zip(at).map(|(there, here)| {
                 std::array::from_fn(|i| (there.parts_m[i] - here.parts_m[i]) / h)
             });
@@ -155,7 +158,7 @@ impl Model {
     pub(super) fn normal_equations(
         &self,
         fit: &RobotFit,
-        at: &Point,
+        at: &FitState,
         Derivatives { by: columns, bends }: &Derivatives,
     ) -> (DMatrix<f64>, DVector<f64>) {
         let n = columns.len();

@@ -1,6 +1,6 @@
 //! Which discs of the plane robots cross slower or faster than the model says.
 
-use super::{Model, RobotFit};
+use super::{RobotFit, RobotModel};
 use numbers::power::square;
 
 /// Discs that are tried.
@@ -8,7 +8,7 @@ const N_TRIED: usize = 6;
 /// Places of a window that are looked at: in a disc, or not.
 const N_LOOKS: usize = 5;
 
-impl Model {
+impl RobotModel {
     /// Of these discs (centre, radius, scale) the ones that explain most of what a fit leaves along the motion, each with the scale
     /// that explains it best.
     pub(super) fn likely_discs(

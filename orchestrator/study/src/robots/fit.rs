@@ -2,10 +2,10 @@
 //! that makes them likeliest.
 
 use super::curve::Acting;
-use super::density::{Density, Residual};
+use super::density::{Residual, ResidualDensity};
 use super::derivatives::Derivatives;
-use super::motion::Paths;
-use super::{Model, RobotFit};
+use super::motion::ModelPaths;
+use super::{RobotFit, RobotModel};
 use crate::folds::Blocks;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -47,17 +47,17 @@ pub(super) struct Number {
 
 /// What a change of numbers leaves as it is.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Known<'a> {
-    pub(super) paths: Option<&'a Paths>,
+pub(super) struct Unchanged<'a> {
+    pub(super) paths: Option<&'a ModelPaths>,
     pub(super) actings: Option<&'a [Acting<'a>]>,
 }
 
 /// The state of a fit.
-pub(super) struct Point {
+pub(super) struct FitState {
     pub(super) values: Vec<f64>,
-    pub(super) paths: Paths,
+    pub(super) paths: ModelPaths,
     pub(super) residuals: Vec<Residual>,
-    pub(super) density: Density,
+    pub(super) density: ResidualDensity,
     pub(super) total: f64,
 }
 
@@ -108,7 +108,7 @@ pub(super) fn damped(information: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
     matrix
 }
 
-impl Model {
+impl RobotModel {
     /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
     pub(super) fn fitted(&self, terms: &[usize], train: &[u32], start: &RobotFit) -> RobotFit {
         // Numbers that are known, and the first term that is not.
@@ -118,7 +118,7 @@ impl Model {
         for &term in terms.iter().filter(|term| !known.contains(term)) {
             fit = self.extended(&fit, term, train);
         }
-        fit = self.settled(fit, train);
+        fit = self.jointly_refined(fit, train);
         // Numbers in the order of the terms.
         if fit.terms == terms { fit } else { self.carried(terms, &fit) }
     }
@@ -149,7 +149,7 @@ impl Model {
         parent: &RobotFit,
         term: usize,
         train: &[u32],
-    ) -> Vec<(RobotFit, Point)> {
+    ) -> Vec<(RobotFit, FitState)> {
         let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
         let begin = |start: Vec<f64>| {
             let fit = RobotFit {
@@ -161,7 +161,7 @@ impl Model {
             let point = self.point(&fit, train)?;
             Some((fit, point))
         };
-        let mut looks: Vec<(RobotFit, Point)> =
+        let mut looks: Vec<(RobotFit, FitState)> =
             self.starts(term, parent, train).into_iter().filter_map(begin).collect();
         looks.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
         looks.truncate(N_FOLLOWED);
@@ -169,7 +169,7 @@ impl Model {
     }
 
     /// A fit whose thresholds and other numbers are at their likeliest together: at another threshold others are.
-    fn settled(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+    fn jointly_refined(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
         let mut fit = self.refined(fit, train);
         if fit.terms.iter().all(|&term| self.threshold_on(term).is_none()) {
             return fit;
@@ -234,7 +234,7 @@ impl Model {
     }
 
     /// A fit where it came to.
-    pub(super) fn ended(&self, fit: RobotFit, at: Point) -> RobotFit {
+    pub(super) fn ended(&self, fit: RobotFit, at: FitState) -> RobotFit {
         RobotFit {
             terms: fit.terms,
             values: at.values,
@@ -246,7 +246,7 @@ impl Model {
 
     /// Residuals of some windows under a fit's numbers.
     pub(super) fn residuals(&self, fit: &RobotFit, rows: &[u32]) -> Option<Vec<Residual>> {
-        self.residuals_and_paths(fit, rows, Known::default()).map(|(residuals, _)| residuals)
+        self.residuals_and_paths(fit, rows, Unchanged::default()).map(|(residuals, _)| residuals)
     }
 
     /// Residuals of some windows under a fit's numbers, and the paths of the model alone unless these are known.
@@ -254,11 +254,11 @@ impl Model {
         &self,
         fit: &RobotFit,
         rows: &[u32],
-        known: Known<'_>,
-    ) -> Option<(Vec<Residual>, Paths)> {
+        known: Unchanged<'_>,
+    ) -> Option<(Vec<Residual>, ModelPaths)> {
         let (physics, gains) = self.physics(fit)?;
         let (paths, all) = match known.paths {
-            Some(known) => (Paths::new(), self.tracks.residuals(&physics, known, gains)),
+            Some(known) => (ModelPaths::new(), self.tracks.residuals(&physics, known, gains)),
             None => {
                 let paths = self.tracks.paths(&physics);
                 let all = self.tracks.residuals(&physics, &paths, gains);
@@ -288,24 +288,24 @@ impl Model {
     }
 
     /// The fit's numbers with their likeliest noise; the ratio of its scatters stays as it is.
-    pub(super) fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<Point> {
-        let (residuals, paths) = self.residuals_and_paths(fit, train, Known::default())?;
+    pub(super) fn point(&self, fit: &RobotFit, train: &[u32]) -> Option<FitState> {
+        let (residuals, paths) = self.residuals_and_paths(fit, train, Unchanged::default())?;
         let is_noise_free = self.is_noise_free(&fit.terms);
         let density = fit.density.fitted(&residuals, is_noise_free, false);
         let total = density.total(&residuals) - self.penalty(fit);
         let values = fit.values.clone();
-        total.is_finite().then_some(Point { values, paths, residuals, density, total })
+        total.is_finite().then_some(FitState { values, paths, residuals, density, total })
     }
 
     /// The fit's numbers, if they are likelier than those of a point.
-    pub(super) fn better(&self, fit: &RobotFit, at: &Point, train: &[u32]) -> Option<Point> {
+    pub(super) fn better(&self, fit: &RobotFit, at: &FitState, train: &[u32]) -> Option<FitState> {
         let mut next = self.point(fit, train).filter(|next| at.total < next.total)?;
         self.settle(fit, &mut next);
         Some(next)
     }
 
     /// Searches the ratio of the scatters at a point, where directions scatter.
-    pub(super) fn settle(&self, fit: &RobotFit, at: &mut Point) {
+    pub(super) fn settle(&self, fit: &RobotFit, at: &mut FitState) {
         if self.has_direction() {
             let is_noise_free = self.is_noise_free(&fit.terms);
             at.density = at.density.fitted(&at.residuals, is_noise_free, true);

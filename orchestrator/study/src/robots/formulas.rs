@@ -2,7 +2,7 @@
 
 use super::density::Residual;
 use super::{RobotFit, RobotStudy};
-use crate::symbolic::{self, Deviations, Formula};
+use crate::symbolic::{self, FittedFormula, UnexplainedResiduals};
 use crate::view::Viewed as _;
 use crate::{Component, Residuals, Study as _};
 use numbers::power::square;
@@ -50,7 +50,7 @@ impl RobotStudy {
         covariate: Covariate<'_>,
         covariates: &[(String, Vec<f64>)],
         fit: &RobotFit,
-    ) -> Option<Formula> {
+    ) -> Option<FittedFormula> {
         if !self.is_known(covariate.0) {
             return None;
         }
@@ -75,13 +75,14 @@ impl RobotStudy {
         let east = turned(&|[cos, sin]| [cos, -sin]);
         let north = turned(&|[cos, sin]| [sin, cos]);
         let speed = over_windows(&|row, left| left.way_m / self.model.tracks.window_s(row));
-        let of = |values, target| Deviations { values, factor: None, target };
-        let share = Deviations { factor: Some((SPEED, &speed)), ..of(&ahead[..], "ahead") };
+        let of = |values, target| UnexplainedResiduals { values, factor: None, target };
+        let share =
+            UnexplainedResiduals { factor: Some((SPEED, &speed)), ..of(&ahead[..], "ahead") };
         let total = mean_ignoring_nan(
             residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()),
         );
         // What a formula takes of the mean square error (m²).
-        let explained = |deviations: Deviations<'_>| {
+        let explained = |deviations: UnexplainedResiduals<'_>| {
             let found = symbolic::of_covariate(covariate, &others, deviations, &self.in_time)?;
             let taken = mean_ignoring_nan((0..residuals.len()).map(|row| {
                 let value = deviations.values[row];
@@ -101,10 +102,10 @@ impl RobotStudy {
             let is_along_both = LEAST_SHARE * left < less.0;
             let left = if is_along_both { left - less.0 } else { left };
             let also = is_along_both.then_some((less.1.text, less.1.target));
-            Some(Formula { also, rmse: left.max(0.0).sqrt(), ..more.1 })
+            Some(FittedFormula { also, rmse: left.max(0.0).sqrt(), ..more.1 })
         });
         // Of two that are as good the simpler.
-        let cost = |formula: &Formula| {
+        let cost = |formula: &FittedFormula| {
             let parts = if formula.also.is_some() { 2 } else { 1 };
             formula.rmse * (1.0 + LEAST_SHARE * f64::from(parts))
         };

@@ -11,7 +11,7 @@ use robotsim::dynamics::wrapped;
 
 /// A row: from one sample of a track to a later one, as indices of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Window {
+pub(super) struct MotionWindow {
     pub(super) track: u32,
     pub(super) start: u32,
     pub(super) end: u32,
@@ -26,10 +26,10 @@ pub(super) struct Gains {
 
 /// Measured tracks, ready to be predicted.
 #[derive(Debug)]
-pub(super) struct Tracks {
+pub(super) struct MeasuredTracks {
     pub(super) robots: Robots,
     /// Sorted by track and start.
-    pub(super) windows: Vec<Window>,
+    pub(super) windows: Vec<MotionWindow>,
     /// How many windows overlap at any time.
     pub(super) n_overlapping: f64,
     /// The windows of each track.
@@ -42,11 +42,11 @@ pub(super) struct Tracks {
 
 /// Where the model alone takes each robot, sample by sample: for motion that is alike everywhere, whatever measurements
 /// count. Empty where motion depends on the place.
-pub(super) type Paths = Vec<Vec<Robot>>;
+pub(super) type ModelPaths = Vec<Vec<Robot>>;
 
 /// What is known of a robot when a window begins.
 #[derive(Clone, Copy, Debug, Default)]
-struct Known {
+struct StateEstimate {
     robot: Robot,
     /// Variance of the position, per variance of one measurement.
     variance: f64,
@@ -57,7 +57,7 @@ struct Known {
     step_m: [f64; 3],
 }
 
-impl Tracks {
+impl MeasuredTracks {
     /// Windows of `window_s`, four of which overlap where samples are close enough.
     pub(super) fn new(robots: Robots, window_s: f64, terrain: Terrain) -> Self {
         let spacing_s = robots.spacing_s();
@@ -76,7 +76,7 @@ impl Tracks {
                     end += 1;
                 }
                 if end < samples.len() && samples[end].time_s <= until_s + tolerance_s {
-                    windows.push(Window {
+                    windows.push(MotionWindow {
                         track: number as u32,
                         start: (track.start + start) as u32,
                         end: (track.start + end) as u32,
@@ -111,7 +111,7 @@ impl Tracks {
     }
 
     /// The sample at which a window begins.
-    pub(super) fn start(&self, window: &Window) -> &Sample {
+    pub(super) fn start(&self, window: &MotionWindow) -> &Sample {
         &self.robots.samples[window.start as usize]
     }
 
@@ -127,7 +127,7 @@ impl Tracks {
 
     /// Length of a window (s).
     pub(super) fn window_s(&self, window: usize) -> f64 {
-        let Window { start, end, .. } = self.windows[window];
+        let MotionWindow { start, end, .. } = self.windows[window];
         self.robots.samples[end as usize].time_s - self.robots.samples[start as usize].time_s
     }
 
@@ -175,7 +175,7 @@ impl Tracks {
             if self.windows_of[track].is_empty() {
                 continue;
             }
-            let known = self.known(track, physics, &paths, gains);
+            let known = self.state_estimates(track, physics, &paths, gains);
             for (sample, after) in range.clone().zip(&known[1..]) {
                 steps_m[sample] = [after.step_m[0], after.step_m[1]];
             }
@@ -222,9 +222,9 @@ impl Tracks {
     }
 
     /// Goes along every track by the model alone, where that tells what it does from any estimate.
-    pub(super) fn paths(&self, physics: &Physics) -> Paths {
+    pub(super) fn paths(&self, physics: &Physics) -> ModelPaths {
         if !physics.is_alike_everywhere() {
-            return Paths::new();
+            return ModelPaths::new();
         }
         (0..self.robots.tracks.len())
             .map(|track| {
@@ -241,7 +241,7 @@ impl Tracks {
     pub(super) fn residuals(
         &self,
         physics: &Physics,
-        paths: &Paths,
+        paths: &ModelPaths,
         gains: Gains,
     ) -> Vec<Residual> {
         let predictions = self.predictions(physics, paths, gains);
@@ -252,7 +252,7 @@ impl Tracks {
     /// Where each window is predicted to end (m).
     pub(super) fn ends_m(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 3]> {
         let predictions = self.predictions(physics, &self.paths(physics), gains);
-        let end = |(begin, moved_m): (Known, [f64; 3])| {
+        let end = |(begin, moved_m): (StateEstimate, [f64; 3])| {
             std::array::from_fn(|i| begin.robot.position_m[i] + moved_m[i])
         };
         predictions.into_iter().map(end).collect()
@@ -262,9 +262,9 @@ impl Tracks {
     fn predictions(
         &self,
         physics: &Physics,
-        paths: &Paths,
+        paths: &ModelPaths,
         gains: Gains,
-    ) -> Vec<(Known, [f64; 3])> {
+    ) -> Vec<(StateEstimate, [f64; 3])> {
         let mut predictions = Vec::with_capacity(self.windows.len());
         let is_alike = !paths.is_empty();
         for (track, range) in self.robots.tracks.iter().enumerate() {
@@ -272,7 +272,7 @@ impl Tracks {
             if windows.is_empty() {
                 continue;
             }
-            let known = self.known(track, physics, paths, gains);
+            let known = self.state_estimates(track, physics, paths, gains);
             for window in windows {
                 let begin = known[window.start as usize - range.start];
                 let moved_m = if is_alike {
@@ -289,7 +289,12 @@ impl Tracks {
     }
 
     /// The residual of a window whose motion is predicted.
-    fn residual(&self, window: &Window, begin: &Known, moved_m: [f64; 3]) -> Residual {
+    fn residual(
+        &self,
+        window: &MotionWindow,
+        begin: &StateEstimate,
+        moved_m: [f64; 3],
+    ) -> Residual {
         let measured_m = self.robots.samples[window.end as usize].position_m;
         let error_m: [f64; 3] =
             std::array::from_fn(|i| measured_m[i] - (begin.robot.position_m[i] + moved_m[i]));
@@ -315,7 +320,13 @@ impl Tracks {
     }
 
     /// What is known of a robot at each sample of its track.
-    fn known(&self, track: usize, physics: &Physics, paths: &Paths, gains: Gains) -> Vec<Known> {
+    fn state_estimates(
+        &self,
+        track: usize,
+        physics: &Physics,
+        paths: &ModelPaths,
+        gains: Gains,
+    ) -> Vec<StateEstimate> {
         match paths.get(track) {
             Some(path) => self.follow(track, path, physics.shape().is_turning(), gains),
             None => self.correct(track, physics, gains),
@@ -340,12 +351,23 @@ impl Tracks {
 
     /// Lets estimates follow the path of the model alone: for motion that is alike everywhere, so that what the model does
     /// from an estimate is what it does by itself, moved and turned.
-    fn follow(&self, track: usize, path: &[Robot], is_turning: bool, gains: Gains) -> Vec<Known> {
+    fn follow(
+        &self,
+        track: usize,
+        path: &[Robot],
+        is_turning: bool,
+        gains: Gains,
+    ) -> Vec<StateEstimate> {
         let range = self.robots.tracks[track].clone();
         let samples = &self.robots.samples[range];
         let robot = path[0];
         let mut known = Vec::with_capacity(samples.len());
-        let mut at = Known { robot, variance: 1.0, path_m: robot.position_m, ..Known::default() };
+        let mut at = StateEstimate {
+            robot,
+            variance: 1.0,
+            path_m: robot.position_m,
+            ..StateEstimate::default()
+        };
         known.push(at);
         for (index, (pair, robot)) in samples.windows(2).zip(&path[1..]).enumerate() {
             let step_m: [f64; 3] = std::array::from_fn(|i| robot.position_m[i] - at.path_m[i]);
@@ -369,13 +391,13 @@ impl Tracks {
     }
 
     /// Goes along a track by the model, corrected by every measurement.
-    fn correct(&self, track: usize, physics: &Physics, gains: Gains) -> Vec<Known> {
+    fn correct(&self, track: usize, physics: &Physics, gains: Gains) -> Vec<StateEstimate> {
         let range = self.robots.tracks[track].clone();
         let samples = &self.robots.samples[range.clone()];
         let mut robot = self.begin(track, physics);
         let mut variance = 1.0;
         let mut known = Vec::with_capacity(samples.len());
-        known.push(Known { robot, variance, ..Known::default() });
+        known.push(StateEstimate { robot, variance, ..StateEstimate::default() });
         let mut next = 0;
         for (index, pair) in samples.windows(2).enumerate() {
             let surroundings = self.surroundings(range.start + index);
@@ -393,7 +415,7 @@ impl Tracks {
                     heading_gain * wrapped(pair[1].heading_rad - robot.heading_rad);
             }
             variance = square(1.0 - gain) * variance + gain * gain;
-            known.push(Known { robot, variance, step_m, ..Known::default() });
+            known.push(StateEstimate { robot, variance, step_m, ..StateEstimate::default() });
         }
         known
     }
@@ -403,7 +425,7 @@ impl Tracks {
         &self,
         physics: &Physics,
         track: usize,
-        window: &Window,
+        window: &MotionWindow,
         mut robot: Robot,
     ) -> [f64; 3] {
         let from_m = robot.position_m;

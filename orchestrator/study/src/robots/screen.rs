@@ -1,8 +1,8 @@
 //! Whether a term is worth a fit: a few steps from its starts, with what the parent's numbers do taken as known.
 
 use super::derivatives::Derivatives;
-use super::fit::{Point, damped, stepped, uphill};
-use super::{Model, RobotFit};
+use super::fit::{FitState, damped, stepped, uphill};
+use super::{RobotFit, RobotModel};
 
 /// Most steps from a start.
 const STEPS: usize = 4;
@@ -11,7 +11,7 @@ const QUIET_NATS: f64 = 0.5;
 /// Who still gains more than this in its last step (nats) has not shown what it is worth.
 const CLIMBING_NATS: f64 = 1.0;
 
-impl Model {
+impl RobotModel {
     /// The best of a few steps from the starts of a term on top of its parent, whose derivatives (`known`, at all windows)
     /// are held. None where that does not tell what the term is worth.
     pub(super) fn screened(
@@ -34,10 +34,10 @@ impl Model {
     fn followed(
         &self,
         mut fit: RobotFit,
-        mut at: Point,
+        mut at: FitState,
         known: &Derivatives,
         train: &[u32],
-    ) -> Option<(f64, RobotFit, Point)> {
+    ) -> Option<(f64, RobotFit, FitState)> {
         self.settle(&fit, &mut at);
         let numbers = self.numbers_of(&fit.terms);
         let mut gained = 0.0;
@@ -45,7 +45,7 @@ impl Model {
         for _ in 0..STEPS {
             fit.density = at.density;
             let here = (&at.residuals[..], &at.paths);
-            derivatives.with(known.len(), self.jacobian(&fit, here, train, known.len())?);
+            derivatives.replace_after(known.len(), self.jacobian(&fit, here, train, known.len())?);
             let (information, slope) = self.normal_equations(&fit, &at, &derivatives);
             gained = 0.0;
             for damping in [1e-3, 0.1, 10.0] {

@@ -1,9 +1,9 @@
 //! What may be missing from a model of robots: effects of the catalogue, and curves over covariates.
 
 use super::RobotStudy;
-use super::curve::Curve;
-use super::motion::Tracks;
-use crate::formula::{FORMULA, FormulaError, Wanted, set};
+use super::curve::RobotCurve;
+use super::motion::MeasuredTracks;
+use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, set};
 use crate::{CURVE, Candidate, FINE, knots};
 use measure::robots::Sample;
 use proto::config::{Node, Value, check};
@@ -20,7 +20,7 @@ pub(super) enum Term {
     /// More noise of measured positions than the configuration says.
     Noise(toml::Table),
     /// A smooth curve over a covariate: what the window's motion is longer by, and where it drifts.
-    Curve(Curve),
+    Curve(RobotCurve),
 }
 
 /// An effect, and the numbers of it that are fitted.
@@ -64,7 +64,7 @@ impl EffectTerm {
 
 /// All that may be missing.
 pub(super) fn all(
-    tracks: &Tracks,
+    tracks: &MeasuredTracks,
     dynamics: &toml::Table,
     is_noise_given: bool,
 ) -> (Vec<Candidate>, Vec<Term>) {
@@ -126,10 +126,12 @@ pub(super) fn all(
         let fine = name == "time_s" && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
         let kinds = [("", knots::FEW), (FINE, knots::MANY)].into_iter().take(1 + usize::from(fine));
         for (prefix, n_knots) in kinds {
-            let Some(curve) = Curve::new(tracks, values.clone(), n_knots) else { continue };
+            let Some(curve) = RobotCurve::new(tracks, values.clone(), n_knots) else { continue };
             let place = candidates.len();
             let coarse = format!("{CURVE}{name}");
-            for (curve, stands_in_for) in [(curve.clone(), None), (curve.whole(), Some(place))] {
+            for (curve, stands_in_for) in
+                [(curve.clone(), None), (curve.with_constant(), Some(place))]
+            {
                 candidates.push(Candidate {
                     name: format!("{prefix}{coarse}"),
                     about: None,
@@ -154,7 +156,7 @@ impl RobotStudy {
     /// # Errors
     ///
     /// The formula is wrong, or names what is neither a parameter nor known of these samples.
-    pub fn add_formula(&mut self, wanted: &Wanted) -> Result<(), FormulaError> {
+    pub fn add_formula(&mut self, wanted: &FormulaRequest) -> Result<(), FormulaFitError> {
         let entry = Catalogue::built_in().effects.find(FORMULA);
         let Some(entry) = entry else { return Ok(()) };
         let covariates = &self.model.tracks.robots.covariates;
@@ -191,7 +193,7 @@ impl RobotStudy {
 fn untestable(
     entry: &Entry,
     on: Option<&str>,
-    tracks: &Tracks,
+    tracks: &MeasuredTracks,
     dynamics: &toml::Table,
     is_noise_given: bool,
 ) -> Option<String> {
@@ -253,7 +255,12 @@ fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter
 }
 
 /// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart.
-fn starts(entry: &Entry, on: Option<&str>, parameters: &[Parameter], tracks: &Tracks) -> Starts {
+fn starts(
+    entry: &Entry,
+    on: Option<&str>,
+    parameters: &[Parameter],
+    tracks: &MeasuredTracks,
+) -> Starts {
     let part = if on == Some("turn") { Part::Turn } else { Part::Speed };
     match entry.variant.name {
         DEAD_BAND | "speed-limit" => {
@@ -290,7 +297,7 @@ const DEAD_BAND: &str = "dead-band";
 /// The effect whose only number is the noise itself.
 pub(super) const NOISE: &str = "localization";
 
-impl Tracks {
+impl MeasuredTracks {
     /// Covariates that every file has: time, and place.
     fn own_covariates(&self) -> [(String, Vec<f64>); 3] {
         let of = |value: &dyn Fn(&Sample) -> f64| self.robots.samples.iter().map(value).collect();

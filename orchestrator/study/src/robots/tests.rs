@@ -31,7 +31,8 @@ fn study(table: &Table) -> RobotStudy {
         proto::config::check(&node, "", spec, &Catalogue::built_in().lists(), &mut Vec::new())
             .table;
     let robots = robots::read(table).unwrap();
-    RobotStudy::new(robots, &dynamics, Given::default(), (&Choices::default(), table)).unwrap()
+    RobotStudy::new(robots, &dynamics, StatedSettings::default(), (&Choices::default(), table))
+        .unwrap()
 }
 
 fn index(study: &RobotStudy, name: &str) -> usize {
@@ -143,7 +144,7 @@ fn a_body_that_takes_other_commands_is_refused() {
     let table = lagging(100, 0.2);
     let robots = robots::read(&table).unwrap();
     let chosen = (&Choices::default(), &table);
-    let error = RobotStudy::new(robots, &dynamics, Given::default(), chosen);
+    let error = RobotStudy::new(robots, &dynamics, StatedSettings::default(), chosen);
     let text = error.unwrap_err().to_string();
     assert!(text.contains("\"point-mass\"") && text.contains("\"car\""), "{text}");
 }

@@ -1,9 +1,9 @@
 //! Numbers that count only where they pass a command: thresholds, and limits of change.
 
-use super::fit::Point;
-use super::motion::Tracks;
+use super::fit::FitState;
+use super::motion::MeasuredTracks;
 use super::terms::Term;
-use super::{Model, RobotFit};
+use super::{RobotFit, RobotModel};
 use measure::robots::Sample;
 use numbers::power::square;
 use robotsim::dynamics::Part;
@@ -21,7 +21,7 @@ const LIKELY_NATS: f64 = 1.353;
 /// Most commands that an interval has on each side of the threshold.
 const MOST_PASSED: usize = 500;
 
-impl Tracks {
+impl MeasuredTracks {
     /// Sizes of a part of all commands, sorted.
     fn sizes(&self, part: Part) -> Vec<f64> {
         let turning = self.robots.shape.is_turning();
@@ -87,7 +87,7 @@ struct Between {
 
 impl Between {
     /// The threshold above so many commands: half way to the next.
-    fn at(&self, above: usize) -> f64 {
+    fn threshold_above(&self, above: usize) -> f64 {
         match (above.checked_sub(1).map(|last| self.sizes[last]), self.sizes.get(above)) {
             (Some(below), Some(next)) => 0.5 * (below + next),
             (None, Some(next)) => 0.5 * next,
@@ -97,7 +97,7 @@ impl Between {
     }
 }
 
-impl Model {
+impl RobotModel {
     /// The part of commands on which a term has a threshold.
     pub(super) fn threshold_on(&self, term: usize) -> Option<Part> {
         match &self.terms[term] {
@@ -122,7 +122,7 @@ impl Model {
         term: usize,
         threshold: f64,
         train: &[u32],
-    ) -> Option<(RobotFit, Point)> {
+    ) -> Option<(RobotFit, FitState)> {
         let mut fit = RobotFit { derivatives: std::sync::Arc::default(), ..fit.clone() };
         let first = fit.first(self, term);
         fit.values[first] = threshold;
@@ -139,7 +139,7 @@ impl Model {
                 let first = between.above.saturating_sub(PARTS * stride);
                 let last = (between.above + PARTS * stride).min(between.sizes.len());
                 for above in (first..=last).step_by(stride) {
-                    let threshold = between.at(above);
+                    let threshold = between.threshold_above(above);
                     let there = self.with_threshold(&fit, term, threshold, train);
                     if let Some((there, at)) = there
                         && fit.log_likelihood < at.total
@@ -167,7 +167,7 @@ impl Model {
         let between = self.between(fit, term)?;
         let least = fit.log_likelihood - self.tracks.n_overlapping * LIKELY_NATS;
         let is_likely = |above: usize| {
-            self.with_threshold(fit, term, between.at(above), train)
+            self.with_threshold(fit, term, between.threshold_above(above), train)
                 .is_some_and(|(_, at)| least < at.total)
         };
         let (mut low, mut high) = (between.above, between.above);
@@ -182,6 +182,6 @@ impl Model {
         }
         let below = low.checked_sub(1).map_or(0.0, |last| between.sizes[last]);
         let above = between.sizes.get(high).copied();
-        Some((below, above.unwrap_or_else(|| between.at(high))))
+        Some((below, above.unwrap_or_else(|| between.threshold_above(high))))
     }
 }

@@ -1,6 +1,6 @@
 //! Predictions window by window, for pictures.
 
-use super::motion::Tracks;
+use super::motion::MeasuredTracks;
 use super::{HORIZONS_S, RobotFit, RobotStudy};
 use crate::Study;
 use crate::view::{View, Viewed};
@@ -46,7 +46,7 @@ impl RobotStudy {
             .filter(|horizon_s| 0.9 * spacing_s <= *horizon_s)
             .filter_map(|horizon_s| {
                 let terrain = self.model.tracks.terrain().clone();
-                let tracks = Tracks::new(self.robots().clone(), horizon_s, terrain);
+                let tracks = MeasuredTracks::new(self.robots().clone(), horizon_s, terrain);
                 let residuals = tracks.residuals(&physics, &tracks.paths(&physics), gains);
                 let squares: f64 = residuals
                     .iter()
@@ -66,7 +66,7 @@ impl RobotStudy {
     }
 }
 
-impl Tracks {
+impl MeasuredTracks {
     /// What an error may depend on, at the start of each window: the columns of the file, and what follows from them.
     pub(super) fn covariates(&self) -> Vec<(String, Vec<f64>)> {
         let robots = &self.robots;

@@ -9,8 +9,8 @@
 //!
 //! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
 
-use super::tables::{Frame, Frames, Silent};
-use super::{Instrument, Level, Range, Read, STRAY, Slope};
+use super::tables::{FrameMoments, FrameTable, SilentRowTable};
+use super::{Instrument, PowerRange, RegisterResponse, RowLikelihood, RowPrediction, STRAY};
 use crate::RowScore;
 use measure::links::Row;
 
@@ -54,7 +54,7 @@ const WIDER: f64 = 1.02;
 
 /// What is seen of a row.
 #[derive(Clone, Copy)]
-struct Seen {
+struct RowCounts {
     /// Frames sent, as many as were worth as much if they were independent.
     sent: f64,
     /// Of these received.
@@ -65,14 +65,14 @@ struct Seen {
     knows_losses: bool,
 }
 
-impl Seen {
-    fn of(row: &Row, instrument: &Instrument) -> Self {
+impl RowCounts {
+    fn from_row(row: &Row, instrument: &Instrument) -> Self {
         let knows_losses = instrument.readings.has_losses && row.received.is_finite();
         let sent = if row.frames.is_finite() { row.frames.max(1.0) } else { 1.0 };
         let received = if row.received.is_finite() { row.received } else { sent };
-        let share = worth(sent) / sent;
+        let share = effective_frames(sent) / sent;
         Self {
-            sent: worth(sent),
+            sent: effective_frames(sent),
             received: received * share,
             reading_dbm: row.rssi_dbm,
             readings: received.max(1.0),
@@ -82,22 +82,22 @@ impl Seen {
     }
 }
 
-impl Seen {
+impl RowCounts {
     fn is_silent(&self) -> bool {
         self.knows_losses && self.received == 0.0
     }
 }
 
 /// As many independent frames say as much as so many of a row.
-fn worth(frames: f64) -> f64 {
+fn effective_frames(frames: f64) -> f64 {
     frames / (1.0 + (frames - 1.0) * ALIKE)
 }
 
 /// A level that nothing but power makes.
-const PLAIN: Level = Level {
+const PLAIN: RowPrediction = RowPrediction {
     power_dbm: 0.0,
     register_db: 0.0,
-    range: Range::shifted(0.0),
+    range: PowerRange::shifted(0.0),
     shift_db: 0.0,
     ln_survival: 0.0,
     stated: None,
@@ -117,8 +117,8 @@ struct Integral {
 
 impl Instrument {
     /// Chance that a frame passes at a level, how much stronger those that pass are in the mean (dB), and their variance (dB²).
-    fn frames(&self, level: &Level, u: f64) -> (f64, f64, f64) {
-        let chance = self.averaged.at(u - level.shift_db);
+    fn frames(&self, level: &RowPrediction, u: f64) -> (f64, f64, f64) {
+        let chance = self.averaged.reception_at(u - level.shift_db);
         let survival = if level.ln_survival == 0.0 { 1.0 } else { libm::exp(level.ln_survival) };
         match level.stated {
             Some(stated) => {
@@ -135,13 +135,13 @@ impl Instrument {
     }
 
     /// What frames do at every level, where losses are known.
-    fn table(&self) -> Frames {
+    fn table(&self) -> FrameTable {
         let rows: Vec<[f64; 7]> = self
             .averaged
             .points()
             .map(|u| {
                 let (passes, lift_db, variance) = self.frames(&PLAIN, u);
-                let slope = self.averaged.at(u).slope;
+                let slope = self.averaged.reception_at(u).slope;
                 let fails = 1.0 - passes;
                 let variance = self.rounded_variance(variance);
                 let (by_passes, by_fails) = (slope / passes, -slope / fails);
@@ -164,14 +164,14 @@ impl Instrument {
         };
         let n_below = rows.iter().rposition(|row| !is_alike(row)).map_or(0, |last| last + 1);
         let (from_dbm, step) = (self.averaged.from_dbm, self.averaged.step);
-        Frames { from_dbm, step, rows, alike_from_dbm: from_dbm + n_below as f64 * step }
+        FrameTable { from_dbm, step, rows, alike_from_dbm: from_dbm + n_below as f64 * step }
     }
 
     /// Log likelihood of what was seen at a level.
-    fn seen_at(&self, seen: &Seen, level: &Level, u: f64) -> f64 {
+    fn seen_at(&self, seen: &RowCounts, level: &RowPrediction, u: f64) -> f64 {
         let frame = match &self.tabulated {
             Some(frames) if level.stated.is_none() => {
-                let mut frame = frames.at(u - level.shift_db);
+                let mut frame = frames.moments_at(u - level.shift_db);
                 if level.ln_survival != 0.0 {
                     frame.ln_passes += level.ln_survival;
                     frame.ln_fails = libm::log(-libm::expm1(frame.ln_passes));
@@ -182,7 +182,13 @@ impl Instrument {
                 let (passes, lift_db, variance) = self.frames(level, u);
                 let variance = self.rounded_variance(variance);
                 let (ln_passes, ln_fails) = (libm::log(passes), libm::log(1.0 - passes));
-                Frame { ln_passes, ln_fails, lift_db, variance, ln_variance: libm::log(variance) }
+                FrameMoments {
+                    ln_passes,
+                    ln_fails,
+                    lift_db,
+                    variance,
+                    ln_variance: libm::log(variance),
+                }
             }
         };
         let mut log = 0.0;
@@ -206,8 +212,8 @@ impl Instrument {
     /// The integral where frames of every level that is likely pass alike: that of a product of two normal densities.
     fn integral_of_reading(
         &self,
-        seen: &Seen,
-        level: &Level,
+        seen: &RowCounts,
+        level: &RowPrediction,
         mean: f64,
         variance: f64,
     ) -> Option<Integral> {
@@ -217,7 +223,8 @@ impl Instrument {
                 (0.0, self.rounded_variance(self.sd_db * self.sd_db), f64::NEG_INFINITY)
             }
             Some(frames) if level.stated.is_none() => {
-                let Frame { lift_db, variance, .. } = frames.at(read - level.shift_db);
+                let FrameMoments { lift_db, variance, .. } =
+                    frames.moments_at(read - level.shift_db);
                 (lift_db, variance, frames.alike_from_dbm)
             }
             _ => return None,
@@ -231,7 +238,8 @@ impl Instrument {
         if read.is_nan() || lowest < alike_from_dbm {
             return None;
         }
-        let by_frames = self.seen_at(&Seen { reading_dbm: f64::NAN, ..*seen }, level, posterior);
+        let by_frames =
+            self.seen_at(&RowCounts { reading_dbm: f64::NAN, ..*seen }, level, posterior);
         let share = deviation * deviation / both;
         let is_least = own <= LEAST_SD_DB * LEAST_SD_DB;
         let own_over_ln_sd =
@@ -245,7 +253,13 @@ impl Instrument {
     }
 
     /// The integral over the level, `variance` being its variance before anything is seen.
-    fn integral(&self, seen: &Seen, level: &Level, mean: f64, variance: f64) -> Integral {
+    fn integral(
+        &self,
+        seen: &RowCounts,
+        level: &RowPrediction,
+        mean: f64,
+        variance: f64,
+    ) -> Integral {
         if let Some(integral) = self.integral_of_reading(seen, level, mean, variance) {
             return integral;
         }
@@ -319,8 +333,8 @@ impl Instrument {
     /// The integral by points about the top of its integrand, each with its weight, and the logarithms of the integrand there.
     fn sum_over<const N: usize>(
         &self,
-        seen: &Seen,
-        level: &Level,
+        seen: &RowCounts,
+        level: &RowPrediction,
         (mean, variance): (f64, f64),
         top: f64,
         points: &[(f64, f64); N],
@@ -357,13 +371,20 @@ impl Instrument {
     }
 
     /// Log likelihood of a row of several frames. `lift_db` is added to the level.
-    pub(super) fn summed(&self, row: &Row, level: &Level, lift_db: f64) -> Slope {
-        let seen = Seen::of(row, self);
+    pub(super) fn aggregated_likelihood(
+        &self,
+        row: &Row,
+        level: &RowPrediction,
+        lift_db: f64,
+    ) -> RowLikelihood {
+        let seen = RowCounts::from_row(row, self);
         let mean = level.power_dbm + lift_db;
         let is_plain = level.stated.is_none() && level.ln_survival == 0.0;
         if is_plain && seen.is_silent() {
             let known = self.silent.iter().find(|silent| silent.sent == seen.sent);
-            if let Some(slope) = known.and_then(|silent| silent.at(mean - level.shift_db)) {
+            if let Some(slope) =
+                known.and_then(|silent| silent.likelihood_at(mean - level.shift_db))
+            {
                 return slope;
             }
         }
@@ -371,13 +392,13 @@ impl Instrument {
     }
 
     /// Log likelihood of what was seen, by an integral.
-    fn integrated(&self, seen: &Seen, level: &Level, mean: f64) -> Slope {
+    fn integrated(&self, seen: &RowCounts, level: &RowPrediction, mean: f64) -> RowLikelihood {
         let variance = self.link_sd_db * self.link_sd_db;
         let Integral { log, level: posterior, left, over_ln_sd } =
             self.integral(seen, level, mean, variance);
         let away = posterior - mean;
-        Slope {
-            log: log + beside(seen, level),
+        RowLikelihood {
+            log: log + ln_constant(seen, level),
             over_level: away / variance,
             weight: ((1.0 - left / variance) / variance).max(0.0),
             over_ln_sd,
@@ -400,9 +421,9 @@ impl Instrument {
     }
 
     /// What rows of so many frames, none of them received, say at every mean level.
-    fn silent(&self, frames: f64) -> Silent {
-        let sent = worth(frames);
-        let seen = Seen {
+    fn silent(&self, frames: f64) -> SilentRowTable {
+        let sent = effective_frames(frames);
+        let seen = RowCounts {
             sent,
             received: 0.0,
             reading_dbm: f64::NAN,
@@ -417,7 +438,7 @@ impl Instrument {
         let rows = (0..=(width / step) as usize)
             .map(|i| self.integrated(&seen, &PLAIN, from_dbm + i as f64 * step))
             .collect();
-        Silent { sent, from_dbm, step, rows }
+        SilentRowTable { sent, from_dbm, step, rows }
     }
 
     /// What the mean reading of a row should be (dBm), its standard deviation (dB), the share of frames that should be received
@@ -427,11 +448,11 @@ impl Instrument {
     pub fn row_of(
         &self,
         row: &Row,
-        level: &Level,
+        level: &RowPrediction,
         (lift_db, extra): (f64, f64),
-        read: Option<Read<'_>>,
+        read: Option<RegisterResponse<'_>>,
     ) -> [f64; 4] {
-        let seen = Seen::of(row, self);
+        let seen = RowCounts::from_row(row, self);
         let mean = level.power_dbm + lift_db;
         let sd = (self.link_sd_db * self.link_sd_db + extra).sqrt();
         let mut sums = [0.0; 6];
@@ -463,16 +484,16 @@ impl Instrument {
     pub fn score_row(
         &self,
         row: &Row,
-        level: &Level,
+        level: &RowPrediction,
         (lift_db, extra): (f64, f64),
-        read: Option<Read<'_>>,
+        read: Option<RegisterResponse<'_>>,
     ) -> RowScore {
-        let seen = Seen::of(row, self);
+        let seen = RowCounts::from_row(row, self);
         let variance = self.link_sd_db * self.link_sd_db + extra;
         let Integral { log, .. } = self.integral(&seen, level, level.power_dbm + lift_db, variance);
         let [reading, sd, share, _] = self.row_of(row, level, (lift_db, extra), read);
         let mut score = RowScore {
-            log: log + beside(&seen, level),
+            log: log + ln_constant(&seen, level),
             squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
@@ -499,14 +520,14 @@ fn mean_variance(variance: f64, readings: f64) -> f64 {
 
 /// Logarithm of what a row's likelihood is multiplied by whatever the level: the number of ways in which so many of the frames are
 /// received, and by how much wider powers lie than readings.
-fn beside(seen: &Seen, level: &Level) -> f64 {
+fn ln_constant(seen: &RowCounts, level: &RowPrediction) -> f64 {
     let ln_stretch =
         if seen.reading_dbm.is_finite() { libm::log(level.range.stretch) } else { 0.0 };
     ways(seen) + ln_stretch
 }
 
 /// Logarithm of the number of ways in which so many of the frames are received.
-fn ways(seen: &Seen) -> f64 {
+fn ways(seen: &RowCounts) -> f64 {
     if !seen.knows_losses {
         return 0.0;
     }

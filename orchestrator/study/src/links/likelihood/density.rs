@@ -1,7 +1,7 @@
 //! How dense strengths lie about their mean, under noise and whatever varies beside.
 
-use super::Slope;
-use crate::links::passing::Spread;
+use super::RowLikelihood;
+use crate::links::passing::PowerMixture;
 use numbers::power::integer_power;
 
 /// Step of a table (standard deviations of the noise).
@@ -13,8 +13,8 @@ const LEAST_WEIGHT: f64 = 0.1;
 
 /// The density of a deviation from the mean: normal about each level of a spread. Where there is more than one level, it is tabulated.
 #[derive(Clone, Debug)]
-pub(super) struct Density {
-    spread: Spread,
+pub(super) struct FadingDensity {
+    spread: PowerMixture,
     /// Variance about each level (dB²).
     variance: f64,
     /// The share of it that is noise, the rest being rounding.
@@ -26,9 +26,14 @@ pub(super) struct Density {
     rows: Vec<[f64; 4]>,
 }
 
-impl Density {
+impl FadingDensity {
     /// About the levels of a spread with a variance (dB²) of which the square of `sd_db` is noise; looked up often if `is_tabulated`.
-    pub(super) fn new(spread: &Spread, variance: f64, sd_db: f64, is_tabulated: bool) -> Self {
+    pub(super) fn new(
+        spread: &PowerMixture,
+        variance: f64,
+        sd_db: f64,
+        is_tabulated: bool,
+    ) -> Self {
         let about = Self {
             spread: spread.clone(),
             variance,
@@ -89,11 +94,11 @@ impl Density {
 
     /// Log density at a deviation (dB), its derivative over the mean, minus its second derivative, and its derivative over the logarithm
     /// of the noise's standard deviation.
-    pub(super) fn at(&self, deviation_db: f64) -> Slope {
+    pub(super) fn log_density_at(&self, deviation_db: f64) -> RowLikelihood {
         if let [(level, _)] = self.spread.0[..] {
             let d = deviation_db - level;
             let z2 = d * d / self.variance;
-            return Slope {
+            return RowLikelihood {
                 log: self.ln_peak - 0.5 * z2,
                 over_level: d / self.variance,
                 weight: 1.0 / self.variance,
@@ -115,7 +120,7 @@ impl Density {
                 [log, first, second]
             }
         };
-        Slope {
+        RowLikelihood {
             log,
             over_level: -first,
             weight: (-second).max(LEAST_WEIGHT / self.variance),
@@ -131,10 +136,10 @@ mod tests {
     use super::*;
 
     /// Levels as fading makes them: a long tail of weak ones.
-    fn fading() -> Spread {
+    fn fading() -> PowerMixture {
         let levels: Vec<f64> =
             (1..=40).map(|i| 10.0 * libm::log10(-libm::log(f64::from(i) / 41.0))).collect();
-        Spread(levels.into_iter().map(|level| (level, 1.0 / 40.0)).collect())
+        PowerMixture(levels.into_iter().map(|level| (level, 1.0 / 40.0)).collect())
     }
 
     #[test]
@@ -142,10 +147,11 @@ mod tests {
         // With little noise the levels stand apart, and the density turns within a fraction of the noise.
         for (sd_db, tolerance) in [(0.5f64, 1e-4), (2.0, 1e-5)] {
             let variance = sd_db * sd_db + 1.0 / 12.0;
-            let [table, sum] = [true, false].map(|is| Density::new(&fading(), variance, sd_db, is));
+            let [table, sum] =
+                [true, false].map(|is| FadingDensity::new(&fading(), variance, sd_db, is));
             for tenth in -400..200 {
                 let deviation_db = f64::from(tenth) * 0.1003;
-                let [a, b] = [&table, &sum].map(|density| density.at(deviation_db));
+                let [a, b] = [&table, &sum].map(|density| density.log_density_at(deviation_db));
                 let pairs = [
                     (a.log, b.log),
                     (a.over_level, b.over_level),
@@ -162,7 +168,8 @@ mod tests {
     #[test]
     fn slopes_are_those_of_the_density() {
         let at = |deviation_db: f64, sd_db: f64| {
-            Density::new(&fading(), sd_db * sd_db + 1.0 / 12.0, sd_db, false).at(deviation_db)
+            FadingDensity::new(&fading(), sd_db * sd_db + 1.0 / 12.0, sd_db, false)
+                .log_density_at(deviation_db)
         };
         for deviation_db in [-12.0, -3.3, 0.0, 2.1, 6.0] {
             let (here, h) = (at(deviation_db, 2.0), 1e-4);

@@ -1,25 +1,25 @@
 //! What many rows of several frames ask for, tabulated over the level.
 
-use super::{Slope, cubic};
+use super::{RowLikelihood, cubic};
 
 /// What rows of which nothing was received say by their mean level, tabulated at equal steps.
 #[derive(Clone, Debug)]
-pub struct Silent {
+pub struct SilentRowTable {
     pub(super) sent: f64,
     pub(super) from_dbm: f64,
     pub(super) step: f64,
-    pub(super) rows: Vec<Slope>,
+    pub(super) rows: Vec<RowLikelihood>,
 }
 
-impl Silent {
+impl SilentRowTable {
     /// At a mean level; none above the table.
-    pub(super) fn at(&self, dbm: f64) -> Option<Slope> {
+    pub(super) fn likelihood_at(&self, dbm: f64) -> Option<RowLikelihood> {
         let place = ((dbm - self.from_dbm) / self.step).max(0.0);
         let index = place as usize;
         let (a, b) = (self.rows.get(index)?, self.rows.get(index + 1)?);
         let part = place - index as f64;
         let linear = |a: f64, b: f64| a + part * (b - a);
-        Some(Slope {
+        Some(RowLikelihood {
             log: cubic(part, self.step, [a.log, a.over_level], [b.log, b.over_level]),
             over_level: cubic(
                 part,
@@ -38,7 +38,7 @@ impl Silent {
 /// not, each with its slope, how much stronger those that pass are in the mean (dB), the variance of their readings (dB²) and its
 /// logarithm.
 #[derive(Clone, Debug)]
-pub struct Frames {
+pub struct FrameTable {
     pub(super) from_dbm: f64,
     pub(super) step: f64,
     pub(super) rows: Vec<[f64; 7]>,
@@ -46,9 +46,9 @@ pub struct Frames {
     pub(super) alike_from_dbm: f64,
 }
 
-impl Frames {
+impl FrameTable {
     /// At a level: cubic between points where slopes are known, else linear.
-    pub(super) fn at(&self, dbm: f64) -> Frame {
+    pub(super) fn moments_at(&self, dbm: f64) -> FrameMoments {
         let last = self.rows.len() - 1;
         let place = ((dbm - self.from_dbm) / self.step).clamp(0.0, last as f64);
         let index = (place as usize).min(last - 1);
@@ -56,7 +56,7 @@ impl Frames {
         let (a, b) = (&self.rows[index], &self.rows[index + 1]);
         let cubic = |k: usize| cubic(part, self.step, [a[k], a[k + 1]], [b[k], b[k + 1]]);
         let linear = |k: usize| a[k] + part * (b[k] - a[k]);
-        Frame {
+        FrameMoments {
             ln_passes: cubic(0),
             ln_fails: cubic(2),
             lift_db: linear(4),
@@ -67,7 +67,7 @@ impl Frames {
 }
 
 /// What a frame does at a level.
-pub(super) struct Frame {
+pub(super) struct FrameMoments {
     pub(super) ln_passes: f64,
     pub(super) ln_fails: f64,
     pub(super) lift_db: f64,

@@ -1,8 +1,8 @@
 //! Headings of nodes that stand still and tell none: found together with the pattern of their antennas.
 
-use super::super::likelihood::Slope;
+use super::super::likelihood::RowLikelihood;
 use super::super::rows::Rows;
-use super::super::terms::State;
+use super::super::terms::TermState;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -23,7 +23,7 @@ struct Sight {
 }
 
 /// A row: its two ends, and what the likelihood says about a change of its level.
-struct Seen {
+struct PatternRow {
     ends: [Option<Sight>; 2],
     slope: f64,
     weight: f64,
@@ -45,7 +45,7 @@ fn nodes_without(rows: &Rows, train: &[u32]) -> Vec<u32> {
     known.into_iter().filter(|(id, known)| is_sought(id, *known)).map(|(id, _)| id).collect()
 }
 
-fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> {
+fn seen(rows: &Rows, train: &[u32], left: &[RowLikelihood], nodes: &[u32]) -> Vec<PatternRow> {
     train
         .iter()
         .zip(left)
@@ -63,7 +63,7 @@ fn seen(rows: &Rows, train: &[u32], left: &[Slope], nodes: &[u32]) -> Vec<Seen> 
                 };
                 Some(Sight { bearing: unit(bearing_rad - heading_rad), unknown })
             };
-            Seen {
+            PatternRow {
                 ends: [sight(tx, rx), sight(rx, tx)],
                 slope: slope.over_level,
                 weight: slope.weight,
@@ -83,13 +83,13 @@ fn unit(angle_rad: f64) -> [f64; 2] {
 }
 
 /// A pattern: how much weaker its back is (dB), and where the front is, of the body and of each node.
-struct Pattern {
+struct SoughtPattern {
     front_to_back_db: f64,
     fronts: Vec<[f64; 2]>,
 }
 
-impl Pattern {
-    fn of(sought: &Sought) -> Self {
+impl SoughtPattern {
+    fn from_angles(sought: &Sought) -> Self {
         let fronts = sought.iter().skip(1).map(|&angle_rad| unit(angle_rad)).collect();
         Self { front_to_back_db: sought[0], fronts }
     }
@@ -102,7 +102,7 @@ impl Pattern {
     }
 
     /// What it adds to a row (dB).
-    fn added(&self, seen: &Seen) -> f64 {
+    fn added(&self, seen: &PatternRow) -> f64 {
         let ends = seen.ends.iter().flatten();
         ends.map(|sight| -0.5 * self.front_to_back_db * (1.0 - self.seen_from_front(sight).1[0]))
             .sum()
@@ -110,8 +110,8 @@ impl Pattern {
 }
 
 /// What the likelihood gains (nats, a parabola about the fit).
-fn gain(all: &[Seen], sought: &Sought) -> f64 {
-    let pattern = Pattern::of(sought);
+fn gain(all: &[PatternRow], sought: &Sought) -> f64 {
+    let pattern = SoughtPattern::from_angles(sought);
     all.iter()
         .map(|seen| {
             let more = pattern.added(seen) - seen.known_db;
@@ -121,9 +121,9 @@ fn gain(all: &[Seen], sought: &Sought) -> f64 {
 }
 
 /// Information and gradient of what is sought.
-fn derivatives(all: &[Seen], sought: &Sought) -> (DMatrix<f64>, Sought) {
+fn derivatives(all: &[PatternRow], sought: &Sought) -> (DMatrix<f64>, Sought) {
     let n = sought.len();
-    let pattern = Pattern::of(sought);
+    let pattern = SoughtPattern::from_angles(sought);
     let mut information = DMatrix::zeros(n, n);
     let mut gradient = DVector::zeros(n);
     for seen in all {
@@ -148,7 +148,7 @@ fn derivatives(all: &[Seen], sought: &Sought) -> (DMatrix<f64>, Sought) {
 }
 
 /// A step of Gauss's and Newton's method.
-fn step(all: &[Seen], sought: &Sought, damping: f64) -> Option<Sought> {
+fn step(all: &[PatternRow], sought: &Sought, damping: f64) -> Option<Sought> {
     let (mut information, gradient) = derivatives(all, sought);
     for i in 0..sought.len() {
         information[(i, i)] += damping * information[(i, i)] + 1e-6;
@@ -156,7 +156,7 @@ fn step(all: &[Seen], sought: &Sought, damping: f64) -> Option<Sought> {
     information.cholesky().map(|factor| factor.solve(&gradient))
 }
 
-fn climbed(all: &[Seen], mut sought: Sought) -> (f64, Sought) {
+fn climbed(all: &[PatternRow], mut sought: Sought) -> (f64, Sought) {
     let mut best = gain(all, &sought);
     let mut damping = 1e-2;
     for _ in 0..STEPS {
@@ -180,7 +180,12 @@ fn climbed(all: &[Seen], mut sought: Sought) -> (f64, Sought) {
 
 /// States of a cardioid pattern, with headings for the nodes that tell none: from each of `starts` the best.
 #[must_use]
-pub fn patterns(rows: &Rows, train: &[u32], left: &[Slope], starts: &[State]) -> Vec<State> {
+pub fn patterns(
+    rows: &Rows,
+    train: &[u32],
+    left: &[RowLikelihood],
+    starts: &[TermState],
+) -> Vec<TermState> {
     let nodes = nodes_without(rows, train);
     if nodes.is_empty() {
         return starts.to_vec();
@@ -192,14 +197,14 @@ pub fn patterns(rows: &Rows, train: &[u32], left: &[Slope], starts: &[State]) ->
         sought[1] = start.values[1];
         // Each node by itself first.
         for node in 0..nodes.len() {
-            let own: Vec<Seen> = all
+            let own: Vec<PatternRow> = all
                 .iter()
                 .filter_map(|seen| {
                     let mut ends = seen.ends;
                     for end in &mut ends {
                         *end = end.filter(|sight| sight.unknown == Some(node));
                     }
-                    ends.iter().any(Option::is_some).then_some(Seen { ends, ..*seen })
+                    ends.iter().any(Option::is_some).then_some(PatternRow { ends, ..*seen })
                 })
                 .collect();
             let tried = (0..DIRECTIONS).map(|k| {
@@ -217,13 +222,18 @@ pub fn patterns(rows: &Rows, train: &[u32], left: &[Slope], starts: &[State]) ->
 }
 
 /// A pattern that a fit has, and what its rows say.
-struct Known {
+struct FittedPattern {
     nodes: Vec<u32>,
     sought: Sought,
-    all: Vec<Seen>,
+    all: Vec<PatternRow>,
 }
 
-fn known(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> Known {
+fn fitted_pattern(
+    rows: &Rows,
+    train: &[u32],
+    left: &[RowLikelihood],
+    state: &TermState,
+) -> FittedPattern {
     let nodes = nodes_without(rows, train);
     let headings = state.table.get("headings_rad").and_then(toml::Value::as_array);
     let heading = |node: &u32| headings?.get(*node as usize)?.as_float();
@@ -234,18 +244,23 @@ fn known(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> Known {
         sought[2 + index] = heading(node).unwrap_or_default() + state.values[1];
     }
     let mut all = seen(rows, train, left, &nodes);
-    let pattern = Pattern::of(&sought);
+    let pattern = SoughtPattern::from_angles(&sought);
     for seen in &mut all {
         seen.known_db = pattern.added(seen);
     }
-    Known { nodes, sought, all }
+    FittedPattern { nodes, sought, all }
 }
 
 /// Standard errors of the difference between front and back (dB) and of the boresight (rad), headings unknown. `left`: slopes
 /// under the fit with the pattern. None where they are not determined.
 #[must_use]
-pub fn errors(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> Option<[f64; 2]> {
-    let Known { sought, all, .. } = known(rows, train, left, state);
+pub fn errors(
+    rows: &Rows,
+    train: &[u32],
+    left: &[RowLikelihood],
+    state: &TermState,
+) -> Option<[f64; 2]> {
+    let FittedPattern { sought, all, .. } = fitted_pattern(rows, train, left, state);
     let (information, _) = derivatives(&all, &sought);
     let inverse = information.try_inverse()?;
     let error = |k: usize| inverse[(k, k)].max(0.0).sqrt();
@@ -254,14 +269,14 @@ pub fn errors(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> Opti
 
 /// A pattern once more, about the fit with it: the parabola was one about the fit without.
 #[must_use]
-pub fn again(rows: &Rows, train: &[u32], left: &[Slope], state: &State) -> State {
-    let Known { nodes, sought, all } = known(rows, train, left, state);
+pub fn refine(rows: &Rows, train: &[u32], left: &[RowLikelihood], state: &TermState) -> TermState {
+    let FittedPattern { nodes, sought, all } = fitted_pattern(rows, train, left, state);
     let (_, sought) = climbed(&all, sought);
     state_of(&sought, &nodes, state)
 }
 
 /// The state of a pattern and headings.
-fn state_of(sought: &Sought, nodes: &[u32], start: &State) -> State {
+fn state_of(sought: &Sought, nodes: &[u32], start: &TermState) -> TermState {
     let wrapped = |angle: f64| angle - TAU * (angle / TAU).round();
     let boresight = wrapped(sought[1]);
     let mut headings = vec![0.0; nodes.last().map_or(0, |&last| last as usize + 1)];

@@ -3,10 +3,10 @@
 //! The likelihood is a staircase in the coordinates: it changes where an edge passes another way. A profile stops at the first
 //! step that is high; a walk goes on to what lies behind it.
 
-use super::{Shape, Way, ways};
-use crate::links::likelihood::Slope;
+use super::{LinkPath, ObstacleShape, ways};
+use crate::links::likelihood::RowLikelihood;
 use crate::links::rows::Rows;
-use crate::links::terms::State;
+use crate::links::terms::TermState;
 use numbers::statistics::quantile_nearest;
 use proto::rng::{Draws, Purpose, normal, uniform};
 
@@ -36,30 +36,30 @@ pub struct Coordinate {
 }
 
 /// The place of an obstacle in a state.
-fn shape_of(state: &State) -> Option<Shape> {
+fn shape_of(state: &TermState) -> Option<ObstacleShape> {
     let list = |key: &str| -> Option<[f64; 2]> {
         let list = state.table.get(key)?.as_array()?;
         Some([list.first()?.as_float()?, list.get(1)?.as_float()?])
     };
     if let (Some(a), Some(b)) = (list("from_m"), list("to_m")) {
-        return Some(Shape::Segment(a, b));
+        return Some(ObstacleShape::Segment(a, b));
     }
-    Some(Shape::Disc(list("centre_m")?, state.table.get("radius_m")?.as_float()?))
+    Some(ObstacleShape::Disc(list("centre_m")?, state.table.get("radius_m")?.as_float()?))
 }
 
 /// An obstacle that was fitted, and the ways with what the rows on them still ask for.
-struct Walk {
-    ways: Vec<Way>,
+struct FittedObstacle {
+    ways: Vec<LinkPath>,
     /// Of each way, what the fitted obstacle takes (dB).
     taken_db: Vec<f64>,
-    shape: Shape,
+    shape: ObstacleShape,
     /// Least and greatest coordinates (m) between which ways lie, and what was fitted: beyond them nothing tells where an end is.
     bounds_m: [[f64; 2]; 2],
 }
 
-impl Walk {
-    fn new(ways: Vec<Way>, shape: Shape, loss_db: f64) -> Self {
-        let taken = |way: &Way| if shape.is_crossed(way) { loss_db } else { 0.0 };
+impl FittedObstacle {
+    fn new(ways: Vec<LinkPath>, shape: ObstacleShape, loss_db: f64) -> Self {
+        let taken = |way: &LinkPath| if shape.is_crossed(way) { loss_db } else { 0.0 };
         let places = ways.iter().flat_map(|way| [way.from_m, way.to_m]);
         let places = places.chain(shape.places());
         let mut bounds_m = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
@@ -76,7 +76,7 @@ impl Walk {
     fn lost(&self, numbers: &[f64]) -> f64 {
         let (loss_db, place) =
             numbers.split_last().map_or((0.0, numbers), |(l, place)| (*l, place));
-        let there = self.shape.of(place);
+        let there = self.shape.with_numbers(place);
         let lost = self.ways.iter().zip(&self.taken_db).map(|(way, taken_db)| {
             let takes_db = if there.is_crossed(way) { loss_db } else { 0.0 };
             let change = taken_db - takes_db;
@@ -115,8 +115,8 @@ impl Walk {
         let mut there = here.to_vec();
         let loss = here.len() - 1;
         let own_moves = match self.shape {
-            Shape::Segment(..) => 6,
-            Shape::Disc(..) => 2,
+            ObstacleShape::Segment(..) => 6,
+            ObstacleShape::Disc(..) => 2,
         };
         let k = (what % (here.len() as u64 + own_moves)) as usize;
         if k == loss {
@@ -128,8 +128,8 @@ impl Walk {
             there[k] += by_m;
             return there;
         }
-        if let Shape::Disc(..) = self.shape {
-            let (sin, cos) = libm::sincos(std::f64::consts::TAU * turn);
+        if let ObstacleShape::Disc(..) = self.shape {
+            let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
             there[0] += by_m * cos;
             there[1] += by_m * sin;
             there[2] += by_m;
@@ -162,8 +162,8 @@ impl Walk {
     fn is_possible(&self, numbers: &[f64]) -> bool {
         let Some((loss_db, place)) = numbers.split_last() else { return false };
         let size_m = match self.shape {
-            Shape::Segment(..) => libm::hypot(place[2] - place[0], place[3] - place[1]),
-            Shape::Disc(..) => place[2],
+            ObstacleShape::Segment(..) => libm::hypot(place[2] - place[0], place[3] - place[1]),
+            ObstacleShape::Disc(..) => place[2],
         };
         let [least, most] = self.bounds_m;
         let is_within =
@@ -172,7 +172,7 @@ impl Walk {
             && *loss_db < MOST_DB
             && 0.1 < size_m
             && size_m < 2.0 * WIDEST_M
-            && self.shape.of(place).places().all(is_within)
+            && self.shape.with_numbers(place).places().all(is_within)
     }
 }
 
@@ -182,19 +182,19 @@ impl Walk {
 pub fn coordinates(
     rows: &Rows,
     train: &[u32],
-    left: &[Slope],
-    state: &State,
+    left: &[RowLikelihood],
+    state: &TermState,
     tail: f64,
 ) -> Vec<Coordinate> {
     let (Some(shape), Some(&loss_db)) = (shape_of(state), state.values.first()) else {
         return Vec::new();
     };
     let names: &[&'static str] = match shape {
-        Shape::Segment(..) => &["from_x_m", "from_y_m", "to_x_m", "to_y_m", "loss_db"],
-        Shape::Disc(..) => &["centre_x_m", "centre_y_m", "radius_m", "loss_db"],
+        ObstacleShape::Segment(..) => &["from_x_m", "from_y_m", "to_x_m", "to_y_m", "loss_db"],
+        ObstacleShape::Disc(..) => &["centre_x_m", "centre_y_m", "radius_m", "loss_db"],
     };
     let found: Vec<f64> = shape.numbers().into_iter().chain([loss_db]).collect();
-    let drawn = Walk::new(ways(rows, train, left), shape, loss_db).drawn(found.clone());
+    let drawn = FittedObstacle::new(ways(rows, train, left), shape, loss_db).drawn(found.clone());
     names
         .iter()
         .zip(found)
@@ -213,10 +213,10 @@ mod tests {
     use super::*;
 
     /// Ways along y, a metre apart, longer than any segment; the segment along x cuts those at 4 to 7.
-    fn walk(weight: f64) -> Walk {
-        let way = |x: f64| Way { from_m: [x, -200.0], to_m: [x, 200.0], slope: 0.0, weight };
+    fn walk(weight: f64) -> FittedObstacle {
+        let way = |x: f64| LinkPath { from_m: [x, -200.0], to_m: [x, 200.0], slope: 0.0, weight };
         let ways = (0..11).map(|x| way(f64::from(x))).collect();
-        Walk::new(ways, Shape::Segment([3.5, 0.0], [7.5, 0.0]), 4.0)
+        FittedObstacle::new(ways, ObstacleShape::Segment([3.5, 0.0], [7.5, 0.0]), 4.0)
     }
 
     #[test]

@@ -1,7 +1,7 @@
 use super::*;
 use crate::links::likelihood::Noise;
 use crate::links::likelihood::tests::row;
-use crate::links::passing::{Sampled, Spread};
+use crate::links::passing::{PowerMixture, SampledCurve};
 use measure::links::Readings;
 use netsim::phy::reception::Curve;
 use numbers::power::square;
@@ -26,14 +26,15 @@ fn instrument(sd_db: f64, link_sd_db: f64) -> Instrument {
     let readings =
         Readings { quantum_db: 0.0, has_losses: true, is_aggregated: true, is_given: false };
     let noise = Noise { sd_db, link_sd_db, ..Noise::default() };
-    Instrument::new(Sampled::of(&Normal), Spread::none(), noise, readings).with_tables(&[])
+    Instrument::new(SampledCurve::tabulate(&Normal), PowerMixture::none(), noise, readings)
+        .with_tables(&[])
 }
 
-fn level(power_dbm: f64) -> Level {
-    Level {
+fn level(power_dbm: f64) -> RowPrediction {
+    RowPrediction {
         power_dbm,
         register_db: 0.0,
-        range: Range::shifted(0.0),
+        range: PowerRange::shifted(0.0),
         shift_db: 0.0,
         ln_survival: 0.0,
         stated: None,
@@ -42,7 +43,8 @@ fn level(power_dbm: f64) -> Level {
 
 #[test]
 fn far_above_the_curve_it_is_the_normal_density_of_the_mean() {
-    let slope = instrument(2.0, 3.0).summed(&row(100.0, 100.0, -52.0), &level(-50.0), 0.0);
+    let slope =
+        instrument(2.0, 3.0).aggregated_likelihood(&row(100.0, 100.0, -52.0), &level(-50.0), 0.0);
     // A stray loss in a thousand; the mean varies by 3 dB and by the least.
     let variance: f64 = 9.0 + 0.09;
     let expected = 100.0 / (1.0 + 99.0 * ALIKE) * libm::log(1.0 - STRAY)
@@ -60,7 +62,7 @@ fn slopes_are_those_of_the_likelihood() {
     for (received, rssi) in [(0.0, f64::NAN), (7.0, -88.5), (35.0, -88.0), (50.0, -86.0)] {
         let seen = row(50.0, received, rssi);
         let at = |power: f64, sd: f64, link_sd: f64| {
-            instrument(sd, link_sd).summed(&seen, &level(power), 0.0)
+            instrument(sd, link_sd).aggregated_likelihood(&seen, &level(power), 0.0)
         };
         // Moments of frames that pass are taken from tables, linear between their points: an integral is off by 1e-3 nats, and
         // a difference over 0.1 by 0.02, over 0.02 by 0.06.
@@ -91,7 +93,8 @@ fn tables_say_what_integrals_say() {
     let tabled = plain.clone().with_tables(&[50.0]);
     let silent = row(50.0, 0.0, f64::NAN);
     for power in [-130.0, -95.3, -90.1, -87.7, -80.0, -74.2] {
-        let [a, b] = [&plain, &tabled].map(|one| one.summed(&silent, &level(power), 0.0));
+        let [a, b] =
+            [&plain, &tabled].map(|one| one.aggregated_likelihood(&silent, &level(power), 0.0));
         assert!((a.log - b.log).abs() < 1e-4, "{power}: {a:?} {b:?}");
         assert!((a.over_level - b.over_level).abs() < 1e-4, "{power}: {a:?} {b:?}");
         // A ratio of two integrals over 2 %: errors of 1e-3 count for fifty times as much.
@@ -102,7 +105,8 @@ fn tables_say_what_integrals_say() {
     let strong = row(50.0, 49.0, -70.0);
     let without = Instrument { tabulated: None, ..plain.clone() };
     for power in [-60.0, -72.0, -95.0] {
-        let [a, b] = [&without, &plain].map(|one| one.summed(&strong, &level(power), 0.0));
+        let [a, b] =
+            [&without, &plain].map(|one| one.aggregated_likelihood(&strong, &level(power), 0.0));
         assert!((a.log - b.log).abs() < 2e-3, "{power}: {a:?} {b:?}");
         assert!((a.over_level - b.over_level).abs() < 1e-3, "{power}: {a:?} {b:?}");
         assert!((a.over_ln_sd - b.over_ln_sd).abs() < 1e-3, "{power}: {a:?} {b:?}");
@@ -115,7 +119,7 @@ fn few_points_say_what_many_say() {
     for (received, rssi) in [(99.0, -84.0), (80.0, -88.5), (50.0, -88.5), (10.0, -89.0)] {
         for power in [-80.0, -90.0, -96.0] {
             let row = row(100.0, received, rssi);
-            let seen = Seen::of(&row, &few);
+            let seen = RowCounts::from_row(&row, &few);
             let u = |k: u32| -120.0 + 0.005 * f64::from(k);
             let sum: f64 = (0..14_000)
                 .map(|k| few.seen_at(&seen, &PLAIN, u(k)) - square(u(k) - power) / 18.0)
@@ -133,7 +137,11 @@ fn a_level_far_from_what_was_seen_has_slopes() {
     for (received, rssi, power) in
         [(45.0, -90.09, -56.7), (40.0, -89.2, -59.4), (0.0, f64::NAN, 0.0)]
     {
-        let slope = instrument(2.0, 20.0).summed(&row(1000.0, received, rssi), &level(power), 0.0);
+        let slope = instrument(2.0, 20.0).aggregated_likelihood(
+            &row(1000.0, received, rssi),
+            &level(power),
+            0.0,
+        );
         let all =
             [slope.log, slope.over_level, slope.weight, slope.over_ln_sd, slope.over_ln_link_sd];
         assert!(all.iter().all(|value| value.is_finite()), "{slope:?}");
@@ -143,7 +151,8 @@ fn a_level_far_from_what_was_seen_has_slopes() {
 
 #[test]
 fn a_row_that_nobody_received_says_that_the_level_is_low() {
-    let weak = instrument(2.0, 2.0).summed(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0);
+    let weak =
+        instrument(2.0, 2.0).aggregated_likelihood(&row(100.0, 0.0, f64::NAN), &level(-90.0), 0.0);
     assert!(weak.over_level < -0.5, "{weak:?}");
     let [_, _, share, sd] =
         instrument(2.0, 2.0).row_of(&row(100.0, 0.0, f64::NAN), &level(-90.0), (0.0, 0.0), None);

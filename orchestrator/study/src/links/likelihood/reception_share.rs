@@ -13,7 +13,7 @@
 //! everything else. A binomial alone would be sure of itself by hundreds of nats a row, and one frame of a thousand lost at a level
 //! where all pass would decide over the curve.
 
-use super::{Instrument, Level, Slope, normal_crps};
+use super::{Instrument, RowLikelihood, RowPrediction, normal_crps};
 use crate::RowScore;
 use measure::links::Row;
 
@@ -34,24 +34,24 @@ fn moments(passes: f64, frames: f64) -> (f64, f64) {
 
 impl Instrument {
     /// Mean and variance of the share received of a row `away_db` beyond its level.
-    fn moments(&self, row: &Row, level: &Level, away_db: f64) -> (f64, f64) {
+    fn moments(&self, row: &Row, level: &RowPrediction, away_db: f64) -> (f64, f64) {
         let power_dbm = level.power_dbm - level.shift_db + away_db;
         let survival = libm::exp(level.ln_survival);
         // Frames that go against the curve make a share less certain, not greater or less.
         let own = moments(LEAST_PASSES.max(self.curve.own_at(power_dbm)) * survival, row.frames);
-        let all = moments(self.curve.at(power_dbm) * survival, row.frames);
+        let all = moments(self.curve.probability_at(power_dbm) * survival, row.frames);
         (own.0, self.share_sd * self.share_sd + all.1)
     }
 
     /// The share of the frames of a row that should be received, something being received, and the standard deviation of that.
     #[must_use]
-    pub fn share_of(&self, row: &Row, level: &Level) -> (f64, f64) {
+    pub fn share_of(&self, row: &Row, level: &RowPrediction) -> (f64, f64) {
         let (mean, variance) = self.moments(row, level, 0.0);
         (mean, variance.sqrt())
     }
 
     /// Log likelihood of the share received of a row. Over the logarithm of the noise stands the derivative over that of s.
-    pub(super) fn given(&self, row: &Row, level: &Level) -> Slope {
+    pub(super) fn share_likelihood(&self, row: &Row, level: &RowPrediction) -> RowLikelihood {
         let (mean, variance) = self.moments(row, level, 0.0);
         let [below, above] = [-HALF_STEP_DB, HALF_STEP_DB].map(|db| self.moments(row, level, db));
         let over_level = |above: f64, below: f64| (above - below) / (2.0 * HALF_STEP_DB);
@@ -59,7 +59,7 @@ impl Instrument {
             (over_level(above.0, below.0), over_level(above.1, below.1) / variance);
         let away = row.received / row.frames - mean;
         let z2 = away * away / variance;
-        Slope {
+        RowLikelihood {
             log: -0.5 * (z2 + libm::log(variance) + LN_TAU),
             over_level: rises * away / variance + 0.5 * widens * (z2 - 1.0),
             weight: rises * rises / variance + 0.5 * widens * widens,
@@ -70,13 +70,13 @@ impl Instrument {
 
     /// Scores the prediction of the share received of a row: errors are of that share.
     #[must_use]
-    pub fn score_given(&self, row: &Row, level: &Level) -> RowScore {
+    pub fn score_given(&self, row: &Row, level: &RowPrediction) -> RowScore {
         let (mean, sd) = self.share_of(row, level);
         let measured = row.received / row.frames;
         let away = measured - mean;
         let share = mean.clamp(1e-9, 1.0 - 1e-9);
         RowScore {
-            log: self.given(row, level).log,
+            log: self.share_likelihood(row, level).log,
             squared_error: away * away,
             crps: normal_crps(away, sd),
             reception_log_loss: -measured * libm::log(share)
@@ -90,7 +90,7 @@ mod tests {
     use super::super::tests::row;
     use super::*;
     use crate::links::likelihood::Noise;
-    use crate::links::passing::{Sampled, Spread};
+    use crate::links::passing::{PowerMixture, SampledCurve};
     use measure::links::Readings;
     use netsim::phy::reception::table::Table;
     use numbers::power::square;
@@ -99,14 +99,19 @@ mod tests {
         let readings =
             Readings { quantum_db: 0.0, has_losses: true, is_aggregated: true, is_given: true };
         let noise = Noise { sd_db: 2.0, link_sd_db: 2.0, share_sd };
-        Instrument::new(Sampled::of(&Table::dust()), Spread::none(), noise, readings)
+        Instrument::new(
+            SampledCurve::tabulate(&Table::dust()),
+            PowerMixture::none(),
+            noise,
+            readings,
+        )
     }
 
-    fn level(power_dbm: f64) -> Level {
-        Level {
+    fn level(power_dbm: f64) -> RowPrediction {
+        RowPrediction {
             power_dbm,
             register_db: 0.0,
-            range: crate::links::register::Range::shifted(0.0),
+            range: crate::links::register::PowerRange::shifted(0.0),
             shift_db: 0.5,
             ln_survival: -0.1,
             stated: None,
@@ -118,7 +123,8 @@ mod tests {
         let row = row(100.0, 62.0, -90.0);
         // Amid two samples of the curve, so that it is straight as far as is looked.
         for power_dbm in [-94.95, -92.95, -87.95] {
-            let at = |power_dbm: f64, sd: f64| instrument(sd).given(&row, &level(power_dbm));
+            let at =
+                |power_dbm: f64, sd: f64| instrument(sd).share_likelihood(&row, &level(power_dbm));
             let (here, h) = (at(power_dbm, 0.1), 1e-4);
             let by_level = (at(power_dbm + h, 0.1).log - at(power_dbm - h, 0.1).log) / (2.0 * h);
             let (wider, narrower) =
@@ -152,7 +158,7 @@ mod tests {
     #[test]
     fn a_row_with_a_reading_received_something() {
         // Below the table nothing passes: of two frames one did, if one at the least.
-        let level = Level { power_dbm: -120.0, ln_survival: 0.0, ..level(0.0) };
+        let level = RowPrediction { power_dbm: -120.0, ln_survival: 0.0, ..level(0.0) };
         let (mean, sd) = instrument(0.0).share_of(&row(2.0, 1.0, -120.0), &level);
         let (p, any) = (0.001f64, 2.0 * 0.001 - 0.001 * 0.001);
         assert!((mean - 0.5).abs() < 1e-8, "{mean}");
