@@ -3,8 +3,8 @@
 //! Thousands of runs take seconds this way. That the processes do the same, to the last bit, is itself under test.
 
 use drive::coupling::{Coupled, StepPlan};
-use drive::peer::{InProcess as Direct, Network, Peer, Robots, ready};
-use drive::{Asked, Wanted, configure};
+use drive::peer::{InProcess as Direct, NetworkSide, Peer, RobotSide, ready};
+use drive::{ConfigureRequests, Wanted, configure};
 use experiment::{Overrides, read};
 use netsim::sim::Network as BuiltInNetwork;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
@@ -34,10 +34,10 @@ impl InProcess {
         assert_eq!(plan.experiment.coupling, Coupling::Sequential, "{toml}");
         let mut robots = Direct::robots(Swarm::default());
         let mut network = Direct::network(BuiltInNetwork::default());
-        let asked = Asked::of(
+        let asked = ConfigureRequests::from_plan(
             &plan,
-            Peer::<Robots>::described(&robots),
-            Peer::<Network>::described(&network),
+            Peer::<RobotSide>::described(&robots),
+            Peer::<NetworkSide>::described(&network),
             Wanted::Nothing,
         );
         let made = ready(configure(asked, &mut robots, &mut network)).expect("checked by the plan");

@@ -15,7 +15,7 @@ use drive::coupling::{StepOutcome, StepPlan};
 use drive::{Taken, Wanted};
 use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
-use peers::{Figures, ROWS};
+use peers::{PeerFigures, ROWS};
 use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::{Ending, Recorder, RunHeader};
@@ -54,7 +54,7 @@ pub enum Which {
 
 /// A network model of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Model {
+pub enum BenchModel {
     /// Every frame arrives.
     Full,
     /// Unit disk of 3 m.
@@ -63,7 +63,7 @@ pub enum Model {
     Randomness,
 }
 
-impl Model {
+impl BenchModel {
     const ALL: [Self; 3] = [Self::Full, Self::Disk, Self::Randomness];
 
     fn name(self) -> &'static str {
@@ -94,7 +94,7 @@ impl Model {
 
 /// What the robots of a row do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Robots {
+enum RobotMotion {
     /// They jump at random and heed nobody.
     Jumping,
     /// Boids: each heeds those whom it hears.
@@ -103,12 +103,12 @@ enum Robots {
     Lattice,
 }
 
-impl Robots {
+impl RobotMotion {
     const ALL: [Self; 3] = [Self::Jumping, Self::Boids, Self::Lattice];
 
     /// Robots that heed each other are measured where they have few neighbours of many: over the disk.
-    fn act_in(self, agents: u32, model: Model) -> bool {
-        self == Self::Jumping || model == Model::Disk && LOCAL_FROM <= agents
+    fn act_in(self, agents: u32, model: BenchModel) -> bool {
+        self == Self::Jumping || model == BenchModel::Disk && LOCAL_FROM <= agents
     }
 
     fn name(self) -> &'static str {
@@ -120,7 +120,7 @@ impl Robots {
     }
 
     /// Their controller, and how often it acts: of robots that jump nothing depends on that.
-    fn config(self, model: Model) -> (String, &'static str) {
+    fn config(self, model: BenchModel) -> (String, &'static str) {
         let often = "control_period.rate_hz = 10\n";
         match self {
             Self::Jumping => (model.arena().to_owned(), ""),
@@ -158,10 +158,10 @@ impl Mode {
 
 /// One measured cell.
 #[derive(Clone, Debug)]
-struct Cell {
+struct BenchCell {
     agents: u32,
-    model: Model,
-    robots: Robots,
+    model: BenchModel,
+    robots: RobotMotion,
     mode: Mode,
     n_steps: usize,
     median_ms: f64,
@@ -170,10 +170,10 @@ struct Cell {
 
 /// The measured table.
 #[derive(Clone, Debug)]
-pub struct Table {
-    cells: Vec<Cell>,
-    swarm: Option<swarm::Table>,
-    standing: Option<standing::Table>,
+pub struct BenchTable {
+    cells: Vec<BenchCell>,
+    swarm: Option<swarm::SwarmTable>,
+    standing: Option<standing::StandingTable>,
     /// Two empty calls, one to each side, and back (ms); where rows of few robots are measured, which cost little more.
     exchange_ms: Option<f64>,
     threads: Option<u16>,
@@ -204,7 +204,10 @@ impl Printer<'_> {
 /// # Errors
 ///
 /// A side cannot be started or fails, or the recording of a row cannot be written.
-pub async fn bench(options: &BenchOptions, say: &mut dyn FnMut(&str)) -> Result<Table, RunError> {
+pub async fn bench(
+    options: &BenchOptions,
+    say: &mut dyn FnMut(&str),
+) -> Result<BenchTable, RunError> {
     let mut printer = Printer { say, has_begun: false };
     let mut cells = Vec::new();
     let modes: &[Mode] = if options.all {
@@ -218,13 +221,13 @@ pub async fn bench(options: &BenchOptions, say: &mut dyn FnMut(&str)) -> Result<
         ([], Some(_)) => true,
         (listed, _) => listed.contains(&agents),
     };
-    let rows: Vec<&Figures> =
+    let rows: Vec<&PeerFigures> =
         ROWS.iter().filter(|figures| wanted(figures.agents, u32::MAX)).collect();
     if has(Which::Propagation) && !rows.is_empty() {
         printer.heading(&heading());
         for figures in rows {
-            let models = Model::ALL.into_iter().filter(|&model| figures.measures(model));
-            let pairs = models.flat_map(|model| Robots::ALL.map(|robots| (model, robots)));
+            let models = BenchModel::ALL.into_iter().filter(|&model| figures.measures(model));
+            let pairs = models.flat_map(|model| RobotMotion::ALL.map(|robots| (model, robots)));
             for (model, robots) in pairs.filter(|(model, it)| it.act_in(figures.agents, *model)) {
                 for &mode in modes {
                     let cell = measure(figures.agents, model, robots, mode, options).await?;
@@ -234,13 +237,13 @@ pub async fn bench(options: &BenchOptions, say: &mut dyn FnMut(&str)) -> Result<
             }
         }
     }
-    let rows: Vec<swarm::Row> =
+    let rows: Vec<swarm::SwarmRow> =
         swarm::ROWS.into_iter().filter(|row| wanted(row.agents, swarm::SMALL)).collect();
     let swarm = match has(Which::Swarm) && !rows.is_empty() {
         true => Some(swarm::bench(&rows, options, &mut printer).await?),
         false => None,
     };
-    let rows: Vec<standing::Row> =
+    let rows: Vec<standing::StandingRow> =
         standing::ROWS.into_iter().filter(|row| wanted(row.motes, standing::SMALL)).collect();
     let standing = match has(Which::Standing) && !rows.is_empty() {
         true => Some(standing::bench(&rows, options, &mut printer).await?),
@@ -256,7 +259,7 @@ pub async fn bench(options: &BenchOptions, say: &mut dyn FnMut(&str)) -> Result<
         ));
         Some(exchange_ms)
     };
-    Ok(Table { cells, swarm, standing, exchange_ms, threads: options.start.threads })
+    Ok(BenchTable { cells, swarm, standing, exchange_ms, threads: options.start.threads })
 }
 
 /// Numbers of agents of the rows of a table, or of all, ascending.
@@ -284,7 +287,7 @@ fn number_or_dash(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |value| value.to_string())
 }
 
-fn plan(agents: u32, model: Model, robots: Robots, mode: Mode) -> Result<Plan, RunError> {
+fn plan(agents: u32, model: BenchModel, robots: RobotMotion, mode: Mode) -> Result<Plan, RunError> {
     let coupling = if mode == Mode::Parallel { "parallel" } else { "sequential" };
     let (controller, often) = robots.config(model);
     let text = format!(
@@ -300,11 +303,11 @@ fn plan(agents: u32, model: Model, robots: Robots, mode: Mode) -> Result<Plan, R
 
 async fn measure(
     agents: u32,
-    model: Model,
-    robots: Robots,
+    model: BenchModel,
+    robots: RobotMotion,
     mode: Mode,
     options: &BenchOptions,
-) -> Result<Cell, RunError> {
+) -> Result<BenchCell, RunError> {
     let plan = plan(agents, model, robots, mode)?;
     let started = start(&plan, &options.start, Wanted::Nothing).await?;
     let mut coupled = started.coupled;
@@ -321,7 +324,7 @@ async fn measure(
         end_record(recorder)?;
     }
     times_ms.sort_by(f64::total_cmp);
-    Ok(Cell {
+    Ok(BenchCell {
         agents,
         model,
         robots,
@@ -404,7 +407,7 @@ async fn steps(
 /// Median wall time of an empty call to each side and back, one after the other (ms): what this machine takes to hand
 /// over, whatever is handed over.
 async fn exchange_ms(options: &BenchOptions) -> Result<f64, RunError> {
-    let plan = plan(1, Model::Full, Robots::Jumping, Mode::Sequential)?;
+    let plan = plan(1, BenchModel::Full, RobotMotion::Jumping, Mode::Sequential)?;
     let mut coupled = start(&plan, &options.start, Wanted::Nothing).await?.coupled;
     let times_ms = exchanges(&plan, &mut coupled).await;
     coupled.stop().await;
@@ -441,7 +444,7 @@ const MIN_STEPS: usize = 20;
 /// Least time measured.
 const MEASURED: Duration = Duration::from_secs(1);
 
-impl Table {
+impl BenchTable {
     /// For programs.
     #[must_use]
     pub fn to_json(&self) -> Value {
@@ -449,7 +452,7 @@ impl Table {
             .cells
             .iter()
             .map(|cell| {
-                let (figures, peers) = (Figures::of(cell.agents), cell.peers());
+                let (figures, peers) = (PeerFigures::for_agents(cell.agents), cell.peers());
                 json!({
                     "agents": cell.agents,
                     "model": cell.model.name(),
@@ -469,8 +472,8 @@ impl Table {
             "threads": self.threads,
             "exchange_ms": self.exchange_ms,
             "rows": rows,
-            "swarm": self.swarm.as_ref().map(swarm::Table::to_json),
-            "standing": self.standing.as_ref().map(standing::Table::to_json),
+            "swarm": self.swarm.as_ref().map(swarm::SwarmTable::to_json),
+            "standing": self.standing.as_ref().map(standing::StandingTable::to_json),
         })
     }
 }
@@ -487,17 +490,17 @@ fn heading() -> String {
     )
 }
 
-impl Cell {
+impl BenchCell {
     /// What the peers take, whose robots jump.
-    fn peers(&self) -> Option<&'static Figures> {
-        Figures::of(self.agents).filter(|_| self.robots == Robots::Jumping)
+    fn peers(&self) -> Option<&'static PeerFigures> {
+        PeerFigures::for_agents(self.agents).filter(|_| self.robots == RobotMotion::Jumping)
     }
 }
 
-impl fmt::Display for Cell {
+impl fmt::Display for BenchCell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { agents, model, robots, mode, median_ms, p90_ms, .. } = self;
-        let (figures, peers) = (Figures::of(*agents), self.peers());
+        let (figures, peers) = (PeerFigures::for_agents(*agents), self.peers());
         let botnet_ms = peers.and_then(|figures| figures.botnet_ms(*model));
         write!(
             f,

@@ -11,8 +11,8 @@ use data_check::{
 pub use file_check::{CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use indexmap::IndexMap;
 use measure::config::Compared;
-use measure::links::Row;
-use measure::table::Table;
+use measure::links::LinkRow;
+use measure::table::DataTable;
 use numbers::statistics::quantile_lower;
 use proto::effect::Level;
 use robotsim::dynamics::Shape;
@@ -20,7 +20,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use study::choices::Choices;
 use study::links::LinkStudy;
-use study::open::{self, Account, OpenError, Subject};
+use study::open::{self, DataAccount, OpenError, Subject};
 use study::robots::{RobotStudy, WINDOW_S};
 use study::{Candidate, Study};
 
@@ -31,7 +31,7 @@ use study::{Candidate, Study};
 /// What is wrong with either file, in words for its author.
 pub fn data(
     config: Option<Compared>,
-    table: &Table,
+    table: &DataTable,
     choices: &Choices,
 ) -> Result<DataCheck, OpenError> {
     let is_without_configuration = config.is_none();
@@ -54,7 +54,7 @@ pub fn data(
 }
 
 /// The least configuration that suits a file.
-fn bare(subject: Subject, table: &Table) -> Result<Compared, OpenError> {
+fn bare(subject: Subject, table: &DataTable) -> Result<Compared, OpenError> {
     let text = match subject {
         Subject::Links => "[netsim.phy]\npropagation = \"friis\"\n".to_owned(),
         Subject::Robots => {
@@ -76,7 +76,7 @@ fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     })
 }
 
-fn links(study: &LinkStudy, account: Account) -> DataCheck {
+fn links(study: &LinkStudy, account: DataAccount) -> DataCheck {
     let rows = &study.rows.links.rows;
     let all: BTreeSet<u32> = rows.iter().flat_map(|row| [row.tx, row.rx]).collect();
     let still = study.still_motes();
@@ -86,10 +86,10 @@ fn links(study: &LinkStudy, account: Account) -> DataCheck {
     let channels: BTreeSet<u8> = rows.iter().filter_map(|row| row.channel).collect();
     let runs: BTreeSet<u32> = rows.iter().map(|row| row.run).collect();
     let known = || rows.iter().filter(|row| row.received.is_finite());
-    let sum = |value: fn(&Row) -> f64| known().map(value).sum::<f64>();
+    let sum = |value: fn(&LinkRow) -> f64| known().map(value).sum::<f64>();
     let (frames, received) = (sum(|row| row.frames), sum(|row| row.received));
     let is_placed =
-        |row: &Row| [row.tx_m, row.rx_m].iter().all(|m| m[..2].iter().all(|c| c.is_finite()));
+        |row: &LinkRow| [row.tx_m, row.rx_m].iter().all(|m| m[..2].iter().all(|c| c.is_finite()));
     let distances = (0..rows.len())
         .filter(|&row| is_placed(&rows[row]))
         .map(|row| study.rows.link(row, |link| link.distance_m));
@@ -113,7 +113,7 @@ fn links(study: &LinkStudy, account: Account) -> DataCheck {
     finished(kind, Facts::Links(facts), study, account)
 }
 
-fn robots(study: &RobotStudy, account: Account, window_s: f64) -> DataCheck {
+fn robots(study: &RobotStudy, account: DataAccount, window_s: f64) -> DataCheck {
     let robots = study.robots();
     let samples = &robots.samples;
     let agents: BTreeSet<u32> = samples.iter().map(|sample| sample.agent).collect();
@@ -161,7 +161,7 @@ fn covariates(columns: &[(String, Vec<f64>)]) -> Option<IndexMap<String, Covaria
     facts.filter(|facts| !facts.is_empty())
 }
 
-fn finished<S: Study>(kind: RowKind, facts: Facts, study: &S, account: Account) -> DataCheck {
+fn finished<S: Study>(kind: RowKind, facts: Facts, study: &S, account: DataAccount) -> DataCheck {
     let blocks = [Level::Time, Level::Place]
         .map(|level| study.blocks(level))
         .map(|blocks| format!("{} {}", blocks.n_scored(), blocks.unit));

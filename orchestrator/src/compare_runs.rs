@@ -4,8 +4,8 @@ mod rows;
 pub mod runs_comparison;
 pub mod words;
 
-use crate::sweep::statistics::Spread;
-use rows::{Found, Pairing};
+use crate::sweep::statistics::SampleSummary;
+use rows::{Pairing, RunFolder};
 use runs_comparison::{Change, ChangedKey, RunsComparison, SCHEMA, SettingComparison};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -120,7 +120,7 @@ fn configuration(a: &toml::Table, b: &toml::Table) -> Vec<(String, [String; 2])>
 }
 
 /// The figures that both have, in the order of the first.
-fn figures<'a>(a: &'a Found, b: &Found) -> Vec<&'a str> {
+fn figures<'a>(a: &'a RunFolder, b: &RunFolder) -> Vec<&'a str> {
     a.figures.iter().filter(|name| b.figures.contains(name)).map(String::as_str).collect()
 }
 
@@ -136,7 +136,9 @@ struct Pair<'a> {
 fn change(name: &str, pairs: &[Pair<'_>]) -> Option<Change> {
     let both: Vec<[f64; 2]> =
         pairs.iter().filter_map(|pair| Some([*pair.a.get(name)?, *pair.b.get(name)?])).collect();
-    let of = |f: &dyn Fn(&[f64; 2]) -> f64| Spread::of(&both.iter().map(f).collect::<Vec<_>>());
+    let of = |f: &dyn Fn(&[f64; 2]) -> f64| {
+        SampleSummary::from_values(&both.iter().map(f).collect::<Vec<_>>())
+    };
     let count = |f: &dyn Fn(&[f64; 2]) -> bool| both.iter().filter(|pair| f(pair)).count();
     let (a, b) = (of(&|pair| pair[0])?, of(&|pair| pair[1])?);
     let difference = of(&|pair| pair[1] - pair[0])?;

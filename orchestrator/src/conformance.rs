@@ -31,12 +31,12 @@ pub struct Finding {
     /// The promise.
     pub promise: &'static str,
     /// Whether it was kept.
-    pub verdict: Verdict,
+    pub verdict: ContractVerdict,
 }
 
 /// Whether a promise was kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum ContractVerdict {
     /// It was.
     Kept,
     /// It was not: an experiment with this simulator will fail or cannot be trusted.
@@ -60,7 +60,7 @@ impl Conformance {
     /// Whether every promise that experiments rely on was kept.
     #[must_use]
     pub fn is_good(&self) -> bool {
-        !self.findings.iter().any(|finding| matches!(finding.verdict, Verdict::Broken(_)))
+        !self.findings.iter().any(|finding| matches!(finding.verdict, ContractVerdict::Broken(_)))
     }
 
     /// For programs.
@@ -71,10 +71,10 @@ impl Conformance {
             .iter()
             .map(|finding| {
                 let (verdict, reason) = match &finding.verdict {
-                    Verdict::Kept => ("kept", None),
-                    Verdict::Broken(reason) => ("broken", Some(reason)),
-                    Verdict::Lax(reason) => ("lax", Some(reason)),
-                    Verdict::NotAnnounced => ("not-announced", None),
+                    ContractVerdict::Kept => ("kept", None),
+                    ContractVerdict::Broken(reason) => ("broken", Some(reason)),
+                    ContractVerdict::Lax(reason) => ("lax", Some(reason)),
+                    ContractVerdict::NotAnnounced => ("not-announced", None),
                 };
                 json!({ "promise": finding.promise, "verdict": verdict, "reason": reason })
             })
@@ -87,17 +87,24 @@ impl fmt::Display for Conformance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for finding in &self.findings {
             match &finding.verdict {
-                Verdict::Kept => writeln!(f, "  kept    {}", finding.promise)?,
-                Verdict::Broken(reason) => writeln!(f, "  BROKEN  {}: {reason}", finding.promise)?,
-                Verdict::Lax(reason) => writeln!(f, "  lax     {}: {reason}", finding.promise)?,
-                Verdict::NotAnnounced => {
+                ContractVerdict::Kept => writeln!(f, "  kept    {}", finding.promise)?,
+                ContractVerdict::Broken(reason) => {
+                    writeln!(f, "  BROKEN  {}: {reason}", finding.promise)?
+                }
+                ContractVerdict::Lax(reason) => {
+                    writeln!(f, "  lax     {}: {reason}", finding.promise)?
+                }
+                ContractVerdict::NotAnnounced => {
                     writeln!(f, "  –       {}: not announced", finding.promise)?
                 }
             }
         }
-        let broken =
-            self.findings.iter().filter(|f| matches!(f.verdict, Verdict::Broken(_))).count();
-        let kept = self.findings.iter().filter(|f| f.verdict == Verdict::Kept).count();
+        let broken = self
+            .findings
+            .iter()
+            .filter(|f| matches!(f.verdict, ContractVerdict::Broken(_)))
+            .count();
+        let kept = self.findings.iter().filter(|f| f.verdict == ContractVerdict::Kept).count();
         write!(f, "{}: {kept} promises kept, {broken} broken", self.name)
     }
 }
@@ -108,7 +115,7 @@ impl fmt::Display for Conformance {
 ///
 /// It cannot be reached, or is none.
 pub async fn robots(options: &ConformanceOptions) -> Result<Conformance, SideError> {
-    ask::<drive::peer::Robots>(options).await
+    ask::<drive::peer::RobotSide>(options).await
 }
 
 /// Asks the network simulator at a URL.
@@ -117,7 +124,7 @@ pub async fn robots(options: &ConformanceOptions) -> Result<Conformance, SideErr
 ///
 /// It cannot be reached, or is none.
 pub async fn network(options: &ConformanceOptions) -> Result<Conformance, SideError> {
-    ask::<drive::peer::Network>(options).await
+    ask::<drive::peer::NetworkSide>(options).await
 }
 
 /// How long any answer may take.
@@ -133,7 +140,7 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
     let mut findings = Vec::new();
     let mut found = |promise, result: Result<(), String>| {
         let is_kept = result.is_ok();
-        let verdict = result.map_or_else(Verdict::Broken, |()| Verdict::Kept);
+        let verdict = result.map_or_else(ContractVerdict::Broken, |()| ContractVerdict::Kept);
         findings.push(Finding { promise, verdict });
         is_kept
     };
@@ -171,24 +178,26 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
     } else {
         findings.push(Finding {
             promise: "a session gives what single calls give",
-            verdict: Verdict::NotAnnounced,
+            verdict: ContractVerdict::NotAnnounced,
         });
     }
     for (promise, request) in
         S::malformed(N_STEPS + 1, (N_STEPS + 1) * STEP_NS, options.agents as usize)
     {
         let verdict = match session.refuses(request).await {
-            Ok(()) => Verdict::Kept,
-            Err(reason) => Verdict::Lax(reason),
+            Ok(()) => ContractVerdict::Kept,
+            Err(reason) => ContractVerdict::Lax(reason),
         };
         findings.push(Finding { promise, verdict });
     }
     // Last: it begins another experiment.
     if let Some(promise) = S::HOLD {
         let verdict = if described.hold {
-            S::holds(&session).await.map_or_else(Verdict::Broken, |()| Verdict::Kept)
+            S::holds(&session)
+                .await
+                .map_or_else(ContractVerdict::Broken, |()| ContractVerdict::Kept)
         } else {
-            Verdict::NotAnnounced
+            ContractVerdict::NotAnnounced
         };
         findings.push(Finding { promise, verdict });
     }
@@ -205,7 +214,7 @@ struct Questions<'a, S: Probe> {
 impl<S: Probe> Questions<'_, S> {
     async fn configure(&self, seed: u64) -> Result<S::ConfigureResponse, String> {
         let request = S::configure_request(seed, self.n, STEP_NS, self.toml);
-        within(S::configure(self.client.clone(), request)).await.map_err(said)
+        within(S::configure(self.client.clone(), request)).await.map_err(status_text)
     }
 
     /// Takes some steps, checking each. Returns the replies.
@@ -214,7 +223,7 @@ impl<S: Probe> Questions<'_, S> {
         let mut exchange = S::Exchange::default();
         for step in first..first + N_STEPS {
             let request = S::step_request(step, step * STEP_NS, self.n as usize);
-            let reply = within(S::step(self.client.clone(), request)).await.map_err(said)?;
+            let reply = within(S::step(self.client.clone(), request)).await.map_err(status_text)?;
             S::check(&reply, step, step * STEP_NS, self.n as usize)?;
             let digest =
                 S::expected_digest(&reply, step, step * STEP_NS, self.n as usize, &mut exchange)?;
@@ -238,12 +247,12 @@ impl<S: Probe> Questions<'_, S> {
     }
 
     async fn barrier(&self, step: u64) -> Result<Standing, String> {
-        within(S::barrier(self.client.clone(), step, step * STEP_NS)).await.map_err(said)
+        within(S::barrier(self.client.clone(), step, step * STEP_NS)).await.map_err(status_text)
     }
 
     async fn repeats(&self, replies: &[Vec<u8>]) -> Result<(), String> {
         let request = S::step_request(N_STEPS, N_STEPS * STEP_NS, self.n as usize);
-        let reply = within(S::step(self.client.clone(), request)).await.map_err(said)?;
+        let reply = within(S::step(self.client.clone(), request)).await.map_err(status_text)?;
         if replies.last() == Some(&S::bytes(reply)) {
             Ok(())
         } else {
@@ -287,7 +296,7 @@ impl<S: Probe> Questions<'_, S> {
         let calls = (1..=N_STEPS)
             .map(|step| S::session_step(S::step_request(step, step * STEP_NS, self.n as usize)))
             .collect();
-        let streamed = within(S::stream(self.client.clone(), calls)).await.map_err(said)?;
+        let streamed = within(S::stream(self.client.clone(), calls)).await.map_err(status_text)?;
         let streamed: Vec<Vec<u8>> =
             streamed.into_iter().filter_map(S::step_of).map(S::bytes).collect();
         if streamed == replies { Ok(()) } else { Err("the replies differ".to_owned()) }
@@ -322,6 +331,6 @@ async fn within<T>(call: impl Future<Output = Result<T, Status>>) -> Result<T, S
     })
 }
 
-fn said(status: Status) -> String {
+fn status_text(status: Status) -> String {
     format!("{:?}: {}", status.code(), status.message())
 }

@@ -40,9 +40,9 @@ impl drive::Progress for Screen {
         self.progress = Some(Progress::new(n_steps));
     }
 
-    fn at(&mut self, step: u64, time_ns: u64) {
+    fn step_done(&mut self, step: u64, time_ns: u64) {
         if let Some(progress) = &mut self.progress {
-            progress.at(step, time_ns);
+            progress.step_done(step, time_ns);
         }
     }
 
@@ -99,7 +99,7 @@ impl Progress {
     }
 
     /// Step `step` is done and stands at `time_ns`.
-    pub fn at(&mut self, step: u64, time_ns: u64) {
+    pub fn step_done(&mut self, step: u64, time_ns: u64) {
         if !self.is_time(step) {
             return;
         }

@@ -199,7 +199,7 @@ impl Listed {
     /// What it looks like, with the parameters of the example. For the radio only.
     #[must_use]
     pub fn picture(&self) -> Option<Picture> {
-        Picture::of(self)
+        Picture::from_effect(self)
     }
 
     /// A parameter's unit, range and default.

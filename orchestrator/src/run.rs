@@ -6,7 +6,7 @@ mod start;
 mod trial;
 
 pub use start::{Processes, StartOptions, Started, start};
-pub use trial::{Outcome, Sides, Trial};
+pub use trial::{Sides, TrialPlan, TrialResult};
 
 use drive::peer::SideError;
 use drive::{Driver, Failure, Observer, Progress, Schedule, Stopped, Taken, Wanted};
@@ -182,7 +182,7 @@ pub async fn run(
             return Err(RunError::Record { error, before_start: true });
         }
     };
-    let schedule = Schedule::of(&plan, started.waits);
+    let schedule = Schedule::from_plan(&plan, started.waits);
     let driver = Driver::new(schedule, &started.records, &mut coupled);
     let result = driver.drive(&mut Recording(&mut recorder), &mut interrupt, audience).await;
     let (n_steps, time_ns) = (coupled.step_number(), coupled.time_ns());

@@ -19,18 +19,18 @@ pub use journal::JournalError;
 use crate::console::{self, Progress};
 use crate::run::{RunError, StartOptions};
 use experiment::Overrides;
-use journal::{Journal, Row};
-use plan::{SweepPlan, Trial};
+use journal::{Journal, TrialRow};
+use plan::{SweepPlan, SweepTrial};
 use proto::config::Refusal;
 use record::RecordError;
-use results::Done;
+use results::FinishedSweep;
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
 use sweep_summary::SweepSummary;
-use worker::{Queue, Said};
+use worker::{Said, TrialQueue};
 
 /// What to sweep and where to put it.
 #[derive(Clone, Debug)]
@@ -181,7 +181,7 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
     let (mut journal, known) = Journal::open(&dir.join(JOURNAL_FILE), options.restart)?;
     results::begin(&dir, &plan)?;
     let program = program(&options.start.executable)?;
-    let mut rows: BTreeMap<Trial, Row> = BTreeMap::new();
+    let mut rows: BTreeMap<SweepTrial, TrialRow> = BTreeMap::new();
     for trial in plan.trials() {
         if let Some(row) = known.get(&plan.key(trial))
             && (!plan.keeps(trial) || results::is_kept(&dir, &plan, trial, row))
@@ -196,8 +196,8 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
             "{n_other} trials were run by another build of this program; --restart runs them again"
         ));
     }
-    let queue = Queue::new(&plan, plan.trials().filter(|trial| !rows.contains_key(trial)));
-    let mut account = Account::default();
+    let queue = TrialQueue::new(&plan, plan.trials().filter(|trial| !rows.contains_key(trial)));
+    let mut account = WorkSummary::default();
     if !queue.is_empty() {
         let work = Work { plan: &plan, dir: &dir, start: &options.start, program: &program };
         account = std::thread::scope(|scope| {
@@ -219,7 +219,7 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
     }
     let wall_s = begun.elapsed().as_secs_f64();
     let (n_now, n_starts) = (rows.len() - n_before, account.n_starts);
-    let done = Done { plan: &plan, rows: &rows, jobs, n_now, n_starts, wall_s };
+    let done = FinishedSweep { plan: &plan, rows: &rows, jobs, n_now, n_starts, wall_s };
     let (summary, text) = results::write(&dir, &done)?;
     Ok(SweepReport { dir, summary, text, n_trials: plan.n_trials(), n_before, n_starts, wall_s })
 }
@@ -234,7 +234,7 @@ struct Work<'a> {
 
 /// How the work went.
 #[derive(Default)]
-struct Account {
+struct WorkSummary {
     failed: Vec<(String, String)>,
     interrupted: Option<&'static str>,
     n_starts: u64,
@@ -243,14 +243,14 @@ struct Account {
 /// Takes what the workers say until they are gone.
 fn collect(
     plan: &SweepPlan,
-    queue: &Queue,
+    queue: &TrialQueue,
     inbox: &Receiver<Said>,
     journal: &mut Journal,
-    rows: &mut BTreeMap<Trial, Row>,
-) -> Result<Account, SweepError> {
+    rows: &mut BTreeMap<SweepTrial, TrialRow>,
+) -> Result<WorkSummary, SweepError> {
     let mut progress = Progress::new(plan.n_trials() as u64);
     let n_before = rows.len();
-    let mut account = Account::default();
+    let mut account = WorkSummary::default();
     let mut result = Ok(());
     for said in inbox {
         match said {

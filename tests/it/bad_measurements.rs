@@ -2,7 +2,7 @@
 //! to the answer.
 
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use orchestrator::check::{self, data_check::DataCheck, words::text};
 use std::path::Path;
 use study::choices::Choices;
@@ -73,10 +73,10 @@ impl Sheet {
         self
     }
 
-    fn table(&self) -> Table {
+    fn table(&self) -> DataTable {
         let lines = [&self.names].into_iter().chain(&self.rows).map(|fields| fields.join(","));
         let csv = lines.collect::<Vec<_>>().join("\n");
-        Table::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
+        DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
     }
 
     fn check(&self) -> Result<DataCheck, OpenError> {

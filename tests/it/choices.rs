@@ -3,9 +3,9 @@
 use diagnose::compare;
 use diagnose::ladder::Search;
 use diagnose::progress::Progress;
-use measure::account::Account;
+use measure::account::DataAccount;
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use std::fmt::Write as _;
 use std::path::Path;
 use study::choices::{Choices, SplitBy};
@@ -22,13 +22,13 @@ fn config(text: &str) -> Compared {
     Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
 }
 
-fn table(csv: &str) -> Table {
-    Table::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
+fn table(csv: &str) -> DataTable {
+    DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
 }
 
 /// Eight motes that stand, every frame received 5 dB weaker than free space, in two campaigns; in the second `more_db` weaker
 /// still.
-fn links(more_db: f64) -> Table {
+fn links(more_db: f64) -> DataTable {
     let mut csv =
         "time_s,run,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received\n"
             .to_owned();
@@ -50,7 +50,7 @@ fn links(more_db: f64) -> Table {
 
 /// A robot that goes to and fro along x in each of five campaigns, in the last at 0.8 of what is commanded, in the others at
 /// 0.9.
-fn robots() -> Table {
+fn robots() -> DataTable {
     let mut csv = "time_s,run,agent,x_m,y_m,cmd_vx_mps,cmd_vy_mps\n".to_owned();
     for run in 1..=5 {
         let scale = if run == 5 { 0.8 } else { 0.9 };
@@ -66,7 +66,7 @@ fn robots() -> Table {
     table(&csv)
 }
 
-fn of_links(table: &Table, choices: &Choices) -> LinkStudy {
+fn of_links(table: &DataTable, choices: &Choices) -> LinkStudy {
     open::links(&config(FRIIS), table, choices).unwrap().0
 }
 
@@ -121,7 +121,7 @@ fn campaigns_that_are_scored_are_not_seen_by_the_fit() {
     let expected: Vec<bool> = study.rows.links.rows.iter().map(|row| row.run == 2).collect();
     assert_eq!(is_scored, expected);
     // What is left of the second campaign are the 3 dB that the first does not have, and the noise of 2 dB.
-    let found = compare::links(&study, &search, &Account::default());
+    let found = compare::links(&study, &search, &DataAccount::default());
     let rmse_db = found.scores["rmse_db"];
     assert!((rmse_db - 68f64.sqrt()).abs() < 0.2, "as configured, 8 dB off: {found:?}");
     let after = diagnose::gain::Scores::mean(&scores);

@@ -9,13 +9,13 @@ use diagnose::ladder::{Ladder, Search};
 use diagnose::progress::Progress;
 use diagnose::scan;
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use serde_json::Value;
 use std::path::Path;
 use study::Study;
 use study::choices::Choices;
 use study::links::LinkStudy;
-use study::open::{self, Account, Subject};
+use study::open::{self, DataAccount, Subject};
 use tests::campaign::{Campaign, Hidden, Layout, Size};
 
 /// Rows of a campaign …
@@ -24,13 +24,13 @@ const ROWS: usize = 5000;
 const CLEAR_ROWS: usize = 3000;
 const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
 
-fn opened(folder: &Path, campaign: &Campaign) -> (Compared, LinkStudy, Account) {
+fn opened(folder: &Path, campaign: &Campaign) -> (Compared, LinkStudy, DataAccount) {
     let config = folder.join("model.toml");
     let data = folder.join("links.csv");
     std::fs::write(&data, &campaign.csv).unwrap();
     let config = Compared::of_text(&config, campaign.config_toml.clone(), &[]).unwrap();
     let (study, account) =
-        open::links(&config, &Table::read(&data).unwrap(), &Choices::default()).unwrap();
+        open::links(&config, &DataTable::read(&data).unwrap(), &Choices::default()).unwrap();
     (config, study, account)
 }
 
@@ -378,14 +378,14 @@ fn data_that_cannot_carry_an_answer_are_refused_in_words() {
     let config = "[netsim.phy]\npropagation = \"friis\"\n".to_owned();
     let config = Compared::of_text(Path::new("model.toml"), config, &[]).unwrap();
     for (rows, part) in cases {
-        let table = Table::of_csv(Path::new("links.csv"), format!("{header}{rows}").as_bytes());
+        let table = DataTable::of_csv(Path::new("links.csv"), format!("{header}{rows}").as_bytes());
         let error =
             open::links(&config, &table.unwrap(), &Choices::default()).unwrap_err().to_string();
         assert!(error.contains(part), "{part}: {error}");
     }
     // A handful of rows are used, but carry no verdict.
     let handful: String = (0..12).map(|time| row(time, "-70", "1")).collect();
-    let table = Table::of_csv(Path::new("links.csv"), format!("{header}{handful}").as_bytes());
+    let table = DataTable::of_csv(Path::new("links.csv"), format!("{header}{handful}").as_bytes());
     let (study, _) = open::links(&config, &table.unwrap(), &Choices::default()).unwrap();
     let ladder = Search::new(&study, QUIET).stepwise_selection();
     assert!(ladder.too_little.unwrap().contains("too few independent blocks"));

@@ -7,9 +7,9 @@ use diagnose::gain::Scores;
 use diagnose::ladder::Search;
 use diagnose::progress::Progress;
 use diagnose::scan;
-use measure::account::Account;
+use measure::account::DataAccount;
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -47,7 +47,7 @@ fn share(rssi_dbm: f64, channel: u32, duty: f64) -> f64 {
 
 /// Every link and channel once, at any level from -95 to -75 dBm; `duty` of the frames on the channels of WiFi 1 are lost. And the
 /// variance of the share received about what it should be, over rows of which anything was received.
-fn measured(duty: f64, seed: u64) -> (Table, f64) {
+fn measured(duty: f64, seed: u64) -> (DataTable, f64) {
     let mut csv =
         "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,frames,pdr,rssi_dbm\n"
             .to_owned();
@@ -84,15 +84,15 @@ fn given() -> Choices {
     Choices { given_rssi: true, ..Choices::default() }
 }
 
-fn table(csv: &str) -> Table {
-    Table::of_csv(Path::new("links.csv"), csv.as_bytes()).unwrap()
+fn table(csv: &str) -> DataTable {
+    DataTable::of_csv(Path::new("links.csv"), csv.as_bytes()).unwrap()
 }
 
 fn config(text: &str) -> Compared {
     Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
 }
 
-fn study(text: &str, table: &Table) -> LinkStudy {
+fn study(text: &str, table: &DataTable) -> LinkStudy {
     open::links(&config(text), table, &given()).unwrap().0
 }
 
@@ -104,7 +104,7 @@ fn diagnosed(study: &LinkStudy) -> Value {
         subject: Subject::Links,
         error_unit: "pdr",
         searched: None,
-        account: &Account::default(),
+        account: &DataAccount::default(),
     };
     let found = answer::answer(study, &search, &ladder, measurements, &left, None);
     serde_json::to_value(found).unwrap()
@@ -152,7 +152,7 @@ fn nothing_is_found_where_the_model_has_the_waterfall() {
         let found = diagnosed(&study);
         assert_eq!(found["verdict"], "nothing-missing", "{seed}: {}", found["sentence"]);
         let search = Search::new(&study, QUIET);
-        let scores = compare::links(&study, &search, &Account::default()).scores;
+        let scores = compare::links(&study, &search, &DataAccount::default()).scores;
         let rmse = scores["rmse_pdr"];
         // The curve is sampled at steps of 0.1 dB, a frame in a thousand goes against it.
         assert!((rmse / chance.sqrt() - 1.0).abs() < 0.02, "{rmse} {}", chance.sqrt());
@@ -192,7 +192,7 @@ fn what_changes_readings_is_told_to_be_untestable_and_moves_nothing() {
 #[test]
 fn readings_cannot_be_given_where_nothing_follows_from_them() {
     let (table, _) = measured(0.2, 9);
-    let refused = |text: &str, table: &Table, choices: &Choices| match open::links(
+    let refused = |text: &str, table: &DataTable, choices: &Choices| match open::links(
         &config(text),
         table,
         choices,

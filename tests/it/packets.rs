@@ -2,8 +2,8 @@
 //! the running simulation itself, under other seeds, with an effect that the model lacks.
 
 use experiment::{Overrides, load, read};
-use measure::table::Table;
-use network::compared::Among;
+use measure::table::DataTable;
+use network::compare::SeedComparison;
 use network::resimulate::{Resimulation, exchanged};
 use network::spread::LEVEL;
 use network::tracks::Tracks;
@@ -54,7 +54,7 @@ payload_bytes = 40
 /// A model over a campaign of half an hour.
 pub(crate) fn resimulation(text: &str, tracks: Option<Tracks>) -> Resimulation {
     let plan = read(Path::new("model.toml"), text.to_owned(), &Overrides::default()).unwrap();
-    Resimulation::new(plan, tracks, &[]).unwrap().until(1800.0)
+    Resimulation::new(plan, tracks, &[]).unwrap().extended_to(1800.0)
 }
 
 pub(crate) fn with(tables: &str) -> String {
@@ -67,8 +67,10 @@ fn a_run_of_the_model_itself_differs_from_it_as_often_as_said() {
     let runs = model.packets(&model.network(), 0..39).unwrap();
     let n = 200;
     let others = model.packets(&model.network(), 1000..1000 + n).unwrap();
-    let alarms =
-        others.iter().filter(|other| Among::of(other, &runs, 0.0).placed.p_value <= LEVEL).count();
+    let alarms = others
+        .iter()
+        .filter(|other| SeedComparison::from_packets(other, &runs, 0.0).placed.p_value <= LEVEL)
+        .count();
     // All are held against the same 39 seeds, so that they are not independent: of the p-values' own scatter (0.05 +- 0.034
     // for 39 seeds) four standard deviations.
     assert!(alarms <= 38, "{alarms} of {n}");
@@ -95,7 +97,7 @@ fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
     ] {
         let truth = resimulation(&with(&format!("[[netsim.{effect}")), None);
         let measured = truth.packets(&truth.network(), 1000..1001).unwrap().remove(0);
-        let among = Among::of(&measured, &runs, 0.0);
+        let among = SeedComparison::from_packets(&measured, &runs, 0.0);
         assert!(among.placed.p_value <= 0.01, "{effect}: {}", among.placed.p_value);
         let kpis = network::kpis::KPIS;
         let furthest = (0..kpis.len())
@@ -117,8 +119,8 @@ fn measured_places_are_where_motes_stand() {
         for agent in 0..8 {
             writeln!(text, "0,{agent},{},0", f64::from(agent) * spacing_m).unwrap();
         }
-        let table = Table::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap();
-        model.over(Tracks::of(&table).unwrap())
+        let table = DataTable::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap();
+        model.with_tracks(Tracks::from_table(&table).unwrap())
     };
     let made = |resimulation: &Resimulation| {
         resimulation.packets(&resimulation.network(), 0..4).unwrap().concat().len()

@@ -4,12 +4,12 @@
 
 use crate::packets::{MODEL, resimulation, with};
 use experiment::{Overrides, read};
-use measure::account::Account;
-use measure::packets::Packet;
+use measure::account::DataAccount;
+use measure::packets::MeasuredPacket;
 use netsim::phy::reception::table::DUST;
-use network::compared::Asked;
-use network::diagnosed::{Diagnosis, Found, answer, catalogue};
+use network::compare::ComparisonOptions;
 use network::resimulate::Resimulation;
+use network::search::{NetworkSearch, SearchResult, answer, catalogue};
 use network::spread::LEVEL;
 use proto::rng::{Draws, Purpose};
 use serde_json::Value;
@@ -21,20 +21,21 @@ use tests::{folder, orchestrator, said};
 const SEEDS: u64 = 99;
 
 /// A run of a network with some effects, under a seed that no comparison has.
-fn measured(tables: &str, number: u64) -> Vec<Packet> {
+fn measured(tables: &str, number: u64) -> Vec<MeasuredPacket> {
     let truth = resimulation(&with(tables), None);
     truth.packets(&truth.network(), number..number + 1).unwrap().remove(0)
 }
 
-fn diagnosed(packets: &[Packet]) -> (Found, Value) {
+fn diagnosed(packets: &[MeasuredPacket]) -> (SearchResult, Value) {
     diagnosed_by(&resimulation(MODEL, None), packets)
 }
 
-fn diagnosed_by(model: &Resimulation, packets: &[Packet]) -> (Found, Value) {
-    let asked = Asked { seeds: SEEDS, ..Asked::default() };
+fn diagnosed_by(model: &Resimulation, packets: &[MeasuredPacket]) -> (SearchResult, Value) {
+    let asked = ComparisonOptions { seeds: SEEDS, ..ComparisonOptions::default() };
     let candidates = catalogue();
-    let found = Diagnosis::new(model, packets, asked, &candidates).climb().unwrap();
-    let json = serde_json::to_value(answer(&found, asked, &Account::default())).unwrap();
+    let found =
+        NetworkSearch::new(model, packets, asked, &candidates).stepwise_selection().unwrap();
+    let json = serde_json::to_value(answer(&found, asked, &DataAccount::default())).unwrap();
     (found, json)
 }
 
@@ -55,7 +56,7 @@ fn lost_acknowledgments_are_found_with_their_part() {
     let [low, high] = interval(&json, "ack-loss", "probability");
     // A 90 % interval is 3.3 standard errors wide; within four of them of the truth, as half an hour of one network tells it.
     let four = 4.0 * (high - low) / 3.29;
-    let trial = found.trials.iter().find(|trial| trial.is_accepted).unwrap();
+    let trial = found.tests.iter().find(|trial| trial.is_accepted).unwrap();
     let value = trial.fitted.unwrap().value;
     assert!((value - 0.4).abs() <= four && high - low < 0.3, "{value}: {low} to {high}");
     let chances: Vec<f64> = found.rungs.iter().map(|rung| rung.among.placed.p_value).collect();
@@ -82,7 +83,7 @@ fn small(applications: &str, mac: &str, more: &str) -> String {
 
 fn small_resimulation(text: &str) -> Resimulation {
     let plan = read(Path::new("small.toml"), text.to_owned(), &Overrides::default()).unwrap();
-    Resimulation::new(plan, None, &[]).unwrap().until(900.0)
+    Resimulation::new(plan, None, &[]).unwrap().extended_to(900.0)
 }
 
 /// A packet of each mote every five seconds.
@@ -97,7 +98,7 @@ fn is_found(model: &str, truth: &str, first: &str, effect: &str, (key, value): (
     let sentence = &json["sentence"];
     assert_eq!(json["verdict"], "missing-effects", "{sentence}");
     assert_eq!(json["missing"].as_array().unwrap(), &[first], "{sentence}");
-    let trial = |name: &str| found.trials.iter().find(|it| it.candidate.name == name).unwrap();
+    let trial = |name: &str| found.tests.iter().find(|it| it.candidate.name == name).unwrap();
     assert!(effect == first || trial(first).ties.contains(&effect), "{sentence}");
     let fitted = trial(effect).fitted.unwrap();
     let [low, high] = fitted.interval;
@@ -182,7 +183,7 @@ fn a_slow_processor_is_found_added_and_then_nothing_differs() {
     for packet in measured(hidden, 1000) {
         let received = packet.received_s.map_or_else(String::new, |at_s| at_s.to_string());
         let hops = packet.hops.map_or_else(String::new, |hops| hops.to_string());
-        let Packet { time_s, source, destination, .. } = packet;
+        let MeasuredPacket { time_s, source, destination, .. } = packet;
         writeln!(rows, "{time_s},{source},{destination},{received},{hops}").unwrap();
     }
     write("packets.csv", &rows);

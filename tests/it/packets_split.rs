@@ -6,10 +6,10 @@ use diagnose::simulate::simulate;
 use experiment::{Overrides, read};
 use measure::config::Compared;
 use measure::packets;
-use measure::table::Table;
-use network::compared::Asked;
+use measure::table::DataTable;
+use network::compare::ComparisonOptions;
 use network::resimulate::Resimulation;
-use network::split::{Split, split};
+use network::split::{ErrorSplit, split};
 use network::tracks::Tracks;
 use proto::types::AgentStates;
 use serde_json::Value;
@@ -64,7 +64,7 @@ payload_bytes = 40
 "#;
 
 /// What a network with a fault left, split by the model without it.
-fn parts(fault: &str) -> Split {
+fn parts(fault: &str) -> ErrorSplit {
     let dir = folder();
     let text = MODEL.replace("# here", fault);
     let truth = dir.path().join("truth.toml");
@@ -74,16 +74,16 @@ fn parts(fault: &str) -> Split {
     let tracks = Tracks::read(&out).unwrap();
     let links = links(&tracks, &truth, text);
     let plan = read(Path::new("model.toml"), MODEL.to_owned(), &Overrides::default()).unwrap();
-    let table = Table::read(&out.join("packets.parquet")).unwrap();
+    let table = DataTable::read(&out.join("packets.parquet")).unwrap();
     let measured = packets::read(&table).unwrap().packets;
     let resimulation = Resimulation::new(plan, Some(tracks), &measured).unwrap();
     let config = Compared::of_text(Path::new("model.toml"), MODEL.to_owned(), &[]).unwrap();
-    let asked = Asked { seeds: 99, ..Asked::default() };
+    let asked = ComparisonOptions { seeds: 99, ..ComparisonOptions::default() };
     split(&resimulation, &measured, asked, &config, &links).unwrap()
 }
 
 /// Links between all pairs, 20 frames a minute, as the radio of a configuration would have measured them along tracks.
-fn links(tracks: &Tracks, path: &Path, text: String) -> Table {
+fn links(tracks: &Tracks, path: &Path, text: String) -> DataTable {
     let names = [
         "time_s", "tx", "rx", "tx_x_m", "tx_y_m", "tx_z_m", "rx_x_m", "rx_y_m", "rx_z_m", "frames",
         "pdr", "rssi_dbm",
@@ -114,14 +114,14 @@ fn links(tracks: &Tracks, path: &Path, text: String) -> Table {
             columns.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
         }
     }
-    let like = Table::of_columns(names.map(str::to_owned).to_vec(), columns);
+    let like = DataTable::of_columns(names.map(str::to_owned).to_vec(), columns);
     let config = Compared::of_text(path, text, &[]).unwrap();
     let simulated = simulate(&config, &like, 77, Some(1e-3)).unwrap();
-    Table::of_columns(simulated.names, simulated.columns)
+    DataTable::of_columns(simulated.names, simulated.columns)
 }
 
 /// The parts that are more than chance.
-fn found(split: &Split) -> Vec<&'static str> {
+fn found(split: &ErrorSplit) -> Vec<&'static str> {
     split.found().iter().map(|share| share.name).collect()
 }
 

@@ -3,7 +3,7 @@
 use diagnose::power::answer::{self, Size};
 use diagnose::power::{Question, power};
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use std::path::Path;
 use study::choices::{Choices, SplitBy};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
@@ -16,10 +16,10 @@ fn asked(effect: &str) -> Question<'_> {
     Question { effect, with: &[], vary: None, campaigns: 6, seed: 1, set: &[], choices: &ALL_ROWS }
 }
 
-fn files(n_rows: usize) -> (Compared, Table) {
+fn files(n_rows: usize) -> (Compared, DataTable) {
     let campaign = Campaign::link(4, &Layout::standard(), &[], n_rows);
     let config = Compared::of_text(Path::new("model.toml"), campaign.config_toml, &[]).unwrap();
-    (config, Table::of_csv(Path::new("links.csv"), campaign.csv.as_bytes()).unwrap())
+    (config, DataTable::of_csv(Path::new("links.csv"), campaign.csv.as_bytes()).unwrap())
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn what_is_chosen_of_the_rows_is_judged_alone() {
 fn what_a_campaign_of_robots_would_show_is_told_too() {
     let campaign = Campaign::robots(3, &Fleet::standard(Drive::Velocity), &[], 3000);
     let config = Compared::of_text(Path::new("model.toml"), campaign.config_toml, &[]).unwrap();
-    let table = Table::of_csv(Path::new("robots.csv"), campaign.csv.as_bytes()).unwrap();
+    let table = DataTable::of_csv(Path::new("robots.csv"), campaign.csv.as_bytes()).unwrap();
     let found = power(&config, &table, &asked("slip"), QUIET).unwrap();
     assert_eq!(found.neutral, 1.0, "{found:?}");
     let value = found.value.unwrap();

@@ -4,9 +4,9 @@ use diagnose::compare;
 use diagnose::ladder::Search;
 use diagnose::progress::Progress;
 use diagnose::simulate::simulate;
-use measure::account::Account;
+use measure::account::DataAccount;
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use std::path::Path;
 use study::choices::Choices;
 use study::open;
@@ -19,8 +19,8 @@ fn config(text: &str) -> Compared {
     Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
 }
 
-fn table(csv: &str) -> Table {
-    Table::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
+fn table(csv: &str) -> DataTable {
+    DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
 }
 
 fn named(candidates: &[Candidate], name: &str) -> usize {
@@ -45,7 +45,7 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
 
     let (study, _) = open::links(&config(&truth), &made, &Choices::default()).unwrap();
     assert_eq!(study.rows.links.readings.quantum_db, 1.0, "readings are rounded like the file's");
-    let found = compare::links(&study, &Search::new(&study, QUIET), &Account::default());
+    let found = compare::links(&study, &Search::new(&study, QUIET), &DataAccount::default());
     let score = |name: &str| found.scores[name];
     // About 4000 readings: four standard errors are 0.019, and rounding to whole dB takes away up to 0.01.
     assert!((score("coverage_90") - 0.9).abs() < 0.03, "{found:?}");
@@ -82,7 +82,7 @@ fn an_effect_of_robots_that_is_put_in_is_found_and_the_true_model_knows_what_it_
     let made = table(&csv);
 
     let (study, _) = open::robots(&config(&truth), &made, &Choices::default()).unwrap();
-    let found = compare::robots(&study, &Search::new(&study, QUIET), &Account::default());
+    let found = compare::robots(&study, &Search::new(&study, QUIET), &DataAccount::default());
     let coverage = found.scores["coverage_90"];
     // Windows overlap: some 1200 independent residuals, four standard errors are 0.035.
     assert!((coverage - 0.9).abs() < 0.035, "{found:?}");
@@ -140,11 +140,11 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
     let output = tests::orchestrator(&["run", "run.toml"], folder.path());
     assert!(output.status.success(), "{}", tests::said(&output));
 
-    let made = Table::read(&folder.path().join("runs/measured")).unwrap();
+    let made = DataTable::read(&folder.path().join("runs/measured")).unwrap();
     let score = |text: &str, name: &str| {
         let (study, _) = open::links(&config(text), &made, &Choices::default()).unwrap();
         assert!(study.rows.links.readings.has_losses, "links that were not heard are there");
-        compare::links(&study, &Search::new(&study, QUIET), &Account::default()).scores[name]
+        compare::links(&study, &Search::new(&study, QUIET), &DataAccount::default()).scores[name]
     };
     let coverage = score(text, "coverage_90");
     // Some thousand readings: four standard errors are below 0.03.
@@ -153,7 +153,7 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
     let lacking = text.split("\n\n").next().unwrap();
     assert!(1.5 < score(lacking, "bias_db").abs(), "the exponent is missed");
 
-    let refused = Table::read(folder.path()).unwrap_err().to_string();
+    let refused = DataTable::read(folder.path()).unwrap_err().to_string();
     assert!(refused.contains("links.parquet"), "{refused}");
 }
 

@@ -2,10 +2,10 @@
 //! processes, of a model with a fault in one of the two: places, and who heard whom.
 
 use experiment::{Overrides, read};
-use network::compared::Asked;
+use network::compare::ComparisonOptions;
 use network::resimulate::Resimulation;
-use network::task::heard::Hearing;
-use network::task::{Measured, TaskSplit, text};
+use network::task::receptions::Receptions;
+use network::task::{MeasuredSwarm, TaskSplit, text};
 use network::tracks::Tracks;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -46,12 +46,12 @@ fn parts(fault: &str, seed: u64) -> TaskSplit {
     std::fs::write(&truth, MODEL.replace("# here", fault)).unwrap();
     let out = run(&truth, dir.path(), &["--seed", &seed.to_string()]);
     let tracks = Tracks::read(&out).unwrap();
-    let heard = Hearing::read(&out, 8, 0.0).unwrap();
+    let heard = Receptions::read(&out, 8, 0.0).unwrap();
     let plan = read(Path::new("model.toml"), MODEL.to_owned(), &Overrides::default()).unwrap();
     let resimulation = Resimulation::of_task(plan, tracks.clone()).unwrap();
     let measured =
-        Measured { resimulation: &resimulation, tracks: &tracks, heard: &heard, sd_m: 0.0 };
-    measured.split(Asked { seeds: 99, ..Asked::default() }).unwrap()
+        MeasuredSwarm { resimulation: &resimulation, tracks: &tracks, heard: &heard, sd_m: 0.0 };
+    measured.split(ComparisonOptions { seeds: 99, ..ComparisonOptions::default() }).unwrap()
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     let slip = "[[robotsim.dynamics.effect]]\nkind = \"slip\"\nscale = 0.8";
     write("truth.toml", &MODEL.replace("# here", slip));
     let out = run(&dir.path().join("truth.toml"), dir.path(), &[]);
-    let table = |name: &str| measure::table::Table::read(&out.join(name)).unwrap();
+    let table = |name: &str| measure::table::DataTable::read(&out.join(name)).unwrap();
     // As robots would log it: clocks began 100 s before the task.
     let (steps, links) = (table("steps.parquet"), table("links.parquet"));
     let mut robots = "time_s,agent,x_m,y_m\n".to_owned();

@@ -9,7 +9,7 @@ use super::next;
 use super::scan::Unexplained;
 use super::words;
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use std::sync::Arc;
 use study::open::Subject;
 use study::symbolic::FittedFormula;
@@ -25,7 +25,7 @@ pub struct Measurements<'a> {
     /// How many rows were searched, if that is to be said.
     pub searched: Option<usize>,
     /// The file, and how much of it was used.
-    pub account: &'a Account,
+    pub account: &'a DataAccount,
 }
 
 /// The study and the fit of some terms that numbers are taken from: all rows, where the search looked at some of them.

@@ -7,7 +7,7 @@ use crate::gain::Scores;
 use crate::held_out;
 use crate::ladder::Search;
 use comparison::{Bin, Comparison, Explained, Place, SCHEMA};
-use measure::account::Account;
+use measure::account::DataAccount;
 use numbers::power::square;
 use numbers::statistics::{self, mean_ignoring_nan, nth_quantile, quantile_nearest};
 use study::folds::Blocks;
@@ -34,7 +34,11 @@ struct BootstrapInterval {
 }
 
 /// Holds a link model against its measurements, nothing refitted but the noise.
-pub fn links(study: &LinkStudy, search: &Search<'_, LinkStudy>, account: &Account) -> Comparison {
+pub fn links(
+    study: &LinkStudy,
+    search: &Search<'_, LinkStudy>,
+    account: &DataAccount,
+) -> Comparison {
     let scores = search.held_out_scores(&[], COMMON);
     let fit = search.full_fit(&[], COMMON, None);
     let [deviation, scaled, surprise] = study.residuals(&fit);
@@ -88,7 +92,7 @@ fn finished(
     unit: &str,
     intervals: &[BootstrapInterval],
     places: Vec<Place>,
-    account: &Account,
+    account: &DataAccount,
 ) -> Comparison {
     let name = |interval: &BootstrapInterval| interval.name.to_owned();
     Comparison {
@@ -106,7 +110,7 @@ fn finished(
 pub fn robots(
     study: &RobotStudy,
     search: &Search<'_, RobotStudy>,
-    account: &Account,
+    account: &DataAccount,
 ) -> Comparison {
     let scores = search.held_out_scores(&[], COMMON);
     let view = study.view(&search.full_fit(&[], COMMON, None));

@@ -2,7 +2,7 @@
 
 use crate::json_number;
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use proto::effect::CONSTANT;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -45,7 +45,7 @@ pub struct Diagnosis {
     pub searched: Option<usize>,
     /// The measurements.
     #[serde(flatten)]
-    pub account: Account,
+    pub account: DataAccount,
     /// Unit of errors in words: dB, m, or pdr where only reception is predicted.
     #[serde(skip)]
     pub error_unit: &'static str,

@@ -8,7 +8,7 @@ use crate::ladder::Search;
 use extension::{Extension, SCHEMA};
 use measure::config::Compared;
 use std::fmt::Write as _;
-use study::open::Account;
+use study::open::DataAccount;
 use study::{COMMON, Study};
 
 /// Why nothing can be added.
@@ -102,7 +102,7 @@ fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
 /// There is nothing to add.
 pub fn extend<S: Study>(
     config: &Compared,
-    account: &Account,
+    account: &DataAccount,
     study: &S,
     search: &Search<'_, S>,
     terms: &[usize],

@@ -52,7 +52,7 @@ impl CandidateTest {
     }
 
     /// As it is told once it was taken: where what it gains by its own measure did not decide, by what it gains on the common split.
-    fn as_accepted(self) -> Self {
+    fn into_accepted(self) -> Self {
         if self.is_acceptable { self } else { self.accepted_on_common_split() }
     }
 
@@ -392,7 +392,7 @@ impl<'a, S: Study> Search<'a, S> {
                 removed.extend(in_place_of);
             }
             let ties = self.ties(best, &tests, &accepted);
-            let test = CandidateTest { ties, ..tests.swap_remove(best).as_accepted() };
+            let test = CandidateTest { ties, ..tests.swap_remove(best).into_accepted() };
             accepted = with_term(&accepted, test.term);
             let fit = self.full_fit(&accepted, candidates[test.term].level, None);
             self.prepare(&accepted, &fit);

@@ -14,7 +14,7 @@ use crate::ladder::Search;
 use crate::simulate;
 use answer::{Power, SCHEMA, Size};
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use proto::effect::{Fixed, Parameter};
 use proto::rng::{Draws, Purpose};
 use rayon::prelude::*;
@@ -114,7 +114,7 @@ struct CampaignResult {
 /// What is wrong with the files or the question.
 pub fn power(
     config: &Compared,
-    table: &Table,
+    table: &DataTable,
     question: &Question<'_>,
     report: &(dyn Fn(&str) + Sync),
 ) -> Result<Power, PowerError> {
@@ -203,7 +203,7 @@ fn detectable_size(points: &[(f64, u64, Vec<CampaignResult>)]) -> Option<f64> {
 /// Files and question, read.
 struct PowerPlan<'a> {
     config: &'a Compared,
-    table: &'a Table,
+    table: &'a DataTable,
     question: &'a Question<'a>,
     subject: Subject,
     /// `netsim.phy.effect`, `robotsim.dynamics.effect`.
@@ -220,7 +220,7 @@ struct PowerPlan<'a> {
 impl<'a> PowerPlan<'a> {
     fn new(
         config: &'a Compared,
-        table: &'a Table,
+        table: &'a DataTable,
         question: &'a Question<'a>,
         subject: Subject,
     ) -> Result<Self, PowerError> {

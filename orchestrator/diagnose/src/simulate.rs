@@ -8,8 +8,8 @@ pub mod simulation;
 
 use crate::ladder::Search;
 use measure::config::Compared;
-use measure::links::Row;
-use measure::table::Table;
+use measure::links::LinkRow;
+use measure::table::DataTable;
 use netsim::phy::scatter::{Moment, PairBlock};
 use numbers::format::trimmed;
 use numbers::power::square;
@@ -48,7 +48,7 @@ pub struct Simulated {
 /// What is wrong with either file, in words for its author.
 pub fn simulate(
     config: &Compared,
-    table: &Table,
+    table: &DataTable,
     seed: u64,
     noise: Option<f64>,
 ) -> Result<Simulated, OpenError> {
@@ -64,7 +64,7 @@ pub fn simulate(
 /// # Errors
 ///
 /// What is wrong with either file or the choices, in words for their author.
-pub fn noise(config: &Compared, table: &Table, choices: &Choices) -> Result<f64, OpenError> {
+pub fn noise(config: &Compared, table: &DataTable, choices: &Choices) -> Result<f64, OpenError> {
     match open::subject(table)? {
         Subject::Links => {
             let (study, _) = open::links(config, table, choices)?;
@@ -84,7 +84,7 @@ fn estimated_db(study: &LinkStudy) -> f64 {
 
 fn links(
     config: &Compared,
-    table: &Table,
+    table: &DataTable,
     seed: u64,
     noise: Option<f64>,
 ) -> Result<Simulated, OpenError> {
@@ -97,7 +97,7 @@ fn links(
         &study.rows
     } else {
         let set = format!("netsim.phy.noise_sd_db={sd_db:?}");
-        let config = config.with(&set)?;
+        let config = config.with_key(&set)?;
         with_noise = open::links(&config, table, &Choices::NONE)?.0;
         &with_noise.rows
     };
@@ -130,7 +130,7 @@ fn configured_noise(config: &Compared, study: &LinkStudy) -> Result<Option<f64>,
 }
 
 /// The columns of a file at the rows on these lines.
-fn copied(table: &Table, lines: impl Iterator<Item = usize>) -> (Vec<String>, Vec<Vec<f64>>) {
+fn copied(table: &DataTable, lines: impl Iterator<Item = usize>) -> (Vec<String>, Vec<Vec<f64>>) {
     let first = table.line(0);
     let rows: Vec<usize> = lines.map(|line| line - first).collect();
     let names = table.names().to_vec();
@@ -229,7 +229,7 @@ impl<'a> FrameDraws<'a> {
 }
 
 /// The way that sender and receiver of each row have travelled since they were first seen in its campaign (m).
-fn ways(rows: &[Row]) -> Vec<[f64; 2]> {
+fn ways(rows: &[LinkRow]) -> Vec<[f64; 2]> {
     type Place = (f64, [f64; 3]);
     let mut tracks: BTreeMap<(u32, u32), Vec<Place>> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.time_s.is_finite()) {
@@ -251,7 +251,7 @@ fn ways(rows: &[Row]) -> Vec<[f64; 2]> {
         });
         travelled.insert(key, list.collect());
     }
-    let way = |row: &Row, mote: u32| {
+    let way = |row: &LinkRow, mote: u32| {
         let list = travelled.get(&(row.run, mote))?;
         let after = list.partition_point(|(time_s, _)| *time_s < row.time_s);
         list.get(after).map(|(_, way_m)| *way_m)
@@ -261,7 +261,7 @@ fn ways(rows: &[Row]) -> Vec<[f64; 2]> {
 
 fn robots(
     config: &Compared,
-    table: &Table,
+    table: &DataTable,
     seed: u64,
     noise: Option<f64>,
 ) -> Result<Simulated, OpenError> {
@@ -328,7 +328,7 @@ impl Simulated {
 
     /// As a table, as if it had been read from a file.
     #[must_use]
-    pub fn to_table(&self) -> Table {
-        Table::of_columns(self.names.clone(), self.columns.clone())
+    pub fn to_table(&self) -> DataTable {
+        DataTable::of_columns(self.names.clone(), self.columns.clone())
     }
 }

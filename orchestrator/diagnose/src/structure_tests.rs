@@ -7,9 +7,9 @@ use crate::answer::{Measurements, answer};
 use crate::ladder::Search;
 use crate::scan;
 use driven::{STEP_S, driven};
-use measure::account::Account;
+use measure::account::DataAccount;
 use measure::robots;
-use measure::table::Table;
+use measure::table::DataTable;
 use proto::effect::Level;
 use robotsim::catalogue::Catalogue;
 use study::choices::Choices;
@@ -19,7 +19,7 @@ use study::robots::{RobotStudy, StatedSettings};
 use study::{COMMON, Study as _};
 
 /// Robots that a tide carries to the east, always, now more and now less: by as much as the noise in some seconds.
-fn carried(n_steps: usize) -> Table {
+fn carried(n_steps: usize) -> DataTable {
     driven(n_steps, "tide_m", |step, command, at, _| {
         let tide_m = 1.0 + (scramble((step / 100) as u64) % 4) as f64;
         for axis in 0..2 {
@@ -30,7 +30,7 @@ fn carried(n_steps: usize) -> Table {
     })
 }
 
-fn study(table: &Table) -> RobotStudy {
+fn study(table: &DataTable) -> RobotStudy {
     let node = proto::config::parse("kind = 'point-mass'").unwrap();
     let spec = &robotsim::dynamics::SPEC;
     let dynamics =
@@ -64,7 +64,7 @@ fn what_no_effect_explains_is_one_thing_with_its_mean() {
         subject: Subject::Robots,
         error_unit: "m",
         searched: None,
-        account: &Account::default(),
+        account: &DataAccount::default(),
     };
     let left = scan::scan_residuals(&study, &search, &ladder);
     let diagnosis = answer(&study, &search, &ladder, measurements, &left, None);

@@ -1,6 +1,6 @@
 //! Configuring both sides so that each can do what the experiment asks of it.
 
-use crate::peer::{Described, Network, Peer, Robots, Side as _, SideError};
+use crate::peer::{Described, NetworkSide, Peer, RobotSide, Side as _, SideError};
 use experiment::{Plan, SideConfig, Start, timeline};
 use netsim::sim::Network as BuiltInNetwork;
 use proto::config::Problem;
@@ -38,17 +38,17 @@ pub enum Unfit {
 
 /// What both sides are asked.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Asked {
+pub struct ConfigureRequests {
     /// The robots.
     pub robots: ConfigureRequest,
     /// The network. Columns and records that it does not announce are not asked of it; columns that the robots want are.
     pub network: ConfigureRequest,
 }
 
-impl Asked {
+impl ConfigureRequests {
     /// What the plan says, of sides that say this of themselves.
     #[must_use]
-    pub fn of(plan: &Plan, robots: &Described, network: &Described, wanted: Wanted) -> Self {
+    pub fn from_plan(plan: &Plan, robots: &Described, network: &Described, wanted: Wanted) -> Self {
         let request = |side: &SideConfig, config_toml: String| ConfigureRequest {
             experiment: plan.experiment.clone(),
             site_toml: plan.site_toml.clone(),
@@ -87,12 +87,12 @@ fn sent(side: &SideConfig, is_built_in: bool) -> String {
 /// # Errors
 ///
 /// A side fails or refuses, or does not announce or keep what it is asked.
-pub async fn configure<R: Peer<Robots>, N: Peer<Network>>(
-    asked: Asked,
+pub async fn configure<R: Peer<RobotSide>, N: Peer<NetworkSide>>(
+    asked: ConfigureRequests,
     robots: &mut R,
     network: &mut N,
 ) -> Result<Configured, SideError> {
-    let Asked { robots: robots_request, network: mut network_request } = asked;
+    let ConfigureRequests { robots: robots_request, network: mut network_request } = asked;
     let robots_start = robots.configure(&robots_request).await?;
     let described = network.described();
     if robots_start.messages && !described.mote_commands.contains(&MoteCommandKind::Send) {
@@ -100,7 +100,7 @@ pub async fn configure<R: Peer<Robots>, N: Peer<Network>>(
             "{} does not announce MOTE_COMMAND_KIND_SEND, which the robots' messages to single ones of them need",
             described.name
         );
-        return Err(cannot(Network::SIDE, what));
+        return Err(cannot(NetworkSide::SIDE, what));
     }
     // Each once, ascending.
     let wanted: BTreeSet<DeliveryColumn> =
@@ -114,7 +114,7 @@ pub async fn configure<R: Peer<Robots>, N: Peer<Network>>(
         let number: i32 = v1::NetRecord::from(record).into();
         let reason = format!("records: {number} was not asked for");
         let doing = "Configure".to_owned();
-        return Err(SideError::Garbage { side: Network::SIDE, doing, reason });
+        return Err(SideError::Garbage { side: NetworkSide::SIDE, doing, reason });
     }
     Ok(Configured { robots_request, robots_start, network_request, network_start })
 }
@@ -133,7 +133,7 @@ pub fn announced(
     let unfit = |side, what| Err(Unfit::Side(cannot(side, what)));
     let coupling = plan.experiment.coupling;
     if coupling != Coupling::Sequential {
-        for (side, described) in [(Robots::SIDE, robots), (Network::SIDE, network)] {
+        for (side, described) in [(RobotSide::SIDE, robots), (NetworkSide::SIDE, network)] {
             if !described.parallel {
                 let what = format!(
                     "{} does not announce parallel coupling, which the experiment asks for",
@@ -148,10 +148,10 @@ pub fn announced(
             "{} does not announce stop_at_first_delivery, which experiment.control_period = \"packet\" needs",
             network.name
         );
-        return unfit(Network::SIDE, what);
+        return unfit(NetworkSide::SIDE, what);
     }
     for (side, max_agents) in
-        [(Robots::SIDE, robots.max_agents), (Network::SIDE, network.max_agents)]
+        [(RobotSide::SIDE, robots.max_agents), (NetworkSide::SIDE, network.max_agents)]
     {
         if max_agents != 0 && max_agents < plan.experiment.agent_count as u32 {
             let what =
@@ -165,7 +165,7 @@ pub fn announced(
             "{} does not announce a capture of its radio traffic, which output.pcap = true asks for",
             network.name
         );
-        return unfit(Network::SIDE, what);
+        return unfit(NetworkSide::SIDE, what);
     }
     let mut problems: Vec<Problem> = plan
         .timeline
@@ -207,7 +207,7 @@ pub fn starts(
                 "{} has nothing to form, which experiment.start = \"when-formed\" waits for; start = \"at-once\" does not",
                 network.name
             );
-            return Err(cannot(Network::SIDE, what));
+            return Err(cannot(NetworkSide::SIDE, what));
         }
         None if forms => Start::WhenFormed,
         start => start.unwrap_or(Start::AtOnce),
@@ -218,7 +218,7 @@ pub fn starts(
              experiment.start = \"at-once\" they start while it forms",
             robots.name
         );
-        return Err(cannot(Robots::SIDE, what));
+        return Err(cannot(RobotSide::SIDE, what));
     }
     Ok(start)
 }

@@ -4,7 +4,7 @@
 //! and barriers, whether the simulators are other processes or objects of this one. Every reply is checked before it is passed
 //! on, so that a side that answers nonsense is named and the other never sees it.
 
-use crate::peer::{Network, Peer, Robots, Side as _, SideError, Standing};
+use crate::peer::{NetworkSide, Peer, RobotSide, Side as _, SideError, Standing};
 use proto::digest::{self, Digest};
 use proto::exchange::{NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use proto::side::{NetInput, RobotInput};
@@ -87,7 +87,7 @@ impl StepOutcome {
     }
 }
 
-impl<R: Peer<Robots>, N: Peer<Network>> Coupled<R, N> {
+impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
     /// Some side holds values of its own, so that digests are worth computing.
     const COMPARES: bool = !(R::SHARES_VALUES && N::SHARES_VALUES);
 
@@ -211,7 +211,7 @@ impl<R: Peer<Robots>, N: Peer<Network>> Coupled<R, N> {
                 let stopped_early = reached_ns < until_ns;
                 if reached_ns <= from_ns || until_ns < reached_ns || hold && stopped_early {
                     return Err(SideError::WrongTime {
-                        side: Network::SIDE,
+                        side: NetworkSide::SIDE,
                         step,
                         expected: until_ns,
                         got: reached_ns,
@@ -285,9 +285,9 @@ impl<R: Peer<Robots>, N: Peer<Network>> Coupled<R, N> {
         let agreed = |shares_values: bool| self.agreed.filter(|_| !shares_values);
         let expected = [agreed(R::SHARES_VALUES), agreed(N::SHARES_VALUES)];
         let robots = self.robots.barrier(step, time_ns).await?;
-        check(Robots::SIDE, &robots, step, time_ns, expected[0].as_ref())?;
+        check(RobotSide::SIDE, &robots, step, time_ns, expected[0].as_ref())?;
         let network = self.network.barrier(step, time_ns).await?;
-        check(Network::SIDE, &network, step, time_ns, expected[1].as_ref())
+        check(NetworkSide::SIDE, &network, step, time_ns, expected[1].as_ref())
     }
 
     /// The orders to agents that wait. They are lost on robots that obey none.
@@ -311,8 +311,8 @@ impl<R: Peer<Robots>, N: Peer<Network>> Coupled<R, N> {
         plan: &StepPlan,
     ) -> Result<Arc<RobotsStep>, SideError> {
         let hold = plan.hold;
-        stands_at(Robots::SIDE, step, until_ns, reply.step, reply.time_ns)?;
-        let garbage = |reason: String| Err(garbage(Robots::SIDE, step, reason));
+        stands_at(RobotSide::SIDE, step, until_ns, reply.step, reply.time_ns)?;
+        let garbage = |reason: String| Err(garbage(RobotSide::SIDE, step, reason));
         if reply.held != hold {
             return garbage(format!(
                 "held: must be {hold}, as hold of the request, got {}",
@@ -343,10 +343,10 @@ impl<R: Peer<Robots>, N: Peer<Network>> Coupled<R, N> {
         reached_ns: u64,
         reply: NetworkStep,
     ) -> Result<Arc<NetworkStep>, SideError> {
-        stands_at(Network::SIDE, step, reached_ns, reply.step, reply.time_ns)?;
+        stands_at(NetworkSide::SIDE, step, reached_ns, reply.step, reply.time_ns)?;
         if reply.formation.is_some() != self.formation_at_start.is_some() {
             let reason = "formation: must be present in every step, or absent as in Configure";
-            return Err(garbage(Network::SIDE, step, reason.to_owned()));
+            return Err(garbage(NetworkSide::SIDE, step, reason.to_owned()));
         }
         self.commands.extend_from_slice(&reply.commands);
         sort_agent_commands(&mut self.commands);

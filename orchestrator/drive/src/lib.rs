@@ -7,10 +7,10 @@ mod configure;
 pub mod coupling;
 pub mod peer;
 
-pub use configure::{Asked, Unfit, Wanted, announced, configure, starts};
+pub use configure::{ConfigureRequests, Unfit, Wanted, announced, configure, starts};
 
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
-use crate::peer::{Network, Peer, Robots, SideError};
+use crate::peer::{NetworkSide, Peer, RobotSide, SideError};
 use experiment::Plan;
 use proto::types::{Formation, MoteCommand, NetRecord, seconds};
 use std::fmt::Write as _;
@@ -51,7 +51,7 @@ pub trait Progress {
     fn begin(&mut self, n_steps: u64);
 
     /// Step `step` of the phase is done and stands at `time_ns`.
-    fn at(&mut self, step: u64, time_ns: u64);
+    fn step_done(&mut self, step: u64, time_ns: u64);
 
     /// Step `step`, in which the network of `n` motes forms, is done and stands at `time_ns` of at most `limit_ns`.
     fn forming(&mut self, step: u64, time_ns: u64, limit_ns: u64, formation: &Formation, n: usize);
@@ -64,7 +64,7 @@ pub trait Progress {
 impl Progress for () {
     fn begin(&mut self, _n_steps: u64) {}
 
-    fn at(&mut self, _step: u64, _time_ns: u64) {}
+    fn step_done(&mut self, _step: u64, _time_ns: u64) {}
 
     fn forming(
         &mut self,
@@ -152,7 +152,7 @@ pub struct Schedule<'a> {
 impl<'a> Schedule<'a> {
     /// That of the plan.
     #[must_use]
-    pub fn of(plan: &'a Plan, waits: bool) -> Self {
+    pub fn from_plan(plan: &'a Plan, waits: bool) -> Self {
         Self {
             plan,
             waits,
@@ -188,7 +188,7 @@ struct Audience<'a, O, I> {
     progress: &'a mut dyn Progress,
 }
 
-impl<'a, R: Peer<Robots>, N: Peer<Network>> Driver<'a, R, N> {
+impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
     /// Over sides that have just been configured; `records`: what the network keeps.
     pub fn new(
         schedule: Schedule<'a>,
@@ -266,7 +266,7 @@ impl<'a, R: Peer<Robots>, N: Peer<Network>> Driver<'a, R, N> {
                 Stepped::Interrupted(signal) => return Ok(Stopped::Interrupted(signal)),
                 Stepped::Done { task_complete } => {
                     let step = self.coupled.step_number() - first_step;
-                    audience.progress.at(step, self.coupled.time_ns());
+                    audience.progress.step_done(step, self.coupled.time_ns());
                     if task_complete && self.schedule.stop_when_complete {
                         break;
                     }
@@ -333,7 +333,7 @@ impl<'a, R: Peer<Robots>, N: Peer<Network>> Driver<'a, R, N> {
     }
 }
 
-fn is_formed<R: Peer<Robots>, N: Peer<Network>>(coupled: &Coupled<R, N>) -> bool {
+fn is_formed<R: Peer<RobotSide>, N: Peer<NetworkSide>>(coupled: &Coupled<R, N>) -> bool {
     coupled.formation().is_some_and(|formation| formation.formed_ns.is_some())
 }
 

@@ -18,7 +18,7 @@ pub use error::SideError;
 pub use in_process::{InProcess, ready};
 pub use process::Launch;
 pub use service::Service;
-pub use side::{Described, Network, Peer, Robots, Side, Standing};
+pub use side::{Described, NetworkSide, Peer, RobotSide, Side, Standing};
 
 use awake::Awake;
 use bytes::Bytes;

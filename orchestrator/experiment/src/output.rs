@@ -79,7 +79,7 @@ impl OutputConfig {
 
     /// Whether the tables hold a step.
     #[must_use]
-    pub fn holds(&self, step: u64) -> bool {
+    pub fn includes_step(&self, step: u64) -> bool {
         step.is_multiple_of(self.every_steps)
     }
 
@@ -87,7 +87,7 @@ impl OutputConfig {
     #[must_use]
     pub fn holds_motes(&self, step: u64, from_ns: u64, until_ns: u64) -> bool {
         let is_time = |every_ns| from_ns / every_ns != until_ns / every_ns;
-        self.motes && self.holds(step) && self.motes_every_ns.is_none_or(is_time)
+        self.motes && self.includes_step(step) && self.motes_every_ns.is_none_or(is_time)
     }
 }
 

@@ -131,7 +131,7 @@ pub struct Sweep {
     /// Keys with lists.
     pub lists: Vec<(String, Vec<Node>)>,
     /// Keys with ranges.
-    pub ranges: Vec<(String, Range)>,
+    pub ranges: Vec<(String, ParameterRange)>,
     /// Points of the ranges.
     pub samples: usize,
     /// How they are taken.
@@ -162,7 +162,7 @@ pub struct Case {
 
 /// A range of numbers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Range {
+pub struct ParameterRange {
     /// Where it stands in the file.
     pub span: Option<std::ops::Range<usize>>,
     /// Lower end.
@@ -267,7 +267,7 @@ fn seeds_of(list: &[toml::Value], problems: &mut Vec<Problem>) -> Vec<u64> {
 struct Reader<'a> {
     problems: &'a mut Vec<Problem>,
     lists: Vec<(String, Vec<Node>)>,
-    ranges: Vec<(String, Range)>,
+    ranges: Vec<(String, ParameterRange)>,
 }
 
 impl Reader<'_> {
@@ -331,11 +331,11 @@ impl Reader<'_> {
         }
     }
 
-    fn range(&mut self, node: &Node, path: &str) -> Option<Range> {
+    fn range(&mut self, node: &Node, path: &str) -> Option<ParameterRange> {
         let before = self.problems.len();
         let table = config::check(node, path, &RANGE, &Lists::NONE, self.problems).table;
         let number = |key: &str| table.get(key).and_then(toml::Value::as_float);
-        let range = Range {
+        let range = ParameterRange {
             span: node.span.clone(),
             min: number("min")?,
             max: number("max")?,

@@ -126,12 +126,12 @@ pub const SOURCE: &str = "timeline";
 /// The orders of a file, earliest first.
 #[derive(Clone, Debug, std::default::Default, PartialEq)]
 pub struct Timeline {
-    entries: Vec<Entry>,
+    entries: Vec<TimelineEntry>,
 }
 
 /// An order at a time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Entry {
+pub struct TimelineEntry {
     /// Its place in the file, from 0.
     pub index: usize,
     /// When (ns), from when the robots start.
@@ -143,20 +143,21 @@ pub struct Entry {
 impl Timeline {
     /// All orders, earliest first, those of one time in the order of the file.
     #[must_use]
-    pub fn entries(&self) -> &[Entry] {
+    pub fn entries(&self) -> &[TimelineEntry] {
         &self.entries
     }
 
     /// The orders whose time lies in `from_ns..until_ns`, for robots that started at `start_ns`.
     #[must_use]
     pub fn commands(&self, start_ns: u64, from_ns: u64, until_ns: u64) -> Vec<MoteCommand> {
-        let within = |entry: &&Entry| (from_ns..until_ns).contains(&(start_ns + entry.at_ns));
+        let within =
+            |entry: &&TimelineEntry| (from_ns..until_ns).contains(&(start_ns + entry.at_ns));
         self.entries.iter().filter(within).map(|entry| command(&entry.order, start_ns)).collect()
     }
 
     /// Orders beyond `obeyed`, which the network of the file would not notice, are problems: one for each entry.
     pub(super) fn check_orders(&self, obeyed: &[MoteCommandKind], problems: &mut Vec<Problem>) {
-        let mut unnoticed: Vec<&Entry> =
+        let mut unnoticed: Vec<&TimelineEntry> =
             self.entries.iter().filter(|entry| !obeyed.contains(&entry.order.kind())).collect();
         unnoticed.sort_by_key(|entry| entry.index);
         unnoticed.dedup_by_key(|entry| entry.index);
@@ -232,7 +233,7 @@ pub(super) fn read(
         let Some(table) = table.as_table() else { continue };
         let mut entry = Reader { index, table, agents, duration_s, problems };
         let (at_ns, orders) = entry.read();
-        entries.extend(orders.into_iter().map(|order| Entry { index, at_ns, order }));
+        entries.extend(orders.into_iter().map(|order| TimelineEntry { index, at_ns, order }));
     }
     if problems.len() != n_problems {
         return (Timeline::default(), effective);
@@ -277,7 +278,7 @@ impl Reader<'_> {
             self.refuse("until_s", format!("must be greater than at_s, {at_s}"), until_s);
         }
         let channels: Vec<u32> = match self.table.get("channels").and_then(toml::Value::as_array) {
-            Some(list) => list.iter().filter_map(whole).collect(),
+            Some(list) => list.iter().filter_map(to_u32).collect(),
             None => (11..=26).collect(),
         };
         let radius_m = self.number("radius_m").unwrap_or(0.0);
@@ -295,7 +296,7 @@ impl Reader<'_> {
     }
 
     fn send(&mut self) -> Vec<MoteOrder> {
-        let destination = match self.table.get("destination").and_then(whole) {
+        let destination = match self.table.get("destination").and_then(to_u32) {
             Some(mote) => {
                 self.exists("destination", mote);
                 mote
@@ -332,14 +333,14 @@ impl Reader<'_> {
     fn motes(&mut self) -> Vec<u32> {
         match self.table.get("motes") {
             Some(toml::Value::Array(list)) => {
-                let motes: Vec<u32> = list.iter().filter_map(whole).collect();
+                let motes: Vec<u32> = list.iter().filter_map(to_u32).collect();
                 for (place, &mote) in motes.iter().enumerate() {
                     self.exists(&format!("motes[{place}]"), mote);
                 }
                 motes
             }
             one => {
-                let mote = one.and_then(whole);
+                let mote = one.and_then(to_u32);
                 if let Some(mote) = mote {
                     self.exists("motes", mote);
                 }
@@ -366,7 +367,7 @@ impl Reader<'_> {
     }
 }
 
-fn whole(value: &toml::Value) -> Option<u32> {
+fn to_u32(value: &toml::Value) -> Option<u32> {
     value.as_integer().and_then(|value| u32::try_from(value).ok())
 }
 
@@ -383,7 +384,7 @@ fn bytes_of(digits: &str) -> Option<Vec<u8>> {
 
 /// An order in a few words, for messages.
 #[must_use]
-pub fn describe(entry: &Entry) -> String {
+pub fn describe(entry: &TimelineEntry) -> String {
     let what = match &entry.order {
         MoteOrder::Kill(mote) => format!("kill mote {mote}"),
         MoteOrder::Revive(mote) => format!("revive mote {mote}"),

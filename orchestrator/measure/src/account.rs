@@ -6,7 +6,8 @@ use serde::Serialize;
 
 /// A file of measurements, and how many of its rows an answer rests on.
 #[derive(Clone, Debug, Default, Serialize, JsonSchema)]
-pub struct Account {
+#[schemars(rename = "Account")]
+pub struct DataAccount {
     /// The file of measurements.
     pub data: DataFile,
     /// Rows in the file, its header apart.

@@ -64,7 +64,7 @@ impl Compared {
     /// # Errors
     ///
     /// There can be no such key.
-    pub fn with(&self, assignment: &str) -> Result<Self, Refusal> {
+    pub fn with_key(&self, assignment: &str) -> Result<Self, Refusal> {
         let mut other = self.clone();
         proto::config::set(&mut other.tree, assignment)
             .map_err(|problem| self.refuse(vec![problem]))?;

@@ -1,6 +1,6 @@
 //! File formats of measurements: one file each, and the one list [`BUILT_IN`].
 //!
-//! A format says by the beginning of a file whether it can read it, and makes a [`Table`] of it; [`Table::of_columns`] is enough for
+//! A format says by the beginning of a file whether it can read it, and makes a [`DataTable`] of it; [`DataTable::of_columns`] is enough for
 //! that. Files that gzip has compressed are decompressed before a format sees them. [`read`] takes the list as an argument, so that
 //! another program adds formats of its own by the same call.
 
@@ -10,7 +10,7 @@ pub mod parquet;
 pub mod run;
 
 use crate::DataError;
-use crate::table::Table;
+use crate::table::DataTable;
 use flate2::read::MultiGzDecoder;
 use sha2::{Digest as _, Sha256};
 use std::fs::File;
@@ -28,7 +28,7 @@ pub struct Format {
     /// Whether it reads a file, by its path and its first bytes: up to 64 KiB of it, none of a folder.
     pub recognises: fn(&Path, &[u8]) -> bool,
     /// Reads a file that it recognises; the content of a folder is empty.
-    pub read: fn(&Path, Content<'_>) -> Result<Table, DataError>,
+    pub read: fn(&Path, Content<'_>) -> Result<DataTable, DataError>,
 }
 
 /// The formats that are known, the first that recognises a file reading it.
@@ -43,7 +43,7 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 ///
 /// It cannot be read, no format recognises it, or it is no table: the place is named.
 #[expect(clippy::disallowed_methods, reason = "measurements are files")]
-pub fn read(path: &Path, formats: &[Format]) -> Result<Table, DataError> {
+pub fn read(path: &Path, formats: &[Format]) -> Result<DataTable, DataError> {
     let failed = |source| DataError::Read { path: path.to_owned(), source };
     if path.is_dir() {
         return read_content(path, Box::new(std::io::empty()), formats);
@@ -57,14 +57,14 @@ pub fn read(path: &Path, formats: &[Format]) -> Result<Table, DataError> {
         Box::new(content)
     };
     let table = read_content(path, content, formats)?;
-    Ok(Table { sha256, ..table })
+    Ok(DataTable { sha256, ..table })
 }
 
 fn read_content(
     path: &Path,
     mut content: Content<'_>,
     formats: &[Format],
-) -> Result<Table, DataError> {
+) -> Result<DataTable, DataError> {
     let begin =
         content.fill_buf().map_err(|source| DataError::Read { path: path.to_owned(), source })?;
     match formats.iter().find(|format| (format.recognises)(path, begin)) {
@@ -109,8 +109,8 @@ mod tests {
                 .map_while(Result::ok)
                 .map(|line| line.parse().unwrap_or(f64::NAN))
                 .collect();
-            let table = Table::of_columns(vec!["value".to_owned()], vec![values]);
-            Ok(Table { path: path.to_owned(), ..table })
+            let table = DataTable::of_columns(vec!["value".to_owned()], vec![values]);
+            Ok(DataTable { path: path.to_owned(), ..table })
         },
     };
 

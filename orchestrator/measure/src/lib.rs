@@ -6,7 +6,7 @@
 //! | [`table`] | a file as named columns of numbers |
 //! | [`formats`] | file formats: CSV, Parquet, K7, the folder of a run |
 //! | [`links`] | link samples and aggregated link tables |
-//! | [`oddities`] | what is odd about measurements that can be used |
+//! | [`warnings`] | what is odd about measurements that can be used |
 //! | [`packets`] | packets from end to end |
 //! | [`robots`] | robot samples |
 //! | [`config`] | the part of a configuration that is held against them |
@@ -15,10 +15,10 @@ pub mod account;
 pub mod config;
 pub mod formats;
 pub mod links;
-pub mod oddities;
 pub mod packets;
 pub mod robots;
 pub mod table;
+pub mod warnings;
 
 use schemars::JsonSchema;
 use serde::Serialize;

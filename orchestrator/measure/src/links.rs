@@ -1,15 +1,15 @@
 //! Link samples, one row per frame sent and possible receiver; and aggregated link tables, one row per link and channel.
 
-use super::table::Table;
-use super::{Rejected, Rejections, TWICE, oddities};
+use super::table::DataTable;
+use super::{Rejected, Rejections, TWICE, warnings};
 use proto::effect::CONSTANT;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Measured links.
 #[derive(Clone, Debug)]
-pub struct Links {
+pub struct LinkSamples {
     /// What could be used, in the order of the file.
-    pub rows: Vec<Row>,
+    pub rows: Vec<LinkRow>,
     /// Every other numeric column that says anything: a value per row, NaN where it is missing.
     pub covariates: Vec<(String, Vec<f64>)>,
     /// What could not be used.
@@ -37,7 +37,7 @@ pub struct Readings {
 
 /// A row: a frame, or several of one link and channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct LinkRow {
     /// Line of the file.
     pub line: usize,
     /// From the start of the campaign (s); NaN where unknown.
@@ -99,7 +99,7 @@ const GREATEST_RAD: f64 = 6.4;
 /// # Errors
 ///
 /// The columns it lacks.
-pub fn has_shape(table: &Table) -> Result<(), Vec<String>> {
+pub fn has_shape(table: &DataTable) -> Result<(), Vec<String>> {
     let mut lacking: Vec<String> = COMMON
         .iter()
         .filter(|name| table.column(name).is_none())
@@ -117,7 +117,7 @@ pub fn has_shape(table: &Table) -> Result<(), Vec<String>> {
 /// # Errors
 ///
 /// What makes the whole file useless, in words for its author.
-pub fn read(table: &Table) -> Result<Links, String> {
+pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     if let Err(lacking) = has_shape(table) {
         return Err(format!("no link samples: the file lacks {}", lacking.join(", ")));
     }
@@ -154,7 +154,7 @@ pub fn read(table: &Table) -> Result<Links, String> {
     let rx_heading = headings("rx_heading_rad", &mut warnings);
 
     let mut rejections = Rejections::default();
-    let mut rows: Vec<Row> = Vec::with_capacity(n_rows);
+    let mut rows: Vec<LinkRow> = Vec::with_capacity(n_rows);
     let mut kept: Vec<usize> = Vec::with_capacity(n_rows);
     let mut seen = BTreeSet::new();
     for index in 0..n_rows {
@@ -165,10 +165,10 @@ pub fn read(table: &Table) -> Result<Links, String> {
             continue;
         }
         let number = |name: &str| at(column(name), index);
-        let row = Row {
+        let row = LinkRow {
             line,
             time_s: number("time_s"),
-            run: whole(number("run")).unwrap_or(0),
+            run: to_u32(number("run")).unwrap_or(0),
             tx: 0,
             rx: 0,
             channel: None,
@@ -236,16 +236,22 @@ pub fn read(table: &Table) -> Result<Links, String> {
                 .to_owned(),
         );
     }
-    warnings.extend(oddities::of(&rows));
-    warnings.extend(oddities::of_rejected(&rejections.clone().into_list(), n_rows));
-    if let Some(reason) = oddities::stuck(&rows) {
+    warnings.extend(warnings::of_links(&rows));
+    warnings.extend(warnings::of_rejected(&rejections.clone().into_list(), n_rows));
+    if let Some(reason) = warnings::stuck(&rows) {
         return Err(reason);
     }
     let quantum_db = quantum(&rows, is_aggregated);
     let has_losses = has_losses(&rows);
     let readings = Readings { is_aggregated, quantum_db, has_losses, is_given: false };
-    let links =
-        Links { covariates, rejected: rejections.into_list(), warnings, n_rows, readings, rows };
+    let links = LinkSamples {
+        covariates,
+        rejected: rejections.into_list(),
+        warnings,
+        n_rows,
+        readings,
+        rows,
+    };
     if links.rows.iter().all(|row| row.rssi_dbm.is_nan()) {
         return Err(format!(
             "no frame of {} usable rows was received: there is no reading to compare with{}",
@@ -260,7 +266,7 @@ pub fn read(table: &Table) -> Result<Links, String> {
 }
 
 /// Frames sent and received, of rows that say both.
-fn counts(rows: &[Row]) -> (f64, f64) {
+fn counts(rows: &[LinkRow]) -> (f64, f64) {
     rows.iter()
         .filter(|row| row.received.is_finite())
         .fold((0.0, 0.0), |(frames, received), row| (frames + row.frames, received + row.received))
@@ -268,21 +274,27 @@ fn counts(rows: &[Row]) -> (f64, f64) {
 
 /// Whether rows say which frames were lost, and some were and some were not.
 #[must_use]
-pub fn has_losses(rows: &[Row]) -> bool {
+pub fn has_losses(rows: &[LinkRow]) -> bool {
     let (frames, received) = counts(rows);
     0.0 < received && received < frames
 }
 
 /// A whole number that fits.
-fn whole(number: f64) -> Option<u32> {
+fn to_u32(number: f64) -> Option<u32> {
     (number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number))
         .then_some(number as u32)
 }
 
 /// A row with numbers of motes and channel, or why it cannot be used.
-fn checked(row: Row, tx: f64, rx: f64, channel: f64, is_aggregated: bool) -> Result<Row, String> {
+fn checked(
+    row: LinkRow,
+    tx: f64,
+    rx: f64,
+    channel: f64,
+    is_aggregated: bool,
+) -> Result<LinkRow, String> {
     let mote = |name: &str, number: f64| {
-        whole(number).ok_or_else(|| {
+        to_u32(number).ok_or_else(|| {
             if number.is_nan() {
                 format!("{name} is missing")
             } else {
@@ -294,7 +306,7 @@ fn checked(row: Row, tx: f64, rx: f64, channel: f64, is_aggregated: bool) -> Res
     if tx == rx {
         return Err("tx and rx are the same mote".to_owned());
     }
-    let channel = match whole(channel) {
+    let channel = match to_u32(channel) {
         Some(channel @ 11..=26) => Some(channel as u8),
         None if channel.is_nan() => None,
         _ => return Err("channel is not 11 to 26".to_owned()),
@@ -329,11 +341,11 @@ fn checked(row: Row, tx: f64, rx: f64, channel: f64, is_aggregated: bool) -> Res
         }
     }
     let received = if is_aggregated { row.received.round() } else { row.received };
-    Ok(Row { tx, rx, channel, received, ..row })
+    Ok(LinkRow { tx, rx, channel, received, ..row })
 }
 
 /// The step of the readings: 1 where they are whole dB, 0 where they are not.
-fn quantum(rows: &[Row], is_aggregated: bool) -> f64 {
+fn quantum(rows: &[LinkRow], is_aggregated: bool) -> f64 {
     let mut readings = rows.iter().map(|row| row.rssi_dbm).filter(|rssi| rssi.is_finite());
     if !is_aggregated && readings.all(|rssi| rssi.fract() == 0.0) { 1.0 } else { 0.0 }
 }

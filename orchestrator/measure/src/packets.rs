@@ -1,12 +1,12 @@
 //! Measured packets: from end to end, sent and received.
 
-use super::table::Table;
+use super::table::DataTable;
 use super::{Rejected, Rejections, TWICE};
 use std::collections::BTreeSet;
 
 /// A packet from end to end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Packet {
+pub struct MeasuredPacket {
     /// When it was made (s), from when the network was switched on.
     pub time_s: f64,
     /// The mote that made it.
@@ -23,9 +23,9 @@ pub struct Packet {
 
 /// Measured packets, in the order of their times.
 #[derive(Clone, Debug)]
-pub struct Packets {
+pub struct MeasuredPackets {
     /// Those that can be used.
-    pub packets: Vec<Packet>,
+    pub packets: Vec<MeasuredPacket>,
     /// What could not be used.
     pub rejected: Vec<Rejected>,
     /// What was seen in the file, and what it does to an answer.
@@ -52,7 +52,7 @@ const FEWEST: usize = 20;
 /// # Errors
 ///
 /// The columns it lacks.
-pub fn has_shape(table: &Table) -> Result<(), Vec<String>> {
+pub fn has_shape(table: &DataTable) -> Result<(), Vec<String>> {
     let lacking = |names: &[&str]| -> Vec<String> {
         let is_lacking = |name: &&&str| table.column(name).is_none();
         names.iter().filter(is_lacking).map(|name| (*name).to_owned()).collect()
@@ -66,7 +66,7 @@ pub fn has_shape(table: &Table) -> Result<(), Vec<String>> {
 /// # Errors
 ///
 /// What makes the whole file useless, in words for its author.
-pub fn read(table: &Table) -> Result<Packets, String> {
+pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
     has_shape(table)
         .map_err(|lacking| format!("no packets: the file lacks {}", lacking.join(", ")))?;
     let at = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
@@ -131,7 +131,7 @@ pub fn read(table: &Table) -> Result<Packets, String> {
                 // A run numbers its packets: two alike are two.
                 if is_of_run || seen.insert(key) {
                     let of = |name| mote(name).filter(|_| received_s.is_finite());
-                    packets.push(Packet {
+                    packets.push(MeasuredPacket {
                         time_s,
                         source,
                         destination,
@@ -158,13 +158,18 @@ pub fn read(table: &Table) -> Result<Packets, String> {
     }
     packets.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then(a.source.cmp(&b.source)));
     let warnings = warnings(&packets);
-    Ok(Packets { packets, rejected: rejections.into_list(), warnings, n_rows: others.len() })
+    Ok(MeasuredPackets {
+        packets,
+        rejected: rejections.into_list(),
+        warnings,
+        n_rows: others.len(),
+    })
 }
 
 /// What to check before an answer is trusted.
-fn warnings(packets: &[Packet]) -> Vec<String> {
+fn warnings(packets: &[MeasuredPacket]) -> Vec<String> {
     let mut warnings = Vec::new();
-    let arrived: Vec<&Packet> =
+    let arrived: Vec<&MeasuredPacket> =
         packets.iter().filter(|packet| packet.received_s.is_some()).collect();
     if arrived.is_empty() {
         warnings.push(
@@ -195,12 +200,12 @@ mod tests {
     use std::fmt::Write as _;
     use std::path::Path;
 
-    fn table(rows: impl Fn(usize) -> String) -> Table {
+    fn table(rows: impl Fn(usize) -> String) -> DataTable {
         let mut text = "time_s,source,destination,received_s,hops\n".to_owned();
         for row in 0..30 {
             writeln!(text, "{}", rows(row)).unwrap();
         }
-        Table::of_csv(Path::new("packets.csv"), text.as_bytes()).unwrap()
+        DataTable::of_csv(Path::new("packets.csv"), text.as_bytes()).unwrap()
     }
 
     #[test]
@@ -238,7 +243,8 @@ mod tests {
         assert!(early.contains("one clock"), "{early}");
         let few = read(&table(|row| format!("{0},1,0,{0}.5,1", row % 4))).unwrap_err();
         assert!(few.contains("too few"), "{few}");
-        let other = Table::of_csv(Path::new("x.csv"), "time_s,source\n0,1\n".as_bytes()).unwrap();
+        let other =
+            DataTable::of_csv(Path::new("x.csv"), "time_s,source\n0,1\n".as_bytes()).unwrap();
         assert_eq!(has_shape(&other).unwrap_err(), ["destination", "received_s"]);
     }
 }

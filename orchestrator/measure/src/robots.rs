@@ -1,7 +1,7 @@
 //! Robot samples: where robots were measured, and what they were commanded to do.
 
-use super::table::Table;
-use super::{Rejected, Rejections, TWICE, oddities};
+use super::table::DataTable;
+use super::{Rejected, Rejections, TWICE, warnings};
 use numbers::power::square;
 use numbers::statistics::median_high;
 use robotsim::dynamics::{Drive, Shape};
@@ -10,9 +10,9 @@ use std::ops::Range;
 
 /// Measured robots.
 #[derive(Clone, Debug)]
-pub struct Robots {
+pub struct RobotSamples {
     /// What could be used: by campaign, robot and time.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<RobotSample>,
     /// One robot in one campaign each.
     pub tracks: Vec<Range<usize>>,
     /// Every other numeric column that says anything: a value per sample, NaN where it is missing.
@@ -31,7 +31,7 @@ pub struct Robots {
 
 /// A row: a robot at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct RobotSample {
     /// Line of the file.
     pub line: usize,
     /// Number of the campaign.
@@ -78,7 +78,7 @@ const FEWEST_ROWS: usize = 20;
 /// # Errors
 ///
 /// The columns it lacks.
-pub fn has_shape(table: &Table) -> Result<Shape, Vec<String>> {
+pub fn has_shape(table: &DataTable) -> Result<Shape, Vec<String>> {
     let is_there = |name: &str| table.column(name).is_some();
     let mut lacking: Vec<String> =
         COMMON.iter().filter(|name| !is_there(name)).map(|name| (*name).to_owned()).collect();
@@ -109,7 +109,7 @@ pub fn has_shape(table: &Table) -> Result<Shape, Vec<String>> {
 /// # Errors
 ///
 /// What makes the whole file useless, in words for its author.
-pub fn read(table: &Table) -> Result<Robots, String> {
+pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
     let shape = has_shape(table)
         .map_err(|lacking| format!("no robot samples: the file lacks {}", lacking.join(", ")))?;
     let at = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
@@ -135,7 +135,7 @@ pub fn read(table: &Table) -> Result<Robots, String> {
         table.strange.iter().rev().map(|&(row, column, _)| (row, column)).collect();
     let mut rejections = Rejections::default();
     let mut warnings = Vec::new();
-    let mut kept: Vec<(Sample, usize)> = Vec::with_capacity(table.n_rows());
+    let mut kept: Vec<(RobotSample, usize)> = Vec::with_capacity(table.n_rows());
     for row in 0..table.n_rows() {
         let line = table.line(row);
         if let Some(&column) = strange.get(&row) {
@@ -151,13 +151,13 @@ pub fn read(table: &Table) -> Result<Robots, String> {
             rejections.add(&format!("{name} is missing"), line);
             continue;
         }
-        let (Some(agent), Some(run)) = (whole(at("agent", row)), whole(or_zero(at("run", row))))
+        let (Some(agent), Some(run)) = (to_u32(at("agent", row)), to_u32(or_zero(at("run", row))))
         else {
             rejections.add("agent or run is no whole number", line);
             continue;
         };
         let third = if shape.is_turning() { 0.0 } else { or_zero(at("cmd_vz_mps", row)) };
-        let sample = Sample {
+        let sample = RobotSample {
             line,
             run,
             agent,
@@ -173,7 +173,7 @@ pub fn read(table: &Table) -> Result<Robots, String> {
     kept.sort_by(|(a, _), (b, _)| {
         (a.run, a.agent).cmp(&(b.run, b.agent)).then(a.time_s.total_cmp(&b.time_s))
     });
-    let mut unique: Vec<(Sample, usize)> = Vec::with_capacity(kept.len());
+    let mut unique: Vec<(RobotSample, usize)> = Vec::with_capacity(kept.len());
     let mut twice = Vec::new();
     for (sample, row) in kept {
         match unique.last() {
@@ -191,7 +191,7 @@ pub fn read(table: &Table) -> Result<Robots, String> {
         let reason = if is_equal { TWICE } else { "another row has the same robot and time" };
         rejections.add(reason, line);
     }
-    let (samples, rows): (Vec<Sample>, Vec<usize>) = unique.into_iter().unzip();
+    let (samples, rows): (Vec<RobotSample>, Vec<usize>) = unique.into_iter().unzip();
     if samples.len() < FEWEST_ROWS {
         let rejected = rejections.into_list();
         return Err(format!(
@@ -211,7 +211,7 @@ pub fn read(table: &Table) -> Result<Robots, String> {
             _ => tracks.push(index..index + 1),
         }
     }
-    let mut robots = Robots {
+    let mut robots = RobotSamples {
         is_spatial: shape == Shape::Velocity
             && samples.iter().any(|sample| {
                 sample.position_m[2] != samples[0].position_m[2] || sample.command[2] != 0.0
@@ -225,13 +225,13 @@ pub fn read(table: &Table) -> Result<Robots, String> {
         n_rows: table.n_rows(),
     };
     robots.take_covariates(table, &rows);
-    robots.warnings.extend(oddities::of_rejected(&robots.rejected, robots.n_rows));
-    robots.warnings.extend(oddities::of_robots(&robots));
+    robots.warnings.extend(warnings::of_rejected(&robots.rejected, robots.n_rows));
+    robots.warnings.extend(warnings::of_robots(&robots));
     robots.check_units()?;
     Ok(robots)
 }
 
-impl Robots {
+impl RobotSamples {
     /// Time between samples (s): the median.
     #[must_use]
     pub fn spacing_s(&self) -> f64 {
@@ -242,13 +242,13 @@ impl Robots {
     }
 
     /// Neighbouring samples of one track.
-    fn steps(&self) -> impl Iterator<Item = (&Sample, &Sample)> {
+    fn steps(&self) -> impl Iterator<Item = (&RobotSample, &RobotSample)> {
         self.tracks.iter().flat_map(|track| {
             self.samples[track.clone()].windows(2).map(|pair| (&pair[0], &pair[1]))
         })
     }
 
-    fn take_covariates(&mut self, table: &Table, rows: &[usize]) {
+    fn take_covariates(&mut self, table: &DataTable, rows: &[usize]) {
         for name in table.names().iter().filter(|name| !KNOWN.contains(&name.as_str())) {
             let Some(column) = table.column(name) else { continue };
             let values: Vec<f64> = rows.iter().map(|&row| column[row]).collect();
@@ -289,7 +289,8 @@ impl Robots {
         for track in &self.tracks {
             // From end to end of short stretches, so that noise does not add up to a way.
             let stride = ((1.0 / spacing_s).round() as usize).max(1);
-            let places: Vec<&Sample> = self.samples[track.clone()].iter().step_by(stride).collect();
+            let places: Vec<&RobotSample> =
+                self.samples[track.clone()].iter().step_by(stride).collect();
             for pair in places.windows(2) {
                 way_m += distance_m(pair[0], pair[1]);
             }
@@ -343,15 +344,15 @@ impl Robots {
     }
 }
 
-fn is_same_robot(a: &Sample, b: &Sample) -> bool {
+fn is_same_robot(a: &RobotSample, b: &RobotSample) -> bool {
     (a.run, a.agent) == (b.run, b.agent)
 }
 
-fn is_same_moment(a: &Sample, b: &Sample) -> bool {
+fn is_same_moment(a: &RobotSample, b: &RobotSample) -> bool {
     is_same_robot(a, b) && a.time_s.total_cmp(&b.time_s).is_eq()
 }
 
-fn distance_m(a: &Sample, b: &Sample) -> f64 {
+fn distance_m(a: &RobotSample, b: &RobotSample) -> f64 {
     (0..3).map(|i| square(a.position_m[i] - b.position_m[i])).sum::<f64>().sqrt()
 }
 
@@ -360,13 +361,13 @@ fn or_zero(number: f64) -> f64 {
 }
 
 /// A whole number that fits.
-fn whole(number: f64) -> Option<u32> {
+fn to_u32(number: f64) -> Option<u32> {
     (number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number))
         .then_some(number as u32)
 }
 
 /// A warning where the time of a robot runs backwards in the file.
-fn backwards(kept: &[(Sample, usize)]) -> Option<String> {
+fn backwards(kept: &[(RobotSample, usize)]) -> Option<String> {
     let mut latest: BTreeMap<(u32, u32), f64> = BTreeMap::new();
     let mut lines = Vec::new();
     for (sample, _) in kept {
@@ -390,8 +391,8 @@ mod tests {
     use std::fmt::Write as _;
     use std::path::Path;
 
-    fn table(text: &str) -> Table {
-        Table::of_csv(Path::new("data.csv"), text.as_bytes()).unwrap()
+    fn table(text: &str) -> DataTable {
+        DataTable::of_csv(Path::new("data.csv"), text.as_bytes()).unwrap()
     }
 
     /// A robot that goes east at 1 m/s, with changes to its rows.

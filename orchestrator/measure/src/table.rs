@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// A table of numbers. A missing value is NaN.
 #[derive(Clone, Debug)]
-pub struct Table {
+pub struct DataTable {
     /// The file.
     pub path: PathBuf,
     /// SHA-256 of the file, in hexadecimal digits.
@@ -20,7 +20,7 @@ pub struct Table {
     pub(crate) first_line: usize,
 }
 
-impl Table {
+impl DataTable {
     /// Reads a file in one of the [built-in formats](formats::BUILT_IN), or the links of a run from its folder.
     ///
     /// # Errors
@@ -34,7 +34,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// See [`Table::read`].
+    /// See [`DataTable::read`].
     pub fn of_csv(path: &Path, content: impl Read) -> Result<Self, DataError> {
         csv::read(path, content)
     }
@@ -99,8 +99,8 @@ impl Table {
 mod tests {
     use super::*;
 
-    fn csv(text: &str) -> Result<Table, DataError> {
-        Table::of_csv(Path::new("data.csv"), text.as_bytes())
+    fn csv(text: &str) -> Result<DataTable, DataError> {
+        DataTable::of_csv(Path::new("data.csv"), text.as_bytes())
     }
 
     #[test]

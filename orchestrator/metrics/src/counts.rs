@@ -15,7 +15,7 @@ pub struct Counts {
 
 impl Counts {
     /// Counts for `n_agents` agents.
-    pub fn of(deliveries: &Deliveries, n_agents: usize) -> Self {
+    pub fn from_deliveries(deliveries: &Deliveries, n_agents: usize) -> Self {
         let senders = &deliveries.transmissions.sender;
         let mut neighbours = vec![0; n_agents];
         let mut receivers = vec![0; senders.len()];
@@ -50,7 +50,7 @@ impl Counts {
                 }
             }
             for (index, &sender) in senders.iter().enumerate() {
-                if heard(deliveries, sender as usize, index) {
+                if was_heard_by(deliveries, sender as usize, index) {
                     neighbours[sender as usize] -= 1;
                     receivers[index] -= 1;
                 }
@@ -62,7 +62,7 @@ impl Counts {
 }
 
 /// Whether `receiver` heard the transmission with that index.
-pub fn heard(deliveries: &Deliveries, receiver: usize, index: usize) -> bool {
+pub fn was_heard_by(deliveries: &Deliveries, receiver: usize, index: usize) -> bool {
     match &deliveries.heard {
         Heard::Lists { ends, indices } => {
             let Some(&end) = ends.get(receiver) else { return false };
@@ -149,7 +149,7 @@ mod tests {
         let senders: Vec<u32> = (0..n as u32).rev().collect();
         let rule = |receiver: usize, index: usize| (receiver * 31 + index * 17) % 7 < 3;
         for deliveries in both(&senders, n, rule) {
-            let counts = Counts::of(&deliveries, n);
+            let counts = Counts::from_deliveries(&deliveries, n);
             for agent in 0..n {
                 let expected =
                     (0..n).filter(|&i| rule(agent, i) && senders[i] as usize != agent).count();
@@ -159,14 +159,14 @@ mod tests {
                 let expected = (0..n).filter(|&r| rule(r, index) && sender as usize != r).count();
                 assert_eq!(counts.receivers[index] as usize, expected);
             }
-            assert!((0..n).all(|r| (0..n).all(|i| heard(&deliveries, r, i) == rule(r, i))));
+            assert!((0..n).all(|r| (0..n).all(|i| was_heard_by(&deliveries, r, i) == rule(r, i))));
         }
     }
 
     #[test]
     fn a_neighbour_that_speaks_twice_is_one_neighbour() {
         for deliveries in both(&[1, 2, 1], 3, |_, _| true) {
-            let counts = Counts::of(&deliveries, 3);
+            let counts = Counts::from_deliveries(&deliveries, 3);
             assert_eq!(counts.neighbours, [2, 1, 1]);
             assert_eq!(counts.receivers, [2, 2, 2]);
             assert_eq!(counts.n_deliveries, 6);
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn nothing_sent_is_nothing_heard() {
-        let counts = Counts::of(&Deliveries::default(), 3);
+        let counts = Counts::from_deliveries(&Deliveries::default(), 3);
         assert_eq!(counts, Counts { neighbours: vec![0; 3], receivers: vec![], n_deliveries: 0 });
     }
 }

@@ -19,7 +19,7 @@ pub mod kpi_summary;
 mod packets;
 mod samples;
 
-pub use packets::{Account, MotePackets};
+pub use packets::{MotePackets, PacketAccount};
 pub use samples::Samples;
 
 use super::period::Period;
@@ -36,9 +36,9 @@ pub const BATTERY_MAH: f64 = 2821.5;
 #[derive(Clone, Debug, Default)]
 pub struct Kpis {
     /// Application packets of the whole run.
-    pub account: Account,
+    pub account: PacketAccount,
     /// The account of packets that ended while robots were free to move.
-    moving: Account,
+    moving: PacketAccount,
     /// Robots had to wait before they were free to move.
     has_waited: bool,
     /// Share of motes that were joined, summed over nanoseconds, and those nanoseconds, while robots were free to move.
@@ -124,8 +124,9 @@ impl Kpis {
             return None;
         }
         let n = self.motes.alive.len();
-        let whole = energy::of(self, None, n);
-        let since = self.formed.as_ref().map(|(_, formed)| energy::of(self, Some(formed), n));
+        let whole = energy::summarise(self, None, n);
+        let since =
+            self.formed.as_ref().map(|(_, formed)| energy::summarise(self, Some(formed), n));
         Some(KpiSummary {
             formation: self.formation.as_ref().map(formation),
             joining: self.joining(n),
@@ -148,7 +149,7 @@ impl Kpis {
     }
 
     /// The values of a statistic, of motes for which it is known.
-    fn known(&self, name: &str, n: usize, with_roots: bool) -> Vec<f64> {
+    fn known_values(&self, name: &str, n: usize, with_roots: bool) -> Vec<f64> {
         let column = self.statistics().and_then(|statistics| statistics.column(name));
         (0..n)
             .filter(|&mote| with_roots || !self.is_root(mote))
@@ -158,7 +159,7 @@ impl Kpis {
 
     fn joining(&self, n: usize) -> Joining {
         let of = |name: &str| {
-            let times = Samples::of(self.known(name, n, false));
+            let times = Samples::from_values(self.known_values(name, n, false));
             (!times.is_empty()).then(|| JoinTimes {
                 motes: times.len(),
                 first_s: times.quantile(0.0).map(in_seconds),
@@ -214,7 +215,7 @@ impl Kpis {
     /// place came a newer one.
     fn queue_drops(&self, n: usize) -> QueueDrops {
         let sum = |name: &str| {
-            let of_each = self.known(name, n, true);
+            let of_each = self.known_values(name, n, true);
             (!of_each.is_empty()).then(|| of_each.iter().sum::<f64>())
         };
         QueueDrops { txqueue_full: sum("queue_drops"), superseded: sum("payloads_superseded") }
@@ -225,7 +226,7 @@ impl Kpis {
         let columns = self.statistics().map_or(&[][..], |statistics| &statistics.columns);
         let sums = columns.iter().filter_map(|column| {
             let reason = column.name.strip_prefix(DROPS)?;
-            Some((reason.to_owned(), self.known(&column.name, n, true).iter().sum::<f64>()))
+            Some((reason.to_owned(), self.known_values(&column.name, n, true).iter().sum::<f64>()))
         });
         let mut sums: IndexMap<String, f64> = sums.collect();
         if sums.is_empty() {

@@ -1,12 +1,12 @@
 //! What a run shows: measured step by step, so that no run is too long.
 
-use super::counts::heard;
+use super::counts::was_heard_by;
 use super::distances::{DistanceBin, Distances};
 use super::kpi::Kpis;
 use super::lines;
 use super::period::{Period, distance_m};
 use super::solids::Solids;
-use super::swarm::{self, Swarm};
+use super::swarm::{self, SwarmMeasures};
 use super::task::Task;
 use super::trajectories::Trajectories;
 use crate::figures::{FigureValue, FiguresByName};
@@ -64,7 +64,7 @@ pub struct Measures {
     isolated: u64,
     last_states: AgentStates,
     events: Vec<(f64, &'static str)>,
-    swarm: Swarm,
+    swarm: SwarmMeasures,
     solids: Option<Solids>,
 }
 
@@ -87,7 +87,7 @@ impl Measures {
     pub fn new(task: Task, site: Site, states: &AgentStates, kpis: Kpis) -> Self {
         Self {
             trajectories: Trajectories::new(states, task.leader),
-            solids: Solids::of(&site, &task),
+            solids: Solids::from_site(&site, &task),
             task,
             site,
             series: Vec::new(),
@@ -114,7 +114,7 @@ impl Measures {
             isolated: 0,
             last_states: states.clone(),
             events: Vec::new(),
-            swarm: Swarm::default(),
+            swarm: SwarmMeasures::default(),
         }
     }
 
@@ -376,7 +376,8 @@ impl Measures {
             for (index, &sender) in sent.sender.iter().enumerate() {
                 if sender as usize != receiver && sent.destination(index).is_none() {
                     let distance_m = distance_m(period.states_on_air, sender as usize, receiver);
-                    self.distances.add(distance_m, heard(period.deliveries, receiver, index));
+                    self.distances
+                        .add(distance_m, was_heard_by(period.deliveries, receiver, index));
                 }
             }
         }
@@ -457,7 +458,7 @@ mod tests {
             heard: Heard::Lists { ends: vec![0, 1, 2, 3], indices: vec![0, 0, 1] },
             ..Deliveries::default()
         };
-        let counts = Counts::of(&deliveries, 4);
+        let counts = Counts::from_deliveries(&deliveries, 4);
         let motes = MoteStates::default();
         let places = [(0, &states), (1_000_000_000, &states)];
         let mut measures =

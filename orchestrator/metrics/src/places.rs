@@ -13,7 +13,7 @@ pub fn measures_of(task: Task, places: &[(u64, AgentStates)]) -> Option<Measures
     let (_, begin) = places.first()?;
     let mut measures = Measures::new(task, Site::default(), begin, Kpis::default());
     let (deliveries, motes) = (Deliveries::default(), MoteStates::default());
-    let counts = Counts::of(&deliveries, begin.len());
+    let counts = Counts::from_deliveries(&deliveries, begin.len());
     for (step, pair) in (1..).zip(places.windows(2)) {
         let [(from_ns, before), (time_ns, states)] = pair else { continue };
         let places = [(*from_ns, before), (*time_ns, states)];

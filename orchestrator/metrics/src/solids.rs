@@ -28,7 +28,7 @@ struct Solid {
 
 impl Solids {
     /// Of a place. `None` where nothing is solid, or where it is not known how large robots are.
-    pub(super) fn of(site: &Site, task: &Task) -> Option<Self> {
+    pub(super) fn from_site(site: &Site, task: &Task) -> Option<Self> {
         let robot_radius_m = 0.5 * task.diameter_m?;
         let wall = site.wall.iter().map(|wall| Solid {
             line_m: [[wall.from_m, wall.to_m]; 2],
@@ -49,7 +49,7 @@ impl Solids {
             }
         }
         let is_empty = standing.is_empty() && named.is_empty();
-        let standing = Tree::of(standing, robot_radius_m);
+        let standing = Tree::build(standing, robot_radius_m);
         (!is_empty).then_some(Self { standing, named, robot_radius_m, n_met: 0, n_passed: 0 })
     }
 
@@ -60,7 +60,7 @@ impl Solids {
             return;
         }
         let named = self.named.iter().map(|(_, solid)| *solid).collect();
-        let named = Tree::of(named, self.robot_radius_m);
+        let named = Tree::build(named, self.robot_radius_m);
         let (states, before) = (period.states, period.states_before);
         for agent in states.alive.iter_ones() {
             let end_m = states.position_m(agent);
@@ -178,12 +178,12 @@ fn segment_distance_m(one: [[f64; 2]; 2], other: [[f64; 2]; 2]) -> f64 {
 struct Tree {
     solids: Vec<Solid>,
     /// A box, then what is in it, box after box.
-    boxes: Vec<Cell>,
+    boxes: Vec<TreeNode>,
 }
 
 /// A box that holds what robots of the tree's size touch when they are in it.
 #[derive(Clone, Copy, Debug)]
-struct Cell {
+struct TreeNode {
     from_m: [f64; 2],
     to_m: [f64; 2],
     /// The box that follows where nothing in this one matters.
@@ -193,7 +193,7 @@ struct Cell {
 }
 
 impl Tree {
-    fn of(solids: Vec<Solid>, robot_radius_m: f64) -> Self {
+    fn build(solids: Vec<Solid>, robot_radius_m: f64) -> Self {
         let mut order: Vec<usize> = (0..solids.len()).collect();
         let mut tree = Self { solids, boxes: Vec::new() };
         if !order.is_empty() {
@@ -212,7 +212,7 @@ impl Tree {
             to_m = std::array::from_fn(|i| to_m[i].max(most_m[i]));
         }
         let solid = if let [only] = *order { Some(only) } else { None };
-        self.boxes.push(Cell { from_m, to_m, next: 0, solid });
+        self.boxes.push(TreeNode { from_m, to_m, next: 0, solid });
         if solid.is_none() {
             let axis = usize::from(to_m[0] - from_m[0] < to_m[1] - from_m[1]);
             let middle = |number: usize| {
@@ -230,7 +230,7 @@ impl Tree {
     /// How many of the solids a robot meets.
     fn n_met(&self, way: Way, robot_radius_m: f64) -> u64 {
         let begin_m = way.begin_m.unwrap_or(way.end_m);
-        let is_near = |it: &Cell| {
+        let is_near = |it: &TreeNode| {
             (0..2).all(|i| {
                 it.from_m[i] <= begin_m[i].max(way.end_m[i])
                     && begin_m[i].min(way.end_m[i]) <= it.to_m[i]

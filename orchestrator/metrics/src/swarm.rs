@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 /// Measures of a swarm over time.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Swarm {
+pub(super) struct SwarmMeasures {
     along_leader: Mean,
     leader_distance: Mean,
     leader_connected: Mean,
@@ -46,7 +46,7 @@ impl Mean {
     }
 }
 
-impl Swarm {
+impl SwarmMeasures {
     /// Adds a step in which robots were free to move.
     pub(super) fn add(&mut self, task: &Task, period: &Period<'_>) {
         let weight = (period.time_ns - period.from_ns) as f64;
@@ -128,9 +128,9 @@ impl Swarm {
         self.fragments.add(Some(groups.n as f64), weight);
         self.final_fragments = Some(groups.n);
         let Some(leader) = leader.filter(|_| 1 < alive.len()) else { return };
-        let home = groups.of(leader);
+        let home = groups.root_of(leader);
         let others = alive.iter().filter(|&&agent| agent != leader);
-        let connected = others.filter(|&&agent| groups.of(agent) == home).count();
+        let connected = others.filter(|&&agent| groups.root_of(agent) == home).count();
         self.leader_connected.add(Some(connected as f64 / (alive.len() - 1) as f64), weight);
     }
 
@@ -250,7 +250,7 @@ impl Groups {
         Self { parent: (0..n_agents).collect(), n: n_alive }
     }
 
-    fn of(&mut self, mut agent: usize) -> usize {
+    fn root_of(&mut self, mut agent: usize) -> usize {
         while self.parent[agent] != agent {
             self.parent[agent] = self.parent[self.parent[agent]];
             agent = self.parent[agent];
@@ -259,7 +259,7 @@ impl Groups {
     }
 
     fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.of(a), self.of(b));
+        let (a, b) = (self.root_of(a), self.root_of(b));
         if a != b {
             self.parent[a.max(b)] = a.min(b);
             self.n -= 1;
@@ -357,7 +357,7 @@ mod tests {
     /// A step of one second in which everyone sends at its begin, and `hears` says who hears.
     fn after(
         task: &Task,
-        swarm: &mut Swarm,
+        swarm: &mut SwarmMeasures,
         states: &AgentStates,
         hears: impl Fn(usize, usize) -> bool,
     ) {
@@ -381,7 +381,7 @@ mod tests {
             heard: Heard::Lists { ends, indices },
             ..Deliveries::default()
         };
-        let counts = Counts::of(&deliveries, n);
+        let counts = Counts::from_deliveries(&deliveries, n);
         let motes = MoteStates::default();
         let places = [(0, states), (1_000_000_000, states)];
         swarm.add(task, &Period::of_places(1, places, (&deliveries, &counts), &motes));
@@ -396,7 +396,7 @@ mod tests {
         }
     }
 
-    fn number(swarm: &Swarm, name: &str) -> f64 {
+    fn number(swarm: &SwarmMeasures, name: &str) -> f64 {
         swarm.figures(&leader())[name].unwrap().number().unwrap()
     }
 
@@ -406,7 +406,7 @@ mod tests {
         let mut states = AgentStates::at_rest(&[[0.0, 0.0], [3.0, 4.0], [0.0, 2.0], [6.0, 0.0]]);
         states.vy_mps = vec![2.0, -1.0, 0.0, 0.0];
         states.vx_mps = vec![0.0, 0.0, 3.0, 0.0];
-        let mut swarm = Swarm::default();
+        let mut swarm = SwarmMeasures::default();
         after(&leader(), &mut swarm, &states, |_, _| true);
         assert!((number(&swarm, "speed_along_leader_mps") - 0.25).abs() < 1e-12);
         assert!((number(&swarm, "leader_distance_m") - (5.0 + 2.0 + 6.0) / 3.0).abs() < 1e-12);
@@ -419,7 +419,7 @@ mod tests {
     fn what_spreads_has_a_positive_radial_speed_however_it_travels() {
         let mut states = AgentStates::at_rest(&[[-1.0, 0.0], [1.0, 0.0]]);
         states.vx_mps = vec![10.0 - 3.0, 10.0 + 3.0];
-        let mut swarm = Swarm::default();
+        let mut swarm = SwarmMeasures::default();
         after(&leader(), &mut swarm, &states, |_, _| true);
         assert!((number(&swarm, "radial_speed_mps") - 3.0).abs() < 1e-12);
         assert!((number(&swarm, "cohesion_m") - 1.0).abs() < 1e-12);
@@ -429,7 +429,7 @@ mod tests {
     fn fragments_are_groups_that_hear_each_other_even_by_way_of_others() {
         let states =
             AgentStates::at_rest(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [50.0, 0.0], [51.0, 0.0]]);
-        let mut swarm = Swarm::default();
+        let mut swarm = SwarmMeasures::default();
         // 1 hears 0, 2 hears 1: one way suffices. 3 and 4 hear each other.
         let heard = [(1, 0), (2, 1), (3, 4), (4, 3)];
         after(&leader(), &mut swarm, &states, |r, s| heard.contains(&(r, s)));
@@ -439,7 +439,7 @@ mod tests {
 
     #[test]
     fn a_collision_is_counted_once_until_they_have_parted() {
-        let mut swarm = Swarm::default();
+        let mut swarm = SwarmMeasures::default();
         for distance_m in [1.0, 0.4, 0.3, 0.7, 0.2] {
             let states = AgentStates::at_rest(&[[0.0, 0.0], [9.0, 0.0], [0.0, distance_m]]);
             after(&leader(), &mut swarm, &states, |_, _| false);
@@ -450,7 +450,7 @@ mod tests {
 
     #[test]
     fn neighbours_are_off_by_what_they_have_moved_since_they_spoke() {
-        let mut swarm = Swarm::default();
+        let mut swarm = SwarmMeasures::default();
         // 1 moves by 3 m, then by 4 m across; two hear it, one hears 2, which stays.
         let heard = [(0, 1), (2, 1), (0, 2)];
         for place in [[1.0, 0.0], [4.0, 0.0], [4.0, 4.0]] {

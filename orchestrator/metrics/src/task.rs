@@ -39,7 +39,7 @@ impl Task {
     }
 
     /// Reads the robots' effective configuration.
-    pub fn of(robotsim_toml: &str) -> Self {
+    pub fn from_config(robotsim_toml: &str) -> Self {
         let Ok(config) = robotsim_toml.parse::<toml::Table>() else { return Self::default() };
         let shared = config.get("controller").and_then(toml::Value::as_table);
         let groups = config.get("group").and_then(toml::Value::as_array).map_or(&[][..], |all| all);
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_flock_has_a_leader_with_a_speed() {
-        let task = Task::of(
+        let task = Task::from_config(
             "knowledge = \"truth\"\n[controller]\nkind = \"flocking\"\nleader_velocity_mps = [3, -4.0]",
         );
         assert_eq!((task.leader, task.leader_speed_mps), (Some(0), Some(5.0)));
@@ -137,15 +137,16 @@ mod tests {
     fn of_groups_the_one_that_follows_has_the_leader() {
         let shared =
             "[controller]\nkind = \"flocking\"\nleader = 2\nleader_velocity_mps = [2, 0]\n";
-        let alone = Task::of(&format!("{shared}[[group]]\ncount = 3\n[[group]]\ncount = 2\n"));
+        let alone =
+            Task::from_config(&format!("{shared}[[group]]\ncount = 3\n[[group]]\ncount = 2\n"));
         assert_eq!((alone.controller.as_deref(), alone.leader), (Some("flocking"), Some(2)));
-        let mixed = Task::of(&format!(
+        let mixed = Task::from_config(&format!(
             "{shared}[[group]]\ncount = 3\n[group.controller]\nkind = \"hold\"\n[[group]]\ncount = 2\n"
         ));
         assert_eq!((mixed.controller, mixed.leader), (None, Some(2)));
         assert_eq!(mixed.leader_speed_mps, Some(2.0));
         // Whom no group follows leads nobody.
-        let unled = Task::of(&format!(
+        let unled = Task::from_config(&format!(
             "{shared}[[group]]\ncount = 3\n[group.controller]\nkind = \"hold\"\n"
         ));
         assert_eq!((unled.controller.as_deref(), unled.leader), (Some("hold"), None));
@@ -154,7 +155,7 @@ mod tests {
     #[test]
     fn robots_are_held_up_where_contacts_are_resolved() {
         let of = |toml: &str| {
-            let task = Task::of(toml);
+            let task = Task::from_config(toml);
             [0, 3, 4].map(|agent| task.passage(agent))
         };
         assert_eq!(of("contacts.kind = \"count\""), [Passage::Through; 3]);
@@ -169,7 +170,7 @@ mod tests {
 
     #[test]
     fn of_a_stranger_nothing_is_known() {
-        assert_eq!(Task::of("swarm = 3"), Task::default());
-        assert_eq!(Task::of("not toml ="), Task::default());
+        assert_eq!(Task::from_config("swarm = 3"), Task::default());
+        assert_eq!(Task::from_config("not toml ="), Task::default());
     }
 }

@@ -7,7 +7,7 @@ use proto::effect::{About, Parameter};
 
 /// An effect that is tried by simulation: one number of it is fitted.
 #[derive(Clone, Debug)]
-pub struct Candidate {
+pub struct CandidateEffect {
     /// Its name.
     pub name: &'static str,
     /// The layer of the network that has it: `mac` or `phy`.
@@ -31,13 +31,13 @@ const STEPS: [f64; 5] = [-1.0, 0.0, 1.0, 2.0, 3.0];
 
 /// All effects that are tried, in a fixed order.
 #[must_use]
-pub fn all() -> Vec<Candidate> {
-    let mut list: Vec<Candidate> = Vec::new();
+pub fn all() -> Vec<CandidateEffect> {
+    let mut list: Vec<CandidateEffect> = Vec::new();
     for entry in Catalogue::built_in().mac_effects.iter() {
         let Some(parameter) = entry.fit.parameters.first() else { continue };
         let fixed = entry.fit.variants.first().copied().unwrap_or_default();
         let field = entry.variant.fields.iter().find(|field| field.key == parameter.key);
-        list.push(Candidate {
+        list.push(CandidateEffect {
             name: entry.variant.name,
             layer: "mac",
             about: &entry.about,
@@ -50,7 +50,7 @@ pub fn all() -> Vec<Candidate> {
     if let Some((entry, parameter)) =
         interference.and_then(|entry| Some((entry, entry.fit.parameters.first()?)))
     {
-        list.push(Candidate {
+        list.push(CandidateEffect {
             name: entry.variant.name,
             layer: "phy",
             about: &entry.about,
@@ -62,7 +62,7 @@ pub fn all() -> Vec<Candidate> {
     list
 }
 
-impl Candidate {
+impl CandidateEffect {
     /// A share: its scale is that of log odds. Everything else is a ratio: logarithm.
     fn is_share(&self) -> bool {
         self.parameter.max == 1.0
@@ -117,7 +117,7 @@ impl Candidate {
     /// Where it is looked at between two places of its scale that were tried, the first of them included: at whole numbers
     /// only, where it must be whole.
     #[must_use]
-    pub fn between(&self, from: f64, to: f64) -> Vec<f64> {
+    pub fn values_between(&self, from: f64, to: f64) -> Vec<f64> {
         let place = |k: usize| from + k as f64 / BETWEEN as f64 * (to - from);
         let mut places: Vec<f64> = (0..BETWEEN).map(place).collect();
         if self.is_whole {
@@ -163,7 +163,7 @@ impl Candidate {
 
     /// Its number, in words: `delay_s = 0.6 s`.
     #[must_use]
-    pub fn said(&self, value: f64) -> String {
+    pub fn setting_text(&self, value: f64) -> String {
         let Parameter { key, unit, .. } = *self.parameter;
         let space = if unit.is_empty() { "" } else { " " };
         format!("{key} = {}{space}{unit}", number(value))
@@ -200,7 +200,7 @@ mod tests {
         let all = all();
         let queue = all.iter().find(|candidate| candidate.is_whole).unwrap();
         let between = |from: f64, to: f64| -> Vec<f64> {
-            let places = queue.between(queue.scaled(from), queue.scaled(to));
+            let places = queue.values_between(queue.scaled(from), queue.scaled(to));
             places.into_iter().map(|at| queue.value(at)).collect()
         };
         assert_eq!(between(1.0, 2.0), [1.0]);

@@ -4,7 +4,7 @@
 use super::error_split::NetworkErrorSplit;
 use diagnose::json_number;
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -28,7 +28,7 @@ pub struct NetworkComparison {
     pub sentence: String,
     /// The measurements.
     #[serde(flatten)]
-    pub account: Account,
+    pub account: DataAccount,
     /// Where the error comes from, if links were measured as well.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_split: Option<NetworkErrorSplit>,

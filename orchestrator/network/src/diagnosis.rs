@@ -4,7 +4,7 @@ use super::comparison::{AmongSeeds, Kpi};
 use diagnose::diagnosis::{Parameter, Verdict};
 use diagnose::json_number;
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -43,7 +43,7 @@ pub struct NetworkDiagnosis {
     pub stopped_in_round: Option<usize>,
     /// The measurements.
     #[serde(flatten)]
-    pub account: Account,
+    pub account: DataAccount,
 }
 
 /// A model of the search.

@@ -2,7 +2,7 @@
 
 /// What a figure is, and on which scale `S` its differences are told.
 #[derive(Clone, Copy, Debug)]
-pub struct Figure<S> {
+pub struct FigureSpec<S> {
     /// Its name.
     pub name: &'static str,
     /// Its unit; empty for a number without.
@@ -19,6 +19,6 @@ pub(super) const fn figure<S>(
     unit: &'static str,
     doc: &'static str,
     scale: S,
-) -> Figure<S> {
-    Figure { name, unit, doc, scale }
+) -> FigureSpec<S> {
+    FigureSpec { name, unit, doc, scale }
 }

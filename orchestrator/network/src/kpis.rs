@@ -1,7 +1,7 @@
 //! The figures of packets that are compared.
 
-use super::figure::{Figure, figure};
-use measure::packets::Packet;
+use super::figure::{FigureSpec, figure};
+use measure::packets::MeasuredPacket;
 use numbers::statistics::{mean, quantile};
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ pub enum Scale {
 }
 
 /// All figures, in the order of [`Figures::values`].
-pub const KPIS: [Figure<Scale>; 11] = [
+pub const KPIS: [FigureSpec<Scale>; 11] = [
     figure("delivery", "", "packets that arrived, of all", Scale::Share),
     figure("delivery_worst", "", "the same, of the mote that fares worst", Scale::Share),
     figure(
@@ -56,14 +56,14 @@ pub const KPIS: [Figure<Scale>; 11] = [
 
 /// What became of a mote's packets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct OfMote {
+pub struct MoteCounts {
     /// Packets it made.
     pub sent: u32,
     /// Those that arrived.
     pub arrived: u32,
 }
 
-impl OfMote {
+impl MoteCounts {
     /// Share that arrived.
     #[must_use]
     pub fn share(self) -> f64 {
@@ -73,22 +73,22 @@ impl OfMote {
 
 /// The figures of one campaign, or of one seed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Figures {
+pub struct NetworkFigures {
     /// Those of [`KPIS`]; NaN where there is nothing to tell.
     pub values: [f64; KPIS.len()],
     /// By mote that sent.
-    pub of_mote: BTreeMap<u32, OfMote>,
+    pub of_mote: BTreeMap<u32, MoteCounts>,
 }
 
 /// A mote with fewer packets is no judge of delivery by itself.
 const FEWEST_OF_MOTE: u32 = 5;
 
-impl Figures {
+impl NetworkFigures {
     /// Of packets, made from `from_s` on.
     #[must_use]
-    pub fn of(packets: &[Packet], from_s: f64) -> Self {
+    pub fn from_packets(packets: &[MeasuredPacket], from_s: f64) -> Self {
         let packets = || packets.iter().filter(|packet| from_s <= packet.time_s);
-        let mut of_mote: BTreeMap<u32, OfMote> = BTreeMap::new();
+        let mut of_mote: BTreeMap<u32, MoteCounts> = BTreeMap::new();
         let mut arrivals: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
         let (mut latencies, mut per_hop, mut hops) = (Vec::new(), Vec::new(), Vec::new());
         for packet in packets() {
@@ -161,9 +161,9 @@ impl Figures {
 mod tests {
     use super::*;
 
-    fn packet(time_s: f64, source: u32, received_s: Option<f64>, hops: u32) -> Packet {
+    fn packet(time_s: f64, source: u32, received_s: Option<f64>, hops: u32) -> MeasuredPacket {
         let hops = received_s.map(|_| hops);
-        Packet { time_s, source, destination: 0, received_s, hops, payload_bytes: None }
+        MeasuredPacket { time_s, source, destination: 0, received_s, hops, payload_bytes: None }
     }
 
     #[test]
@@ -175,7 +175,7 @@ mod tests {
             // Every second one of mote 2 is lost.
             packets.push(packet(time_s, 2, (k % 2 == 0).then_some(time_s + 4.0), 2));
         }
-        let figures = Figures::of(&packets, 0.0);
+        let figures = NetworkFigures::from_packets(&packets, 0.0);
         let named =
             |name: &str| figures.values[KPIS.iter().position(|kpi| kpi.name == name).unwrap()];
         assert_eq!((named("delivery"), named("delivery_worst")), (0.75, 0.5));
@@ -185,9 +185,9 @@ mod tests {
         assert_eq!((named("join_p50_s"), named("join_last_s")), (2.5, 4.0));
         assert_eq!(named("silence_s"), 20.0);
         // Without the first half.
-        let later = Figures::of(&packets, 50.0);
+        let later = NetworkFigures::from_packets(&packets, 50.0);
         assert_eq!(later.values[0], 0.7);
-        assert_eq!(later.of_mote[&2], OfMote { sent: 5, arrived: 2 });
+        assert_eq!(later.of_mote[&2], MoteCounts { sent: 5, arrived: 2 });
         assert!(figures.scaled().iter().all(|value| value.is_finite()));
     }
 }

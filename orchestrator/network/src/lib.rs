@@ -18,20 +18,20 @@
 //! A measurement is one run of a network whose chances fell in one way. So it is not held against the mean of the
 //! simulation, but asked whether it could be one more of its runs.
 
+pub mod candidate_fits;
 pub mod candidates;
-pub mod compared;
+pub mod compare;
 pub mod comparison;
-pub mod diagnosed;
 pub mod diagnosis;
 pub mod error_split;
-pub mod extended;
+pub mod extend;
 pub mod extension;
 pub mod figure;
 pub mod kpis;
 pub mod likelihood;
 pub mod resimulate;
+pub mod search;
 pub mod split;
 pub mod spread;
 pub mod task;
 pub mod tracks;
-pub mod tried;

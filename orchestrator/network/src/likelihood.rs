@@ -9,7 +9,7 @@
 //! Between values of a parameter that were tried, mean and scatter go straight ([`between`]); near the best they are smoothed
 //! ([`Smooth`]), so that the chances of single values do not count for the parameter's.
 
-use super::kpis::{Figures, KPIS};
+use super::kpis::{KPIS, NetworkFigures};
 use crate::kpis::Scale;
 use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 /// How many figures there are.
 pub const D: usize = KPIS.len();
 /// The figures of a run on their scales; NaN where there is nothing to tell.
-pub type Run = [f64; D];
+pub type ScaledFigures = [f64; D];
 /// What is told of a run for which a model has no like.
 const UNHEARD_OF: f64 = -1e4;
 /// Freedom of Student's density: what is five standard deviations out happens.
@@ -31,32 +31,36 @@ const PACKETS: usize = D - 1;
 
 /// The figures of runs.
 #[must_use]
-pub fn scaled(runs: &[Figures]) -> Vec<Run> {
-    runs.iter().map(Figures::scaled).collect()
+pub fn scaled(runs: &[NetworkFigures]) -> Vec<ScaledFigures> {
+    runs.iter().map(NetworkFigures::scaled).collect()
 }
 
 /// Which of the figures are known, as bits.
-fn pattern(run: &Run, usable: &[usize]) -> u16 {
+fn pattern(run: &ScaledFigures, usable: &[usize]) -> u16 {
     usable.iter().filter(|&&k| run[k].is_finite()).fold(0, |bits, &k| bits | 1 << k)
 }
 
 /// What the runs at one value of a parameter are like.
 #[derive(Clone, Debug)]
-pub struct Moments {
+pub struct RunMoments {
     /// Where, on the parameter's scale.
     pub at: f64,
     n: f64,
-    mean: Run,
-    log_sd: Run,
+    mean: ScaledFigures,
+    log_sd: ScaledFigures,
     /// Correlations.
     correlation: Vec<[f64; D]>,
     /// How often which figures are known.
     patterns: BTreeMap<u16, f64>,
 }
 
-impl Moments {
+impl RunMoments {
     /// Of runs. `usable`: figures that count.
-    pub fn of<'a>(at: f64, runs: impl Iterator<Item = &'a Run> + Clone, usable: &[usize]) -> Self {
+    pub fn from_runs<'a>(
+        at: f64,
+        runs: impl Iterator<Item = &'a ScaledFigures> + Clone,
+        usable: &[usize],
+    ) -> Self {
         let n = runs.clone().count() as f64;
         let mut patterns = BTreeMap::new();
         for run in runs.clone() {
@@ -75,7 +79,7 @@ impl Moments {
             sd[k] = sd[k].max(least_sd(k, &mean));
         }
         let mut correlation = vec![[0.0; D]; D];
-        let out = |run: &Run, k: usize| {
+        let out = |run: &ScaledFigures, k: usize| {
             let out = (run[k] - mean[k]) / sd[k];
             if out.is_finite() { out } else { 0.0 }
         };
@@ -90,7 +94,7 @@ impl Moments {
 }
 
 /// The least scatter of a figure: that of counting losses, for shares.
-fn least_sd(k: usize, mean: &Run) -> f64 {
+fn least_sd(k: usize, mean: &ScaledFigures) -> f64 {
     match KPIS[k].scale {
         Scale::Ratio => LEAST_RATIO,
         Scale::Share => {
@@ -105,25 +109,31 @@ fn least_sd(k: usize, mean: &Run) -> f64 {
 
 /// A density of figures.
 #[derive(Clone, Debug)]
-pub struct Law {
+pub struct FigureDensity {
     usable: Vec<usize>,
-    mean: Run,
-    sd: Run,
+    mean: ScaledFigures,
+    sd: ScaledFigures,
     correlation: Vec<[f64; D]>,
     patterns: BTreeMap<u16, f64>,
     /// Chance of figures that no run had.
     unseen: f64,
     /// Of all usable figures; `None`: they are not all known of the runs.
-    whole: Option<Lower>,
+    whole: Option<CholeskyFactor>,
 }
 
-impl Law {
-    fn new(usable: &[usize], mean: Run, log_sd: Run, correlation: Vec<[f64; D]>, n: f64) -> Self {
+impl FigureDensity {
+    fn new(
+        usable: &[usize],
+        mean: ScaledFigures,
+        log_sd: ScaledFigures,
+        correlation: Vec<[f64; D]>,
+        n: f64,
+    ) -> Self {
         let mut law = Self {
             usable: usable.to_vec(),
             mean,
             sd: log_sd.map(libm::exp),
-            correlation: shrunk(correlation, usable, n),
+            correlation: shrink_correlations(correlation, usable, n),
             patterns: BTreeMap::new(),
             unseen: 0.5 / (n + 1.0),
             whole: None,
@@ -134,17 +144,17 @@ impl Law {
 
     /// The law of runs at one value.
     #[must_use]
-    pub fn of(moments: &Moments, usable: &[usize]) -> Self {
-        between(moments, moments, moments.at, usable)
+    pub fn at_value(moments: &RunMoments, usable: &[usize]) -> Self {
+        interpolate(moments, moments, moments.at, usable)
     }
 
-    fn lower(&self, figures: &[usize]) -> Option<Lower> {
-        Lower::of(figures, |i, j| self.correlation[i][j])
+    fn lower(&self, figures: &[usize]) -> Option<CholeskyFactor> {
+        CholeskyFactor::factorise(figures, |i, j| self.correlation[i][j])
     }
 
     /// Log density of figures (nats).
     #[must_use]
-    pub fn log_density(&self, run: &Run) -> f64 {
+    pub fn log_density(&self, run: &ScaledFigures) -> f64 {
         let seen = pattern(run, &self.usable);
         let chance = self.patterns.get(&seen).copied().unwrap_or(0.0).max(self.unseen);
         let known: Vec<usize> =
@@ -179,7 +189,7 @@ impl Law {
 
     /// How far two laws are apart, figure by figure, in units of their scatter.
     #[must_use]
-    pub fn apart(&self, other: &Self) -> Vec<(usize, f64)> {
+    pub fn standardised_differences(&self, other: &Self) -> Vec<(usize, f64)> {
         let of = |k: usize| {
             let sd = libm::sqrt(0.5 * (square(self.sd[k]) + square(other.sd[k])));
             (k, (self.mean[k] - other.mean[k]) / sd)
@@ -189,7 +199,7 @@ impl Law {
 }
 
 /// Correlations as far as `n` runs bear them out.
-fn shrunk(mut correlation: Vec<[f64; D]>, usable: &[usize], n: f64) -> Vec<[f64; D]> {
+fn shrink_correlations(mut correlation: Vec<[f64; D]>, usable: &[usize], n: f64) -> Vec<[f64; D]> {
     let pairs =
         || usable.iter().flat_map(|&i| usable.iter().map(move |&j| (i, j))).filter(|(i, j)| i != j);
     let squares: f64 = pairs().map(|(i, j)| square(correlation[i][j])).sum();
@@ -209,14 +219,14 @@ const LEAST_LEFT: f64 = 1e-9;
 
 /// The factor L of a matrix L L' of correlations.
 #[derive(Clone, Debug)]
-struct Lower {
+struct CholeskyFactor {
     factor: DMatrix<f64>,
     /// Logarithm of its determinant.
     log_root: f64,
 }
 
-impl Lower {
-    fn of(figures: &[usize], entry: impl Fn(usize, usize) -> f64) -> Option<Self> {
+impl CholeskyFactor {
+    fn factorise(figures: &[usize], entry: impl Fn(usize, usize) -> f64) -> Option<Self> {
         let n = figures.len();
         let matrix = DMatrix::from_fn(n, n, |i, j| entry(figures[i], figures[j]));
         let factor = matrix.cholesky()?.unpack();
@@ -235,7 +245,7 @@ impl Lower {
 
 /// The law at a place between two tried values: straight between them.
 #[must_use]
-pub fn between(from: &Moments, to: &Moments, at: f64, usable: &[usize]) -> Law {
+pub fn interpolate(from: &RunMoments, to: &RunMoments, at: f64, usable: &[usize]) -> FigureDensity {
     let share =
         if from.at < to.at { ((at - from.at) / (to.at - from.at)).clamp(0.0, 1.0) } else { 0.0 };
     let mix = |a: f64, b: f64| {
@@ -247,11 +257,13 @@ pub fn between(from: &Moments, to: &Moments, at: f64, usable: &[usize]) -> Law {
             a + share * (b - a)
         }
     };
-    let each = |a: &Run, b: &Run| -> Run { std::array::from_fn(|k| mix(a[k], b[k])) };
+    let each = |a: &ScaledFigures, b: &ScaledFigures| -> ScaledFigures {
+        std::array::from_fn(|k| mix(a[k], b[k]))
+    };
     let correlation =
         from.correlation.iter().zip(&to.correlation).map(|(a, b)| each(a, b)).collect();
     let n = mix(from.n, to.n);
-    let mut law = Law::new(
+    let mut law = FigureDensity::new(
         usable,
         each(&from.mean, &to.mean),
         each(&from.log_sd, &to.log_sd),
@@ -270,7 +282,7 @@ pub fn between(from: &Moments, to: &Moments, at: f64, usable: &[usize]) -> Law {
 /// The laws near the best value: the mean of each figure as a parabola over the parameter's scale, the logarithm of its
 /// scatter as a straight line, and correlations that are the same throughout.
 #[derive(Clone, Debug)]
-pub struct Smooth {
+pub struct SmoothDensity {
     middle: f64,
     half: f64,
     mean: Vec<[f64; 3]>,
@@ -281,17 +293,17 @@ pub struct Smooth {
     usable: Vec<usize>,
 }
 
-impl Smooth {
+impl SmoothDensity {
     /// Over tried values; `None`: too few.
     #[must_use]
-    pub fn over(tried: &[Moments], usable: &[usize]) -> Option<Self> {
+    pub fn fit(tried: &[RunMoments], usable: &[usize]) -> Option<Self> {
         let (first, last) = (tried.first()?.at, tried.last()?.at);
         if tried.len() < 3 {
             return None;
         }
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
         let places: Vec<f64> = tried.iter().map(|moments| (moments.at - middle) / half).collect();
-        let fitted = |of: &dyn Fn(&Moments) -> f64, degree: usize| {
+        let fitted = |of: &dyn Fn(&RunMoments) -> f64, degree: usize| {
             polynomial(&places, &tried.iter().map(of).collect::<Vec<f64>>(), degree)
         };
         let parts = tried.len() as f64;
@@ -323,10 +335,10 @@ impl Smooth {
 
     /// The law at a place of the scale.
     #[must_use]
-    pub fn law(&self, at: f64) -> Law {
+    pub fn law(&self, at: f64) -> FigureDensity {
         let u = (at - self.middle) / self.half;
         let value = |c: &[f64; 3]| c[0] + u * (c[1] + u * c[2]);
-        let mut law = Law::new(
+        let mut law = FigureDensity::new(
             &self.usable,
             std::array::from_fn(|k| value(&self.mean[k])),
             std::array::from_fn(|k| value(&self.log_sd[k])),
@@ -377,7 +389,7 @@ mod tests {
     const USABLE: [usize; 4] = [2, 3, 4, 10];
 
     /// Runs about a mean that moves with a parameter, two of the figures going together.
-    fn runs(shift: f64, first: u64, n: u64) -> Vec<Run> {
+    fn runs(shift: f64, first: u64, n: u64) -> Vec<ScaledFigures> {
         let draws = Draws::new(3, Purpose::Resample);
         let of = |number: u64| {
             let mut run = [f64::NAN; D];
@@ -391,13 +403,13 @@ mod tests {
         (first..first + n).map(of).collect()
     }
 
-    fn moments(at: f64, n: u64) -> Moments {
-        Moments::of(at, runs(at, 0, n).iter(), &USABLE)
+    fn moments(at: f64, n: u64) -> RunMoments {
+        RunMoments::from_runs(at, runs(at, 0, n).iter(), &USABLE)
     }
 
     #[test]
     fn the_density_of_many_runs_is_students_about_their_mean() {
-        let law = Law::of(&moments(0.0, 4000), &USABLE);
+        let law = FigureDensity::at_value(&moments(0.0, 4000), &USABLE);
         // Student's density with 8 degrees of freedom in 4 dimensions, scaled to the scatter that was put in: at its middle, and
         // one standard deviation of figure 10 beside it. Determinant of the scatter: 0.3^8. From 4,000 runs: to 0.1.
         let at = |squares: f64| {
@@ -416,9 +428,9 @@ mod tests {
 
     #[test]
     fn the_parameter_under_which_a_run_was_made_is_the_most_probable_one_on_average() {
-        let tried: Vec<Moments> = (0..5).map(|k| moments(0.25 * f64::from(k), 100)).collect();
-        let smooth = Smooth::over(&tried, &USABLE).unwrap();
-        let best = |run: &Run| {
+        let tried: Vec<RunMoments> = (0..5).map(|k| moments(0.25 * f64::from(k), 100)).collect();
+        let smooth = SmoothDensity::fit(&tried, &USABLE).unwrap();
+        let best = |run: &ScaledFigures| {
             let place = |k: u32| f64::from(k) / 100.0;
             let log = |k: &u32| smooth.law(place(*k)).log_density(run);
             place((0..=100).max_by(|a, b| log(a).total_cmp(&log(b))).unwrap())
@@ -429,7 +441,7 @@ mod tests {
         assert!((mean - 0.5).abs() < 0.12, "{mean}");
         // Between two tried values the same is told without smoothing.
         let run = runs(0.5, 1000, 1)[0];
-        let straight = between(&tried[1], &tried[3], 0.5, &USABLE).log_density(&run);
+        let straight = interpolate(&tried[1], &tried[3], 0.5, &USABLE).log_density(&run);
         assert!((straight - smooth.law(0.5).log_density(&run)).abs() < 0.2, "{straight}");
     }
 
@@ -437,7 +449,8 @@ mod tests {
     fn figures_that_are_not_known_are_told_by_how_often_that_happens() {
         let mut some = runs(0.0, 0, 100);
         some.iter_mut().take(30).for_each(|run| run[3] = f64::NAN);
-        let law = Law::of(&Moments::of(0.0, some.iter(), &USABLE), &USABLE);
+        let law =
+            FigureDensity::at_value(&RunMoments::from_runs(0.0, some.iter(), &USABLE), &USABLE);
         let mut run = [f64::NAN; D];
         USABLE.iter().for_each(|&k| run[k] = 0.0);
         let known = law.log_density(&run);
@@ -446,7 +459,8 @@ mod tests {
         assert!(known.is_finite() && unknown.is_finite());
         // Where none of the runs has the figure, nobody can tell of it.
         some.iter_mut().for_each(|run| run[3] = f64::NAN);
-        let law = Law::of(&Moments::of(0.0, some.iter(), &USABLE), &USABLE);
+        let law =
+            FigureDensity::at_value(&RunMoments::from_runs(0.0, some.iter(), &USABLE), &USABLE);
         run[3] = 0.0;
         assert_eq!(law.log_density(&run), UNHEARD_OF);
     }

@@ -1,16 +1,18 @@
 //! What a configured network would have done, under a seed: in this process, without files.
 
-use super::kpis::Figures;
+use super::kpis::NetworkFigures;
 use super::tracks::Tracks;
 use bytes::Bytes;
 use drive::coupling::Coupled;
-use drive::peer::{Described, InProcess, Network, Peer, Robots, Side, SideError, Standing, ready};
+use drive::peer::{
+    Described, InProcess, NetworkSide, Peer, RobotSide, Side, SideError, Standing, ready,
+};
 use drive::{
-    Asked, Driver, End, Failure, Observer, Schedule, Stopped, Taken, Uninterrupted, Wanted,
-    configure,
+    ConfigureRequests, Driver, End, Failure, Observer, Schedule, Stopped, Taken, Uninterrupted,
+    Wanted, configure,
 };
 use experiment::{Plan, Start};
-use measure::packets::{OWN, Packet};
+use measure::packets::{MeasuredPacket, OWN};
 use netsim::sim::Network as BuiltInNetwork;
 use proto::config::Problem;
 use proto::exchange::{ConfigureRequest, Configured, NetworkStep, RobotsStart, RobotsStep};
@@ -42,7 +44,7 @@ pub struct Resimulation {
     /// Where robots were measured; `None`: they go as the experiment has them.
     tracks: Option<Tracks>,
     /// Packets that are sent again as they were measured; empty: motes send as their applications say.
-    resent: Vec<Packet>,
+    resent: Vec<MeasuredPacket>,
     until_ns: u64,
 }
 
@@ -67,7 +69,7 @@ impl Resimulation {
     pub fn new(
         plan: Plan,
         tracks: Option<Tracks>,
-        packets: &[Packet],
+        packets: &[MeasuredPacket],
     ) -> Result<Self, ResimulationError> {
         let unfit = |why: String| Err(ResimulationError::Unfit(why));
         has_both_sides(&plan)?;
@@ -125,14 +127,14 @@ impl Resimulation {
 
     /// The same up to a time (s) at which packets may long have ceased: that none come any more is news, too.
     #[must_use]
-    pub fn until(&self, until_s: f64) -> Self {
+    pub fn extended_to(&self, until_s: f64) -> Self {
         let until_ns = (until_s * NS_PER_S as f64).round() as u64;
         Self { until_ns: self.until_ns.max(until_ns), ..self.clone() }
     }
 
     /// The same with robots elsewhere.
     #[must_use]
-    pub fn over(&self, tracks: Tracks) -> Self {
+    pub fn with_tracks(&self, tracks: Tracks) -> Self {
         Self { tracks: Some(tracks), ..self.clone() }
     }
 
@@ -182,7 +184,7 @@ impl Resimulation {
         &self,
         network: &toml::Table,
         seeds: std::ops::Range<u64>,
-    ) -> Result<Vec<Vec<Packet>>, ResimulationError> {
+    ) -> Result<Vec<Vec<MeasuredPacket>>, ResimulationError> {
         let numbers: Vec<u64> = seeds.collect();
         numbers.par_iter().map(|&number| self.under(network, number, None)).collect()
     }
@@ -197,9 +199,11 @@ impl Resimulation {
         network: &toml::Table,
         seeds: std::ops::Range<u64>,
         from_s: f64,
-    ) -> Result<Vec<Figures>, ResimulationError> {
+    ) -> Result<Vec<NetworkFigures>, ResimulationError> {
         let numbers: Vec<u64> = seeds.collect();
-        let of = |&number: &u64| Ok(Figures::of(&self.under(network, number, None)?, from_s));
+        let of = |&number: &u64| {
+            Ok(NetworkFigures::from_packets(&self.under(network, number, None)?, from_s))
+        };
         numbers.par_iter().map(of).collect()
     }
 
@@ -213,9 +217,9 @@ impl Resimulation {
         network: &toml::Table,
         runs: &[(u64, Bytes)],
         from_s: f64,
-    ) -> Result<Vec<Figures>, ResimulationError> {
+    ) -> Result<Vec<NetworkFigures>, ResimulationError> {
         let of = |(number, trace): &(u64, Bytes)| {
-            Ok(Figures::of(&self.under(network, *number, Some(trace))?, from_s))
+            Ok(NetworkFigures::from_packets(&self.under(network, *number, Some(trace))?, from_s))
         };
         runs.par_iter().map(of).collect()
     }
@@ -226,10 +230,10 @@ impl Resimulation {
         network: &toml::Table,
         number: u64,
         trace: Option<&Bytes>,
-    ) -> Result<Vec<Packet>, ResimulationError> {
+    ) -> Result<Vec<MeasuredPacket>, ResimulationError> {
         let mut packets = Vec::new();
         // The robots are those of the experiment, whatever the network's chances.
-        let course = Course {
+        let course = ResimulationSettings {
             network,
             number,
             trace,
@@ -237,7 +241,9 @@ impl Resimulation {
             begin: None,
             counts_from_start: false,
         };
-        self.drive(&course, &mut |step| packets.extend(step.reply.packets.iter().flat_map(ended)))?;
+        self.drive(&course, &mut |step| {
+            packets.extend(step.reply.packets.iter().flat_map(ended_packets))
+        })?;
         packets.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then(a.source.cmp(&b.source)));
         Ok(packets)
     }
@@ -245,8 +251,13 @@ impl Resimulation {
     /// What both sides are asked.
     ///
     /// * `begin`: robots' places in place of the scenario's, as the file of a scenario `csv`.
-    fn asked(&self, course: &Course<'_>, robots: &Described, network: &Described) -> Asked {
-        let mut asked = Asked::of(&self.plan, robots, network, Wanted::Nothing);
+    fn configure_requests(
+        &self,
+        course: &ResimulationSettings<'_>,
+        robots: &Described,
+        network: &Described,
+    ) -> ConfigureRequests {
+        let mut asked = ConfigureRequests::from_plan(&self.plan, robots, network, Wanted::Nothing);
         asked.robots.experiment.seed = course.robots_seed;
         if let Some(begin) = course.begin {
             let mut section: toml::Table = asked.robots.config_toml.parse().unwrap_or_default();
@@ -274,8 +285,8 @@ impl Resimulation {
     /// Runs both sides, and shows each step: the built-in network with the experiment's robots, or with those measured.
     pub(super) fn drive(
         &self,
-        course: &Course<'_>,
-        each: &mut dyn FnMut(&Stepped<'_>),
+        course: &ResimulationSettings<'_>,
+        each: &mut dyn FnMut(&ResimulatedStep<'_>),
     ) -> Result<(), ResimulationError> {
         match &self.tracks {
             None => self.drive_over(course, built_in_robots(), built_in_network(), each),
@@ -287,14 +298,14 @@ impl Resimulation {
     }
 
     /// The same over any robots and any network.
-    pub(super) fn drive_over<R: Peer<Robots>, N: Peer<Network>>(
+    pub(super) fn drive_over<R: Peer<RobotSide>, N: Peer<NetworkSide>>(
         &self,
-        course: &Course<'_>,
+        course: &ResimulationSettings<'_>,
         robots: R,
         network: N,
-        each: &mut dyn FnMut(&Stepped<'_>),
+        each: &mut dyn FnMut(&ResimulatedStep<'_>),
     ) -> Result<(), ResimulationError> {
-        let asked = self.asked(course, robots.described(), network.described());
+        let asked = self.configure_requests(course, robots.described(), network.described());
         // Measured robots do not care who takes turns how.
         let experiment =
             Experiment { coupling: Coupling::Sequential, ..self.plan.experiment.clone() };
@@ -336,11 +347,12 @@ pub fn exchanged(
 ) -> Result<(), ResimulationError> {
     has_both_sides(plan)?;
     let (robots, network) = (built_in_robots(), built_in_network());
-    let described = (Peer::<Robots>::described(&robots), Peer::<Network>::described(&network));
-    let asked = Asked::of(plan, described.0, described.1, Wanted::Record);
+    let described =
+        (Peer::<RobotSide>::described(&robots), Peer::<NetworkSide>::described(&network));
+    let asked = ConfigureRequests::from_plan(plan, described.0, described.1, Wanted::Record);
     let (mut coupled, configured) = couple(asked, plan.experiment.clone(), robots, network)?;
     begin(&configured);
-    let schedule = Schedule::of(plan, waits(plan, &configured));
+    let schedule = Schedule::from_plan(plan, waits(plan, &configured));
     finished(drive(schedule, &configured, &mut coupled, &mut Shown(each)))
 }
 
@@ -360,8 +372,8 @@ fn built_in_network() -> InProcess<BuiltInNetwork> {
 }
 
 /// Configures both sides and couples them.
-fn couple<R: Peer<Robots>, N: Peer<Network>>(
-    asked: Asked,
+fn couple<R: Peer<RobotSide>, N: Peer<NetworkSide>>(
+    asked: ConfigureRequests,
     experiment: Experiment,
     mut robots: R,
     mut network: N,
@@ -372,7 +384,7 @@ fn couple<R: Peer<Robots>, N: Peer<Network>>(
 }
 
 /// Takes all steps.
-fn drive<R: Peer<Robots>, N: Peer<Network>, O: Observer>(
+fn drive<R: Peer<RobotSide>, N: Peer<NetworkSide>, O: Observer>(
     schedule: Schedule<'_>,
     configured: &Configured,
     coupled: &mut Coupled<R, N>,
@@ -403,22 +415,22 @@ impl From<SideError> for ResimulationError {
 
 /// Sends measured packets again, and shows the steps that count.
 struct Spectator<'a, 'e> {
-    resent: Peekable<Iter<'a, Packet>>,
+    resent: Peekable<Iter<'a, MeasuredPacket>>,
     counts_from_start: bool,
-    each: &'e mut dyn FnMut(&Stepped<'_>),
+    each: &'e mut dyn FnMut(&ResimulatedStep<'_>),
 }
 
 impl Observer for Spectator<'_, '_> {
     type Error = Infallible;
 
     fn orders(&mut self, until_ns: u64) -> Vec<MoteCommand> {
-        let is_now = |packet: &&Packet| packet.time_s * 1e9 < until_ns as f64;
-        std::iter::from_fn(|| self.resent.next_if(is_now)).map(again).collect()
+        let is_now = |packet: &&MeasuredPacket| packet.time_s * 1e9 < until_ns as f64;
+        std::iter::from_fn(|| self.resent.next_if(is_now)).map(resend_order).collect()
     }
 
     fn step(&mut self, Taken { outcome, start_ns, .. }: Taken) -> Result<(), Infallible> {
         if let Some(since_ns) = if self.counts_from_start { start_ns } else { Some(0) } {
-            (self.each)(&Stepped {
+            (self.each)(&ResimulatedStep {
                 since_ns,
                 until_ns: outcome.time_ns,
                 states: &outcome.robots.states,
@@ -466,15 +478,15 @@ impl<'a> Tracked<'a> {
     }
 }
 
-impl Peer<Robots> for Tracked<'_> {
+impl Peer<RobotSide> for Tracked<'_> {
     const SHARES_VALUES: bool = true;
 
     fn described(&self) -> &Described {
-        Peer::<Robots>::described(&self.begun)
+        Peer::<RobotSide>::described(&self.begun)
     }
 
     async fn configure(&mut self, request: &ConfigureRequest) -> Result<RobotsStart, SideError> {
-        let start = Peer::<Robots>::configure(&mut self.begun, request).await?;
+        let start = Peer::<RobotSide>::configure(&mut self.begun, request).await?;
         self.states = start.states.clone();
         self.payloads = start
             .payloads
@@ -483,7 +495,10 @@ impl Peer<Robots> for Tracked<'_> {
         Ok(RobotsStart { messages: false, ..start })
     }
 
-    async fn step(&mut self, input: &<Robots as Side>::Input<'_>) -> Result<RobotsStep, SideError> {
+    async fn step(
+        &mut self,
+        input: &<RobotSide as Side>::Input<'_>,
+    ) -> Result<RobotsStep, SideError> {
         if !input.hold {
             self.started_ns.get_or_insert(input.from_ns);
         }
@@ -509,7 +524,7 @@ impl Peer<Robots> for Tracked<'_> {
 
 /// One resimulation.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Course<'a> {
+pub(super) struct ResimulationSettings<'a> {
     /// The network's section.
     pub(super) network: &'a toml::Table,
     /// Number of its seed.
@@ -526,7 +541,7 @@ pub(super) struct Course<'a> {
 
 /// A step of a resimulation.
 #[derive(Debug)]
-pub(super) struct Stepped<'a> {
+pub(super) struct ResimulatedStep<'a> {
     /// When time begins to count (ns).
     pub(super) since_ns: u64,
     /// When the step ends (ns).
@@ -568,7 +583,7 @@ fn network_of(plan: &Plan) -> toml::Table {
 }
 
 /// The order to send a packet again.
-fn again(packet: &Packet) -> MoteCommand {
+fn resend_order(packet: &MeasuredPacket) -> MoteCommand {
     let bytes = packet.payload_bytes.unwrap_or(PAYLOAD_BYTES).min(1000) as usize;
     let order = MoteOrder::Send {
         mote: packet.source,
@@ -579,13 +594,13 @@ fn again(packet: &Packet) -> MoteCommand {
 }
 
 /// Packets whose way has ended, those for everyone apart, and those of the network itself.
-fn ended(packets: &proto::types::Packets) -> impl Iterator<Item = Packet> + '_ {
+fn ended_packets(packets: &proto::types::Packets) -> impl Iterator<Item = MeasuredPacket> + '_ {
     let is_own = |i: usize| packets.kinds[packets.kind[i] as usize].name == OWN;
     let is_meant = move |&i: &usize| packets.destination[i] != u32::MAX && !is_own(i);
     (0..packets.len()).filter(is_meant).map(|i| {
         let arrived = packets.outcome[i] == 0;
         let at_s = |ns: u64| ns as f64 * 1e-9;
-        Packet {
+        MeasuredPacket {
             time_s: at_s(packets.created_ns[i]),
             source: packets.source[i],
             destination: packets.destination[i],

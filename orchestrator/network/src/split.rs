@@ -6,18 +6,18 @@
 //! So the third step is set against the same replay of links that the model itself would have measured, at the same rows; and
 //! what such a replay errs by is taken off what is left.
 
-mod told;
+mod words;
 
-use super::compared::Asked;
-use super::kpis::{Figures, KPIS};
+use super::compare::ComparisonOptions;
+use super::kpis::{KPIS, NetworkFigures};
 use super::resimulate::{Resimulation, ResimulationError};
 use super::spread::place;
 use bytes::Bytes;
 use diagnose::simulate;
 use measure::config::Compared;
-use measure::links::{self, Row};
-use measure::packets::Packet;
-use measure::table::Table;
+use measure::links::{self, LinkRow};
+use measure::packets::MeasuredPacket;
+use measure::table::DataTable;
 use numbers::power::square;
 use numbers::statistics::{mean, variance};
 use proto::rng::{Draws, Purpose};
@@ -25,7 +25,7 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use study::open::OpenError;
-pub use told::{answer, text};
+pub use words::{answer, text};
 
 /// Campaigns that the model measures of its own links.
 const CAMPAIGNS: u64 = 39;
@@ -84,9 +84,9 @@ impl Campaign {
     /// # Errors
     ///
     /// They say nothing of reception, or name motes that the experiment does not have; in words for their author.
-    pub fn of(table: &Table, n_agents: usize, until_s: f64) -> Result<Self, String> {
+    pub fn from_table(table: &DataTable, n_agents: usize, until_s: f64) -> Result<Self, String> {
         let rows = links::read(table)?.rows;
-        let known: Vec<&Row> = rows.iter().filter(|row| row.received.is_finite()).collect();
+        let known: Vec<&LinkRow> = rows.iter().filter(|row| row.received.is_finite()).collect();
         if known.is_empty() {
             return Err(
                 "no row says whether a frame was received: needs received or pdr".to_owned()
@@ -99,7 +99,7 @@ impl Campaign {
                 n_agents - 1
             ));
         }
-        let time_s = |row: &Row| if row.time_s.is_finite() { row.time_s.max(0.0) } else { 0.0 };
+        let time_s = |row: &LinkRow| if row.time_s.is_finite() { row.time_s.max(0.0) } else { 0.0 };
         let mut frames_of: BTreeMap<(u32, u32), f64> = BTreeMap::new();
         for row in &known {
             *frames_of.entry((row.tx, row.rx)).or_insert(0.0) += row.frames;
@@ -185,7 +185,7 @@ fn date(time_s: f64) -> String {
 
 /// One part of the error, in one figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Part {
+pub struct SplitPart {
     /// How much of the error goes with it, in the figure's unit.
     pub value: f64,
     /// 90 % interval.
@@ -196,51 +196,51 @@ pub struct Part {
 
 /// One of robots, radio and protocol.
 #[derive(Clone, Debug)]
-pub struct Share {
+pub struct ErrorSource {
     /// Its name.
     pub name: &'static str,
     /// By figure; none where it is not known.
-    pub parts: Vec<Option<Part>>,
+    pub parts: Vec<Option<SplitPart>>,
     /// Chance of as much in any figure, if nothing is wrong with it.
     pub p_value: f64,
 }
 
 /// The error split.
 #[derive(Clone, Debug)]
-pub struct Split {
+pub struct ErrorSplit {
     /// Of the measurement.
-    pub measured: Figures,
+    pub measured: NetworkFigures,
     /// Means of the whole model, with measured tracks, with its own links replayed, with the measured links replayed.
     pub means: [[f64; KPIS.len()]; 4],
     /// Robot, radio, protocol.
-    pub shares: [Share; 3],
+    pub shares: [ErrorSource; 3],
     /// How many seeds.
     pub seeds: u64,
 }
 
-impl Split {
+impl ErrorSplit {
     /// The parts that are more than chance.
     #[must_use]
-    pub fn found(&self) -> Vec<&Share> {
+    pub fn found(&self) -> Vec<&ErrorSource> {
         self.shares.iter().filter(|share| share.p_value <= ACCEPT).collect()
     }
 }
 
 /// Mean and variance, and of how many.
 #[derive(Clone, Copy, Debug)]
-struct Level {
+struct SampleMoments {
     mean: f64,
     variance: f64,
     n: f64,
 }
 
-impl Level {
-    fn of(values: &[f64]) -> Self {
+impl SampleMoments {
+    fn from_values(values: &[f64]) -> Self {
         let all = values.iter().copied();
         Self { mean: mean(all.clone()), variance: variance(all), n: values.len() as f64 }
     }
 
-    fn of_mean(self) -> f64 {
+    fn variance_of_mean(self) -> f64 {
         self.variance / self.n
     }
 }
@@ -256,14 +256,14 @@ impl Level {
 /// See [`SplitError`].
 pub fn split(
     resimulation: &Resimulation,
-    measured: &[Packet],
-    asked: Asked,
+    measured: &[MeasuredPacket],
+    asked: ComparisonOptions,
     config: &Compared,
-    links: &Table,
-) -> Result<Split, SplitError> {
+    links: &DataTable,
+) -> Result<ErrorSplit, SplitError> {
     let n_agents = resimulation.plan().experiment.agent_count;
-    let campaign = |table: &Table| {
-        Campaign::of(table, n_agents, resimulation.duration_s())
+    let campaign = |table: &DataTable| {
+        Campaign::from_table(table, n_agents, resimulation.duration_s())
             .map_err(|why| SplitError::Links(format!("{}: {why}", links.path.display())))
     };
     let network = resimulation.network();
@@ -281,53 +281,67 @@ pub fn split(
     };
     let linked = over(&here, seeds)?;
     tracing::info!("with links as the model would have measured them");
-    let mut own: Vec<Figures> = Vec::new();
+    let mut own: Vec<NetworkFigures> = Vec::new();
     for number in 0..CAMPAIGNS {
         let simulated = simulate::simulate(config, links, number + 1, Some(NO_NOISE_DB))?;
-        let table = Table::of_columns(simulated.names, simulated.columns);
+        let table = DataTable::of_columns(simulated.names, simulated.columns);
         let first = asked.seeds + number * RUNS;
         own.extend(over(&campaign(&table)?, first..first + RUNS)?);
     }
-    let measured = Figures::of(measured, asked.from_s);
+    let measured = NetworkFigures::from_packets(measured, asked.from_s);
     Ok(parted(measured, [&whole, &tracked, &own, &linked], asked.seeds))
 }
 
 /// The parts, by the figures of the runs.
-fn parted(measured: Figures, runs: [&[Figures]; 4], seeds: u64) -> Split {
-    let raw = |run: &Figures| run.values;
-    let levels = |of: &dyn Fn(&Figures) -> [f64; KPIS.len()], k: usize| {
-        runs.map(|runs| Level::of(&runs.iter().map(|run| of(run)[k]).collect::<Vec<f64>>()))
+fn parted(measured: NetworkFigures, runs: [&[NetworkFigures]; 4], seeds: u64) -> ErrorSplit {
+    let raw = |run: &NetworkFigures| run.values;
+    let levels = |of: &dyn Fn(&NetworkFigures) -> [f64; KPIS.len()], k: usize| {
+        runs.map(|runs| {
+            SampleMoments::from_values(&runs.iter().map(|run| of(run)[k]).collect::<Vec<f64>>())
+        })
     };
     // What the model's own campaigns of links differ by beyond the chances of runs over them.
-    let between = |of: &dyn Fn(&Figures) -> [f64; KPIS.len()], k: usize| {
-        let groups: Vec<Level> = runs[2]
+    let between = |of: &dyn Fn(&NetworkFigures) -> [f64; KPIS.len()], k: usize| {
+        let groups: Vec<SampleMoments> = runs[2]
             .chunks(RUNS as usize)
-            .map(|group| Level::of(&group.iter().map(|run| of(run)[k]).collect::<Vec<f64>>()))
+            .map(|group| {
+                SampleMoments::from_values(
+                    &group.iter().map(|run| of(run)[k]).collect::<Vec<f64>>(),
+                )
+            })
             .collect();
-        let within = groups.iter().map(|group| group.of_mean()).sum::<f64>() / groups.len() as f64;
+        let within =
+            groups.iter().map(|group| group.variance_of_mean()).sum::<f64>() / groups.len() as f64;
         let means: Vec<f64> = groups.iter().map(|group| group.mean).collect();
-        (Level::of(&means).variance - within).max(0.0)
+        (SampleMoments::from_values(&means).variance - within).max(0.0)
     };
-    let differences = |of: &dyn Fn(&Figures) -> [f64; KPIS.len()], k: usize| -> [(f64, f64); 3] {
-        let [whole, tracked, own, linked] = levels(of, k);
-        [
-            (tracked.mean - whole.mean, tracked.of_mean() + whole.of_mean()),
-            (linked.mean - own.mean, linked.of_mean() + own.of_mean() + between(of, k)),
-            // Less what the replay itself errs by.
-            (
-                of(&measured)[k] - linked.mean - (tracked.mean - own.mean),
-                linked.variance + linked.of_mean() + tracked.of_mean() + own.of_mean(),
-            ),
-        ]
-    };
+    let differences =
+        |of: &dyn Fn(&NetworkFigures) -> [f64; KPIS.len()], k: usize| -> [(f64, f64); 3] {
+            let [whole, tracked, own, linked] = levels(of, k);
+            [
+                (tracked.mean - whole.mean, tracked.variance_of_mean() + whole.variance_of_mean()),
+                (
+                    linked.mean - own.mean,
+                    linked.variance_of_mean() + own.variance_of_mean() + between(of, k),
+                ),
+                // Less what the replay itself errs by.
+                (
+                    of(&measured)[k] - linked.mean - (tracked.mean - own.mean),
+                    linked.variance
+                        + linked.variance_of_mean()
+                        + tracked.variance_of_mean()
+                        + own.variance_of_mean(),
+                ),
+            ]
+        };
     let names = ["robot", "radio", "protocol"];
-    let mut shares = names.map(|name| Share { name, parts: Vec::new(), p_value: 1.0 });
+    let mut shares = names.map(|name| ErrorSource { name, parts: Vec::new(), p_value: 1.0 });
     for k in 0..KPIS.len() {
         let in_units = differences(&raw, k);
-        let on_scale = differences(&Figures::scaled, k);
+        let on_scale = differences(&NetworkFigures::scaled, k);
         for (share, (unit, scale)) in shares.iter_mut().zip(in_units.into_iter().zip(on_scale)) {
             let sd = libm::sqrt(unit.1);
-            let part = Part {
+            let part = SplitPart {
                 value: unit.0,
                 interval: [unit.0 - Z_95 * sd, unit.0 + Z_95 * sd],
                 z: scale.0 / libm::sqrt(scale.1).max(LEAST_SD),
@@ -339,23 +353,25 @@ fn parted(measured: Figures, runs: [&[Figures]; 4], seeds: u64) -> Split {
     robot.p_value = furthest(&robot.parts, runs[0].len() as f64 - 1.0);
     radio.p_value = furthest(&radio.parts, CAMPAIGNS as f64 - 1.0);
     let shifts: Vec<f64> = (0..KPIS.len())
-        .map(|k| levels(&Figures::scaled, k))
+        .map(|k| levels(&NetworkFigures::scaled, k))
         .map(|[_, tracked, own, _]| tracked.mean - own.mean)
         .collect();
-    let shifted =
-        |run: &Figures| run.scaled().iter().zip(&shifts).map(|(x, shift)| x + shift).collect();
+    let shifted = |run: &NetworkFigures| {
+        run.scaled().iter().zip(&shifts).map(|(x, shift)| x + shift).collect()
+    };
     let scaled: Vec<Vec<f64>> = runs[3].iter().map(shifted).collect();
     protocol.p_value = place(&measured.scaled(), &scaled).p_value;
     let means = runs.map(|runs| {
         std::array::from_fn(|k| {
-            Level::of(&runs.iter().map(|run| run.values[k]).collect::<Vec<f64>>()).mean
+            SampleMoments::from_values(&runs.iter().map(|run| run.values[k]).collect::<Vec<f64>>())
+                .mean
         })
     });
-    Split { measured, means, shares, seeds }
+    ErrorSplit { measured, means, shares, seeds }
 }
 
 /// The chance that any of the figures lies so many standard errors out: each counted (Bonferroni).
-fn furthest(parts: &[Option<Part>], freedom: f64) -> f64 {
+fn furthest(parts: &[Option<SplitPart>], freedom: f64) -> f64 {
     let known = parts.iter().flatten();
     let n = known.clone().count() as f64;
     let z = known.map(|part| part.z.abs()).fold(0.0, f64::max);

@@ -6,12 +6,12 @@
 //! `S + 1`: that rank is exact too, and needs no correction for several figures being looked at.
 
 use super::comparison::{Kpi, KpiOfModel};
-use super::figure::Figure;
+use super::figure::FigureSpec;
 use numbers::statistics::{mean, quantile, standard_deviation};
 
 /// A figure of a measurement among those of seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Standing {
+pub struct FigurePlacement {
     /// Mean of the seeds.
     pub mean: f64,
     /// Where the middle 90 % of the seeds lie.
@@ -26,12 +26,12 @@ pub struct Standing {
 ///
 /// * `seeds`: its value under each seed of the model; `mean`, and `[low, high]` of the middle 90 % of them.
 pub(super) fn kpi<S>(
-    figure: &Figure<S>,
+    figure: &FigureSpec<S>,
     measured: f64,
     mean: f64,
     [low, high]: [f64; 2],
     seeds: Vec<f64>,
-    standing: Option<Standing>,
+    standing: Option<FigurePlacement>,
 ) -> Kpi {
     Kpi {
         name: figure.name,
@@ -46,9 +46,9 @@ pub(super) fn kpi<S>(
 
 /// A measurement among seeds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Placed {
+pub struct Placement {
     /// By figure; `None`: it is not known of the measurement, or of a seed.
-    pub figures: Vec<Option<Standing>>,
+    pub figures: Vec<Option<FigurePlacement>>,
     /// Chance that one of the figures lies as far out as it does.
     pub p_value: f64,
 }
@@ -60,7 +60,7 @@ pub const FEWEST_SEEDS: usize = 19;
 
 /// Places a measurement among seeds. Figures are given on scales on which differences mean the same everywhere.
 #[must_use]
-pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placed {
+pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placement {
     let n = seeds.len() as f64;
     let is_known = |k: usize| {
         !seeds.is_empty() && measured[k].is_finite() && seeds.iter().all(|seed| seed[k].is_finite())
@@ -89,7 +89,7 @@ pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placed {
                 values.sort_by(f64::total_cmp);
                 let below = values.iter().filter(|&&value| value <= measured[k]).count() as f64;
                 let above = values.iter().filter(|&&value| measured[k] <= value).count() as f64;
-                Standing {
+                FigurePlacement {
                     mean: mean(values.iter().copied()),
                     interval: [0.05, 0.95].map(|share| quantile(&values, share)),
                     p_value: (2.0 * (1.0 + below.min(above)) / (n + 1.0)).min(1.0),
@@ -98,7 +98,7 @@ pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placed {
             })
         })
         .collect();
-    Placed { figures, p_value: (1.0 + as_far as f64) / (n + 1.0) }
+    Placement { figures, p_value: (1.0 + as_far as f64) / (n + 1.0) }
 }
 
 #[cfg(test)]

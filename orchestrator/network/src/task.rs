@@ -9,24 +9,24 @@
 
 pub mod comparison;
 pub mod figures;
-pub mod heard;
-mod heard_network;
-mod told;
+mod reception_network;
+pub mod receptions;
+mod words;
 
-use super::compared::Asked;
-use super::resimulate::{self, Course, Resimulation, ResimulationError};
-use super::spread::{Standing, place};
+use super::compare::ComparisonOptions;
+use super::resimulate::{self, Resimulation, ResimulationError, ResimulationSettings};
+use super::spread::{FigurePlacement, place};
 use super::tracks::Tracks;
 use bytes::Bytes;
 use figures::{N, Sheet, TaskFigures};
-use heard::Hearing;
-use heard_network::HeardNetwork;
 use metrics::Task;
 use numbers::statistics;
 use proto::rng::{Draws, Purpose};
 use proto::types::seconds;
 use rayon::prelude::*;
-pub use told::{answer, text};
+use reception_network::ReceptionNetwork;
+use receptions::Receptions;
+pub use words::{answer, text};
 
 /// The chance up to which a part is more than chance.
 pub const ACCEPT: f64 = 0.01;
@@ -39,27 +39,27 @@ const Z_95: f64 = 1.645;
 
 /// A swarm that was measured, and the experiment that is held against it.
 #[derive(Debug)]
-pub struct Measured<'a> {
+pub struct MeasuredSwarm<'a> {
     /// The experiment over the measured tracks: [`Resimulation::of_task`].
     pub resimulation: &'a Resimulation,
     /// Where robots were, from when the task began.
     pub tracks: &'a Tracks,
     /// Who heard whom, from then on.
-    pub heard: &'a Hearing,
+    pub heard: &'a Receptions,
     /// Standard deviation of the noise of measured places, per component (m).
     pub sd_m: f64,
 }
 
 /// Figures of runs, and how far they are from what was measured.
 #[derive(Clone, Debug)]
-pub struct Runs {
+pub struct TaskRuns {
     /// Of each run.
     pub figures: Vec<TaskFigures>,
     /// Root mean square distance of robots from where they were measured, mean of the runs (m).
     pub off_m: f64,
 }
 
-impl Runs {
+impl TaskRuns {
     /// Mean of a figure.
     #[must_use]
     pub fn mean(&self, k: usize) -> f64 {
@@ -89,7 +89,7 @@ impl Runs {
 
     /// Chance that a run is as far out as this, and the figure in which it is furthest. What differs by less than [`LEAST`] in
     /// all figures does not differ.
-    fn place_of(&self, scaled: &[f64]) -> Placing {
+    fn place_of(&self, scaled: &[f64]) -> RunPlacement {
         let runs = self.scaled();
         let placed = place(scaled, &runs);
         let mean = |k: usize| statistics::mean(runs.iter().map(|run| run[k]));
@@ -100,20 +100,20 @@ impl Runs {
             .collect();
         let furthest = apart.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| *k);
         let p_value = if apart.is_empty() { 1.0 } else { placed.p_value };
-        Placing { p_value, furthest }
+        RunPlacement { p_value, furthest }
     }
 }
 
 /// Where something stands among runs.
 #[derive(Clone, Copy, Debug)]
-pub struct Placing {
+pub struct RunPlacement {
     /// Chance to be as far out in any figure.
     pub p_value: f64,
     /// The figure in which it is furthest; none where it does not differ.
     pub furthest: Option<usize>,
 }
 
-impl Placing {
+impl RunPlacement {
     /// More than chance.
     #[must_use]
     pub fn is_found(&self) -> bool {
@@ -127,24 +127,24 @@ pub struct TaskSplit {
     /// Of the measurement.
     pub measured: TaskFigures,
     /// The whole model.
-    pub whole: Runs,
+    pub whole: TaskRuns,
     /// The model's robots, who hear what the model's network delivers along the measured tracks.
-    pub own: Runs,
+    pub own: TaskRuns,
     /// The model's robots, who hear what was heard.
-    pub heard: Runs,
+    pub heard: TaskRuns,
     /// The measurement among runs of the whole model; the same figure by figure.
-    pub model: Placing,
+    pub model: RunPlacement,
     /// None where a figure is not known.
-    pub standings: Vec<Option<Standing>>,
+    pub standings: Vec<Option<FigurePlacement>>,
     /// What was heard among what the model's network delivers along the same tracks.
-    pub network: Placing,
+    pub network: RunPlacement,
     /// What robots did among what the model's do with what was heard.
-    pub robot: Placing,
+    pub robot: RunPlacement,
 }
 
 /// Part of an error in one figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Part {
+pub struct TaskPart {
     /// How much of it (in the figure's unit).
     pub value: f64,
     /// 90 % interval.
@@ -154,15 +154,15 @@ pub struct Part {
 impl TaskSplit {
     /// The parts of the error in a figure: network, robot, and what goes with neither. They add up to the whole error.
     #[must_use]
-    pub fn parts(&self, k: usize) -> [Option<Part>; 3] {
+    pub fn parts(&self, k: usize) -> [Option<TaskPart>; 3] {
         let n = self.whole.figures.len() as f64;
         let part = |value: f64, variance: f64| {
             let half = Z_95 * libm::sqrt(variance);
             let interval = [value - half, value + half];
-            value.is_finite().then_some(Part { value, interval })
+            value.is_finite().then_some(TaskPart { value, interval })
         };
         let [whole, own, heard] = [&self.whole, &self.own, &self.heard];
-        let of_mean = |runs: &Runs| runs.variance(k) / n;
+        let of_mean = |runs: &TaskRuns| runs.variance(k) / n;
         [
             // What was heard is one of the things that might have been heard.
             part(heard.mean(k) - own.mean(k), own.variance(k) + of_mean(own)),
@@ -176,18 +176,18 @@ impl TaskSplit {
 const ROBOTS: u64 = 1;
 const NOISE: u64 = 2;
 
-impl Measured<'_> {
+impl MeasuredSwarm<'_> {
     /// Splits the error. `asked.from_s` is done with: tracks and what was heard begin with the task.
     ///
     /// # Errors
     ///
     /// A side refuses what it is told, or robots ask for what the file does not tell.
-    pub fn split(&self, asked: Asked) -> Result<TaskSplit, ResimulationError> {
+    pub fn split(&self, asked: ComparisonOptions) -> Result<TaskSplit, ResimulationError> {
         let plan = self.resimulation.plan();
         let toml = plan.robotsim.effective_toml.as_ref().unwrap_or(&plan.robotsim.toml);
         let experiment = &plan.experiment;
         let sheet = Sheet::new(
-            Task::of(toml),
+            Task::from_config(toml),
             experiment.agent_count,
             self.resimulation.duration_s(),
             self.tracks.spacing_s(),
@@ -226,7 +226,7 @@ impl Measured<'_> {
         sheet: &Sheet,
         numbers: &[u64],
         run: &(dyn Fn(u64) -> Result<Tracks, ResimulationError> + Sync),
-    ) -> Result<Runs, ResimulationError> {
+    ) -> Result<TaskRuns, ResimulationError> {
         let one = |&number: &u64| {
             let noise = Draws::new(self.resimulation.seed(number, NOISE), Purpose::Localization);
             let error_m = |agent, k, axis| self.error_m(noise, agent, k, axis);
@@ -237,7 +237,7 @@ impl Measured<'_> {
             numbers.par_iter().map(one).collect();
         let all = all?;
         let off_m = all.iter().map(|(_, off_m)| off_m).sum::<f64>() / all.len() as f64;
-        Ok(Runs { figures: all.into_iter().map(|(figures, _)| figures).collect(), off_m })
+        Ok(TaskRuns { figures: all.into_iter().map(|(figures, _)| figures).collect(), off_m })
     }
 
     /// An error of a measured place (m).
@@ -257,27 +257,30 @@ impl Measured<'_> {
     fn together(&self, number: u64) -> Result<Tracks, ResimulationError> {
         let (mut ways, begin) = self.begin(number);
         self.resimulation.with_its_robots()?.drive(
-            &Course { begin: Some(&begin), ..self.course(number, &self.resimulation.network()) },
+            &ResimulationSettings {
+                begin: Some(&begin),
+                ..self.course(number, &self.resimulation.network())
+            },
             &mut |step| ways.push(seconds(step.until_ns - step.since_ns), step.states),
         )?;
         Ok(ways)
     }
 
     /// What the model's network delivers along the measured tracks.
-    fn along_tracks(&self, number: u64) -> Result<Hearing, ResimulationError> {
+    fn along_tracks(&self, number: u64) -> Result<Receptions, ResimulationError> {
         let n = self.resimulation.plan().experiment.agent_count;
         let mut all = Vec::new();
         self.resimulation.drive(
             &self.course(number, &self.resimulation.network()),
             &mut |step| {
-                heard::collect(&step.reply.deliveries, n, step.since_ns, &mut all);
+                receptions::collect(&step.reply.deliveries, n, step.since_ns, &mut all);
             },
         )?;
-        Ok(Hearing::of(all))
+        Ok(Receptions::from_unsorted(all))
     }
 
-    fn course<'b>(&self, number: u64, network: &'b toml::Table) -> Course<'b> {
-        Course {
+    fn course<'b>(&self, number: u64, network: &'b toml::Table) -> ResimulationSettings<'b> {
+        ResimulationSettings {
             network,
             number,
             trace: None,
@@ -288,13 +291,13 @@ impl Measured<'_> {
     }
 
     /// The model's robots, who hear what is given.
-    fn hearing(&self, number: u64, heard: &Hearing) -> Result<Tracks, ResimulationError> {
+    fn hearing(&self, number: u64, heard: &Receptions) -> Result<Tracks, ResimulationError> {
         let (mut ways, begin) = self.begin(number);
         let section = toml::Table::new();
         self.resimulation.drive_over(
-            &Course { begin: Some(&begin), ..self.course(number, &section) },
+            &ResimulationSettings { begin: Some(&begin), ..self.course(number, &section) },
             resimulate::built_in_robots(),
-            HeardNetwork::new(heard, self.resimulation.plan().experiment.step_ns),
+            ReceptionNetwork::new(heard, self.resimulation.plan().experiment.step_ns),
             &mut |step| ways.push(seconds(step.until_ns), step.states),
         )?;
         Ok(ways)

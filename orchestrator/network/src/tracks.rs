@@ -1,6 +1,6 @@
 //! Where robots were measured: places over time, straight between them.
 
-use measure::table::Table;
+use measure::table::DataTable;
 use numbers::statistics::median_high;
 use proto::types::AgentStates;
 use std::fmt::Write as _;
@@ -31,10 +31,11 @@ impl Tracks {
     /// # Errors
     ///
     /// See [`Self::read`].
-    pub fn with_table(path: &Path) -> Result<(Self, Table), String> {
+    pub fn with_table(path: &Path) -> Result<(Self, DataTable), String> {
         let file = if path.is_dir() { path.join("steps.parquet") } else { path.to_owned() };
-        let table = Table::read(&file).map_err(|error| error.to_string())?;
-        let tracks = Self::of(&table).map_err(|error| format!("{}: {error}", file.display()))?;
+        let table = DataTable::read(&file).map_err(|error| error.to_string())?;
+        let tracks =
+            Self::from_table(&table).map_err(|error| format!("{}: {error}", file.display()))?;
         Ok((tracks, table))
     }
 
@@ -43,7 +44,7 @@ impl Tracks {
     /// # Errors
     ///
     /// It has none, in words for its author.
-    pub fn of(table: &Table) -> Result<Self, String> {
+    pub fn from_table(table: &DataTable) -> Result<Self, String> {
         let column = |name: &str| {
             table.column(name).ok_or_else(|| format!("no positions: the file lacks {name}"))
         };
@@ -145,7 +146,7 @@ impl Tracks {
         for (agent, track) in measured.of_agent.iter_mut().enumerate() {
             let mut cursor = 0;
             for (k, (at_s, place)) in track.iter_mut().enumerate() {
-                let Some(there) = others.at(agent, *at_s, &mut cursor) else { continue };
+                let Some(there) = others.position_at(agent, *at_s, &mut cursor) else { continue };
                 *place = blurred(there, &|axis| error_m(agent as u64, k as u64, axis));
             }
         }
@@ -153,7 +154,7 @@ impl Tracks {
     }
 
     /// Where an agent was at a time; `cursor`: how many of its places lie before, for times that ascend.
-    fn at(&self, agent: usize, time_s: f64, cursor: &mut usize) -> Option<[f64; 3]> {
+    fn position_at(&self, agent: usize, time_s: f64, cursor: &mut usize) -> Option<[f64; 3]> {
         let track = self.of_agent.get(agent)?;
         while track.get(*cursor).is_some_and(|(at_s, _)| *at_s <= time_s) {
             *cursor += 1;
@@ -210,7 +211,7 @@ impl Tracks {
     pub fn place(&self, time_s: f64, states: &mut AgentStates) {
         for agent in 0..self.of_agent.len().min(states.len()) {
             let mut cursor = self.of_agent[agent].partition_point(|(at_s, _)| *at_s <= time_s);
-            if let Some(place) = self.at(agent, time_s, &mut cursor) {
+            if let Some(place) = self.position_at(agent, time_s, &mut cursor) {
                 [states.x_m[agent], states.y_m[agent], states.z_m[agent]] = place;
             }
         }
@@ -230,8 +231,8 @@ mod tests {
     #[test]
     fn between_two_places_the_way_is_straight_and_before_and_after_they_stand() {
         let text = "time_s,agent,x_m,y_m\n10,1,0,0\n20,1,10,-20\n0,0,5,5\n";
-        let table = Table::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap();
-        let tracks = Tracks::of(&table).unwrap();
+        let table = DataTable::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap();
+        let tracks = Tracks::from_table(&table).unwrap();
         assert_eq!(tracks.unseen(3), [2]);
         let mut states = AgentStates::at_origin(3);
         for (time_s, x_m, y_m) in [(0.0, 0.0, 0.0), (12.5, 2.5, -5.0), (99.0, 10.0, -20.0)] {
@@ -245,8 +246,8 @@ mod tests {
     fn a_task_begins_between_two_places_and_others_are_measured_at_the_same_times() {
         let text = "time_s,agent,x_m,y_m,heading_rad\n10,0,0,0,0.5\n20,0,10,-20,0.7\n30,0,0,0,0\n";
         let read = |text: &str| {
-            let table = Table::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap();
-            Tracks::of(&table).unwrap()
+            let table = DataTable::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap();
+            Tracks::from_table(&table).unwrap()
         };
         let since = read(text).since(15.0).unwrap();
         assert_eq!(

@@ -10,6 +10,7 @@
 
 mod directory;
 mod error;
+mod hashed_file;
 mod log;
 mod measurer;
 mod pcap;
@@ -19,7 +20,6 @@ mod summary;
 pub mod table;
 mod tables;
 pub mod verify;
-mod whole;
 mod writer;
 
 pub use error::RecordError;
@@ -34,6 +34,7 @@ pub use tables::is_column_of_motes;
 
 use directory::Directory;
 use experiment::{OutputConfig, Start};
+use hashed_file::Fingerprint;
 use metrics::Measures;
 use proto::digest::Digest;
 use proto::exchange::{Configured, NetworkStep, RobotsStep};
@@ -47,7 +48,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
-use whole::Fingerprint;
 use writer::{Event, RunWriter, Written};
 
 /// What a finished run hands to whoever makes its report.

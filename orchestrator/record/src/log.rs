@@ -4,7 +4,7 @@
 //! in one thread, and transport-dependent fields are cleared before a message comes here.
 
 use super::RecordError;
-use super::whole::{Fingerprint, WholeFile};
+use super::hashed_file::{Fingerprint, WholeFile};
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, WriteOptions, Writer};

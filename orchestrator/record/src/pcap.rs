@@ -1,7 +1,7 @@
 //! `radio.pcap`: what the network says was on the air, as it says it.
 
 use super::RecordError;
-use super::whole::{Fingerprint, WholeFile};
+use super::hashed_file::{Fingerprint, WholeFile};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 

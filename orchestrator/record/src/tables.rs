@@ -1,23 +1,23 @@
 //! The tables of a run: their columns, and how a step becomes rows.
 
 mod network;
+mod packet_cells;
 mod shapes;
-mod told;
 
 pub use shapes::TABLES;
 
+use super::hashed_file::Fingerprint;
 use super::table::{Cell, Table};
-use super::whole::Fingerprint;
 use super::{RecordError, RunHeader};
 use experiment::output::{Links, OutputConfig};
-use metrics::counts::heard;
-use metrics::kpi::Account;
+use metrics::counts::was_heard_by;
+use metrics::kpi::PacketAccount;
 use metrics::period::{Period, distance_m};
+use packet_cells::PacketCells;
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::types::{AgentStates, MoteStates, NetRecord, Statistic};
 use shapes::{LINKS, MOTES, NEIGHBOURS, PACKETS, SCHEDULE, STEPS, TRANSMISSIONS};
 use std::path::Path;
-use told::Told;
 
 /// The tables that a run writes.
 pub(crate) struct Tables {
@@ -33,7 +33,7 @@ pub(crate) struct Tables {
     schedule: Option<Table>,
     neighbours: Option<Table>,
     /// What was last told of each mote's packets.
-    told: Vec<Told>,
+    told: Vec<PacketCells>,
 }
 
 impl Tables {
@@ -69,17 +69,17 @@ impl Tables {
         statistics: &[Statistic],
     ) -> Result<(), RecordError> {
         self.agents(0, 0, states, &vec![0; states.len()])?;
-        self.motes(0, 0, motes, statistics, &Account::default())
+        self.motes(0, 0, motes, statistics, &PacketAccount::default())
     }
 
     /// Adds a step, if it is one of those asked for. `account`: what became of packets, those of this step included.
     pub(crate) fn add(
         &mut self,
         period: &Period<'_>,
-        account: &Account,
+        account: &PacketAccount,
     ) -> Result<(), RecordError> {
         self.network(period, account)?;
-        if !self.output.holds(period.step) {
+        if !self.output.includes_step(period.step) {
             return Ok(());
         }
         self.agents(period.step, period.time_ns, period.states, &period.counts.neighbours)?;
@@ -195,7 +195,7 @@ impl Tables {
         for receiver in 0..period.states.len() {
             let is_alive = period.states_on_air.alive.get(receiver);
             for (index, &sender) in sent.sender.iter().enumerate() {
-                let is_heard = heard(period.deliveries, receiver, index);
+                let is_heard = was_heard_by(period.deliveries, receiver, index);
                 let is_for_it = sent.destination(index).is_none_or(|it| it as usize == receiver);
                 let might_hear = is_alive && is_for_it && sender as usize != receiver;
                 if might_hear && is_chosen(index, receiver) {

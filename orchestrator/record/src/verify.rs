@@ -1,10 +1,10 @@
 //! Checks a record: every file whole, every step there, every digest right.
 
 use super::directory::is_record;
+use super::hashed_file::{Fingerprint, fingerprint};
 use super::pcap::{self, Counter};
 use super::read::{ReadError, Reader};
 use super::run_summary::{FileCount, RunSummary};
-use super::whole::{Fingerprint, fingerprint};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use proto::digest::{hex, of_step};
 use proto::types::{Coupling, Deliveries};

@@ -1,10 +1,10 @@
 //! Turns replies into files, step by step, in the order they come. For `run.mcap` they become messages again, here and nowhere
 //! else.
 
+use super::hashed_file::Fingerprint;
 use super::log::{MessageLog, Topic};
 use super::pcap::{self, Capture};
 use super::tables::Tables;
-use super::whole::Fingerprint;
 use super::{RecordError, RunHeader, StepRecord};
 use metrics::counts::Counts;
 use metrics::kpi::Kpis;
@@ -156,7 +156,7 @@ impl RunWriter {
             .unwrap_or_default();
         let states = robots_start.states;
         self.run = Some(Run {
-            measures: Measures::new(Task::of(effective), site, &states, kpis),
+            measures: Measures::new(Task::from_config(effective), site, &states, kpis),
             net_warnings: network_start.warnings,
             moved: Arc::new(RobotsStep { states, ..RobotsStep::default() }),
             time_ns: 0,
@@ -203,7 +203,7 @@ impl RunWriter {
             run.measures.task_figures.clone_from(&robots.figures);
         }
         let n = self.n_agents;
-        let counts = Counts::of(&network.deliveries, n);
+        let counts = Counts::from_deliveries(&network.deliveries, n);
         let all_working;
         let motes = match &network.motes {
             Some(motes) => motes,

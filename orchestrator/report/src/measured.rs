@@ -11,7 +11,7 @@ use super::svg::{Axis, Chart};
 use diagnose::compare::comparison::Comparison;
 use diagnose::diagnosis::Diagnosis;
 use maud::{Markup, html};
-use measure::account::Account;
+use measure::account::DataAccount;
 use numbers::format::count;
 use numbers::statistics::quantile_nearest;
 use proto::site::Site;
@@ -78,7 +78,7 @@ pub enum MeasuredAnswer<'a> {
 
 impl<'a> MeasuredAnswer<'a> {
     /// The measurements that it is about.
-    fn account(self) -> &'a Account {
+    fn account(self) -> &'a DataAccount {
         match self {
             Self::Comparison(comparison) => &comparison.account,
             Self::Diagnosis(diagnosis) => &diagnosis.account,

@@ -323,7 +323,7 @@ mod tests {
         };
         let summary = kpis.summary();
         let states = AgentStates::at_origin(n);
-        let measures = Measures::new(Task::of(""), Site::default(), &states, kpis);
+        let measures = Measures::new(Task::from_config(""), Site::default(), &states, kpis);
         table(&summary.unwrap(), &measures).unwrap().into_string()
     }
 

@@ -6,7 +6,7 @@ use super::measured::{Picture, STYLE, figures, half, words};
 use super::svg::{Axis, Chart};
 use indexmap::IndexMap;
 use maud::{Markup, html};
-use measure::account::Account;
+use measure::account::DataAccount;
 use network::comparison::{Kpi, MoteDelivery, NetworkComparison};
 use network::diagnosis::NetworkDiagnosis;
 use network::error_split::{NetworkErrorSplit, PartOfFigure};
@@ -27,7 +27,7 @@ pub enum NetworkAnswer<'a> {
 }
 
 impl<'a> NetworkAnswer<'a> {
-    fn account(self) -> &'a Account {
+    fn account(self) -> &'a DataAccount {
         match self {
             Self::Comparison(comparison) => &comparison.account,
             Self::Diagnosis(diagnosis) => &diagnosis.account,

@@ -1,10 +1,10 @@
 //! The peers' figures: measured elsewhere, for comparison. Not ours, and not on this machine.
 
-use super::Model;
+use super::BenchModel;
 
 /// Figures for one number of agents (ms per control step).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Figures {
+pub(super) struct PeerFigures {
     pub(super) agents: u32,
     /// BotNet as published, propagation only, one process, no RPC, Python 3.11 on a 2-core AMD EPYC: full, disk, randomness
     /// (its distance mended).
@@ -15,25 +15,25 @@ pub(super) struct Figures {
     to_reach: [Option<f64>; 3],
 }
 
-impl Figures {
-    pub(super) fn of(agents: u32) -> Option<&'static Self> {
+impl PeerFigures {
+    pub(super) fn for_agents(agents: u32) -> Option<&'static Self> {
         ROWS.iter().find(|figures| figures.agents == agents)
     }
 
     /// Ten thousand robots are measured with the disk alone: the other models look at all pairs.
-    pub(super) fn measures(&self, model: Model) -> bool {
-        self.agents < 10_000 || model == Model::Disk
+    pub(super) fn measures(&self, model: BenchModel) -> bool {
+        self.agents < 10_000 || model == BenchModel::Disk
     }
 
-    pub(super) fn botnet_ms(&self, model: Model) -> Option<f64> {
+    pub(super) fn botnet_ms(&self, model: BenchModel) -> Option<f64> {
         self.botnet[model as usize]
     }
 
-    pub(super) fn paper_ms(&self, model: Model) -> Option<f64> {
-        self.paper.filter(|_| model == Model::Full)
+    pub(super) fn paper_ms(&self, model: BenchModel) -> Option<f64> {
+        self.paper.filter(|_| model == BenchModel::Full)
     }
 
-    pub(super) fn goal_ms(&self, model: Model) -> Option<f64> {
+    pub(super) fn goal_ms(&self, model: BenchModel) -> Option<f64> {
         self.to_reach[model as usize]
     }
 }
@@ -43,12 +43,12 @@ const fn row(
     botnet: Option<[f64; 3]>,
     paper: Option<f64>,
     to_reach: [Option<f64>; 3],
-) -> Figures {
+) -> PeerFigures {
     let botnet = match botnet {
         Some([full, disk, randomness]) => [Some(full), Some(disk), Some(randomness)],
         None => [None; 3],
     };
-    Figures { agents, botnet, paper, to_reach }
+    PeerFigures { agents, botnet, paper, to_reach }
 }
 
 const fn all(limit: f64) -> [Option<f64>; 3] {
@@ -56,7 +56,7 @@ const fn all(limit: f64) -> [Option<f64>; 3] {
 }
 
 /// The table's rows.
-pub(super) const ROWS: [Figures; 8] = [
+pub(super) const ROWS: [PeerFigures; 8] = [
     row(5, Some([0.26, 0.26, 0.34]), Some(0.85), all(0.12)),
     row(10, Some([0.48, 0.47, 0.56]), Some(1.6), all(0.13)),
     row(50, Some([2.6, 2.3, 2.7]), Some(8.3), all(0.2)),

@@ -16,7 +16,7 @@ use std::time::Instant;
 
 /// A row, and the peers' figures (wall seconds per simulated hour; measured elsewhere).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
+pub(super) struct StandingRow {
     pub(super) motes: u32,
     roots: u32,
     sf: &'static str,
@@ -29,7 +29,12 @@ pub(super) struct Row {
     to_reach_s: Option<f64>,
 }
 
-const fn row(motes: u32, sf: &'static str, app_period_s: u32, to_reach_s: Option<f64>) -> Row {
+const fn row(
+    motes: u32,
+    sf: &'static str,
+    app_period_s: u32,
+    to_reach_s: Option<f64>,
+) -> StandingRow {
     let roots = if motes < 10_000 { 1 } else { 20 };
     let (simulator_s, tsch_sim_s) = match motes {
         10 => (Some(5.0), Some(1.0)),
@@ -38,10 +43,10 @@ const fn row(motes: u32, sf: &'static str, app_period_s: u32, to_reach_s: Option
         1000 => (None, Some(47.0)),
         _ => (None, None),
     };
-    Row { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s }
+    StandingRow { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s }
 }
 
-pub(super) const ROWS: [Row; 9] = [
+pub(super) const ROWS: [StandingRow; 9] = [
     row(10, "msf", 60, Some(0.05)),
     row(10, "orchestra", 60, Some(0.05)),
     row(50, "msf", 60, Some(0.3)),
@@ -72,8 +77,8 @@ const SPACING_M: f64 = 10.0;
 
 /// One measured row.
 #[derive(Clone, Debug)]
-struct Cell {
-    row: Row,
+struct StandingCell {
+    row: StandingRow,
     formed_ns: Option<u64>,
     /// Wall time until the network had formed (s).
     forming_s: f64,
@@ -85,11 +90,11 @@ struct Cell {
 
 /// The measured table.
 #[derive(Clone, Debug)]
-pub(super) struct Table {
-    cells: Vec<Cell>,
+pub(super) struct StandingTable {
+    cells: Vec<StandingCell>,
 }
 
-impl Row {
+impl StandingRow {
     fn side(&self) -> u32 {
         (1..).find(|side| self.motes <= side * side).unwrap_or(self.motes)
     }
@@ -140,10 +145,10 @@ impl Row {
 
 /// Measures rows.
 pub(super) async fn bench(
-    rows: &[Row],
+    rows: &[StandingRow],
     options: &BenchOptions,
     printer: &mut Printer<'_>,
-) -> Result<Table, RunError> {
+) -> Result<StandingTable, RunError> {
     printer.heading(&heading());
     let mut cells = Vec::new();
     for row in rows {
@@ -151,10 +156,10 @@ pub(super) async fn bench(
         printer.row(&cell);
         cells.push(cell);
     }
-    Ok(Table { cells })
+    Ok(StandingTable { cells })
 }
 
-async fn measure(row: Row, options: &BenchOptions) -> Result<Cell, RunError> {
+async fn measure(row: StandingRow, options: &BenchOptions) -> Result<StandingCell, RunError> {
     let folder = temporary_folder()?;
     let places = folder.path().join("places.csv");
     std::fs::write(&places, row.places())
@@ -165,16 +170,17 @@ async fn measure(row: Row, options: &BenchOptions) -> Result<Cell, RunError> {
     let mut coupled = started.coupled;
     let path = folder.path().join("record");
     let mut recorder = Some(begin_record(&path, started.header, started.exchange)?);
-    let mut run = Run { plan: &plan, coupled: &mut coupled, recorder: &mut recorder, ends: [0; 2] };
+    let mut run =
+        StandingRun { plan: &plan, coupled: &mut coupled, recorder: &mut recorder, ends: [0; 2] };
     let measured = run.measure().await;
     let [n_delivered, n_lost] = run.ends;
     coupled.stop().await;
     let (formed_ns, forming_s, hour_s) = measured?;
     recorder.map_or(Ok(()), end_record)?;
-    Ok(Cell { row, formed_ns, forming_s, hour_s, n_delivered, n_lost })
+    Ok(StandingCell { row, formed_ns, forming_s, hour_s, n_delivered, n_lost })
 }
 
-struct Run<'a> {
+struct StandingRun<'a> {
     plan: &'a Plan,
     coupled: &'a mut Processes,
     recorder: &'a mut Option<Recorder>,
@@ -182,7 +188,7 @@ struct Run<'a> {
     ends: [u64; 2],
 }
 
-impl Run<'_> {
+impl StandingRun<'_> {
     /// When the network had formed, and wall times (s) until then and of the hour after.
     async fn measure(&mut self) -> Result<(Option<u64>, f64, f64), RunError> {
         let begun = Instant::now();
@@ -208,7 +214,7 @@ impl Run<'_> {
     }
 }
 
-impl Table {
+impl StandingTable {
     /// For programs.
     pub(super) fn to_json(&self) -> Value {
         let rows = self.cells.iter().map(|cell| {
@@ -255,9 +261,10 @@ fn heading() -> String {
     )
 }
 
-impl fmt::Display for Cell {
+impl fmt::Display for StandingCell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Row { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s } = self.row;
+        let StandingRow { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s } =
+            self.row;
         let formed =
             self.formed_ns.map_or_else(|| "no".to_owned(), |ns| format!("{:.0}", seconds(ns)));
         let peer_s = if sf == "msf" { simulator_s.or(tsch_sim_s) } else { tsch_sim_s };

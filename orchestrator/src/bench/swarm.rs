@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// A row, and the peers' figures (ms per control period, in one process, without RPC; measured elsewhere).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
+pub(super) struct SwarmRow {
     pub(super) agents: u32,
     /// BotNet with its 6TiSCH simulator; `None`: it does not form.
     botnet_ms: Option<f64>,
@@ -24,15 +24,15 @@ pub(super) struct Row {
     to_reach_ms: f64,
 }
 
-const fn row(agents: u32, peers_ms: Option<[f64; 2]>, to_reach_ms: f64) -> Row {
+const fn row(agents: u32, peers_ms: Option<[f64; 2]>, to_reach_ms: f64) -> SwarmRow {
     let (botnet_ms, paper_ms) = match peers_ms {
         Some([botnet_ms, paper_ms]) => (Some(botnet_ms), Some(paper_ms)),
         None => (None, None),
     };
-    Row { agents, botnet_ms, paper_ms, to_reach_ms }
+    SwarmRow { agents, botnet_ms, paper_ms, to_reach_ms }
 }
 
-pub(super) const ROWS: [Row; 6] = [
+pub(super) const ROWS: [SwarmRow; 6] = [
     row(5, Some([3.1, 6.26]), 0.12),
     row(10, Some([9.5, 21.5]), 0.15),
     row(25, Some([51.5, 127.0]), 0.25),
@@ -52,8 +52,8 @@ const LIMIT_NS: u64 = 14_400 * NS_PER_S;
 
 /// One measured row.
 #[derive(Clone, Debug)]
-struct Cell {
-    row: Row,
+struct SwarmCell {
+    row: SwarmRow,
     /// When the network had formed (ns of simulated time); `None`: it had not in time.
     formed_ns: Option<u64>,
     n_steps: usize,
@@ -63,8 +63,8 @@ struct Cell {
 
 /// The measured table.
 #[derive(Clone, Debug)]
-pub(super) struct Table {
-    cells: Vec<Cell>,
+pub(super) struct SwarmTable {
+    cells: Vec<SwarmCell>,
 }
 
 fn plan(agents: u32) -> Result<Plan, RunError> {
@@ -83,10 +83,10 @@ fn plan(agents: u32) -> Result<Plan, RunError> {
 
 /// Measures the rows of so many agents.
 pub(super) async fn bench(
-    rows: &[Row],
+    rows: &[SwarmRow],
     options: &BenchOptions,
     printer: &mut Printer<'_>,
-) -> Result<Table, RunError> {
+) -> Result<SwarmTable, RunError> {
     printer.heading(&heading());
     let mut cells = Vec::new();
     for &row in rows {
@@ -101,7 +101,7 @@ pub(super) async fn bench(
         let (formed_ns, mut times_ms) = measured?;
         recorder.map_or(Ok(()), end_record)?;
         times_ms.sort_by(f64::total_cmp);
-        let cell = Cell {
+        let cell = SwarmCell {
             row,
             formed_ns,
             n_steps: times_ms.len(),
@@ -111,7 +111,7 @@ pub(super) async fn bench(
         printer.row(&cell);
         cells.push(cell);
     }
-    Ok(Table { cells })
+    Ok(SwarmTable { cells })
 }
 
 /// When the network had formed, and the wall time of each control period after that (ms).
@@ -146,7 +146,7 @@ async fn form(
     Ok(None)
 }
 
-impl Table {
+impl SwarmTable {
     /// For programs.
     pub(super) fn to_json(&self) -> Value {
         let rows = self.cells.iter().map(|cell| {
@@ -178,7 +178,7 @@ fn heading() -> String {
     )
 }
 
-impl fmt::Display for Cell {
+impl fmt::Display for SwarmCell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { row, formed_ns, median_ms, p90_ms, .. } = self;
         let Some(formed_ns) = formed_ns else {

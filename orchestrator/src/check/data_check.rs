@@ -2,7 +2,7 @@
 
 use diagnose::json_number;
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -29,7 +29,7 @@ pub struct DataCheck {
     pub not_testable: Vec<NotTestable>,
     /// The measurements.
     #[serde(flatten)]
-    pub account: Account,
+    pub account: DataAccount,
     /// No configuration was given, so that effects that need one cannot be tested.
     #[serde(skip)]
     pub is_without_configuration: bool,

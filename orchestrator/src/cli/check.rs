@@ -6,7 +6,7 @@ use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use crate::console::{say, warn};
 use crate::sweep;
 use clap::Args;
-use measure::table::Table;
+use measure::table::DataTable;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -39,7 +39,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     let config = args.config.as_deref().map(|path| inputs::compared(path, &args.change.set));
     let config = config.transpose()?;
-    let table = Table::read(data).map_err(Failure::request)?;
+    let table = DataTable::read(data).map_err(Failure::request)?;
     let checked = check::data(config, &table, &args.choices.choices()).map_err(Failure::request)?;
     account_text(&checked.account);
     say(check::words::text(&checked).trim_end());

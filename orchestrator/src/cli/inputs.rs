@@ -2,7 +2,7 @@
 
 use super::Failure;
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use std::path::Path;
 
 /// The configuration that is held against measurements, with `--set` applied.
@@ -16,6 +16,6 @@ pub(super) fn files(
     config: &Path,
     set: &[String],
     data: &Path,
-) -> Result<(Compared, Table), Failure> {
-    Ok((compared(config, set)?, Table::read(data).map_err(Failure::request)?))
+) -> Result<(Compared, DataTable), Failure> {
+    Ok((compared(config, set)?, DataTable::read(data).map_err(Failure::request)?))
 }

@@ -14,8 +14,8 @@ use diagnose::progress::Progress;
 use diagnose::{held_out, scan};
 use measure::config::Compared;
 use measure::packets;
-use measure::robots::Sample;
-use measure::table::Table;
+use measure::robots::RobotSample;
+use measure::table::DataTable;
 use report::measured::{Contents, LinkRows, MeasuredAnswer, RobotRows, Rows, page};
 use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 use study::choices::{Choices, SplitBy};
 use study::formula::FORMULA;
 use study::links::LinkStudy;
-use study::open::{self, Account, Subject};
+use study::open::{self, DataAccount, Subject};
 use study::robots::RobotStudy;
 use study::view::View;
 use study::{COMMON, Study};
@@ -139,7 +139,7 @@ impl DataArgs {
     fn open_packets(
         &self,
         resimulation: &ResimulationArgs,
-        table: &Table,
+        table: &DataTable,
     ) -> Result<Opened, Failure> {
         self.refuse_choices("packets")?;
         resimulation.open(&self.config, &self.set(), table)
@@ -176,7 +176,7 @@ impl ChoiceArgs {
     }
 }
 
-pub(super) fn account_text(account: &Account) {
+pub(super) fn account_text(account: &DataAccount) {
     say(format!("{}: {} rows, {} used", account.data.file, account.rows, account.used));
     for rejected in &account.rejected {
         warn(format!(
@@ -324,7 +324,7 @@ impl Pictures {
     fn of_robots(study: &RobotStudy, search: &Search<'_, RobotStudy>, terms: &[usize]) -> Self {
         tracing::info!("drawing");
         let robots = study.robots();
-        let place = |sample: &Sample| [sample.position_m[0], sample.position_m[1]];
+        let place = |sample: &RobotSample| [sample.position_m[0], sample.position_m[1]];
         let before = study.errors_by_horizon(&search.full_fit(&[], COMMON, None));
         let after = if terms.is_empty() {
             Vec::new()
@@ -390,7 +390,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         let links = match links {
             Some(path) => {
                 args.resimulation.needs_positions()?;
-                Some((Table::read(path).map_err(Failure::request)?, path))
+                Some((DataTable::read(path).map_err(Failure::request)?, path))
             }
             None => None,
         };
@@ -530,7 +530,7 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
 
 fn extend_with<S: Study>(
     args: &ExtendArgs,
-    (config, account): (&Compared, &Account),
+    (config, account): (&Compared, &DataAccount),
     study: &S,
     whole: Option<&S>,
     (section, unit): (&str, &str),

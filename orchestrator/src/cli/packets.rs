@@ -6,19 +6,19 @@ use crate::console::say;
 use clap::Args;
 use experiment::{Overrides, Plan};
 use measure::config::Compared;
-use measure::packets::{self, Packets};
-use measure::table::Table;
-use network::compared::{self, Asked};
+use measure::packets::{self, MeasuredPackets};
+use measure::table::DataTable;
+use network::compare::{self, ComparisonOptions};
 use network::comparison::NetworkComparison;
-use network::diagnosed::{self, ACCEPT, Diagnosis, FEWEST_SEEDS};
 use network::diagnosis::NetworkDiagnosis;
 use network::error_split::NetworkErrorSplit;
-use network::extended;
+use network::extend;
 use network::resimulate::Resimulation;
+use network::search::{self, ACCEPT, FEWEST_SEEDS, NetworkSearch};
 use network::split;
 use network::tracks::Tracks;
 use std::path::{Path, PathBuf};
-use study::open::{self, Account};
+use study::open::{self, DataAccount};
 
 /// How the experiment is simulated again, to be compared with measured packets.
 #[derive(Args, Clone)]
@@ -28,7 +28,7 @@ pub(super) struct ResimulationArgs {
     #[arg(long, value_name = "FILE")]
     positions: Option<PathBuf>,
     /// Of packets, and with --heard: seeds under which the network is run
-    #[arg(long, value_name = "N", default_value_t = Asked::default().seeds)]
+    #[arg(long, value_name = "N", default_value_t = ComparisonOptions::default().seeds)]
     seeds: u64,
     /// Of packets: those made before are not compared (s). With --heard: when the task began
     #[arg(long, value_name = "S", default_value_t = 0.0)]
@@ -41,15 +41,15 @@ pub(super) struct ResimulationArgs {
 /// Measured packets, and the experiment that is held against them.
 pub(super) struct Opened {
     pub(super) resimulation: Resimulation,
-    pub(super) packets: Packets,
-    pub(super) account: Account,
-    pub(super) asked: Asked,
+    pub(super) packets: MeasuredPackets,
+    pub(super) account: DataAccount,
+    pub(super) asked: ComparisonOptions,
 }
 
 impl ResimulationArgs {
     /// What is asked.
-    pub(super) fn asked(&self) -> Asked {
-        Asked { seeds: self.seeds, from_s: self.from }
+    pub(super) fn asked(&self) -> ComparisonOptions {
+        ComparisonOptions { seeds: self.seeds, from_s: self.from }
     }
 
     /// Where robots were must have been measured.
@@ -79,7 +79,7 @@ impl ResimulationArgs {
         &self,
         config: &Path,
         set: &[String],
-        table: &Table,
+        table: &DataTable,
     ) -> Result<Opened, Failure> {
         let overrides = Overrides { set: set.to_vec(), ..Overrides::default() };
         let plan: Plan = experiment::load(config, &overrides).map_err(Failure::request)?;
@@ -94,7 +94,7 @@ impl ResimulationArgs {
         let resimulation = match self.until {
             None => resimulation,
             Some(until_s) if until_s.is_finite() && resimulation.duration_s() <= until_s => {
-                resimulation.until(until_s)
+                resimulation.extended_to(until_s)
             }
             Some(until_s) => {
                 return Err(Failure::request(format!(
@@ -103,7 +103,7 @@ impl ResimulationArgs {
                 )));
             }
         };
-        let mut account = Account {
+        let mut account = DataAccount {
             data: open::file_of(table),
             rows: packets.n_rows,
             used: packets.packets.len(),
@@ -126,9 +126,9 @@ pub(super) fn compare(opened: &Opened) -> Result<NetworkComparison, Failure> {
     let Opened { resimulation, packets, account, asked } = opened;
     account_text(account);
     tracing::info!("{} seeds of {:.0} s", asked.seeds, resimulation.duration_s());
-    let found = compared::compare(resimulation, &packets.packets, *asked, account)
+    let found = compare::compare(resimulation, &packets.packets, *asked, account)
         .map_err(Failure::request)?;
-    say(compared::words::text(&found));
+    say(compare::words::text(&found));
     Ok(found)
 }
 
@@ -136,7 +136,7 @@ pub(super) fn compare(opened: &Opened) -> Result<NetworkComparison, Failure> {
 pub(super) fn split(
     opened: &Opened,
     config: &Compared,
-    links: &Table,
+    links: &DataTable,
 ) -> Result<NetworkErrorSplit, Failure> {
     let Opened { resimulation, packets, asked, .. } = opened;
     let split = split::split(resimulation, &packets.packets, *asked, config, links)
@@ -164,11 +164,12 @@ pub(super) fn diagnose(opened: &Opened) -> Result<(NetworkDiagnosis, Option<usiz
     let stop = stop::listen()?;
     let Opened { resimulation, packets, account, asked } = opened;
     account_text(account);
-    let candidates = diagnosed::catalogue();
-    let diagnosis = Diagnosis::new(resimulation, &packets.packets, *asked, &candidates).until(stop);
-    let found = diagnosis.climb().map_err(Failure::request)?;
-    let answer = diagnosed::answer(&found, *asked, account);
-    say(diagnosed::text(&found, &answer));
+    let candidates = search::catalogue();
+    let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates)
+        .with_stop_flag(stop);
+    let found = diagnosis.stepwise_selection().map_err(Failure::request)?;
+    let answer = search::answer(&found, *asked, account);
+    say(search::text(&found, &answer));
     Ok((answer, found.stopped))
 }
 
@@ -185,31 +186,31 @@ pub(super) struct Adding<'a> {
 /// `orchestrator extend` of packets.
 pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure> {
     let Opened { resimulation, packets, account, asked } = opened;
-    let candidates = diagnosed::catalogue();
+    let candidates = search::catalogue();
     let named: Result<Vec<usize>, _> =
-        adding.effects.iter().map(|name| extended::candidate(&candidates, name)).collect();
+        adding.effects.iter().map(|name| extend::candidate(&candidates, name)).collect();
     let named = named.map_err(Failure::request)?;
     account_text(account);
-    let diagnosis = Diagnosis::new(resimulation, &packets.packets, *asked, &candidates);
+    let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates);
     let effects = if adding.all {
         opened.check_seeds()?;
         let stop = stop::listen()?;
-        let diagnosis =
-            Diagnosis::new(resimulation, &packets.packets, *asked, &candidates).until(stop);
-        let found = diagnosis.climb().map_err(Failure::request)?;
+        let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates)
+            .with_stop_flag(stop);
+        let found = diagnosis.stepwise_selection().map_err(Failure::request)?;
         complete(found.stopped)?;
         found.accepted
     } else {
         named
     };
-    let extended = extended::extend(&diagnosis, &effects, (adding.config, adding.text), account)
+    let extended = extend::extend(&diagnosis, &effects, (adding.config, adding.text), account)
         .map_err(Failure::work)?;
     write_whole("--output", adding.output, &extended.text)?;
     let parts: Vec<String> = extended
         .added
         .iter()
         .map(|(candidate, fitted)| {
-            format!("{}, {}", candidate.name, diagnosed::said(candidate, fitted))
+            format!("{}, {}", candidate.name, search::parameter_text(candidate, fitted))
         })
         .collect();
     let p_values = extended.rungs.each_ref().map(|rung| rung.among.placed.p_value);

@@ -3,15 +3,15 @@
 use super::{Failure, inputs};
 use crate::console::say;
 use experiment::Overrides;
-use measure::table::Table;
-use network::compared::Asked;
+use measure::table::DataTable;
+use network::compare::ComparisonOptions;
 use network::resimulate::Resimulation;
 use network::task::comparison::{HeardFile, TaskComparison};
-use network::task::heard::Hearing;
-use network::task::{self, FEWEST_SEEDS, Measured};
+use network::task::receptions::Receptions;
+use network::task::{self, FEWEST_SEEDS, MeasuredSwarm};
 use network::tracks::Tracks;
 use std::path::Path;
-use study::open::{self, Account};
+use study::open::{self, DataAccount};
 
 /// Files of a swarm that was measured, and the experiment that is held against it.
 pub(super) struct Files<'a> {
@@ -24,7 +24,10 @@ pub(super) struct Files<'a> {
 }
 
 /// Where the error of the task comes from.
-pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<TaskComparison, Failure> {
+pub(super) fn split(
+    files: &Files<'_>,
+    asked: ComparisonOptions,
+) -> Result<TaskComparison, Failure> {
     if asked.seeds < FEWEST_SEEDS {
         return Err(Failure::request(format!(
             "--seeds {}: at least {FEWEST_SEEDS} are needed to tell a part of an error from chance",
@@ -39,14 +42,14 @@ pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<TaskComparison, F
         .since(asked.from_s)
         .map_err(|why| Failure::request(format!("--from {}: {why}", asked.from_s)))?;
     let n_agents = plan.experiment.agent_count;
-    let heard = Hearing::read(files.heard, n_agents, asked.from_s).map_err(Failure::request)?;
+    let heard = Receptions::read(files.heard, n_agents, asked.from_s).map_err(Failure::request)?;
     let resimulation = Resimulation::of_task(plan, tracks.clone())
         .map_err(|error| Failure::request(format!("{}: {error}", files.config.display())))?;
     let sd_m = open::localization_sd_m(&compared);
     let account = account(&table, &heard, files.heard, sd_m);
     super::measured::account_text(&account);
     tracing::info!("{} seeds of {:.0} s, three times", asked.seeds, resimulation.duration_s());
-    let measured = Measured {
+    let measured = MeasuredSwarm {
         resimulation: &resimulation,
         tracks: &tracks,
         heard: &heard,
@@ -58,7 +61,12 @@ pub(super) fn split(files: &Files<'_>, asked: Asked) -> Result<TaskComparison, F
     Ok(task::answer(&split, asked, &account, heard))
 }
 
-fn account(table: &Table, heard: &Hearing, heard_path: &Path, sd_m: Option<f64>) -> Account {
+fn account(
+    table: &DataTable,
+    heard: &Receptions,
+    heard_path: &Path,
+    sd_m: Option<f64>,
+) -> DataAccount {
     let mut warnings = vec![format!(
         "{}: {} rows, {} times somebody heard somebody",
         heard_path.display(),
@@ -72,7 +80,7 @@ fn account(table: &Table, heard: &Hearing, heard_path: &Path, sd_m: Option<f64>)
                 .to_owned(),
         );
     }
-    Account {
+    DataAccount {
         data: open::file_of(table),
         rows: table.n_rows(),
         used: table.n_rows(),

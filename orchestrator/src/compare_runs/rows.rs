@@ -15,18 +15,18 @@ use std::fmt::Display;
 use std::path::Path;
 
 /// What a folder holds.
-pub(super) struct Found {
+pub(super) struct RunFolder {
     /// The configuration.
     pub(super) config: toml::Table,
     /// Names of the figures, in order.
     pub(super) figures: Vec<String>,
     /// The trials.
-    rows: Vec<Row>,
+    rows: Vec<RunRow>,
     /// It is a single run.
     is_run: bool,
 }
 
-struct Row {
+struct RunRow {
     /// Case and what varies.
     id: BTreeMap<String, String>,
     seed: u64,
@@ -35,7 +35,7 @@ struct Row {
 }
 
 /// Reads a folder.
-pub(super) fn find(path: &Path) -> Result<Found, CompareRunsError> {
+pub(super) fn find(path: &Path) -> Result<RunFolder, CompareRunsError> {
     let wrong = |reason: String| CompareRunsError::Folder { path: path.to_owned(), reason };
     let foreign = |error: &dyn Display| {
         let hint = "is not a folder that a run or a finished sweep has left";
@@ -52,7 +52,7 @@ pub(super) fn find(path: &Path) -> Result<Found, CompareRunsError> {
     if schema == SCHEMA {
         let (figures, rows) =
             table(&path.join(TABLE_FILE)).map_err(|why| wrong(format!("{TABLE_FILE}: {why}")))?;
-        Ok(Found { config: config("sweep.toml")?, figures, rows, is_run: false })
+        Ok(RunFolder { config: config("sweep.toml")?, figures, rows, is_run: false })
     } else if schema.starts_with(SCHEMA_PREFIX) {
         let summary: RunSummary = serde_json::from_slice(&text).map_err(|error| foreign(&error))?;
         let number = |value: FigureValue| match value {
@@ -64,28 +64,28 @@ pub(super) fn find(path: &Path) -> Result<Found, CompareRunsError> {
             .into_iter()
             .filter_map(|(name, value)| Some((name, number(value?))))
             .collect();
-        let row = Row {
+        let row = RunRow {
             id: BTreeMap::new(),
             seed: summary.seed,
             is_complete: summary.status == Status::Complete,
             values: values.iter().cloned().collect(),
         };
         let figures = values.into_iter().map(|(name, _)| name).collect();
-        Ok(Found { config: config("config.toml")?, figures, rows: vec![row], is_run: true })
+        Ok(RunFolder { config: config("config.toml")?, figures, rows: vec![row], is_run: true })
     } else {
         Err(wrong(format!("summary.json is of {schema:?}, neither of a run nor of a sweep")))
     }
 }
 
 /// The figures and the rows of the table of a sweep.
-fn table(path: &Path) -> Result<(Vec<String>, Vec<Row>), ParquetError> {
+fn table(path: &Path) -> Result<(Vec<String>, Vec<RunRow>), ParquetError> {
     let reader = SerializedFileReader::new(std::fs::File::open(path)?)?;
     let mut names = Vec::new();
     let mut rows = Vec::new();
     for row in reader.get_row_iter(None)? {
         let row = row?;
         let mut found =
-            Row { id: BTreeMap::new(), seed: 0, is_complete: false, values: BTreeMap::new() };
+            RunRow { id: BTreeMap::new(), seed: 0, is_complete: false, values: BTreeMap::new() };
         let mut is_figure = false;
         for (name, field) in row.get_column_iter() {
             match (name.as_str(), field) {
@@ -131,7 +131,7 @@ pub(super) struct Pairing<'a> {
 /// Pairs the trials of two folders: the same setting of what both vary, the same seed.
 pub(super) fn pair<'a>(
     paths: [&Path; 2],
-    found: [&'a Found; 2],
+    found: [&'a RunFolder; 2],
 ) -> Result<Pairing<'a>, CompareRunsError> {
     let mut warnings = Vec::new();
     let [a, b] = found;
@@ -156,14 +156,14 @@ pub(super) fn pair<'a>(
         let pair = Pair { seed: row_a.seed, a: &row_a.values, b: &row_b.values };
         return Ok(Pairing { groups: vec![(BTreeMap::new(), vec![pair])], warnings });
     }
-    let keys = |found: &Found| -> BTreeSet<String> {
+    let keys = |found: &RunFolder| -> BTreeSet<String> {
         found.rows.iter().flat_map(|row| row.id.keys().cloned()).collect()
     };
     let (keys_a, keys_b) = (keys(a), keys(b));
     let common: BTreeSet<String> = keys_a.intersection(&keys_b).cloned().collect();
     let mut indexed = Vec::new();
     for (place, keys) in [(0, &keys_a), (1, &keys_b)] {
-        let mut index: BTreeMap<(Vec<Option<String>>, u64), &Row> = BTreeMap::new();
+        let mut index: BTreeMap<(Vec<Option<String>>, u64), &RunRow> = BTreeMap::new();
         for row in &found[place].rows {
             let id = common.iter().map(|key| row.id.get(key).cloned()).collect();
             if index.insert((id, row.seed), row).is_some() {
@@ -224,7 +224,7 @@ fn own((key, value): (&String, &String)) -> (String, String) {
 }
 
 /// The seeds of a folder, the first few.
-fn seeds(found: &Found) -> String {
+fn seeds(found: &RunFolder) -> String {
     let seeds: BTreeSet<u64> = found.rows.iter().map(|row| row.seed).collect();
     let first: Vec<String> = seeds.iter().take(5).map(u64::to_string).collect();
     let rest = if seeds.len() <= 5 { "" } else { ", …" };

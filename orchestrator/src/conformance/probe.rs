@@ -1,7 +1,7 @@
 //! What differs between asking robots and asking a network.
 
-use super::{Questions, STEP_NS, said, within};
-use drive::peer::{Network, Robots, Service};
+use super::{Questions, STEP_NS, status_text, within};
+use drive::peer::{NetworkSide, RobotSide, Service};
 use prost::Message as _;
 use proto::digest::{self, Digest};
 use proto::types::{AgentStates, Deliveries, Heard, Payloads, Transmissions};
@@ -91,7 +91,7 @@ fn deliveries(n: usize) -> Deliveries {
 }
 
 /// What the robots are given in a step: nothing in the first.
-fn given(step: u64, n: usize) -> Option<Deliveries> {
+fn deliveries_for_step(step: u64, n: usize) -> Option<Deliveries> {
     (step != 1).then(|| deliveries(n))
 }
 
@@ -106,7 +106,7 @@ fn stands(step: u64, until_ns: u64, got: (u64, u64)) -> Result<(), String> {
     }
 }
 
-impl Probe for Robots {
+impl Probe for RobotSide {
     type Exchange = ();
     const HOLD: Option<&'static str> = Some(
         "told to hold, robots stand still while time passes; let go, they are stepped as ever",
@@ -127,7 +127,7 @@ impl Probe for Robots {
         v1::RobotSimServiceStepRequest {
             step,
             until_ns,
-            deliveries: given(step, n).map(Into::into),
+            deliveries: deliveries_for_step(step, n).map(Into::into),
             ..Default::default()
         }
     }
@@ -148,7 +148,7 @@ impl Probe for Robots {
     ) -> Result<Digest, String> {
         let states =
             convert::states(reply.states.clone(), n).map_err(|invalid| invalid.to_string())?;
-        Ok(digest::of_step(step, until_ns, &states, given(step, n).as_ref()))
+        Ok(digest::of_step(step, until_ns, &states, deliveries_for_step(step, n).as_ref()))
     }
 
     fn bytes(mut reply: Self::StepResponse) -> Vec<u8> {
@@ -182,7 +182,7 @@ impl Probe for Robots {
 /// Steps at the beginning of an experiment that are spent standing still, and steps afterwards.
 const HELD: u64 = 3;
 
-impl Questions<'_, Robots> {
+impl Questions<'_, RobotSide> {
     /// As while a network forms: held from the first step on, with nothing delivered, then let go.
     async fn hold_and_let_go(&self) -> Result<(), String> {
         let n = self.n as usize;
@@ -198,8 +198,9 @@ impl Questions<'_, Robots> {
                 hold,
                 ..Default::default()
             };
-            let reply = within(Robots::step(self.client.clone(), request)).await.map_err(said)?;
-            Robots::check(&reply, step, until_ns, n)?;
+            let reply =
+                within(RobotSide::step(self.client.clone(), request)).await.map_err(status_text)?;
+            RobotSide::check(&reply, step, until_ns, n)?;
             if reply.held != hold {
                 return Err(format!("step {step} asked for hold = {hold}, held is {}", reply.held));
             }
@@ -244,7 +245,7 @@ fn stands_still(before: &AgentStates, after: &AgentStates) -> Result<(), String>
     Ok(())
 }
 
-impl Probe for Network {
+impl Probe for NetworkSide {
     /// What was delivered in the step before.
     type Exchange = Option<Deliveries>;
 

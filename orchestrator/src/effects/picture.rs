@@ -34,15 +34,15 @@ const STYLE: &str = "text{font:13px sans-serif;fill:#333}path{fill:none;stroke:#
 const N: usize = 240;
 
 /// A number that an effect may depend on: its name, its range, and the link that has it.
-struct Sweep {
+struct CurveAxis {
     x: &'static str,
     where_: &'static str,
     range: [f64; 2],
-    set: fn(&mut Row, f64),
+    set: fn(&mut LinkState, f64),
 }
 
 /// What describes the link of an example.
-struct Row {
+struct LinkState {
     distance_m: f64,
     temperature_c: f64,
     hours: f64,
@@ -52,38 +52,38 @@ struct Row {
 }
 
 /// In the order of preference, where an effect depends on several as much.
-const SWEEPS: [Sweep; 6] = [
-    Sweep {
+const SWEEPS: [CurveAxis; 6] = [
+    CurveAxis {
         x: "distance (m)",
         where_: "antennas 1.5 m high; a wall 2 m high and a robot at 10 m, trees from 20 to 30 m",
         range: [1.0, 60.0],
         set: |row, x| row.distance_m = x,
     },
-    Sweep {
+    CurveAxis {
         x: "temperature (°C)",
         where_: "both ends as warm",
         range: [-10.0, 60.0],
         set: |row, x| row.temperature_c = x,
     },
-    Sweep {
+    CurveAxis {
         x: "time (h)",
         where_: "from the start",
         range: [0.0, 10.0],
         set: |row, x| row.hours = x,
     },
-    Sweep {
+    CurveAxis {
         x: "bearing of the receiver seen from the sender (rad)",
         where_: "the receiver's heading is not known",
         range: [-std::f64::consts::PI, std::f64::consts::PI],
         set: |row, x| row.heading_rad = -x,
     },
-    Sweep {
+    CurveAxis {
         x: "channel",
         where_: "IEEE 802.15.4, 11 to 26",
         range: [11.0, 26.0],
         set: |row, x| row.channel = x.round() as u8,
     },
-    Sweep {
+    CurveAxis {
         x: "relative speed (m/s)",
         where_: "frames of 4.3 ms",
         range: [0.0, 30.0],
@@ -93,7 +93,7 @@ const SWEEPS: [Sweep; 6] = [
 
 impl Picture {
     /// The picture of an effect with the keys of its example.
-    pub(super) fn of(listed: &Listed) -> Option<Self> {
+    pub(super) fn from_effect(listed: &Listed) -> Option<Self> {
         if listed.of != "radio" {
             return None;
         }
@@ -103,7 +103,8 @@ impl Picture {
             SWEEPS
                 .iter()
                 .map(|sweep| (sweep, swept(&*effect, sweep, value)))
-                .fold(None, |best: Option<(&Sweep, Vec<[f64; 2]>)>, (sweep, points)| match best {
+                .fold(None, |best: Option<(&CurveAxis, Vec<[f64; 2]>)>, (sweep, points)| match best
+                {
                     Some((_, ref before)) if spread(&points) <= spread(before) * 1.01 => best,
                     _ => Some((sweep, points)),
                 })
@@ -214,7 +215,7 @@ fn site() -> Site {
 /// A value over a sweep.
 fn swept(
     effect: &dyn Effect,
-    sweep: &Sweep,
+    sweep: &CurveAxis,
     value: fn(&dyn Effect, &Link<'_>) -> f64,
 ) -> Vec<[f64; 2]> {
     let site = site();
@@ -222,7 +223,7 @@ fn swept(
     (0..N)
         .map(|i| {
             let x = low + (high - low) * i as f64 / (N - 1) as f64;
-            let mut row = Row {
+            let mut row = LinkState {
                 distance_m: 8.0,
                 temperature_c: 20.0,
                 hours: 0.0,

@@ -2,8 +2,10 @@
 
 use super::RunError;
 use drive::coupling::Coupled;
-use drive::peer::{Launch, Network, Peer, Reach, Remote, Robots, Service, Side as _, SideError};
-use drive::{self, Asked, Unfit, Wanted};
+use drive::peer::{
+    Launch, NetworkSide, Peer, Reach, Remote, RobotSide, Service, Side as _, SideError,
+};
+use drive::{self, ConfigureRequests, Unfit, Wanted};
 use experiment::{EXPERIMENT, Plan, SideConfig, Start};
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::exchange::Configured;
@@ -29,7 +31,7 @@ pub struct StartOptions {
 }
 
 /// Two simulators in other processes, in step.
-pub type Processes = Coupled<Remote<Robots>, Remote<Network>>;
+pub type Processes = Coupled<Remote<RobotSide>, Remote<NetworkSide>>;
 
 /// Both sides, ready for the first step.
 pub struct Started {
@@ -94,7 +96,7 @@ pub async fn start(
 pub(super) async fn connect(
     plan: &Plan,
     options: &StartOptions,
-) -> Result<(Remote<Robots>, Remote<Network>), RunError> {
+) -> Result<(Remote<RobotSide>, Remote<NetworkSide>), RunError> {
     let reach = |url: &Option<String>| Reach {
         url: url.clone(),
         tls: plan.tls.clone(),
@@ -110,8 +112,8 @@ pub(super) async fn connect(
     };
     let (robots_reach, network_reach) = (reach(&plan.robotsim.url), reach(&plan.netsim.url));
     let (robots, network) = tokio::join!(
-        Remote::<Robots>::connect(&robots_reach),
-        Remote::<Network>::connect(&network_reach)
+        Remote::<RobotSide>::connect(&robots_reach),
+        Remote::<NetworkSide>::connect(&network_reach)
     );
     match (robots, network) {
         (Ok(robots), Ok(network)) => Ok((robots, network)),
@@ -132,8 +134,8 @@ pub(super) async fn connect(
 /// Configures both sides, whatever they ran before. If that fails they are stopped.
 pub(super) async fn ready(
     plan: &Plan,
-    mut robots: Remote<Robots>,
-    mut network: Remote<Network>,
+    mut robots: Remote<RobotSide>,
+    mut network: Remote<NetworkSide>,
     wanted: Wanted,
 ) -> Result<Started, RunError> {
     match configure(plan, &mut robots, &mut network, wanted).await {
@@ -170,8 +172,8 @@ pub(super) async fn ready(
 /// Configures both sides with the plan.
 async fn configure(
     plan: &Plan,
-    robots: &mut Remote<Robots>,
-    network: &mut Remote<Network>,
+    robots: &mut Remote<RobotSide>,
+    network: &mut Remote<NetworkSide>,
     wanted: Wanted,
 ) -> Result<(Configured, Start), RunError> {
     drive::announced(plan, robots.described(), network.described(), wanted).map_err(|unfit| {
@@ -180,7 +182,7 @@ async fn configure(
             Unfit::Side(error) => side(error),
         }
     })?;
-    let asked = Asked::of(plan, robots.described(), network.described(), wanted);
+    let asked = ConfigureRequests::from_plan(plan, robots.described(), network.described(), wanted);
     let exchange =
         drive::configure(asked, robots, network).await.map_err(|error| refused(plan, error))?;
     let forms = exchange.network_start.formation.is_some();
@@ -191,7 +193,7 @@ async fn configure(
     if let Some(column) = columns.find(|column| is_column_of_motes(&column.name)) {
         let reason = format!("statistics: motes.parquet has a column {} of its own", column.name);
         let doing = "Configure".to_owned();
-        return Err(side(SideError::Garbage { side: Network::SIDE, doing, reason }));
+        return Err(side(SideError::Garbage { side: NetworkSide::SIDE, doing, reason }));
     }
     Ok((exchange, start))
 }

@@ -3,7 +3,7 @@
 use super::interrupt::Interrupt;
 use super::start::{Processes, StartOptions, Started, connect, ready};
 use super::{RunError, ended_by, record_of};
-use drive::peer::{Network, Peer as _, Remote, Robots};
+use drive::peer::{NetworkSide, Peer as _, Remote, RobotSide};
 use drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
 use experiment::{Plan, Tls, Transport};
 use record::run_summary::RunSummary;
@@ -16,21 +16,21 @@ use std::path::Path;
 pub struct Sides {
     options: StartOptions,
     interrupt: Interrupt,
-    peers: Option<(Reached, Remote<Robots>, Remote<Network>)>,
+    peers: Option<(Connection, Remote<RobotSide>, Remote<NetworkSide>)>,
     n_starts: u64,
 }
 
 /// What a connection depends on.
 #[derive(Clone, Debug, PartialEq)]
-struct Reached {
+struct Connection {
     urls: [Option<String>; 2],
     tls: Option<Tls>,
     transport: Transport,
     step_deadline_s: f64,
 }
 
-impl Reached {
-    fn of(plan: &Plan) -> Self {
+impl Connection {
+    fn from_plan(plan: &Plan) -> Self {
         Self {
             urls: [plan.robotsim.url.clone(), plan.netsim.url.clone()],
             tls: plan.tls.clone(),
@@ -42,7 +42,7 @@ impl Reached {
 
 /// What is to be run.
 #[derive(Clone, Copy, Debug)]
-pub struct Trial<'a> {
+pub struct TrialPlan<'a> {
     /// The experiment.
     pub plan: &'a Plan,
     /// Where all that a run leaves is to be kept; `None`: only its measures.
@@ -51,7 +51,7 @@ pub struct Trial<'a> {
 
 /// What came of a trial.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct TrialResult {
     /// Its summary.
     pub summary: RunSummary,
     /// Why the network had not formed in time: who is missing.
@@ -77,8 +77,8 @@ impl Sides {
     ///
     /// See [`RunError`]; that the network has not formed is an outcome. Simulators that failed are started anew for the
     /// next trial.
-    pub async fn run(&mut self, trial: &Trial<'_>) -> Result<Outcome, RunError> {
-        let reached = Reached::of(trial.plan);
+    pub async fn run(&mut self, trial: &TrialPlan<'_>) -> Result<TrialResult, RunError> {
+        let reached = Connection::from_plan(trial.plan);
         let (robots, network) = match self.peers.take() {
             Some((now, robots, network)) if now == reached => (robots, network),
             other => {
@@ -108,7 +108,7 @@ impl Sides {
                 return Err(RunError::Record { error, before_start: true });
             }
         };
-        let driver = Driver::new(Schedule::of(trial.plan, waits), &records, &mut coupled);
+        let driver = Driver::new(Schedule::from_plan(trial.plan, waits), &records, &mut coupled);
         let stopped = match driver.drive(&mut sink, &mut self.interrupt, &mut ()).await {
             Ok(Stopped::Complete) => {
                 coupled.confirm().await.map(|()| Stopped::Complete).map_err(Failure::Side)
@@ -133,7 +133,7 @@ impl Sides {
         };
         let (robots, network) = coupled.into_peers();
         self.peers = Some((reached, robots, network));
-        Ok(Outcome { summary: sink.finish(&ending).map_err(unrecorded)?, not_formed })
+        Ok(TrialResult { summary: sink.finish(&ending).map_err(unrecorded)?, not_formed })
     }
 
     /// Ends the simulators.

@@ -1,6 +1,6 @@
 //! From what varies to settings: one experiment each, but for the seed.
 
-use experiment::sweep::{self as spec, Range, Sampling, Sweep};
+use experiment::sweep::{self as spec, ParameterRange, Sampling, Sweep};
 use numbers::format::rounded;
 use proto::config::{Node, Value};
 use proto::rng::{Draws, Purpose};
@@ -137,7 +137,7 @@ pub(crate) fn points(sampling: Sampling, n: usize, n_ranges: usize, seed: u64) -
 }
 
 /// The value at a share of the range, 0 to 1 excluded; six significant digits, so that it can be written down.
-fn value_at(range: &Range, share: f64) -> Value {
+fn value_at(range: &ParameterRange, share: f64) -> Value {
     let max = if range.is_whole { range.max + 1.0 } else { range.max };
     let value = if range.is_log {
         let (low, high) = (libm::log(range.min), libm::log(max));
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn ranges_are_met_from_end_to_end_and_never_left() {
         let at = |min, max, is_log, is_whole, share: f64| match value_at(
-            &Range { span: None, min, max, is_log, is_whole },
+            &ParameterRange { span: None, min, max, is_log, is_whole },
             share,
         ) {
             Value::Number(value) => value,

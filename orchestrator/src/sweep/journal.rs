@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// What came of a trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Row {
+pub(crate) struct TrialRow {
     /// What identifies the trial.
     pub(crate) key: String,
     /// Digest of the program that ran it.
@@ -29,7 +29,7 @@ pub(crate) struct Row {
     pub(crate) values: FiguresByName,
 }
 
-impl Row {
+impl TrialRow {
     /// Whether the network formed, so that its figures are of an experiment that took place.
     pub(super) fn has_formed(&self) -> bool {
         self.reason.is_none()
@@ -78,7 +78,7 @@ impl Journal {
     pub(crate) fn open(
         path: &Path,
         anew: bool,
-    ) -> Result<(Self, BTreeMap<String, Row>), JournalError> {
+    ) -> Result<(Self, BTreeMap<String, TrialRow>), JournalError> {
         let failed = |source| JournalError::File { path: path.to_owned(), source };
         let mut file = OpenOptions::new()
             .read(true)
@@ -104,11 +104,12 @@ impl Journal {
             if line.is_empty() {
                 continue;
             }
-            let row: Row = serde_json::from_slice(line).map_err(|error| JournalError::Damaged {
-                path: path.to_owned(),
-                line: index + 1,
-                reason: error.to_string(),
-            })?;
+            let row: TrialRow =
+                serde_json::from_slice(line).map_err(|error| JournalError::Damaged {
+                    path: path.to_owned(),
+                    line: index + 1,
+                    reason: error.to_string(),
+                })?;
             rows.insert(row.key.clone(), row);
         }
         Ok((Self { path: path.to_owned(), file }, rows))
@@ -119,7 +120,7 @@ impl Journal {
     /// # Errors
     ///
     /// The disk is full, or the like.
-    pub(crate) fn add(&mut self, row: &Row) -> Result<(), JournalError> {
+    pub(crate) fn add(&mut self, row: &TrialRow) -> Result<(), JournalError> {
         let failed = |source| JournalError::File { path: self.path.clone(), source };
         let mut line = serde_json::to_vec(row).map_err(|error| failed(error.into()))?;
         line.push(b'\n');
@@ -133,10 +134,10 @@ mod tests {
     use super::*;
     use metrics::figures::FigureValue;
 
-    fn row(key: &str) -> Row {
+    fn row(key: &str) -> TrialRow {
         let number = FigureValue::Number(0.1 + 0.2);
         let values = FiguresByName::from([("x".to_owned(), Some(number))]);
-        Row {
+        TrialRow {
             key: key.to_owned(),
             program: "p".to_owned(),
             status: "complete".to_owned(),

@@ -42,7 +42,7 @@ pub(crate) struct SweepPlan {
 
 /// A trial: a setting with a seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Trial {
+pub(crate) struct SweepTrial {
     /// Number of the setting.
     pub(crate) setting: usize,
     /// Number of the seed in the list.
@@ -80,11 +80,11 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
         Seeds::These(seeds) => seeds.clone(),
     };
     let settings = design::settings(&sweep, seed);
-    let checked: Vec<Result<Checked, Refusal>> = settings
+    let checked: Vec<Result<CheckedSetting, Refusal>> = settings
         .par_iter()
         .map(|setting| {
             let plan = plan_of(path, &text, &base, overrides, setting)?;
-            Ok(Checked {
+            Ok(CheckedSetting {
                 identity: identity(&plan),
                 effort: effort(&plan),
                 name: plan.name,
@@ -128,7 +128,7 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
     })
 }
 
-struct Checked {
+struct CheckedSetting {
     identity: String,
     effort: f64,
     name: String,
@@ -224,9 +224,9 @@ fn effort(plan: &Plan) -> f64 {
 
 impl SweepPlan {
     /// All trials, in the order of the table.
-    pub(crate) fn trials(&self) -> impl Iterator<Item = Trial> + '_ {
+    pub(crate) fn trials(&self) -> impl Iterator<Item = SweepTrial> + '_ {
         (0..self.settings.len())
-            .flat_map(|setting| (0..self.seeds.len()).map(move |seed| Trial { setting, seed }))
+            .flat_map(|setting| (0..self.seeds.len()).map(move |seed| SweepTrial { setting, seed }))
     }
 
     /// Number of trials.
@@ -235,17 +235,17 @@ impl SweepPlan {
     }
 
     /// What identifies a trial: two of the same are the same experiment.
-    pub(crate) fn key(&self, trial: Trial) -> String {
+    pub(crate) fn key(&self, trial: SweepTrial) -> String {
         format!("{}-{}", self.identities[trial.setting], self.seeds[trial.seed])
     }
 
     /// How long it may take, relative to others.
-    pub(crate) fn effort(&self, trial: Trial) -> f64 {
+    pub(crate) fn effort(&self, trial: SweepTrial) -> f64 {
         self.efforts[trial.setting]
     }
 
     /// Whether everything is kept that it leaves.
-    pub(crate) fn keeps(&self, trial: Trial) -> bool {
+    pub(crate) fn keeps(&self, trial: SweepTrial) -> bool {
         match self.sweep.keep {
             Keep::None => false,
             Keep::FirstSeed => trial.seed == 0,
@@ -254,7 +254,7 @@ impl SweepPlan {
     }
 
     /// Its name, and that of the folder of what is kept.
-    pub(crate) fn trial_name(&self, trial: Trial) -> String {
+    pub(crate) fn trial_name(&self, trial: SweepTrial) -> String {
         format!("setting-{}-seed-{}", trial.setting, self.seeds[trial.seed])
     }
 
@@ -263,7 +263,7 @@ impl SweepPlan {
     /// # Errors
     ///
     /// None that was not found when the sweep was read, unless a file that it names has changed.
-    pub(crate) fn plan(&self, trial: Trial) -> Result<Plan, Refusal> {
+    pub(crate) fn plan(&self, trial: SweepTrial) -> Result<Plan, Refusal> {
         let mut base = self.base.clone();
         let seed = self.seeds[trial.seed];
         // The path exists: the experiment has a name.

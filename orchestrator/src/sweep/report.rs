@@ -1,8 +1,8 @@
 //! The page of a sweep: every figure against what varies, each trial as a point beside the median and its interval.
 
 use super::plan::SweepPlan;
-use super::results::Figures;
-use super::statistics::{FEWEST, Spread};
+use super::results::SettingFigures;
+use super::statistics::{FEWEST, SampleSummary};
 use super::sweep_summary::SweepSummary;
 use maud::{Markup, html};
 use numbers::format::{count, number, percent, shortest};
@@ -13,7 +13,7 @@ use report::svg::{Axis, Chart};
 /// What goes into the page.
 struct Contents<'a> {
     plan: &'a SweepPlan,
-    figures: &'a [Figures<'a>],
+    figures: &'a [SettingFigures<'a>],
     summary: &'a SweepSummary,
 }
 
@@ -24,7 +24,11 @@ type Section = fn(&Contents<'_>) -> Option<Markup>;
 const SECTIONS: &[Section] = &[heading, notices, pictures, in_numbers, again];
 
 /// The page.
-pub(super) fn page(plan: &SweepPlan, figures: &[Figures<'_>], summary: &SweepSummary) -> String {
+pub(super) fn page(
+    plan: &SweepPlan,
+    figures: &[SettingFigures<'_>],
+    summary: &SweepSummary,
+) -> String {
     let contents = Contents { plan, figures, summary };
     let sections = SECTIONS.iter().filter_map(|section| section(&contents));
     layout::page(&plan.name, "", &html! { @for section in sections { (section) } })
@@ -208,7 +212,7 @@ const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 330.0;
 
 /// A figure of the trials against what varies, `None` where no trial has it.
-fn figure(plan: &SweepPlan, view: &View, figures: &Figures<'_>, id: &str) -> Option<Markup> {
+fn figure(plan: &SweepPlan, view: &View, figures: &SettingFigures<'_>, id: &str) -> Option<Markup> {
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)])
     };
@@ -283,7 +287,7 @@ fn series(line: usize) -> String {
 }
 
 /// Median and interval, or share, of a setting in words.
-fn shown(figures: &Figures<'_>, number_of_setting: usize) -> String {
+fn shown(figures: &SettingFigures<'_>, number_of_setting: usize) -> String {
     let Some(spread) = &figures.spreads[number_of_setting] else { return "nothing".to_owned() };
     if figures.is_share() {
         return format!("{} of {} trials", percent(spread.mean), spread.n);
@@ -295,7 +299,7 @@ fn shown(figures: &Figures<'_>, number_of_setting: usize) -> String {
     format!("{}{interval}, {} trials", number(spread.median), spread.n)
 }
 
-fn table(plan: &SweepPlan, figures: &Figures<'_>) -> Markup {
+fn table(plan: &SweepPlan, figures: &SettingFigures<'_>) -> Markup {
     let headings: &[&str] = if figures.is_share() {
         &["share"]
     } else {
@@ -327,7 +331,7 @@ fn table(plan: &SweepPlan, figures: &Figures<'_>) -> Markup {
 }
 
 /// The cells of a setting, under the headings of the table.
-fn cells(spread: &Spread, is_share: bool) -> Vec<String> {
+fn cells(spread: &SampleSummary, is_share: bool) -> Vec<String> {
     if is_share {
         return vec![percent(spread.mean)];
     }

@@ -1,10 +1,10 @@
 //! What a sweep leaves: its file, its table, its summary, its report and the runs that were kept.
 
-use super::journal::Row;
-use super::plan::{SweepPlan, Trial};
-use super::statistics::Spread;
+use super::journal::TrialRow;
+use super::plan::{SweepPlan, SweepTrial};
+use super::statistics::SampleSummary;
 use super::sweep_summary::{MetricSummary, SCHEMA, SettingSummary, SweepSummary};
-use super::table::{self, Column};
+use super::table::{self, TableColumn};
 use super::{TABLE_FILE, report};
 use numbers::format::number;
 use proto::config::most_similar;
@@ -17,9 +17,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A sweep whose trials are all done.
-pub(super) struct Done<'a> {
+pub(super) struct FinishedSweep<'a> {
     pub(super) plan: &'a SweepPlan,
-    pub(super) rows: &'a BTreeMap<Trial, Row>,
+    pub(super) rows: &'a BTreeMap<SweepTrial, TrialRow>,
     pub(super) jobs: usize,
     /// Trials run just now.
     pub(super) n_now: usize,
@@ -33,7 +33,7 @@ pub(super) fn kept_runs(dir: &Path) -> PathBuf {
 }
 
 /// Whether all is there that a trial left: it is the run of which the row is.
-pub(super) fn is_kept(dir: &Path, plan: &SweepPlan, trial: Trial, row: &Row) -> bool {
+pub(super) fn is_kept(dir: &Path, plan: &SweepPlan, trial: SweepTrial, row: &TrialRow) -> bool {
     let run = kept_runs(dir).join(plan.trial_name(trial));
     RunSummary::read(&run).is_ok_and(|summary| summary.final_digest == row.digest)
 }
@@ -54,8 +54,11 @@ pub(super) fn begin(dir: &Path, plan: &SweepPlan) -> Result<(), RecordError> {
 }
 
 /// Writes everything that is made of all trials. Returns the summary, and what to tell.
-pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(SweepSummary, String), RecordError> {
-    let Done { plan, rows, .. } = done;
+pub(super) fn write(
+    dir: &Path,
+    done: &FinishedSweep<'_>,
+) -> Result<(SweepSummary, String), RecordError> {
+    let FinishedSweep { plan, rows, .. } = done;
     let columns = table::columns(plan, rows);
     let partial = dir.join(format!(".{TABLE_FILE}"));
     // Of a program that was killed.
@@ -63,11 +66,11 @@ pub(super) fn write(dir: &Path, done: &Done<'_>) -> Result<(SweepSummary, String
     table::write(&partial, &columns)?;
     rename(&partial, &dir.join(TABLE_FILE))?;
     let (shown, mut warnings) = shown(plan, &columns);
-    let has_formed: Vec<bool> = rows.values().map(Row::has_formed).collect();
+    let has_formed: Vec<bool> = rows.values().map(TrialRow::has_formed).collect();
     let unformed = not_formed(plan, &has_formed);
     warnings.extend(unformed.clone());
-    let figures: Vec<Figures<'_>> =
-        shown.iter().map(|column| Figures::of(plan, column, &has_formed)).collect();
+    let figures: Vec<SettingFigures<'_>> =
+        shown.iter().map(|column| SettingFigures::from_trials(plan, column, &has_formed)).collect();
     let summary = summary(done, &figures, warnings);
     write_whole(dir, SweepSummary::FILE, pretty(&summary).as_bytes())?;
     let page = report::page(plan, &figures, &summary);
@@ -111,18 +114,18 @@ fn not_formed(plan: &SweepPlan, has_formed: &[bool]) -> Option<String> {
 }
 
 /// A figure, by setting.
-pub(super) struct Figures<'a> {
+pub(super) struct SettingFigures<'a> {
     /// Its column.
-    pub(super) column: &'a Column,
+    pub(super) column: &'a TableColumn,
     /// The values of each setting.
     pub(super) values: Vec<Vec<f64>>,
     /// What they tell.
-    pub(super) spreads: Vec<Option<Spread>>,
+    pub(super) spreads: Vec<Option<SampleSummary>>,
 }
 
-impl<'a> Figures<'a> {
+impl<'a> SettingFigures<'a> {
     /// Of trials whose network has formed.
-    fn of(plan: &SweepPlan, column: &'a Column, has_formed: &[bool]) -> Self {
+    fn from_trials(plan: &SweepPlan, column: &'a TableColumn, has_formed: &[bool]) -> Self {
         let n_seeds = plan.seeds.len();
         let values: Vec<Vec<f64>> = column
             .numbers()
@@ -133,7 +136,7 @@ impl<'a> Figures<'a> {
                 formed.filter_map(|(number, _)| *number).collect()
             })
             .collect();
-        let spreads = values.iter().map(|values| Spread::of(values)).collect();
+        let spreads = values.iter().map(|values| SampleSummary::from_values(values)).collect();
         Self { column, values, spreads }
     }
 
@@ -144,7 +147,7 @@ impl<'a> Figures<'a> {
 }
 
 /// The columns that the report shows.
-fn shown<'a>(plan: &SweepPlan, columns: &'a [Column]) -> (Vec<&'a Column>, Vec<String>) {
+fn shown<'a>(plan: &SweepPlan, columns: &'a [TableColumn]) -> (Vec<&'a TableColumn>, Vec<String>) {
     let first_figure =
         columns.iter().position(|column| column.name == table::STATUS).map_or(0, |i| i + 1);
     let figures = &columns[first_figure..];
@@ -178,7 +181,7 @@ fn shown<'a>(plan: &SweepPlan, columns: &'a [Column]) -> (Vec<&'a Column>, Vec<S
 }
 
 /// Whether a figure is not the same in all trials, but for what rounding does.
-fn differs(column: &Column) -> bool {
+fn differs(column: &TableColumn) -> bool {
     let numbers: Vec<f64> = column.numbers().into_iter().flatten().collect();
     let low = numbers.iter().copied().fold(f64::INFINITY, f64::min);
     let high = numbers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -195,13 +198,20 @@ const OF_DELIVERY: [&str; 6] = [
     "kpis.delivery.latency_s.median",
 ];
 
-fn summary(done: &Done<'_>, figures: &[Figures<'_>], warnings: Vec<String>) -> SweepSummary {
-    let Done { plan, rows, .. } = done;
+fn summary(
+    done: &FinishedSweep<'_>,
+    figures: &[SettingFigures<'_>],
+    warnings: Vec<String>,
+) -> SweepSummary {
+    let FinishedSweep { plan, rows, .. } = done;
     let settings = plan.settings.iter().enumerate().map(|(number, setting)| {
         let of_setting = rows.iter().filter(|(trial, _)| trial.setting == number);
         let metrics = figures.iter().map(|figures| {
             let spread = figures.spreads[number].as_ref();
-            (figures.column.name.clone(), spread.map_or(MetricSummary::NONE, MetricSummary::of))
+            (
+                figures.column.name.clone(),
+                spread.map_or(MetricSummary::NONE, MetricSummary::from_sample),
+            )
         });
         SettingSummary {
             setting: number,
@@ -225,8 +235,8 @@ fn summary(done: &Done<'_>, figures: &[Figures<'_>], warnings: Vec<String>) -> S
     }
 }
 
-fn provenance(done: &Done<'_>) -> Value {
-    let Done { plan, rows, jobs, n_now, n_starts, wall_s } = done;
+fn provenance(done: &FinishedSweep<'_>) -> Value {
+    let FinishedSweep { plan, rows, jobs, n_now, n_starts, wall_s } = done;
     let mut programs: Vec<&str> = rows.values().map(|row| row.program.as_str()).collect();
     programs.sort_unstable();
     programs.dedup();
@@ -246,7 +256,7 @@ fn provenance(done: &Done<'_>) -> Value {
 }
 
 /// The settings and their first figures, for the terminal.
-fn text(plan: &SweepPlan, figures: &[Figures<'_>]) -> String {
+fn text(plan: &SweepPlan, figures: &[SettingFigures<'_>]) -> String {
     const MOST_FIGURES: usize = 4;
     const MOST_SETTINGS: usize = 60;
     let figures = &figures[..figures.len().min(MOST_FIGURES)];
@@ -256,8 +266,9 @@ fn text(plan: &SweepPlan, figures: &[Figures<'_>]) -> String {
     let cells: Vec<Vec<String>> = figures
         .iter()
         .map(|figures| {
-            let cell =
-                |spread: &Option<Spread>| spread.map_or("-".to_owned(), |s| cell(figures, &s));
+            let cell = |spread: &Option<SampleSummary>| {
+                spread.map_or("-".to_owned(), |s| cell(figures, &s))
+            };
             figures.spreads.iter().take(MOST_SETTINGS).map(cell).collect()
         })
         .collect();
@@ -285,7 +296,7 @@ fn text(plan: &SweepPlan, figures: &[Figures<'_>]) -> String {
     text
 }
 
-fn cell(figures: &Figures<'_>, spread: &Spread) -> String {
+fn cell(figures: &SettingFigures<'_>, spread: &SampleSummary) -> String {
     if figures.is_share() {
         let n = libm::round(spread.mean * spread.n as f64);
         return format!("{n} of {}", spread.n);

@@ -5,7 +5,7 @@ use proto::rng::{Draws, Purpose};
 
 /// What a sample tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Spread {
+pub(crate) struct SampleSummary {
     /// How many values.
     pub(crate) n: usize,
     /// Least.
@@ -32,9 +32,9 @@ pub(crate) const FEWEST: usize = 5;
 /// Resamples: the ends of an interval then scatter by about a fiftieth of its length.
 const RESAMPLES: u64 = 4000;
 
-impl Spread {
+impl SampleSummary {
     /// Of these values; `None` of none.
-    pub(crate) fn of(values: &[f64]) -> Option<Self> {
+    pub(crate) fn from_values(values: &[f64]) -> Option<Self> {
         let mut ascending = values.to_vec();
         ascending.sort_by(f64::total_cmp);
         let (&min, &max) = (ascending.first()?, ascending.last()?);
@@ -73,14 +73,18 @@ fn interval(ascending: &[f64]) -> Option<[f64; 2]> {
                 counts[((u128::from(word) * n as u128) >> 64) as usize] += 1;
             }
         }
-        medians.push((at(ascending, &counts, (n - 1) / 2) + at(ascending, &counts, n / 2)) / 2.0);
+        medians.push(
+            (resampled_value(ascending, &counts, (n - 1) / 2)
+                + resampled_value(ascending, &counts, n / 2))
+                / 2.0,
+        );
     }
     medians.sort_by(f64::total_cmp);
     Some([quantile(&medians, 0.025), quantile(&medians, 0.975)])
 }
 
 /// The value at a place of the resample in which each value stands so often.
-fn at(ascending: &[f64], counts: &[usize], place: usize) -> f64 {
+fn resampled_value(ascending: &[f64], counts: &[usize], place: usize) -> f64 {
     let mut passed = 0;
     for (value, count) in ascending.iter().zip(counts) {
         passed += count;
@@ -98,15 +102,15 @@ mod tests {
     #[test]
     fn a_spread_is_that_of_numpy() {
         // numpy: quantile([1, 2, 4, 8, 16], [.25, .5, .75]) = 2, 4, 8; mean 6.2; std(ddof=1) = 6.0992...
-        let spread = Spread::of(&[8.0, 1.0, 16.0, 2.0, 4.0]).unwrap();
+        let spread = SampleSummary::from_values(&[8.0, 1.0, 16.0, 2.0, 4.0]).unwrap();
         assert_eq!(
             [spread.min, spread.q25, spread.median, spread.q75, spread.max],
             [1.0, 2.0, 4.0, 8.0, 16.0]
         );
         assert!((spread.mean - 6.2).abs() < 1e-12);
         assert!((spread.sd.unwrap() - 6.099_180_272_790_763).abs() < 1e-12);
-        assert!(Spread::of(&[]).is_none());
-        assert!(Spread::of(&[1.0, 2.0, 3.0, 4.0]).unwrap().interval_95.is_none());
+        assert!(SampleSummary::from_values(&[]).is_none());
+        assert!(SampleSummary::from_values(&[1.0, 2.0, 3.0, 4.0]).unwrap().interval_95.is_none());
     }
 
     #[test]
@@ -119,7 +123,7 @@ mod tests {
             .filter(|&sample| {
                 let values: Vec<f64> =
                     (0..15).map(|i| -libm::log(1.0 - draws.uniform(sample, i, 0))).collect();
-                let [low, high] = Spread::of(&values).unwrap().interval_95.unwrap();
+                let [low, high] = SampleSummary::from_values(&values).unwrap().interval_95.unwrap();
                 low <= std::f64::consts::LN_2 && std::f64::consts::LN_2 <= high
             })
             .count();
@@ -128,10 +132,11 @@ mod tests {
 
     #[test]
     fn an_interval_of_equal_values_is_a_point_and_moves_with_them() {
-        assert_eq!(Spread::of(&[3.0; 8]).unwrap().interval_95, Some([3.0, 3.0]));
+        assert_eq!(SampleSummary::from_values(&[3.0; 8]).unwrap().interval_95, Some([3.0, 3.0]));
         let values = [0.1, 0.5, 0.7, 0.2, 0.9, 0.4];
         let moved = values.map(|value| value + 100.0);
-        let [a, b] = [&values, &moved].map(|v| Spread::of(v).unwrap().interval_95.unwrap());
+        let [a, b] =
+            [&values, &moved].map(|v| SampleSummary::from_values(v).unwrap().interval_95.unwrap());
         assert!((a[0] + 100.0 - b[0]).abs() < 1e-9 && (a[1] + 100.0 - b[1]).abs() < 1e-9);
     }
 }

@@ -1,6 +1,6 @@
 //! `summary.json` of a sweep: the settings, and what their trials came to.
 
-use super::statistics::Spread;
+use super::statistics::SampleSummary;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -82,7 +82,7 @@ impl MetricSummary {
     pub(super) const NONE: Self = Self { n: 0, spread: None };
 
     /// Of the trials that have it.
-    pub(super) fn of(spread: &Spread) -> Self {
+    pub(super) fn from_sample(spread: &SampleSummary) -> Self {
         let spread_of_values = MetricSpread {
             median: spread.median,
             median_interval_95: spread.interval_95,

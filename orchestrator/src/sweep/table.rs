@@ -1,7 +1,7 @@
 //! The table of a sweep: one row per trial.
 
-use super::journal::Row;
-use super::plan::{SweepPlan, Trial};
+use super::journal::TrialRow;
+use super::plan::{SweepPlan, SweepTrial};
 use metrics::figures::FigureValue;
 use proto::config::Value as Written;
 use record::table::{Cell, Heading, Table};
@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// What is in a cell.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Entry {
+pub(crate) enum TableEntry {
     Null,
     Bool(bool),
     Count(u64),
@@ -21,23 +21,23 @@ pub(crate) enum Entry {
 
 /// A column with its entries, one per trial.
 #[derive(Clone, Debug)]
-pub(crate) struct Column {
+pub(crate) struct TableColumn {
     /// Its name.
     pub(crate) name: String,
     /// Its type.
     pub(crate) kind: ColumnKind,
     /// One per trial.
-    pub(crate) entries: Vec<Entry>,
+    pub(crate) entries: Vec<TableEntry>,
 }
 
-impl Column {
+impl TableColumn {
     /// The entries as numbers; of truth values 1 and 0.
     pub(crate) fn numbers(&self) -> Vec<Option<f64>> {
-        let number = |entry: &Entry| match entry {
-            Entry::Number(number) => Some(*number),
-            Entry::Count(n) => Some(*n as f64),
-            Entry::Bool(is) => Some(f64::from(u8::from(*is))),
-            Entry::Null | Entry::Text(_) => None,
+        let number = |entry: &TableEntry| match entry {
+            TableEntry::Number(number) => Some(*number),
+            TableEntry::Count(n) => Some(*n as f64),
+            TableEntry::Bool(is) => Some(f64::from(u8::from(*is))),
+            TableEntry::Null | TableEntry::Text(_) => None,
         };
         self.entries.iter().map(number).collect()
     }
@@ -54,48 +54,48 @@ pub(crate) const STATUS: &str = "status";
 
 /// The columns, in order: number of the setting, case, keys that vary, seed, status; then the figures, in the order in
 /// which they come up.
-pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<Trial, Row>) -> Vec<Column> {
-    let trials: Vec<Trial> = plan.trials().collect();
-    let of = |name: &str, kind, entry: &dyn Fn(Trial) -> Entry| Column {
+pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Vec<TableColumn> {
+    let trials: Vec<SweepTrial> = plan.trials().collect();
+    let of = |name: &str, kind, entry: &dyn Fn(SweepTrial) -> TableEntry| TableColumn {
         name: name.to_owned(),
         kind,
         entries: trials.iter().map(|&trial| entry(trial)).collect(),
     };
     let mut columns =
-        vec![of(SETTING, ColumnKind::U64, &|trial| Entry::Count(trial.setting as u64))];
+        vec![of(SETTING, ColumnKind::U64, &|trial| TableEntry::Count(trial.setting as u64))];
     if !plan.sweep.cases.is_empty() {
         columns.push(of(CASE, ColumnKind::Text, &|trial| {
-            plan.settings[trial.setting].case.clone().map_or(Entry::Null, Entry::Text)
+            plan.settings[trial.setting].case.clone().map_or(TableEntry::Null, TableEntry::Text)
         }));
     }
     for key in plan.keys() {
         let kind = kind_of(plan, key);
         columns.push(of(key, kind, &|trial| {
-            let Some(node) = plan.settings[trial.setting].get(key) else { return Entry::Null };
+            let Some(node) = plan.settings[trial.setting].get(key) else { return TableEntry::Null };
             match (&node.value, kind) {
-                (Written::Bool(is), ColumnKind::Bool) => Entry::Bool(*is),
-                (Written::Integer(n), ColumnKind::F64) => Entry::Number(*n as f64),
-                (Written::Number(number), ColumnKind::F64) => Entry::Number(*number),
-                (Written::Text(text), _) => Entry::Text(text.clone()),
-                (_, _) => Entry::Text(node.to_toml().to_string()),
+                (Written::Bool(is), ColumnKind::Bool) => TableEntry::Bool(*is),
+                (Written::Integer(n), ColumnKind::F64) => TableEntry::Number(*n as f64),
+                (Written::Number(number), ColumnKind::F64) => TableEntry::Number(*number),
+                (Written::Text(text), _) => TableEntry::Text(text.clone()),
+                (_, _) => TableEntry::Text(node.to_toml().to_string()),
             }
         }));
     }
-    columns.push(of(SEED, ColumnKind::U64, &|trial| Entry::Count(plan.seeds[trial.seed])));
-    let row = |trial: Trial| rows.get(&trial);
+    columns.push(of(SEED, ColumnKind::U64, &|trial| TableEntry::Count(plan.seeds[trial.seed])));
+    let row = |trial: SweepTrial| rows.get(&trial);
     columns.push(of(STATUS, ColumnKind::Text, &|trial| {
-        row(trial).map_or(Entry::Null, |row| Entry::Text(row.status.clone()))
+        row(trial).map_or(TableEntry::Null, |row| TableEntry::Text(row.status.clone()))
     }));
     for name in figures(&trials, rows) {
-        let value = |trial: Trial| row(trial)?.values.get(name).copied().flatten();
+        let value = |trial: SweepTrial| row(trial)?.values.get(name).copied().flatten();
         let mut values = trials.iter().filter_map(|&trial| value(trial));
         let is_bool = values.any(|value| matches!(value, FigureValue::Flag(_)));
         let kind = if is_bool { ColumnKind::Bool } else { ColumnKind::F64 };
         columns.push(of(name, kind, &|trial| match value(trial) {
-            Some(FigureValue::Flag(is)) => Entry::Bool(is),
-            Some(FigureValue::Count(n)) => Entry::Number(n as f64),
-            Some(FigureValue::Number(number)) => Entry::Number(number),
-            None => Entry::Null,
+            Some(FigureValue::Flag(is)) => TableEntry::Bool(is),
+            Some(FigureValue::Count(n)) => TableEntry::Number(n as f64),
+            Some(FigureValue::Number(number)) => TableEntry::Number(number),
+            None => TableEntry::Null,
         }));
     }
     columns
@@ -114,7 +114,7 @@ fn kind_of(plan: &SweepPlan, key: &str) -> ColumnKind {
 }
 
 /// Names of all figures that are a number or a truth value in some trial.
-fn figures<'a>(trials: &[Trial], rows: &'a BTreeMap<Trial, Row>) -> Vec<&'a str> {
+fn figures<'a>(trials: &[SweepTrial], rows: &'a BTreeMap<SweepTrial, TrialRow>) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     let mut known: BTreeMap<&str, bool> = BTreeMap::new();
     for row in trials.iter().filter_map(|trial| rows.get(trial)) {
@@ -131,7 +131,7 @@ fn figures<'a>(trials: &[Trial], rows: &'a BTreeMap<Trial, Row>) -> Vec<&'a str>
 }
 
 /// Writes the table.
-pub(crate) fn write(path: &Path, columns: &[Column]) -> Result<(), RecordError> {
+pub(crate) fn write(path: &Path, columns: &[TableColumn]) -> Result<(), RecordError> {
     let headings: Vec<Heading<'_>> = columns
         .iter()
         .map(|column| Heading { name: &column.name, kind: column.kind, is_nullable: true })
@@ -140,11 +140,11 @@ pub(crate) fn write(path: &Path, columns: &[Column]) -> Result<(), RecordError> 
     let n_rows = columns.first().map_or(0, |column| column.entries.len());
     for row in 0..n_rows {
         table.push(columns.iter().map(|column| match &column.entries[row] {
-            Entry::Null => Cell::Null,
-            Entry::Bool(is) => Cell::Bool(*is),
-            Entry::Count(n) => Cell::U64(*n),
-            Entry::Number(number) => Cell::F64(*number),
-            Entry::Text(text) => Cell::Text(text),
+            TableEntry::Null => Cell::Null,
+            TableEntry::Bool(is) => Cell::Bool(*is),
+            TableEntry::Count(n) => Cell::U64(*n),
+            TableEntry::Number(number) => Cell::F64(*number),
+            TableEntry::Text(text) => Cell::Text(text),
         }))?;
     }
     table.finish().map(|_| ())

@@ -1,10 +1,10 @@
 //! A thread that runs trials one after another, on two simulators of its own.
 
-use super::journal::Row;
-use super::plan::{SweepPlan, Trial};
+use super::journal::TrialRow;
+use super::plan::{SweepPlan, SweepTrial};
 use super::results;
 use super::{Work, figures};
-use crate::run::{self, Outcome, RunError, Sides};
+use crate::run::{self, RunError, Sides, TrialResult};
 use drive::peer::SideError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
@@ -13,11 +13,11 @@ use std::time::Instant;
 /// What a worker says.
 pub(super) enum Said {
     /// A trial is done.
-    Done(Trial, Box<Row>),
+    Done(SweepTrial, Box<TrialRow>),
     /// A trial failed twice, each time with its simulators.
-    Failed(Trial, String),
+    Failed(SweepTrial, String),
     /// A trial cannot be run, and no other could.
-    Fatal(Trial, Box<RunError>),
+    Fatal(SweepTrial, Box<RunError>),
     /// Someone said stop.
     Interrupted(&'static str),
     /// The worker has ended.
@@ -28,14 +28,14 @@ pub(super) enum Said {
 }
 
 /// Trials to be run, the longest first, so that no core is left with a long one at the end.
-pub(super) struct Queue {
-    trials: Vec<Trial>,
+pub(super) struct TrialQueue {
+    trials: Vec<SweepTrial>,
     next: AtomicUsize,
 }
 
-impl Queue {
-    pub(super) fn new(plan: &SweepPlan, trials: impl Iterator<Item = Trial>) -> Self {
-        let mut trials: Vec<Trial> = trials.collect();
+impl TrialQueue {
+    pub(super) fn new(plan: &SweepPlan, trials: impl Iterator<Item = SweepTrial>) -> Self {
+        let mut trials: Vec<SweepTrial> = trials.collect();
         // Stable: of equals those come first that stand first in the table.
         trials.sort_by(|&a, &b| plan.effort(b).total_cmp(&plan.effort(a)));
         Self { trials, next: AtomicUsize::new(0) }
@@ -54,13 +54,13 @@ impl Queue {
         self.next.store(self.trials.len(), Ordering::Relaxed);
     }
 
-    fn take(&self) -> Option<Trial> {
+    fn take(&self) -> Option<SweepTrial> {
         self.trials.get(self.next.fetch_add(1, Ordering::Relaxed)).copied()
     }
 }
 
 /// Works until nothing is left. That nobody listens any more is no failure.
-pub(super) fn work(work: &Work<'_>, queue: &Queue, said: &Sender<Said>) {
+pub(super) fn work(work: &Work<'_>, queue: &TrialQueue, said: &Sender<Said>) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let n_starts = match runtime {
         Ok(runtime) => runtime.block_on(trials(work, queue, said)),
@@ -76,7 +76,7 @@ pub(super) fn work(work: &Work<'_>, queue: &Queue, said: &Sender<Said>) {
     let _ = said.send(Said::Ended { n_starts });
 }
 
-async fn trials(work: &Work<'_>, queue: &Queue, said: &Sender<Said>) -> u64 {
+async fn trials(work: &Work<'_>, queue: &TrialQueue, said: &Sender<Said>) -> u64 {
     let mut sides = Sides::new(work.start.clone());
     while let Some(trial) = queue.take() {
         let mut begun = Instant::now();
@@ -104,11 +104,15 @@ async fn trials(work: &Work<'_>, queue: &Queue, said: &Sender<Said>) -> u64 {
     n_starts
 }
 
-async fn one(work: &Work<'_>, sides: &mut Sides, trial: Trial) -> Result<Outcome, RunError> {
+async fn one(
+    work: &Work<'_>,
+    sides: &mut Sides,
+    trial: SweepTrial,
+) -> Result<TrialResult, RunError> {
     let plan = work.plan.plan(trial)?;
     let kept = results::kept_runs(work.dir);
     let keep_in = work.plan.keeps(trial).then_some(&*kept);
-    sides.run(&run::Trial { plan: &plan, keep_in }).await
+    sides.run(&run::TrialPlan { plan: &plan, keep_in }).await
 }
 
 /// A simulator died or hung: that may have had a reason outside the trial.
@@ -130,9 +134,9 @@ fn is_outside(error: &SideError) -> bool {
     )
 }
 
-fn row(work: &Work<'_>, trial: Trial, outcome: Outcome, wall_s: f64) -> Row {
-    let Outcome { summary, not_formed } = outcome;
-    Row {
+fn row(work: &Work<'_>, trial: SweepTrial, outcome: TrialResult, wall_s: f64) -> TrialRow {
+    let TrialResult { summary, not_formed } = outcome;
+    TrialRow {
         key: work.plan.key(trial),
         program: work.program.to_owned(),
         status: if not_formed.is_some() { "not-formed" } else { "complete" }.to_owned(),

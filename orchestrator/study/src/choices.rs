@@ -1,7 +1,7 @@
 //! What is chosen by hand: which rows are used, which of them are left out together, how far robots are predicted.
 
 use measure::Rejected;
-use measure::table::Table;
+use measure::table::DataTable;
 use proto::formula::{Formula, FormulaError};
 use std::fmt;
 
@@ -183,7 +183,7 @@ fn listed(runs: &[u32]) -> String {
 /// Rows of a study as a condition sees them.
 pub struct ConditionRows<'a> {
     /// The file.
-    pub table: &'a Table,
+    pub table: &'a DataTable,
     /// The line of each row in it.
     pub lines: Vec<usize>,
     /// The campaign of each row.
@@ -346,7 +346,7 @@ fn truths(
 mod tests {
     use super::*;
 
-    fn seen(table: &Table) -> ConditionRows<'_> {
+    fn seen(table: &DataTable) -> ConditionRows<'_> {
         ConditionRows {
             table,
             lines: vec![2, 3, 4, 5],
@@ -356,9 +356,9 @@ mod tests {
         }
     }
 
-    fn table() -> Table {
+    fn table() -> DataTable {
         let columns = vec![vec![0.9, 0.2, f64::NAN, 0.8], vec![1.0, 2.0, 3.0, 4.0]];
-        Table::of_columns(vec!["pdr".to_owned(), "tx".to_owned()], columns)
+        DataTable::of_columns(vec!["pdr".to_owned(), "tx".to_owned()], columns)
     }
 
     #[test]

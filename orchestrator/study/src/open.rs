@@ -10,7 +10,7 @@ use super::robots::{RobotStudy, RobotStudyError, StatedSettings};
 use measure::DataError;
 use measure::account::DataFile;
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use measure::{links, packets, robots};
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::effect::Level;
@@ -18,7 +18,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeSet;
 
-pub use measure::account::Account;
+pub use measure::account::DataAccount;
 
 /// Why measurements cannot be held against a configuration.
 #[derive(Debug, thiserror::Error)]
@@ -58,7 +58,7 @@ pub enum Subject {
 /// # Errors
 ///
 /// It has neither shape: the columns it lacks for each.
-pub fn subject(table: &Table) -> Result<Subject, OpenError> {
+pub fn subject(table: &DataTable) -> Result<Subject, OpenError> {
     if packets::has_shape(table).is_ok() {
         return Err(OpenError::Useless {
             file: table.path.display().to_string(),
@@ -82,7 +82,7 @@ pub fn subject(table: &Table) -> Result<Subject, OpenError> {
 }
 
 /// Columns that are lacking, each with the one that may be meant.
-fn hinted(lacking: &[String], table: &Table) -> String {
+fn hinted(lacking: &[String], table: &DataTable) -> String {
     let is_known = |name: &str| {
         [&links::KNOWN[..], &robots::KNOWN, &packets::KNOWN].iter().any(|list| list.contains(&name))
     };
@@ -101,9 +101,9 @@ fn hinted(lacking: &[String], table: &Table) -> String {
 /// What is wrong with either, in words for its author.
 pub fn robots(
     config: &Compared,
-    table: &Table,
+    table: &DataTable,
     choices: &Choices,
-) -> Result<(RobotStudy, Account), OpenError> {
+) -> Result<(RobotStudy, DataAccount), OpenError> {
     if choices.given_rssi {
         return Err(ChoiceError::NoReadings.into());
     }
@@ -131,7 +131,7 @@ pub fn robots(
     if !problems.is_empty() {
         return Err(config.refuse(problems).into());
     }
-    let mut account = Account {
+    let mut account = DataAccount {
         data: file_of(table),
         rows: robots.n_rows,
         used: robots.samples.len(),
@@ -167,7 +167,7 @@ pub fn localization_sd_m(config: &Compared) -> Option<f64> {
 }
 
 /// The name of the file, and its digest.
-pub fn file_of(table: &Table) -> DataFile {
+pub fn file_of(table: &DataTable) -> DataFile {
     let name = table.path.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     DataFile { file: name.into_owned(), sha256: table.sha256.clone() }
 }
@@ -179,9 +179,9 @@ pub fn file_of(table: &Table) -> DataFile {
 /// What is wrong with either, in words for its author.
 pub fn links(
     config: &Compared,
-    table: &Table,
+    table: &DataTable,
     choices: &Choices,
-) -> Result<(LinkStudy, Account), OpenError> {
+) -> Result<(LinkStudy, DataAccount), OpenError> {
     if choices.window_s.is_some() {
         return Err(ChoiceError::NoWindows.into());
     }
@@ -219,7 +219,7 @@ pub fn links(
     if choices.given_rssi && !rows.links.readings.has_losses {
         return Err(ChoiceError::NothingLost { rows: rows.len() }.into());
     }
-    let mut account = Account {
+    let mut account = DataAccount {
         data: file_of(table),
         rows: rows.links.n_rows,
         used: rows.len(),
@@ -238,7 +238,11 @@ fn is_outcome(name: &str, is_given: bool) -> bool {
 }
 
 /// The rows that are used by choice, and the choices with all campaigns named.
-fn chosen(rows: Rows, table: &Table, choices: &Choices) -> Result<(Rows, Choices), ChoiceError> {
+fn chosen(
+    rows: Rows,
+    table: &DataTable,
+    choices: &Choices,
+) -> Result<(Rows, Choices), ChoiceError> {
     let measured = &rows.links.rows;
     let runs: Vec<u32> = measured.iter().map(|row| row.run).collect();
     let choices = choices.resolved(&runs)?;

@@ -31,8 +31,8 @@ use density::{Residual, ResidualDensity};
 use derivatives::Derivatives;
 use fit::Number;
 use measure::Rejected;
-use measure::robots::Robots;
-use measure::table::Table;
+use measure::robots::RobotSamples;
+use measure::table::DataTable;
 use motion::{Gains, MeasuredTracks};
 use nalgebra::DMatrix;
 use numbers::power::square;
@@ -103,7 +103,7 @@ pub struct StatedSettings {
 }
 
 /// Refuses windows that are shorter than the time between samples, or longer than every track.
-fn check_window(robots: &Robots, window_s: f64) -> Result<(), ChoiceError> {
+fn check_window(robots: &RobotSamples, window_s: f64) -> Result<(), ChoiceError> {
     let spacing_s = robots.spacing_s();
     let length_s = |track: &std::ops::Range<usize>| {
         robots.samples[track.end - 1].time_s - robots.samples[track.start].time_s
@@ -281,10 +281,10 @@ impl RobotStudy {
     ///
     /// The configured body takes other commands, no window fits into the samples, or a choice cannot be.
     pub fn new(
-        robots: Robots,
+        robots: RobotSamples,
         dynamics: &toml::Table,
         given: StatedSettings,
-        (choices, table): (&Choices, &Table),
+        (choices, table): (&Choices, &DataTable),
     ) -> Result<Self, RobotStudyError> {
         let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain } = given;
         let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
@@ -386,7 +386,7 @@ impl RobotStudy {
 
     /// The samples.
     #[must_use]
-    pub fn robots(&self) -> &Robots {
+    pub fn robots(&self) -> &RobotSamples {
         &self.model.tracks.robots
     }
 

@@ -5,7 +5,7 @@ use diagnose::answer::{self, Measurements};
 use diagnose::ladder::{Ladder, Search};
 use diagnose::scan;
 use measure::config::Compared;
-use measure::table::Table;
+use measure::table::DataTable;
 use serde_json::Value;
 use study::choices::Choices;
 use study::open::{self, Subject};
@@ -23,7 +23,7 @@ fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
     let (config, data) = (folder.path().join("model.toml"), folder.path().join("robots.csv"));
     std::fs::write(&data, &campaign.csv).unwrap();
     let config = Compared::of_text(&config, campaign.config_toml.clone(), &[]).unwrap();
-    let table = Table::read(&data).unwrap();
+    let table = DataTable::read(&data).unwrap();
     let (study, account) = open::robots(&config, &table, &Choices::default()).unwrap();
     let search = Search::new(&study, QUIET);
     let ladder = search.stepwise_selection();

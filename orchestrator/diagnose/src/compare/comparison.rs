@@ -2,7 +2,7 @@
 
 use crate::json_number;
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use schemars::JsonSchema;
 use serde::Serialize;
 use study::open::Subject;
@@ -33,7 +33,7 @@ pub struct Comparison {
     pub places: Vec<Place>,
     /// The measurements.
     #[serde(flatten)]
-    pub account: Account,
+    pub account: DataAccount,
 }
 
 /// A covariate, and the error over it.

@@ -1,6 +1,6 @@
 //! A simulator of this process: a plain object, called directly.
 
-use super::{Described, Network, Peer, Robots, Side, SideError, Standing};
+use super::{Described, NetworkSide, Peer, RobotSide, Side, SideError, Standing};
 use bytes::Bytes;
 use proto::config::Problem;
 use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
@@ -70,7 +70,7 @@ fn unacceptable(side: &'static str) -> impl FnOnce(Vec<Problem>) -> SideError {
     move |problems| SideError::Unacceptable { side, problems }
 }
 
-impl<T: RobotSimulator> Peer<Robots> for InProcess<T> {
+impl<T: RobotSimulator> Peer<RobotSide> for InProcess<T> {
     const SHARES_VALUES: bool = true;
 
     fn described(&self) -> &Described {
@@ -78,8 +78,8 @@ impl<T: RobotSimulator> Peer<Robots> for InProcess<T> {
     }
 
     async fn configure(&mut self, request: &ConfigureRequest) -> Result<RobotsStart, SideError> {
-        let setup = request.setup().map_err(unacceptable(Robots::SIDE))?;
-        let start = self.simulator.configure(&setup).map_err(unacceptable(Robots::SIDE))?;
+        let setup = request.setup().map_err(unacceptable(RobotSide::SIDE))?;
+        let start = self.simulator.configure(&setup).map_err(unacceptable(RobotSide::SIDE))?;
         self.begin();
         Ok(RobotsStart {
             effective_toml: start.effective.to_string(),
@@ -90,7 +90,10 @@ impl<T: RobotSimulator> Peer<Robots> for InProcess<T> {
         })
     }
 
-    async fn step(&mut self, input: &<Robots as Side>::Input<'_>) -> Result<RobotsStep, SideError> {
+    async fn step(
+        &mut self,
+        input: &<RobotSide as Side>::Input<'_>,
+    ) -> Result<RobotsStep, SideError> {
         let output = self.simulator.step(input);
         self.reach(input.step, input.until_ns);
         Ok(RobotsStep::of_output(input.step, input.until_ns, input.hold, output))
@@ -103,7 +106,7 @@ impl<T: RobotSimulator> Peer<Robots> for InProcess<T> {
     async fn stop(self) {}
 }
 
-impl<T: NetSimulator> Peer<Network> for InProcess<T> {
+impl<T: NetSimulator> Peer<NetworkSide> for InProcess<T> {
     const SHARES_VALUES: bool = true;
 
     fn described(&self) -> &Described {
@@ -111,8 +114,8 @@ impl<T: NetSimulator> Peer<Network> for InProcess<T> {
     }
 
     async fn configure(&mut self, request: &ConfigureRequest) -> Result<NetworkStart, SideError> {
-        let setup = request.setup().map_err(unacceptable(Network::SIDE))?;
-        let start = self.simulator.configure(&setup).map_err(unacceptable(Network::SIDE))?;
+        let setup = request.setup().map_err(unacceptable(NetworkSide::SIDE))?;
+        let start = self.simulator.configure(&setup).map_err(unacceptable(NetworkSide::SIDE))?;
         self.begin();
         Ok(NetworkStart {
             effective_toml: start.effective.to_string(),
@@ -127,12 +130,12 @@ impl<T: NetSimulator> Peer<Network> for InProcess<T> {
 
     async fn step(
         &mut self,
-        input: &<Network as Side>::Input<'_>,
+        input: &<NetworkSide as Side>::Input<'_>,
     ) -> Result<NetworkStep, SideError> {
         let mut kinds = input.commands.iter().map(|command| command.order.kind());
         if let Some(kind) = kinds.find(|&kind| !self.simulator.obeys(kind)) {
             let what = format!("as it is configured, does not obey {kind:?}");
-            return Err(SideError::Cannot { side: Network::SIDE, what });
+            return Err(SideError::Cannot { side: NetworkSide::SIDE, what });
         }
         let output = self.simulator.step(input);
         self.reach(input.step, output.time_ns);

@@ -1,6 +1,6 @@
 //! The two services behind one face, and the border between their messages and values.
 
-use super::{Described, Network, Robots, Side, Standing};
+use super::{Described, NetworkSide, RobotSide, Side, Standing};
 use bytes::Bytes;
 use proto::exchange::ConfigureRequest;
 use proto::types::MoteCommandKind;
@@ -204,7 +204,7 @@ macro_rules! service {
 }
 
 service!(
-    Robots,
+    RobotSide,
     RobotSimServiceClient,
     v1::robot_sim_service_session_request::Request,
     v1::robot_sim_service_session_response::Response,
@@ -235,7 +235,7 @@ service!(
 );
 
 service!(
-    Network,
+    NetworkSide,
     NetSimServiceClient,
     v1::net_sim_service_session_request::Request,
     v1::net_sim_service_session_response::Response,

@@ -21,19 +21,19 @@ pub trait Side: Send + Sync + 'static {
 }
 
 /// The robots.
-pub enum Robots {}
+pub enum RobotSide {}
 
 /// The network.
-pub enum Network {}
+pub enum NetworkSide {}
 
-impl Side for Robots {
+impl Side for RobotSide {
     const SIDE: &'static str = "robotsim";
     type Input<'a> = RobotInput<'a>;
     type Start = RobotsStart;
     type Reply = RobotsStep;
 }
 
-impl Side for Network {
+impl Side for NetworkSide {
     const SIDE: &'static str = "netsim";
     type Input<'a> = NetInput<'a>;
     type Start = NetworkStart;

@@ -2,7 +2,7 @@
 
 use super::{Content, Format};
 use crate::DataError;
-use crate::table::Table;
+use crate::table::DataTable;
 use std::io::Read;
 use std::path::Path;
 
@@ -13,7 +13,7 @@ pub const FORMAT: Format = Format {
     read: |path, content: Content<'_>| read(path, content),
 };
 
-pub(crate) fn read(path: &Path, content: impl Read) -> Result<Table, DataError> {
+pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataError> {
     let format = |message: String| DataError::Format { path: path.to_owned(), message };
     let mut reader =
         csv::ReaderBuilder::new().flexible(true).has_headers(false).from_reader(content);
@@ -42,7 +42,7 @@ pub(crate) fn read(path: &Path, content: impl Read) -> Result<Table, DataError> 
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return Err(format("line 1 must name the columns, but holds numbers".into()));
     }
-    let mut table = Table::of_columns(names, Vec::new());
+    let mut table = DataTable::of_columns(names, Vec::new());
     table.columns = vec![Vec::new(); table.names.len()];
     table.path = path.to_owned();
     while next(&mut record)? {

@@ -2,7 +2,7 @@
 
 use super::{Content, Format};
 use crate::DataError;
-use crate::table::Table;
+use crate::table::DataTable;
 use std::io::Read as _;
 use std::path::Path;
 
@@ -13,7 +13,7 @@ pub const FORMAT: Format =
 /// Nanoseconds of a day: runs of a K7 trace.
 const NS_PER_DAY: u64 = 86_400_000_000_000;
 
-fn read(path: &Path, mut content: Content<'_>) -> Result<Table, DataError> {
+fn read(path: &Path, mut content: Content<'_>) -> Result<DataTable, DataError> {
     let mut bytes = Vec::new();
     content
         .read_to_end(&mut bytes)
@@ -22,11 +22,11 @@ fn read(path: &Path, mut content: Content<'_>) -> Result<Table, DataError> {
         path: path.to_owned(),
         message: complaints.first().map_or_else(String::new, ToString::to_string),
     })?;
-    Ok(Table { path: path.to_owned(), first_line: 3, ..table_of(&trace) })
+    Ok(DataTable { path: path.to_owned(), first_line: 3, ..table_of(&trace) })
 }
 
 /// The rows of a K7 trace as an aggregated link table.
-fn table_of(trace: &netsim::k7::K7) -> Table {
+fn table_of(trace: &netsim::k7::K7) -> DataTable {
     let of = |value: &dyn Fn(&netsim::k7::Row) -> f64| trace.rows.iter().map(value).collect();
     let columns: [(&str, Vec<f64>); 8] = [
         ("time_s", of(&|row| row.from_ns as f64 * 1e-9)),
@@ -41,5 +41,5 @@ fn table_of(trace: &netsim::k7::K7) -> Table {
     ];
     let (names, columns) =
         columns.into_iter().map(|(name, column)| (name.to_owned(), column)).unzip();
-    Table::of_columns(names, columns)
+    DataTable::of_columns(names, columns)
 }

@@ -2,7 +2,7 @@
 
 use super::Format;
 use crate::DataError;
-use crate::table::Table;
+use crate::table::DataTable;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use std::fs::File;
@@ -20,7 +20,7 @@ pub const FORMAT: Format = Format {
     },
 };
 
-fn read(path: &Path, file: File) -> Result<Table, DataError> {
+fn read(path: &Path, file: File) -> Result<DataTable, DataError> {
     let format = |error: parquet::errors::ParquetError| DataError::Format {
         path: path.to_owned(),
         message: error.to_string(),
@@ -28,7 +28,7 @@ fn read(path: &Path, file: File) -> Result<Table, DataError> {
     let reader = SerializedFileReader::new(file).map_err(format)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
-    let mut table = Table::of_columns(names, Vec::new());
+    let mut table = DataTable::of_columns(names, Vec::new());
     table.columns = vec![Vec::new(); table.names.len()];
     table.path = path.to_owned();
     table.first_line = 1;

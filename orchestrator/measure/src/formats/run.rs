@@ -2,7 +2,7 @@
 
 use super::Format;
 use crate::DataError;
-use crate::table::Table;
+use crate::table::DataTable;
 use numbers::power::square;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,7 +20,7 @@ pub const FORMAT: Format = Format {
 /// # Errors
 ///
 /// The folder is no run's, or its links were not recorded.
-fn links(folder: &Path) -> Result<Table, DataError> {
+fn links(folder: &Path) -> Result<DataTable, DataError> {
     let format = |message: String| DataError::Format { path: folder.to_owned(), message };
     for name in ["links.parquet", "steps.parquet"] {
         if !folder.join(name).is_file() {
@@ -29,9 +29,9 @@ fn links(folder: &Path) -> Result<Table, DataError> {
             )));
         }
     }
-    let links = Table::read(&folder.join("links.parquet"))?;
-    let steps = Table::read(&folder.join("steps.parquet"))?;
-    let column = |table: &'_ Table, name: &str| -> Result<Vec<f64>, DataError> {
+    let links = DataTable::read(&folder.join("links.parquet"))?;
+    let steps = DataTable::read(&folder.join("steps.parquet"))?;
+    let column = |table: &'_ DataTable, name: &str| -> Result<Vec<f64>, DataError> {
         let found = table.column(name).map(<[f64]>::to_vec);
         found.ok_or_else(|| {
             format(format!("its tables have no column {name}: it is no run of ours"))
@@ -98,7 +98,7 @@ fn links(folder: &Path) -> Result<Table, DataError> {
     columns.push(("rssi_dbm", of(&rssi_dbm)));
     columns.push(("received", of(&received)));
     let (names, columns) = columns.into_iter().map(|(name, c)| (name.to_owned(), c)).unzip();
-    let mut table = Table::of_columns(names, columns);
+    let mut table = DataTable::of_columns(names, columns);
     table.path = folder.to_owned();
     table.sha256 = links.sha256;
     Ok(table)

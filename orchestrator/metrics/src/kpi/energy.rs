@@ -19,7 +19,7 @@ pub(super) struct Energy {
 }
 
 /// From the beginning, or since `since`; `None` where the network does not count charge.
-pub(super) fn of(kpis: &Kpis, since: Option<&MoteStatistics>, n: usize) -> Option<Energy> {
+pub(super) fn summarise(kpis: &Kpis, since: Option<&MoteStatistics>, n: usize) -> Option<Energy> {
     let latest = kpis.statistics()?;
     latest.column("charge_uc")?;
     let counted = |name: &str, mote: usize| {
@@ -52,7 +52,7 @@ impl Energy {
     /// For `summary.json`. Roots count for the total charge alone.
     pub(super) fn summary(&self) -> EnergySummary {
         let others = |column: &[Option<f64>]| {
-            Samples::of(
+            Samples::from_values(
                 column
                     .iter()
                     .zip(&self.is_root)

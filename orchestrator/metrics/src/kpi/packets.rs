@@ -1,7 +1,7 @@
 //! The account of packets: created, delivered, dropped, on their way.
 
 use super::kpi_summary::{Delivery, Latency, PacketsOfKind};
-use super::samples::{Samples, Timeline};
+use super::samples::{PacketTimeline, Samples};
 use crate::DistanceBin;
 use indexmap::IndexMap;
 use proto::types::{EVERYONE, PacketKind, Packets, seconds};
@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// What became of all packets so far.
 #[derive(Clone, Debug, Default)]
-pub struct Account {
+pub struct PacketAccount {
     /// The kinds as last told, with how many of each were created.
     kinds: Vec<PacketKind>,
     /// Delivered, and dropped by reason, of each kind.
@@ -19,7 +19,7 @@ pub struct Account {
     /// The same by destination: upward traffic is that to roots, which are known only at the end.
     to: BTreeMap<u32, Flow>,
     /// Application packets to one destination that were delivered, and dropped, by when they ended.
-    pub over_time: Timeline,
+    pub over_time: PacketTimeline,
 }
 
 /// Packets to a destination.
@@ -73,7 +73,7 @@ impl MotePackets {
     }
 }
 
-impl Account {
+impl PacketAccount {
     /// Adds the packets that ended in a step.
     pub fn add(&mut self, packets: &Packets) {
         self.kinds.clone_from(&packets.kinds);
@@ -135,7 +135,7 @@ impl Account {
 
     /// Latencies of all application packets delivered to one destination (s).
     pub fn latencies_s(&self) -> Samples {
-        Samples::of(self.to.values().flat_map(|flow| flow.latency_s.ascending()))
+        Samples::from_values(self.to.values().flat_map(|flow| flow.latency_s.ascending()))
     }
 
     /// Application packets to those destinations: how many arrived, how fast, over how many hops, and why others did not.
@@ -166,7 +166,8 @@ impl Account {
             .iter()
             .filter_map(|flow| Some(flow.latency_s.mean()? * flow.latency_s.len() as f64))
             .sum();
-        let latency_s = Samples::of(flows.iter().flat_map(|flow| flow.latency_s.ascending()));
+        let latency_s =
+            Samples::from_values(flows.iter().flat_map(|flow| flow.latency_s.ascending()));
         let [least, median, p95, p99] = latency_s.quantiles([0.0, 0.5, 0.95, 0.99]);
         let longest_s = flows.iter().filter_map(|flow| flow.latency_s.quantile(1.0));
         Some(Delivery {

@@ -22,7 +22,7 @@ impl Default for Samples {
 
 impl Samples {
     /// All of these.
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
+    pub fn from_values(values: impl IntoIterator<Item = f64>) -> Self {
         let mut samples = Self::default();
         values.into_iter().for_each(|value| samples.add(value));
         samples
@@ -95,20 +95,20 @@ const MAX_SAMPLES: usize = 1 << 20;
 
 /// Counts of two kinds over time, in bins that double in width when there are too many.
 #[derive(Clone, Debug)]
-pub struct Timeline {
+pub struct PacketTimeline {
     /// Width of a bin (ns).
     pub bin_ns: u64,
     /// Both counts per bin, the first beginning at 0.
     pub bins: Vec<[u64; 2]>,
 }
 
-impl Default for Timeline {
+impl Default for PacketTimeline {
     fn default() -> Self {
         Self { bin_ns: 1_000_000_000, bins: Vec::new() }
     }
 }
 
-impl Timeline {
+impl PacketTimeline {
     /// Counts one of the second kind, or of the first.
     pub fn add(&mut self, time_ns: u64, is_second: bool) {
         while MAX_BINS as u64 <= time_ns / self.bin_ns {
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn quantiles_of_few_are_exact() {
         // numpy.quantile([1, 2, 4, 8], [0, 0.1, 0.5, 0.9, 1]); equal up to rounding.
-        let samples = Samples::of([8.0, 1.0, 4.0, 2.0]);
+        let samples = Samples::from_values([8.0, 1.0, 4.0, 2.0]);
         let found = samples.quantiles([0.0, 0.1, 0.5, 0.9, 1.0]).map(Option::unwrap);
         for (found, expected) in found.into_iter().zip([1.0, 1.3, 3.0, 6.8, 8.0]) {
             assert!((found - expected).abs() < 1e-12, "{found}");
@@ -150,7 +150,7 @@ mod tests {
     fn quantiles_of_very_many_stay_close_and_the_ends_exact() {
         let n = 3 * MAX_SAMPLES as u64 + 17;
         // A permutation of 0..n, since n and the factor have no common divisor.
-        let samples = Samples::of((0..n).map(|i| (i * 1_000_003 % n) as f64));
+        let samples = Samples::from_values((0..n).map(|i| (i * 1_000_003 % n) as f64));
         assert!(samples.kept.len() <= MAX_SAMPLES && samples.stride == 4);
         assert_eq!(samples.len(), n);
         assert_eq!(samples.quantiles([0.0, 1.0]), [Some(0.0), Some((n - 1) as f64)]);
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn no_count_is_lost_when_time_goes_on() {
-        let mut timeline = Timeline::default();
+        let mut timeline = PacketTimeline::default();
         for i in 0..10_000u64 {
             timeline.add(i * 1_000_000_000, i % 4 == 0);
         }

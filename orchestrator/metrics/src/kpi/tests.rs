@@ -56,7 +56,7 @@ fn run(steps: &[Step]) -> Kpis {
     let states = AgentStates::at_origin(N);
     let motes = MoteStates { alive: Bitmap::filled(N, true), ..MoteStates::default() };
     let deliveries = Deliveries::default();
-    let counts = Counts::of(&deliveries, N);
+    let counts = Counts::from_deliveries(&deliveries, N);
     let mut kpis = Kpis::new(Some(Formation::default()), None);
     for (step, reply) in (1..).zip(steps) {
         let formation = Formation { formed_ns: reply.formed_ns, ..Formation::default() };

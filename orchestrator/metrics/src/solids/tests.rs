@@ -27,7 +27,7 @@ type Moment = ([f64; 3], Option<[f64; 2]>);
 
 /// How often a robot that is at these places at the ends of steps has met something.
 fn met(task: &Task, site: &Site, moments: &[Moment]) -> u64 {
-    let mut solids = Solids::of(site, task).unwrap();
+    let mut solids = Solids::from_site(site, task).unwrap();
     let states = moments.iter().map(|&([x, y, z], _)| {
         let mut states = AgentStates::at_rest(&[[x, y]]);
         states.z_m[0] = z;
@@ -35,7 +35,7 @@ fn met(task: &Task, site: &Site, moments: &[Moment]) -> u64 {
     });
     let states: Vec<AgentStates> = states.collect();
     let (deliveries, motes) = (Deliveries::default(), MoteStates::default());
-    let counts = Counts::of(&deliveries, 1);
+    let counts = Counts::from_deliveries(&deliveries, 1);
     for (pair, (_, at_m)) in states.windows(2).zip(&moments[1..]) {
         let moved: Vec<MovedObstacle> = at_m
             .iter()
@@ -136,12 +136,12 @@ fn of_robots_that_are_held_up_or_jump_only_an_overlap_that_is_left_counts() {
 #[test]
 fn a_robot_that_comes_to_be_in_a_wall_meets_it_and_one_that_waits_does_not() {
     let (task, site) = (robots(Passage::Through), cart([-10.0, 0.0]));
-    let mut solids = Solids::of(&site, &task).unwrap();
+    let mut solids = Solids::from_site(&site, &task).unwrap();
     let present = AgentStates::at_rest(&[[0.0, 0.0]]);
     let mut absent = present.clone();
     absent.alive.set(0, false);
     let (deliveries, motes) = (Deliveries::default(), MoteStates::default());
-    let counts = Counts::of(&deliveries, 1);
+    let counts = Counts::from_deliveries(&deliveries, 1);
     let arrived = [MovedObstacle { name: "cart".to_owned(), centre_m: [0.0, 0.0] }];
     // The obstacle comes while robots wait: when they start they are in it already.
     let mut held =
@@ -175,7 +175,7 @@ fn looking_at_what_is_near_finds_all_there_is() {
         let radius_m = if number % 3 == 0 { 0.0 } else { draw(number, 4, 2.0) };
         solids.push(Solid { line_m, radius_m, height_m: f64::INFINITY });
     }
-    let tree = Tree::of(solids.clone(), 0.2);
+    let tree = Tree::build(solids.clone(), 0.2);
     let mut n_all = 0;
     for robot in 1000..2000u64 {
         let begin_m = [draw(robot, 0, 50.0), draw(robot, 1, 50.0), 0.0];
@@ -190,6 +190,6 @@ fn looking_at_what_is_near_finds_all_there_is() {
 
 #[test]
 fn where_nothing_is_solid_nothing_is_looked_for() {
-    assert!(Solids::of(&Site::default(), &robots(Passage::Through)).is_none());
-    assert!(Solids::of(&cart([0.0, 0.0]), &Task::default()).is_none());
+    assert!(Solids::from_site(&Site::default(), &robots(Passage::Through)).is_none());
+    assert!(Solids::from_site(&cart([0.0, 0.0]), &Task::default()).is_none());
 }

@@ -4,7 +4,7 @@ use crate::comparison::Kpi;
 use crate::error_split::{ErrorPart, PartOfFigure};
 use diagnose::json_number;
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -51,7 +51,7 @@ pub struct TaskComparison {
     pub error_split: TaskErrorSplit,
     /// The measurements: where robots were.
     #[serde(flatten)]
-    pub account: Account,
+    pub account: DataAccount,
     /// The measurements: who heard whom.
     pub heard: HeardFile,
 }

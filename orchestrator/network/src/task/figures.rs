@@ -1,6 +1,6 @@
 //! The figures of a swarm's task that are compared: those of a run's summary (docs/metrics.md), of places alone.
 
-use crate::figure::{Figure, figure};
+use crate::figure::{FigureSpec, figure};
 use crate::tracks::Tracks;
 use metrics::figures::FigureValue;
 use metrics::places::measures_of;
@@ -10,7 +10,7 @@ use proto::types::{AgentStates, NS_PER_S};
 
 /// On which scale differences of a figure are told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
+pub enum TaskScale {
     /// As it is.
     Plain,
     /// A length or a speed above 0: logarithm.
@@ -21,45 +21,60 @@ pub enum Scale {
 pub const N: usize = 13;
 
 /// All figures, in the order of [`TaskFigures::values`].
-pub const FIGURES: [Figure<Scale>; N] = [
-    figure("mean_speed_mps", "m/s", "a robot's own speed: mean of robots and time", Scale::Ratio),
-    figure("flock_speed_mps", "m/s", "speed of the mean velocity: mean of time", Scale::Ratio),
+pub const FIGURES: [FigureSpec<TaskScale>; N] = [
+    figure(
+        "mean_speed_mps",
+        "m/s",
+        "a robot's own speed: mean of robots and time",
+        TaskScale::Ratio,
+    ),
+    figure("flock_speed_mps", "m/s", "speed of the mean velocity: mean of time", TaskScale::Ratio),
     figure(
         "speed_along_leader_mps",
         "m/s",
         "mean velocity along that of the leader: mean of time",
-        Scale::Plain,
+        TaskScale::Plain,
     ),
     figure(
         "leader_distance_m",
         "m",
         "distance from the leader: mean of robots and time",
-        Scale::Ratio,
+        TaskScale::Ratio,
     ),
-    figure("polarisation", "", "how far headings agree, 0 to 1: mean of time", Scale::Plain),
+    figure("polarisation", "", "how far headings agree, 0 to 1: mean of time", TaskScale::Plain),
     figure(
         "radial_speed_mps",
         "m/s",
         "speed away from the centre: mean of robots and time",
-        Scale::Plain,
+        TaskScale::Plain,
     ),
-    figure("cohesion_m", "m", "distance from the centre: mean of robots and time", Scale::Ratio),
-    figure("min_distance_m", "m", "least distance of any two robots at any time", Scale::Ratio),
+    figure(
+        "cohesion_m",
+        "m",
+        "distance from the centre: mean of robots and time",
+        TaskScale::Ratio,
+    ),
+    figure("min_distance_m", "m", "least distance of any two robots at any time", TaskScale::Ratio),
     figure(
         "final_spread_m",
         "m",
         "root mean square distance from the centre at the end",
-        Scale::Ratio,
+        TaskScale::Ratio,
     ),
-    figure("line_rms_m", "m", "root mean square distance from the line at the end", Scale::Ratio),
+    figure(
+        "line_rms_m",
+        "m",
+        "root mean square distance from the line at the end",
+        TaskScale::Ratio,
+    ),
     figure(
         "circle_rms_m",
         "m",
         "root mean square distance from the circle at the end",
-        Scale::Ratio,
+        TaskScale::Ratio,
     ),
-    figure("centre_x_m", "m", "how far the centre of all robots went, east", Scale::Plain),
-    figure("centre_y_m", "m", "how far the centre of all robots went, north", Scale::Plain),
+    figure("centre_x_m", "m", "how far the centre of all robots went, east", TaskScale::Plain),
+    figure("centre_y_m", "m", "how far the centre of all robots went, north", TaskScale::Plain),
 ];
 
 /// Figures of one swarm.
@@ -75,7 +90,7 @@ impl TaskFigures {
     pub fn scaled(&self) -> [f64; N] {
         let mut scaled = self.values;
         for (value, figure) in scaled.iter_mut().zip(&FIGURES) {
-            if figure.scale == Scale::Ratio {
+            if figure.scale == TaskScale::Ratio {
                 // A centimetre is as good as nothing.
                 *value = libm::log(*value + 0.01);
             }
@@ -184,7 +199,7 @@ const MOST_LOOKS: f64 = 400.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use measure::table::Table;
+    use measure::table::DataTable;
     use std::fmt::Write as _;
     use std::path::Path;
 
@@ -199,7 +214,8 @@ mod tests {
             }
         }
         let tracks =
-            Tracks::of(&Table::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap()).unwrap();
+            Tracks::from_table(&DataTable::of_csv(Path::new("p.csv"), text.as_bytes()).unwrap())
+                .unwrap();
         let task = Task {
             leader: Some(0),
             leader_velocity_mps: Some([0.0, 1.0]),

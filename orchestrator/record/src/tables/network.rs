@@ -1,9 +1,9 @@
 //! What the network says of itself, as rows: packets, motes, schedules, and who has heard whom.
 
-use super::{Tables, Told};
+use super::{PacketCells, Tables};
 use crate::RecordError;
 use crate::table::Cell;
-use metrics::kpi::Account;
+use metrics::kpi::PacketAccount;
 use metrics::period::Period;
 use proto::types::{Bitmap, EVERYONE, MoteStates, Statistic};
 
@@ -12,7 +12,7 @@ impl Tables {
     pub(super) fn network(
         &mut self,
         period: &Period<'_>,
-        account: &Account,
+        account: &PacketAccount,
     ) -> Result<(), RecordError> {
         self.packets(period)?;
         let statistics = period.statistics.map(|statistics| &statistics.columns[..]);
@@ -58,9 +58,9 @@ impl Tables {
         time_ns: u64,
         motes: &MoteStates,
         statistics: &[Statistic],
-        account: &Account,
+        account: &PacketAccount,
     ) -> Result<(), RecordError> {
-        self.told.resize(motes.alive.len(), Told::default());
+        self.told.resize(motes.alive.len(), PacketCells::default());
         let Some(table) = &mut self.motes else { return Ok(()) };
         let flag = |bitmap: &Option<Bitmap>, mote| {
             Cell::or_null(bitmap.as_ref().map(|bitmap| bitmap.get(mote)), Cell::Bool)

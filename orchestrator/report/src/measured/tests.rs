@@ -48,8 +48,8 @@ fn site() -> Site {
     Site::default()
 }
 
-fn account() -> Account {
-    Account {
+fn account() -> DataAccount {
+    DataAccount {
         data: DataFile { file: "links.csv".to_owned(), sha256: "ab".to_owned() },
         rows: 41,
         used: 40,

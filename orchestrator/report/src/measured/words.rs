@@ -4,7 +4,7 @@ use super::{Contents, MeasuredAnswer};
 use crate::layout::{self, listing, number_cell, with_unit};
 use diagnose::diagnosis::{Rung, Structure};
 use maud::{Markup, html};
-use measure::account::Account;
+use measure::account::DataAccount;
 use numbers::format::{capitalised, count, number, number_within, percent};
 use proto::effect::CONSTANT;
 use study::LOSS_CURVE;
@@ -32,7 +32,7 @@ pub(super) fn notices(contents: &Contents<'_>) -> Option<Markup> {
 }
 
 /// What is to be known of the measurements before an answer about them is believed.
-pub(crate) fn notices_of(account: &Account) -> Option<Markup> {
+pub(crate) fn notices_of(account: &DataAccount) -> Option<Markup> {
     let rejected = account.rejected.iter().map(|rejected| {
         format!(
             "{} rows not used: {} (first on line {})",

@@ -33,7 +33,7 @@ pub(super) fn specs(rows: &Rows) -> Vec<TermSpec> {
     let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
     let measured = &rows.links.rows;
     let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
-        let of = |row: &measure::links::Row| if end == "tx" { row.tx_m } else { row.rx_m };
+        let of = |row: &measure::links::LinkRow| if end == "tx" { row.tx_m } else { row.rx_m };
         let values: Vec<f64> = measured.iter().map(|row| of(row)[axis]).collect();
         (format!("{end}_{}_m", ["x", "y"][axis]), values, true)
     });

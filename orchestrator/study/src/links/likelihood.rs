@@ -4,7 +4,7 @@ use super::passing::{AveragedCurve, PowerMixture, SampledCurve};
 use super::register::{PowerRange, width_db};
 use crate::RowScore;
 use density::FadingDensity;
-use measure::links::{Readings, Row};
+use measure::links::{LinkRow, Readings};
 
 /// What a model says about a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -282,7 +282,12 @@ impl Instrument {
 
     /// Log likelihood of a sample: one frame, received or lost. `lift_db` is added to the level.
     #[must_use]
-    pub fn row_likelihood(&self, row: &Row, level: &RowPrediction, lift_db: f64) -> RowLikelihood {
+    pub fn row_likelihood(
+        &self,
+        row: &LinkRow,
+        level: &RowPrediction,
+        lift_db: f64,
+    ) -> RowLikelihood {
         if self.readings.is_given {
             return self.share_likelihood(row, level);
         }
@@ -386,7 +391,7 @@ impl Instrument {
     #[must_use]
     pub fn score(
         &self,
-        row: &Row,
+        row: &LinkRow,
         level: &RowPrediction,
         lift_db: f64,
         read: Option<RegisterResponse<'_>>,
@@ -434,9 +439,9 @@ pub(in crate::links) mod tests {
         Instrument::new(curve, spread, Noise { sd_db, ..Noise::default() }, readings)
     }
 
-    pub(in crate::links) fn row(frames: f64, received: f64, rssi_dbm: f64) -> Row {
+    pub(in crate::links) fn row(frames: f64, received: f64, rssi_dbm: f64) -> LinkRow {
         let place = [0.0; 3];
-        Row {
+        LinkRow {
             line: 2,
             time_s: f64::NAN,
             run: 0,

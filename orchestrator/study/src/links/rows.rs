@@ -2,7 +2,7 @@
 
 use super::register::Register;
 use measure::Rejections;
-use measure::links::{Links, Row, has_losses};
+use measure::links::{LinkRow, LinkSamples, has_losses};
 use netsim::phy::Model;
 use netsim::phy::effect::Effect;
 use netsim::phy::link::{Covariates, End, Link, Scene};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// The measurements. Rows that the model cannot say anything about have been taken out.
-    pub links: Links,
+    pub links: LinkSamples,
     /// The model as configured.
     pub model: Arc<Model>,
     /// Walls, obstacles, ground.
@@ -59,10 +59,10 @@ const MOST_AGENTS: usize = 8_000_000;
 impl Rows {
     /// Holds a model against measurements.
     #[must_use]
-    pub fn new(mut links: Links, model: Model, site: Site, antenna_height_m: f64) -> Self {
+    pub fn new(mut links: LinkSamples, model: Model, site: Site, antenna_height_m: f64) -> Self {
         lift(&mut links, antenna_height_m);
         let tracks = tracks(&links.rows);
-        let end = |row: &Row, mote: u32, place: [f64; 3], heading: f64| {
+        let end = |row: &LinkRow, mote: u32, place: [f64; 3], heading: f64| {
             let place = [place[0], place[1], if place[2].is_nan() { 0.0 } else { place[2] }];
             End {
                 id: mote,
@@ -248,7 +248,7 @@ impl Rows {
             self.leave_out_unread();
         }
         // Where nobody's place is known, distances are nobody's matter.
-        let placed = |row: &Row| row.tx_m[0].is_finite() && row.rx_m[0].is_finite();
+        let placed = |row: &LinkRow| row.tx_m[0].is_finite() && row.rx_m[0].is_finite();
         let is_placed = self.links.rows.iter().any(placed);
         let known: Vec<bool> = self
             .base
@@ -277,7 +277,7 @@ impl Rows {
                 rejections.add("--given-rssi: it is not known what was received", row.line);
             }
         }
-        let is_known = |row: &Row| row.rssi_dbm.is_finite() && row.received.is_finite();
+        let is_known = |row: &LinkRow| row.rssi_dbm.is_finite() && row.received.is_finite();
         let known: Vec<bool> = self.links.rows.iter().map(is_known).collect();
         self.links.rejected.extend(rejections.into_list());
         self.keep(&known);
@@ -316,7 +316,7 @@ impl Rows {
 }
 
 /// Numbers of frames sent of the most rows of which nothing was received.
-fn silent_frames(rows: &[Row]) -> Vec<f64> {
+fn silent_frames(rows: &[LinkRow]) -> Vec<f64> {
     let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.received == 0.0) {
         *counts.entry(row.frames.to_bits()).or_insert(0) += 1;
@@ -356,7 +356,7 @@ fn ln_survival(loss: f64) -> f64 {
 }
 
 /// Gives planar places the height of the antennas.
-fn lift(links: &mut Links, antenna_height_m: f64) {
+fn lift(links: &mut LinkSamples, antenna_height_m: f64) {
     let is_planar = links
         .rows
         .iter()
@@ -373,7 +373,7 @@ fn lift(links: &mut Links, antenna_height_m: f64) {
 type Track = Vec<(f64, [f64; 3])>;
 
 /// Where each mote was when, by campaign: sorted, one place per time.
-fn tracks(rows: &[Row]) -> BTreeMap<(u32, u32), Track> {
+fn tracks(rows: &[LinkRow]) -> BTreeMap<(u32, u32), Track> {
     let mut tracks: BTreeMap<(u32, u32), Track> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.time_s.is_finite()) {
         for (mote, place) in [(row.tx, row.tx_m), (row.rx, row.rx_m)] {
@@ -404,7 +404,7 @@ fn velocity(track: &Track, time_s: f64) -> Option<[f64; 3]> {
 }
 
 /// Where all motes are at the time of each row.
-fn agents(rows: &[Row], tracks: &BTreeMap<(u32, u32), Track>) -> (Vec<End>, Vec<(u32, u32)>) {
+fn agents(rows: &[LinkRow], tracks: &BTreeMap<(u32, u32), Track>) -> (Vec<End>, Vec<(u32, u32)>) {
     let mut moments: BTreeMap<(u32, u64), (u32, u32)> = BTreeMap::new();
     let mut agents = Vec::new();
     let n_moments = {

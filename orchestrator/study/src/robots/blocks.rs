@@ -4,7 +4,7 @@ use super::motion::MeasuredTracks;
 use super::{MEMORY_S, WANTED_BLOCKS};
 use crate::choices::{ChoiceError, SplitBy};
 use crate::folds::{Blocks, N_FOLDS};
-use measure::robots::Sample;
+use measure::robots::RobotSample;
 use std::collections::BTreeMap;
 
 /// Shortest blocks, in windows.
@@ -19,7 +19,7 @@ impl MeasuredTracks {
         window_s: f64,
         split: SplitBy,
     ) -> Result<Blocks, ChoiceError> {
-        let whole = |unit, key: &dyn Fn(&Sample) -> u32| {
+        let whole = |unit, key: &dyn Fn(&RobotSample) -> u32| {
             let keys = self.windows.iter().map(|window| u64::from(key(self.start(window))));
             Blocks::of_keys(unit, &keys.collect::<Vec<_>>())
         };

@@ -1,7 +1,7 @@
 //! From positions and commands up to a moment, and the commands after it, to where the robot will be.
 
 use super::density::Residual;
-use measure::robots::{Robots, Sample};
+use measure::robots::{RobotSample, RobotSamples};
 use numbers::power::square;
 use proto::rng::Draws;
 use proto::site::Terrain;
@@ -27,7 +27,7 @@ pub(super) struct Gains {
 /// Measured tracks, ready to be predicted.
 #[derive(Debug)]
 pub(super) struct MeasuredTracks {
-    pub(super) robots: Robots,
+    pub(super) robots: RobotSamples,
     /// Sorted by track and start.
     pub(super) windows: Vec<MotionWindow>,
     /// How many windows overlap at any time.
@@ -59,7 +59,7 @@ struct StateEstimate {
 
 impl MeasuredTracks {
     /// Windows of `window_s`, four of which overlap where samples are close enough.
-    pub(super) fn new(robots: Robots, window_s: f64, terrain: Terrain) -> Self {
+    pub(super) fn new(robots: RobotSamples, window_s: f64, terrain: Terrain) -> Self {
         let spacing_s = robots.spacing_s();
         let stride = ((0.25 * window_s / spacing_s).round() as usize).max(1);
         let tolerance_s = 0.51 * spacing_s;
@@ -111,7 +111,7 @@ impl MeasuredTracks {
     }
 
     /// The sample at which a window begins.
-    pub(super) fn start(&self, window: &MotionWindow) -> &Sample {
+    pub(super) fn start(&self, window: &MotionWindow) -> &RobotSample {
         &self.robots.samples[window.start as usize]
     }
 
@@ -491,7 +491,7 @@ fn rotated([x, y, z]: [f64; 3], angle_rad: f64) -> [f64; 3] {
 
 /// For each sample the other robots of its campaign at that time, where they were measured within one spacing, with the
 /// velocities of their last step. Other robots' measured positions are a covariate: they are known within the window, too.
-fn others(robots: &Robots) -> Vec<Vec<Other>> {
+fn others(robots: &RobotSamples) -> Vec<Vec<Other>> {
     let mut by_run: std::collections::BTreeMap<u32, Vec<usize>> = std::collections::BTreeMap::new();
     for (number, track) in robots.tracks.iter().enumerate() {
         by_run.entry(robots.samples[track.start].run).or_default().push(number);

@@ -5,7 +5,7 @@ use super::curve::RobotCurve;
 use super::motion::MeasuredTracks;
 use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, set};
 use crate::{CURVE, Candidate, FINE, knots};
-use measure::robots::Sample;
+use measure::robots::RobotSample;
 use proto::config::{Node, Value, check};
 use proto::effect::{Level, Need, Parameter};
 use robotsim::catalogue::Catalogue;
@@ -300,7 +300,8 @@ pub(super) const NOISE: &str = "localization";
 impl MeasuredTracks {
     /// Covariates that every file has: time, and place.
     fn own_covariates(&self) -> [(String, Vec<f64>); 3] {
-        let of = |value: &dyn Fn(&Sample) -> f64| self.robots.samples.iter().map(value).collect();
+        let of =
+            |value: &dyn Fn(&RobotSample) -> f64| self.robots.samples.iter().map(value).collect();
         [
             ("time_s".to_owned(), of(&|sample| sample.time_s)),
             ("x_m".to_owned(), of(&|sample| sample.position_m[0])),

@@ -6,12 +6,12 @@ use super::*;
 use crate::folds::scramble;
 use driven::{NOISE_M, STEP_S, driven};
 use measure::robots;
-use measure::table::Table;
+use measure::table::DataTable;
 
 const THRESHOLD_MPS: f64 = 0.3;
 
 /// Robots whose motors follow with a lag. The column is of no meaning.
-fn lagging(n_steps: usize, tau_s: f64) -> Table {
+fn lagging(n_steps: usize, tau_s: f64) -> DataTable {
     driven(n_steps, "battery_v", |_, command, at, velocity| {
         // A thousand small steps of v̇ = (u − v) / τ.
         for _ in 0..1000 {
@@ -24,7 +24,7 @@ fn lagging(n_steps: usize, tau_s: f64) -> Table {
     })
 }
 
-fn study(table: &Table) -> RobotStudy {
+fn study(table: &DataTable) -> RobotStudy {
     let node = proto::config::parse("kind = 'point-mass'").unwrap();
     let spec = &robotsim::dynamics::SPEC;
     let dynamics =
@@ -73,7 +73,7 @@ fn an_effect_that_does_nothing_gains_nothing() {
 }
 
 /// Robots that do not move at slow commands.
-fn reluctant(n_steps: usize) -> Table {
+fn reluctant(n_steps: usize) -> DataTable {
     driven(n_steps, "battery_v", |_, command, at, _| {
         let is_moving = THRESHOLD_MPS < libm::hypot(command[0], command[1]);
         for axis in 0..2 {

@@ -4,7 +4,7 @@ use super::fit::FitState;
 use super::motion::MeasuredTracks;
 use super::terms::Term;
 use super::{RobotFit, RobotModel};
-use measure::robots::Sample;
+use measure::robots::RobotSample;
 use numbers::power::square;
 use robotsim::dynamics::Part;
 
@@ -65,7 +65,7 @@ impl MeasuredTracks {
     /// samples to next to nothing.
     pub(super) fn accelerations(&self) -> Vec<f64> {
         let n_parts = if self.robots.shape.is_turning() { 1 } else { 3 };
-        let change = |pair: &[Sample]| -> f64 {
+        let change = |pair: &[RobotSample]| -> f64 {
             let parts = 0..n_parts;
             parts.map(|k| square(pair[1].command[k] - pair[0].command[k])).sum::<f64>().sqrt()
         };

@@ -4,7 +4,7 @@ use super::motion::MeasuredTracks;
 use super::{HORIZONS_S, RobotFit, RobotStudy};
 use crate::Study;
 use crate::view::{View, Viewed};
-use measure::robots::Sample;
+use measure::robots::RobotSample;
 use numbers::power::square;
 use robotsim::dynamics::Drive;
 
@@ -26,7 +26,7 @@ impl Viewed for RobotStudy {
 impl RobotStudy {
     /// The samples at which each window begins and ends.
     #[must_use]
-    pub fn windows(&self) -> Vec<[&Sample; 2]> {
+    pub fn windows(&self) -> Vec<[&RobotSample; 2]> {
         let samples = &self.robots().samples;
         let tracks = &self.model.tracks;
         tracks

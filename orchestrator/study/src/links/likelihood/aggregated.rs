@@ -12,7 +12,7 @@
 use super::tables::{FrameMoments, FrameTable, SilentRowTable};
 use super::{Instrument, PowerRange, RegisterResponse, RowLikelihood, RowPrediction, STRAY};
 use crate::RowScore;
-use measure::links::Row;
+use measure::links::LinkRow;
 
 /// The mean of any number of readings is not known better than this (dB): registers read in steps, and drift.
 const LEAST_SD_DB: f64 = 0.3;
@@ -66,7 +66,7 @@ struct RowCounts {
 }
 
 impl RowCounts {
-    fn from_row(row: &Row, instrument: &Instrument) -> Self {
+    fn from_row(row: &LinkRow, instrument: &Instrument) -> Self {
         let knows_losses = instrument.readings.has_losses && row.received.is_finite();
         let sent = if row.frames.is_finite() { row.frames.max(1.0) } else { 1.0 };
         let received = if row.received.is_finite() { row.received } else { sent };
@@ -373,7 +373,7 @@ impl Instrument {
     /// Log likelihood of a row of several frames. `lift_db` is added to the level.
     pub(super) fn aggregated_likelihood(
         &self,
-        row: &Row,
+        row: &LinkRow,
         level: &RowPrediction,
         lift_db: f64,
     ) -> RowLikelihood {
@@ -447,7 +447,7 @@ impl Instrument {
     #[must_use]
     pub fn row_of(
         &self,
-        row: &Row,
+        row: &LinkRow,
         level: &RowPrediction,
         (lift_db, extra): (f64, f64),
         read: Option<RegisterResponse<'_>>,
@@ -483,7 +483,7 @@ impl Instrument {
     #[must_use]
     pub fn score_row(
         &self,
-        row: &Row,
+        row: &LinkRow,
         level: &RowPrediction,
         (lift_db, extra): (f64, f64),
         read: Option<RegisterResponse<'_>>,

@@ -15,7 +15,7 @@
 
 use super::{Instrument, RowLikelihood, RowPrediction, normal_crps};
 use crate::RowScore;
-use measure::links::Row;
+use measure::links::LinkRow;
 
 /// Half the way over which slopes are taken (dB): curves are sampled at steps of a tenth.
 const HALF_STEP_DB: f64 = 0.01;
@@ -34,7 +34,7 @@ fn moments(passes: f64, frames: f64) -> (f64, f64) {
 
 impl Instrument {
     /// Mean and variance of the share received of a row `away_db` beyond its level.
-    fn moments(&self, row: &Row, level: &RowPrediction, away_db: f64) -> (f64, f64) {
+    fn moments(&self, row: &LinkRow, level: &RowPrediction, away_db: f64) -> (f64, f64) {
         let power_dbm = level.power_dbm - level.shift_db + away_db;
         let survival = libm::exp(level.ln_survival);
         // Frames that go against the curve make a share less certain, not greater or less.
@@ -45,13 +45,13 @@ impl Instrument {
 
     /// The share of the frames of a row that should be received, something being received, and the standard deviation of that.
     #[must_use]
-    pub fn share_of(&self, row: &Row, level: &RowPrediction) -> (f64, f64) {
+    pub fn share_of(&self, row: &LinkRow, level: &RowPrediction) -> (f64, f64) {
         let (mean, variance) = self.moments(row, level, 0.0);
         (mean, variance.sqrt())
     }
 
     /// Log likelihood of the share received of a row. Over the logarithm of the noise stands the derivative over that of s.
-    pub(super) fn share_likelihood(&self, row: &Row, level: &RowPrediction) -> RowLikelihood {
+    pub(super) fn share_likelihood(&self, row: &LinkRow, level: &RowPrediction) -> RowLikelihood {
         let (mean, variance) = self.moments(row, level, 0.0);
         let [below, above] = [-HALF_STEP_DB, HALF_STEP_DB].map(|db| self.moments(row, level, db));
         let over_level = |above: f64, below: f64| (above - below) / (2.0 * HALF_STEP_DB);
@@ -70,7 +70,7 @@ impl Instrument {
 
     /// Scores the prediction of the share received of a row: errors are of that share.
     #[must_use]
-    pub fn score_given(&self, row: &Row, level: &RowPrediction) -> RowScore {
+    pub fn score_given(&self, row: &LinkRow, level: &RowPrediction) -> RowScore {
         let (mean, sd) = self.share_of(row, level);
         let measured = row.received / row.frames;
         let away = measured - mean;

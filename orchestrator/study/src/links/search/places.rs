@@ -129,7 +129,7 @@ impl FittedObstacle {
             return there;
         }
         if let ObstacleShape::Disc(..) = self.shape {
-            let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * turn);
             there[0] += by_m * cos;
             there[1] += by_m * sin;
             there[2] += by_m;

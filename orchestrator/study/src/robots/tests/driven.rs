@@ -1,7 +1,7 @@
 //! Robots that are driven here, with noise. Included by the tests of more than one crate.
 
 use super::scramble;
-use measure::table::Table;
+use measure::table::DataTable;
 use proto::rng::normal;
 
 pub(super) const STEP_S: f64 = 0.05;
@@ -13,7 +13,7 @@ pub(super) fn driven(
     n_steps: usize,
     column: &str,
     moved: impl Fn(usize, [f64; 2], &mut [f64; 2], &mut [f64; 2]) -> f64,
-) -> Table {
+) -> DataTable {
     let names = ["time_s", "agent", "x_m", "y_m", "cmd_vx_mps", "cmd_vy_mps", column];
     let mut columns = vec![Vec::new(); names.len()];
     let mut draws = 0u64;
@@ -46,5 +46,5 @@ pub(super) fn driven(
             }
         }
     }
-    Table::of_columns(names.map(str::to_owned).to_vec(), columns)
+    DataTable::of_columns(names.map(str::to_owned).to_vec(), columns)
 }

@@ -1,19 +1,19 @@
 //! Which effect is missing from a network: each is put in and the network run, and what makes the measured packets most
 //! probable is added, until they could be one more run.
 
-mod told;
+mod words;
 
-use super::candidates::{self, Candidate};
-use super::compared::{Among, Asked, among};
-use super::kpis::Figures;
-use super::likelihood::{self, Law, Run};
+use super::candidate_fits::{CandidateFit, CandidateScan, FitContext, FittedEffect};
+use super::candidates::{self, CandidateEffect};
+use super::compare::{ComparisonOptions, SeedComparison, among};
+use super::kpis::NetworkFigures;
+use super::likelihood::{self, FigureDensity, ScaledFigures};
 use super::resimulate::{Resimulation, ResimulationError};
 use super::spread::LEVEL;
-use super::tried::{Curve, Fit, Fitted, Ground};
-use measure::packets::Packet;
+use measure::packets::MeasuredPacket;
 use std::sync::atomic::{AtomicBool, Ordering};
-pub use told::said;
-pub use told::{answer, parameters, text};
+pub use words::parameter_text;
+pub use words::{answer, parameters, text};
 
 /// The chance below which a gain is taken for none: that the model without any of the effects would give as great a one.
 pub const ACCEPT: f64 = 0.01;
@@ -35,9 +35,9 @@ const TIE: f64 = 3.0;
 
 /// A candidate, and what was found of it.
 #[derive(Clone, Debug)]
-pub struct Trial {
+pub struct EffectTest {
     /// The candidate.
-    pub candidate: Candidate,
+    pub candidate: CandidateEffect,
     /// Why it cannot be tried.
     pub untestable: Option<String>,
     /// Gain over the model it was tried on (nats); none: not tried.
@@ -45,7 +45,7 @@ pub struct Trial {
     /// Chance of as great a gain, of any candidate, without any effect.
     pub p_value: Option<f64>,
     /// Looked at closely.
-    pub fitted: Option<Fitted>,
+    pub fitted: Option<FittedEffect>,
     /// Chance to lie as far out as the measurement does among runs with it, if it was run that often.
     pub p_with: Option<f64>,
     /// Others that make the measurement as probable.
@@ -56,18 +56,18 @@ pub struct Trial {
 
 /// A model of the search: as configured, or with effects.
 #[derive(Clone, Debug)]
-pub struct Rung {
+pub struct SearchStep {
     /// What was added last.
     pub added: Option<&'static str>,
     /// The measurement among its runs.
-    pub among: Among,
+    pub among: SeedComparison,
     /// Log density of the measurement by them (nats).
     pub log_density: f64,
 }
 
 /// Two effects that cannot be told apart, and the figure in which they differ most.
 #[derive(Clone, Debug)]
-pub struct Rivals {
+pub struct TiedEffects {
     /// Their names.
     pub names: [&'static str; 2],
     /// The figure.
@@ -78,31 +78,31 @@ pub struct Rivals {
 
 /// What a search found.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct SearchResult {
     /// Models, from as configured on: at least that one.
-    pub rungs: Vec<Rung>,
+    pub rungs: Vec<SearchStep>,
     /// Candidates, in their order.
-    pub trials: Vec<Trial>,
+    pub tests: Vec<EffectTest>,
     /// What was added, as indices of candidates, in the order of adding.
     pub accepted: Vec<usize>,
     /// Ties.
-    pub rivals: Vec<Rivals>,
+    pub rivals: Vec<TiedEffects>,
     /// The round in which it was stopped.
     pub stopped: Option<usize>,
 }
 
 /// Effects that were asked for, fitted.
 #[derive(Clone, Debug)]
-pub struct Effects {
+pub struct RequestedEffects {
     /// Each with its number.
-    pub fitted: Vec<(Candidate, Fitted)>,
+    pub fitted: Vec<(CandidateEffect, FittedEffect)>,
     /// The models without and with them.
-    pub rungs: [Rung; 2],
+    pub rungs: [SearchStep; 2],
 }
 
-impl Found {
+impl SearchResult {
     /// The model as configured, and the last one.
-    fn ends(&self) -> (&Rung, &Rung) {
+    fn first_and_last(&self) -> (&SearchStep, &SearchStep) {
         (&self.rungs[0], &self.rungs[self.rungs.len() - 1])
     }
 
@@ -114,14 +114,14 @@ impl Found {
 }
 
 /// A candidate by its number, what was tried of it, and its laws there.
-type Tried<'a> = (usize, Curve<'a>, Vec<(f64, Law)>);
+type ScannedCandidate<'a> = (usize, CandidateScan<'a>, Vec<(f64, FigureDensity)>);
 
 /// What a round adds, and the model with it.
-type Chosen = ((usize, Fit), Rung);
+type AcceptedEffect = ((usize, CandidateFit), SearchStep);
 
 /// What a gain is worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Worth {
+enum GainVerdict {
     /// None that chance would not give.
     Nothing,
     /// Runs of the network itself that went strangely gain as much by chance. But what is no run of it has been told from them
@@ -131,9 +131,9 @@ enum Worth {
     More,
 }
 
-impl Worth {
+impl GainVerdict {
     /// Of a gain (nats). `chance`: to gain as much; `p_value`: of the comparison with the network without it.
-    fn of(gain: f64, chance: f64, p_value: f64) -> Self {
+    fn judge(gain: f64, chance: f64, p_value: f64) -> Self {
         if chance <= ACCEPT {
             Self::More
         } else if p_value <= ACCEPT && TIE <= gain {
@@ -145,30 +145,30 @@ impl Worth {
 }
 
 /// A candidate by its number that was looked at closely.
-type Close = (usize, Fit, Worth);
+type FittedCandidate = (usize, CandidateFit, GainVerdict);
 
 /// The search.
 #[derive(Debug)]
-pub struct Diagnosis<'a> {
+pub struct NetworkSearch<'a> {
     resimulation: &'a Resimulation,
-    measured: &'a [Packet],
-    asked: Asked,
-    candidates: &'a [Candidate],
-    ground: Ground<'a>,
+    measured: &'a [MeasuredPacket],
+    asked: ComparisonOptions,
+    candidates: &'a [CandidateEffect],
+    ground: FitContext<'a>,
     stop: Option<&'a AtomicBool>,
 }
 
-impl<'a> Diagnosis<'a> {
+impl<'a> NetworkSearch<'a> {
     /// Of measured packets, under an experiment.
     #[must_use]
     pub fn new(
         resimulation: &'a Resimulation,
-        measured: &'a [Packet],
-        asked: Asked,
-        candidates: &'a [Candidate],
+        measured: &'a [MeasuredPacket],
+        asked: ComparisonOptions,
+        candidates: &'a [CandidateEffect],
     ) -> Self {
-        let figures = Figures::of(measured, asked.from_s).scaled();
-        let ground = Ground {
+        let figures = NetworkFigures::from_packets(measured, asked.from_s).scaled();
+        let ground = FitContext {
             resimulation,
             measured: figures,
             usable: (0..figures.len()).filter(|&k| figures[k].is_finite()).collect(),
@@ -180,7 +180,7 @@ impl<'a> Diagnosis<'a> {
 
     /// Ends early when told.
     #[must_use]
-    pub fn until(self, stop: &'a AtomicBool) -> Self {
+    pub fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
         Self { stop: Some(stop), ..self }
     }
 
@@ -193,16 +193,16 @@ impl<'a> Diagnosis<'a> {
         &self,
         network: &toml::Table,
         added: Option<&'static str>,
-    ) -> Result<Rung, ResimulationError> {
+    ) -> Result<SearchStep, ResimulationError> {
         let among = among(self.resimulation, network, self.measured, self.asked)?;
         let law = self.ground.law(&likelihood::scaled(&among.seeds));
         let log_density = law.log_density(&self.ground.measured);
-        Ok(Rung { added, among, log_density })
+        Ok(SearchStep { added, among, log_density })
     }
 
     /// The network with effects.
-    fn network(&self, effects: &[(usize, Fit)]) -> toml::Table {
-        let add = |network: toml::Table, (k, fit): &(usize, Fit)| {
+    fn network(&self, effects: &[(usize, CandidateFit)]) -> toml::Table {
+        let add = |network: toml::Table, (k, fit): &(usize, CandidateFit)| {
             self.candidates[*k].added(&network, fit.fitted.value)
         };
         effects.iter().fold(self.resimulation.network(), add)
@@ -213,10 +213,10 @@ impl<'a> Diagnosis<'a> {
     /// # Errors
     ///
     /// The network refuses its configuration.
-    pub fn climb(&self) -> Result<Found, ResimulationError> {
+    pub fn stepwise_selection(&self) -> Result<SearchResult, ResimulationError> {
         let mut network = self.resimulation.network();
         let first = self.rung(&network, None)?;
-        let trial = |candidate: &Candidate| Trial {
+        let test = |candidate: &CandidateEffect| EffectTest {
             candidate: candidate.clone(),
             untestable: None,
             gain: None,
@@ -226,20 +226,20 @@ impl<'a> Diagnosis<'a> {
             ties: Vec::new(),
             is_accepted: false,
         };
-        let mut found = Found {
+        let mut found = SearchResult {
             rungs: vec![first],
-            trials: self.candidates.iter().map(trial).collect(),
+            tests: self.candidates.iter().map(test).collect(),
             accepted: Vec::new(),
             rivals: Vec::new(),
             stopped: None,
         };
-        let mut effects: Vec<(usize, Fit)> = Vec::new();
+        let mut effects: Vec<(usize, CandidateFit)> = Vec::new();
         while !found.agrees() && effects.len() < MOST && found.stopped.is_none() {
             let round = effects.len() + 1;
             let Some((fit, rung)) = self.round(&network, round, &mut found)? else { break };
             let chosen = fit.0;
             effects.push(fit);
-            found.trials[chosen].is_accepted = true;
+            found.tests[chosen].is_accepted = true;
             found.accepted.push(chosen);
             let rung = if effects.len() == 1 {
                 rung
@@ -248,7 +248,7 @@ impl<'a> Diagnosis<'a> {
                 let rung = self.rung(&self.network(&effects), rung.added)?;
                 self.calibrate(&mut effects, &rung);
                 for (k, fit) in &effects {
-                    found.trials[*k].fitted = Some(fit.fitted);
+                    found.tests[*k].fitted = Some(fit.fitted);
                 }
                 rung
             };
@@ -263,11 +263,11 @@ impl<'a> Diagnosis<'a> {
         &self,
         network: &toml::Table,
         round: usize,
-        found: &mut Found,
-    ) -> Result<Option<Chosen>, ResimulationError> {
+        found: &mut SearchResult,
+    ) -> Result<Option<AcceptedEffect>, ResimulationError> {
         let base = self.ground.base(network)?;
         let base_law = self.ground.law(&base);
-        let mut curves: Vec<Tried<'a>> = Vec::new();
+        let mut curves: Vec<ScannedCandidate<'a>> = Vec::new();
         for (k, candidate) in self.candidates.iter().enumerate() {
             if self.is_stopped() {
                 found.stopped = Some(round);
@@ -287,12 +287,12 @@ impl<'a> Diagnosis<'a> {
                     let laws = self.ground.laws(&curve);
                     curves.push((k, curve, laws));
                 }
-                Err(error) => found.trials[k].untestable = Some(error.to_string()),
+                Err(error) => found.tests[k].untestable = Some(error.to_string()),
             }
         }
-        let gains = |run: &Run| -> Vec<f64> {
+        let gains = |run: &ScaledFigures| -> Vec<f64> {
             let without = base_law.log_density(run);
-            let of = |(_, _, laws): &Tried<'_>| {
+            let of = |(_, _, laws): &ScannedCandidate<'_>| {
                 let logs = laws.iter().map(|(_, law)| law.log_density(run));
                 logs.fold(f64::NEG_INFINITY, f64::max) - without
             };
@@ -310,21 +310,21 @@ impl<'a> Diagnosis<'a> {
             (1.0 + as_great) / (1.0 + by_chance.len() as f64)
         };
         for ((k, ..), gain) in curves.iter().zip(&here) {
-            let trial = &mut found.trials[*k];
-            (trial.gain, trial.p_value) = (Some(*gain), Some(chance(*gain)));
-            (trial.fitted, trial.p_with) = (None, None);
+            let test = &mut found.tests[*k];
+            (test.gain, test.p_value) = (Some(*gain), Some(chance(*gain)));
+            (test.fitted, test.p_with) = (None, None);
         }
         let p_value = last.among.placed.p_value;
-        let worth: Vec<Worth> =
-            here.iter().map(|&gain| Worth::of(gain, chance(gain), p_value)).collect();
+        let worth: Vec<GainVerdict> =
+            here.iter().map(|&gain| GainVerdict::judge(gain, chance(gain), p_value)).collect();
         let mut order: Vec<usize> =
-            (0..curves.len()).filter(|&place| worth[place] != Worth::Nothing).collect();
+            (0..curves.len()).filter(|&place| worth[place] != GainVerdict::Nothing).collect();
         order.sort_by(|&a, &b| here[b].total_cmp(&here[a]));
         let Some(&best) = order.first() else { return Ok(None) };
         let behind = BEHIND.0.max(BEHIND.1 * here[best]);
         order.retain(|&place| here[best] - behind <= here[place]);
         order.truncate(CLOSELY);
-        let mut close: Vec<Close> = Vec::new();
+        let mut close: Vec<FittedCandidate> = Vec::new();
         for place in order {
             if self.is_stopped() {
                 found.stopped = Some(round);
@@ -333,8 +333,8 @@ impl<'a> Diagnosis<'a> {
             let (k, curve, _) = &mut curves[place];
             tracing::info!("round {round}, closely: {}", self.candidates[*k].name);
             let fit = self.ground.fit(network, curve, &base)?;
-            found.trials[*k].fitted = Some(fit.fitted);
-            found.trials[*k].gain = Some(fit.fitted.gain);
+            found.tests[*k].fitted = Some(fit.fitted);
+            found.tests[*k].gain = Some(fit.fitted.gain);
             close.push((*k, fit, worth[place]));
         }
         close.sort_by(|a, b| b.1.fitted.gain.total_cmp(&a.1.fitted.gain));
@@ -346,12 +346,12 @@ impl<'a> Diagnosis<'a> {
     fn choose(
         &self,
         network: &toml::Table,
-        close: Vec<Close>,
-        found: &mut Found,
-    ) -> Result<Option<Chosen>, ResimulationError> {
+        close: Vec<FittedCandidate>,
+        found: &mut SearchResult,
+    ) -> Result<Option<AcceptedEffect>, ResimulationError> {
         let Some(best) = close.first().map(|(_, fit, _)| fit.fitted.gain) else { return Ok(None) };
-        let mut rungs: Vec<(usize, Fit, Rung)> = Vec::new();
-        let mends = |rung: &Rung| LEVEL < rung.among.placed.p_value;
+        let mut rungs: Vec<(usize, CandidateFit, SearchStep)> = Vec::new();
+        let mends = |rung: &SearchStep| LEVEL < rung.among.placed.p_value;
         for (k, mut fit, worth) in close {
             if fit.fitted.gain < best - INSTEAD {
                 continue;
@@ -361,16 +361,17 @@ impl<'a> Diagnosis<'a> {
                 self.rung(&candidate.added(network, fit.fitted.value), Some(candidate.name))?;
             let runs = likelihood::scaled(&rung.among.seeds);
             self.ground.calibrate(candidate, &mut fit, &runs);
-            found.trials[k].fitted = Some(fit.fitted);
-            found.trials[k].p_with = Some(rung.among.placed.p_value);
-            if worth == Worth::More || mends(&rung) {
+            found.tests[k].fitted = Some(fit.fitted);
+            found.tests[k].p_with = Some(rung.among.placed.p_value);
+            if worth == GainVerdict::More || mends(&rung) {
                 rungs.push((k, fit, rung));
             }
         }
         if rungs.is_empty() {
             return Ok(None);
         }
-        let is_as_good = |one: &(usize, Fit, Rung), other: &(usize, Fit, Rung)| {
+        let is_as_good = |one: &(usize, CandidateFit, SearchStep),
+                          other: &(usize, CandidateFit, SearchStep)| {
             let (a, b) = (one.1.fitted, other.1.fitted);
             let doubt = libm::hypot(a.standard_error, b.standard_error);
             a.gain - b.gain < TIE.max(2.0 * doubt) && mends(&one.2) == mends(&other.2)
@@ -378,7 +379,7 @@ impl<'a> Diagnosis<'a> {
         let mut place = rungs.iter().position(|(_, _, rung)| mends(rung)).unwrap_or(0);
         // Interference of the whole band would be seen in links; of two that packets do not tell apart it is the other one.
         if self.candidates[rungs[place].0].layer == "phy" {
-            let rival = |other: &(usize, Fit, Rung)| {
+            let rival = |other: &(usize, CandidateFit, SearchStep)| {
                 self.candidates[other.0].layer == "mac" && is_as_good(&rungs[place], other)
             };
             place = rungs.iter().position(rival).unwrap_or(place);
@@ -388,13 +389,14 @@ impl<'a> Diagnosis<'a> {
             let (k, _, its) = it;
             if is_as_good(&chosen, it) {
                 let names = [self.candidates[chosen.0].name, self.candidates[*k].name];
-                found.trials[chosen.0].ties.push(names[1]);
-                found.trials[*k].ties.push(names[0]);
-                let law = |rung: &Rung| self.ground.law(&likelihood::scaled(&rung.among.seeds));
-                let apart = law(&chosen.2).apart(&law(its));
+                found.tests[chosen.0].ties.push(names[1]);
+                found.tests[*k].ties.push(names[0]);
+                let law =
+                    |rung: &SearchStep| self.ground.law(&likelihood::scaled(&rung.among.seeds));
+                let apart = law(&chosen.2).standardised_differences(&law(its));
                 let furthest = apart.into_iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
                 if let Some((figure, apart)) = furthest {
-                    found.rivals.push(Rivals { names, figure, apart });
+                    found.rivals.push(TiedEffects { names, figure, apart });
                 }
             }
         }
@@ -402,11 +404,11 @@ impl<'a> Diagnosis<'a> {
     }
 
     /// Fits each of several effects anew with the others in place.
-    fn refit(&self, effects: &mut [(usize, Fit)]) -> Result<(), ResimulationError> {
+    fn refit(&self, effects: &mut [(usize, CandidateFit)]) -> Result<(), ResimulationError> {
         // The last one was fitted with the others as they are.
         for place in (0..effects.len()).rev().skip(1).chain([effects.len() - 1]) {
             let (k, fitted) = (effects[place].0, effects[place].1.fitted);
-            let others: Vec<(usize, Fit)> = (0..effects.len())
+            let others: Vec<(usize, CandidateFit)> = (0..effects.len())
                 .filter(|&other| other != place)
                 .map(|other| effects[other].clone())
                 .collect();
@@ -423,7 +425,7 @@ impl<'a> Diagnosis<'a> {
     }
 
     /// Widens intervals to what fits to runs of the whole model are off by.
-    fn calibrate(&self, effects: &mut [(usize, Fit)], rung: &Rung) {
+    fn calibrate(&self, effects: &mut [(usize, CandidateFit)], rung: &SearchStep) {
         let runs = likelihood::scaled(&rung.among.seeds);
         for (k, fit) in effects {
             self.ground.calibrate(&self.candidates[*k], fit, &runs);
@@ -436,8 +438,8 @@ impl<'a> Diagnosis<'a> {
     /// # Errors
     ///
     /// The network refuses one of them.
-    pub fn fit(&self, names: &[usize]) -> Result<Effects, ResimulationError> {
-        let mut effects: Vec<(usize, Fit)> = Vec::new();
+    pub fn fit(&self, names: &[usize]) -> Result<RequestedEffects, ResimulationError> {
+        let mut effects: Vec<(usize, CandidateFit)> = Vec::new();
         for &k in names {
             let candidate = &self.candidates[k];
             tracing::info!("fitting {}", candidate.name);
@@ -455,12 +457,12 @@ impl<'a> Diagnosis<'a> {
         self.calibrate(&mut effects, &after);
         let fitted =
             effects.into_iter().map(|(k, fit)| (self.candidates[k].clone(), fit.fitted)).collect();
-        Ok(Effects { fitted, rungs: [before, after] })
+        Ok(RequestedEffects { fitted, rungs: [before, after] })
     }
 }
 
 /// All effects that are tried.
 #[must_use]
-pub fn catalogue() -> Vec<Candidate> {
+pub fn catalogue() -> Vec<CandidateEffect> {
     candidates::all()
 }

@@ -1,7 +1,7 @@
 //! Who heard whom, and when: as it was measured, or as a network would have had it. What was said is not part of it.
 
 use bytes::Bytes;
-use measure::table::Table;
+use measure::table::DataTable;
 use measure::{links, packets};
 use proto::types::{Deliveries, Heard, NS_PER_S, Payloads, Transmissions};
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// One robot heard another.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Delivery {
+pub struct ReceivedMessage {
     /// When it was sent (ns).
     pub sent_ns: u64,
     /// When it was received (ns).
@@ -24,8 +24,8 @@ pub struct Delivery {
 
 /// All that was heard, in the order in which it was received.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Hearing {
-    deliveries: Vec<Delivery>,
+pub struct Receptions {
+    deliveries: Vec<ReceivedMessage>,
     /// Rows of the file; of them, those that say that something was received.
     pub n_rows: usize,
 }
@@ -33,10 +33,10 @@ pub struct Hearing {
 /// Columns of the links that a run leaves.
 const OF_RUN: [&str; 5] = ["sender", "receiver", "sent_ns", "received", "received_ns"];
 
-impl Hearing {
+impl Receptions {
     /// Of deliveries in any order.
     #[must_use]
-    pub fn of(mut deliveries: Vec<Delivery>) -> Self {
+    pub fn from_unsorted(mut deliveries: Vec<ReceivedMessage>) -> Self {
         deliveries.sort_by_key(|it| (it.received_ns, it.sent_ns, it.sender, it.receiver));
         deliveries.dedup();
         Self { n_rows: deliveries.len(), deliveries }
@@ -55,7 +55,7 @@ impl Hearing {
         } else {
             path.to_owned()
         };
-        let table = Table::read(&file).map_err(|error| error.to_string())?;
+        let table = DataTable::read(&file).map_err(|error| error.to_string())?;
         Self::of_table(&table, n_agents, from_s)
             .map_err(|error| format!("{}: {error}", file.display()))
     }
@@ -65,7 +65,7 @@ impl Hearing {
     /// # Errors
     ///
     /// See [`Self::read`].
-    pub fn of_table(table: &Table, n_agents: usize, from_s: f64) -> Result<Self, String> {
+    pub fn of_table(table: &DataTable, n_agents: usize, from_s: f64) -> Result<Self, String> {
         let rows: Vec<(f64, f64, u32, u32, f64)> = if OF_RUN
             .iter()
             .all(|name| table.column(name).is_some())
@@ -111,7 +111,7 @@ impl Hearing {
             .into_iter()
             .filter(|row| row.0.is_finite() && row.1.is_finite() && row.2 != row.3)
             .filter(|row| 0.0 <= ns(row.0))
-            .map(|(sent_s, received_s, sender, receiver, rssi_dbm)| Delivery {
+            .map(|(sent_s, received_s, sender, receiver, rssi_dbm)| ReceivedMessage {
                 sent_ns: ns(sent_s) as u64,
                 // What is received takes time, if only a little: it belongs to the period in which it was sent.
                 received_ns: (ns(received_s) as u64).max(ns(sent_s) as u64 + 1),
@@ -120,7 +120,7 @@ impl Hearing {
                 rssi_dbm: rssi_dbm.is_finite().then_some(rssi_dbm as f32),
             })
             .collect();
-        let heard = Self::of(deliveries);
+        let heard = Self::from_unsorted(deliveries);
         if heard.deliveries.is_empty() {
             return Err(format!("nobody heard anybody from {from_s} s on"));
         }
@@ -172,7 +172,7 @@ impl Hearing {
             data.extend_from_slice(bytes);
         }
         transmissions.payloads = Payloads::new(lengths, Bytes::from(data)).unwrap_or_default();
-        let mut of_receiver: Vec<Vec<(usize, &Delivery)>> = vec![Vec::new(); n_agents];
+        let mut of_receiver: Vec<Vec<(usize, &ReceivedMessage)>> = vec![Vec::new(); n_agents];
         for it in here {
             of_receiver[it.receiver as usize].push((frames[&(it.sent_ns, it.sender)].0, it));
         }
@@ -200,7 +200,12 @@ impl Hearing {
 }
 
 /// Adds what a network delivered in a step; times count from `since_ns`.
-pub fn collect(deliveries: &Deliveries, n_agents: usize, since_ns: u64, into: &mut Vec<Delivery>) {
+pub fn collect(
+    deliveries: &Deliveries,
+    n_agents: usize,
+    since_ns: u64,
+    into: &mut Vec<ReceivedMessage>,
+) {
     let sent = &deliveries.transmissions;
     let mut k = 0;
     for receiver in 0..n_agents {
@@ -214,7 +219,7 @@ pub fn collect(deliveries: &Deliveries, n_agents: usize, since_ns: u64, into: &m
             if sender as usize != receiver {
                 let received_ns = received_ns.saturating_sub(since_ns);
                 let receiver = receiver as u32;
-                into.push(Delivery { sent_ns, received_ns, sender, receiver, rssi_dbm });
+                into.push(ReceivedMessage { sent_ns, received_ns, sender, receiver, rssi_dbm });
             }
         }
     }
@@ -246,8 +251,8 @@ fn is_whole(run: &Path) -> Result<(), String> {
 mod tests {
     use super::*;
 
-    fn table(text: &str) -> Table {
-        Table::of_csv(Path::new("heard.csv"), text.as_bytes()).unwrap()
+    fn table(text: &str) -> DataTable {
+        DataTable::of_csv(Path::new("heard.csv"), text.as_bytes()).unwrap()
     }
 
     #[test]
@@ -256,7 +261,7 @@ mod tests {
         for time_s in 100..130 {
             text += &format!("{time_s},2,0,{time_s}.5\n{time_s},2,1,{time_s}.7\n");
         }
-        let heard = Hearing::of_table(&table(&text), 3, 100.0).unwrap();
+        let heard = Receptions::of_table(&table(&text), 3, 100.0).unwrap();
         assert_eq!((heard.n(), heard.has_strengths()), (60, false));
         let said: Vec<Payloads> =
             (0..40u8).map(|k| Payloads::new(vec![0, 0, 1], vec![k].into()).unwrap()).collect();
@@ -270,14 +275,14 @@ mod tests {
 
     #[test]
     fn a_frame_that_arrives_later_says_what_was_true_when_it_was_sent() {
-        let late = |sent_ns, received_ns| Delivery {
+        let late = |sent_ns, received_ns| ReceivedMessage {
             sent_ns,
             received_ns,
             sender: 1,
             receiver: 0,
             rssi_dbm: Some(-60.0),
         };
-        let heard = Hearing::of(vec![late(25, 31), late(5, 33)]);
+        let heard = Receptions::from_unsorted(vec![late(25, 31), late(5, 33)]);
         let said: Vec<Payloads> =
             (0..4u8).map(|k| Payloads::new(vec![0, 1], vec![k].into()).unwrap()).collect();
         let now = heard.within([30, 40], &said, 10, 2);
@@ -288,7 +293,7 @@ mod tests {
         let mut again = Vec::new();
         let whole = heard.within([0, 40], &said, 10, 2);
         collect(&whole, 2, 0, &mut again);
-        assert_eq!(Hearing::of(again), heard);
+        assert_eq!(Receptions::from_unsorted(again), heard);
     }
 
     #[test]
@@ -297,14 +302,14 @@ mod tests {
             ("time_s,agent\n0,1\n", "received_s"),
             ("time_s,tx,rx,channel,rssi_dbm,frames,pdr\n0,0,1,11,-60,10,0.5\n", "of each when"),
         ] {
-            let error = Hearing::of_table(&table(text), 3, 0.0).unwrap_err();
+            let error = Receptions::of_table(&table(text), 3, 0.0).unwrap_err();
             assert!(error.contains(part), "{error}");
         }
         let mut text = "time_s,source,destination,received_s\n".to_owned();
         (0..30).for_each(|k| text += &format!("{k},7,0,{k}.5\n"));
-        let error = Hearing::of_table(&table(&text), 3, 0.0).unwrap_err();
+        let error = Receptions::of_table(&table(&text), 3, 0.0).unwrap_err();
         assert!(error.contains("agent 7") && error.contains("0 to 2"), "{error}");
-        let error = Hearing::of_table(&table(&text), 9, 99.0).unwrap_err();
+        let error = Receptions::of_table(&table(&text), 9, 99.0).unwrap_err();
         assert!(error.contains("from 99 s on"), "{error}");
     }
 }

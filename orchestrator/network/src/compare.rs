@@ -6,26 +6,26 @@ use super::comparison::{
     AmongSeeds, BySource, DeliveryOfModel, MoteBin, MoteDelivery, NetworkComparison, SCHEMA,
     Verdict,
 };
-use super::kpis::{Figures, KPIS, OfMote};
+use super::kpis::{KPIS, MoteCounts, NetworkFigures};
 use super::resimulate::{Resimulation, ResimulationError};
-use super::spread::{FEWEST_SEEDS, LEVEL, Placed, Standing, kpi, place};
+use super::spread::{FEWEST_SEEDS, FigurePlacement, LEVEL, Placement, kpi, place};
 use indexmap::IndexMap;
-use measure::account::Account;
-use measure::packets::Packet;
+use measure::account::DataAccount;
+use measure::packets::MeasuredPacket;
 use numbers::format::{number, percent};
 use numbers::statistics::{mean, quantile};
 use std::collections::BTreeSet;
 
 /// What is asked of a comparison.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked {
+pub struct ComparisonOptions {
     /// How many seeds the network is run under.
     pub seeds: u64,
     /// Packets made before (s) are not compared.
     pub from_s: f64,
 }
 
-impl Default for Asked {
+impl Default for ComparisonOptions {
     fn default() -> Self {
         Self { seeds: 199, from_s: 0.0 }
     }
@@ -33,26 +33,30 @@ impl Default for Asked {
 
 /// A measurement among seeds, figures as they are and as they are placed.
 #[derive(Clone, Debug)]
-pub struct Among {
+pub struct SeedComparison {
     /// Of the measurement.
-    pub measured: Figures,
+    pub measured: NetworkFigures,
     /// Of each seed.
-    pub seeds: Vec<Figures>,
+    pub seeds: Vec<NetworkFigures>,
     /// Where the measurement stands.
-    pub placed: Placed,
+    pub placed: Placement,
 }
 
-impl Among {
+impl SeedComparison {
     /// A measurement among the runs of a model.
     #[must_use]
-    pub fn of(measured: &[Packet], runs: &[Vec<Packet>], from_s: f64) -> Self {
-        let seeds = runs.iter().map(|run| Figures::of(run, from_s)).collect();
-        Self::of_figures(Figures::of(measured, from_s), seeds)
+    pub fn from_packets(
+        measured: &[MeasuredPacket],
+        runs: &[Vec<MeasuredPacket>],
+        from_s: f64,
+    ) -> Self {
+        let seeds = runs.iter().map(|run| NetworkFigures::from_packets(run, from_s)).collect();
+        Self::from_figures(NetworkFigures::from_packets(measured, from_s), seeds)
     }
 
     /// The figures of a measurement among those of seeds.
     #[must_use]
-    pub fn of_figures(measured: Figures, seeds: Vec<Figures>) -> Self {
+    pub fn from_figures(measured: NetworkFigures, seeds: Vec<NetworkFigures>) -> Self {
         let scaled: Vec<Vec<f64>> = seeds.iter().map(|seed| seed.scaled().to_vec()).collect();
         let placed = place(&measured.scaled(), &scaled);
         Self { measured, seeds, placed }
@@ -82,9 +86,9 @@ fn spread(mut values: Vec<f64>) -> (f64, [f64; 2]) {
 /// The network refuses its configuration.
 pub fn compare(
     resimulation: &Resimulation,
-    measured: &[Packet],
-    asked: Asked,
-    account: &Account,
+    measured: &[MeasuredPacket],
+    asked: ComparisonOptions,
+    account: &DataAccount,
 ) -> Result<NetworkComparison, ResimulationError> {
     let among = among(resimulation, &resimulation.network(), measured, asked)?;
     let (verdict, sentence) = sentence(&among);
@@ -107,11 +111,11 @@ pub fn compare(
 pub fn among(
     resimulation: &Resimulation,
     network: &toml::Table,
-    measured: &[Packet],
-    asked: Asked,
-) -> Result<Among, ResimulationError> {
+    measured: &[MeasuredPacket],
+    asked: ComparisonOptions,
+) -> Result<SeedComparison, ResimulationError> {
     let seeds = resimulation.figures(network, 0..asked.seeds, asked.from_s)?;
-    Ok(Among::of_figures(Figures::of(measured, asked.from_s), seeds))
+    Ok(SeedComparison::from_figures(NetworkFigures::from_packets(measured, asked.from_s), seeds))
 }
 
 /// A figure in words: `93.1 %`, `1.24 s`.
@@ -123,7 +127,7 @@ fn shown(value: f64, unit: &str) -> String {
 }
 
 /// What came out, in a sentence.
-pub(super) fn sentence(among: &Among) -> (Verdict, String) {
+pub(super) fn sentence(among: &SeedComparison) -> (Verdict, String) {
     let n = among.seeds.len();
     let p_value = among.placed.p_value;
     if n < FEWEST_SEEDS {
@@ -137,7 +141,7 @@ pub(super) fn sentence(among: &Among) -> (Verdict, String) {
         );
         return (Verdict::Agrees, text);
     }
-    let mut far: Vec<(usize, Standing)> =
+    let mut far: Vec<(usize, FigurePlacement)> =
         among.placed.figures.iter().enumerate().filter_map(|(k, it)| Some((k, (*it)?))).collect();
     far.sort_by(|a, b| b.1.z.abs().total_cmp(&a.1.z.abs()));
     let parts: Vec<String> = far
@@ -164,7 +168,7 @@ pub(super) fn sentence(among: &Among) -> (Verdict, String) {
 
 /// The part of an answer that says where measured packets stand among the runs of a model.
 #[must_use]
-pub fn among_seeds(among: &Among, asked: Asked) -> AmongSeeds {
+pub fn among_seeds(among: &SeedComparison, asked: ComparisonOptions) -> AmongSeeds {
     let (mut kpis, mut scores, mut intervals) = (Vec::new(), IndexMap::new(), IndexMap::new());
     for (k, figure) in KPIS.iter().enumerate() {
         let measured = among.measured.values[k];
@@ -192,15 +196,17 @@ pub fn among_seeds(among: &Among, asked: Asked) -> AmongSeeds {
 }
 
 /// Delivery of each mote, and whether the error goes with the mote.
-fn by_mote(among: &Among) -> (Vec<MoteDelivery>, BySource) {
+fn by_mote(among: &SeedComparison) -> (Vec<MoteDelivery>, BySource) {
     let runs = || among.seeds.iter().chain([&among.measured]);
     let numbers: BTreeSet<u32> = runs().flat_map(|run| run.of_mote.keys().copied()).collect();
     // A mote that sent nothing delivered nothing.
-    let share = |run: &Figures, mote: u32| run.of_mote.get(&mote).map_or(0.0, |of| of.share());
-    let scaled = |run: &Figures| -> Vec<f64> {
+    let share =
+        |run: &NetworkFigures, mote: u32| run.of_mote.get(&mote).map_or(0.0, |of| of.share());
+    let scaled = |run: &NetworkFigures| -> Vec<f64> {
         let of = |mote: &u32| run.of_mote.get(mote).copied().unwrap_or_default();
-        let odds =
-            |of: OfMote| (f64::from(of.arrived) + 0.5) / (f64::from(of.sent - of.arrived) + 0.5);
+        let odds = |of: MoteCounts| {
+            (f64::from(of.arrived) + 0.5) / (f64::from(of.sent - of.arrived) + 0.5)
+        };
         numbers.iter().map(|mote| libm::log(odds(of(mote)))).collect()
     };
     let seeds: Vec<Vec<f64>> = among.seeds.iter().map(scaled).collect();

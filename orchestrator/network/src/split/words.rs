@@ -1,6 +1,6 @@
 //! Where the error comes from: the answer, a table and a sentence.
 
-use super::{Part, Share, Split};
+use super::{ErrorSource, ErrorSplit, SplitPart};
 use crate::error_split::{ErrorPart, NetworkErrorSplit, NetworkFigureSplit, PartOfFigure};
 use crate::kpis::KPIS;
 use numbers::format::{capitalised, number, percent};
@@ -14,12 +14,12 @@ fn shown(value: f64, unit: &str) -> String {
 }
 
 /// The figure in which a part is furthest out.
-fn furthest(share: &Share) -> Option<usize> {
+fn furthest(share: &ErrorSource) -> Option<usize> {
     let known = share.parts.iter().enumerate().filter_map(|(k, part)| Some((k, (*part)?.z.abs())));
     known.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
 }
 
-fn sentence(split: &Split) -> String {
+fn sentence(split: &ErrorSplit) -> String {
     let found: Vec<String> = split
         .found()
         .iter()
@@ -37,11 +37,11 @@ fn sentence(split: &Split) -> String {
 
 /// What a comparison says of the parts of the error.
 #[must_use]
-pub fn answer(split: &Split) -> NetworkErrorSplit {
+pub fn answer(split: &ErrorSplit) -> NetworkErrorSplit {
     let figures = KPIS.iter().enumerate().map(|(k, kpi)| {
         let [whole, with_tracks, with_tracks_and_own_links, with_tracks_and_links] =
             split.means.map(|means| means[k]);
-        let part = |Part { value, interval: [low, high], z }| PartOfFigure {
+        let part = |SplitPart { value, interval: [low, high], z }| PartOfFigure {
             value,
             low,
             high,
@@ -80,7 +80,7 @@ pub fn answer(split: &Split) -> NetworkErrorSplit {
 
 /// As a person reads it.
 #[must_use]
-pub fn text(split: &Split) -> String {
+pub fn text(split: &ErrorSplit) -> String {
     let mut text = format!(
         "{:<18} {:>10} {:>12} {:>14} {:>12} {:>14}\n",
         "figure (means)", "measured", "whole model", "with robots", "own links", "and links"

@@ -1,20 +1,20 @@
 //! Writes an experiment with effects on its network added, fitted to measured packets.
 
-use super::candidates::Candidate;
-use super::diagnosed::{Diagnosis, Effects, Rung, parameters};
+use super::candidate_fits::FittedEffect;
+use super::candidates::CandidateEffect;
 use super::extension::{NetworkExtension, SCHEMA};
 use super::resimulate::ResimulationError;
-use super::tried::Fitted;
+use super::search::{NetworkSearch, RequestedEffects, SearchStep, parameters};
 use diagnose::extend::ExtendError;
 use experiment::Overrides;
 use proto::config::Refusal;
 use std::fmt::Write as _;
 use std::path::Path;
-use study::open::Account;
+use study::open::DataAccount;
 
 /// Why nothing can be written.
 #[derive(Debug, thiserror::Error)]
-pub enum Error {
+pub enum NetworkExtendError {
     /// There is nothing to add, or no such effect.
     #[error(transparent)]
     Extend(#[from] ExtendError),
@@ -28,16 +28,16 @@ pub enum Error {
 
 /// An experiment with effects added.
 #[derive(Clone, Debug)]
-pub struct Extended {
+pub struct ExtendedNetwork {
     /// The new file's text.
     pub text: String,
     /// What was added.
-    pub added: Vec<(Candidate, Fitted)>,
+    pub added: Vec<(CandidateEffect, FittedEffect)>,
     /// The models before and after.
-    pub rungs: [Rung; 2],
+    pub rungs: [SearchStep; 2],
 }
 
-impl Extended {
+impl ExtendedNetwork {
     /// What was added, as an answer.
     #[must_use]
     pub fn answer(&self) -> NetworkExtension {
@@ -60,7 +60,7 @@ impl Extended {
 /// # Errors
 ///
 /// There is none.
-pub fn candidate(candidates: &[Candidate], name: &str) -> Result<usize, ExtendError> {
+pub fn candidate(candidates: &[CandidateEffect], name: &str) -> Result<usize, ExtendError> {
     candidates.iter().position(|candidate| candidate.name == name).ok_or_else(|| {
         let names = || candidates.iter().map(|candidate| candidate.name);
         let hint = proto::config::most_similar(name, names()).map_or_else(
@@ -77,15 +77,15 @@ pub fn candidate(candidates: &[Candidate], name: &str) -> Result<usize, ExtendEr
 ///
 /// See [`Error`].
 pub fn extend(
-    diagnosis: &Diagnosis<'_>,
+    diagnosis: &NetworkSearch<'_>,
     effects: &[usize],
     (path, text): (&Path, &str),
-    account: &Account,
-) -> Result<Extended, Error> {
+    account: &DataAccount,
+) -> Result<ExtendedNetwork, NetworkExtendError> {
     if effects.is_empty() {
         return Err(ExtendError::Nothing.into());
     }
-    let Effects { fitted: added, rungs } = diagnosis.fit(effects)?;
+    let RequestedEffects { fitted: added, rungs } = diagnosis.fit(effects)?;
     let [before, after] = rungs.each_ref().map(|rung| rung.among.placed.p_value);
     let mut text = text.trim_end().to_owned();
     text.push('\n');
@@ -108,5 +108,5 @@ pub fn extend(
         );
     }
     experiment::read(path, text.clone(), &Overrides::default())?;
-    Ok(Extended { text, added, rungs })
+    Ok(ExtendedNetwork { text, added, rungs })
 }

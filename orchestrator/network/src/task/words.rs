@@ -4,12 +4,12 @@ use super::comparison::{
     HeardFile, PlacesOff, SCHEMA, TaskComparison, TaskErrorSplit, TaskFigureSplit, TaskVerdict,
 };
 use super::figures::FIGURES;
-use super::{Part, Placing, Runs, TaskSplit};
-use crate::compared::Asked;
+use super::{RunPlacement, TaskPart, TaskRuns, TaskSplit};
+use crate::compare::ComparisonOptions;
 use crate::error_split::{ErrorPart, PartOfFigure};
 use crate::spread::{LEVEL, kpi};
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use numbers::format::{capitalised, number};
 use std::fmt::Write as _;
 
@@ -20,7 +20,7 @@ const NEITHER: &str = "robots that are elsewhere hear others: what the model's n
 const PARTS: [&str; 3] = ["network", "robot", "neither"];
 
 /// `polarisation is 0.31, where the model has 0.85 to 0.92`.
-fn told(k: usize, value: f64, runs: &Runs) -> String {
+fn figure_text(k: usize, value: f64, runs: &TaskRuns) -> String {
     let [low, high] = runs.middle(k).map(number);
     let unit = FIGURES[k].unit;
     let space = if unit.is_empty() { "" } else { " " };
@@ -29,16 +29,17 @@ fn told(k: usize, value: f64, runs: &Runs) -> String {
 }
 
 /// A part in words: with its chance and the figure in which it shows most.
-fn part(placing: Placing, value: &dyn Fn(usize) -> f64, runs: &Runs) -> String {
-    let most =
-        placing.furthest.map_or_else(String::new, |k| format!(": {}", told(k, value(k), runs)));
+fn placement_text(placing: RunPlacement, value: &dyn Fn(usize) -> f64, runs: &TaskRuns) -> String {
+    let most = placing
+        .furthest
+        .map_or_else(String::new, |k| format!(": {}", figure_text(k, value(k), runs)));
     format!("p = {:.3}{most}", placing.p_value)
 }
 
 /// What came out, in a word and in a sentence.
 fn sentence(split: &TaskSplit) -> (TaskVerdict, String) {
-    let network = part(split.network, &|k| split.heard.mean(k), &split.own);
-    let robot = part(split.robot, &|k| split.measured.values[k], &split.heard);
+    let network = placement_text(split.network, &|k| split.heard.mean(k), &split.own);
+    let robot = placement_text(split.robot, &|k| split.measured.values[k], &split.heard);
     let differs = "what these robots did is no run of the model";
     match (split.network.is_found(), split.robot.is_found()) {
         (true, false) => (
@@ -83,8 +84,8 @@ fn sentence(split: &TaskSplit) -> (TaskVerdict, String) {
 #[must_use]
 pub fn answer(
     split: &TaskSplit,
-    asked: Asked,
-    account: &Account,
+    asked: ComparisonOptions,
+    account: &DataAccount,
     heard: HeardFile,
 ) -> TaskComparison {
     let (verdict, sentence) = sentence(split);
@@ -105,7 +106,7 @@ pub fn answer(
         }
         kpis.push(kpi(figure, measured, mean, [low, high], seeds, standing));
         let part =
-            |Part { value, interval: [low, high] }| PartOfFigure { value, low, high, z: None };
+            |TaskPart { value, interval: [low, high] }| PartOfFigure { value, low, high, z: None };
         figures.push(TaskFigureSplit {
             name: figure.name,
             unit: figure.unit,
@@ -116,7 +117,7 @@ pub fn answer(
             parts: PARTS.into_iter().zip(split.parts(k).map(|it| it.map(part))).collect(),
         });
     }
-    let part = |part: &'static str, placing: Placing| ErrorPart {
+    let part = |part: &'static str, placing: RunPlacement| ErrorPart {
         part,
         p_value: placing.p_value,
         is_distinguishable: placing.is_found(),

@@ -1,23 +1,23 @@
 //! In place of a network: who heard whom, as it was measured.
 
-use super::heard::Hearing;
+use super::receptions::Receptions;
 use bytes::Bytes;
-use drive::peer::{Described, Network, Peer, Side, SideError, Standing};
+use drive::peer::{Described, NetworkSide, Peer, Side, SideError, Standing};
 use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep};
 use proto::types::{DeliveryColumn, MoteCommandKind, Payloads};
 
 /// Delivers what was measured, with what senders had to say when they sent. Orders change nothing of it.
-pub(super) struct HeardNetwork<'a> {
-    heard: &'a Hearing,
+pub(super) struct ReceptionNetwork<'a> {
+    heard: &'a Receptions,
     step_ns: u64,
     described: Described,
     /// What everyone said, period by period.
     said: Vec<Payloads>,
 }
 
-impl<'a> HeardNetwork<'a> {
+impl<'a> ReceptionNetwork<'a> {
     /// * `step_ns`: the period of the experiment.
-    pub(super) fn new(heard: &'a Hearing, step_ns: u64) -> Self {
+    pub(super) fn new(heard: &'a Receptions, step_ns: u64) -> Self {
         let described = Described {
             name: "what was heard".to_owned(),
             mote_commands: vec![MoteCommandKind::Send],
@@ -28,7 +28,7 @@ impl<'a> HeardNetwork<'a> {
     }
 }
 
-impl Peer<Network> for HeardNetwork<'_> {
+impl Peer<NetworkSide> for ReceptionNetwork<'_> {
     const SHARES_VALUES: bool = true;
 
     fn described(&self) -> &Described {
@@ -39,14 +39,14 @@ impl Peer<Network> for HeardNetwork<'_> {
         if request.columns.contains(&DeliveryColumn::RssiDbm) && !self.heard.has_strengths() {
             let what =
                 "the robots act on how strong frames are: what was heard needs rssi_dbm throughout";
-            return Err(SideError::Cannot { side: Network::SIDE, what: what.to_owned() });
+            return Err(SideError::Cannot { side: NetworkSide::SIDE, what: what.to_owned() });
         }
         Ok(NetworkStart::default())
     }
 
     async fn step(
         &mut self,
-        input: &<Network as Side>::Input<'_>,
+        input: &<NetworkSide as Side>::Input<'_>,
     ) -> Result<NetworkStep, SideError> {
         self.said.push(input.payloads.clone());
         let period = [input.from_ns, input.until_ns];

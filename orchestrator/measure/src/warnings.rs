@@ -1,7 +1,7 @@
 //! What is odd about measurements that can be used: seen in the file, and what it does to an answer.
 
-use super::links::Row;
-use super::robots::{Robots, Sample};
+use super::links::LinkRow;
+use super::robots::{RobotSample, RobotSamples};
 use super::{Rejected, TWICE};
 use numbers::statistics::median_high;
 use std::collections::{BTreeMap, BTreeSet};
@@ -48,7 +48,7 @@ pub fn of_rejected(rejected: &[Rejected], n_rows: usize) -> Vec<String> {
 
 /// A register that always reads the same carries nothing.
 #[must_use]
-pub fn stuck(rows: &[Row]) -> Option<String> {
+pub fn stuck(rows: &[LinkRow]) -> Option<String> {
     let mut readings = rows.iter().map(|row| row.rssi_dbm).filter(|rssi| rssi.is_finite());
     let first = readings.next()?;
     let mut n = 1;
@@ -65,10 +65,10 @@ pub fn stuck(rows: &[Row]) -> Option<String> {
 
 /// All that is odd about tracks of robots beside their units.
 #[must_use]
-pub fn of_robots(robots: &Robots) -> Vec<String> {
+pub fn of_robots(robots: &RobotSamples) -> Vec<String> {
     let mut warnings = Vec::new();
     let mut agents: BTreeMap<u32, f64> = BTreeMap::new();
-    let mut jumps: Vec<&Sample> = Vec::new();
+    let mut jumps: Vec<&RobotSample> = Vec::new();
     for track in &robots.tracks {
         let samples = &robots.samples[track.clone()];
         let way = agents.entry(samples[0].agent).or_default();
@@ -114,7 +114,7 @@ pub fn of_robots(robots: &Robots) -> Vec<String> {
 
 /// All that is odd about rows of links that can be used.
 #[must_use]
-pub fn of(rows: &[Row]) -> Vec<String> {
+pub fn of_links(rows: &[LinkRow]) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(positive(rows));
     warnings.extend(backwards(rows));
@@ -127,7 +127,7 @@ pub fn of(rows: &[Row]) -> Vec<String> {
     warnings
 }
 
-fn one_channel(rows: &[Row]) -> Option<String> {
+fn one_channel(rows: &[LinkRow]) -> Option<String> {
     let channels: BTreeSet<Option<u8>> = rows.iter().map(|row| row.channel).collect();
     match channels.first() {
         Some(Some(channel)) if channels.len() == 1 => Some(format!(
@@ -150,7 +150,7 @@ fn noun(motes: &BTreeSet<u32>) -> &'static str {
     if motes.len() == 1 { "mote" } else { "motes" }
 }
 
-fn positive(rows: &[Row]) -> Option<String> {
+fn positive(rows: &[LinkRow]) -> Option<String> {
     let mut strong = rows.iter().filter(|row| 0.0 < row.rssi_dbm);
     let first = strong.next()?;
     Some(format!(
@@ -161,8 +161,8 @@ fn positive(rows: &[Row]) -> Option<String> {
     ))
 }
 
-fn backwards(rows: &[Row]) -> Option<String> {
-    let back: Vec<&Row> = rows
+fn backwards(rows: &[LinkRow]) -> Option<String> {
+    let back: Vec<&LinkRow> = rows
         .windows(2)
         .filter(|pair| pair[0].run == pair[1].run && pair[1].time_s < pair[0].time_s)
         .map(|pair| &pair[1])
@@ -177,7 +177,7 @@ fn backwards(rows: &[Row]) -> Option<String> {
     })
 }
 
-fn timeless(rows: &[Row]) -> Option<String> {
+fn timeless(rows: &[LinkRow]) -> Option<String> {
     let n_missing = rows.iter().filter(|row| !row.time_s.is_finite()).count();
     let times: BTreeSet<u64> =
         rows.iter().filter(|row| row.time_s.is_finite()).map(|row| row.time_s.to_bits()).collect();
@@ -196,7 +196,7 @@ fn timeless(rows: &[Row]) -> Option<String> {
 /// Where each mote was, by campaign: sorted by time.
 type Tracks = BTreeMap<(u32, u32), Vec<(f64, [f64; 3])>>;
 
-fn tracks(rows: &[Row]) -> Tracks {
+fn tracks(rows: &[LinkRow]) -> Tracks {
     let mut tracks = Tracks::new();
     for row in rows.iter().filter(|row| row.time_s.is_finite()) {
         for (mote, place) in [(row.tx, row.tx_m), (row.rx, row.rx_m)] {
@@ -215,7 +215,7 @@ fn way_m(a: [f64; 3], b: [f64; 3]) -> f64 {
     libm::hypot(a[0] - b[0], a[1] - b[1])
 }
 
-fn milliseconds(rows: &[Row], tracks: &Tracks) -> Option<String> {
+fn milliseconds(rows: &[LinkRow], tracks: &Tracks) -> Option<String> {
     let mut known = rows.iter().map(|row| row.time_s).filter(|time| time.is_finite());
     let first = known.next()?;
     let mut is_whole = first.fract() == 0.0;
@@ -255,7 +255,7 @@ fn milliseconds(rows: &[Row], tracks: &Tracks) -> Option<String> {
 type Ends = (BTreeSet<u32>, BTreeSet<u32>);
 
 /// Signs of exchanged ends: one mote at two places at a time, motes that jump, one receiver of several senders at a time.
-fn exchanged(rows: &[Row], tracks: &Tracks) -> Vec<String> {
+fn exchanged(rows: &[LinkRow], tracks: &Tracks) -> Vec<String> {
     let mut warnings = Vec::new();
     let (mut torn, mut jumping) = (BTreeSet::new(), BTreeSet::new());
     for (&(_, mote), track) in tracks {
@@ -307,7 +307,7 @@ fn exchanged(rows: &[Row], tracks: &Tracks) -> Vec<String> {
 }
 
 /// Motes that are missing or mute.
-fn motes(rows: &[Row]) -> Vec<String> {
+fn motes(rows: &[LinkRow]) -> Vec<String> {
     let mut warnings = Vec::new();
     let mut counts: BTreeMap<u32, [f64; 4]> = BTreeMap::new();
     for row in rows {

@@ -6,8 +6,10 @@
 //! likelihood, widened by what other seeds would do to it; and where runs with the fitted effect, fitted in their turn, come
 //! out further off than that, it is widened to there ([`Ground::calibrate`]).
 
-use super::candidates::Candidate;
-use super::likelihood::{self, Law, Moments, Run, Smooth, between};
+use super::candidates::CandidateEffect;
+use super::likelihood::{
+    self, FigureDensity, RunMoments, ScaledFigures, SmoothDensity, interpolate,
+};
 use super::resimulate::{Resimulation, ResimulationError};
 use numbers::power::square;
 use numbers::statistics::{quantile, standard_deviation};
@@ -34,11 +36,11 @@ const SAME: f64 = 1e-6;
 
 /// Where candidates are tried: an experiment, and the figures of what was measured.
 #[derive(Clone, Debug)]
-pub struct Ground<'a> {
+pub struct FitContext<'a> {
     /// The experiment.
     pub resimulation: &'a Resimulation,
     /// The figures that were measured, on their scales.
-    pub measured: Run,
+    pub measured: ScaledFigures,
     /// Those that are known.
     pub usable: Vec<usize>,
     /// Packets made before do not count (s).
@@ -49,30 +51,30 @@ pub struct Ground<'a> {
 
 /// The runs at one value.
 #[derive(Clone, Debug)]
-struct At {
+struct RunsAtValue {
     at: f64,
-    runs: Vec<Run>,
+    runs: Vec<ScaledFigures>,
 }
 
 /// A candidate at the values tried so far.
 #[derive(Clone, Debug)]
-pub struct Curve<'a> {
-    candidate: &'a Candidate,
-    tried: Vec<At>,
+pub struct CandidateScan<'a> {
+    candidate: &'a CandidateEffect,
+    tried: Vec<RunsAtValue>,
 }
 
 /// A fitted effect, and what it takes to see how far off fits are.
 #[derive(Clone, Debug)]
-pub struct Fit {
+pub struct CandidateFit {
     /// The effect.
-    pub fitted: Fitted,
+    pub fitted: FittedEffect,
     /// Laws near the best value, and where that is; none of whole numbers.
-    laws: Option<(Smooth, [f64; 2])>,
+    laws: Option<(SmoothDensity, [f64; 2])>,
 }
 
 /// A fitted effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fitted {
+pub struct FittedEffect {
     /// Its number.
     pub value: f64,
     /// 90 % interval.
@@ -85,9 +87,9 @@ pub struct Fitted {
     pub log_density: f64,
 }
 
-impl Ground<'_> {
+impl FitContext<'_> {
     /// The figures of a network under the first `n` seeds for fits.
-    fn runs(&self, network: &toml::Table, n: u64) -> Result<Vec<Run>, ResimulationError> {
+    fn runs(&self, network: &toml::Table, n: u64) -> Result<Vec<ScaledFigures>, ResimulationError> {
         let runs = self.resimulation.figures(network, FIRST_SEED..FIRST_SEED + n, self.from_s)?;
         Ok(likelihood::scaled(&runs))
     }
@@ -97,14 +99,17 @@ impl Ground<'_> {
     /// # Errors
     ///
     /// The network refuses its section.
-    pub fn base(&self, network: &toml::Table) -> Result<Vec<Run>, ResimulationError> {
+    pub fn base(&self, network: &toml::Table) -> Result<Vec<ScaledFigures>, ResimulationError> {
         self.runs(network, self.seeds)
     }
 
     /// The law of runs.
     #[must_use]
-    pub fn law(&self, runs: &[Run]) -> Law {
-        Law::of(&Moments::of(0.0, runs.iter(), &self.usable), &self.usable)
+    pub fn law(&self, runs: &[ScaledFigures]) -> FigureDensity {
+        FigureDensity::at_value(
+            &RunMoments::from_runs(0.0, runs.iter(), &self.usable),
+            &self.usable,
+        )
     }
 
     /// A candidate on top of a network, at some places of its scale.
@@ -115,10 +120,10 @@ impl Ground<'_> {
     pub fn curve<'c>(
         &self,
         network: &toml::Table,
-        candidate: &'c Candidate,
+        candidate: &'c CandidateEffect,
         places: &[f64],
-    ) -> Result<Curve<'c>, ResimulationError> {
-        let mut curve = Curve { candidate, tried: Vec::new() };
+    ) -> Result<CandidateScan<'c>, ResimulationError> {
+        let mut curve = CandidateScan { candidate, tried: Vec::new() };
         self.add(network, &mut curve, places, self.seeds.div_ceil(2))?;
         Ok(curve)
     }
@@ -127,7 +132,7 @@ impl Ground<'_> {
     fn add(
         &self,
         network: &toml::Table,
-        curve: &mut Curve<'_>,
+        curve: &mut CandidateScan<'_>,
         places: &[f64],
         n: u64,
     ) -> Result<(), ResimulationError> {
@@ -141,7 +146,7 @@ impl Ground<'_> {
             let runs = self.runs(&curve.candidate.added(network, value), n)?;
             match place {
                 Some(place) => curve.tried[place].runs = runs,
-                None => curve.tried.push(At { at, runs }),
+                None => curve.tried.push(RunsAtValue { at, runs }),
             }
             curve.tried.sort_by(|a, b| a.at.total_cmp(&b.at));
         }
@@ -150,20 +155,22 @@ impl Ground<'_> {
 
     /// The laws of a curve, at what was tried and between.
     #[must_use]
-    pub fn laws(&self, curve: &Curve<'_>) -> Vec<(f64, Law)> {
+    pub fn laws(&self, curve: &CandidateScan<'_>) -> Vec<(f64, FigureDensity)> {
         let moments = curve.moments(curve.tried.iter(), None, &self.usable);
         let mut laws = Vec::new();
         for pair in moments.windows(2) {
-            for at in curve.candidate.between(pair[0].at, pair[1].at) {
-                laws.push((at, between(&pair[0], &pair[1], at, &self.usable)));
+            for at in curve.candidate.values_between(pair[0].at, pair[1].at) {
+                laws.push((at, interpolate(&pair[0], &pair[1], at, &self.usable)));
             }
         }
-        laws.extend(moments.last().map(|last| (last.at, Law::of(last, &self.usable))));
+        laws.extend(
+            moments.last().map(|last| (last.at, FigureDensity::at_value(last, &self.usable))),
+        );
         laws
     }
 
     /// The place at which the measurement is most probable, and its log density there.
-    fn best(&self, laws: &[(f64, Law)]) -> (f64, f64) {
+    fn best(&self, laws: &[(f64, FigureDensity)]) -> (f64, f64) {
         best_of(laws, &self.measured)
     }
 
@@ -175,9 +182,9 @@ impl Ground<'_> {
     pub fn fit(
         &self,
         network: &toml::Table,
-        curve: &mut Curve<'_>,
-        base: &[Run],
-    ) -> Result<Fit, ResimulationError> {
+        curve: &mut CandidateScan<'_>,
+        base: &[ScaledFigures],
+    ) -> Result<CandidateFit, ResimulationError> {
         for _ in 0..ROUNDS {
             let (best, _) = self.best(&self.laws(curve));
             let further = curve.about(best);
@@ -185,8 +192,8 @@ impl Ground<'_> {
         }
         let mut window = self.plausible(curve);
         if curve.candidate.is_whole {
-            let fitted = self.whole(network, curve, window, base)?;
-            return Ok(Fit { fitted, laws: None });
+            let fitted = self.estimate_integer(network, curve, window, base)?;
+            return Ok(CandidateFit { fitted, laws: None });
         }
         for widening in 0.. {
             let even = |k: usize| {
@@ -211,8 +218,8 @@ impl Ground<'_> {
             }
             let wider = wider.map(|at| curve.candidate.scaled(curve.candidate.value(at)));
             if widening == 3 || wider.iter().zip(window).all(|(a, b)| (a - b).abs() < SAME) {
-                let fitted = self.told(curve, &within, &profile, base);
-                return Ok(Fit { fitted, laws: law.map(|law| (law, window)) });
+                let fitted = self.estimate_continuous(curve, &within, &profile, base);
+                return Ok(CandidateFit { fitted, laws: law.map(|law| (law, window)) });
             }
             window = wider;
         }
@@ -220,11 +227,11 @@ impl Ground<'_> {
     }
 
     /// What is plausible, by straight lines between what was tried.
-    fn plausible(&self, curve: &Curve<'_>) -> [f64; 2] {
+    fn plausible(&self, curve: &CandidateScan<'_>) -> [f64; 2] {
         let laws = self.laws(curve);
         let (best, top) = self.best(&laws);
-        let is_in = |law: &Law| top - PLAUSIBLE <= law.log_density(&self.measured);
-        let at = |place: &(f64, Law)| place.0;
+        let is_in = |law: &FigureDensity| top - PLAUSIBLE <= law.log_density(&self.measured);
+        let at = |place: &(f64, FigureDensity)| place.0;
         let middle = laws.iter().position(|(at, _)| *at == best).unwrap_or_default();
         let low =
             laws[..=middle].iter().rev().take_while(|(_, law)| is_in(law)).last().map_or(best, at);
@@ -235,12 +242,20 @@ impl Ground<'_> {
             .map(|at| curve.candidate.scaled(curve.candidate.value(at)))
     }
 
-    fn smooth(&self, curve: &Curve<'_>, within: &[&At], picks: Option<&[f64]>) -> Option<Smooth> {
-        Smooth::over(&curve.moments(within.iter().copied(), picks, &self.usable), &self.usable)
+    fn smooth(
+        &self,
+        curve: &CandidateScan<'_>,
+        within: &[&RunsAtValue],
+        picks: Option<&[f64]>,
+    ) -> Option<SmoothDensity> {
+        SmoothDensity::fit(
+            &curve.moments(within.iter().copied(), picks, &self.usable),
+            &self.usable,
+        )
     }
 
     /// The log density of the measurement over what is plausible.
-    fn profile(&self, law: Option<&Smooth>, window: [f64; 2]) -> Vec<(f64, f64)> {
+    fn profile(&self, law: Option<&SmoothDensity>, window: [f64; 2]) -> Vec<(f64, f64)> {
         let Some(law) = law else { return Vec::new() };
         (0..=PLACES)
             .map(|k| window[0] + k as f64 / PLACES as f64 * (window[1] - window[0]))
@@ -249,13 +264,13 @@ impl Ground<'_> {
     }
 
     /// The estimate: the top of a smooth profile, its interval widened by what the choice of seeds does.
-    fn told(
+    fn estimate_continuous(
         &self,
-        curve: &Curve<'_>,
-        within: &[&At],
+        curve: &CandidateScan<'_>,
+        within: &[&RunsAtValue],
         profile: &[(f64, f64)],
-        base: &[Run],
-    ) -> Fitted {
+        base: &[ScaledFigures],
+    ) -> FittedEffect {
         let top = |profile: &[(f64, f64)]| {
             let first = (f64::NAN, f64::NEG_INFINITY);
             profile.iter().fold(first, |best, it| if best.1 < it.1 { *it } else { best })
@@ -277,7 +292,7 @@ impl Ground<'_> {
         let value = |at: f64| curve.candidate.value(at);
         let mut interval = [value(best - widened(ends[0])), value(best + widened(ends[1]))];
         interval.sort_by(f64::total_cmp);
-        Fitted {
+        FittedEffect {
             value: curve.candidate.rounded(value(best)),
             interval,
             gain: log_density - self.base_density(base, None),
@@ -289,11 +304,16 @@ impl Ground<'_> {
     /// Widens the interval of a fit to what fits are off by: `runs` of the network with the fitted effect, under seeds that the
     /// fit has not seen, are fitted like the measurement. The spread of what they come to about what they were made with is
     /// that of the estimate about the truth, whatever the figures' distributions are.
-    pub fn calibrate(&self, candidate: &Candidate, fit: &mut Fit, runs: &[Run]) {
+    pub fn calibrate(
+        &self,
+        candidate: &CandidateEffect,
+        fit: &mut CandidateFit,
+        runs: &[ScaledFigures],
+    ) {
         let Some((smooth, [low, high])) = &fit.laws else { return };
         let room = 0.5 * (high - low);
         let [low, high] = [low - room, high + room];
-        let laws: Vec<(f64, Law)> = (0..=PLACES)
+        let laws: Vec<(f64, FigureDensity)> = (0..=PLACES)
             .map(|k| low + k as f64 / PLACES as f64 * (high - low))
             .map(|at| (at, smooth.law(at)))
             .collect();
@@ -314,13 +334,13 @@ impl Ground<'_> {
     }
 
     /// The estimate of a whole number: the best of those tried, and those that are hardly worse.
-    fn whole(
+    fn estimate_integer(
         &self,
         network: &toml::Table,
-        curve: &mut Curve<'_>,
+        curve: &mut CandidateScan<'_>,
         window: [f64; 2],
-        base: &[Run],
-    ) -> Result<Fitted, ResimulationError> {
+        base: &[ScaledFigures],
+    ) -> Result<FittedEffect, ResimulationError> {
         let places: Vec<f64> = curve.tried.iter().map(|tried| tried.at).collect();
         let near = |at: &f64| (window[0] - SAME..=window[1] + SAME).contains(at);
         let places: Vec<f64> = places.into_iter().filter(near).collect();
@@ -328,8 +348,9 @@ impl Ground<'_> {
         let within = curve.within(window, self.seeds);
         let logs = |picks: Option<&[f64]>| -> Vec<f64> {
             let moments = curve.moments(within.iter().copied(), picks, &self.usable);
-            let log =
-                |moments: &Moments| Law::of(moments, &self.usable).log_density(&self.measured);
+            let log = |moments: &RunMoments| {
+                FigureDensity::at_value(moments, &self.usable).log_density(&self.measured)
+            };
             moments.iter().map(log).collect()
         };
         let here = logs(None);
@@ -349,7 +370,7 @@ impl Ground<'_> {
         let mut interval =
             [inside.first(), inside.last()].map(|end| value(end.copied().unwrap_or(best)));
         interval.sort_by(f64::total_cmp);
-        Ok(Fitted {
+        Ok(FittedEffect {
             value: value(best),
             interval,
             gain: here[best] - self.base_density(base, None),
@@ -358,10 +379,13 @@ impl Ground<'_> {
         })
     }
 
-    fn base_density(&self, base: &[Run], picks: Option<&[f64]>) -> f64 {
+    fn base_density(&self, base: &[ScaledFigures], picks: Option<&[f64]>) -> f64 {
         let runs = picked(base, picks);
-        Law::of(&Moments::of(0.0, runs.into_iter(), &self.usable), &self.usable)
-            .log_density(&self.measured)
+        FigureDensity::at_value(
+            &RunMoments::from_runs(0.0, runs.into_iter(), &self.usable),
+            &self.usable,
+        )
+        .log_density(&self.measured)
     }
 
     /// Which seeds a resample has, as shares of all.
@@ -372,14 +396,14 @@ impl Ground<'_> {
 }
 
 /// The place at which a run is most probable, and its log density there.
-fn best_of(laws: &[(f64, Law)], run: &Run) -> (f64, f64) {
+fn best_of(laws: &[(f64, FigureDensity)], run: &ScaledFigures) -> (f64, f64) {
     laws.iter()
         .map(|(at, law)| (*at, law.log_density(run)))
         .fold((f64::NAN, f64::NEG_INFINITY), |best, it| if best.1 < it.1 { it } else { best })
 }
 
 /// All runs, or those that are picked.
-fn picked<'r>(runs: &'r [Run], picks: Option<&[f64]>) -> Vec<&'r Run> {
+fn picked<'r>(runs: &'r [ScaledFigures], picks: Option<&[f64]>) -> Vec<&'r ScaledFigures> {
     match picks {
         None => runs.iter().collect(),
         Some(picks) => {
@@ -392,20 +416,22 @@ fn sd(values: impl Iterator<Item = f64> + Clone) -> f64 {
     standard_deviation(values.filter(|value| value.is_finite()))
 }
 
-impl Curve<'_> {
+impl CandidateScan<'_> {
     fn moments<'r>(
         &self,
-        tried: impl Iterator<Item = &'r At>,
+        tried: impl Iterator<Item = &'r RunsAtValue>,
         picks: Option<&[f64]>,
         usable: &[usize],
-    ) -> Vec<Moments> {
-        let of = |it: &At| Moments::of(it.at, picked(&it.runs, picks).into_iter(), usable);
+    ) -> Vec<RunMoments> {
+        let of = |it: &RunsAtValue| {
+            RunMoments::from_runs(it.at, picked(&it.runs, picks).into_iter(), usable)
+        };
         tried.map(of).collect()
     }
 
     /// What was tried within a window under as many seeds.
-    fn within(&self, window: [f64; 2], seeds: u64) -> Vec<&At> {
-        let is_in = |tried: &&At| {
+    fn within(&self, window: [f64; 2], seeds: u64) -> Vec<&RunsAtValue> {
+        let is_in = |tried: &&RunsAtValue| {
             let inside = (window[0] - SAME..=window[1] + SAME).contains(&tried.at);
             inside && seeds <= tried.runs.len() as u64
         };

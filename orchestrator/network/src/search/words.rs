@@ -1,59 +1,65 @@
 //! From what a search found of a network to an answer, and its words.
 
-use super::{Found, Rung, Trial};
-use crate::candidates::Candidate;
-use crate::compared::{Asked, among_seeds, sentence as compared};
+use super::{EffectTest, SearchResult, SearchStep};
+use crate::candidate_fits::FittedEffect;
+use crate::candidates::CandidateEffect;
+use crate::compare::{ComparisonOptions, among_seeds, sentence as comparison_sentence};
 use crate::diagnosis::{
     NetworkCandidate, NetworkDiagnosis, NetworkRung, NextCampaign, SCHEMA, UnexplainedFigure,
 };
 use crate::kpis::KPIS;
 use crate::spread::LEVEL;
-use crate::tried::Fitted;
 use diagnose::diagnosis::{Parameter, Verdict};
 use indexmap::IndexMap;
-use measure::account::Account;
+use measure::account::DataAccount;
 use numbers::format::{capitalised, number};
 use numbers::power::square;
 use std::fmt::Write as _;
 
 /// The number of an effect as fitted, by its key.
 #[must_use]
-pub fn parameters(candidate: &Candidate, fitted: &Fitted) -> IndexMap<&'static str, Parameter> {
+pub fn parameters(
+    candidate: &CandidateEffect,
+    fitted: &FittedEffect,
+) -> IndexMap<&'static str, Parameter> {
     let [low, high] = fitted.interval;
     let unit = candidate.parameter.unit.to_owned();
     IndexMap::from([(candidate.parameter.key, Parameter { value: fitted.value, unit, low, high })])
 }
 
 /// A fitted number in words: `delay_s = 0.600 s (90 %: 0.580 to 0.620)`.
-pub fn said(candidate: &Candidate, fitted: &Fitted) -> String {
+pub fn parameter_text(candidate: &CandidateEffect, fitted: &FittedEffect) -> String {
     let [low, high] = fitted.interval.map(number);
-    format!("{} (90 %: {low} to {high})", candidate.said(fitted.value))
+    format!("{} (90 %: {low} to {high})", candidate.setting_text(fitted.value))
 }
 
-fn candidate(trial: &Trial) -> NetworkCandidate {
-    let fitted = trial.fitted.as_ref();
+fn candidate(test: &EffectTest) -> NetworkCandidate {
+    let fitted = test.fitted.as_ref();
     NetworkCandidate {
-        effect: trial.candidate.name,
-        gain: trial.gain,
+        effect: test.candidate.name,
+        gain: test.gain,
         standard_error: fitted.map(|fitted| fitted.standard_error),
-        p_value: trial.p_value,
-        accepted: trial.is_accepted,
-        indistinguishable_from: trial.ties.clone(),
-        p_value_with: trial.p_with,
-        parameters: fitted
-            .map_or_else(IndexMap::new, |fitted| parameters(&trial.candidate, fitted)),
-        settings: fitted.map(|fitted| trial.candidate.settings(fitted.value)),
-        untestable: trial.untestable.clone(),
+        p_value: test.p_value,
+        accepted: test.is_accepted,
+        indistinguishable_from: test.ties.clone(),
+        p_value_with: test.p_with,
+        parameters: fitted.map_or_else(IndexMap::new, |fitted| parameters(&test.candidate, fitted)),
+        settings: fitted.map(|fitted| test.candidate.settings(fitted.value)),
+        untestable: test.untestable.clone(),
     }
 }
 
 /// The answer of a search.
 #[must_use]
-pub fn answer(found: &Found, asked: Asked, account: &Account) -> NetworkDiagnosis {
-    let (first, last) = found.ends();
-    let (_, difference) = compared(&first.among);
+pub fn answer(
+    found: &SearchResult,
+    asked: ComparisonOptions,
+    account: &DataAccount,
+) -> NetworkDiagnosis {
+    let (first, last) = found.first_and_last();
+    let (_, difference) = comparison_sentence(&first.among);
     let missing: Vec<&str> =
-        found.accepted.iter().map(|&k| found.trials[k].candidate.name).collect();
+        found.accepted.iter().map(|&k| found.tests[k].candidate.name).collect();
     let verdict = match (found.agrees(), missing.is_empty()) {
         (true, true) => Verdict::NothingMissing,
         (true, false) => Verdict::MissingEffects,
@@ -66,7 +72,7 @@ pub fn answer(found: &Found, asked: Asked, account: &Account) -> NetworkDiagnosi
         }
         Verdict::MissingEffects => {
             let parts: Vec<String> =
-                found.accepted.iter().map(|&k| part(&found.trials[k])).collect();
+                found.accepted.iter().map(|&k| effect_text(&found.tests[k])).collect();
             format!(
                 "missing: {}. These packets are no run of the model as configured (p = {:.3}), and could be one with {} (p = {:.3})",
                 parts.join(", then "),
@@ -101,7 +107,7 @@ pub fn answer(found: &Found, asked: Asked, account: &Account) -> NetworkDiagnosi
         sentence,
         missing,
         ladder: found.rungs.iter().map(rung).collect(),
-        candidates: found.trials.iter().map(candidate).collect(),
+        candidates: found.tests.iter().map(candidate).collect(),
         unexplained: unexplained(found, far),
         next_measurement: next(found),
         kpis_with: (!found.accepted.is_empty()).then(|| among_seeds(&last.among, asked).kpis),
@@ -112,16 +118,16 @@ pub fn answer(found: &Found, asked: Asked, account: &Account) -> NetworkDiagnosi
 
 /// A diagnosis of a network as a person reads it on a terminal.
 #[must_use]
-pub fn text(found: &Found, diagnosis: &NetworkDiagnosis) -> String {
-    let (_, difference) = compared(&found.ends().0.among);
+pub fn text(found: &SearchResult, diagnosis: &NetworkDiagnosis) -> String {
+    let (_, difference) = comparison_sentence(&found.first_and_last().0.among);
     let mut text = format!("{}\n\n", capitalised(&difference));
-    let tried: Vec<&Trial> = found.trials.iter().filter(|trial| trial.gain.is_some()).collect();
+    let tried: Vec<&EffectTest> = found.tests.iter().filter(|test| test.gain.is_some()).collect();
     if !tried.is_empty() {
         table(&mut text, &tried);
     }
-    for trial in &found.trials {
-        if let Some(why) = &trial.untestable {
-            let _ = writeln!(text, "{} cannot be tried: {why}", trial.candidate.name);
+    for test in &found.tests {
+        if let Some(why) = &test.untestable {
+            let _ = writeln!(text, "{} cannot be tried: {why}", test.candidate.name);
         }
     }
     for next in &diagnosis.next_measurement {
@@ -135,24 +141,24 @@ pub fn text(found: &Found, diagnosis: &NetworkDiagnosis) -> String {
 }
 
 /// An accepted effect, with its number and its ties.
-fn part(trial: &Trial) -> String {
-    let number = trial.fitted.as_ref().map(|fitted| said(&trial.candidate, fitted));
-    let ties = if trial.ties.is_empty() {
+fn effect_text(test: &EffectTest) -> String {
+    let number = test.fitted.as_ref().map(|fitted| parameter_text(&test.candidate, fitted));
+    let ties = if test.ties.is_empty() {
         String::new()
     } else {
-        format!(", or {}: these packets do not tell", trial.ties.join(" or "))
+        format!(", or {}: these packets do not tell", test.ties.join(" or "))
     };
-    format!("{}, {}{ties}", trial.candidate.name, number.unwrap_or_default())
+    format!("{}, {}{ties}", test.candidate.name, number.unwrap_or_default())
 }
 
 /// The figure in which the measurement is furthest from the last model.
-fn furthest(found: &Found) -> Option<usize> {
-    let figures = &found.ends().1.among.placed.figures;
+fn furthest(found: &SearchResult) -> Option<usize> {
+    let figures = &found.first_and_last().1.among.placed.figures;
     let known = figures.iter().enumerate().filter_map(|(k, it)| Some((k, (*it)?.z.abs())));
     known.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
 }
 
-fn rung(rung: &Rung) -> NetworkRung {
+fn rung(rung: &SearchStep) -> NetworkRung {
     NetworkRung {
         model: rung.added.map_or_else(|| "as configured".to_owned(), |name| format!("+ {name}")),
         log_score: rung.log_density,
@@ -163,8 +169,8 @@ fn rung(rung: &Rung) -> NetworkRung {
     }
 }
 
-fn unexplained(found: &Found, far: Option<usize>) -> Vec<UnexplainedFigure> {
-    let (_, last) = found.ends();
+fn unexplained(found: &SearchResult, far: Option<usize>) -> Vec<UnexplainedFigure> {
+    let (_, last) = found.first_and_last();
     let far = far.filter(|_| !found.agrees());
     far.into_iter()
         .map(|k| UnexplainedFigure {
@@ -178,7 +184,7 @@ fn unexplained(found: &Found, far: Option<usize>) -> Vec<UnexplainedFigure> {
 }
 
 /// What would break ties.
-fn next(found: &Found) -> Vec<NextCampaign> {
+fn next(found: &SearchResult) -> Vec<NextCampaign> {
     found
         .rivals
         .iter()
@@ -211,7 +217,7 @@ fn next(found: &Found) -> Vec<NextCampaign> {
         .collect()
 }
 
-fn table(text: &mut String, tried: &[&Trial]) {
+fn table(text: &mut String, tried: &[&EffectTest]) {
     let _ = writeln!(
         text,
         "{:<18} {:>12} {:>8} {:>10}   number",
@@ -219,16 +225,18 @@ fn table(text: &mut String, tried: &[&Trial]) {
     );
     let mut tried = tried.to_vec();
     tried.sort_by(|a, b| b.gain.unwrap_or_default().total_cmp(&a.gain.unwrap_or_default()));
-    for trial in tried {
+    for test in tried {
         let p = |p: Option<f64>| p.map_or("–".to_owned(), |p| format!("{p:.3}"));
-        let fitted =
-            trial.fitted.as_ref().map_or_else(String::new, |fitted| said(&trial.candidate, fitted));
+        let fitted = test
+            .fitted
+            .as_ref()
+            .map_or_else(String::new, |fitted| parameter_text(&test.candidate, fitted));
         let row = format!(
             "{:<18} {:>12} {:>8} {:>10}   {fitted}",
-            trial.candidate.name,
-            number(trial.gain.unwrap_or(f64::NAN)),
-            p(trial.p_value),
-            p(trial.p_with)
+            test.candidate.name,
+            number(test.gain.unwrap_or(f64::NAN)),
+            p(test.p_value),
+            p(test.p_with)
         );
         let _ = writeln!(text, "{}", row.trim_end());
     }

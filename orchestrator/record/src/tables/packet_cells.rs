@@ -1,18 +1,18 @@
 //! What became of a mote's application packets, as cells of its row.
 
 use crate::table::Cell;
-use metrics::kpi::{Account, LATENCY_QUANTILES, MotePackets};
+use metrics::kpi::{LATENCY_QUANTILES, MotePackets, PacketAccount};
 
 /// What was last told of a mote's packets: quantiles take sorting, and in most steps nothing of a mote's arrives.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Told {
+pub(super) struct PacketCells {
     delivered: u64,
     latency_s: [Option<f64>; LATENCY_QUANTILES.len()],
 }
 
-impl Told {
+impl PacketCells {
     /// The columns from `delivered` to `mean_hops`.
-    pub(super) fn cells(&mut self, account: &Account, mote: usize) -> [Cell<'static>; 8] {
+    pub(super) fn cells(&mut self, account: &PacketAccount, mote: usize) -> [Cell<'static>; 8] {
         if account.is_empty() {
             return [Cell::Null; 8];
         }
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn a_row_tells_what_became_of_the_motes_packets_until_then() {
-        let (mut account, mut told) = (Account::default(), [Told::default(); 2]);
+        let (mut account, mut told) = (PacketAccount::default(), [PacketCells::default(); 2]);
         assert_eq!(told[1].cells(&account, 1), [Cell::Null; 8]);
         account.add(&packets(&[2, 0]));
         let number = Cell::F64;
