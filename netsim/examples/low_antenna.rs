@@ -36,6 +36,7 @@ pub const ENTRY: Entry = Entry {
         validity: "Heights are above flat ground at z = 0.",
         trace: "Links of low antennas are weak at any distance.",
         needs: &[Need::Heights, Need::Readings],
+        example: "",
     },
     fit: Fit {
         parameters: &[
@@ -59,7 +60,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

@@ -62,6 +62,8 @@ pub struct Entry {
     pub variant: Variant,
     /// What it asks of the rest of an experiment.
     pub demands: Demands,
+    /// What its robots are to come to: which figures of a run tell how well they did.
+    pub goal: Goal,
     /// Makes it of its checked table. Fills in defaults that depend on other values, and adds what is wrong across keys.
     /// `None`: something is wrong that leaves nothing to build.
     pub build: Build,
@@ -85,6 +87,23 @@ pub struct Demands {
 impl Demands {
     /// It asks for nothing.
     pub const NONE: Self = Self { jumps: false, sends_messages: false };
+}
+
+/// What robots are to come to, as far as figures of a run measure it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Goal {
+    /// They follow one of them: `leader`, the first where that is not given, which moves with `leader_velocity_mps`, along
+    /// `leader_path_m` if there is one. With `leaderless = true` there is none.
+    FollowLeader,
+    /// They stand on a straight line.
+    Line,
+    /// They stand on a circle.
+    Circle,
+    /// They map rooms.
+    Explore,
+    /// Nothing that has figures of its own.
+    #[default]
+    Other,
 }
 
 /// Makes a controller of its checked table, or adds problems.

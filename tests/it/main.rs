@@ -14,6 +14,7 @@ mod contract;
 mod determinism;
 mod diagnosis;
 mod exploration;
+mod extension;
 mod faults;
 mod flocking;
 mod formation;

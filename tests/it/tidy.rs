@@ -308,3 +308,58 @@ fn every_link_between_the_pages_leads_somewhere() {
     }
     assert!(20 <= n_links, "{n_links}");
 }
+
+/// Where the orchestrator may have a name of a catalogue: the end of a file's path, the name, and why.
+const NAMED: &[(&str, &str, &str)] = &[
+    ("bench.rs", "boids", "what is measured is a configuration like any other"),
+    ("bench.rs", "full", "what is measured is a configuration like any other"),
+    ("bench.rs", "olfati-saber", "what is measured is a configuration like any other"),
+    ("bench.rs", "random-jump", "what is measured is a configuration like any other"),
+    ("bench/standing.rs", "msf", "what is measured is a configuration like any other"),
+    ("bench/standing.rs", "orchestra", "what is measured is a configuration like any other"),
+    ("cli/formula.rs", "formula", "the name of an argument"),
+    ("cli/measured.rs", "formula", "the name of an argument"),
+    ("src/effects.rs", "trace", "a field of what is printed of an effect"),
+    ("network/src/split.rs", "interference", "a key of netsim.phy"),
+    ("network/src/split.rs", "trace", "the configuration that is written has measured levels"),
+    ("study/src/formula.rs", "formula", "what a user's own expression is added as"),
+    ("study/src/open.rs", "localization", "a section of robotsim"),
+];
+
+/// What is special about an effect or a controller is a property of its entry, so that whoever adds one need not look elsewhere.
+/// Scenarios are left out, whose names are ordinary words.
+#[test]
+fn the_orchestrator_knows_no_entry_of_a_catalogue_by_name() {
+    let network = netsim::catalogue::Catalogue::built_in();
+    let robots = robotsim::catalogue::Catalogue::built_in();
+    let names: Vec<&str> = (network.effects.iter().map(|entry| entry.variant.name))
+        .chain(network.mac_effects.iter().map(|entry| entry.variant.name))
+        .chain(network.scheduling_functions.iter().map(|entry| entry.variant.name))
+        .chain(network.propagation.iter().map(|entry| entry.variant.name))
+        .chain(network.reception.iter().map(|entry| entry.variant.name))
+        .chain(robots.effects.iter().map(|entry| entry.variant.name))
+        .chain(robots.controllers.iter().map(|entry| entry.variant.name))
+        .collect();
+    let mut unused: Vec<_> = NAMED.iter().map(|(file, name, _)| (*file, *name)).collect();
+    let mut wrong = Vec::new();
+    for file in rust_files(&tests::repository().join("orchestrator")) {
+        let path = file.to_string_lossy();
+        if path.contains("/tests/") || path.ends_with("tests.rs") || path.contains("/benches/") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&file).unwrap();
+        let product = text.split("#[cfg(test)]").next().unwrap();
+        let code: Vec<&str> =
+            product.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+        let code = code.join("\n");
+        for name in names.iter().filter(|name| code.contains(&format!("\"{name}\""))) {
+            let is_known = |(end, known): &(&str, &str)| path.ends_with(end) && known == name;
+            if !NAMED.iter().any(|(end, known, _)| is_known(&(end, known))) {
+                wrong.push(format!("{path} has {name:?}"));
+            }
+            unused.retain(|exception| !is_known(exception));
+        }
+    }
+    assert!(wrong.is_empty(), "make it a property of the entry:\n{}", wrong.join("\n"));
+    assert!(unused.is_empty(), "these exceptions are no longer needed: {unused:?}");
+}

@@ -22,8 +22,15 @@ const fn number(key: &'static str, range: Range) -> Field {
     Field { key, doc: "A number.", kind: Kind::Number(range), default: Default::Required }
 }
 
-const ABOUT: About =
-    About { mechanism: "", equation: "", source: "", validity: "", trace: "", needs: &[] };
+const ABOUT: About = About {
+    mechanism: "",
+    equation: "",
+    source: "",
+    validity: "",
+    trace: "",
+    needs: &[],
+    example: "",
+};
 
 /// A loss that is the same for all links.
 static LOSS: effect::Entry = effect::Entry {

@@ -236,15 +236,15 @@ impl<'a> PowerPlan<'a> {
         };
         let kind = question.effect.trim_end_matches(" (turn)");
         let (parameters, variants, section) = match subject {
-            Subject::Links => netsim::catalogue::Catalogue::built_in()
+            Subject::Links => config
+                .catalogues
+                .network
                 .effects
                 .find(kind)
                 .map(|entry| (entry.fit.parameters, entry.fit.variants, "netsim.phy.effect")),
-            Subject::Robots => {
-                robotsim::catalogue::Catalogue::built_in().effects.find(kind).map(|entry| {
-                    (entry.fit.parameters, entry.fit.variants, "robotsim.dynamics.effect")
-                })
-            }
+            Subject::Robots => config.catalogues.robots.effects.find(kind).map(|entry| {
+                (entry.fit.parameters, entry.fit.variants, "robotsim.dynamics.effect")
+            }),
         }
         .unwrap_or((&[], &[], ""));
         let is_turn = question.effect != kind;

@@ -18,6 +18,17 @@ pub struct Compared {
     pub tree: Node,
     /// Walls, obstacles, ground.
     pub site: Site,
+    /// What it can choose by name.
+    pub catalogues: Catalogues,
+}
+
+/// The lists of both simulators: what configurations can choose by name, and so what a diagnosis tries. By default what is built in.
+#[derive(Clone, Debug, Default)]
+pub struct Catalogues {
+    /// Of `[netsim]`.
+    pub network: netsim::catalogue::Catalogue,
+    /// Of `[robotsim]`.
+    pub robots: robotsim::catalogue::Catalogue,
 }
 
 /// Sections that a file may have.
@@ -56,7 +67,14 @@ impl Compared {
         if !problems.is_empty() {
             return Err(Refusal::new(path, &text, &tree, problems));
         }
-        Ok(Self { path: path.to_owned(), text, tree, site })
+        let catalogues = Catalogues::default();
+        Ok(Self { path: path.to_owned(), text, tree, site, catalogues })
+    }
+
+    /// The same where other things can be chosen by name, such as effects of a user's own.
+    #[must_use]
+    pub fn with_catalogues(self, catalogues: Catalogues) -> Self {
+        Self { catalogues, ..self }
     }
 
     /// The same with one more key set.
@@ -87,7 +105,7 @@ impl Compared {
     /// Every problem that `[netsim.phy]` has, with its place.
     pub fn radio(&self, n_motes: usize) -> Result<(Model, toml::Table), Refusal> {
         let phy = self.section("netsim", "phy");
-        let catalogue = netsim::catalogue::Catalogue::built_in();
+        let catalogue = &self.catalogues.network;
         netsim::config::read_phy(&phy, "netsim.phy", n_motes, &BTreeMap::new(), catalogue)
             .map_err(|problems| self.refuse(problems))
     }

@@ -1,10 +1,18 @@
 //! What the robots were asked to do, as far as their effective configuration tells.
 
+use proto::config::Registry;
+use robotsim::catalogue::Catalogue;
+use robotsim::controller::Entry;
+
+pub use robotsim::controller::Goal;
+
 /// The robots' task. A simulator of a stranger has other keys: then nothing is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Task {
     /// Name of the controller, if there is but one.
     pub controller: Option<String>,
+    /// What that controller is for.
+    pub goal: Goal,
     /// The agent that leads.
     pub leader: Option<usize>,
     /// Speed at which the leader moves (m/s).
@@ -38,8 +46,13 @@ impl Task {
         self.passages.get(kind).map_or(Passage::Through, |(_, passage)| *passage)
     }
 
-    /// Reads the robots' effective configuration.
+    /// Reads the robots' effective configuration, whose controllers are those that are built in.
     pub fn from_config(robotsim_toml: &str) -> Self {
+        Self::with_controllers(robotsim_toml, &Catalogue::built_in().controllers)
+    }
+
+    /// Reads the robots' effective configuration, with these controllers to choose from.
+    pub fn with_controllers(robotsim_toml: &str, known: &Registry<Entry>) -> Self {
         let Ok(config) = robotsim_toml.parse::<toml::Table>() else { return Self::default() };
         let shared = config.get("controller").and_then(toml::Value::as_table);
         let groups = config.get("group").and_then(toml::Value::as_array).map_or(&[][..], |all| all);
@@ -52,10 +65,13 @@ impl Task {
         let kind_of = |controller: &toml::Table| {
             controller.get("kind").and_then(toml::Value::as_str).map(str::to_owned)
         };
+        let goal_of = |kind: Option<&str>| {
+            kind.and_then(|kind| known.find(kind)).map_or(Goal::Other, |entry| entry.goal)
+        };
         let leads = |controller: &toml::Table| {
             let is_leaderless =
                 controller.get("leaderless").and_then(toml::Value::as_bool) == Some(true);
-            kind_of(controller).as_deref() == Some("flocking") && !is_leaderless
+            goal_of(kind_of(controller).as_deref()) == Goal::FollowLeader && !is_leaderless
         };
         // Of groups that want different things, those that follow somebody have a leader to be measured by.
         let kinds: Vec<Option<String>> = controllers.iter().copied().map(kind_of).collect();
@@ -69,6 +85,7 @@ impl Task {
         };
         Self {
             controller: kind.cloned().flatten(),
+            goal: goal_of(kind.and_then(Option::as_deref)),
             leader: of_controller("leader")
                 .and_then(toml::Value::as_integer)
                 .and_then(|leader| usize::try_from(leader).ok())
@@ -84,7 +101,7 @@ impl Task {
                     Some([number(vx)?, number(vy)?])
                 }),
             diameter_m: config.get("diameter_m").and_then(number),
-            passages: passages(&config, groups),
+            passages: passages(&config, groups, known),
             is_truth_baseline: config.get("knowledge").and_then(toml::Value::as_str)
                 == Some("truth"),
         }
@@ -92,13 +109,18 @@ impl Task {
 }
 
 /// Kind after kind, as groups are numbered; one where there are none.
-fn passages(config: &toml::Table, groups: &[toml::Value]) -> Vec<(usize, Passage)> {
+fn passages(
+    config: &toml::Table,
+    groups: &[toml::Value],
+    known: &Registry<Entry>,
+) -> Vec<(usize, Passage)> {
     let kind_of = |table: Option<&toml::Value>| table?.get("kind")?.as_str().map(str::to_owned);
     let is_resolved = kind_of(config.get("contacts")).as_deref() == Some("resolve");
     let passage = |group: Option<&toml::Value>| {
         let of =
             |key: &str| kind_of(group.and_then(|group| group.get(key)).or_else(|| config.get(key)));
-        if of("controller").as_deref() == Some("random-jump") {
+        let controller = of("controller").and_then(|kind| known.find(&kind));
+        if controller.is_some_and(|entry| entry.demands.jumps) {
             Passage::Jumping
         } else if is_resolved || of("dynamics").as_deref() == Some("rigid-body") {
             Passage::HeldUp

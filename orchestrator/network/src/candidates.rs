@@ -22,8 +22,6 @@ pub struct CandidateEffect {
     fixed: Vec<(&'static str, toml::Value)>,
 }
 
-/// The band of IEEE 802.15.4 at 2.4 GHz, as interference on all of its channels. Packets from end to end do not tell channels.
-const WHOLE_BAND: [(&str, f64); 2] = [("centre_mhz", 2440.0), ("width_mhz", 80.0)];
 /// Places that are looked at from a tried value up to the next one.
 const BETWEEN: usize = 12;
 /// Values at which an effect with one start only is tried, as steps from there on its scale.
@@ -31,9 +29,9 @@ const STEPS: [f64; 5] = [-1.0, 0.0, 1.0, 2.0, 3.0];
 
 /// All effects that are tried, in a fixed order.
 #[must_use]
-pub fn all() -> Vec<CandidateEffect> {
+pub fn all(catalogue: &Catalogue) -> Vec<CandidateEffect> {
     let mut list: Vec<CandidateEffect> = Vec::new();
-    for entry in Catalogue::built_in().mac_effects.iter() {
+    for entry in catalogue.mac_effects.iter() {
         let Some(parameter) = entry.fit.parameters.first() else { continue };
         let fixed = entry.fit.variants.first().copied().unwrap_or_default();
         let field = entry.variant.fields.iter().find(|field| field.key == parameter.key);
@@ -46,17 +44,18 @@ pub fn all() -> Vec<CandidateEffect> {
             fixed: fixed.iter().map(|(key, value)| (*key, value.value())).collect(),
         });
     }
-    let interference = Catalogue::built_in().effects.find("interference");
-    if let Some((entry, parameter)) =
-        interference.and_then(|entry| Some((entry, entry.fit.parameters.first()?)))
-    {
+    for entry in catalogue.effects.iter() {
+        let (Some(parameter), Some(fixed)) = (entry.fit.parameters.first(), entry.fit.in_runs)
+        else {
+            continue;
+        };
         list.push(CandidateEffect {
             name: entry.variant.name,
             layer: "phy",
             about: &entry.about,
             parameter,
             is_whole: false,
-            fixed: WHOLE_BAND.map(|(key, value)| (key, toml::Value::Float(value))).to_vec(),
+            fixed: fixed.iter().map(|(key, value)| (*key, value.value())).collect(),
         });
     }
     list
@@ -176,7 +175,7 @@ mod tests {
 
     #[test]
     fn every_effect_of_the_network_is_tried_within_its_range() {
-        let all = all();
+        let all = all(Catalogue::built_in());
         let names: Vec<&str> = all.iter().map(|candidate| candidate.name).collect();
         for entry in Catalogue::built_in().mac_effects.iter() {
             assert!(names.contains(&entry.variant.name), "{names:?}");
@@ -197,7 +196,7 @@ mod tests {
 
     #[test]
     fn whole_numbers_between_those_that_were_tried_are_looked_at() {
-        let all = all();
+        let all = all(Catalogue::built_in());
         let queue = all.iter().find(|candidate| candidate.is_whole).unwrap();
         let between = |from: f64, to: f64| -> Vec<f64> {
             let places = queue.values_between(queue.scaled(from), queue.scaled(to));
@@ -210,7 +209,7 @@ mod tests {
 
     #[test]
     fn an_effect_is_added_to_those_that_are_there() {
-        let all = all();
+        let all = all(Catalogue::built_in());
         let network: toml::Table =
             "[mac]\neffect = [{ kind = \"queue-limit\", frames = 3 }]".parse().unwrap();
         let added = all[0].added(&network, 0.25);

@@ -11,6 +11,7 @@ use super::likelihood::{self, FigureDensity, ScaledFigures};
 use super::resimulate::{Resimulation, ResimulationError};
 use super::spread::LEVEL;
 use measure::packets::MeasuredPacket;
+use netsim::catalogue::Catalogue;
 use std::sync::atomic::{AtomicBool, Ordering};
 pub use words::parameter_text;
 pub use words::{answer, parameters, text};
@@ -464,5 +465,5 @@ impl<'a> NetworkSearch<'a> {
 /// All effects that are tried.
 #[must_use]
 pub fn catalogue() -> Vec<CandidateEffect> {
-    candidates::all()
+    candidates::all(Catalogue::built_in())
 }

@@ -7,6 +7,7 @@ use super::{Ending, RunHeader, Status};
 use experiment::output::Links;
 use metrics::figures::{FigureValue, FiguresByName};
 use metrics::measures::Measures;
+use metrics::task::Goal;
 use proto::digest::hex;
 use proto::types::seconds;
 
@@ -95,8 +96,8 @@ fn of_shape(measures: &Measures) -> FiguresByName {
     let n = measures.n_alive_at_end() as f64;
     let log10 = |value: Option<f64>| value.filter(|&value| 0.0 < value).map(libm::log10);
     let number = |value: Option<f64>| value.map(FigureValue::Number);
-    let figures = match measures.task.controller.as_deref() {
-        Some("line-formation") => {
+    let figures = match measures.task.goal {
+        Goal::Line => {
             let residual_m2 = measures.line_residual_m2();
             let across_m2 = measures.across_line_m2();
             let rms_m = across_m2.filter(|_| 0.0 < n).map(|across_m2| libm::sqrt(across_m2 / n));
@@ -111,15 +112,15 @@ fn of_shape(measures: &Measures) -> FiguresByName {
                 ("false_completion", false_completion(measures, rms_m).map(FigureValue::Flag)),
             ]
         }
-        Some("circle-formation") => {
+        Goal::Circle => {
             let rms_m = measures.off_circle_m();
             vec![
                 ("circle_rms_m", number(rms_m)),
                 ("false_completion", false_completion(measures, rms_m).map(FigureValue::Flag)),
             ]
         }
-        Some("exploration") => EXPLORATION.map(|name| (name, None)).to_vec(),
-        _ => Vec::new(),
+        Goal::Explore => EXPLORATION.map(|name| (name, None)).to_vec(),
+        Goal::FollowLeader | Goal::Other => Vec::new(),
     };
     figures.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }

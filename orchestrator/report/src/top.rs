@@ -3,6 +3,7 @@
 use super::is_truth;
 use super::layout::{self, with_unit};
 use maud::{Markup, html};
+use metrics::task::Goal;
 use numbers::format::{count, number, percent, shortest};
 use proto::types::Coupling;
 use record::run_summary::RunSummary;
@@ -65,7 +66,7 @@ pub(super) fn tiles(contents: &Contents<'_>) -> Option<Markup> {
     let unit = |value: Option<f64>, unit: &str| Some(with_unit(&number(value?), unit));
     let share = |value: Option<f64>| Some(html! { (percent(value?)) });
     let others = format!("of {}", count(u64::from(n_agents.saturating_sub(1))));
-    let is_line = measures.task.controller.as_deref() == Some("line-formation");
+    let is_line = measures.task.goal == Goal::Line;
     let has_way = measures.has_way();
     let is_flock = !is_line && measures.anybody_moved();
     let residual_m2 = measures.line_residual_m2().filter(|_| is_line);

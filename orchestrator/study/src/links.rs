@@ -49,6 +49,7 @@ use basis::{Bases, Basis};
 use cells::{Random, RandomEffectSds, RowCells};
 use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
 use likelihood::Instrument;
+use netsim::catalogue::Catalogue;
 use netsim::phy::scatter::{Law, Renewal};
 use passing::PowerMixture;
 use predict::Above;
@@ -85,6 +86,8 @@ pub struct LinkStudy {
     cells: Vec<(f64, RowCells)>,
     fixed_sd_db: Option<f64>,
     configured: RandomEffectSds,
+    /// The effects that may be missing.
+    catalogue: Catalogue,
     bases: Bases,
     /// What was chosen by hand.
     choices: Choices,
@@ -98,7 +101,7 @@ pub(super) fn spread_of(law: &Law) -> PowerMixture {
 }
 
 impl LinkStudy {
-    /// Holds the rows against their model, with every effect of the catalogue and a curve over every covariate as
+    /// Holds the rows against their model, with every radio effect of the catalogue and a curve over every covariate as
     /// candidates.
     ///
     /// # Errors
@@ -108,8 +111,9 @@ impl LinkStudy {
         rows: Rows,
         fixed_sd_db: Option<f64>,
         choices: &Choices,
+        catalogue: &Catalogue,
     ) -> Result<Self, ChoiceError> {
-        let specs = candidates::specs(&rows);
+        let specs = candidates::specs(&rows, &catalogue.effects);
         let group::Grouped { time, place, once } = group::grouped(&rows, choices)?;
         let moving = rows.still().values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
@@ -118,7 +122,8 @@ impl LinkStudy {
         let cells =
             lengths.map(|&length| (length, group::cells_of(&rows, SIDE * length))).collect();
         let configured = configured(&rows);
-        let candidates = specs.iter().map(|spec| candidates::candidate(spec, &rows)).collect();
+        let candidates =
+            specs.iter().map(|spec| candidates::candidate(spec, &rows, catalogue)).collect();
         Ok(Self {
             n_fitted: time.fitted().len(),
             choices: choices.clone(),
@@ -131,6 +136,7 @@ impl LinkStudy {
             cells,
             fixed_sd_db,
             configured,
+            catalogue: catalogue.clone(),
             bases: Bases::default(),
         })
     }
@@ -145,7 +151,7 @@ impl LinkStudy {
             return None;
         }
         let rows = self.rows.some(&group::spread_evenly(&self.rows, most));
-        let thin = Self::new(rows, self.fixed_sd_db, &self.choices).ok()?;
+        let thin = Self::new(rows, self.fixed_sd_db, &self.choices, &self.catalogue).ok()?;
         let names = |study: &Self| -> Vec<String> {
             study.candidates.iter().map(|candidate| candidate.name.clone()).collect()
         };

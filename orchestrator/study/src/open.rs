@@ -116,7 +116,7 @@ pub fn robots(
         &written,
         "robotsim.dynamics",
         &robotsim::dynamics::SPEC,
-        &robotsim::catalogue::Catalogue::built_in().lists(),
+        &config.catalogues.robots.lists(),
         &mut problems,
     )
     .table;
@@ -142,6 +142,7 @@ pub fn robots(
         is_wheelbase_given: written.get("wheelbase_m").is_some(),
         sd_m: localization_sd_m(config),
         terrain: config.site.terrain.clone(),
+        catalogue: config.catalogues.robots.clone(),
     };
     let study =
         RobotStudy::new(robots, &dynamics, given, (choices, table)).map_err(
@@ -227,7 +228,7 @@ pub fn links(
         warnings: rows.links.warnings.clone(),
     };
     account.warnings.extend(absent(config, &rows));
-    let study = LinkStudy::new(rows, fixed_sd_db, &choices)?;
+    let study = LinkStudy::new(rows, fixed_sd_db, &choices, &config.catalogues.network)?;
     account.warnings.extend(too_few(&study));
     Ok((study, account))
 }

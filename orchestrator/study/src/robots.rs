@@ -79,6 +79,8 @@ pub struct RobotStudy {
 struct RobotModel {
     tracks: MeasuredTracks,
     dynamics: toml::Table,
+    /// What the dynamics and its terms are made of.
+    catalogue: Catalogue,
     is_wheelbase_free: bool,
     /// Standard deviation of the noise of measured positions (m), where it is given.
     given_sd_m: Option<f64>,
@@ -100,6 +102,8 @@ pub struct StatedSettings {
     pub sd_m: Option<f64>,
     /// The ground.
     pub terrain: Terrain,
+    /// The effects that may be missing.
+    pub catalogue: Catalogue,
 }
 
 /// Refuses windows that are shorter than the time between samples, or longer than every track.
@@ -259,8 +263,8 @@ impl RobotModel {
                 list.push(effect.table(fit.numbers(self, term)).into());
             }
         }
-        let physics = Dynamics::build(&table, "", &Catalogue::built_in().effects, &mut Vec::new())?
-            .into_physics();
+        let physics =
+            Dynamics::build(&table, "", &self.catalogue.effects, &mut Vec::new())?.into_physics();
         Some((physics, self.gains(fit)))
     }
 
@@ -286,7 +290,7 @@ impl RobotStudy {
         given: StatedSettings,
         (choices, table): (&Choices, &DataTable),
     ) -> Result<Self, RobotStudyError> {
-        let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain } = given;
+        let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain, catalogue } = given;
         let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
         let needed = match robots.shape {
             Shape::Velocity => "point-mass",
@@ -329,7 +333,7 @@ impl RobotStudy {
             values
                 .push(dynamics.get("wheelbase_m").and_then(toml::Value::as_float).unwrap_or(0.33));
         }
-        let (candidates, terms) = terms::all(&tracks, dynamics, given_sd_m.is_some());
+        let (candidates, terms) = terms::all(&tracks, dynamics, given_sd_m.is_some(), &catalogue);
         let (in_time, in_place) = match choices.split {
             Some(split) => {
                 let blocks = tracks.split_blocks(window_s, split)?;
@@ -343,6 +347,7 @@ impl RobotStudy {
         let mut model = RobotModel {
             tracks,
             dynamics: dynamics.clone(),
+            catalogue,
             is_wheelbase_free,
             given_sd_m,
             base,

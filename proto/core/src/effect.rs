@@ -17,6 +17,8 @@ pub struct About {
     pub trace: &'static str,
     /// What measurements must have for it to be tested.
     pub needs: &'static [Need],
+    /// Keys of an example that shows something, as lines of TOML. Empty: where a fit of the effect starts.
+    pub example: &'static str,
 }
 
 /// What measurements, or the site, must have for an effect to be tested.
@@ -100,6 +102,79 @@ pub struct Fit {
     pub generalises: &'static [&'static str],
     /// The covariate in which it is linear, alike for all nodes: a curve over that, with a level, does what it does and more.
     pub linear_in: Option<&'static str>,
+    /// What a fit estimates of it.
+    pub role: Role,
+    /// Where a search for its parameters starts.
+    pub search: Search,
+    /// Of a radio effect that packets from end to end can show: its further keys when whole networks are simulated with it. `None`:
+    /// it is not tried on such packets. Effects on motes always are.
+    pub in_runs: Option<&'static [(&'static str, Fixed)]>,
+    /// Keys of parameters that only one kind of body has.
+    pub of_body: &'static [(&'static str, Body)],
+    /// Of a robot effect that has directions or places of the plane: positions of all campaigns must be in one frame.
+    pub needs_one_frame: bool,
+}
+
+impl Fit {
+    /// Nothing to be fitted, judged in time. An entry names what is different about its effect: `..Fit::PLAIN` is the rest.
+    pub const PLAIN: Self = Self {
+        parameters: &[],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+        linear_in: None,
+        role: Role::Effect,
+        search: Search::Starts,
+        in_runs: None,
+        of_body: &[],
+        needs_one_frame: false,
+    };
+}
+
+/// What a fit estimates of an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Its parameters.
+    Effect,
+    /// A radio effect that is a random level per node: keys `tx_sd_db` and `rx_sd_db` are estimated from levels.
+    RandomPerNode,
+    /// A radio effect that is a random level per link and place: keys `sd_db` and `decorrelation_m`.
+    RandomPerLink,
+    /// A radio effect that is a random level per link, channel and place as small as half a wave: keys `sd_db` and `coherence_mhz`.
+    RandomPerChannel,
+    /// A robot effect that is the noise of measured positions, key `sd_m`, which every model of robots has.
+    Noise,
+}
+
+/// Where a search for the parameters of an effect starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Search {
+    /// At all products of [`Parameter::starts`].
+    Starts,
+    /// Radio: at headings of nodes that stand still, found in turn with the parameters.
+    Headings,
+    /// Radio: at the ends of an obstacle that is on no map.
+    Places,
+    /// Radio: at the nodes and times that it concerns.
+    Nodes,
+    /// Robots: at discs of the plane. Parameters are x and y of the centre, the radius, and the scale in it.
+    Discs,
+    /// Robots: at thresholds of commands that the measurements can tell apart.
+    Thresholds {
+        /// It changes commands below its threshold and no others.
+        only_below: bool,
+    },
+    /// Robots: as thresholds, of how fast commands change.
+    ThresholdsOfChanges,
+}
+
+/// A kind of body that turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Body {
+    /// Commanded by speed and yaw rate.
+    Unicycle,
+    /// Commanded by speed and steering angle.
+    Car,
 }
 
 /// The covariate of what is the same in every row.

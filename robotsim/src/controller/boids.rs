@@ -1,6 +1,6 @@
 //! Boids: robots that flock without a leader.
 
-use super::{Controller, Demands, Entry, View, add, norm, scaled, sub};
+use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
 use crate::config::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
@@ -44,6 +44,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |table, context, problems| {
         let this: Boids = typed(table);
         super::check_speed("speed_mps", this.speed_mps, context, problems);

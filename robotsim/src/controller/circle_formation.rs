@@ -1,6 +1,6 @@
 //! Robots that form a circle.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::Circle,
     build: |table, _, _| Some(Box::new(typed::<CircleFormation>(table))),
 };
 

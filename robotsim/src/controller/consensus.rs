@@ -1,6 +1,6 @@
 //! Robots that come together.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use proto::config::{Choice, Default, Kind, Range, Variant, typed};
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |table, _, _| Some(Box::new(typed::<Consensus>(table))),
 };
 

@@ -1,6 +1,6 @@
 //! Robots that all move with one velocity, whatever they hear.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
@@ -18,6 +18,7 @@ pub(super) const ENTRY: Entry = Entry {
         )],
     },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |table, context, problems| {
         let this: ConstantVelocity = typed(table);
         let [vx, vy] = this.velocity_mps;

@@ -1,6 +1,6 @@
 //! Robots that spread over an area.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
@@ -40,6 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |table, context, problems| {
         let this: Coverage = typed(table);
         if this.to_m[0] <= this.from_m[0] || this.to_m[1] <= this.from_m[1] {

@@ -1,6 +1,6 @@
 //! Robots that spread as far as their links hold.
 
-use super::{Controller, Demands, Entry, View, add, norm, scaled, sub};
+use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
 use crate::config::{Context, field};
 use crate::dynamics::Command;
 use crate::knowledge::Seen;
@@ -31,6 +31,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |table, context, problems| {
         let this: Dispersion = typed(table);
         this.check(context, problems);

@@ -1,6 +1,6 @@
 //! Rooms are explored: robots send maps to a base, which sends them where nobody has been.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::config::{Context, field};
 use crate::dynamics::Command;
 use crate::exploration::grid::{Grid, MAX_CELLS};
@@ -76,6 +76,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands { sends_messages: true, ..Demands::NONE },
+    goal: Goal::Explore,
     build: |table, context, problems| {
         let raw: Raw = typed(table);
         raw.settings(context, problems)

@@ -1,6 +1,6 @@
 //! Robots that follow a leader, held together and apart by a potential.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use crate::knowledge::Seen;
@@ -113,6 +113,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::FollowLeader,
     build: |table, context, problems| {
         let default = context.n_agents as f64 / 10.0;
         table.entry("leader_weight").or_insert(default.max(1.0).into());

@@ -1,6 +1,6 @@
 //! Robots that stay where they are.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use proto::config::Variant;
 
@@ -11,6 +11,7 @@ pub(super) const ENTRY: Entry = Entry {
         fields: &[],
     },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |_, _, _| Some(Box::new(Hold)),
 };
 

@@ -1,6 +1,6 @@
 //! Robots that form a straight line, wherever it may lie.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use crate::line_fit::{Fit, Moments};
@@ -45,6 +45,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::Line,
     build: |table, context, problems| {
         let this: LineFormation = typed(table);
         if this.step_cap_m <= this.threshold_m {

@@ -1,6 +1,6 @@
 //! Flocking as a lattice that moves, after Olfati-Saber.
 
-use super::{Controller, Demands, Entry, View, add, norm, scaled, sub};
+use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
 use crate::config::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
@@ -54,6 +54,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |table, context, problems| {
         table.entry("target_m").or_insert(vec![0.0, 0.0].into());
         table.entry("target_velocity_mps").or_insert(vec![0.0, 0.0].into());

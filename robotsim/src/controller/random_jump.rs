@@ -1,6 +1,6 @@
 //! Robots that jump at random within an arena: a workload for the network, not a behaviour.
 
-use super::{Controller, Demands, Entry, View};
+use super::{Controller, Demands, Entry, Goal, View};
 use crate::config::field;
 use crate::dynamics::Command;
 use proto::config::{Choice, Default, Kind, Range, Variant, typed};
@@ -42,6 +42,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands { jumps: true, ..Demands::NONE },
+    goal: Goal::Other,
     build: |table, context, problems| {
         let raw: Raw = typed(table);
         let (own, foreign, given, default) = match raw.arena {

@@ -1,6 +1,6 @@
 //! Robots that wander: the mobility model of networks that move.
 
-use super::{Controller, Demands, Entry, View, scaled, sub};
+use super::{Controller, Demands, Entry, Goal, View, scaled, sub};
 use crate::config::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
@@ -36,6 +36,7 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |table, context, problems| {
         let this: RandomWaypoint = typed(table);
         super::check_speed("fastest_mps", this.fastest_mps, context, problems);

@@ -8,7 +8,7 @@ use proto::formula::FIT;
 use proto::rng::Draws;
 use proto::side::{RobotInput, RobotSimulator as _};
 use robotsim::catalogue::Catalogue;
-use robotsim::controller::{self, Controller, Demands, View};
+use robotsim::controller::{self, Controller, Demands, Goal, View};
 use robotsim::dynamics::Command;
 use robotsim::dynamics::effect::{self, Effect, Situation};
 use robotsim::scenario::{self, Place, Scenario};
@@ -23,7 +23,15 @@ const fn number(key: &'static str) -> Field {
 /// A drift to the east.
 static DRIFT: effect::Entry = effect::Entry {
     variant: Variant { name: "east-drift", doc: "A drift.", fields: &[number("east_mps")] },
-    about: About { mechanism: "", equation: "", source: "", validity: "", trace: "", needs: &[] },
+    about: About {
+        mechanism: "",
+        equation: "",
+        source: "",
+        validity: "",
+        trace: "",
+        needs: &[],
+        example: "",
+    },
     fit: FIT,
     check: effect::UNCHECKED,
     build: |table| Some(Box::new(typed::<Drift>(table))),
@@ -52,6 +60,7 @@ impl Effect for Drift {
 static RISE: controller::Entry = controller::Entry {
     variant: Variant { name: "rise", doc: "Up.", fields: &[number("up_mps")] },
     demands: Demands::NONE,
+    goal: Goal::Other,
     build: |table, context, problems| {
         let rise: Rise = typed(table);
         if context.speed_cap_mps < rise.up_mps {
@@ -76,6 +85,7 @@ impl Controller for Rise {
 static LEAP: controller::Entry = controller::Entry {
     variant: Variant { name: "leap", doc: "Up at once.", fields: &[] },
     demands: Demands { jumps: true, sends_messages: true },
+    goal: Goal::Other,
     build: |_, _, _| Some(Box::new(Leap)),
 };
 

@@ -31,6 +31,7 @@ pub const ENTRY: Entry = Entry {
         trace: "More retransmissions and longer latency than the strength of links explains, copies that the next hop discards, \
                 queues that fill; delivery suffers last.",
         needs: &[Need::Packets],
+        example: "probability = 0.2\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -44,7 +45,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Run,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     needs_kept_time: false,
     build: |table| Some(Box::new(typed::<AckLoss>(table))),

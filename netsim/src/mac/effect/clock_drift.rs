@@ -34,6 +34,7 @@ pub const ENTRY: Entry = Entry {
         trace: "Losses that come some seconds after the last frame between two motes, motes that lose synchronisation and join \
                 again, join times with a long tail.",
         needs: &[Need::Packets],
+        example: "max_ppm = 100.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -47,7 +48,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Run,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     needs_kept_time: true,
     build: |table| Some(Box::new(typed::<ClockDrift>(table))),

@@ -37,6 +37,7 @@ pub const ENTRY: Entry = Entry {
         trace: "Latency that grows with load and towards the root, queues that overflow, beacons that fail: motes join late or \
                 lose synchronisation. Nothing at low load.",
         needs: &[Need::Packets],
+        example: "fraction = 0.002\nwindow_s = 60.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -50,7 +51,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[&[("window_s", Fixed::Number(60.0))]],
         level: Level::Run,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     needs_kept_time: false,
     build: |table| Some(Box::new(typed::<DutyCycleLimit>(table))),

@@ -34,6 +34,7 @@ pub const ENTRY: Entry = Entry {
                    longer.",
         trace: "Whole stretches without packets of one mote, then a join like the first; losses at those who send through it.",
         needs: &[Need::Packets],
+        example: "mean_interval_s = 3600.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -47,7 +48,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Run,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     needs_kept_time: false,
     build: |table| Some(Box::new(typed::<NodeReboots>(table))),

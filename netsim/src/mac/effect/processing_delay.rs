@@ -31,6 +31,7 @@ pub const ENTRY: Entry = Entry {
                    delayed.",
         trace: "Latency too long in proportion to the hops, delivery and join time hardly changed.",
         needs: &[Need::Latencies],
+        example: "delay_s = 0.5\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -44,7 +45,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Run,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     needs_kept_time: false,
     build: |table| Some(Box::new(typed::<ProcessingDelay>(table))),

@@ -29,6 +29,7 @@ pub const ENTRY: Entry = Entry {
         validity: "Frames of all neighbours share the room. A frame that is being sent takes a place.",
         trace: "Packets lost where traffic comes together, in bursts, and the survivors arrive sooner; links are as good as ever.",
         needs: &[Need::Packets],
+        example: "frames = 4\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -42,7 +43,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Run,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     needs_kept_time: false,
     build: |table| Some(Box::new(typed::<QueueLimit>(table))),

@@ -3,7 +3,7 @@
 use super::{Effect, Entry};
 use crate::phy::link::{End, Link};
 use proto::config::{Choice, Default, Field, Kind, Problem, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
+use proto::effect::{About, Fit, Fixed, Level, Need, Parameter, Search};
 use serde::Deserialize;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -79,6 +79,7 @@ pub const ENTRY: Entry = Entry {
                    which would be system-gain. The dipole's nulls end at -40 dB.",
         trace: "It follows the bearing seen from the body, at the sender and at the receiver alike.",
         needs: &[Need::Positions, Need::Headings, Need::Readings],
+        example: "front_to_back_db = 10.0\nboresight_rad = 0.0\n",
     },
     fit: Fit {
         parameters: &[
@@ -102,7 +103,8 @@ pub const ENTRY: Entry = Entry {
         variants: &[&[("shape", Fixed::Text("cardioid"))]],
         level: Level::Place,
         generalises: &[],
-        linear_in: None,
+        search: Search::Headings,
+        ..Fit::PLAIN
     },
     check,
     build: |table, _| {

@@ -3,7 +3,7 @@
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::link::Link;
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::effect::{About, Fit, Level, Need, Parameter, Search};
 use serde::Deserialize;
 
 /// `kind = "battery-sag"`.
@@ -38,6 +38,7 @@ pub const ENTRY: Entry = Entry {
         validity: "Linear in time, the same for all named nodes, from time 0 on. Real batteries have a plateau and then a cliff.",
         trace: "A drift in time of some transmitters only, whoever receives.",
         needs: &[Need::Time, Need::Readings],
+        example: "db_per_hour = -0.5\nnodes = [0, 3]\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -52,6 +53,8 @@ pub const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
         linear_in: Some("time_s"),
+        search: Search::Nodes,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

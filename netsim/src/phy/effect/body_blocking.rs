@@ -37,6 +37,7 @@ pub const ENTRY: Entry = Entry {
         validity: "A body blocks fully or not at all, whatever its height. Only agents with a radio that is on are known.",
         trace: "Links are low while a third robot stands between their ends, and well again when it has gone.",
         needs: &[Need::Positions, Need::Readings, Need::OtherAgents, Need::Movement],
+        example: "loss_db = 6.0\nblocker_radius_m = 0.5\n",
     },
     fit: Fit {
         parameters: &[
@@ -62,7 +63,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

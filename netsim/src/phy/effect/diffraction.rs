@@ -29,6 +29,7 @@ pub const ENTRY: Entry = Entry {
                    edges lose more. Walls without a height have no edge: they belong to wall-attenuation.",
         trace: "Links behind mapped edges are low, with a soft border, less so on tall masts.",
         needs: &[Need::Positions, Need::Heights, Need::Readings, Need::Edges],
+        example: "",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -42,7 +43,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

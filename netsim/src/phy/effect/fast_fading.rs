@@ -30,6 +30,7 @@ pub const ENTRY: Entry = Entry {
                    stays, so the mean in dB falls, by 2.51 dB for Rayleigh: that trades with system-gain. Fades end at -60 dB.",
         trace: "Spread, and skew towards weak frames, with a mean that is constant.",
         needs: &[Need::Readings],
+        example: "k_factor_db = 3.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -43,7 +44,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Random,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, ordinal| {

@@ -55,6 +55,9 @@ pub const ENTRY: Entry = Entry {
                    kept within limit_db, losses within 0 to 1.",
         trace: "As written: along the covariates that the expression uses.",
         needs: &[Need::Readings],
+        example: "expression = \"-a * max(temperature_c - onset_c, 0)\"\ntarget = \"mean\"\n\
+         parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\
+         parameters.onset_c = { start = 25.0, min = 0.0, max = 60.0 }\n",
     },
     fit: FIT,
     check: |table, path, problems| {

@@ -4,7 +4,7 @@ use super::{Effect, Entry};
 use crate::phy::link::Link;
 use crate::phy::sight::Path;
 use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::effect::{About, Fit, Level, Need, Parameter, Search};
 use proto::site::{Obstacle, Wall};
 use serde::Deserialize;
 
@@ -59,6 +59,7 @@ pub const ENTRY: Entry = Entry {
                    hidden, each is one effect.",
         trace: "All links that cross one place are low, whoever their ends are.",
         needs: &[Need::Positions, Need::Readings],
+        example: "loss_db = 8.0\nfrom_m = [10.0, -2.0]\nto_m = [10.0, 2.0]\n",
     },
     // The place is searched on the map by whoever fits it; what remains is the loss.
     fit: Fit {
@@ -73,7 +74,8 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &["wall-attenuation", "vegetation", "diffraction"],
-        linear_in: None,
+        search: Search::Places,
+        ..Fit::PLAIN
     },
     check,
     build: |table, _| {

@@ -77,6 +77,7 @@ pub const ENTRY: Entry = Entry {
                    without a known channel are not hit.",
         trace: "Losses that RSSI does not explain, on neighbouring channels, perhaps for a time and at some receivers only.",
         needs: &[Need::Channels, Need::Losses],
+        example: "centre_mhz = 2437.0\nduty = 0.3\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -94,7 +95,9 @@ pub const ENTRY: Entry = Entry {
         ],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        // The band of IEEE 802.15.4 at 2.4 GHz: packets from end to end do not tell channels.
+        in_runs: Some(&[("centre_mhz", Fixed::Number(2440.0)), ("width_mhz", Fixed::Number(80.0))]),
+        ..Fit::PLAIN
     },
     check,
     build: |table, _| {

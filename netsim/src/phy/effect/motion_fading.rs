@@ -54,6 +54,7 @@ pub const ENTRY: Entry = Entry {
                    240 Hz at 30 m/s, is nothing against 40 ppm of the crystals. Nothing where no speed is known.",
         trace: "Losses follow the relative speed, whatever the RSSI.",
         needs: &[Need::Movement, Need::Losses],
+        example: "rician_k_db = -5.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -70,7 +71,7 @@ pub const ENTRY: Entry = Entry {
         ],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

@@ -4,7 +4,7 @@ use super::{Effect, Entry, UNCHECKED};
 use crate::phy::link::SPEED_OF_LIGHT_MPS;
 use crate::phy::scatter::{Law, Renewal, Scatter};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::effect::{About, Fit, Level, Need, Parameter, Role};
 use proto::rng::Purpose;
 use serde::Deserialize;
 
@@ -40,6 +40,7 @@ pub const ENTRY: Entry = Entry {
                    People who walk by change it in truth; here they do not.",
         trace: "Within a link one channel differs from the next, the same in both directions and constant in time for still nodes.",
         needs: &[Need::Channels, Need::Readings],
+        example: "sd_db = 4.0\ncoherence_mhz = 5.0\n",
     },
     fit: Fit {
         parameters: &[
@@ -63,7 +64,8 @@ pub const ENTRY: Entry = Entry {
             "diffraction",
             "two-ray-ground",
         ],
-        linear_in: None,
+        role: Role::RandomPerChannel,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, ordinal| {

@@ -4,7 +4,7 @@ use super::{Effect, Entry};
 use crate::phy::link::Link;
 use crate::phy::scatter::{Law, Renewal, Scatter};
 use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::effect::{About, Fit, Level, Need, Parameter, Role};
 use proto::rng::Purpose;
 use serde::Deserialize;
 
@@ -54,6 +54,7 @@ pub const ENTRY: Entry = Entry {
         validity: "Constant in time, the same in all directions. Clipped at 5 sd. The mean over all nodes is system-gain.",
         trace: "All links of a node high or low alike; sent and heard frames separately, so that links are asymmetric.",
         needs: &[Need::Readings],
+        example: "tx_sd_db = 1.5\nrx_sd_db = 1.0\n",
     },
     fit: Fit {
         parameters: &[
@@ -77,7 +78,8 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Random,
         generalises: &["antenna-pattern", "battery-sag"],
-        linear_in: None,
+        role: Role::RandomPerNode,
+        ..Fit::PLAIN
     },
     check: |table, path, problems| {
         let keys: Keys = typed(table);

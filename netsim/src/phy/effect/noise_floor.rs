@@ -26,6 +26,7 @@ pub const ENTRY: Entry = Entry {
         validity: "All receivers alike, at all times. It does nothing to connectivity models, which state the probability.",
         trace: "Frames are lost at strengths that should pass; the RSSI of the others is right.",
         needs: &[Need::Losses, Need::Readings],
+        example: "shift_db = 4.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -39,7 +40,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

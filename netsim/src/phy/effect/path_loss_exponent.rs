@@ -36,6 +36,7 @@ pub const ENTRY: Entry = Entry {
                    changes that model's own exponent.",
         trace: "A slope over the logarithm of distance.",
         needs: &[Need::Positions, Need::Readings],
+        example: "exponent = 3.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -49,7 +50,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

@@ -35,6 +35,7 @@ pub const ENTRY: Entry = Entry {
         validity: "One break and two straight lines; the CC2420 has further, smaller dents. All receivers alike.",
         trace: "It follows the predicted RSSI itself: strong links read low.",
         needs: &[Need::Readings],
+        example: "saturation_dbm = -55.0\nslope = 0.4\n",
     },
     fit: Fit {
         parameters: &[
@@ -51,7 +52,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

@@ -36,6 +36,7 @@ pub const ENTRY: Entry = Entry {
                    the configured curve; noise-floor still moves it.",
         trace: "Losses too steep or too shallow over RSSI.",
         needs: &[Need::Losses, Need::Readings],
+        example: "p50_dbm = -93.0\nwidth_db = 0.7\n",
     },
     fit: Fit {
         parameters: &[
@@ -59,7 +60,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &["noise-floor"],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

@@ -3,7 +3,7 @@
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::scatter::{Law, Renewal, Scatter};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::effect::{About, Fit, Level, Need, Parameter, Role};
 use proto::rng::Purpose;
 use serde::Deserialize;
 
@@ -37,6 +37,7 @@ pub const ENTRY: Entry = Entry {
         trace: "A bias that is constant within a link or place, random across links, the same in both directions and on all \
                 channels.",
         needs: &[Need::Readings],
+        example: "sd_db = 4.0\ndecorrelation_m = 8.3\n",
     },
     fit: Fit {
         parameters: &[
@@ -59,7 +60,8 @@ pub const ENTRY: Entry = Entry {
             "diffraction",
             "node-offset",
         ],
-        linear_in: None,
+        role: Role::RandomPerLink,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, ordinal| {

@@ -34,6 +34,7 @@ pub const ENTRY: Entry = Entry {
         validity: "All links alike, at any power. It cannot be told from an error of tx_power_dbm.",
         trace: "The same bias on every link, distance, channel and time.",
         needs: &[Need::Readings],
+        example: "gain_db = -3.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -51,6 +52,7 @@ pub const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
         linear_in: Some(CONSTANT),
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

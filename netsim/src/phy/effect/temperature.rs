@@ -38,6 +38,7 @@ pub const ENTRY: Entry = Entry {
                    temperature is known nothing is added.",
         trace: "Linear in temperature, and so, over a day, a slow wave in time on all links alike.",
         needs: &[Need::Column("temperature_c"), Need::Readings],
+        example: "db_per_c = -0.15\n",
     },
     fit: Fit {
         parameters: &[
@@ -62,6 +63,7 @@ pub const ENTRY: Entry = Entry {
         level: Level::Time,
         generalises: &[],
         linear_in: Some("temperature_c"),
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

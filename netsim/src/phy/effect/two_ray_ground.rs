@@ -50,6 +50,7 @@ pub const ENTRY: Entry = Entry {
         trace: "Ripples over distance that move with height and channel; beyond 4 pi h_t h_r / lambda power falls with the fourth \
                 power of distance.",
         needs: &[Need::Positions, Need::Heights, Need::Readings],
+        example: "relative_permittivity = 15.0\npolarization = \"vertical\"\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -66,7 +67,7 @@ pub const ENTRY: Entry = Entry {
         ],
         level: Level::Place,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

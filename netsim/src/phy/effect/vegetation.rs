@@ -30,6 +30,7 @@ pub const ENTRY: Entry = Entry {
                    count twice.",
         trace: "Links through foliage are low, in proportion to the depth.",
         needs: &[Need::Positions, Need::Readings, Need::Foliage],
+        example: "db_per_m = -0.4\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -43,7 +44,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

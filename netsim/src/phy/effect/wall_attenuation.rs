@@ -36,6 +36,7 @@ pub const ENTRY: Entry = Entry {
                    matter. A path above a wall of known height is free.",
         trace: "Links that cross walls are low, by a multiple of the same value.",
         needs: &[Need::Positions, Need::Readings, Need::Walls],
+        example: "loss_db = 6.0\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -49,7 +50,7 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table, _| {

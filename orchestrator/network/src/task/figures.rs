@@ -4,6 +4,7 @@ use crate::figure::{FigureSpec, figure};
 use crate::tracks::Tracks;
 use metrics::figures::FigureValue;
 use metrics::places::measures_of;
+use metrics::task::Goal;
 use metrics::{Measures, Task};
 use numbers::power::square;
 use proto::types::{AgentStates, NS_PER_S};
@@ -157,7 +158,7 @@ impl Sheet {
                 "final_spread_m" => measures.final_spread_m(),
                 "line_rms_m" => self.line_rms_m(&measures),
                 "circle_rms_m" => {
-                    measures.off_circle_m().filter(|_| self.is_asked_for("circle-formation"))
+                    measures.off_circle_m().filter(|_| self.task.goal == Goal::Circle)
                 }
                 "centre_x_m" => Some(to_m[0] - from_m[0]),
                 "centre_y_m" => Some(to_m[1] - from_m[1]),
@@ -168,13 +169,8 @@ impl Sheet {
         TaskFigures { values: FIGURES.map(|figure| of(figure.name)) }
     }
 
-    fn is_asked_for(&self, controller: &str) -> bool {
-        self.task.controller.as_deref() == Some(controller)
-    }
-
     fn line_rms_m(&self, measures: &Measures) -> Option<f64> {
-        let across_m2 =
-            measures.across_line_m2().filter(|_| self.is_asked_for("line-formation"))?;
+        let across_m2 = measures.across_line_m2().filter(|_| self.task.goal == Goal::Line)?;
         Some(libm::sqrt(across_m2 / self.n_agents as f64))
     }
 
@@ -219,7 +215,7 @@ mod tests {
         let task = Task {
             leader: Some(0),
             leader_velocity_mps: Some([0.0, 1.0]),
-            controller: Some("line-formation".to_owned()),
+            goal: Goal::Line,
             ..Task::default()
         };
         let sheet = Sheet::new(task, 3, tracks.until_s(), tracks.spacing_s(), 0.1);

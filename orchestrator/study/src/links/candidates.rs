@@ -7,7 +7,8 @@ use crate::formula::{FORMULA, FormulaFitError, FormulaRequest};
 use crate::{Candidate, knots};
 use netsim::catalogue::Catalogue;
 use netsim::phy::effect;
-use proto::effect::{CONSTANT, Level, Need};
+use proto::config::Registry;
+use proto::effect::{CONSTANT, Level, Need, Role};
 use std::sync::Arc;
 
 /// Covariates that follow from time and places and may be a cause by themselves.
@@ -20,16 +21,15 @@ const TIME: &str = "time_s";
 const READING_GIVEN: &str = "changes what is read, which --given-rssi takes as it is";
 
 /// Every term that may be added.
-pub(super) fn specs(rows: &Rows) -> Vec<TermSpec> {
-    let effects =
-        Catalogue::built_in().effects.iter().filter(|entry| entry.variant.name != FORMULA).map(
-            |entry| match entry.variant.name {
-                "node-offset" => TermSpec::NodeOffset(entry),
-                "shadowing" => TermSpec::Shadowing(entry),
-                "multipath" => TermSpec::Multipath(entry),
-                _ => TermSpec::Effect(entry),
-            },
-        );
+pub(super) fn specs(rows: &Rows, effects: &Registry<effect::Entry>) -> Vec<TermSpec> {
+    let effects = effects.iter().filter(|entry| entry.variant.name != FORMULA).map(|entry| {
+        match entry.fit.role {
+            Role::RandomPerNode => TermSpec::NodeOffset(entry),
+            Role::RandomPerLink => TermSpec::Shadowing(entry),
+            Role::RandomPerChannel => TermSpec::Multipath(entry),
+            Role::Effect | Role::Noise => TermSpec::Effect(entry),
+        }
+    });
     let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
     let measured = &rows.links.rows;
     let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
@@ -76,8 +76,7 @@ impl LinkStudy {
     ///
     /// The formula is wrong, or names what is neither a parameter nor known of these rows.
     pub fn add_formula(&mut self, wanted: &FormulaRequest) -> Result<(), FormulaFitError> {
-        let entry = Catalogue::built_in().effects.find(FORMULA);
-        let Some(entry) = entry else { return Ok(()) };
+        let Some(entry) = self.catalogue.effects.find(FORMULA) else { return Ok(()) };
         let columns = self.rows.links.covariates.iter().map(|(name, _)| name.as_str());
         // Of a column of both ends, its name without the end is their mean.
         let columns: Vec<&str> = columns
@@ -90,27 +89,27 @@ impl LinkStudy {
         let known = effect::formula::NAMES.map(|(name, _)| name);
         let asked = wanted.checked(
             &effect::SPEC,
-            &Catalogue::built_in().lists(),
+            &self.catalogue.lists(),
             entry.check,
             &known,
             &columns,
         )?;
         let spec = TermSpec::Formula(entry, asked);
-        self.candidates.push(candidate(&spec, &self.rows));
+        self.candidates.push(candidate(&spec, &self.rows, &self.catalogue));
         self.specs.push(spec);
         Ok(())
     }
 }
 
 /// How a term stands among the others.
-pub(super) fn candidate(spec: &TermSpec, rows: &Rows) -> Candidate {
+pub(super) fn candidate(spec: &TermSpec, rows: &Rows, catalogue: &Catalogue) -> Candidate {
     match spec {
         TermSpec::Curve(curve) => Candidate {
             name: curve.name(),
             about: None,
             level: level_of(rows, curve),
             n_parameters: curve.knots.len(),
-            generalises: curve.generalises(),
+            generalises: curve.generalises(&catalogue.effects),
             linear_in: None,
             is_derived: curve.is_derived,
             untestable: None,

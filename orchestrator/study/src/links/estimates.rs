@@ -7,6 +7,7 @@ use super::{From, LinkStudy, group, search};
 use crate::COMMON;
 use crate::{Estimate, Study as _};
 use numbers::power::square;
+use proto::effect::Search;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
 
@@ -88,8 +89,7 @@ impl LinkStudy {
         let specs = self.specs_of(&fit.terms);
         let state = &fit.states[place];
         let has_headings = state.table.contains_key("headings_rad");
-        let name = specs[place].entry().map_or("", |entry| entry.variant.name);
-        if !has_headings && name != "hidden-obstacle" {
+        if !has_headings && specs[place].search() != Search::Places {
             return;
         }
         let all = self.fitted_rows();

@@ -5,7 +5,7 @@ use super::likelihood::RowLikelihood;
 use super::terms::{TermSpec, TermState};
 use super::{From, LinkStudy, search};
 use crate::Study;
-use proto::effect::Level;
+use proto::effect::{Level, Search};
 
 /// From more starts than so many a trial goes on from the best few after its first step.
 const MANY_STARTS: usize = 4;
@@ -58,8 +58,7 @@ impl LinkStudy {
 
     /// Whether the term has places or nodes that a search finds.
     pub(super) fn is_searched(&self, term: usize) -> bool {
-        let name = self.specs[term].entry().map(|entry| entry.variant.name);
-        matches!(name, Some("antenna-pattern" | "battery-sag" | "hidden-obstacle"))
+        matches!(self.specs[term].search(), Search::Headings | Search::Places | Search::Nodes)
     }
 
     /// What the rows say about their levels under a fit.
@@ -113,16 +112,15 @@ impl LinkStudy {
                 .collect();
             let parent = self.fit(&terms, train, level, parent);
             let left = self.slopes_left(&parent, train);
-            let name = spec.entry().map_or("", |entry| entry.variant.name);
-            return match name {
-                "antenna-pattern" => {
+            return match spec.search() {
+                Search::Headings => {
                     let found = search::headings::patterns(&self.rows, train, &left, &states);
                     match <[TermState; 1]>::try_from(found) {
                         Ok([state]) => vec![self.heading(term, state, train, level, &parent)],
                         Err(found) => found,
                     }
                 }
-                "hidden-obstacle" => search::obstacles(&self.rows, train, &left, &states[0]),
+                Search::Places => search::obstacles(&self.rows, train, &left, &states[0]),
                 _ => search::sagging(&self.rows, train, &left, &states[0]),
             };
         }

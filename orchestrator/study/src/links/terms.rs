@@ -2,10 +2,9 @@
 
 use crate::formula::{FormulaCandidate, set};
 use crate::{CURVE, FINE, LOSS_CURVE, knots};
-use netsim::catalogue::Catalogue;
 use netsim::phy::effect::{Effect, Entry};
-use proto::config::Default;
-use proto::effect::{CONSTANT, Parameter};
+use proto::config::{Default, Registry};
+use proto::effect::{CONSTANT, Parameter, Search};
 use std::sync::Arc;
 
 /// What a term is made of.
@@ -37,6 +36,12 @@ impl TermSpec {
             | Self::Formula(entry, _) => Some(entry),
             Self::Curve(_) => None,
         }
+    }
+
+    /// Where a search for its parameters starts.
+    #[must_use]
+    pub fn search(&self) -> Search {
+        self.entry().map_or(Search::Starts, |entry| entry.fit.search)
     }
 
     /// The parameters that a fit sets by their slopes. Random levels have none: their spread is found otherwise.
@@ -84,16 +89,12 @@ impl LinkCurve {
     /// Names of what it has in it: the curve with few knots, of losses those that are the same everywhere, and effects that are
     /// linear in its covariate.
     #[must_use]
-    pub fn generalises(&self) -> Vec<String> {
+    pub fn generalises(&self, effects: &Registry<Entry>) -> Vec<String> {
         let is_constant = self.covariate == CONSTANT;
         let is_mean = !self.is_loss && !is_constant;
         let is_linear =
             |entry: &&Entry| is_mean && entry.fit.linear_in == Some(self.covariate.as_str());
-        let linear = Catalogue::built_in()
-            .effects
-            .iter()
-            .filter(is_linear)
-            .map(|entry| entry.variant.name.to_owned());
+        let linear = effects.iter().filter(is_linear).map(|entry| entry.variant.name.to_owned());
         let coarse = self.is_fine.then(|| Self { is_fine: false, ..self.clone() }.name());
         let constant = (self.is_loss && !is_constant).then(|| format!("{LOSS_CURVE}{CONSTANT}"));
         coarse.into_iter().chain(constant).chain(linear).collect()

@@ -7,7 +7,7 @@ use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, set};
 use crate::{CURVE, Candidate, FINE, knots};
 use measure::robots::RobotSample;
 use proto::config::{Node, Value, check};
-use proto::effect::{Level, Need, Parameter};
+use proto::effect::{Body, Level, Need, Parameter, Role, Search};
 use robotsim::catalogue::Catalogue;
 use robotsim::dynamics::effect::{self, Entry};
 use robotsim::dynamics::{Part, Shape};
@@ -32,6 +32,8 @@ pub(super) struct EffectTerm {
     pub(super) parameters: Vec<Parameter>,
     /// Where searches start.
     pub(super) starts: Starts,
+    /// What those starts are.
+    search: Search,
 }
 
 /// Where searches for an effect start.
@@ -49,7 +51,7 @@ impl EffectTerm {
     pub(super) fn threshold_on(&self) -> Option<Part> {
         let text = |key: &str| self.table.get(key).and_then(toml::Value::as_str);
         let part = if text("on") == Some("turn") { Part::Turn } else { Part::Speed };
-        (text("kind") == Some(DEAD_BAND)).then_some(part)
+        (self.search == Search::Thresholds { only_below: true }).then_some(part)
     }
 
     /// The effect's table with these numbers.
@@ -67,12 +69,12 @@ pub(super) fn all(
     tracks: &MeasuredTracks,
     dynamics: &toml::Table,
     is_noise_given: bool,
+    catalogue: &Catalogue,
 ) -> (Vec<Candidate>, Vec<Term>) {
     let mut candidates = Vec::new();
     let mut terms = Vec::new();
     let shape = tracks.robots.shape;
-    for entry in Catalogue::built_in().effects.iter().filter(|entry| entry.variant.name != FORMULA)
-    {
+    for entry in catalogue.effects.iter().filter(|entry| entry.variant.name != FORMULA) {
         let variants: &[&[_]] =
             if entry.fit.variants.is_empty() { &[&[]] } else { entry.fit.variants };
         for variant in variants {
@@ -91,10 +93,12 @@ pub(super) fn all(
                 .parameters
                 .iter()
                 .copied()
-                .filter(|parameter| match parameter.key {
-                    "angle_rad" if entry.variant.name == "steering-bias" => shape == Shape::Car,
-                    "rate_radps" => shape == Shape::Unicycle,
-                    _ => true,
+                .filter(|parameter| {
+                    let of_body = entry.fit.of_body.iter().find(|(key, _)| *key == parameter.key);
+                    of_body.is_none_or(|(_, body)| match body {
+                        Body::Car => shape == Shape::Car,
+                        Body::Unicycle => shape == Shape::Unicycle,
+                    })
                 })
                 .collect();
             let starts = starts(entry, on, &parameters, tracks);
@@ -109,15 +113,13 @@ pub(super) fn all(
                 untestable: untestable(entry, on, tracks, dynamics, is_noise_given),
                 stands_in_for: None,
             });
-            if entry.variant.name == NOISE {
-                terms.push(Term::Noise(template(entry, &keys, &parameters)));
+            let table = template(entry, &keys, &parameters, catalogue);
+            if entry.fit.role == Role::Noise {
+                terms.push(Term::Noise(table));
                 continue;
             }
-            terms.push(Term::Effect(EffectTerm {
-                table: template(entry, &keys, &parameters),
-                parameters,
-                starts,
-            }));
+            let search = entry.fit.search;
+            terms.push(Term::Effect(EffectTerm { table, parameters, starts, search }));
         }
     }
     let own = tracks.own_covariates();
@@ -157,18 +159,13 @@ impl RobotStudy {
     ///
     /// The formula is wrong, or names what is neither a parameter nor known of these samples.
     pub fn add_formula(&mut self, wanted: &FormulaRequest) -> Result<(), FormulaFitError> {
-        let entry = Catalogue::built_in().effects.find(FORMULA);
-        let Some(entry) = entry else { return Ok(()) };
+        let catalogue = &self.model.catalogue;
+        let Some(entry) = catalogue.effects.find(FORMULA) else { return Ok(()) };
         let covariates = &self.model.tracks.robots.covariates;
         let columns: Vec<&str> = covariates.iter().map(|(name, _)| name.as_str()).collect();
         let known = effect::NAMES.map(|(name, _)| name);
-        let asked = wanted.checked(
-            &effect::SPEC,
-            &Catalogue::built_in().lists(),
-            entry.check,
-            &known,
-            &columns,
-        )?;
+        let asked =
+            wanted.checked(&effect::SPEC, &catalogue.lists(), entry.check, &known, &columns)?;
         self.candidates.push(Candidate {
             name: FORMULA.to_owned(),
             about: Some(&entry.about),
@@ -184,6 +181,7 @@ impl RobotStudy {
             starts: Starts::At(vec![asked.starts()]),
             table: asked.table,
             parameters: asked.parameters,
+            search: entry.fit.search,
         }));
         Ok(())
     }
@@ -197,7 +195,7 @@ fn untestable(
     dynamics: &toml::Table,
     is_noise_given: bool,
 ) -> Option<String> {
-    if entry.variant.name == NOISE && !is_noise_given {
+    if entry.fit.role == Role::Noise && !is_noise_given {
         return Some(
             "its noise is estimated for every model, as robotsim.localization.sd_m is not given; its scale is the same as \
              slip, its delay the same as dead-time"
@@ -212,8 +210,7 @@ fn untestable(
     if is_there {
         return Some("is in the model already".to_owned());
     }
-    let is_of_the_plane = ["wind", "rough-ground", "slope"].contains(&entry.variant.name);
-    if is_of_the_plane && tracks.is_relative() {
+    if entry.fit.needs_one_frame && tracks.is_relative() {
         return Some(
             "needs positions in one frame: here every campaign begins at the same place to the last digit, so that positions \
              are counted from there, and directions and places of one campaign are not those of another"
@@ -236,7 +233,12 @@ fn untestable(
 }
 
 /// The effect's table with all defaults, and the numbers to be filled in at some allowed value.
-fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter]) -> toml::Table {
+fn template(
+    entry: &Entry,
+    keys: &[(&str, toml::Value)],
+    parameters: &[Parameter],
+    catalogue: &Catalogue,
+) -> toml::Table {
     let mut table = toml::Table::new();
     table.insert("kind".to_owned(), entry.variant.name.into());
     for parameter in parameters {
@@ -251,7 +253,7 @@ fn template(entry: &Entry, keys: &[(&str, toml::Value)], parameters: &[Parameter
         }
     }
     let node = Node { value: Value::from(&toml::Value::Table(table)), span: None };
-    check(&node, "", &effect::SPEC, &Catalogue::built_in().lists(), &mut Vec::new()).table
+    check(&node, "", &effect::SPEC, &catalogue.lists(), &mut Vec::new()).table
 }
 
 /// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart.
@@ -262,19 +264,19 @@ fn starts(
     tracks: &MeasuredTracks,
 ) -> Starts {
     let part = if on == Some("turn") { Part::Turn } else { Part::Speed };
-    match entry.variant.name {
-        DEAD_BAND | "speed-limit" => {
+    match entry.fit.search {
+        Search::Thresholds { .. } => {
             return Starts::At(
                 tracks.thresholds(part).into_iter().map(|value| vec![value]).collect(),
             );
         }
-        "acceleration-limit" => {
+        Search::ThresholdsOfChanges => {
             return Starts::At(
                 tracks.accelerations().into_iter().map(|value| vec![value]).collect(),
             );
         }
-        "rough-ground" => return Starts::Discs(tracks.discs()),
-        _ => {}
+        Search::Discs => return Starts::Discs(tracks.discs()),
+        Search::Starts | Search::Headings | Search::Places | Search::Nodes => {}
     }
     let mut products: Vec<Vec<f64>> = vec![Vec::new()];
     for parameter in parameters {
@@ -290,12 +292,6 @@ fn starts(
     }
     Starts::At(products)
 }
-
-/// The effect whose number is a threshold.
-const DEAD_BAND: &str = "dead-band";
-
-/// The effect whose only number is the noise itself.
-pub(super) const NOISE: &str = "localization";
 
 impl MeasuredTracks {
     /// Covariates that every file has: time, and place.

@@ -5,8 +5,7 @@ use crate::config::{Default, Field, Kind, Problem};
 use crate::effect::{Fit, Level};
 
 /// How every effect that is a formula is fitted: its parameters are those that the configuration names.
-pub const FIT: Fit =
-    Fit { parameters: &[], variants: &[], level: Level::Time, generalises: &[], linear_in: None };
+pub const FIT: Fit = Fit { level: Level::Time, ..Fit::PLAIN };
 
 /// Keys of every effect that is a formula.
 pub const FIELDS: [Field; 3] = [

@@ -2,7 +2,7 @@
 
 use super::{Effect, Entry, Part, UNCHECKED};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter};
+use proto::effect::{About, Fit, Level, Parameter, Search};
 use serde::Deserialize;
 
 /// `kind = "acceleration-limit"`.
@@ -24,6 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "The same in all directions, speeding up and braking. Together with actuator-lag: dv/dt = (u - v) / tau_s, cut at the limit. Solved exactly.",
         trace: "A ramp after large changes of command; nothing after small ones.",
         needs: &[],
+        example: "limit_mps2 = 1.5\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -37,7 +38,8 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        search: Search::ThresholdsOfChanges,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<AccelerationLimit>(table))),

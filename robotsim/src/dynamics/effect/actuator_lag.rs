@@ -27,6 +27,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "One time constant at all speeds, up and down alike. Solved exactly. Several on one actuator count as one with the sum of their time constants.",
         trace: "An error after every change of command, that decays. It grows with the change and not with the speed.",
         needs: &[],
+        example: "tau_s = 0.3\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -40,7 +41,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<ActuatorLag>(table))),

@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED, with_speed};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Parameter};
+use proto::effect::{About, Fit, Fixed, Level, Parameter, Search};
 use serde::Deserialize;
 
 /// `kind = "dead-band"`.
@@ -27,6 +27,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "The threshold is the same from rest and in motion (no hysteresis), and all of the command acts above it.",
         trace: "An error at low commanded speeds only, as large as the command.",
         needs: &[],
+        example: "threshold_mps = 0.05\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -40,7 +41,8 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        search: Search::Thresholds { only_below: true },
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<DeadBand>(table))),

@@ -27,6 +27,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "One delay at all times. Several on one actuator add up. Before its first command a robot stands.",
         trace: "An error that arises in the time just after every change of command, and then stays as it is.",
         needs: &[],
+        example: "delay_s = 0.2\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -40,7 +41,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<DeadTime>(table))),

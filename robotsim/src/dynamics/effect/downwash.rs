@@ -32,6 +32,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "The same in all directions; others up to 8 ranges away count. Others go straight on during a step.",
         trace: "An error away from another robot, when it is near.",
         needs: &[Need::OtherAgents],
+        example: "gain = 0.3\nrange_m = 0.5\n",
     },
     fit: Fit {
         parameters: &[
@@ -55,7 +56,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<Downwash>(table))),

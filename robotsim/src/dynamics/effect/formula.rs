@@ -49,6 +49,9 @@ pub(super) const ENTRY: Entry = Entry {
                    describes the robot does.",
         trace: "As written: along the covariates that the expression uses.",
         needs: &[],
+        example: "expression = \"-a * max(speed_mps - onset_mps, 0)\"\ntarget = \"ahead\"\n\
+         parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\
+         parameters.onset_mps = { start = 1.0, min = 0.0, max = 10.0 }\n",
     },
     fit: FIT,
     check: |table, path, problems| {

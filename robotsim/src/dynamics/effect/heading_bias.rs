@@ -24,6 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "One angle at all places and headings, in the plane.",
         trace: "An error across the motion, in proportion to the speed.",
         needs: &[],
+        example: "angle_rad = 0.05\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -37,7 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<HeadingBias>(table))),

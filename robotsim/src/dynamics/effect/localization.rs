@@ -2,7 +2,7 @@
 
 use super::{Effect, Entry, UNCHECKED};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter};
+use proto::effect::{About, Fit, Level, Parameter, Role};
 use serde::Deserialize;
 
 /// `kind = "localization"`.
@@ -40,6 +40,7 @@ pub(super) const ENTRY: Entry = Entry {
                    and a delay the same as dead-time: those are tried in its place, and the noise is part of every model.",
         trace: "An error that is there from the first moment and does not grow over the window.",
         needs: &[],
+        example: "sd_m = 0.02\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -53,7 +54,8 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Random,
         generalises: &[],
-        linear_in: None,
+        role: Role::Noise,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<Localization>(table))),

@@ -24,6 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "The steady state only: how it is approached is actuator-lag's. Drag that grows linearly is slip.",
         trace: "An error along the motion, in proportion to the square of the speed.",
         needs: &[],
+        example: "coefficient_per_m = 0.02\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -37,7 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<QuadraticDrag>(table))),

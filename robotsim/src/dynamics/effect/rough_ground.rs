@@ -2,7 +2,7 @@
 
 use super::{Effect, Entry, UNCHECKED};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter};
+use proto::effect::{About, Fit, Level, Parameter, Search};
 use serde::Deserialize;
 
 /// `kind = "rough-ground"`.
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "One disc with a sharp border; several effects for several discs.",
         trace: "An error along the motion, inside one place only.",
         needs: &[],
+        example: "centre_m = [10.0, 5.0]\nradius_m = 4.0\nscale = 0.6\n",
     },
     fit: Fit {
         parameters: &[
@@ -63,7 +64,9 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &["slip"],
-        linear_in: None,
+        search: Search::Discs,
+        needs_one_frame: true,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<RoughGround>(table))),

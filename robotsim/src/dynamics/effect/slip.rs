@@ -27,6 +27,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "One share at all speeds and on all grounds.",
         trace: "An error along the motion, in proportion to the speed (on turns: to the turn).",
         needs: &[],
+        example: "scale = 0.95\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -40,7 +41,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<Slip>(table))),

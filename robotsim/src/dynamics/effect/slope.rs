@@ -24,6 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "Small slopes, drives that give way in proportion. Where no terrain is known, the ground is level.",
         trace: "An error that depends on the place alone, downhill.",
         needs: &[Need::Terrain],
+        example: "gain = 0.5\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -37,7 +38,8 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
-        linear_in: None,
+        needs_one_frame: true,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<Slope>(table))),

@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, Shape, UNCHECKED, with_speed};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter};
+use proto::effect::{About, Fit, Level, Parameter, Search};
 use serde::Deserialize;
 
 /// `kind = "speed-limit"`.
@@ -24,6 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "One limit in all directions.",
         trace: "An error at high commanded speeds only, against the motion, growing from the limit on.",
         needs: &[],
+        example: "limit_mps = 1.2\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -37,7 +38,8 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        search: Search::Thresholds { only_below: false },
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<SpeedLimit>(table))),

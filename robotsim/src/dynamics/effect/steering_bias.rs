@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, Shape, UNCHECKED};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::effect::{About, Body, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
 /// `kind = "steering-bias"`.
@@ -32,6 +32,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "A unicycle that is told to stand still turns all the same. Nothing for bodies that are commanded by a velocity.",
         trace: "Curvature where straight motion is commanded.",
         needs: &[Need::TurningCommands],
+        example: "rate_radps = 0.05\n",
     },
     fit: Fit {
         parameters: &[
@@ -55,7 +56,8 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        of_body: &[("angle_rad", Body::Car), ("rate_radps", Body::Unicycle)],
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<SteeringBias>(table))),

@@ -48,6 +48,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "The wind is the same everywhere. Gusts are simulated, and not fitted.",
         trace: "The same error for all robots, whatever the command, standing robots included.",
         needs: &[],
+        example: "velocity_mps = [0.2, -0.1, 0.0]\n",
     },
     fit: Fit {
         parameters: &[
@@ -71,7 +72,8 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[&[("velocity_mps[2]", Fixed::Number(0.0))]],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        needs_one_frame: true,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<Wind>(table))),

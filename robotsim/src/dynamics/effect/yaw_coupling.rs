@@ -24,6 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
         validity: "Steady turns below the limit of grip. Nothing for bodies that are commanded by a velocity.",
         trace: "An error across the motion, in turns only.",
         needs: &[Need::TurningCommands],
+        example: "gain = 0.1\n",
     },
     fit: Fit {
         parameters: &[Parameter {
@@ -37,7 +38,7 @@ pub(super) const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Time,
         generalises: &[],
-        linear_in: None,
+        ..Fit::PLAIN
     },
     check: UNCHECKED,
     build: |table| Some(Box::new(typed::<YawCoupling>(table))),
