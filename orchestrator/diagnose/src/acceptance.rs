@@ -16,7 +16,7 @@ pub const WORTH_SHARE: f64 = 0.01;
 /// In any case it removes this share of the error of the model as configured.
 pub const LEAST_SHARE: f64 = 0.001;
 
-/// What the rule says of one term.
+/// The decision of the acceptance rule on one term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Acceptance {
     /// Significant at [`FAMILY_ERROR`] after Holm's correction for all candidates.

@@ -1,4 +1,4 @@
-//! How well rows that were left out are predicted, and how much better than by another model.
+//! Held-out scores of a model, and the gain of one model over another.
 
 use numbers::power::integer_power;
 use numbers::statistics::mean_ignoring_nan;
@@ -19,7 +19,7 @@ pub struct Scores {
 }
 
 impl Scores {
-    /// Of rows.
+    /// Means over rows, values that are NaN ignored.
     #[must_use]
     pub fn mean(rows: &[RowScore]) -> Self {
         Self {
@@ -35,7 +35,7 @@ impl Scores {
         self.rmse * self.rmse
     }
 
-    /// The greatest share of an error that `self` has less than `parent`.
+    /// The share of the parent's error that `self` removes: the greatest over mean squared error, CRPS and log loss of reception.
     pub(crate) fn share_removed(&self, parent: &Self) -> f64 {
         let share = |now: f64, before: f64| {
             let share = 1.0 - now / before;
@@ -47,18 +47,18 @@ impl Scores {
     }
 }
 
-/// What adding a term gains on rows left out.
+/// Gain in held-out log score from adding a term.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gain {
-    /// Nats per row.
+    /// Mean difference of the log scores (nats per row).
     pub gain: f64,
-    /// Its standard error, over blocks.
+    /// Its standard error, clustered over blocks (nats per row).
     pub standard_error: f64,
-    /// Probability of as great a gain by chance.
+    /// One-sided p-value of the gain by a t test over blocks, corrected for skewness.
     pub p_value: f64,
-    /// Number of blocks.
+    /// Number of blocks with a scored row.
     pub n_blocks: usize,
-    /// Number of rows.
+    /// Number of rows that both models score.
     pub n_rows: usize,
 }
 
@@ -67,13 +67,13 @@ impl Gain {
     pub const NONE: Self =
         Self { gain: 0.0, standard_error: 0.0, p_value: 1.0, n_blocks: 0, n_rows: 0 };
 
-    /// Of all rows together (nats).
+    /// The gain summed over all rows (nats).
     #[must_use]
     pub fn total(&self) -> f64 {
         self.gain * self.n_rows as f64
     }
 
-    /// Of rows in blocks: scores of the candidate less those of its parent.
+    /// The gain of a candidate over its parent, from the scores of the same rows under both. `block_of_row`: the block of each row.
     #[must_use]
     pub fn from_scores(candidate: &[RowScore], parent: &[RowScore], block_of_row: &[u32]) -> Self {
         let n_blocks = block_of_row.iter().max().map_or(0, |&last| last as usize + 1);
@@ -103,13 +103,13 @@ impl Gain {
         unjudged.with_p_value(|t| skewness_corrected_t(t, skewness, blocks))
     }
 
-    /// Judged by Student's t alone, however few blocks carry the gain.
+    /// The same gain with the p-value of Student's t, without the correction for skewness.
     #[must_use]
     pub fn by_students_t(self) -> Self {
         self.with_p_value(|t| t)
     }
 
-    /// With the probability by chance that Student's law gives what is made of t.
+    /// The same gain with the p-value of Student's t distribution at a transformed t statistic.
     fn with_p_value(self, made_of: impl FnOnce(f64) -> f64) -> Self {
         let p_value = match StudentsT::new(0.0, 1.0, self.n_blocks as f64 - 1.0) {
             Ok(law) if 0.0 < self.standard_error => {

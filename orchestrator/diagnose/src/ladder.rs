@@ -25,38 +25,37 @@ const NEARLY: f64 = 0.8;
 /// No ladder has more rungs.
 const MOST_TERMS: usize = 8;
 
-/// What was found about a candidate when it was last tried.
+/// The result of the last test of a candidate on top of the accepted terms.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CandidateTest {
-    /// Which candidate.
+    /// Index of the candidate among those of the study.
     pub term: usize,
-    /// Gain at its own level.
+    /// Gain in held-out log score, over blocks of the level at which its covariate varies.
     pub gain: Gain,
-    /// Gain on the common split, by which candidates are ordered.
+    /// The same over blocks of time, the split that all candidates share and are ordered by.
     pub common: Gain,
-    /// Beyond chance with all candidates counted.
+    /// Significant after Holm's correction for all candidates.
     pub is_significant: bool,
-    /// Beyond chance if it were the only candidate, and worth having.
+    /// Significant if it were the only candidate, and worth having.
     pub is_plausible: bool,
-    /// Significant, and worth having.
+    /// Significant after the correction, and worth having: it may be accepted.
     pub is_acceptable: bool,
-    /// Candidates that these data cannot tell from it.
+    /// Candidates that these data cannot distinguish from it, as indices.
     pub ties: Vec<usize>,
 }
 
 impl CandidateTest {
-    /// Whether it may stand where another does: it is beyond chance with all candidates counted, or neither is, but this one is by
-    /// itself.
+    /// Whether it may replace another: it is acceptable, or neither is and it is plausible.
     fn is_as_certain_as(&self, other: &Self) -> bool {
         self.is_acceptable || self.is_plausible && !other.is_acceptable
     }
 
-    /// As it is told once it was taken: where what it gains by its own measure did not decide, by what it gains on the common split.
+    /// The test as reported once its candidate is accepted: with the gain on the common split where that decided.
     fn into_accepted(self) -> Self {
         if self.is_acceptable { self } else { self.accepted_on_common_split() }
     }
 
-    /// Accepted by what it gains on the common split.
+    /// The same test, judged by the gain on the common split.
     fn accepted_on_common_split(self) -> Self {
         Self {
             gain: self.common,
@@ -68,16 +67,16 @@ impl CandidateTest {
     }
 }
 
-/// A rung of the ladder.
+/// One model of the stepwise selection, with its held-out scores.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LadderStep {
-    /// Terms in the model.
+    /// Terms in the model, as indices of candidates.
     pub terms: Vec<usize>,
-    /// How well it predicts what it has not seen, on the common split.
+    /// Mean held-out scores on the common split.
     pub scores: Scores,
 }
 
-/// What a search found.
+/// The result of a stepwise selection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ladder {
     /// Terms in the order in which they were added.
@@ -134,7 +133,7 @@ impl<'a, S: Study> Search<'a, S> {
         }
     }
 
-    /// The same, but its climb ends as soon as this becomes true.
+    /// The same search, which ends its selection as soon as `stop` becomes true.
     #[must_use]
     pub fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
         Self { stop: Some(stop), ..self }
@@ -227,7 +226,8 @@ impl<'a, S: Study> Search<'a, S> {
         )
     }
 
-    /// The same of one of the terms. A curve, which names no cause and may stand in for effects that do, is held to Student's t alone.
+    /// The gain of one term. For a curve, which names no physical cause, the p-value is that of Student's t without the correction for
+    /// skewness.
     fn term_gain(&self, term: usize, terms: &[usize], parent: &[usize], level: Level) -> Gain {
         let gain = self.gain(terms, parent, level);
         let is_curve = self.study.candidates()[term].curve_over().is_some();
@@ -251,7 +251,8 @@ impl<'a, S: Study> Search<'a, S> {
         Some(self.full_fit(terms, level, Some(start.as_ref().unwrap_or(parent))))
     }
 
-    /// Tries a candidate on top of `accepted`.
+    /// Tests a candidate on top of `accepted`: screens it, fits it, and scores it on held-out rows. A candidate that is untestable,
+    /// hopeless by its likelihood, or no better than a special case of it keeps a gain of 0.
     fn test_candidate(&self, accepted: &[usize], term: usize) -> CandidateTest {
         let candidate = &self.study.candidates()[term];
         let hopeless = CandidateTest {
@@ -297,7 +298,7 @@ impl<'a, S: Study> Search<'a, S> {
         CandidateTest { gain, common, ..hopeless }
     }
 
-    /// Whether a candidate that raises the likelihood at a level by `rise` (nats) says nothing more than a special case of it.
+    /// Whether a special case of a candidate, a nested model, raises the likelihood nearly as much as the candidate, by `rise` (nats).
     fn is_no_better_than_special_case(
         &self,
         accepted: &[usize],
@@ -325,7 +326,8 @@ impl<'a, S: Study> Search<'a, S> {
         })
     }
 
-    /// Climbs the ladder.
+    /// Stepwise selection. Each round tests all candidates, accepts one or exchanges it for accepted ones, and removes by backward
+    /// elimination what it made superfluous. The selection ends when no candidate is acceptable.
     pub fn stepwise_selection(&self) -> Ladder {
         let candidates = self.study.candidates();
         let mut accepted: Vec<usize> = Vec::new();
@@ -418,12 +420,12 @@ impl<'a, S: Study> Search<'a, S> {
         Ladder { accepted, rungs, tests, too_little, stopped }
     }
 
-    /// How many candidates chance is counted with.
+    /// Number of candidates that p-values are corrected for.
     fn n_tried(&self) -> usize {
         self.study.candidates().iter().filter(|candidate| candidate.is_tried()).count()
     }
 
-    /// Judges tests by the acceptance rule. What was removed once does not come back.
+    /// Judges tests by the acceptance rule. A term that was removed once is not accepted again.
     fn apply_acceptance_rule(
         &self,
         tests: &mut [CandidateTest],
@@ -448,7 +450,8 @@ impl<'a, S: Study> Search<'a, S> {
         }
     }
 
-    /// Takes out what gains nothing any more: what was accepted before may have stood in for what came last.
+    /// Backward elimination: removes accepted terms, the last one excepted, that no longer gain significantly. Returns the removed
+    /// terms.
     fn backward_elimination(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
         let candidates = self.study.candidates();
         let mut removed = Vec::new();
@@ -480,13 +483,13 @@ impl<'a, S: Study> Search<'a, S> {
         removed
     }
 
-    /// Of a curve without a constant part, the one that stands in for it.
+    /// For a curve without a constant part the candidate that has one; any other term itself.
     fn stand_in_for(&self, term: usize) -> usize {
         let mut all = self.study.candidates().iter();
         all.position(|candidate| candidate.stands_in_for == Some(term)).unwrap_or(term)
     }
 
-    /// Tries every candidate.
+    /// Tests every candidate on top of `accepted`, in parallel.
     fn test_all(&self, accepted: &[usize], round: usize) -> Vec<CandidateTest> {
         let candidates = self.study.candidates();
         let wanted: Vec<usize> = (0..candidates.len())
@@ -539,7 +542,7 @@ fn with_term(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().chain([term]).collect()
 }
 
-/// These terms but one.
+/// The terms without one of them.
 pub(super) fn without_term(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().filter(|&other| other != term).collect()
 }

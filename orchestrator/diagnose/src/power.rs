@@ -98,7 +98,7 @@ struct Knob {
     greatest: f64,
 }
 
-/// A campaign with the effect in it, judged.
+/// The result of one simulated campaign that has the effect.
 #[derive(Clone, Copy, Debug)]
 struct CampaignResult {
     is_found: bool,
@@ -200,7 +200,7 @@ fn detectable_size(points: &[(f64, u64, Vec<CampaignResult>)]) -> Option<f64> {
     (size <= points.last()?.0 * 1.0001).then_some(size)
 }
 
-/// Files and question, read.
+/// The checked question, with what all campaigns share.
 struct PowerPlan<'a> {
     config: &'a Compared,
     table: &'a DataTable,
@@ -478,7 +478,7 @@ fn is_text(fixed: &Fixed, wanted: &str) -> bool {
     fixed.value().as_str() == Some(wanted)
 }
 
-/// How many candidates are counted, and into how many blocks the data fall at the level of an effect.
+/// Number of candidates that p-values are corrected for, and number of blocks at the level of an effect.
 fn candidates_and_blocks<S: Study>(study: &S, effect: &str) -> Result<(usize, usize), PowerError> {
     let term = extend::candidate(study, effect)?;
     let candidates = study.candidates();

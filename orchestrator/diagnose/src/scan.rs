@@ -1,4 +1,4 @@
-//! What is left over when no effect gains any more: structure over a covariate.
+//! Structure of the residuals over a covariate, looked for when no candidate gains any more.
 
 use super::acceptance::{FAMILY_ERROR, LEAST_SHARE, is_worth, share_scale};
 use super::ladder::{Ladder, Search, without_term};
@@ -18,32 +18,32 @@ const FINE_BINS: usize = 30;
 /// Flips of the signs of whole blocks.
 const FLIPS: u64 = 200;
 
-/// Structure over a covariate.
+/// A significant dependence of the residuals on a covariate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResidualStructure {
-    /// The covariate.
+    /// Name of the covariate.
     pub covariate: String,
-    /// The share of what is left that it explains, what chance explains taken off.
+    /// The share of the residual variance that it explains, less what it would explain by chance.
     pub explained: f64,
-    /// Probability of as much by chance.
+    /// P-value by flipping the signs of whole blocks.
     pub p_value: f64,
     /// A short formula of the covariate, if there is one.
     pub formula: Option<FittedFormula>,
 }
 
-/// What is left when the search has ended.
+/// What the selected model leaves unexplained.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unexplained {
-    /// Formulas of the curves that were taken, by their names.
+    /// Formulas of the accepted curves, by the names of the curves.
     pub formulas: BTreeMap<String, FittedFormula>,
     /// The strongest structure that nothing in the model explains.
     pub structure: Option<ResidualStructure>,
 }
 
-/// Residuals that have a mean of 0 and a variance of 1 each where the model is right.
+/// Standardised residuals: mean 0 and variance 1 where the model is right.
 #[derive(Clone, Copy, Debug)]
 pub struct StandardisedResiduals<'a> {
-    /// Row by row.
+    /// A value per row; NaN where there is none.
     pub values: &'a [f64],
     /// How many times greater the mean square error of the model as configured is than what is left: shares of the one are so
     /// many times smaller than shares of the other. At least 1.

@@ -144,7 +144,7 @@ fn copied(table: &DataTable, lines: impl Iterator<Item = usize>) -> (Vec<String>
     (names, columns)
 }
 
-/// What came of the frames of a row.
+/// The simulated frames of a row, summed up.
 #[derive(Clone, Copy, Debug)]
 struct ReceivedFrames {
     n_received: f64,

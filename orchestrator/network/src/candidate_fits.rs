@@ -1,10 +1,10 @@
-//! One candidate tried: which value of its number makes a measurement most probable, and how well that is known.
+//! Fits of one candidate effect: the value of its parameter that maximises the likelihood of a measurement, with a 90 % interval.
 //!
 //! The network is run at some values under the same seeds, so that what differs between values is the effect and not luck.
 //! First roughly over the whole range, then about the best value, and at last at some values evenly over all that is
 //! plausible, under more seeds: there the figures are smoothed over the values. The interval is that of the profile of the
 //! likelihood, widened by what other seeds would do to it; and where runs with the fitted effect, fitted in their turn, come
-//! out further off than that, it is widened to there ([`Ground::calibrate`]).
+//! out further off than that, it is widened to there ([`FitContext::calibrate`]).
 
 use super::candidates::CandidateEffect;
 use super::likelihood::{
@@ -34,7 +34,7 @@ const RESAMPLES: u64 = 100;
 /// Values nearer than this on the scale are one.
 const SAME: f64 = 1e-6;
 
-/// Where candidates are tried: an experiment, and the figures of what was measured.
+/// What candidates are fitted to: an experiment, and the figures of the measurement.
 #[derive(Clone, Debug)]
 pub struct FitContext<'a> {
     /// The experiment.
@@ -49,14 +49,14 @@ pub struct FitContext<'a> {
     pub seeds: u64,
 }
 
-/// The runs at one value.
+/// The runs at one value of the parameter.
 #[derive(Clone, Debug)]
 struct RunsAtValue {
     at: f64,
     runs: Vec<ScaledFigures>,
 }
 
-/// A candidate at the values tried so far.
+/// A candidate with the values of its parameter that were simulated so far.
 #[derive(Clone, Debug)]
 pub struct CandidateScan<'a> {
     candidate: &'a CandidateEffect,
@@ -72,16 +72,16 @@ pub struct CandidateFit {
     laws: Option<(SmoothDensity, [f64; 2])>,
 }
 
-/// A fitted effect.
+/// A fitted effect: its parameter and the gain in log likelihood.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedEffect {
-    /// Its number.
+    /// Estimate of its parameter.
     pub value: f64,
-    /// 90 % interval.
+    /// 90 % profile-likelihood interval, widened for the choice of seeds and by a parametric bootstrap.
     pub interval: [f64; 2],
-    /// How much more probable the measurement is than without it (nats).
+    /// Gain in log likelihood over the model without it (nats).
     pub gain: f64,
-    /// What the choice of seeds does to that: standard error (nats).
+    /// Standard error of the gain over the choice of seeds (nats).
     pub standard_error: f64,
     /// Log density of the measurement (nats).
     pub log_density: f64,
@@ -263,7 +263,8 @@ impl FitContext<'_> {
             .collect()
     }
 
-    /// The estimate: the top of a smooth profile, its interval widened by what the choice of seeds does.
+    /// Estimates a continuous parameter: the maximum of the smoothed profile likelihood, with an interval that includes the scatter
+    /// over the choice of seeds.
     fn estimate_continuous(
         &self,
         curve: &CandidateScan<'_>,
@@ -301,9 +302,9 @@ impl FitContext<'_> {
         }
     }
 
-    /// Widens the interval of a fit to what fits are off by: `runs` of the network with the fitted effect, under seeds that the
-    /// fit has not seen, are fitted like the measurement. The spread of what they come to about what they were made with is
-    /// that of the estimate about the truth, whatever the figures' distributions are.
+    /// Widens the interval of a fit by a parametric bootstrap. `runs` of the network with the fitted effect, under seeds that the fit
+    /// has not seen, are fitted like the measurement. Their errors are distributed as the error of the estimate, whatever the
+    /// figures' distributions are.
     pub fn calibrate(
         &self,
         candidate: &CandidateEffect,
@@ -333,7 +334,7 @@ impl FitContext<'_> {
         *interval = [interval[0].min(ends[0]), interval[1].max(ends[1])];
     }
 
-    /// The estimate of a whole number: the best of those tried, and those that are hardly worse.
+    /// Estimates an integer parameter: the simulated value with the greatest likelihood, and the values within the interval's bound.
     fn estimate_integer(
         &self,
         network: &toml::Table,

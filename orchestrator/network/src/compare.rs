@@ -16,7 +16,7 @@ use numbers::format::{number, percent};
 use numbers::statistics::{mean, quantile};
 use std::collections::BTreeSet;
 
-/// What is asked of a comparison.
+/// Options of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct ComparisonOptions {
     /// How many seeds the network is run under.
@@ -31,19 +31,19 @@ impl Default for ComparisonOptions {
     }
 }
 
-/// A measurement among seeds, figures as they are and as they are placed.
+/// A measurement compared with runs of the model under many seeds.
 #[derive(Clone, Debug)]
 pub struct SeedComparison {
-    /// Of the measurement.
+    /// Figures of the measurement.
     pub measured: NetworkFigures,
-    /// Of each seed.
+    /// Figures of the run under each seed.
     pub seeds: Vec<NetworkFigures>,
-    /// Where the measurement stands.
+    /// P-values of the measurement among the runs.
     pub placed: Placement,
 }
 
 impl SeedComparison {
-    /// A measurement among the runs of a model.
+    /// Compares measured packets, made from `from_s` on, with those of runs of a model.
     #[must_use]
     pub fn from_packets(
         measured: &[MeasuredPacket],
@@ -54,7 +54,7 @@ impl SeedComparison {
         Self::from_figures(NetworkFigures::from_packets(measured, from_s), seeds)
     }
 
-    /// The figures of a measurement among those of seeds.
+    /// Compares the figures of a measurement with those of the runs under each seed.
     #[must_use]
     pub fn from_figures(measured: NetworkFigures, seeds: Vec<NetworkFigures>) -> Self {
         let scaled: Vec<Vec<f64>> = seeds.iter().map(|seed| seed.scaled().to_vec()).collect();

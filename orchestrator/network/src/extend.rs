@@ -75,7 +75,7 @@ pub fn candidate(candidates: &[CandidateEffect], name: &str) -> Result<usize, Ex
 ///
 /// # Errors
 ///
-/// See [`Error`].
+/// See [`NetworkExtendError`].
 pub fn extend(
     diagnosis: &NetworkSearch<'_>,
     effects: &[usize],

@@ -14,7 +14,7 @@ pub enum Scale {
     Ratio,
 }
 
-/// All figures, in the order of [`Figures::values`].
+/// All figures, in the order of [`NetworkFigures::values`].
 pub const KPIS: [FigureSpec<Scale>; 11] = [
     figure("delivery", "", "packets that arrived, of all", Scale::Share),
     figure("delivery_worst", "", "the same, of the mote that fares worst", Scale::Share),
@@ -54,17 +54,17 @@ pub const KPIS: [FigureSpec<Scale>; 11] = [
     figure("packets", "packets", "packets that were made", Scale::Ratio),
 ];
 
-/// What became of a mote's packets.
+/// Packets of one mote, sent and delivered.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MoteCounts {
-    /// Packets it made.
+    /// Packets that the mote created.
     pub sent: u32,
-    /// Those that arrived.
+    /// Packets of those that were delivered.
     pub arrived: u32,
 }
 
 impl MoteCounts {
-    /// Share that arrived.
+    /// Delivery ratio; NaN if nothing was sent.
     #[must_use]
     pub fn share(self) -> f64 {
         f64::from(self.arrived) / f64::from(self.sent)
@@ -76,7 +76,7 @@ impl MoteCounts {
 pub struct NetworkFigures {
     /// Those of [`KPIS`]; NaN where there is nothing to tell.
     pub values: [f64; KPIS.len()],
-    /// By mote that sent.
+    /// Counts of each mote that sent packets.
     pub of_mote: BTreeMap<u32, MoteCounts>,
 }
 
@@ -84,7 +84,7 @@ pub struct NetworkFigures {
 const FEWEST_OF_MOTE: u32 = 5;
 
 impl NetworkFigures {
-    /// Of packets, made from `from_s` on.
+    /// Figures of packets created from `from_s` (s) on.
     #[must_use]
     pub fn from_packets(packets: &[MeasuredPacket], from_s: f64) -> Self {
         let packets = || packets.iter().filter(|packet| from_s <= packet.time_s);

@@ -6,14 +6,14 @@
 //! | [`resimulate`] | what a configured network would have done, under a seed |
 //! | [`kpis`] | the figures of packets that are compared |
 //! | [`spread`] | a measurement against the spread of seeds |
-//! | [`compared`], [`comparison`] | a comparison, and its answer |
+//! | [`compare`], [`comparison`] | a comparison, and its answer |
 //! | [`split`], [`error_split`] | whether robots, radio or protocol are wrong, and the answer |
 //! | [`task`] | whether what robots did wrong is theirs or the network's |
 //! | [`candidates`] | effects that may be missing |
 //! | [`likelihood`] | how probable a measurement is under runs |
-//! | [`tried`] | one effect tried at several values |
-//! | [`diagnosed`], [`diagnosis`] | which effects are missing, and the answer |
-//! | [`extended`], [`extension`] | a configuration with them added, and the answer |
+//! | [`candidate_fits`] | one effect fitted: its parameter, the interval, the gain in log likelihood |
+//! | [`search`], [`diagnosis`] | which effects are missing, and the answer |
+//! | [`extend`], [`extension`] | a configuration with them added, and the answer |
 //!
 //! A measurement is one run of a network whose chances fell in one way. So it is not held against the mean of the
 //! simulation, but asked whether it could be one more of its runs.

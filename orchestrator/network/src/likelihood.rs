@@ -6,8 +6,8 @@
 //! so the fewer runs there are (J. Schäfer, K. Strimmer, Stat. Appl. Genet. Mol. Biol. 4(1), 2005). A figure that all
 //! runs have alike scatters at least as far as counting does.
 //!
-//! Between values of a parameter that were tried, mean and scatter go straight ([`between`]); near the best they are smoothed
-//! ([`Smooth`]), so that the chances of single values do not count for the parameter's.
+//! Between values of a parameter that were tried, mean and scatter are interpolated linearly ([`interpolate`]); near the best they are smoothed
+//! ([`SmoothDensity`]), so that the chances of single values do not count for the parameter's.
 
 use super::kpis::{KPIS, NetworkFigures};
 use crate::kpis::Scale;
@@ -40,10 +40,10 @@ fn pattern(run: &ScaledFigures, usable: &[usize]) -> u16 {
     usable.iter().filter(|&&k| run[k].is_finite()).fold(0, |bits, &k| bits | 1 << k)
 }
 
-/// What the runs at one value of a parameter are like.
+/// Means, scatter and correlations of the figures over runs at one value of a parameter.
 #[derive(Clone, Debug)]
 pub struct RunMoments {
-    /// Where, on the parameter's scale.
+    /// The value, on the parameter's scale.
     pub at: f64,
     n: f64,
     mean: ScaledFigures,
@@ -55,7 +55,7 @@ pub struct RunMoments {
 }
 
 impl RunMoments {
-    /// Of runs. `usable`: figures that count.
+    /// Moments of runs. `at`: the value of the parameter; `usable`: indices of the figures that count.
     pub fn from_runs<'a>(
         at: f64,
         runs: impl Iterator<Item = &'a ScaledFigures> + Clone,
@@ -107,7 +107,7 @@ fn least_sd(k: usize, mean: &ScaledFigures) -> f64 {
     }
 }
 
-/// A density of figures.
+/// Joint probability density of the figures of a run: the synthetic likelihood.
 #[derive(Clone, Debug)]
 pub struct FigureDensity {
     usable: Vec<usize>,
@@ -142,7 +142,7 @@ impl FigureDensity {
         law
     }
 
-    /// The law of runs at one value.
+    /// The density of runs at the value at which the moments were taken.
     #[must_use]
     pub fn at_value(moments: &RunMoments, usable: &[usize]) -> Self {
         interpolate(moments, moments, moments.at, usable)
@@ -187,7 +187,7 @@ impl FigureDensity {
             - 0.5 * (FREEDOM + d) * libm::log1p(squares / FREEDOM)
     }
 
-    /// How far two laws are apart, figure by figure, in units of their scatter.
+    /// Differences of the means of two densities, by figure, in standard deviations.
     #[must_use]
     pub fn standardised_differences(&self, other: &Self) -> Vec<(usize, f64)> {
         let of = |k: usize| {
@@ -198,7 +198,7 @@ impl FigureDensity {
     }
 }
 
-/// Correlations as far as `n` runs bear them out.
+/// Shrinkage estimate of correlations from `n` runs.
 fn shrink_correlations(mut correlation: Vec<[f64; D]>, usable: &[usize], n: f64) -> Vec<[f64; D]> {
     let pairs =
         || usable.iter().flat_map(|&i| usable.iter().map(move |&j| (i, j))).filter(|(i, j)| i != j);
@@ -243,7 +243,7 @@ impl CholeskyFactor {
     }
 }
 
-/// The law at a place between two tried values: straight between them.
+/// The density at a value between two simulated ones, by linear interpolation of the moments.
 #[must_use]
 pub fn interpolate(from: &RunMoments, to: &RunMoments, at: f64, usable: &[usize]) -> FigureDensity {
     let share =
@@ -294,7 +294,7 @@ pub struct SmoothDensity {
 }
 
 impl SmoothDensity {
-    /// Over tried values; `None`: too few.
+    /// Fits smooth moments to those at simulated values; `None`: fewer than three values.
     #[must_use]
     pub fn fit(tried: &[RunMoments], usable: &[usize]) -> Option<Self> {
         let (first, last) = (tried.first()?.at, tried.last()?.at);

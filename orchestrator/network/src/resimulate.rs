@@ -125,14 +125,14 @@ impl Resimulation {
         Ok(Self { plan, tracks: Some(tracks), resent: Vec::new(), until_ns })
     }
 
-    /// The same up to a time (s) at which packets may long have ceased: that none come any more is news, too.
+    /// The same resimulation, which lasts until `until_s` (s) at least, even if the measured packets end earlier.
     #[must_use]
     pub fn extended_to(&self, until_s: f64) -> Self {
         let until_ns = (until_s * NS_PER_S as f64).round() as u64;
         Self { until_ns: self.until_ns.max(until_ns), ..self.clone() }
     }
 
-    /// The same with robots elsewhere.
+    /// The same resimulation with robots on other tracks.
     #[must_use]
     pub fn with_tracks(&self, tracks: Tracks) -> Self {
         Self { tracks: Some(tracks), ..self.clone() }
@@ -522,7 +522,7 @@ impl Peer<RobotSide> for Tracked<'_> {
     async fn stop(self) {}
 }
 
-/// One resimulation.
+/// Settings of one resimulation: network, seeds and initial positions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ResimulationSettings<'a> {
     /// The network's section.
@@ -582,7 +582,7 @@ fn network_of(plan: &Plan) -> toml::Table {
     text.parse().unwrap_or_default()
 }
 
-/// The order to send a packet again.
+/// The order that makes a mote send a measured packet again.
 fn resend_order(packet: &MeasuredPacket) -> MoteCommand {
     let bytes = packet.payload_bytes.unwrap_or(PAYLOAD_BYTES).min(1000) as usize;
     let order = MoteOrder::Send {
@@ -593,7 +593,7 @@ fn resend_order(packet: &MeasuredPacket) -> MoteCommand {
     MoteCommand { source: "measured".to_owned(), order }
 }
 
-/// Packets whose way has ended, those for everyone apart, and those of the network itself.
+/// Unicast packets that were delivered or dropped, without those of the network itself.
 fn ended_packets(packets: &proto::types::Packets) -> impl Iterator<Item = MeasuredPacket> + '_ {
     let is_own = |i: usize| packets.kinds[packets.kind[i] as usize].name == OWN;
     let is_meant = move |&i: &usize| packets.destination[i] != u32::MAX && !is_own(i);

@@ -1,5 +1,5 @@
-//! Which effect is missing from a network: each is put in and the network run, and what makes the measured packets most
-//! probable is added, until they could be one more run.
+//! Search for effects that a network model lacks. Each candidate is added and the network simulated; the effect that gives the
+//! measured packets the greatest likelihood is accepted, until the measurement is consistent with the model.
 
 mod words;
 
@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub use words::parameter_text;
 pub use words::{answer, parameters, text};
 
-/// The chance below which a gain is taken for none: that the model without any of the effects would give as great a one.
+/// Level of significance of a gain, by its null distribution under the model without any candidate.
 pub const ACCEPT: f64 = 0.01;
 /// Fewer seeds cannot tell at that level.
 pub const FEWEST_SEEDS: u64 = 99;
@@ -34,50 +34,50 @@ const INSTEAD: f64 = 10.0;
 /// How much less probable a rival makes the measurement if it is not to be told from the best: twenty times (nats).
 const TIE: f64 = 3.0;
 
-/// A candidate, and what was found of it.
+/// The result of testing one candidate effect.
 #[derive(Clone, Debug)]
 pub struct EffectTest {
     /// The candidate.
     pub candidate: CandidateEffect,
-    /// Why it cannot be tried.
+    /// Why it cannot be tested; `None`: it can.
     pub untestable: Option<String>,
-    /// Gain over the model it was tried on (nats); none: not tried.
+    /// Gain in log likelihood over the model it was added to (nats); `None`: not tested.
     pub gain: Option<f64>,
-    /// Chance of as great a gain, of any candidate, without any effect.
+    /// P-value of the gain: the share of runs of the model in which any candidate gains as much.
     pub p_value: Option<f64>,
-    /// Looked at closely.
+    /// The fit, of candidates that were fitted closely.
     pub fitted: Option<FittedEffect>,
-    /// Chance to lie as far out as the measurement does among runs with it, if it was run that often.
+    /// P-value of the measurement among runs with the effect; `None`: it was not run often enough.
     pub p_with: Option<f64>,
-    /// Others that make the measurement as probable.
+    /// Other effects with nearly the same likelihood.
     pub ties: Vec<&'static str>,
-    /// Whether it is missing.
+    /// Whether the search accepted it as missing from the model.
     pub is_accepted: bool,
 }
 
-/// A model of the search: as configured, or with effects.
+/// One model of the stepwise selection: as configured, or with effects.
 #[derive(Clone, Debug)]
 pub struct SearchStep {
-    /// What was added last.
+    /// Name of the effect added last; `None`: the model as configured.
     pub added: Option<&'static str>,
-    /// The measurement among its runs.
+    /// The measurement compared with runs of this model.
     pub among: SeedComparison,
     /// Log density of the measurement by them (nats).
     pub log_density: f64,
 }
 
-/// Two effects that cannot be told apart, and the figure in which they differ most.
+/// Two statistically indistinguishable effects, and the figure in which they differ most.
 #[derive(Clone, Debug)]
 pub struct TiedEffects {
-    /// Their names.
+    /// Names of the accepted effect and of its rival.
     pub names: [&'static str; 2],
-    /// The figure.
+    /// Index of the figure among the KPIs.
     pub figure: usize,
-    /// By how much they differ in it, in units of the scatter of a run.
+    /// Their difference in it, in standard deviations of a run.
     pub apart: f64,
 }
 
-/// What a search found.
+/// The result of a search.
 #[derive(Clone, Debug)]
 pub struct SearchResult {
     /// Models, from as configured on: at least that one.
@@ -120,20 +120,20 @@ type ScannedCandidate<'a> = (usize, CandidateScan<'a>, Vec<(f64, FigureDensity)>
 /// What a round adds, and the model with it.
 type AcceptedEffect = ((usize, CandidateFit), SearchStep);
 
-/// What a gain is worth.
+/// The decision on a gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum GainVerdict {
-    /// None that chance would not give.
+    /// Not significant.
     Nothing,
     /// Runs of the network itself that went strangely gain as much by chance. But what is no run of it has been told from them
     /// already: then the effect may be the one, if the measurement could be a run with it.
     IfItMends,
-    /// More than chance.
+    /// Significant.
     More,
 }
 
 impl GainVerdict {
-    /// Of a gain (nats). `chance`: to gain as much; `p_value`: of the comparison with the network without it.
+    /// Judges a gain (nats). `chance`: p-value of the gain; `p_value`: of the comparison with the network without the effect.
     fn judge(gain: f64, chance: f64, p_value: f64) -> Self {
         if chance <= ACCEPT {
             Self::More
@@ -148,7 +148,7 @@ impl GainVerdict {
 /// A candidate by its number that was looked at closely.
 type FittedCandidate = (usize, CandidateFit, GainVerdict);
 
-/// The search.
+/// The search for missing effects over one set of measured packets.
 #[derive(Debug)]
 pub struct NetworkSearch<'a> {
     resimulation: &'a Resimulation,

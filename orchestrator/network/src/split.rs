@@ -183,10 +183,10 @@ fn date(time_s: f64) -> String {
     format!("2000-01-{:02}T{:02}:{:02}:{:02}.{tenth}", day + 1, s / 3600, s / 60 % 60, s % 60)
 }
 
-/// One part of the error, in one figure.
+/// The part of the error in one figure that goes with one source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplitPart {
-    /// How much of the error goes with it, in the figure's unit.
+    /// Estimated part of the error, in the figure's unit.
     pub value: f64,
     /// 90 % interval.
     pub interval: [f64; 2],
@@ -194,18 +194,18 @@ pub struct SplitPart {
     pub z: f64,
 }
 
-/// One of robots, radio and protocol.
+/// A source of error: robots, radio or protocol.
 #[derive(Clone, Debug)]
 pub struct ErrorSource {
-    /// Its name.
+    /// `robot`, `radio` or `protocol`.
     pub name: &'static str,
     /// By figure; none where it is not known.
     pub parts: Vec<Option<SplitPart>>,
-    /// Chance of as much in any figure, if nothing is wrong with it.
+    /// P-value: probability of as great a part in any figure if this source has no error.
     pub p_value: f64,
 }
 
-/// The error split.
+/// Attribution of the error of a network model to robots, radio and protocol.
 #[derive(Clone, Debug)]
 pub struct ErrorSplit {
     /// Of the measurement.
@@ -214,19 +214,19 @@ pub struct ErrorSplit {
     pub means: [[f64; KPIS.len()]; 4],
     /// Robot, radio, protocol.
     pub shares: [ErrorSource; 3],
-    /// How many seeds.
+    /// Number of seeds per variant of the model.
     pub seeds: u64,
 }
 
 impl ErrorSplit {
-    /// The parts that are more than chance.
+    /// The sources whose part is significant.
     #[must_use]
     pub fn found(&self) -> Vec<&ErrorSource> {
         self.shares.iter().filter(|share| share.p_value <= ACCEPT).collect()
     }
 }
 
-/// Mean and variance, and of how many.
+/// Mean, variance and size of a sample.
 #[derive(Clone, Copy, Debug)]
 struct SampleMoments {
     mean: f64,
@@ -245,7 +245,7 @@ impl SampleMoments {
     }
 }
 
-/// Splits the error.
+/// Attributes the error of a network model to robots, radio and protocol.
 ///
 /// * `resimulation`: with the measured tracks.
 /// * `config`: the same experiment, as far as its radio is concerned.

@@ -9,16 +9,16 @@ use super::comparison::{Kpi, KpiOfModel};
 use super::figure::FigureSpec;
 use numbers::statistics::{mean, quantile, standard_deviation};
 
-/// A figure of a measurement among those of seeds.
+/// A figure of the measurement compared with its distribution over seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FigurePlacement {
-    /// Mean of the seeds.
+    /// Mean over the seeds.
     pub mean: f64,
     /// Where the middle 90 % of the seeds lie.
     pub interval: [f64; 2],
-    /// Chance to be as far out, on either side.
+    /// Two-sided p-value.
     pub p_value: f64,
-    /// How far out it is, in standard deviations of the whole.
+    /// Difference from the mean, in standard deviations of seeds and measurement together.
     pub z: f64,
 }
 
@@ -44,16 +44,16 @@ pub(super) fn kpi<S>(
     }
 }
 
-/// A measurement among seeds.
+/// A measurement compared with runs under many seeds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
     /// By figure; `None`: it is not known of the measurement, or of a seed.
     pub figures: Vec<Option<FigurePlacement>>,
-    /// Chance that one of the figures lies as far out as it does.
+    /// P-value over all figures together.
     pub p_value: f64,
 }
 
-/// The chance below which a measurement is taken for none of the model's runs.
+/// Level of significance below which a measurement is inconsistent with the model.
 pub const LEVEL: f64 = 0.05;
 /// Fewer seeds cannot tell at that level.
 pub const FEWEST_SEEDS: usize = 19;

@@ -37,7 +37,7 @@ const LEAST: f64 = 0.005;
 /// A standard normal stays below with 95 %.
 const Z_95: f64 = 1.645;
 
-/// A swarm that was measured, and the experiment that is held against it.
+/// A measured swarm, and the experiment that it is compared with.
 #[derive(Debug)]
 pub struct MeasuredSwarm<'a> {
     /// The experiment over the measured tracks: [`Resimulation::of_task`].
@@ -50,17 +50,17 @@ pub struct MeasuredSwarm<'a> {
     pub sd_m: f64,
 }
 
-/// Figures of runs, and how far they are from what was measured.
+/// Figures of runs, and the distance of their robots from the measured ones.
 #[derive(Clone, Debug)]
 pub struct TaskRuns {
-    /// Of each run.
+    /// Figures of each run.
     pub figures: Vec<TaskFigures>,
     /// Root mean square distance of robots from where they were measured, mean of the runs (m).
     pub off_m: f64,
 }
 
 impl TaskRuns {
-    /// Mean of a figure.
+    /// Mean of a figure over the runs.
     #[must_use]
     pub fn mean(&self, k: usize) -> f64 {
         statistics::mean(self.values(k))
@@ -104,17 +104,17 @@ impl TaskRuns {
     }
 }
 
-/// Where something stands among runs.
+/// P-value of a measurement or run among runs of a model.
 #[derive(Clone, Copy, Debug)]
 pub struct RunPlacement {
-    /// Chance to be as far out in any figure.
+    /// P-value over all figures together.
     pub p_value: f64,
     /// The figure in which it is furthest; none where it does not differ.
     pub furthest: Option<usize>,
 }
 
 impl RunPlacement {
-    /// More than chance.
+    /// Whether the difference is significant.
     #[must_use]
     pub fn is_found(&self) -> bool {
         self.p_value <= ACCEPT
@@ -142,10 +142,10 @@ pub struct TaskSplit {
     pub robot: RunPlacement,
 }
 
-/// Part of an error in one figure.
+/// The part of a figure's error that goes with one source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaskPart {
-    /// How much of it (in the figure's unit).
+    /// Estimated part of the error (in the figure's unit).
     pub value: f64,
     /// 90 % interval.
     pub interval: [f64; 2],

@@ -153,7 +153,7 @@ impl Tracks {
         measured
     }
 
-    /// Where an agent was at a time; `cursor`: how many of its places lie before, for times that ascend.
+    /// Position of an agent at a time (m), interpolated linearly; `cursor`: how many of its places lie before, for times that ascend.
     fn position_at(&self, agent: usize, time_s: f64, cursor: &mut usize) -> Option<[f64; 3]> {
         let track = self.of_agent.get(agent)?;
         while track.get(*cursor).is_some_and(|(at_s, _)| *at_s <= time_s) {

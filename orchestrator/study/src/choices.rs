@@ -34,7 +34,7 @@ impl Choices {
     };
 }
 
-/// What is left out together.
+/// The rows that cross-validation leaves out together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SplitBy {
     /// Parts of the time that was measured.
@@ -180,7 +180,7 @@ fn listed(runs: &[u32]) -> String {
     runs.iter().map(u32::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// Rows of a study as a condition sees them.
+/// The columns and covariates of a study's rows, over which a condition is evaluated.
 pub struct ConditionRows<'a> {
     /// The file.
     pub table: &'a DataTable,
@@ -194,10 +194,10 @@ pub struct ConditionRows<'a> {
     pub when: &'static str,
 }
 
-/// Which rows are used.
+/// The rows that a study uses, and the reasons why others are rejected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RowSelection {
-    /// Row by row.
+    /// Whether each row is used.
     pub rows: Vec<bool>,
     /// The others, by reason.
     pub rejected: Vec<Rejected>,

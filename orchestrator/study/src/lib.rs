@@ -1,4 +1,4 @@
-//! What a search for missing physics asks of a kind of measurements.
+//! Studies: measurements with a model of them, as the search for missing effects needs them.
 //!
 //! The search itself knows neither radio nor robots: it adds terms to a model, fits, and compares how
 //! well data that were left out are predicted. A [`Study`] is one file of measurements held against one configuration.
@@ -32,11 +32,11 @@ pub struct Candidate {
     pub name: String,
     /// What people should know of it; none for curves.
     pub about: Option<&'static About>,
-    /// Where its covariate varies.
+    /// Over what its covariate varies, which decides the blocks that are held out to judge it.
     pub level: Level,
     /// How many numbers a fit of it sets, places of a search included.
     pub n_parameters: usize,
-    /// Effects that it generalises.
+    /// Names of the effects that are nested in it.
     pub generalises: Vec<String>,
     /// The covariate in which it is linear.
     pub linear_in: Option<&'static str>,
@@ -75,7 +75,7 @@ impl Candidate {
     }
 }
 
-/// How well one row was predicted by a model that had not seen it.
+/// Held-out scores of one row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowScore {
     /// Log predictive density or probability (nats).
@@ -88,14 +88,14 @@ pub struct RowScore {
     pub reception_log_loss: f64,
 }
 
-/// A fitted number.
+/// A fitted parameter with its 90 % interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Its key.
+    /// Key of the parameter in the configuration.
     pub name: String,
-    /// The estimate.
+    /// The estimated value, in its unit.
     pub value: f64,
-    /// Its unit.
+    /// Unit of the value and of both ends.
     pub unit: String,
     /// Lower end of the 90 % interval.
     pub low: f64,
@@ -156,7 +156,7 @@ pub trait Study: Sync {
     /// How many rows there are: frames, sums of frames, or windows of motion.
     fn n_rows(&self) -> usize;
 
-    /// How many rows say what one that is independent of the others would.
+    /// Design effect: how many rows carry the information of one independent row; 1 where rows are independent.
     fn design_effect(&self) -> f64 {
         1.0
     }
@@ -169,7 +169,7 @@ pub trait Study: Sync {
     /// Which rows are independent of which, where a covariate varies at this level.
     fn blocks(&self, level: Level) -> &Blocks;
 
-    /// The level that decides how rows are left out: what is random is judged on blocks of time, unless told otherwise.
+    /// The level whose blocks are held out to judge a term: random effects are judged on blocks of time by default.
     fn judging_level(&self, level: Level) -> Level {
         if level == Level::Random { Level::Time } else { level }
     }
@@ -194,7 +194,7 @@ pub trait Study: Sync {
         None
     }
 
-    /// By how much the predictions of two fits differ, row by row; none where that cannot be computed.
+    /// Absolute differences of the predictions of two fits, row by row; `None` where they cannot be computed.
     fn prediction_difference(
         &self,
         _one: &Self::Fit,

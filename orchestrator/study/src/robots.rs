@@ -93,7 +93,7 @@ struct RobotModel {
     steps_m: Vec<[f64; 2]>,
 }
 
-/// What a configuration says beside the dynamics.
+/// Settings that the configuration states, so that they are not fitted.
 #[derive(Clone, Debug, Default)]
 pub struct StatedSettings {
     /// It says a car's wheelbase; otherwise that is fitted with the noise.

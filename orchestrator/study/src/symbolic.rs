@@ -20,7 +20,7 @@ const HALVES: i32 = 5;
 /// Least known values of a covariate, for a formula.
 const LEAST_ROWS: usize = 200;
 
-/// A short formula for what a model leaves.
+/// A short formula for the residuals of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FittedFormula {
     /// The expression, as `extend --formula` takes it.
@@ -112,7 +112,7 @@ pub fn constant(deviations: &[f64], target: &'static str) -> Option<FittedFormul
     rmse.is_finite().then(|| FittedFormula::new(format!("{level:.6}"), target, rmse))
 }
 
-/// What a formula is to describe.
+/// The residuals that a formula is to describe.
 #[derive(Clone, Copy, Debug)]
 pub struct UnexplainedResiduals<'a> {
     /// Measured less predicted, row by row; NaN where unknown.

@@ -1,4 +1,4 @@
-//! Which of the candidates that are acceptable is taken, and which cannot be told from it.
+//! Choice among acceptable candidates, and the candidates that are statistically indistinguishable from the chosen one.
 
 use super::{COMMON, CandidateTest, NEARLY, Search, with_term, without_term};
 use crate::acceptance::{FAMILY_ERROR, WORTH_NATS};
@@ -10,15 +10,15 @@ use std::collections::BTreeMap;
 use study::Study;
 use tracing::debug;
 
-/// A law that explains this share of what levels per link or node do goes before them.
+/// Prefer a physical effect over random effects if it gains at least this share of what they gain.
 const MOSTLY: f64 = 0.85;
-/// What gains so much by chance with at most this probability is likely: enough, where something else is beyond doubt.
+/// Level of significance without correction, used where another test has shown already that something is missing.
 const LIKELY: f64 = 0.05;
 
-/// What a curve explains beyond an effect by chance with at most this probability, were all rows independent, the effect cannot.
+/// Level of the likelihood-ratio test by which a curve replaces an effect nested in it; rows count as independent.
 const BEYOND_DOUBT: f64 = 1e-6;
 
-/// The test wanted that gains most on the common split; the first of equals.
+/// The index of the wanted test with the greatest gain on the common split; the first of equal ones.
 fn greatest_gain(
     tests: &[CandidateTest],
     wanted: &dyn Fn(&CandidateTest) -> bool,
@@ -29,7 +29,7 @@ fn greatest_gain(
 }
 
 impl<S: Study> Search<'_, S> {
-    /// Whether a test's candidate is a free curve over something, which names no cause.
+    /// Whether a test's candidate is a spline over a covariate, which names no physical cause.
     fn is_curve(&self, test: &CandidateTest) -> bool {
         self.study.candidates()[test.term].curve_over().is_some()
     }
@@ -149,9 +149,10 @@ impl<S: Study> Search<'_, S> {
         greatest_gain(tests, &goes_before)
     }
 
-    /// Where the best is random, which fits any pattern of known links and nodes: the law that predicts unknown ones best, beyond
-    /// chance with everything random carried along; else the simplest that explains nearly as much, for levels about a mean that
-    /// is wrong explain the mean, too.
+    /// Where the best candidate is a random effect, which fits any pattern of known links and nodes, the physical effect to prefer.
+    /// That is the one that predicts unseen places significantly better, random effects included in both models. If there is none,
+    /// it is the one with the fewest parameters that gains at least [`MOSTLY`] as much: random effects about a wrong mean explain
+    /// the mean, too.
     fn effect_instead_of_random(
         &self,
         best: usize,
@@ -191,12 +192,12 @@ impl<S: Study> Search<'_, S> {
         })
     }
 
-    /// What one candidate gains over another on the common split.
+    /// Gain of one candidate over another on the common split.
     fn gain_between(&self, a: &CandidateTest, b: &CandidateTest, accepted: &[usize]) -> Gain {
         self.gain_between_at(a, b, accepted, COMMON)
     }
 
-    /// What one candidate gains over another.
+    /// Gain of one candidate over another, both on top of `accepted`, over blocks of a level.
     fn gain_between_at(
         &self,
         a: &CandidateTest,
@@ -207,14 +208,15 @@ impl<S: Study> Search<'_, S> {
         self.gain(&with_term(accepted, a.term), &with_term(accepted, b.term), level)
     }
 
-    /// The level at which both are judged; the common split, if they differ.
+    /// The level at which both candidates are judged; the common split if their levels differ.
     fn common_level(&self, a: &CandidateTest, b: &CandidateTest) -> Level {
         let [a, b] =
             [a, b].map(|test| self.study.judging_level(self.study.candidates()[test.term].level));
         if a == b { a } else { COMMON }
     }
 
-    /// Whether two candidates predict alike, and neither adds anything to the other.
+    /// Whether two candidates are indistinguishable: their held-out scores agree within two standard errors, and neither gains
+    /// significantly on top of the other.
     fn is_tied(&self, a: &CandidateTest, b: &CandidateTest, accepted: &[usize]) -> bool {
         let difference = self.gain_between(a, b, accepted);
         // What is not beyond chance by its own measure may well explain more where places and nodes are known.
@@ -234,8 +236,8 @@ impl<S: Study> Search<'_, S> {
         !((b.is_significant && adds(a, b)) || adds(b, a))
     }
 
-    /// Whether a candidate that is not beyond chance by its own measure, places and nodes left out, explains the rows nearly as
-    /// well as the chosen one where these are known.
+    /// Whether a candidate that is not significant on held-out places or nodes raises the likelihood of all rows by at least
+    /// [`NEARLY`] as much as the chosen one.
     fn is_rival(&self, best: &CandidateTest, test: &CandidateTest, accepted: &[usize]) -> bool {
         let candidate = &self.study.candidates()[test.term];
         if candidate.untestable.is_some()
@@ -257,8 +259,7 @@ impl<S: Study> Search<'_, S> {
         })
     }
 
-    /// Candidates that cannot be told from the chosen one: other curves from a curve, which no effect explains as well, and from
-    /// an effect other effects.
+    /// Candidates that are indistinguishable from the chosen one: other curves if it is a curve, other effects if it is an effect.
     pub(super) fn ties(
         &self,
         best: usize,
@@ -278,7 +279,8 @@ impl<S: Study> Search<'_, S> {
         tests.par_iter().enumerate().filter(is_tied).map(|(_, test)| test.term).collect()
     }
 
-    /// Strikes out candidates that could not be told from an accepted one when it was taken, and can with all that came after it.
+    /// Drops ties that the terms accepted later resolve: candidates that were indistinguishable from an accepted one when it was
+    /// accepted, and no longer are.
     pub(super) fn drop_resolved_ties(&self, decided: &mut [CandidateTest], accepted: &[usize]) {
         let Some(&last) = accepted.last() else { return };
         for test in decided.iter_mut().filter(|test| test.term != last) {
@@ -294,8 +296,7 @@ impl<S: Study> Search<'_, S> {
         }
     }
 
-    /// Whether a curve has another in it that is beyond chance, and what it has beyond that is not even likely, were all rows
-    /// independent.
+    /// Whether a significant curve is nested in this one, and a likelihood-ratio test at [`LIKELY`] does not reject the nested one.
     fn is_no_better_than_nested(
         &self,
         test: &CandidateTest,
@@ -308,8 +309,8 @@ impl<S: Study> Search<'_, S> {
             .any(|p_value| LIKELY < p_value)
     }
 
-    /// The probability by chance of what a curve explains beyond another that it has in it, were all rows independent; none where
-    /// it has not.
+    /// P-value of the likelihood-ratio test of a candidate against one that is nested in it, on top of `accepted`; `None` if
+    /// `special` is not nested in it.
     fn p_value_beyond_nested(
         &self,
         test: &CandidateTest,
@@ -326,16 +327,16 @@ impl<S: Study> Search<'_, S> {
         Some(self.likelihood_ratio_p_value(&general, &within, more))
     }
 
-    /// The probability by chance of what a fit explains beyond another that it has in it, with so many numbers more, were all rows
-    /// independent.
+    /// P-value of the likelihood-ratio test of a fit against a nested one with `more` parameters fewer, by the chi-squared
+    /// distribution. Rows count as independent.
     fn likelihood_ratio_p_value(&self, general: &S::Fit, within: &S::Fit, more: usize) -> f64 {
         let [high, low] = [general, within].map(|fit| self.study.log_likelihood(fit));
         let law = ChiSquared::new(more as f64);
         law.map_or(1.0, |law| law.sf(2.0 * (high - low).max(0.0)))
     }
 
-    /// Of the curves that have the chosen one in them that which explains most beyond it, if that is more than likely with all of
-    /// them counted: it names a cause. That the chosen one cannot be told from it is said.
+    /// Of the curves in which the chosen one is nested, the one with the least p-value against it, if it is significant at
+    /// [`LIKELY`] after Bonferroni's correction for all of them.
     fn richer_curve(
         &self,
         chosen: usize,
@@ -355,8 +356,8 @@ impl<S: Study> Search<'_, S> {
         best.filter(|(_, p_value)| *p_value < likely).map(|(index, _)| index)
     }
 
-    /// An accepted term, and the test that had better stand in its place: it is beyond chance on top of all, and predicts more
-    /// without the other, or, as its special case, as much.
+    /// Exchange step: an accepted term, and the index of the test whose effect should replace it. The effect is plausible on top of
+    /// all accepted terms, and predicts held-out rows better without the old term, or as well if it is a special case of that term.
     pub(super) fn exchange_step(
         &self,
         tests: &[CandidateTest],
@@ -383,8 +384,9 @@ impl<S: Study> Search<'_, S> {
         None
     }
 
-    /// An accepted effect, and the curve that had better stand in its place: the curve has the effect in it, predicts better, and
-    /// explains what the effect and another level cannot, beyond doubt. To call such a thing by the effect's name would be wrong.
+    /// An accepted effect, and the curve that should replace it because the dependence is not linear. The effect is nested in the
+    /// curve, the curve predicts held-out rows better, and a likelihood-ratio test at [`BEYOND_DOUBT`] rejects the effect with a
+    /// constant offset.
     pub(super) fn nonlinear_replacement(
         &self,
         accepted: &[usize],
@@ -423,9 +425,9 @@ impl<S: Study> Search<'_, S> {
         Some((vec![old], self.test_candidate(&without_term(accepted, old), curve)))
     }
 
-    /// Accepted terms, and the one candidate that had better stand in place of them all: it could not be told from any of them,
-    /// and predicts as well as they do together. That something is missing is beyond doubt, so that by its own measure it need
-    /// but be likely.
+    /// Several accepted terms, and the one candidate that should replace them all. It was indistinguishable from each of them, and
+    /// predicts held-out rows as well as they do together. The data have shown that something is missing, so a p-value below
+    /// [`LIKELY`] at its own level suffices.
     pub(super) fn single_replacement(
         &self,
         decided: &[CandidateTest],

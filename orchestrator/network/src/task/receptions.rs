@@ -7,7 +7,7 @@ use proto::types::{Deliveries, Heard, NS_PER_S, Payloads, Transmissions};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// One robot heard another.
+/// One message of a robot that another received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReceivedMessage {
     /// When it was sent (ns).
@@ -22,7 +22,7 @@ pub struct ReceivedMessage {
     pub rssi_dbm: Option<f32>,
 }
 
-/// All that was heard, in the order in which it was received.
+/// All received messages, in order of reception.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receptions {
     deliveries: Vec<ReceivedMessage>,
@@ -34,7 +34,7 @@ pub struct Receptions {
 const OF_RUN: [&str; 5] = ["sender", "receiver", "sent_ns", "received", "received_ns"];
 
 impl Receptions {
-    /// Of deliveries in any order.
+    /// Sorts received messages and drops duplicates.
     #[must_use]
     pub fn from_unsorted(mut deliveries: Vec<ReceivedMessage>) -> Self {
         deliveries.sort_by_key(|it| (it.received_ns, it.sent_ns, it.sender, it.receiver));

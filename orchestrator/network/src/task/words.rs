@@ -28,7 +28,7 @@ fn figure_text(k: usize, value: f64, runs: &TaskRuns) -> String {
     format!("{} is {}{space}{unit}, not {has}", FIGURES[k].name, number(value))
 }
 
-/// A part in words: with its chance and the figure in which it shows most.
+/// A comparison in words: its p-value, and the figure that deviates most.
 fn placement_text(placing: RunPlacement, value: &dyn Fn(usize) -> f64, runs: &TaskRuns) -> String {
     let most = placing
         .furthest

@@ -36,7 +36,7 @@ impl ActiveEffect {
     }
 }
 
-/// Effects with which registers read otherwise.
+/// The effects that change what registers read.
 #[derive(Clone, Debug)]
 pub(super) struct AlteredRegister<'a> {
     effects: Vec<&'a dyn Effect>,
@@ -44,7 +44,7 @@ pub(super) struct AlteredRegister<'a> {
 }
 
 impl<'a> AlteredRegister<'a> {
-    /// Of the effects of terms, held against these rows.
+    /// Selects them among the effects of a model's terms.
     pub(super) fn from_effects(effects: &'a [Option<ActiveEffect>], rows: &Rows) -> Self {
         let all = || effects.iter().flatten();
         let is_bent = rows.is_bent || all().any(|active| active.register == Register::Bent);

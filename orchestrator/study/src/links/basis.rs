@@ -18,7 +18,7 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// What the term adds to a row with these values of its parameters (dB).
+    /// Contribution of the term to a row's mean power (dB), at these values of its parameters.
     #[must_use]
     pub fn contribution(&self, values: &[f64], row: usize) -> f64 {
         self.columns

@@ -8,7 +8,7 @@
 use super::likelihood::RowLikelihood;
 use nalgebra::{DMatrix, DVector};
 
-/// Which random levels a model has, as standard deviations (dB); 0: none.
+/// Standard deviations (dB) of the random effects of a model; 0: the model has none of that kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RandomEffectSds {
     /// Of a link, at a place.
@@ -21,7 +21,7 @@ pub struct RandomEffectSds {
     pub rx_db: f64,
 }
 
-/// The cells of every row, by number.
+/// The groups of every row for random effects: link, nodes and channel, by number.
 #[derive(Clone, Debug)]
 pub struct RowCells {
     /// Link and place.
@@ -79,7 +79,7 @@ impl Random {
         }
     }
 
-    /// The same levels with other spreads; none where a spread is 0.
+    /// The same random effects with other standard deviations; 0 where the standard deviation is 0.
     #[must_use]
     pub fn with_sds(&self, sd: RandomEffectSds) -> Self {
         let mut other = Self { sd, ..self.clone() };

@@ -25,7 +25,7 @@ pub struct Products {
     sums: Vec<Vec<[f64; 3]>>,
 }
 
-/// A length, and how well it is known.
+/// A fitted correlation length with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorrelationLength {
     /// Where the covariance has fallen to 1/e.
@@ -90,7 +90,7 @@ impl Products {
         })
     }
 
-    /// Mean lag, mean product and number of pairs by bin, a part left out.
+    /// Mean lag, mean product and number of pairs by bin, without one group of rows (for the jackknife).
     fn bins_without(&self, group: Option<usize>) -> Vec<[f64; 3]> {
         let kept = || (0..GROUPS).filter(|&other| Some(other) != group);
         (0..self.edges.len())

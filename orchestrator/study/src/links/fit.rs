@@ -38,7 +38,7 @@ pub struct LinkFit {
     effects: Vec<Option<ActiveEffect>>,
 }
 
-/// What is fitted.
+/// A fit to be made: rows, terms, and what is held fixed.
 pub struct FitProblem<'a> {
     /// The measurements and the configured model.
     pub rows: &'a Rows,
@@ -64,7 +64,7 @@ pub struct FitProblem<'a> {
     pub bases: Vec<Option<Arc<Basis>>>,
 }
 
-/// Which standard deviations of random levels a fit may change.
+/// The random effects whose standard deviations a fit estimates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FreeRandomEffects {
     /// Of links.
@@ -78,7 +78,7 @@ pub struct FreeRandomEffects {
 /// By how much a value at a knot is changed for a derivative.
 const CURVE_STEP: f64 = 1e-3;
 
-/// How far a fit goes.
+/// Limits on the iterations of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IterationLimits {
     /// Most steps of Newton's method.
@@ -126,7 +126,7 @@ impl<'a> FitProblem<'a> {
             .collect()
     }
 
-    /// What a term adds to the rows.
+    /// Contribution of a term to each row of the training set: mean power (dB), shift of the reception curve (dB), log survival.
     fn contribution(
         &self,
         term: usize,

@@ -6,14 +6,14 @@ use crate::RowScore;
 use density::FadingDensity;
 use measure::links::{LinkRow, Readings};
 
-/// What a model says about a row.
+/// Prediction of a row by a model: received power, register and loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowPrediction {
     /// Mean power at the receiver (dBm).
     pub power_dbm: f64,
-    /// What the register reads more than that (dB).
+    /// Bias of the register at that power (dB).
     pub register_db: f64,
-    /// The powers of which the row's reading is read.
+    /// The range of powers that gives the row's reading.
     pub range: PowerRange,
     /// By how much the reception curve is shifted (dB).
     pub shift_db: f64,
@@ -23,10 +23,10 @@ pub struct RowPrediction {
     pub stated: Option<f64>,
 }
 
-/// What a register reads of a power (dBm).
+/// Response of a register: the reading (dBm) at a power (dBm).
 pub type RegisterResponse<'a> = &'a dyn Fn(f64) -> f64;
 
-/// Logarithm of a row's likelihood, and how it changes.
+/// Log likelihood of a row, and its derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RowLikelihood {
     /// Log likelihood (nats).
@@ -227,7 +227,7 @@ impl Instrument {
         }))
     }
 
-    /// As [`FadingDensity::log_density_at`], of several deviations together, each with its weight.
+    /// As [`FadingDensity::log_density_at`], of a weighted mixture of several deviations.
     fn mixture<const N: usize>(&self, points: [(f64, f64); N]) -> RowLikelihood {
         let parts = points
             .map(|(deviation_db, weight)| (self.of_strength.log_density_at(deviation_db), weight));

@@ -13,7 +13,7 @@ const REACH_SD: f64 = 6.0;
 const KERNEL_STEP_SD: f64 = 1.0 / 8.0;
 const KERNEL_REACH_SD: f64 = 5.0;
 
-/// What varies about the mean level from frame to frame beside normal noise: levels (dB) with their probabilities.
+/// Discrete part of the fading from frame to frame, beside normal noise: deviations from the mean power (dB) with their probabilities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PowerMixture(pub Vec<(f64, f64)>);
 
@@ -94,7 +94,7 @@ pub struct SampledCurve {
 }
 
 impl SampledCurve {
-    /// Of a curve.
+    /// Samples a reception curve at equal steps.
     #[must_use]
     pub fn tabulate(curve: &dyn Curve) -> Self {
         let from_dbm = curve.floor_dbm().max(-200.0);
@@ -214,7 +214,7 @@ impl AveragedCurve {
         (self.values.len() - 1) as f64 * self.step
     }
 
-    /// At a mean level.
+    /// The interpolated probability of reception at a mean power (dBm), with its derivatives.
     #[must_use]
     pub fn reception_at(&self, dbm: f64) -> Chance {
         let place = ((dbm - self.from_dbm) / self.step).max(0.0);

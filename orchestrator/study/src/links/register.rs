@@ -22,7 +22,7 @@ pub enum Register {
 }
 
 impl Register {
-    /// Of what is read at every power (dBm).
+    /// Classifies a register by its response: the reading (dBm) at every power (dBm).
     #[must_use]
     pub fn classify(read_dbm: &dyn Fn(f64) -> f64) -> Self {
         let more_db = |step: i32| {
@@ -43,7 +43,7 @@ impl Register {
     }
 }
 
-/// The powers that have one reading.
+/// The range of powers that gives one reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PowerRange {
     /// The reading less the power in their middle (dB).

@@ -33,7 +33,7 @@ pub struct Rows {
     silent_frames: Vec<f64>,
 }
 
-/// What a model says about a row, scatter apart.
+/// Prediction of a row by the configured model, without fading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BasePrediction {
     /// Mean power at the receiver (dBm).

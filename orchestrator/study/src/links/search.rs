@@ -75,7 +75,7 @@ fn ways(rows: &Rows, train: &[u32], left: &[RowLikelihood]) -> Vec<LinkPath> {
     ways.into_values().collect()
 }
 
-/// A place that may attenuate.
+/// A candidate obstacle in the plane: a wall or a disc (m).
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum ObstacleShape {
     Segment([f64; 2], [f64; 2]),

@@ -7,7 +7,7 @@ use proto::config::{Default, Registry};
 use proto::effect::{CONSTANT, Parameter, Search};
 use std::sync::Arc;
 
-/// What a term is made of.
+/// The kind of a term, with what is needed to build it.
 #[derive(Clone, Debug)]
 pub enum TermSpec {
     /// An effect of the catalogue.
@@ -55,7 +55,7 @@ impl TermSpec {
     }
 }
 
-/// A smooth curve over a covariate, linear between knots: of the mean level (dB), or of the share of frames lost.
+/// A linear spline over a covariate: of the mean power (dB), or of the loss rate.
 #[derive(Clone, Debug)]
 pub struct LinkCurve {
     /// The covariate.
@@ -107,7 +107,8 @@ impl LinkCurve {
         if x.is_nan() { [(0, 0.0); 2] } else { knots::shares(&self.knots, x) }
     }
 
-    /// What it adds to a row with these values at the knots: power, shift of the curve, logarithm of survival.
+    /// Contribution to a row with these values at the knots: mean power (dB), shift of the reception curve (dB), and log probability
+    /// that a frame is not lost otherwise.
     #[must_use]
     pub fn contribution(&self, values: &[f64], row: usize) -> [f64; 3] {
         let value = self.shares(row).iter().map(|&(k, part)| part * values[k]).sum::<f64>();
@@ -119,7 +120,7 @@ impl LinkCurve {
     }
 }
 
-/// A term in a fit.
+/// A term in a fit, with the present values of its parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TermState {
     /// Keys that are not fitted by slopes.

@@ -45,14 +45,14 @@ pub(super) struct Number {
     pub(super) step: f64,
 }
 
-/// What a change of numbers leaves as it is.
+/// Parts of a fit that a change of parameters leaves unchanged, so that they need not be computed again.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Unchanged<'a> {
     pub(super) paths: Option<&'a ModelPaths>,
     pub(super) actings: Option<&'a [Acting<'a>]>,
 }
 
-/// The state of a fit.
+/// Parameter values of a fit, with what was computed from them.
 pub(super) struct FitState {
     pub(super) values: Vec<f64>,
     pub(super) paths: ModelPaths,
@@ -168,7 +168,7 @@ impl RobotModel {
         looks
     }
 
-    /// A fit whose thresholds and other numbers are at their likeliest together: at another threshold others are.
+    /// Refines thresholds and other parameters jointly, since the optimum of each depends on the others.
     fn jointly_refined(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
         let mut fit = self.refined(fit, train);
         if fit.terms.iter().all(|&term| self.threshold_on(term).is_none()) {

@@ -44,7 +44,7 @@ pub(super) struct MeasuredTracks {
 /// count. Empty where motion depends on the place.
 pub(super) type ModelPaths = Vec<Vec<Robot>>;
 
-/// What is known of a robot when a window begins.
+/// Estimated state of a robot when a window begins.
 #[derive(Clone, Copy, Debug, Default)]
 struct StateEstimate {
     robot: Robot,
@@ -319,7 +319,7 @@ impl MeasuredTracks {
         Robot { position_m: first.position_m, heading_rad, drive, ..Robot::default() }
     }
 
-    /// What is known of a robot at each sample of its track.
+    /// Estimated state of a robot at each sample of its track.
     fn state_estimates(
         &self,
         track: usize,

@@ -52,7 +52,7 @@ const TOP_STEPS: usize = 16;
 /// By how much the spread of frames is changed for a derivative.
 const WIDER: f64 = 1.02;
 
-/// What is seen of a row.
+/// Frames sent and received in a row, and their mean reading.
 #[derive(Clone, Copy)]
 struct RowCounts {
     /// Frames sent, as many as were worth as much if they were independent.
@@ -88,7 +88,7 @@ impl RowCounts {
     }
 }
 
-/// As many independent frames say as much as so many of a row.
+/// Effective sample size of so many frames of one row, which are correlated.
 fn effective_frames(frames: f64) -> f64 {
     frames / (1.0 + (frames - 1.0) * ALIKE)
 }
@@ -518,8 +518,8 @@ fn mean_variance(variance: f64, readings: f64) -> f64 {
     (variance / readings).max(LEAST_SD_DB * LEAST_SD_DB)
 }
 
-/// Logarithm of what a row's likelihood is multiplied by whatever the level: the number of ways in which so many of the frames are
-/// received, and by how much wider powers lie than readings.
+/// The part of a row's log likelihood that does not depend on the mean power: the binomial coefficient, and the Jacobian of the
+/// register's response.
 fn ln_constant(seen: &RowCounts, level: &RowPrediction) -> f64 {
     let ln_stretch =
         if seen.reading_dbm.is_finite() { libm::log(level.range.stretch) } else { 0.0 };

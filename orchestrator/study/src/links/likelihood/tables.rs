@@ -2,7 +2,7 @@
 
 use super::{RowLikelihood, cubic};
 
-/// What rows of which nothing was received say by their mean level, tabulated at equal steps.
+/// Log likelihood of rows in which no frame was received over the mean power, tabulated at equal steps.
 #[derive(Clone, Debug)]
 pub struct SilentRowTable {
     pub(super) sent: f64,
@@ -12,7 +12,7 @@ pub struct SilentRowTable {
 }
 
 impl SilentRowTable {
-    /// At a mean level; none above the table.
+    /// Interpolated at a mean power (dBm); `None` above the table.
     pub(super) fn likelihood_at(&self, dbm: f64) -> Option<RowLikelihood> {
         let place = ((dbm - self.from_dbm) / self.step).max(0.0);
         let index = place as usize;
@@ -47,7 +47,7 @@ pub struct FrameTable {
 }
 
 impl FrameTable {
-    /// At a level: cubic between points where slopes are known, else linear.
+    /// Interpolated at a mean power (dBm): cubic where slopes are known, else linear.
     pub(super) fn moments_at(&self, dbm: f64) -> FrameMoments {
         let last = self.rows.len() - 1;
         let place = ((dbm - self.from_dbm) / self.step).clamp(0.0, last as f64);
@@ -66,7 +66,7 @@ impl FrameTable {
     }
 }
 
-/// What a frame does at a level.
+/// Probabilities and moments of a frame at one mean power.
 pub(super) struct FrameMoments {
     pub(super) ln_passes: f64,
     pub(super) ln_fails: f64,

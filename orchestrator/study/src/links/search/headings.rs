@@ -221,7 +221,7 @@ pub fn patterns(
     best.map_or_else(|| starts.to_vec(), |(_, sought)| vec![state_of(&sought, &nodes, &starts[0])])
 }
 
-/// A pattern that a fit has, and what its rows say.
+/// The antenna pattern of a fit, and the derivatives of the likelihood of its rows.
 struct FittedPattern {
     nodes: Vec<u32>,
     sought: Sought,
@@ -267,7 +267,7 @@ pub fn errors(
     Some([error(0), error(1)])
 }
 
-/// A pattern once more, about the fit with it: the parabola was one about the fit without.
+/// Refines a pattern by the likelihood about the fit that includes it: the first search approximated the one without.
 #[must_use]
 pub fn refine(rows: &Rows, train: &[u32], left: &[RowLikelihood], state: &TermState) -> TermState {
     let FittedPattern { nodes, sought, all } = fitted_pattern(rows, train, left, state);
