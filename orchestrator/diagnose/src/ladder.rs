@@ -13,16 +13,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 use study::{COMMON, Candidate, RowScore, Study};
 use tracing::debug;
 
-/// A term that raises the likelihood of all rows together by less (nats) is not beyond chance on rows left out: where the mean of a
-/// logarithm of a likelihood ratio is m, its variance is about 2 m, so that it stands √(m/2) standard errors above 0, and 2.58 are
-/// needed if it were the only candidate. On rows left out it gains less than on those it was fitted to.
+/// A term that raises the log likelihood of all rows by less (nats) cannot be significant on held-out rows. A log likelihood ratio
+/// with mean m has a variance of about 2 m, so that it lies √(m/2) standard errors above 0; a single candidate needs 2.58. The gain
+/// on held-out rows is smaller than on the rows of the fit.
 const HOPELESS_NATS: f64 = 12.0;
-/// A candidate that raises the likelihood by less than this (nats) beyond a special case of it says nothing more than that: for
-/// three numbers more, as much comes by chance in one case of 140.
+/// A candidate that raises the log likelihood by less than this (nats) beyond a special case of it is no better than that: with three
+/// parameters more, as much comes by chance in one case of 140.
 const NOTHING_MORE_NATS: f64 = 6.0;
-/// A rival raises the likelihood by at least this share of what the chosen one does.
+/// A rival raises the log likelihood by at least this share of what the chosen candidate does.
 const NEARLY: f64 = 0.8;
-/// No ladder has more rungs.
+/// The selection accepts no more terms than this.
 const MOST_TERMS: usize = 8;
 
 /// The result of the last test of a candidate on top of the accepted terms.

@@ -34,6 +34,6 @@ pub enum Progress<'a> {
         /// Its name.
         name: &'a str,
     },
-    /// The search has ended; candidates that cannot be told from the accepted ones are collected.
+    /// The search has ended; candidates that are indistinguishable from the accepted ones are collected.
     Ties,
 }

@@ -45,8 +45,8 @@ pub struct Unexplained {
 pub struct StandardisedResiduals<'a> {
     /// A value per row; NaN where there is none.
     pub values: &'a [f64],
-    /// How many times greater the mean square error of the model as configured is than what is left: shares of the one are so
-    /// many times smaller than shares of the other. At least 1.
+    /// Mean squared error of the model as configured over that of these residuals, at least 1: it scales shares of the one to shares
+    /// of the other.
     pub configured: f64,
 }
 

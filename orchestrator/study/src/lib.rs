@@ -236,7 +236,7 @@ pub trait Study: Sync {
     /// Predicts rows that the fit has not seen.
     fn scores(&self, fit: &Self::Fit, test: &[u32]) -> Vec<RowScore>;
 
-    /// The numbers of a term, with intervals, from a fit to all rows; and a warning where two cannot be told apart.
+    /// Parameters of a term, with intervals, from a fit to all rows; and a warning where two of them are not identifiable.
     fn estimates(&self, fit: &Self::Fit, term: usize) -> (Vec<Estimate>, Option<String>);
 
     /// The configuration of a term as fitted: the keys of its section, `kind` among them. None where it is not in the fit,

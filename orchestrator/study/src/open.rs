@@ -302,7 +302,7 @@ fn absent(config: &Compared, rows: &Rows) -> Option<String> {
     })
 }
 
-/// What cannot be told because too few parts of the data are independent of each other.
+/// Warnings about the candidates that cannot be tested because the data fall into too few independent blocks.
 fn too_few<S: Study>(study: &S) -> Vec<String> {
     let names = |level: Level| {
         let names: Vec<&str> = study

@@ -123,9 +123,9 @@ impl<S: Study> Search<'_, S> {
         Some(best)
     }
 
-    /// A special case of the best that goes before it. One that predicts unknown places, with everything random carried along,
-    /// does; any other only if it explains as much. That something is missing is beyond doubt, so that one which is
-    /// beyond chance by itself need not be so with all candidates counted, if it explains more.
+    /// A special case of the best candidate that is preferred to it. An acceptable one that is judged on unseen places is preferred;
+    /// any other only if it gains as much. The data have shown that something is missing, so a special case that is significant
+    /// without the correction is preferred if it gains more.
     fn special_case(
         &self,
         best: usize,

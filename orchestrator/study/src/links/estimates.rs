@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 /// Standard errors to either side of a 90 % interval, and what lies beyond each of its ends.
 const NINETY: f64 = 1.645;
 const TAIL: f64 = 0.05;
-/// Estimates that are correlated beyond this cannot be told apart.
+/// Two parameters whose estimates are correlated beyond this are not identifiable.
 const CONFUSABLE: f64 = 0.97;
 
 impl LinkStudy {
@@ -169,7 +169,7 @@ impl LinkStudy {
         ends(one).into_iter().zip(ends(other)).map(moved).sum()
     }
 
-    /// Products of what is left of readings, levels of nodes apart, by the lag of two rows of a link; none: they are not compared.
+    /// Products of the residuals of two rows of a link, random effects of nodes removed, by their lag; none: they are not compared.
     /// Rows that might as well have been lost are left out: they are read only where their level is high.
     fn products(
         &self,

@@ -364,8 +364,8 @@ impl RobotModel {
         self.ended(fit, at)
     }
 
-    /// Covariance of the numbers of a fit to all windows, blocks of windows being independent; and the correlations by which
-    /// some cannot be told apart.
+    /// Covariance of the parameters of a fit to all windows, clustered over blocks of windows. Correlations near 1 in it show which
+    /// parameters are not identifiable.
     pub(super) fn covariance(&self, fit: &RobotFit, blocks: &Blocks) -> Option<DMatrix<f64>> {
         let all = blocks.fitted();
         let point = self.point(fit, &all)?;

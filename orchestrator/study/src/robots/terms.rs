@@ -187,7 +187,7 @@ impl RobotStudy {
     }
 }
 
-/// Why an effect cannot be told from these data.
+/// Why an effect cannot be tested on these data.
 fn untestable(
     entry: &Entry,
     on: Option<&str>,
