@@ -30,24 +30,26 @@ use std::sync::Arc;
 
 /// Description of `[netsim]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "The network: who hears whom.",
+    doc: "The network and its radio.",
     fields: &[
         Field {
             key: "slot_duration_s",
-            doc: "Length of a slot (s), a whole part of the control period. 0.01: IEEE Std 802.15.4-2015's default timeslot.",
+            doc: "Length of a slot (s); the control period must be a multiple of it. 0.01: IEEE Std 802.15.4-2015's \
+                  default timeslot.",
             kind: Kind::Number(Range::closed(1e-6, 1e3)),
             default: Default::Number(0.01),
         },
         Field {
             key: "hopping_sequence",
-            doc: "Channels by absolute slot number. Absent: 16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21 \
-                  with mode = \"6tisch\" or a trace; otherwise frames have no channel and are sent on carrier_hz.",
+            doc: "Hopping sequence: IEEE 802.15.4 channels by absolute slot number. Absent: 16, 17, 23, 18, 26, 15, 25, \
+                  22, 19, 11, 12, 13, 24, 14, 20, 21 with mode = \"6tisch\" or a trace; otherwise frames have no channel \
+                  and are sent on carrier_hz.",
             kind: Kind::List { of: &Kind::Integer { min: 11, max: 26 }, min: 1, max: 512 },
             default: Default::Absent,
         },
         Field {
             key: "absent",
-            doc: "Motes that are left out until an order adds them.",
+            doc: "Motes that are absent until an event of the timeline adds them.",
             kind: Kind::List {
                 of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
                 min: 0,
@@ -59,19 +61,19 @@ pub const SPEC: TableSpec = TableSpec {
     ],
     tag: Some(&Tag {
         key: "mode",
-        doc: "What is simulated.",
+        doc: "The level of detail of the simulation.",
         default: Some("propagation-only"),
         variants: Variants::Fixed(&[
             Variant {
                 name: "propagation-only",
-                doc: "No protocols: in every control period each payload is broadcast once, and every other radio receives \
-                      it with the probability that the physics gives. Frames do not disturb each other.",
+                doc: "No protocols: each payload is broadcast once per control period, and every other radio receives \
+                          it with the probability that the physics gives. Frames do not interfere.",
                 fields: &[],
             },
             Variant {
                 name: MODE_6TISCH,
-                doc: "The full network: TSCH, a scheduling function, 6P, 6LoWPAN, RPL and admission, on a medium in which \
-                      frames disturb each other.",
+                doc: "The full network: TSCH, a scheduling function, 6P, 6LoWPAN, RPL and admission, on a medium with \
+                          interference.",
                 fields: network::FIELDS,
             },
         ]),
@@ -102,44 +104,45 @@ pub const PHY: TableSpec = TableSpec {
         },
         Field {
             key: "carrier_hz",
-            doc: "Frequency (Hz) where no channel is known. The 6TiSCH simulator has 2.4e9.",
+            doc: "Carrier frequency (Hz) if no channel is known. The 6TiSCH simulator has 2.4e9.",
             kind: Kind::Number(Range::closed(1e6, 1e12)),
             default: Default::Number(2.44e9),
         },
         Field {
             key: "antenna_height_m",
-            doc: "Height of antennas above positions (m), where all positions are planar (z = 0).",
+            doc: "Height of antennas above positions (m), if all positions are planar (z = 0).",
             kind: Kind::Number(Range::NOT_NEGATIVE),
             default: Default::Absent,
         },
         Field {
             key: "min_distance_m",
-            doc: "Distances below this (m) count as this: closer, Friis has no meaning.",
+            doc: "Minimum distance (m): smaller distances count as this, because the Friis equation is invalid at short \
+                  range.",
             kind: Kind::Number(Range::closed(1e-3, 1e3)),
             default: Default::Number(0.1),
         },
         Field {
             key: "noise_sd_db",
-            doc: "Standard deviation (dB) of normal noise on the strength of every frame, clipped at 5 of it. Absent: none in \
-                  a run; estimated where the model is compared with measurements.",
+            doc: "Standard deviation (dB) of normal noise on the RSSI of every frame, clipped at 5 sd. Absent: 0 in a run; \
+                  estimated when the model is compared with measurements.",
             kind: Kind::Number(Range::closed(0.0, 30.0)),
             default: Default::Absent,
         },
         Field {
             key: "reception",
-            doc: "How the strength of a frame decides whether it is received.",
+            doc: "Reception model: how the RSSI of a frame determines whether it is received.",
             kind: Kind::Table(&reception::SPEC),
             default: Default::Table,
         },
         Field {
             key: "interference",
-            doc: "What frames that are on the air together do to each other. Used by mode = \"6tisch\" only.",
+            doc: "Interference model: how simultaneous frames affect each other. Used by mode = \"6tisch\" only.",
             kind: Kind::Table(&interference::SPEC),
             default: Default::Table,
         },
         Field {
             key: "effect",
-            doc: "Physical effects that are added to the base model.",
+            doc: "Physical effects added to the base model; `orchestrator effects` lists them.",
             kind: Kind::Tables(&effect::SPEC),
             default: Default::Absent,
         },
@@ -312,8 +315,10 @@ pub fn read(
     let step_ns = setup.experiment.step_ns;
     let is_refused = problems.iter().any(|problem| problem.path == at("slot_duration_s"));
     if !is_refused && !step_ns.is_multiple_of(slot_ns) {
-        let message =
-            format!("must divide the control period, {} s, into whole slots", seconds(step_ns));
+        let message = format!(
+            "must divide the control period, {} s, into a whole number of slots",
+            seconds(step_ns)
+        );
         let nearest = seconds(nearest_divisor(step_ns, slot_ns));
         problems.push(Problem::new(at("slot_duration_s"), message).value(slot_s).nearest(nearest));
     }
@@ -323,7 +328,7 @@ pub fn read(
     for (index, &mote) in keys.absent.iter().enumerate() {
         let key = at(&format!("absent[{index}]"));
         if agent_count <= mote as usize {
-            let message = format!("must be a mote, 0 to {}", agent_count - 1);
+            let message = format!("must be the number of a mote, 0 to {}", agent_count - 1);
             problems.push(Problem::new(key, message).value(mote).nearest(agent_count - 1));
         } else if absent.contains(&mote) {
             problems.push(Problem::new(key, "must not be listed twice").value(mote));
@@ -338,7 +343,7 @@ pub fn read(
     let is_recording = base.is_some_and(|base| base.family == Family::Recording);
     if is_network && !is_refused && slot_ns < network::LEAST_SLOT_NS {
         let message = format!(
-            "must be at least {} s with mode = {MODE_6TISCH:?}: so long last the longest frame and its acknowledgment",
+            "must be at least {} s with mode = {MODE_6TISCH:?}, the duration of the longest frame and its acknowledgment",
             seconds(network::LEAST_SLOT_NS)
         );
         problems.push(Problem::new(at("slot_duration_s"), message).value(slot_s).nearest(0.01));
@@ -378,7 +383,7 @@ pub fn read(
     if let Some(Some((settings, _))) = &network
         && settings.roots.iter().all(|root| absent.contains(root))
     {
-        let message = "must not name every root: without one there is no network to join";
+        let message = "must not list every root, because motes need a root to join a network";
         problems.push(Problem::new(at("absent"), message).value(format!("{absent:?}")));
     }
     let (Some(model), Some(base), Some(interference), true) =

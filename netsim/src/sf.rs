@@ -458,7 +458,7 @@ pub(crate) const BUILT_IN: &[Entry] = &[
 
 /// Description of `[netsim.sf]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "The scheduling function: who uses which cells.",
+    doc: "The scheduling function, which assigns cells to motes.",
     fields: &[],
     tag: Some(&TAG),
 };
@@ -466,7 +466,7 @@ pub const SPEC: TableSpec = TableSpec {
 /// The key that selects a scheduling function.
 pub const TAG: Tag = Tag {
     key: "kind",
-    doc: "Which scheduling function.",
+    doc: "The scheduling function.",
     default: Some(minimal::ENTRY.variant.name),
     variants: Variants::List(LIST),
 };

@@ -71,7 +71,7 @@ pub fn find(name: &str) -> Result<Vec<Listed>, String> {
     }
     let nearest = most_similar(name, all.iter().map(|effect| effect.variant.name));
     let nearest = nearest.map(|known| format!("; did you mean {known}?")).unwrap_or_default();
-    Err(format!("there is no effect {name:?}{nearest}\n`orchestrator effects` lists all"))
+    Err(format!("unknown effect {name:?}{nearest}\n`orchestrator effects` lists all effects"))
 }
 
 /// The table of all effects, for people.
@@ -97,7 +97,7 @@ pub fn table() -> String {
         let needs = format!("needs {}", effect.needs().join("; "));
         let _ = writeln!(text, "{}", wrapped(&needs, &indent));
     }
-    let _ = write!(text, "\n`orchestrator effects NAME` explains one.");
+    let _ = write!(text, "\n`orchestrator effects NAME` explains an effect.");
     text
 }
 
@@ -129,7 +129,7 @@ impl Listed {
     #[must_use]
     pub fn needs(&self) -> Vec<String> {
         if self.about.needs.is_empty() {
-            return vec!["nothing beyond what every file has".to_owned()];
+            return vec!["no further columns".to_owned()];
         }
         self.about.needs.iter().map(|need| need.describe()).collect()
     }
@@ -157,23 +157,23 @@ impl Listed {
         let mut part = |title: &str, body: &str| {
             let _ = write!(text, "\n{title}\n{}\n", wrapped(body, "  "));
         };
-        part("In short", self.variant.doc);
+        part("Summary", self.variant.doc);
         part("Mechanism", self.about.mechanism);
         part("Equation", self.about.equation);
         part("Source", self.about.source);
-        part("Where it holds", self.about.validity);
-        part("In the residuals of a model without it", self.about.trace);
-        part("To be tested it needs", &self.needs().join("; "));
-        part("It is judged", judged(self.fit.level));
+        part("Validity", self.about.validity);
+        part("Signature in the residuals of a model without it", self.about.trace);
+        part("Required in the measurements", &self.needs().join("; "));
+        part("Evaluation", judged(self.fit.level));
         if !self.fit.generalises.is_empty() {
             part(
-                "Where one of these explains as much, that one is preferred",
+                "Special cases, preferred if they explain as much",
                 &self.fit.generalises.join(", "),
             );
         }
         if let Some(covariate) = self.straight_over() {
             part(
-                "Where a curve over this explains what a straight line cannot, that is preferred",
+                "Covariate over which a curve is preferred if a straight line does not suffice",
                 covariate,
             );
         }
@@ -292,10 +292,10 @@ impl Listed {
 /// On what the gain of an effect is judged.
 fn judged(level: Level) -> &'static str {
     match level {
-        Level::Time => "on blocks of time that are left out",
-        Level::Place => "on pairs of nodes, or places, that are left out",
+        Level::Time => "on held-out blocks of time",
+        Level::Place => "on held-out pairs of nodes, or places",
         Level::Run => "by simulation under many seeds",
-        Level::Random => "on blocks of time that are left out, its values drawn towards zero",
+        Level::Random => "on held-out blocks of time, as a random effect",
     }
 }
 

@@ -7,11 +7,11 @@ use serde::Deserialize;
 
 /// Description of `[[robotsim.absence]]`.
 pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "Robots that are not there for a time. They do not move, send or hear, nothing meets them, and figures leave them out.",
+    doc: "Robots that are absent for a time. They do not move, send, receive or collide, and metrics exclude them.",
     fields: &[
         field(
             "robots",
-            "Which ones, counted from 0.",
+            "Indices of the robots, from 0.",
             Kind::List {
                 of: &Kind::Integer { min: 0, max: u32::MAX as i64 - 1 },
                 min: 1,
@@ -21,14 +21,15 @@ pub(crate) const SPEC: TableSpec = TableSpec {
         ),
         field(
             "from_s",
-            "From when on (s), counted as duration_s is: from when the robots start. 0: from the beginning, while the network \
-             forms, too.",
+            "Start of the absence (s after the robots start, as duration_s). 0: from the beginning, network formation \
+             included.",
             Kind::Number(Range::closed(0.0, 1e9)),
             Default::Number(0.0),
         ),
         field(
             "until_s",
-            "Until when (s), counted as from_s. Then they are where they were last, or where the scenario put them. Absent: for good.",
+            "End of the absence (s after the robots start). They return to their last position, or to that of the \
+             scenario. Absent: never.",
             Kind::Number(Range::above(0.0, 1e9)),
             Default::Absent,
         ),
@@ -64,8 +65,10 @@ pub(crate) fn build(
         for robot in &robots {
             if context.n_agents <= *robot as usize {
                 let n = context.n_agents;
-                let problem =
-                    Problem::new(at("robots"), format!("must be below {n}, their number"));
+                let problem = Problem::new(
+                    at("robots"),
+                    format!("must be less than the number of robots, {n}"),
+                );
                 problems.push(problem.value(robot.to_string()));
             }
         }

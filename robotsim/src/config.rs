@@ -22,75 +22,81 @@ use std::collections::BTreeMap;
 
 /// Description of the section.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "The robots: who they are, where they begin, and what they want.",
+    doc: "The robots: their dynamics, initial positions and controllers.",
     fields: &[
         field(
             "knowledge",
-            "What a robot knows of the others.",
+            "What a robot knows about the other robots.",
             Kind::Choice(&[
                 Choice {
                     name: "heard",
-                    doc: "What was delivered to it in the period that just ended.",
+                    doc: "The messages delivered to it in the control period that just ended.",
                 },
                 Choice {
                     name: "truth",
-                    doc: "Everything, at once: the ideal baseline, no radio involved.",
+                    doc: "The true state of all others at once: an ideal baseline without radio.",
                 },
             ]),
             Default::Text("heard"),
         ),
         field(
             "memory",
-            "What robots remember of those they have heard. Absent: nothing longer than a period.",
+            "How long robots remember the states they have received. Absent: one control period.",
             Kind::Table(&MEMORY),
             Default::Absent,
         ),
         field(
             "diameter_m",
-            "Robots that come closer than this have collided (m): what is counted, and, where contacts are resolved, prevented.",
+            "Diameter of a robot (m): robots closer than this have collided. Collisions are counted and, if contacts are \
+             resolved, prevented.",
             Kind::Number(Range::closed(0.0, 1e3)),
             Default::Number(0.3),
         ),
         field(
             "contacts",
-            "What happens where robots meet each other, walls and obstacles. Absent: collisions are counted.",
+            "What happens when robots touch each other, walls and obstacles. Absent: collisions are only counted.",
             Kind::Table(&contacts::SPEC),
             Default::Absent,
         ),
         field(
             "obstacle",
-            "Obstacles of `[site]` that move. Robots and radio see them where they are.",
+            "Moving obstacles of `[site]`. Robots and radio use their current positions.",
             Kind::Tables(&obstacles::SPEC),
             Default::Absent,
         ),
         field(
             "absence",
-            "Robots that come late, are lost, or are away for a time.",
+            "Robots that are absent for a time: late, lost or temporarily away.",
             Kind::Tables(&absence::SPEC),
             Default::Absent,
         ),
         field(
             "dynamics",
-            "How robots move whose group says nothing of it.",
+            "Dynamics of robots whose group does not set its own.",
             Kind::Table(&dynamics::SPEC),
             Default::Table,
         ),
         field(
             "localization",
-            "How well robots know where they are.",
+            "Accuracy of the robots' measured positions.",
             Kind::Table(&dynamics::LOCALIZATION),
             Default::Absent,
         ),
-        field("scenario", "Where they begin.", Kind::Table(&scenario::SPEC), Default::Table),
+        field(
+            "scenario",
+            "Initial positions of the robots.",
+            Kind::Table(&scenario::SPEC),
+            Default::Table,
+        ),
         field(
             "controller",
-            "What robots want whose group says nothing of it.",
+            "Controller of robots whose group does not set its own.",
             Kind::Table(&controller::SPEC),
             Default::Absent,
         ),
         field(
             "group",
-            "Groups of different robots. Absent: all are alike.",
+            "Groups of different robots. Absent: all robots are identical.",
             Kind::Tables(&group::SPEC),
             Default::Absent,
         ),
@@ -99,17 +105,17 @@ pub const SPEC: TableSpec = TableSpec {
 };
 
 const MEMORY: TableSpec = TableSpec {
-    doc: "What robots remember of those they have heard.",
+    doc: "How long robots remember the states they have received.",
     fields: &[
         field(
             "keep_s",
-            "How long a robot that is not heard any more is still counted on (s).",
+            "Time for which a robot remembers another one after its last message (s).",
             Kind::Number(Range::above(0.0, 1e6)),
             Default::Required,
         ),
         field(
             "extrapolate",
-            "It is taken to have moved on with the velocity that it told; else to have stayed.",
+            "Whether to extrapolate its position with its last known velocity; otherwise it is assumed to stay.",
             Kind::Bool,
             Default::Bool(true),
         ),
@@ -297,7 +303,8 @@ fn build_exploration(
     let mut all = team.explorations();
     let settings = *all.next()?;
     if !keys.group.is_empty() {
-        let message = "must be absent where robots explore: they are one swarm with one base";
+        let message =
+            "must be absent if robots explore, because exploration needs one swarm with one base";
         problems.push(Problem::new(join(path, "group"), message).value(keys.group.len()));
     }
     let diameter_m = keys.diameter_m;
@@ -305,8 +312,8 @@ fn build_exploration(
     if keys.contacts.is_some() && cell_m < diameter_m {
         let key = join(&join(path, "controller"), "cell_m");
         let message = format!(
-            "must be at least diameter_m = {diameter_m:?} where contacts are resolved: robots pass between walls that leave one \
-             cell free"
+            "must be at least diameter_m = {diameter_m:?} if contacts are resolved, because robots drive through gaps of \
+             one cell"
         );
         problems.push(Problem::new(key, message).value(format!("{cell_m:?}")).nearest(diameter_m));
     }
@@ -333,7 +340,7 @@ fn build_contacts(keys: &Keys, path: &str, problems: &mut Vec<Problem>) -> Optio
         problems.push(
             Problem::new(
                 join(path, "diameter_m"),
-                "must be greater than 0 where contacts are resolved",
+                "must be greater than 0 if contacts are resolved",
             )
             .value(format!("{diameter_m:?}")),
         );

@@ -49,7 +49,7 @@ pub(crate) const BUILT_IN: &[Entry] = &[
 
 /// Description of `[robotsim.controller]`.
 pub(crate) const SPEC: TableSpec =
-    TableSpec { doc: "What the robots want.", fields: &[], tag: Some(&TAG) };
+    TableSpec { doc: "The control law of the robots.", fields: &[], tag: Some(&TAG) };
 
 /// The key that selects a controller.
 pub(crate) const TAG: Tag =
@@ -305,7 +305,7 @@ fn check_speed(key: &str, speed_mps: f64, context: &Context<'_>, problems: &mut 
                 .problem(
                     key,
                     format!(
-                        "must not be faster than dynamics.speed_cap_mps = {} m/s",
+                        "must not exceed dynamics.speed_cap_mps = {} m/s",
                         context.speed_cap_mps
                     ),
                 )

@@ -52,29 +52,29 @@ pub enum Command {
 
 /// Description of `[robotsim.dynamics]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "How the robots move.",
+    doc: "The dynamics of the robots: how they execute commands.",
     fields: &[
         field(
             "speed_cap_mps",
-            "Greatest speed (m/s). Default: the BotNet paper's.",
+            "Maximum speed (m/s). Default: the BotNet paper's.",
             Kind::Number(Range::above(0.0, 1e4)),
             Default::Number(30.0),
         ),
         field(
             "cap",
-            "What the cap of a point mass limits.",
+            "What the speed cap of a point mass limits.",
             Kind::Choice(&[
-                Choice { name: "norm", doc: "The speed; the direction is kept." },
+                Choice { name: "norm", doc: "The speed, keeping the direction." },
                 Choice {
                     name: "axis",
-                    doc: "Each component by itself, as BotNet's code does: up to 1.41 times the speed.",
+                    doc: "Each velocity component separately, as BotNet's code does: the speed may reach 1.41 times the cap.",
                 },
             ]),
             Default::Text("norm"),
         ),
         field(
             "effect",
-            "Physical effects between command and motion.",
+            "Physical effects between command and motion; `orchestrator effects` lists them.",
             Kind::Tables(&effect::SPEC),
             Default::Absent,
         ),
@@ -89,11 +89,11 @@ pub const SPEC: TableSpec = TableSpec {
 
 /// Description of `[robotsim.localization]`.
 pub(crate) const LOCALIZATION: TableSpec = TableSpec {
-    doc: "How well robots know where they are. The effect localization adds to it.",
+    doc: "Accuracy of the robots' measured positions. The effect localization adds to it.",
     fields: &[field(
         "sd_m",
-        "Standard deviation of the noise of measured positions, per component of the plane (m). Absent: none in a run; \
-         estimated where the model is compared with measurements.",
+        "Standard deviation of the noise of measured positions, per component of the plane (m). Absent: 0 in a run; \
+         estimated when the model is compared with measurements.",
         Kind::Number(Range::closed(0.0, 1e4)),
         Default::Absent,
     )],
@@ -109,42 +109,46 @@ pub(crate) fn is_rigid(table: &toml::Table) -> bool {
 }
 
 const VARIANTS: &[Variant] = &[
-    Variant { name: "point-mass", doc: "Has the commanded velocity at once.", fields: &[] },
+    Variant {
+        name: "point-mass",
+        doc: "A point mass that takes the commanded velocity at once.",
+        fields: &[],
+    },
     Variant {
         name: "double-integrator",
-        doc: "Keeps its velocity, and is accelerated.",
+        doc: "A point mass with inertia and limited acceleration.",
         fields: &[field(
             "acceleration_cap_mps2",
-            "Greatest acceleration (m/s²).",
+            "Maximum acceleration (m/s²).",
             Kind::Number(Range::above(0.0, 1e4)),
             Default::Number(10.0),
         )],
     },
     Variant {
         name: "quadrotor",
-        doc: "Keeps its velocity, and is accelerated by its thrust, which it turns with a lag.",
+        doc: "A multicopter: accelerated by its thrust, whose direction follows with a lag.",
         fields: &[
             field(
                 "velocity_gain_per_s",
-                "Acceleration asked for, for each metre per second that is missing (1/s).",
+                "Velocity gain: commanded acceleration per velocity error (1/s).",
                 Kind::Number(Range::above(0.0, 1e3)),
                 Default::Number(2.0),
             ),
             field(
                 "tilt_cap_rad",
-                "Greatest angle between thrust and the vertical (rad).",
+                "Maximum tilt of the thrust from the vertical (rad).",
                 Kind::Number(Range::above(0.0, 1.5)),
                 Default::Number(0.5),
             ),
             field(
                 "thrust_cap_weights",
-                "Greatest thrust, as a multiple of the weight.",
+                "Maximum thrust per weight.",
                 Kind::Number(Range::above(1.0, 100.0)),
                 Default::Number(2.0),
             ),
             field(
                 "attitude_lag_s",
-                "Time constant with which thrust follows (s). 0: none.",
+                "Time constant of the thrust (s). 0: no lag.",
                 Kind::Number(Range::closed(0.0, 100.0)),
                 Default::Number(0.15),
             ),
@@ -152,32 +156,32 @@ const VARIANTS: &[Variant] = &[
     },
     Variant {
         name: RIGID_BODY,
-        doc: "A disc with mass, friction and spin, which pushes what it meets.",
+        doc: "A rigid disc with mass, friction and spin, which pushes what it touches.",
         fields: rigid::FIELDS,
     },
     Variant {
         name: "unicycle",
-        doc: "Drives along its heading, and turns at any rate.",
+        doc: "A unicycle: drives along its heading and turns at the commanded yaw rate.",
         fields: &[field(
             "yaw_rate_cap_radps",
-            "Greatest yaw rate (rad/s).",
+            "Maximum yaw rate (rad/s).",
             Kind::Number(Range::above(0.0, 1e3)),
             Default::Number(10.0),
         )],
     },
     Variant {
         name: "car",
-        doc: "Drives along its heading, and turns as its front wheels are steered.",
+        doc: "A car: drives along its heading and turns with its steered front wheels.",
         fields: &[
             field(
                 "wheelbase_m",
-                "Distance between the axles (m). 0.33: a car of scale 1:10.",
+                "Wheelbase (m). 0.33: a car of scale 1:10.",
                 Kind::Number(Range::above(0.0, 100.0)),
                 Default::Number(0.33),
             ),
             field(
                 "steer_cap_rad",
-                "Greatest steering angle (rad).",
+                "Maximum steering angle (rad).",
                 Kind::Number(Range::above(0.0, 1.5)),
                 Default::Number(0.6),
             ),
@@ -262,14 +266,16 @@ impl Dynamics {
             if let Some(given) = effect.localization()
                 && localization.replace(given).is_some()
             {
-                problems
-                    .push(Problem::new(&*place, "positions are measured once: one localization"));
+                problems.push(Problem::new(
+                    &*place,
+                    "must occur only once: positions are measured once",
+                ));
             }
             for (part, lagging) in [Part::Speed, Part::Turn].into_iter().zip(&mut lags) {
                 if 0.0 < effect.lag_s(part) && std::mem::replace(lagging, true) {
                     problems.push(Problem::new(
                         &*place,
-                        "an actuator has one lag: change the time constant of the first one",
+                        "must occur only once per actuator; change the time constant of the first one",
                     ));
                 }
             }

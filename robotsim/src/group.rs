@@ -12,29 +12,29 @@ use std::collections::BTreeSet;
 
 /// Description of `[[robotsim.group]]`.
 pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "Robots of one kind in a swarm of several. Robots are numbered group after group, in the order of the file.",
+    doc: "A group of identical robots in a heterogeneous swarm. Robots are numbered group by group, in the order of the file.",
     fields: &[
         field(
             "count",
-            "How many robots it has. All counts together are `experiment.agents`.",
+            "Number of robots in the group. The counts of all groups must add up to `experiment.agents`.",
             Kind::Integer { min: 1, max: 1_000_000_000 },
             Default::Required,
         ),
         field(
             "dynamics",
-            "How they move. Absent: as `[robotsim.dynamics]` says.",
+            "Dynamics of the group. Absent: those of `[robotsim.dynamics]`.",
             Kind::Table(&dynamics::SPEC),
             Default::Absent,
         ),
         field(
             "controller",
-            "What they want. Absent: what `[robotsim.controller]` says.",
+            "Controller of the group. Absent: that of `[robotsim.controller]`.",
             Kind::Table(&controller::SPEC),
             Default::Absent,
         ),
         field(
             "localization_sd_m",
-            "Standard deviation of the noise of their measured positions (m). Absent: as `[robotsim.localization]` says.",
+            "Standard deviation of the noise of their measured positions (m). Absent: that of `[robotsim.localization]`.",
             Kind::Number(Range::closed(0.0, 1e4)),
             Default::Absent,
         ),
@@ -121,7 +121,7 @@ pub(crate) fn build(
     let any_rigid = are_rigid.contains(&true);
     let all_rigid = !are_rigid.contains(&false);
     if any_rigid && !all_rigid && contacts.is_none() && diameter_m <= 0.0 {
-        let message = "must be greater than 0 where rigid bodies meet other robots";
+        let message = "must be greater than 0 if rigid bodies share the swarm with other robots";
         let at = join(path, "diameter_m");
         problems.push(Problem::new(at, message).value(format!("{diameter_m:?}")));
     }
@@ -148,21 +148,23 @@ pub(crate) fn build(
         let jumping = kind.filter(|kind| kind.demands.jumps).map(|kind| kind.variant.name);
         if let (Some(name), true) = (jumping, contacts.is_some()) {
             let message = format!(
-                "must be \"count\" for {name}, whose robots are not anywhere between two places"
+                "must be \"count\" with {name}, whose robots have no path between two places"
             );
             let at = join(&join(path, "contacts"), "kind");
             own.push(Problem::new(at, message).value("\"resolve\""));
         }
         if all_rigid && contacts.is_some() {
-            let message = "must be \"count\" for rigid bodies, whose contacts are their own";
+            let message = "must be \"count\" if all robots are rigid bodies, which resolve contacts themselves";
             let at = join(&join(path, "contacts"), "kind");
             own.push(Problem::new(at, message).value("\"resolve\""));
         }
         if let (Some(name), true) = (jumping, any_rigid) {
             let message = if are_rigid[index] {
-                format!("must not be {name} for rigid bodies, which have a way to go")
+                format!("must not be {name} for rigid bodies, which need a path between two places")
             } else {
-                format!("must not be {name} beside rigid bodies: what pushes them has a way to go")
+                format!(
+                    "must not be {name} beside rigid bodies, because robots that push them need a path between two places"
+                )
             };
             own.push(Problem::new(join(&context.path, "kind"), message));
         }

@@ -12,24 +12,25 @@ const POINT: Kind = Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 }
 
 /// Description of `[[robotsim.obstacle]]`.
 pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "How a round obstacle of `[site]` moves.",
+    doc: "The motion of a cylindrical obstacle of `[site]`.",
     fields: &[
-        field("name", "Its name there.", Kind::Text, Default::Required),
+        field("name", "Name of the obstacle in `[site]`.", Kind::Text, Default::Required),
         field(
             "path_m",
-            "The points (x, y in m) to which it goes, one after the other, from where it stands in `[site]`.",
+            "Waypoints (x, y in m), visited in order, from its position in `[site]`.",
             Kind::List { of: &POINT, min: 1, max: 10_000 },
             Default::Required,
         ),
         field(
             "speed_mps",
-            "How fast it goes (m/s).",
+            "Speed (m/s).",
             Kind::Number(Range::closed(0.0, 1e3)),
             Default::Required,
         ),
         field(
             "closed",
-            "From the last point it goes back to where it began, and round again; else it stays there.",
+            "Whether it returns from the last waypoint to its initial position and repeats; otherwise it stays at the last \
+             one.",
             Kind::Bool,
             Default::Bool(false),
         ),
@@ -100,7 +101,8 @@ pub(crate) fn build(
             continue;
         };
         if courses.iter().any(|course| course.obstacle == obstacle) {
-            let problem = Problem::new(at(), "must be unique: an obstacle moves in one way");
+            let problem =
+                Problem::new(at(), "must be unique, because an obstacle has only one motion");
             problems.push(problem.value(format!("{name:?}")));
         }
         let begin_m = site.obstacle[obstacle].centre_m;

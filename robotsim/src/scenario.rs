@@ -34,7 +34,7 @@ pub(crate) const BUILT_IN: &[Entry] = &[
 
 /// Description of `[robotsim.scenario]`.
 pub(crate) const SPEC: TableSpec =
-    TableSpec { doc: "Where the robots begin.", fields: &[], tag: Some(&TAG) };
+    TableSpec { doc: "The initial positions of the robots.", fields: &[], tag: Some(&TAG) };
 
 /// The key that selects a scenario.
 pub(crate) const TAG: Tag =

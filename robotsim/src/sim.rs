@@ -316,7 +316,8 @@ fn outside(settings: &exploration::Settings, states: &AgentStates, path: &str) -
     let Some(first) = (0..states.len()).find(is_outside) else { return Vec::new() };
     let n = (0..states.len()).filter(|agent| is_outside(agent)).count();
     let message = format!(
-        "must put all robots into the area from controller.from_m to to_m; {n} begin outside, robot {first} the first of them"
+        "must place all robots inside the area from controller.from_m to controller.to_m; {n} start outside, the first is \
+         robot {first}"
     );
     let at = proto::config::join(path, "scenario");
     vec![Problem::new(at, message).value(format!("{:?}", place_m(first)))]

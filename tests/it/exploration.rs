@@ -77,14 +77,14 @@ fn a_network_that_does_not_route_both_ways_is_refused() {
     let broadcast = said("netsim={ phy = { propagation = \"full\" } }");
     assert!(
         broadcast.contains(
-            "robotsim.controller.kind: sends maps up and waypoints down through the network, and netsim.mode = \
-             \"propagation-only\" routes nothing"
+            "robotsim.controller.kind: requires a network that routes messages, which netsim.mode = \
+             \"propagation-only\" does not, or knowledge = \"truth\""
         ),
         "{broadcast}"
     );
     let up_alone = said("netsim.rpl.routes_down=false");
     assert!(
-        up_alone.contains("netsim.rpl.routes_down: must be true where robots explore"),
+        up_alone.contains("netsim.rpl.routes_down: must be true with the controller"),
         "{up_alone}"
     );
 }

@@ -8,13 +8,13 @@ use serde::{Deserialize, Serialize};
 
 /// Description of `[[netsim.app]]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "An application: packets that motes send of their own accord.",
+    doc: "An application that generates packets at motes.",
     fields: &[
         Field {
             key: "senders",
-            doc: "Which motes send.",
+            doc: "The motes that send.",
             kind: Kind::Either(&[
-                Kind::Choice(&[Choice { name: "all", doc: "All that have somebody to send to." }]),
+                Kind::Choice(&[Choice { name: "all", doc: "All motes that have a destination." }]),
                 Kind::List {
                     of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
                     min: 1,
@@ -25,12 +25,12 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "destination",
-            doc: "To whom: one of these, or the number of a mote.",
+            doc: "The destination: one of these, or the number of a mote.",
             kind: Kind::Either(&[
                 Kind::Choice(&[
                     Choice { name: "root", doc: "The root of the sender's DODAG." },
-                    Choice { name: "peers", doc: "Another mote at random, each time." },
-                    Choice { name: "all", doc: "Every other mote in turn." },
+                    Choice { name: "peers", doc: "A random other mote for each packet." },
+                    Choice { name: "all", doc: "All other motes in turn." },
                 ]),
                 Kind::Integer { min: 0, max: u32::MAX as i64 },
             ]),
@@ -38,7 +38,7 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "payload_bytes",
-            doc: "UDP payload of a packet. With headers it stays below IPv6's least MTU, 1280 bytes.",
+            doc: "UDP payload of a packet. With headers it must stay below the minimum MTU of IPv6, 1280 bytes.",
             kind: Kind::Integer { min: 1, max: MAX_PAYLOAD_BYTES },
             default: Default::Integer(30),
         },
@@ -55,7 +55,7 @@ const TAG: Tag = Tag {
 
 const PERIODIC: Variant = Variant {
     name: "periodic",
-    doc: "Again and again, from the moment the mote may send.",
+    doc: "Periodically, from the time at which the mote may send.",
     fields: &[
         Field {
             key: "period_s",
@@ -65,7 +65,8 @@ const PERIODIC: Variant = Variant {
         },
         Field {
             key: "jitter",
-            doc: "Each such time is drawn within this part of it to either side. 0.05: the 6TiSCH simulator.",
+            doc: "Jitter: each interval is uniform within this fraction of period_s to either side. 0.05: the 6TiSCH \
+                  simulator.",
             kind: Kind::Number(Range::closed(0.0, 0.99)),
             default: Default::Number(0.05),
         },
@@ -74,11 +75,11 @@ const PERIODIC: Variant = Variant {
 
 const BURST: Variant = Variant {
     name: "burst",
-    doc: "Several packets at once, once.",
+    doc: "One burst of packets.",
     fields: &[
         Field {
             key: "at_s",
-            doc: "So long after the mote may send (s).",
+            doc: "Delay after the time at which the mote may send (s).",
             kind: Kind::Number(Range::closed(0.0, 1e6)),
             default: Default::Required,
         },
@@ -191,7 +192,7 @@ impl Spec {
             let valid = Some(number).filter(|&mote| mote < n_motes);
             if valid.is_none() {
                 let last = n_motes.saturating_sub(1);
-                let message = format!("must be a mote, 0 to {last}");
+                let message = format!("must be the number of a mote, 0 to {last}");
                 problems.push(Problem::new(key, message).value(number).nearest(last));
             }
             valid

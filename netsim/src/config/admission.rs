@@ -10,21 +10,21 @@ pub(super) const SPEC: TableSpec = TableSpec {
     fields: &[
         Field {
             key: "secure",
-            doc: "Whether motes must be admitted by the registrar at the root before they take part.",
+            doc: "Whether the join registrar at the root must admit motes before they take part.",
             kind: Kind::Bool,
             default: Default::Bool(true),
         },
         Field {
             key: "rate_bytes_s",
-            doc: "Join traffic that a mote forwards towards the root (bytes per second in the mean): the join rate that the \
-                  registrar tells those it admits (RFC 9031, § 8.4.2). Absent: it tells none, and a mote forwards one \
-                  request in 3 s (§ 6.1).",
+            doc: "Join rate (mean bytes per second): the limit of join traffic that a mote forwards towards the root, \
+                  which the registrar announces at admission (RFC 9031, § 8.4.2). Absent: no announcement, and a mote \
+                  forwards one request in 3 s (§ 6.1).",
             kind: Kind::Integer { min: 0, max: 1_000_000 },
             default: Default::Absent,
         },
         Field {
             key: "burst_bytes",
-            doc: "With rate_bytes_s, how much a mote forwards at once (bytes). Absent: what comes together in 10 s.",
+            doc: "Burst size of the join rate (bytes). Absent: the amount of 10 s at rate_bytes_s.",
             kind: Kind::Integer { min: 0, max: 1_000_000 },
             default: Default::Absent,
         },

@@ -28,35 +28,33 @@ const fn off(key: &'static str, doc: &'static str) -> Field {
 
 /// Description of `[netsim.compat]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "Behaviour of the 6TiSCH simulator and of BotNet that the standards do not have, for comparisons with their \
-          figures.",
+    doc: "Non-standard behaviour of the 6TiSCH simulator and of BotNet, for comparisons with their results.",
     fields: &[
         off(
             "shared_slot_0",
-            "The round robin's slotframe has N slots, and slot 0 is the minimal cell that all share: mote 0 has no slot of \
-             its own. In shared cells back-off begins anew with every frame, \
-             and a keep-alive comes too late for the slot in which it falls due.",
+            "The round-robin slotframe has N slots, and slot 0 is the shared minimal cell, so mote 0 has no slot of its \
+             own. In shared cells the back-off restarts with every frame, and a keep-alive misses the slot in which it is \
+             due.",
         ),
         off(
             "eb_rule",
-            "A mote whose queue is empty sends a beacon in an advertising cell with probability 0.33/(1 + n), n being the \
-             neighbours it has ever heard, be it while it looked for a network, in place of one every beacon_period_s.",
+            "A mote with an empty queue sends a beacon in an advertising cell with probability 0.33/(1 + n), instead of \
+             one every beacon_period_s. n is the number of neighbours that it has ever heard, during joining included.",
         ),
         off(
             "no_frame_overhead",
-            "Headers have no length: a datagram is as long as its payload, and is sent in parts only beyond 90 bytes.",
+            "Headers have zero length: a datagram is as long as its payload, and is fragmented only beyond 90 bytes.",
         ),
         off(
             "no_trickle_suppression",
-            "Trickle's counter never suppresses a DIO, and every DIO that leaves a mote with a parent begins the mote's \
-             shortest interval anew.",
+            "Trickle never suppresses a DIO, and every DIO of a mote with a parent restarts the minimum interval.",
         ),
         off("perfect_acks", "Acknowledgments are never lost and never collide."),
         off(
             "stale_rank",
-            "A mote computes its rank anew only when its own link changes, not when its parent announces another rank, and \
-             keeps the time of a parent that it has lost. ETX is \
-             3 until 100 frames have gone to a neighbour in cells for it alone, and then theirs until the next 100 have.",
+            "A mote updates its rank only when its own link changes, not when its parent announces another rank, and keeps \
+             a lost parent as time source. ETX is 3 until 100 frames were sent to a neighbour in dedicated cells, and is \
+             then updated every 100 frames.",
         ),
     ],
     tag: None,

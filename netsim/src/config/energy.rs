@@ -6,11 +6,11 @@ use serde::Deserialize;
 
 /// Description of `[netsim.energy]`.
 pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "From what the radio does to charge.",
+    doc: "The energy model: from radio activity to charge.",
     fields: &[
         Field {
             key: "model",
-            doc: "What a slot takes.",
+            doc: "How the charge of a slot is computed.",
             kind: Kind::Choice(&[
                 Choice {
                     name: "per-slot",
@@ -18,7 +18,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
                 },
                 Choice {
                     name: "by-length",
-                    doc: "By the length of frames: TSCH-Sim's regression on the CC2650.",
+                    doc: "By frame length: TSCH-Sim's regression for the CC2650.",
                 },
             ]),
             default: Default::Text("per-slot"),

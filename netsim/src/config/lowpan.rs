@@ -7,44 +7,50 @@ use serde::Deserialize;
 
 /// Description of `[netsim.lowpan]`.
 pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "Datagrams that do not fit a frame (RFC 4944, RFC 8930).",
+    doc: "Fragmentation of datagrams that do not fit into a frame (RFC 4944, RFC 8930).",
     fields: &[
         Field {
             key: "fragmentation",
-            doc: "What a mote does with parts of a datagram that is not for itself.",
+            doc: "How a mote forwards fragments of a datagram.",
             kind: Kind::Choice(&[
-                Choice { name: "forwarding", doc: "It forwards each part as it comes (RFC 8930)." },
-                Choice { name: "per-hop", doc: "It puts them together and cuts them again." },
+                Choice {
+                    name: "forwarding",
+                    doc: "It forwards each fragment as it arrives (RFC 8930).",
+                },
+                Choice {
+                    name: "per-hop",
+                    doc: "It reassembles and fragments the datagram again at each hop.",
+                },
             ]),
             default: Default::Text("forwarding"),
         },
         Field {
             key: "reassembly_buffers",
-            doc: "Datagrams that a mote puts together at the same time; roots have no limit.",
+            doc: "Maximum number of datagrams that a mote reassembles at the same time; unlimited at roots.",
             kind: Kind::Integer { min: 0, max: 1000 },
             default: Default::Integer(1),
         },
         Field {
             key: "reassembly_timeout_s",
-            doc: "How long one may take (s). 60: RFC 4944, § 5.3.",
+            doc: "Reassembly timeout (s). 60: RFC 4944, § 5.3.",
             kind: Kind::Number(Range::closed(0.01, 1e4)),
             default: Default::Number(60.0),
         },
         Field {
             key: "vrb_entries",
-            doc: "Datagrams that a mote forwards in parts at the same time; roots have no limit.",
+            doc: "Maximum number of datagrams whose fragments a mote forwards at the same time; unlimited at roots.",
             kind: Kind::Integer { min: 0, max: 10_000 },
             default: Default::Integer(50),
         },
         Field {
             key: "discard_after_missing",
-            doc: "If a part is missing, the following ones are not forwarded.",
+            doc: "Whether the remaining fragments are dropped once a fragment is missing.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },
         Field {
             key: "discard_after_last",
-            doc: "The way of a datagram is forgotten with its last part, not with time.",
+            doc: "Whether the forwarding state of a datagram is removed with its last fragment instead of by timeout.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },

@@ -12,26 +12,26 @@ pub(super) const SPEC: TableSpec = TableSpec {
     fields: &[
         Field {
             key: "queue_frames",
-            doc: "Frames that may wait at a mote; 0: any number. 10: the 6TiSCH simulator's.",
+            doc: "Capacity of a mote's transmit queue (frames); 0: unlimited. 10: the 6TiSCH simulator's.",
             kind: Kind::Integer { min: 0, max: 10_000 },
             default: Default::Integer(10),
         },
         Field {
             key: "max_retries",
-            doc: "How often a frame is sent again that is not acknowledged (macMaxFrameRetries). 5: the 6TiSCH simulator's; \
-                  IEEE Std 802.15.4-2015 allows 0 to 7 and has 3.",
+            doc: "Maximum number of retransmissions of an unacknowledged frame (macMaxFrameRetries). 5: the 6TiSCH \
+                  simulator's; IEEE Std 802.15.4-2015 allows 0 to 7 and has 3.",
             kind: Kind::Integer { min: 0, max: 1000 },
             default: Default::Integer(5),
         },
         Field {
             key: "min_backoff_exponent",
-            doc: "Shared cells to wait after a first failure: 0 to 2^this - 1 (macMinBe).",
+            doc: "Minimum back-off exponent: after the first failure a mote waits 0 to 2^this - 1 shared cells (macMinBe).",
             kind: Kind::Integer { min: 0, max: 8 },
             default: Default::Integer(1),
         },
         Field {
             key: "max_backoff_exponent",
-            doc: "Shared cells to wait after many failures: 0 to 2^this - 1 (macMaxBe).",
+            doc: "Maximum back-off exponent: after many failures a mote waits 0 to 2^this - 1 shared cells (macMaxBe).",
             kind: Kind::Integer { min: 3, max: 8 },
             default: Default::Integer(7),
         },
@@ -43,64 +43,65 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "beacon_spacing_s",
-            doc: "Least mean time (s) between the beacons of all motes in reach of each other: where there are many, each \
-                  sends fewer. 3: a third of the cells of a slotframe of 101 slots of 10 ms.",
+            doc: "Minimum mean interval (s) between the beacons of all motes in range of each other; in dense networks \
+                  each mote sends fewer. 3: a third of the cells of a slotframe of 101 slots of 10 ms.",
             kind: Kind::Number(Range::closed(0.0, 1e5)),
             default: Default::Number(3.0),
         },
         Field {
             key: "beacon_wait_s",
-            doc: "How long a joining mote waits for further beacons after the first (s): MAX_EB_DELAY of RFC 8180, § 6.2.",
+            doc: "Time that a joining mote waits for further beacons after the first (s): MAX_EB_DELAY of RFC 8180, § 6.2.",
             kind: Kind::Number(Range::closed(0.0, 1e5)),
             default: Default::Number(180.0),
         },
         Field {
             key: "neighbours_to_wait",
-            doc: "Beacons of so many neighbours end that wait: NUM_NEIGHBOURS_TO_WAIT of RFC 8180, § 6.2.",
+            doc: "Number of neighbours whose beacons end this wait: NUM_NEIGHBOURS_TO_WAIT of RFC 8180, § 6.2.",
             kind: Kind::Integer { min: 1, max: 1000 },
             default: Default::Integer(2),
         },
         Field {
             key: "scan_dwell_s",
-            doc: "How long a joining mote listens on a channel before it turns to another (s). 1: as in TSCH-Sim.",
+            doc: "Time that a joining mote listens on a channel before it switches to another (s). 1: as in TSCH-Sim.",
             kind: Kind::Number(Range::closed(1e-6, 1e5)),
             default: Default::Number(1.0),
         },
         Field {
             key: "keep_alive_s",
-            doc: "A mote that has not heard its time source for so long sends it a frame (s); 0: clocks are not kept and \
-                  nobody loses synchronisation, which needs max_drift_ppm = 0. 10: the 6TiSCH simulator's.",
+            doc: "Keep-alive interval (s): a mote that has not heard its time source for this long sends it a frame. 0: no \
+                  keep-alives, and no mote loses synchronisation; requires max_drift_ppm = 0. 10: the 6TiSCH simulator's.",
             kind: Kind::Number(Range::closed(0.0, 1e5)),
             default: Default::Number(10.0),
         },
         Field {
             key: "desynchronise_s",
-            doc: "A mote that has not heard its time source for so long begins to scan (s). 17.5: clocks of 30 ppm each way \
-                  are then off by the guard time, 1.1 ms.",
+            doc: "Synchronisation timeout (s): a mote that has not heard its time source for this long scans for beacons. \
+                  17.5: clocks of 30 ppm in opposite directions are then off by the guard time, 1.1 ms.",
             kind: Kind::Number(Range::above(0.0, 1e6)),
             default: Default::Number(17.5),
         },
         Field {
             key: "max_drift_ppm",
-            doc: "Greatest error of a clock's rate (ppm); each mote's is uniform up to it. 0: clocks are always right.",
+            doc: "Maximum clock drift (ppm); each mote's drift is uniform up to it. 0: perfect clocks.",
             kind: Kind::Number(Range::closed(0.0, 1e4)),
             default: Default::Number(30.0),
         },
         Field {
             key: "crystal_hz",
-            doc: "Ticks in which clocks are put right (Hz).",
+            doc: "Clock resolution at resynchronisation (Hz).",
             kind: Kind::Integer { min: 1000, max: 1_000_000_000 },
             default: Default::Integer(32_768),
         },
         Field {
             key: "pending_bit",
-            doc: "A frame announces that another one for the same neighbour follows in the next slot, if that is free.",
+            doc: "Whether a frame announces that another one to the same neighbour follows in the next slot, if it is free \
+                  (burst transmission).",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },
         Field {
             key: "effect",
-            doc: "Effects on what motes do.",
+            doc: "Effects on the behaviour of motes; `orchestrator effects` lists them.",
             kind: Kind::Tables(&effect::SPEC),
             default: Default::Absent,
         },
@@ -185,7 +186,7 @@ pub(super) fn build(
         problems.push(
             Problem::new(
                 join(path, "max_drift_ppm"),
-                "must be 0 with keep_alive_s = 0: clocks that drift must be kept",
+                "must be 0 with keep_alive_s = 0, because drifting clocks must be resynchronised",
             )
             .value(keys.max_drift_ppm)
             .nearest(0.0),

@@ -18,7 +18,7 @@ use serde::Deserialize;
 pub(super) const FIELDS: &[Field] = &[
     Field {
         key: "roots",
-        doc: "Motes that are roots, each of a DODAG of its own. Absent: mote 0.",
+        doc: "Motes that are roots, each of its own DODAG. Absent: mote 0.",
         kind: Kind::List {
             of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
             min: 1,
@@ -55,13 +55,13 @@ pub(super) const FIELDS: &[Field] = &[
     },
     Field {
         key: "app",
-        doc: "What motes send beside the robots' payloads.",
+        doc: "Applications: packets that motes send in addition to the robots' payloads.",
         kind: Kind::Tables(&app::config::SPEC),
         default: Default::Absent,
     },
     Field {
         key: "swarm",
-        doc: "The robots' payloads.",
+        doc: "Transport of the robots' payloads.",
         kind: Kind::Table(&swarm::SPEC),
         default: Default::Table,
     },
@@ -73,7 +73,7 @@ pub(super) const FIELDS: &[Field] = &[
     },
     Field {
         key: "compat",
-        doc: "Behaviour of the peers, for comparisons.",
+        doc: "Behaviour of other simulators, for comparisons.",
         kind: Kind::Table(&compat::SPEC),
         default: Default::Table,
     },
@@ -232,7 +232,7 @@ fn roots(listed: Option<&[u32]>, given: &Given<'_>, problems: &mut Vec<Problem>)
         let path = join(given.path, &format!("roots[{index}]"));
         if given.agent_count <= mote as usize {
             let last = given.agent_count - 1;
-            let message = format!("must be a mote, 0 to {last}");
+            let message = format!("must be the number of a mote, 0 to {last}");
             problems.push(Problem::new(path, message).value(mote).nearest(last));
         } else if roots.contains(&mote) {
             problems.push(Problem::new(path, "must not be listed twice").value(mote));
@@ -258,7 +258,7 @@ fn addresses(
             _ => problems.push(
                 Problem::new(
                     join(given.path, &format!("eui64[{index}]")),
-                    "must be eight octets of two hexadecimal digits, as 02-00-00-00-00-00-00-05",
+                    "must be eight octets of two hexadecimal digits each, as in 02-00-00-00-00-00-00-05",
                 )
                 .value(format!("{text:?}")),
             ),

@@ -12,22 +12,22 @@ pub(super) const SPEC: TableSpec = TableSpec {
     fields: &[
         Field {
             key: "mode",
-            doc: "Who keeps routes down.",
+            doc: "Which motes store downward routes (mode of operation).",
             kind: Kind::Choice(&[
                 Choice {
                     name: "non-storing",
-                    doc: "Only the root: datagrams go down by source routes (RFC 8180, § 5.2).",
+                    doc: "Only the root: downward datagrams use source routes (RFC 8180, § 5.2).",
                 },
                 Choice {
                     name: "storing",
-                    doc: "Every router knows the next hop to everyone below it.",
+                    doc: "Every router stores the next hop to all motes below it.",
                 },
             ]),
             default: Default::Text("non-storing"),
         },
         Field {
             key: "objective",
-            doc: "How rank follows from links.",
+            doc: "The objective function: how rank follows from link metrics.",
             kind: Kind::Choice(&[
                 Choice {
                     name: "of0",
@@ -45,29 +45,29 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "dio_interval_doublings",
-            doc: "How often that may double. 9: to 2.33 h.",
+            doc: "Number of doublings of the Trickle interval. 9: to 2.33 h.",
             kind: Kind::Integer { min: 0, max: 20 },
             default: Default::Integer(9),
         },
         Field {
             key: "dio_redundancy",
-            doc: "DIOs heard in an interval that make one's own superfluous; 0: none do.",
+            doc: "Redundancy constant: number of DIOs heard in an interval that suppress a mote's own; 0: no suppression.",
             kind: Kind::Integer { min: 0, max: 255 },
             default: Default::Integer(3),
         },
         Field {
             key: "max_rank_increase",
-            doc: "How far rank may rise within a version of the DODAG (RFC 6550, § 8.2.2.4); 0: without bound.",
+            doc: "Maximum rank increase within a version of the DODAG (RFC 6550, § 8.2.2.4); 0: unlimited.",
             kind: Kind::Integer { min: 0, max: 65_535 },
             default: Default::Integer(7168),
         },
         Field {
             key: "solicitation",
-            doc: "How a mote without a DODAG asks for one.",
+            doc: "How a mote without a DODAG solicits DIOs.",
             kind: Kind::Choice(&[
                 Choice {
                     name: "unicast",
-                    doc: "First the mote through which it joined, later everyone.",
+                    doc: "By unicast to the mote through which it joined, later by broadcast.",
                 },
                 Choice { name: "multicast", doc: "Everyone." },
                 Choice { name: "off", doc: "Not at all." },
@@ -76,49 +76,50 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "dis_period_s",
-            doc: "Time between solicitations (s).",
+            doc: "Interval between solicitations (s).",
             kind: Kind::Number(Range::closed(1.0, 1e5)),
             default: Default::Number(60.0),
         },
         Field {
             key: "route_lifetime_s",
-            doc: "How long routes down live (s), in whole minutes.",
+            doc: "Lifetime of downward routes (s), in whole minutes.",
             kind: Kind::Number(Range::closed(60.0, 15_000.0)),
             default: Default::Number(1800.0),
         },
         Field {
             key: "dao_period_s",
-            doc: "Time between advertisements of routes down (s); 0: half their lifetime.",
+            doc: "Interval between advertisements (DAOs) of downward routes (s); 0: half their lifetime.",
             kind: Kind::Number(Range::closed(0.0, 15_000.0)),
             default: Default::Number(0.0),
         },
         Field {
             key: "dao_delay_s",
-            doc: "An advertisement waits so long in the mean for others to go with it (s): RFC 6550's DEFAULT_DAO_DELAY.",
+            doc: "Mean delay of an advertisement, in which others can be aggregated with it (s): RFC 6550's \
+                  DEFAULT_DAO_DELAY.",
             kind: Kind::Number(Range::closed(0.0, 1000.0)),
             default: Default::Number(1.0),
         },
         Field {
             key: "dao_ack",
-            doc: "Whether they ask for acknowledgment.",
+            doc: "Whether advertisements request an acknowledgment (DAO-ACK).",
             kind: Kind::Bool,
             default: Default::Bool(true),
         },
         Field {
             key: "routes_down",
-            doc: "Whether routes down are advertised at all.",
+            doc: "Whether downward routes are advertised; without them packets travel only towards the root.",
             kind: Kind::Bool,
             default: Default::Bool(true),
         },
         Field {
             key: "neighbour_lifetime_s",
-            doc: "A neighbour that has not been heard for so long is forgotten (s).",
+            doc: "Time after which an unheard neighbour is removed (s).",
             kind: Kind::Number(Range::closed(1.0, 1e6)),
             default: Default::Number(1800.0),
         },
         Field {
             key: "global_repair_s",
-            doc: "Time between versions of the DODAG (s); 0: never.",
+            doc: "Interval between versions of the DODAG (s); 0: never.",
             kind: Kind::Number(Range::closed(0.0, 1e6)),
             default: Default::Number(0.0),
         },

@@ -7,45 +7,45 @@ use serde::Deserialize;
 
 /// Description of `[netsim.swarm]`.
 pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "How the payloads of the robots travel.",
+    doc: "How the network transports the robots' payloads.",
     fields: &[
         Field {
             key: "transport",
-            doc: "In which cells. Absent: own-cell where the scheduling function gives each mote a cell for itself, \
-                  otherwise broadcast-slotframe.",
+            doc: "Cells that carry the payloads. Absent: own-cell if the scheduling function gives each mote its own \
+                  cell, otherwise broadcast-slotframe.",
             kind: Kind::Choice(&[
-                Choice { name: "none", doc: "They do not: a sensor network." },
+                Choice { name: "none", doc: "No payloads are sent: a plain sensor network." },
                 Choice {
                     name: "own-cell",
-                    doc: "Broadcast once a period, in the cell that the scheduling function gives each mote for itself.",
+                    doc: "Broadcast once per period, in each mote's own cell from the scheduling function.",
                 },
                 Choice {
                     name: "shared-cell",
-                    doc: "Broadcast once a period, in the cells that all share: they collide, as those of BotNet under MSF do.",
+                    doc: "Broadcast once per period, in the shared cells, where they collide, as in BotNet under MSF.",
                 },
                 Choice {
                     name: "unicast-neighbours",
-                    doc: "Once a period to each neighbour by itself, acknowledged and sent again if need be.",
+                    doc: "Unicast once per period to each neighbour, with acknowledgments and retransmissions.",
                 },
                 Choice {
                     name: "broadcast-slotframe",
-                    doc: "Broadcast once a period, in a slotframe beside those of the scheduling function, in which each mote \
-                          has a slot for itself and listens in all others.",
+                    doc: "Broadcast once per period, in an additional slotframe in which each mote has its own slot and \
+                          listens in all others.",
                 },
             ]),
             default: Default::Absent,
         },
         Field {
             key: "slots",
-            doc: "Length of the broadcast slotframe (slots). Absent: as many as there are motes. Motes whose numbers differ by \
+            doc: "Length of the broadcast slotframe (slots). Absent: the number of motes. Motes whose numbers differ by \
                   this length share a slot.",
             kind: Kind::Integer { min: 1, max: 65_534 },
             default: Default::Absent,
         },
         Field {
             key: "channel_offset",
-            doc: "Channel offset of its cells. Absent: the last one of the hopping sequence, away from the minimal cell (0) and \
-                  Orchestra's beacons and broadcasts (0, 1): a payload on their channel would meet every frame in them.",
+            doc: "Channel offset of its cells. Absent: the last one of the hopping sequence, to avoid collisions with the \
+                  minimal cell (0) and with Orchestra's beacons and broadcasts (0, 1).",
             kind: Kind::Integer { min: 0, max: 511 },
             default: Default::Absent,
         },
@@ -110,7 +110,8 @@ pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
     let transport = keys.transport.unwrap_or(default);
     let mut refuse = |why: &str, nearest: Choices| {
         let path = join(given.path, "transport");
-        let message = format!("does not go with sf.kind = {:?}: {why}", function.variant.name);
+        let message =
+            format!("does not apply with sf.kind = {:?}, because {why}", function.variant.name);
         given.problems.push(
             Problem::new(path, message)
                 .value(format!("{:?}", transport.name()))

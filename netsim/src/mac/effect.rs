@@ -73,8 +73,11 @@ pub trait Effect: Send + Sync + Debug {
 }
 
 /// Description of one `[[netsim.mac.effect]]`.
-pub const SPEC: TableSpec =
-    TableSpec { doc: "An effect on what motes do in the network.", fields: &[], tag: Some(&TAG) };
+pub const SPEC: TableSpec = TableSpec {
+    doc: "An effect on the behaviour of motes in the network.",
+    fields: &[],
+    tag: Some(&TAG),
+};
 
 /// The key that selects an effect.
 pub const TAG: Tag =
@@ -117,7 +120,7 @@ pub(crate) const BUILT_IN: &[Entry] = &[
 /// The key with the motes that an effect concerns, whose numbers [`build`] checks.
 pub const MOTES: Field = Field {
     key: "motes",
-    doc: "Numbers of the motes that it concerns. Absent: all.",
+    doc: "Numbers of the affected motes. Absent: all.",
     kind: Kind::List {
         of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
         min: 1,
@@ -163,11 +166,11 @@ pub fn build(
         for (place, mote) in numbers.filter(|(_, mote)| agent_count <= *mote as usize) {
             let last = agent_count as i64 - 1;
             let key = join(&at, &format!("{}[{place}]", MOTES.key));
-            let problem = Problem::new(key, format!("must be a mote, 0 to {last}"));
+            let problem = Problem::new(key, format!("must be the number of a mote, 0 to {last}"));
             problems.push(problem.value(mote).nearest(last));
         }
         if entry.needs_kept_time && !is_time_kept {
-            let message = "needs keep_alive_s other than 0: clocks that drift must be kept";
+            let message = "requires keep_alive_s other than 0, because drifting clocks must be resynchronised";
             problems.push(Problem::new(join(&at, TAG.key), message));
         }
         effects.extend((entry.build)(table));

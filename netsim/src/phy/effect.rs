@@ -95,7 +95,7 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
 
 /// Description of one `[[netsim.phy.effect]]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "A physical effect that is added to the base model.",
+    doc: "A physical effect added to the base propagation model.",
     fields: &[],
     tag: Some(&TAG),
 };

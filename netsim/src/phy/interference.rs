@@ -1,4 +1,4 @@
-//! What frames that are on the air together do to each other.
+//! Interference model: how simultaneous frames affect each other.
 //!
 //! One file per rule, one list: `BUILT_IN`. A rule says by which factor interference lowers the probability that a frame is
 //! received. What noise alone does is not its business: that is the probability which the reception curve, or the
@@ -56,11 +56,11 @@ pub struct Interference {
 
 /// Description of `[netsim.phy.interference]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "What frames that are on the air together do to each other.",
+    doc: "Interference model: how simultaneous frames affect each other.",
     fields: &[Field {
         key: "horizon_dbm",
-        doc: "Frames that arrive with less than this (dBm) do not disturb others. Absent: frames too weak to be received do \
-              not. Lower values lengthen the reach of every mote, and the run.",
+        doc: "Frames that arrive with less than this power (dBm) cause no interference. Absent: frames too weak to be \
+              received cause none. Lower values extend the interference range of every mote, and the run time.",
         kind: Kind::Number(Range::closed(-200.0, 0.0)),
         default: Default::Absent,
     }],

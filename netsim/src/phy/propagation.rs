@@ -183,7 +183,7 @@ pub(crate) const BUILT_IN: &[Entry] = &[
 /// The key that selects a model.
 pub const TAG: Tag = Tag {
     key: "propagation",
-    doc: "The base model of who hears whom.",
+    doc: "The base propagation model.",
     default: Some(friis::ENTRY.variant.name),
     variants: Variants::List(LIST),
 };
@@ -191,7 +191,7 @@ pub const TAG: Tag = Tag {
 /// Key of connectivity models: what every received frame reads.
 const RSSI_FIELD: Field = Field {
     key: "rssi_dbm",
-    doc: "What every frame reads (dBm). Absent: Friis. It does not decide reception.",
+    doc: "RSSI reading of every frame (dBm). Absent: that of Friis. It does not affect reception.",
     kind: Kind::Number(Range::closed(-200.0, 100.0)),
     default: Default::Absent,
 };

@@ -21,7 +21,7 @@ pub trait Curve: Send + Sync + std::fmt::Debug {
 
 /// Description of `[netsim.phy.reception]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "How the strength of a frame decides whether it is received.",
+    doc: "Reception model: how the RSSI of a frame determines whether it is received.",
     fields: &[],
     tag: Some(&TAG),
 };

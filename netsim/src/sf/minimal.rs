@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "minimal",
-        doc: "One shared cell at the beginning of the slotframe carries everything (RFC 8180).",
+        doc: "The minimal configuration (RFC 8180): one shared cell at the beginning of the slotframe carries all frames.",
         fields: &[slots_field(
             "slotframe_slots",
-            "Length of the slotframe (slots). RFC 8180 leaves it open: 7 is Contiki-NG's. 101, the 6TiSCH simulator's, is one \
-             cell a second, too few for the keep-alives of ten motes.",
+            "Length of the slotframe (slots). RFC 8180 leaves it open. 7: Contiki-NG's; with 101, the 6TiSCH simulator's, \
+             one cell per second is too few for the keep-alives of ten motes.",
             Default::Integer(7),
         )],
     },

@@ -13,11 +13,11 @@ use serde::{Deserialize, Serialize};
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "rrsf",
-        doc: "A slotframe of one slot for every mote, in which it alone transmits and all others receive (BotNet's round robin).",
+        doc: "Round robin (BotNet): the slotframe has one slot per mote, in which this mote transmits and all others receive.",
         fields: &[Field {
             key: "shared_slots",
-            doc: "Further slots at the end of the slotframe, in which all motes contend with unicast frames: room for joining and \
-                      routing where a mote has more to say than fits into its own slot.",
+            doc: "Number of additional shared slots at the end of the slotframe, in which motes contend with unicast \
+                  frames; use them if joining and routing need more than a mote's own slot.",
             kind: Kind::Integer { min: 0, max: 10_000 },
             default: Default::Integer(0),
         }],
@@ -29,13 +29,13 @@ pub const ENTRY: Entry = Entry {
         let before = context.problems.len();
         if most < context.agent_count {
             let message =
-                format!("\"rrsf\" has slots for at most {most} motes beside its shared ones");
+                format!("\"rrsf\" has slots for at most {most} motes beside its shared slots");
             let problem = Problem::new(join(context.path, TAG.key), message);
             context.problems.push(problem.value(context.agent_count));
         }
         if context.shared_slot_0 && keys.shared_slots != 0 {
             let key = join(context.path, "shared_slots");
-            let message = "must be 0 with compat.shared_slot_0, which repeats BotNet's schedule";
+            let message = "must be 0 with compat.shared_slot_0, which reproduces BotNet's schedule";
             context.problems.push(Problem::new(key, message).value(keys.shared_slots).nearest(0));
         }
         (context.problems.len() == before).then_some(Config::new(RrsfConfig {
@@ -250,14 +250,15 @@ mod tests {
         assert_eq!(
             problems,
             [
-                "netsim.sf.kind: \"rrsf\" has slots for at most 65499 motes beside its shared ones, got 65500"
+                "netsim.sf.kind: \"rrsf\" has slots for at most 65499 motes beside its shared slots, got 65500"
             ]
         );
         let text = "kind = \"rrsf\" # compat.shared_slot_0\nshared_slots = 3";
         assert_eq!(
             read(text, 5).1,
             [
-                "netsim.sf.shared_slots: must be 0 with compat.shared_slot_0, which repeats BotNet's schedule, got 3 (nearest valid: 0)"
+                "netsim.sf.shared_slots: must be 0 with compat.shared_slot_0, which reproduces BotNet's schedule, got 3 \
+                 (nearest valid: 0)"
             ]
         );
     }

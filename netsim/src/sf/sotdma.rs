@@ -11,25 +11,28 @@ use serde::{Deserialize, Serialize};
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "sotdma",
-        doc: "Every mote takes a slot that nobody within two hops has, learns of conflicts from what neighbours announce, and \
-              then takes another one: the slotframe is as long as neighbourhoods are large, however many motes there are.",
+        doc: "Self-organised TDMA: every mote takes a slot that no mote within two hops uses, detects conflicts from the \
+              announcements of neighbours, and then changes its slot. The slotframe length depends on the density, not on \
+              the number of motes.",
         fields: &[
             Field {
                 key: "slotframe_slots",
-                doc: "Length of the slotframe (slots): shared slots, and more than motes within two hops of any.",
+                doc: "Length of the slotframe (slots): the shared slots plus more than the maximum number of motes within \
+                      two hops.",
                 kind: Kind::Integer { min: 2, max: MAX_SLOTS as i64 },
                 default: Default::Integer(64),
             },
             Field {
                 key: "shared_slots",
-                doc: "Slots of these, at the end, in which all contend with unicast frames: joining and routing.",
+                doc: "Number of shared slots at the end of the slotframe, in which motes contend with unicast frames for \
+                      joining and routing.",
                 kind: Kind::Integer { min: 1, max: 128 },
                 default: Default::Integer(6),
             },
             Field {
                 key: "check_slotframes",
-                doc: "In the mean so often (slotframes) a mote listens in its own slot instead of sending, so as to hear of a \
-                      neighbour that has taken the same.",
+                doc: "Mean interval (slotframes) at which a mote listens in its own slot instead of sending, to detect a \
+                      neighbour that uses the same slot.",
                 kind: Kind::Integer { min: 2, max: 10_000 },
                 default: Default::Integer(16),
             },
@@ -40,7 +43,7 @@ pub const ENTRY: Entry = Entry {
         let config: SotdmaConfig = typed(table);
         if config.slotframe_slots <= config.shared_slots {
             let message = format!(
-                "must leave slots for motes in a slotframe of {} (sf.slotframe_slots)",
+                "must leave slots for motes: it must be less than sf.slotframe_slots = {}",
                 config.slotframe_slots
             );
             let problem = Problem::new(join(context.path, "shared_slots"), message);

@@ -13,17 +13,18 @@ use std::collections::BTreeSet;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "static",
-        doc: "Cells as they are listed: a schedule that was computed elsewhere.",
+        doc: "A static schedule: the listed cells, as computed by another tool.",
         fields: &[
             slots_field("slotframe_slots", "Length of the slotframe (slots).", Default::Required),
             slots_field(
                 "minimal_cell_slots",
-                "Length (slots) of a slotframe 0 with RFC 8180's minimal cell, which comes before listed cells. Absent: there is none.",
+                "Length (slots) of an additional slotframe 0 with the minimal cell of RFC 8180, which takes precedence \
+                 over listed cells. Absent: none.",
                 Default::Absent,
             ),
             Field {
                 key: "cell",
-                doc: "A cell. Every mote has those that concern it.",
+                doc: "A cell. Each mote installs the cells in which it transmits or receives.",
                 kind: Kind::Tables(&CELL),
                 default: Default::Absent,
             },
@@ -51,7 +52,7 @@ const CELL: TableSpec = TableSpec {
         },
         Field {
             key: "from",
-            doc: "The mote that transmits, or \"any\": every mote but the receiver may.",
+            doc: "The mote that transmits, or \"any\": every mote except the receiver.",
             kind: Kind::Either(&[
                 MOTE,
                 Kind::Choice(&[Choice { name: "any", doc: "Every mote." }]),
@@ -60,8 +61,8 @@ const CELL: TableSpec = TableSpec {
         },
         Field {
             key: "to",
-            doc: "The mote that receives, or \"all\": every mote but the transmitter does, and the cell carries broadcast frames as \
-                  well as unicast frames to anyone.",
+            doc: "The mote that receives, or \"all\": every mote except the transmitter; the cell then carries broadcast \
+                  frames and unicast frames to any mote.",
             kind: Kind::Either(&[
                 MOTE,
                 Kind::Choice(&[Choice { name: "all", doc: "Every mote." }]),
@@ -70,13 +71,14 @@ const CELL: TableSpec = TableSpec {
         },
         Field {
             key: "shared",
-            doc: "Others may transmit in the same slot on the same channel: failures back off. Absent: true from \"any\", else false.",
+            doc: "Whether the cell is shared: several motes may transmit in it, and back off after failures. Absent: true \
+                  with from = \"any\", otherwise false.",
             kind: Kind::Bool,
             default: Default::Absent,
         },
         Field {
             key: "advertising",
-            doc: "Beacons are sent in it; only to \"all\".",
+            doc: "Whether beacons are sent in it; requires to = \"all\".",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },
@@ -205,18 +207,19 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
         }
         for (key, mote) in [("from", from), ("to", to)] {
             if let Some(mote) = mote.filter(|&mote| context.agent_count <= mote as usize) {
-                let message = format!("must be a mote, 0 to {}", context.agent_count - 1);
+                let message =
+                    format!("must be the number of a mote, 0 to {}", context.agent_count - 1);
                 must(key, message, mote.to_string());
             }
         }
         if from.is_some() && from == to {
-            must("to", "must be another mote than from".to_owned(), String::new());
+            must("to", "must differ from from".to_owned(), String::new());
         }
         if from.is_none() && cell.shared == Some(false) {
-            must("shared", "must be true from \"any\"".to_owned(), "false".to_owned());
+            must("shared", "must be true with from = \"any\"".to_owned(), "false".to_owned());
         }
         if to.is_some() && cell.advertising {
-            let message = "must be false but to \"all\": beacons are for everyone";
+            let message = "must be false unless to = \"all\", because beacons are broadcast";
             must("advertising", message.to_owned(), "true".to_owned());
         }
         if !known.insert((cell.slot, cell.channel, from, to)) {
@@ -400,11 +403,11 @@ mod tests {
             [
                 "netsim.sf.cell[0].slot: must be less than slotframe_slots, 10, got 10",
                 "netsim.sf.cell[0].channel: must be less than the number of channels, 16, got 16",
-                "netsim.sf.cell[0].from: must be a mote, 0 to 3, got 4",
-                "netsim.sf.cell[0].to: must be a mote, 0 to 3, got 5",
-                "netsim.sf.cell[1].to: must be another mote than from",
-                "netsim.sf.cell[1].advertising: must be false but to \"all\": beacons are for everyone, got true",
-                "netsim.sf.cell[2].shared: must be true from \"any\", got false",
+                "netsim.sf.cell[0].from: must be the number of a mote, 0 to 3, got 4",
+                "netsim.sf.cell[0].to: must be the number of a mote, 0 to 3, got 5",
+                "netsim.sf.cell[1].to: must differ from from",
+                "netsim.sf.cell[1].advertising: must be false unless to = \"all\", because beacons are broadcast, got true",
+                "netsim.sf.cell[2].shared: must be true with from = \"any\", got false",
                 "netsim.sf.cell[3]: must not be listed twice",
             ]
         );

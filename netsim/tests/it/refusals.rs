@@ -35,10 +35,10 @@ fn every_problem_is_named_at_once() {
     netsim.phy.effect[1].kind: is missing: one of "antenna-pattern", "battery-sag", "body-blocking", "diffraction", "fast-fading", "formula", "hidden-obstacle", "interference", "motion-fading", "multipath", "node-offset", "noise-floor", "path-loss-exponent", "receiver-nonlinearity", "reception-curve", "shadowing", "system-gain", "temperature", "two-ray-ground", "vegetation", "wall-attenuation"
     netsim.phy.effect[2].gain_db: must be from -100 to 100, got 1000 (nearest valid: 100)
     netsim.phy.raduis_m: is not a known key (nearest valid: radius_m)
-    netsim.phy.exponent: does not go with propagation = "unit-disk", only with "log-distance"
+    netsim.phy.exponent: does not apply with propagation = "unit-disk", only with "log-distance"
     netsim.mod: is not a known key (nearest valid: mode)
-    netsim.slot_duration_s: must divide the control period, 0.1 s, into whole slots, got 0.03 (nearest valid: 0.025)
-    netsim.absent[1]: must be a mote, 0 to 9, got 10 (nearest valid: 9)
+    netsim.slot_duration_s: must divide the control period, 0.1 s, into a whole number of slots, got 0.03 (nearest valid: 0.025)
+    netsim.absent[1]: must be the number of a mote, 0 to 9, got 10 (nearest valid: 9)
     netsim.absent[2]: must not be listed twice, got 3
     "#);
 }
@@ -49,7 +49,7 @@ fn a_table_of_reception_must_rise() {
     insta::assert_snapshot!(refusal_of(config), @r#"
     netsim.phy.reception.points[3]: must have a probability from 0 to 1, got 1.5 (nearest valid: 1)
     netsim.phy.reception.points[1]: must have a greater RSSI than the point before, -90, got -95
-    netsim.phy.reception.points[2]: must not be less probable than the point before, 0.7, got 0.6 (nearest valid: 0.7)
+    netsim.phy.reception.points[2]: must have a probability of at least that of the point before, 0.7, got 0.6 (nearest valid: 0.7)
     "#);
     insta::assert_snapshot!(refusal_of("[phy.reception]\npoints = [[-90, 0.5]]\n"), @r#"netsim.phy.reception.points: must have 2 to 10000 entries, got [[-90, 0.5]]"#);
 }
@@ -67,7 +67,7 @@ fn negative_and_impossible_sizes_are_refused() {
 #[test]
 fn a_trace_must_come_along_be_whole_and_fit_the_experiment() {
     let config = "[phy]\npropagation = \"trace\"\nfile = \"a.k7\"\n";
-    insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.file: names a file that was not sent along: its content must come with the configuration, got "a.k7""#);
+    insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.file: names a file whose content is missing; send it together with the configuration, got "a.k7""#);
     let mut setup = setup(10, config);
     setup.files.insert("a.k7".to_owned(), "{}".into());
     insta::assert_snapshot!(refusal(&setup), @r#"netsim.phy.file: is not a K7 trace: a.k7: line 1: must be a JSON object with start_date, stop_date, channels, node_count: missing field `start_date` at line 1 column 2"#);
@@ -75,8 +75,8 @@ fn a_trace_must_come_along_be_whole_and_fit_the_experiment() {
         \"channels\": [11, 12], \"node_count\": 2}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n";
     setup.files.insert("a.k7".to_owned(), text.into());
     insta::assert_snapshot!(refusal(&setup), @r#"
-    netsim.phy.file: has 2 nodes: the experiment must have as many agents, got 10 (nearest valid: 2)
-    netsim.phy.file: was not measured on every channel of netsim.hopping_sequence: 16, 17, 23, 18, 26, 15, 25, 22, 19, 13, 24, 14, 20, 21 missing, there are [11, 12]
+    netsim.phy.file: has 2 nodes, so the experiment must have as many agents, got 10 (nearest valid: 2)
+    netsim.phy.file: was not measured on all channels of netsim.hopping_sequence: 16, 17, 23, 18, 26, 15, 25, 22, 19, 13, 24, 14, 20, 21 missing; the trace has the channels [11, 12]
     "#);
 }
 
@@ -90,7 +90,7 @@ fn what_has_no_influence_is_warned_of() {
 #[test]
 fn clocks_that_drift_must_be_kept() {
     let drifting = "mode = \"6tisch\"\n[mac]\nkeep_alive_s = 0\n";
-    insta::assert_snapshot!(refusal_of(drifting), @r#"netsim.mac.max_drift_ppm: must be 0 with keep_alive_s = 0: clocks that drift must be kept, got 30 (nearest valid: 0)"#);
+    insta::assert_snapshot!(refusal_of(drifting), @r#"netsim.mac.max_drift_ppm: must be 0 with keep_alive_s = 0, because drifting clocks must be resynchronised, got 30 (nearest valid: 0)"#);
     assert_eq!(refusal_of(&format!("{drifting}max_drift_ppm = 0\n")), "accepted");
     assert_eq!(refusal_of("mode = \"6tisch\"\n"), "accepted");
 }
@@ -171,7 +171,7 @@ fn the_schema_lists_every_model_and_effect() {
 #[test]
 fn slots_shorter_than_a_frame_and_its_acknowledgment_are_refused() {
     let short = "mode = \"6tisch\"\nslot_duration_s = 0.005\n";
-    insta::assert_snapshot!(refusal_of(short), @"netsim.slot_duration_s: must be at least 0.009776 s with mode = \"6tisch\": so long last the longest frame and its acknowledgment, got 0.005 (nearest valid: 0.01)");
+    insta::assert_snapshot!(refusal_of(short), @"netsim.slot_duration_s: must be at least 0.009776 s with mode = \"6tisch\", the duration of the longest frame and its acknowledgment, got 0.005 (nearest valid: 0.01)");
     assert_eq!(refusal_of("slot_duration_s = 0.005\n"), "accepted");
 }
 
@@ -200,7 +200,7 @@ fn a_scheduling_function_that_is_none_is_one_problem() {
 
 #[test]
 fn a_network_needs_a_root_that_is_there() {
-    insta::assert_snapshot!(refusal_of("mode = \"6tisch\"\nabsent = [0, 3]\n"), @"netsim.absent: must not name every root: without one there is no network to join, got [0, 3]");
+    insta::assert_snapshot!(refusal_of("mode = \"6tisch\"\nabsent = [0, 3]\n"), @"netsim.absent: must not list every root, because motes need a root to join a network, got [0, 3]");
     assert_eq!(refusal_of("mode = \"6tisch\"\nabsent = [0, 3]\nroots = [0, 5]\n"), "accepted");
     assert_eq!(refusal_of("absent = [0]\n"), "accepted");
 }

@@ -8,7 +8,7 @@ const MAX_SLOTS: i64 = 1_000_000;
 
 /// `control_period = { ... }`.
 pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "A control period of fixed length: one of the two keys.",
+    doc: "A control period of fixed length; set exactly one of the two keys.",
     fields: &[
         Field {
             key: "slots",
@@ -18,7 +18,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "rate_hz",
-            doc: "How many times a second. The period must be whole slots.",
+            doc: "Control rate (Hz). The period must be a whole number of slots.",
             kind: Kind::Number(Range::above(0.0, 1e6)),
             default: Default::Absent,
         },
@@ -68,7 +68,8 @@ pub(super) fn read(
         Some(toml::Value::String(kind)) if kind == "packet" => {
             if parallel {
                 problems.push(
-                    Problem::new(PATH, "does not go with coupling = \"parallel\": each packet ends a period of both")
+                    Problem::new(PATH, "must not be \"packet\" with coupling = \"parallel\", in which both simulators run \
+                                        at the same time")
                         .value("\"packet\"")
                         .nearest("\"slotframe\""),
                 );
@@ -82,7 +83,10 @@ pub(super) fn read(
                 (Some(slots), None) => ControlPeriod::Slots(slots.unsigned_abs()),
                 (None, Some(rate_hz)) => of_rate(rate_hz, slot_ns, agents, problems),
                 _ => {
-                    problems.push(Problem::new(PATH, "must have one of slots and rate_hz"));
+                    problems.push(Problem::new(
+                        PATH,
+                        "must have exactly one of the keys slots and rate_hz",
+                    ));
                     ControlPeriod::Slotframe
                 }
             }

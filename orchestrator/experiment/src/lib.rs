@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 /// Description of `[experiment]`.
 pub const EXPERIMENT: TableSpec = TableSpec {
-    doc: "What is run, for how long, and how the two simulators take turns.",
+    doc: "The experiment: its name, seed, duration and number of robots, and how the two simulators are coupled.",
     fields: &[
         Field {
             key: "name",
@@ -36,7 +36,7 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "seed",
-            doc: "Seed of every random draw. The same seed and configuration give the same recording.",
+            doc: "Seed of all random draws. The same seed and configuration give the same recording.",
             kind: Kind::Integer { min: 0, max: i64::MAX },
             default: Default::Required,
         },
@@ -48,39 +48,39 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "agents",
-            doc: "How many robots, each with a radio.",
+            doc: "Number of robots, each with a radio.",
             kind: Kind::Integer { min: 1, max: proto::side::MAX_AGENTS as i64 },
             default: Default::Required,
         },
         Field {
             key: "coupling",
-            doc: "How the two simulators take turns.",
+            doc: "How the two simulators are coupled.",
             kind: Kind::Choice(&[
                 Choice {
                     name: "sequential",
-                    doc: "Robots act on what was heard and move, then the network runs over their new positions.",
+                    doc: "Robots act on the messages received and move, then the network runs with their new positions.",
                 },
                 Choice {
                     name: "parallel",
-                    doc: "Both run at the same time; what robots hear is one period older.",
+                    doc: "Both simulators run at the same time, and robots receive messages one control period later.",
                 },
             ]),
             default: Default::Text("sequential"),
         },
         Field {
             key: "control_period",
-            doc: "How often robots act: every slotframe, every packet that is delivered, or { slots = n } or \
+            doc: "The control period, in which robots act once: a slotframe, up to each delivered packet, { slots = n } or \
                   { rate_hz = r }.",
             kind: Kind::Either(&[
                 Kind::Choice(&[
                     Choice {
                         name: "slotframe",
-                        doc: "Once in each slotframe of the network: without protocols as many slots as there are agents, with them \
-                              the slotframe of the scheduling function or that of the payloads' broadcast slotframe.",
+                        doc: "One slotframe of the network. Without protocols it has one slot per agent; with them it is \
+                              that of the scheduling function, or the broadcast slotframe of the payloads.",
                     },
                     Choice {
                         name: "packet",
-                        doc: "Whenever a packet was delivered, at the latest every slotframe.",
+                        doc: "Until a packet is delivered, at most one slotframe.",
                     },
                 ]),
                 Kind::Table(&control::SPEC),
@@ -89,11 +89,11 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "start",
-            doc: "When the robots start. Absent: when the network has formed, if it has anything to form, else at once.",
+            doc: "When the robots start. Absent: when the network has formed, or at once if there is no network formation.",
             kind: Kind::Choice(&[
                 Choice {
                     name: "when-formed",
-                    doc: "They stand still until the network has formed; time before that is no part of duration_s.",
+                    doc: "They stand still until the network has formed; this time does not count towards duration_s.",
                 },
                 Choice {
                     name: "at-once",
@@ -104,28 +104,28 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "formation_limit_s",
-            doc: "Simulated time (s) within which a network that robots wait for must have formed. If it has not, the run \
-                  fails, and says who is missing and why.",
+            doc: "Timeout of network formation (s of simulated time). If the network has not formed by then, the run fails \
+                  and lists the missing motes with the reason.",
             kind: Kind::Number(Range::above(0.0, 1e9)),
             default: Default::Number(3600.0),
         },
         Field {
             key: "stop_when_complete",
-            doc: "End when the robots regard their task as done.",
+            doc: "Whether to end the run when the robots report their task complete.",
             kind: Kind::Bool,
             default: Default::Bool(true),
         },
         Field {
             key: "transport",
-            doc: "How steps cross. Results do not depend on it.",
+            doc: "Transport of the step requests. Results do not depend on it.",
             kind: Kind::Choice(&[
                 Choice {
                     name: "auto",
-                    doc: "One stream where a simulator announces it, else single calls.",
+                    doc: "One gRPC stream if the simulator supports sessions, otherwise single calls.",
                 },
                 Choice {
                     name: "stream",
-                    doc: "One stream; refused if a simulator does not announce it.",
+                    doc: "One gRPC stream; refused if a simulator does not support sessions.",
                 },
                 Choice { name: "unary", doc: "Single calls." },
             ]),
@@ -133,8 +133,8 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "step_deadline_s",
-            doc: "How long a simulator may take for one step (s of real time) while it shows signs of life. One that \
-                  shows none is given up after about five seconds.",
+            doc: "Timeout of one step (s of real time) for a simulator that is alive. A simulator that shows no sign of \
+                  life is abandoned after about five seconds.",
             kind: Kind::Number(Range::closed(1.0, 86_400.0)),
             default: Default::Number(60.0),
         },
@@ -153,17 +153,22 @@ const TLS: TableSpec = TableSpec {
     fields: &[
         Field {
             key: "ca",
-            doc: "Authority that signed the simulators' certificates.",
+            doc: "Certificate authority that signed the simulators' certificates.",
             kind: Kind::Text,
             default: Default::Required,
         },
         Field {
             key: "cert",
-            doc: "Our own certificate, where they ask for one.",
+            doc: "Client certificate, for simulators that require one.",
             kind: Kind::Text,
             default: Default::Absent,
         },
-        Field { key: "key", doc: "Its private key.", kind: Kind::Text, default: Default::Absent },
+        Field {
+            key: "key",
+            doc: "Private key of the client certificate.",
+            kind: Kind::Text,
+            default: Default::Absent,
+        },
     ],
     tag: None,
 };
@@ -339,7 +344,7 @@ pub fn schema() -> serde_json::Value {
             },
             "timeline": {
                 "type": "array",
-                "description": "Orders to the network, each at its time.",
+                "description": "Scheduled events of the network.",
                 "items": section(&timeline::SPEC, &Lists::NONE, false),
             },
             "output": section(&output::SPEC, &Lists::NONE, false),
@@ -354,7 +359,7 @@ pub fn schema() -> serde_json::Value {
 fn foreign(what: &str) -> serde_json::Value {
     serde_json::json!({
         "type": "object",
-        "description": format!("For a {what} simulator that runs elsewhere: its own keys."),
+        "description": format!("Keys of a {what} simulator that runs elsewhere; it checks them itself."),
         "properties": { "url": { "type": "string", "description": URL.doc } },
         "required": ["url"],
     })
@@ -376,7 +381,7 @@ fn plan(
                 if key == sweep::KEY {
                     problems.push(Problem::new(
                         key,
-                        "makes many experiments of this one: orchestrator sweep runs them",
+                        "defines a sweep of many experiments; run it with orchestrator sweep",
                     ));
                     continue;
                 }
@@ -384,7 +389,7 @@ fn plan(
                 problem.nearest = config::most_similar(key, SECTIONS).map(str::to_owned);
                 if problem.nearest.is_none() {
                     problem.message =
-                        format!("is not a known section: there are {}", SECTIONS.join(", "));
+                        format!("is not a known section; the sections are {}", SECTIONS.join(", "));
                 }
                 problems.push(problem);
             }
@@ -404,7 +409,7 @@ fn plan(
         problems.push(
             Problem::new(
                 "experiment.name",
-                "must be letters, digits, '-', '_' and '.', at most 100, not starting with '.': it names a folder",
+                "must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.', because it names a folder",
             )
             .value(format!("{name:?}"))
             .nearest(format!("{:?}", as_file_name(&name))),
@@ -522,7 +527,7 @@ fn plan(
 fn longer_than_the_trace(trace_ns: Option<u64>, duration_s: Option<f64>) -> Option<Problem> {
     let trace_s = seconds(trace_ns?);
     let duration_s = duration_s.filter(|&duration_s| trace_s < duration_s)?;
-    let message = "must not be longer than the trace in netsim.phy.file, unless netsim.phy.after_end = \"hold\"";
+    let message = "must not exceed the length of the trace in netsim.phy.file, unless netsim.phy.after_end = \"hold\"";
     Some(Problem::new("experiment.duration_s", message).value(duration_s).nearest(trace_s))
 }
 
@@ -545,13 +550,17 @@ fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>) ->
         (Some(cert), Some(key)) => Some((cert, key)),
         (None, None) => None,
         (Some(_), None) => {
-            problems
-                .push(Problem::new("experiment.tls.key", "is missing: cert and key go together"));
+            problems.push(Problem::new(
+                "experiment.tls.key",
+                "is missing: cert and key must be set together",
+            ));
             None
         }
         (None, Some(_)) => {
-            problems
-                .push(Problem::new("experiment.tls.cert", "is missing: cert and key go together"));
+            problems.push(Problem::new(
+                "experiment.tls.cert",
+                "is missing: cert and key must be set together",
+            ));
             None
         }
     };

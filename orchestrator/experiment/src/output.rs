@@ -132,13 +132,16 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (OutputConf
 
 /// The description of the section.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "What a run leaves beside its configuration, summary and provenance.",
+    doc: "Files that a run writes in addition to its configuration, summary and provenance.",
     fields: &[
-        flag("mcap", "Write run.mcap, the messages exchanged. Replaying and verifying need it."),
-        flag("steps", "Write steps.parquet: where each agent was and how many it heard."),
+        flag("mcap", "Write run.mcap, the exchanged messages. Replay and verification require it."),
+        flag(
+            "steps",
+            "Write steps.parquet: the position of each agent and how many others it heard.",
+        ),
         flag(
             "transmissions",
-            "Write transmissions.parquet: what robots sent, and how many heard it.",
+            "Write transmissions.parquet: the messages of the robots, and how many robots received each.",
         ),
         flag(
             "packets",
@@ -147,18 +150,18 @@ pub const SPEC: TableSpec = TableSpec {
         flag("motes", "Write motes.parquet: the state and the statistics of each mote."),
         Field {
             key: "motes_every_s",
-            doc: "Motes are asked for their statistics, and motes.parquet holds them, every so often (s of simulated time), \
-                  beside every_steps, and at the end. Absent: as often as every_steps says.",
+            doc: "Interval at which motes are queried for their statistics for motes.parquet (s of simulated time), at \
+                  steps that every_steps selects and at the end. Absent: at each of these steps.",
             kind: Kind::Number(Range::closed(1e-9, 1e9)),
             default: Absence::Absent,
         },
         flag(
             "schedule",
-            "Write schedule.parquet: every mote's cells when the network has formed, and at the end.",
+            "Write schedule.parquet: the cells of every mote when the network has formed and at the end of the run.",
         ),
         flag(
             "neighbours",
-            "Write neighbours.parquet: which mote has heard how much of which, at the same times.",
+            "Write neighbours.parquet: how many frames each mote has heard from each other mote, at the same times.",
         ),
         Field {
             key: "pcap",
@@ -168,7 +171,7 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "every_steps",
-            doc: "The tables hold every so many steps. run.mcap always holds all.",
+            doc: "Interval of the tables (steps). run.mcap always holds all steps.",
             kind: Kind::Integer { min: 1, max: 1_000_000_000 },
             default: Absence::Integer(1),
         },
@@ -176,7 +179,7 @@ pub const SPEC: TableSpec = TableSpec {
     ],
     tag: Some(&Tag {
         key: "links",
-        doc: "Which links links.parquet holds: a link is a transmission and an agent that might hear it.",
+        doc: "Which links links.parquet holds. A link is a transmission and a potential receiver.",
         default: Some("heard"),
         variants: Variants::Fixed(LINKS),
     }),
@@ -184,22 +187,22 @@ pub const SPEC: TableSpec = TableSpec {
 
 const LINKS: &[Variant] = &[
     Variant { name: "none", doc: "No links: the file is not written.", fields: &[] },
-    Variant { name: "heard", doc: "Links over which something was heard.", fields: &[] },
+    Variant { name: "heard", doc: "Links with a received frame.", fields: &[] },
     Variant {
         name: "sample",
-        doc: "A random sample of all links, heard or not.",
+        doc: "A random sample of all links, received or not.",
         fields: &[LINKS_SAMPLE],
     },
     Variant {
         name: "all",
-        doc: "Every link, heard or not: 2500 robots have six million in each step.",
+        doc: "Every link, received or not; 2500 robots have six million links per step.",
         fields: &[],
     },
 ];
 
 const LINKS_SAMPLE: Field = Field {
     key: "links_sample",
-    doc: "The chance of each link to be in the sample.",
+    doc: "Probability that a link is in the sample.",
     kind: Kind::Number(Range::above(0.0, 1.0)),
     default: Absence::Number(0.01),
 };
@@ -263,7 +266,7 @@ mod tests {
             [
                 "output.every_steps: must be a whole number from 1 to 1000000000, got 0 (nearest valid: 1)",
                 "output.report: must be true or false, got 1",
-                "output.links_sample: does not go with links = \"heard\", only with \"sample\"",
+                "output.links_sample: does not apply with links = \"heard\", only with \"sample\"",
                 "output.mcpa: is not a known key (nearest valid: mcap)",
             ]
         );

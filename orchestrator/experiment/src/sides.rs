@@ -11,7 +11,8 @@ use std::path::Path;
 /// The key of `[netsim]` and `[robotsim]` that is the orchestrator's.
 pub const URL: Field = Field {
     key: "url",
-    doc: "Where a simulator already runs: http://HOST:PORT, or https:// with [experiment.tls]. Absent: one is started here.",
+    doc: "URL of a running simulator: http://HOST:PORT, or https:// with [experiment.tls]. Absent: the orchestrator starts \
+          one.",
     kind: Kind::Text,
     default: Default::Absent,
 };
@@ -183,8 +184,7 @@ pub(super) fn check_messages(
     let mode = network.get("mode").and_then(toml::Value::as_str).unwrap_or_default();
     if mode != "6tisch" {
         let message = format!(
-            "sends maps up and waypoints down through the network, and netsim.mode = {mode:?} routes nothing; knowledge = \
-             \"truth\" needs no network"
+            "requires a network that routes messages, which netsim.mode = {mode:?} does not, or knowledge = \"truth\""
         );
         problems.push(
             Problem::new("robotsim.controller.kind", message)
@@ -192,7 +192,9 @@ pub(super) fn check_messages(
                 .nearest("netsim.mode = \"6tisch\""),
         );
     } else if network.get("rpl").and_then(|rpl| rpl.get("routes_down")?.as_bool()) == Some(false) {
-        let message = "must be true where robots explore: their base sends waypoints down";
+        let message = format!(
+            "must be true with the controller {controller:?}, which sends messages down to single robots"
+        );
         problems.push(Problem::new("netsim.rpl.routes_down", message).value(false).nearest(true));
     }
 }

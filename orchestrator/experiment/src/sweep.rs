@@ -11,13 +11,13 @@ pub const KEY: &str = "sweep";
 
 /// Description of `[sweep]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "Many experiments made of this one: every case with every value of every list and every sample of the ranges, each with \
-          every seed. `orchestrator sweep` runs them.",
+    doc: "A sweep over this experiment: every case with every combination of values and every sample of the ranges, each \
+          with every seed. Run it with `orchestrator sweep`.",
     fields: &[
         Field {
             key: "seeds",
-            doc: "How many seeds, counted from experiment.seed, or which. Every setting is run with the same, so that settings can be \
-                  compared seed by seed.",
+            doc: "Number of seeds, from experiment.seed on, or a list of seeds. Every setting runs with the same seeds, so \
+                  settings can be compared in pairs.",
             kind: Kind::Either(&[
                 Kind::Integer { min: 1, max: MOST_TRIALS },
                 Kind::List {
@@ -30,20 +30,20 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "vary",
-            doc: "Keys of the file, each with a list of its values, all combinations of which are run, or with a range to sample: \
-                  { min, max }, with scale = \"log\" where ratios matter and whole = true for whole numbers.",
+            doc: "Keys of the file to vary. A list of values is run in all combinations. A range { min, max } is sampled, \
+                  with scale = \"log\" if ratios matter and whole = true for whole numbers.",
             kind: Kind::Anything,
             default: Default::Absent,
         },
         Field {
             key: "case",
-            doc: "Tables, each a case with a name and values of any keys: for what belongs together.",
+            doc: "Cases, each with a name and values of several keys that are varied together.",
             kind: Kind::Anything,
             default: Default::Absent,
         },
         Field {
             key: "samples",
-            doc: "How many points are taken of the ranges, jointly.",
+            doc: "Number of samples of the ranges, drawn jointly.",
             kind: Kind::Integer { min: 1, max: MOST_TRIALS },
             default: Default::Absent,
         },
@@ -53,29 +53,33 @@ pub const SPEC: TableSpec = TableSpec {
             kind: Kind::Choice(&[
                 Choice {
                     name: "sobol",
-                    doc: "A Sobol sequence with Owen's scrambling; best with a power of two. More samples keep those there are.",
+                    doc: "A Sobol sequence with Owen scrambling; best with a power of two. Increasing samples keeps the \
+                          existing ones.",
                 },
                 Choice {
                     name: "latin-hypercube",
-                    doc: "A Latin hypercube: one sample in each of as many equal slices of every range.",
+                    doc: "A Latin hypercube: one sample in each of equally many equal slices of every range.",
                 },
             ]),
             default: Default::Text("sobol"),
         },
         Field {
             key: "keep",
-            doc: "Of which trials everything is kept that a run leaves, beside their row in the table.",
+            doc: "Which trials keep the complete recording of their run, in addition to their row in the table.",
             kind: Kind::Choice(&[
                 Choice { name: "none", doc: "Of none." },
-                Choice { name: "first-seed", doc: "Of each setting with the first seed." },
+                Choice {
+                    name: "first-seed",
+                    doc: "The trial of each setting with the first seed.",
+                },
                 Choice { name: "all", doc: "Of all." },
             ]),
             default: Default::Text("none"),
         },
         Field {
             key: "metrics",
-            doc: "Which figures the report shows, by their names in the table. Absent: those of the task and of delivery that differ \
-                  between trials.",
+            doc: "Metrics that the report shows, by column name of the table. Absent: metrics of the task and of delivery \
+                  that differ between trials.",
             kind: Kind::List { of: &Kind::Text, min: 1, max: 100 },
             default: Default::Absent,
         },
@@ -101,7 +105,7 @@ const RANGE: TableSpec = TableSpec {
         },
         Field {
             key: "scale",
-            doc: "What is uniform over the range.",
+            doc: "Scale on which samples are uniform.",
             kind: Kind::Choice(&[
                 Choice { name: "linear", doc: "The value." },
                 Choice { name: "log", doc: "Its logarithm." },
@@ -110,7 +114,7 @@ const RANGE: TableSpec = TableSpec {
         },
         Field {
             key: "whole",
-            doc: "Whole numbers only, both ends included.",
+            doc: "Whether samples are whole numbers, both ends included.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },
@@ -214,19 +218,17 @@ pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
     match (samples, ranges.is_empty()) {
         (None, false) if node.get("samples").is_none() => problems.push(Problem::new(
             "sweep.samples",
-            "is missing: how many points of the ranges are to be taken, such as 64",
+            "is missing: must be the number of samples of the ranges, such as 64",
         )),
         (Some(_), true) => problems.push(Problem::new(
             "sweep.samples",
-            "has nothing to sample: no key of [sweep.vary] has a range { min, max }",
+            "has nothing to sample: no key of [sweep.vary] has a range { min, max }; add one, or remove this key",
         )),
         _ => {}
     }
     if lists.is_empty() && ranges.is_empty() && cases.is_empty() && node.get("seeds").is_none() {
-        problems.push(Problem::new(
-            KEY,
-            "varies nothing: it needs [sweep.vary], [[sweep.case]] or seeds",
-        ));
+        problems
+            .push(Problem::new(KEY, "varies nothing: add [sweep.vary], [[sweep.case]] or seeds"));
     }
     Sweep {
         seeds: match table.get("seeds") {
@@ -257,7 +259,8 @@ fn seeds_of(list: &[toml::Value], problems: &mut Vec<Problem>) -> Vec<u64> {
     for (index, seed) in seeds.iter().enumerate() {
         if !known.insert(seed) {
             problems.push(
-                Problem::new(format!("sweep.seeds[{index}]"), "is in the list already").value(seed),
+                Problem::new(format!("sweep.seeds[{index}]"), "must differ from the other seeds")
+                    .value(seed),
             );
         }
     }
@@ -284,15 +287,13 @@ impl Reader<'_> {
     /// Refuses a key that makes no other experiment, or is said twice.
     fn judge(&mut self, key: &str, path: &str, node: &Node) {
         let instead = match key.split('.').next() {
-            _ if key == "experiment.seed" => "is what sweep.seeds is for",
-            _ if key == "experiment.name" => {
-                "is given by the sweep: each trial has a name of its own"
-            }
+            _ if key == "experiment.seed" => "cannot be varied; use sweep.seeds instead",
+            _ if key == "experiment.name" => "cannot be varied: the sweep names each trial",
             Some("output") => {
-                "does not change what is measured; sweep.keep says which runs are kept"
+                "cannot be varied: it does not change the results. Use sweep.keep to choose which runs are kept"
             }
-            Some(KEY) => "cannot be swept",
-            _ if self.is_varied(key) => "varies already, elsewhere in [sweep.vary]",
+            Some(KEY) => "cannot be varied in a sweep",
+            _ if self.is_varied(key) => "is varied twice in [sweep.vary]",
             _ => return,
         };
         self.wrong(Problem::new(path, instead), node);
@@ -316,9 +317,8 @@ impl Reader<'_> {
                 self.judge(key, path, node);
                 for (index, value) in values.iter().enumerate() {
                     if values[..index].iter().any(|before| before.to_toml() == value.to_toml()) {
-                        let problem =
-                            Problem::new(path, "has a value twice, which would be run twice")
-                                .value(value.show());
+                        let problem = Problem::new(path, "must list each value only once")
+                            .value(value.show());
                         self.wrong(problem, node);
                     }
                 }
@@ -349,11 +349,11 @@ impl Reader<'_> {
             wrong("max", format!("must be greater than min ({})", range.min), range.max);
         }
         if range.is_log && range.min <= 0.0 {
-            wrong("min", "must be greater than 0 where scale = \"log\"".to_owned(), range.min);
+            wrong("min", "must be greater than 0 with scale = \"log\"".to_owned(), range.min);
         }
         for (key, end) in [("min", range.min), ("max", range.max)] {
             if range.is_whole && libm::round(end) != end {
-                wrong(key, "must be whole where whole = true".to_owned(), end);
+                wrong(key, "must be a whole number with whole = true".to_owned(), end);
             }
         }
         for problem in &mut self.problems[before..] {
@@ -378,14 +378,14 @@ impl Reader<'_> {
             let name = match table.get("name").map(|name| &name.value) {
                 Some(Value::Text(name)) if !name.is_empty() => name.clone(),
                 _ => {
-                    let message = "is missing: must be a text in quotes, to tell cases apart";
+                    let message = "is missing: must be a text in quotes that identifies the case";
                     self.wrong(Problem::new(join(&path, "name"), message), table);
                     String::new()
                 }
             };
             if cases.iter().any(|case| case.name == name) {
-                let problem =
-                    Problem::new(join(&path, "name"), "is the name of another case").value(&name);
+                let problem = Problem::new(join(&path, "name"), "is also the name of another case")
+                    .value(&name);
                 self.wrong(problem, table.get("name").unwrap_or(table));
             }
             let mut values = Vec::new();

@@ -8,11 +8,11 @@ use proto::types::{MoteCommand, MoteCommandKind, MoteOrder, NS_PER_S, seconds};
 
 /// Description of an entry.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "An order to the network at a time.",
+    doc: "A scheduled event of the network.",
     fields: &[Field {
         key: "at_s",
-        doc: "When (s), counted as duration_s is: from when the robots start. It takes effect at the beginning of the \
-              control period that contains this time; noise begins and ends at its very time.",
+        doc: "Time of the event (s after the robots start, as duration_s). It takes effect at the beginning of the control \
+              period that contains this time; noise starts and ends exactly on time.",
         kind: Kind::Number(Range::closed(0.0, 1e9)),
         default: Default::Required,
     }],
@@ -37,7 +37,7 @@ pub const SPEC: TableSpec = TableSpec {
                 doc: "Noise on channels, everywhere or within a disc.",
                 fields: &JAM,
             },
-            Variant { name: "send", doc: "One packet more.", fields: &SEND },
+            Variant { name: "send", doc: "One additional packet.", fields: &SEND },
         ]),
     }),
 };
@@ -81,7 +81,7 @@ const JAM: [Field; 5] = [
     },
     Field {
         key: "until_s",
-        doc: "Until when (s), counted as at_s.",
+        doc: "End of the noise (s after the robots start).",
         kind: Kind::Number(Range::above(0.0, 1e9)),
         default: Default::Required,
     },
@@ -99,22 +99,22 @@ const SEND: [Field; 4] = [
     MOTES,
     Field {
         key: "destination",
-        doc: "The mote it is for, or \"all\": everyone in reach.",
+        doc: "Destination mote, or \"all\": a broadcast to all motes in range.",
         kind: Kind::Either(&[
             MOTE,
-            Kind::Choice(&[Choice { name: "all", doc: "Everyone in reach." }]),
+            Kind::Choice(&[Choice { name: "all", doc: "All motes in range." }]),
         ]),
         default: Default::Required,
     },
     Field {
         key: "payload",
-        doc: "What is sent, as text. One of payload and payload_hex.",
+        doc: "Payload as text. Set exactly one of payload and payload_hex.",
         kind: Kind::Text,
         default: Default::Absent,
     },
     Field {
         key: "payload_hex",
-        doc: "What is sent, as hexadecimal digits, two per byte.",
+        doc: "Payload as hexadecimal digits, two per byte.",
         kind: Kind::Text,
         default: Default::Absent,
     },
@@ -163,16 +163,14 @@ impl Timeline {
         unnoticed.dedup_by_key(|entry| entry.index);
         for entry in unnoticed {
             let (order, why) = match entry.order {
-                MoteOrder::Jam { .. } => ("jam", "nothing disturbs frames there"),
-                MoteOrder::Send { .. } => {
-                    ("send", "nothing is sent there but the robots' payloads")
-                }
+                MoteOrder::Jam { .. } => ("jam", "it has no interference"),
+                MoteOrder::Send { .. } => ("send", "it sends only the robots' payloads"),
                 MoteOrder::Kill(_) | MoteOrder::Revive(_) | MoteOrder::Add(_) => continue,
             };
             problems.push(
                 Problem::new(
                     format!("timeline[{}].order", entry.index),
-                    format!("does not go with netsim.mode = \"propagation-only\": {why}"),
+                    format!("is not supported with netsim.mode = \"propagation-only\": {why}"),
                 )
                 .value(format!("{order:?}"))
                 .nearest("netsim.mode = \"6tisch\""),
@@ -195,7 +193,7 @@ impl Timeline {
             problems.push(
                 Problem::new(
                     format!("timeline[{index}].motes"),
-                    "must be motes that netsim.absent leaves out: all others are there from the beginning",
+                    "must be motes listed in netsim.absent, because all other motes are present from the beginning",
                 )
                 .value(mote),
             );
@@ -285,7 +283,7 @@ impl Reader<'_> {
         if self.table.get("radius_m").is_none() {
             for key in ["x_m", "y_m"] {
                 if let Some(value) = self.number(key).filter(|&value| value != 0.0) {
-                    self.refuse(key, "has no meaning without radius_m".to_owned(), value);
+                    self.refuse(key, "must be set together with radius_m".to_owned(), value);
                 }
             }
         }
@@ -319,7 +317,7 @@ impl Reader<'_> {
                 }
             },
             _ => {
-                let message = "must have one of payload and payload_hex";
+                let message = "must have exactly one of the keys payload and payload_hex";
                 self.problems.push(Problem::new(format!("timeline[{}]", self.index), message));
                 Vec::new()
             }
@@ -352,7 +350,7 @@ impl Reader<'_> {
     fn exists(&mut self, key: &str, mote: u32) {
         if let Some(agents) = self.agents.filter(|&agents| agents <= mote as usize) {
             let path = format!("timeline[{}].{key}", self.index);
-            let message = format!("must be a mote, 0 to {}", agents - 1);
+            let message = format!("must be the number of a mote, 0 to {}", agents - 1);
             self.problems.push(Problem::new(path, message).value(mote).nearest(agents - 1));
         }
     }

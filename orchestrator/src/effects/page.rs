@@ -8,17 +8,14 @@ use std::fmt::Write as _;
 pub fn page() -> String {
     let all = all();
     let mut page = String::from(
-        "# Physical effects\n\n\
-         What can be added to the simulators' base models, and what a search for missing physics tries on measurements.\n\
-         This page is made from the lists that the programs use; `orchestrator effects NAME` says the same with a picture, \
-         `orchestrator effects --json -` gives all of it as JSON.\n\n\
-         An effect is used alike by a run and by a fit: the same function of the same keys.\n\
-         One that is not configured contributes exactly nothing.\n\
-         How to write one: [adding-an-effect.md](adding-an-effect.md).\n\
-         What the base models are: [radio.md](radio.md), [robots.md](robots.md).\n\n\
-         Contributions are dB added to the received power, so attenuation is negative; `loss_db` is positive and attenuates, \
-         `…_per_…` is added with its sign.\n\n\
-         | effect | of | what | needs |\n|---|---|---|---|\n",
+        "# Physical effects\n\nThe effects that can be added to the simulators' base models, and that `diagnose` tries on \
+         measurements.\nThis page is generated from the lists that the programs use. `orchestrator effects NAME` prints an \
+         effect with a plot, `orchestrator effects --json -` all effects as JSON.\n\nA run and a fit use the same function \
+         with the same keys.\nAn effect that is not configured contributes exactly nothing.\nTo write an effect: \
+         [adding-an-effect.md](adding-an-effect.md).\nThe base models: [radio.md](radio.md), \
+         [robots.md](robots.md).\n\nContributions are in dB and added to the received power, so attenuation is negative. \
+         `loss_db` is positive and attenuates; `…_per_…` is added with its sign.\n\n| effect | of | what | needs \
+         |\n|---|---|---|---|\n",
     );
     for effect in &all {
         let _ = writeln!(
@@ -67,18 +64,22 @@ fn section(page: &mut String, effect: &Listed, all: &[Listed]) {
         );
     }
     let _ = writeln!(page, "\n- Source: {}", about.source);
-    let _ = writeln!(page, "- Where it holds: {}", about.validity);
-    let _ = writeln!(page, "- In the residuals of a model without it: {}", about.trace);
-    let _ = writeln!(page, "- Needs {}.", effect.needs().join("; "));
-    let _ = writeln!(page, "- Judged {}.", judged(fit.level));
+    let _ = writeln!(page, "- Validity: {}", about.validity);
+    let _ = writeln!(page, "- Signature in the residuals of a model without it: {}", about.trace);
+    let _ = writeln!(page, "- Required in the measurements: {}.", effect.needs().join("; "));
+    let _ = writeln!(page, "- Evaluation: {}.", judged(fit.level));
     if !fit.generalises.is_empty() {
         let names: Vec<String> = fit.generalises.iter().map(|name| format!("`{name}`")).collect();
-        let _ = writeln!(page, "- Gives way to {} where that explains as much.", names.join(", "));
+        let _ = writeln!(
+            page,
+            "- Special cases, preferred if they explain as much: {}.",
+            names.join(", ")
+        );
     }
     if let Some(covariate) = effect.straight_over() {
         let _ = writeln!(
             page,
-            "- Gives way to a curve over `{covariate}` where that explains what a straight line cannot."
+            "- A curve over `{covariate}` is preferred if a straight line does not suffice."
         );
     }
     let _ = writeln!(page, "\n```toml\n{}\n```", effect.example().trim_end());

@@ -98,7 +98,10 @@ impl Formula {
         let error =
             |at: usize, message: String| FormulaError { text: text.to_owned(), at, message };
         if MOST_BYTES < text.len() {
-            return Err(error(MOST_BYTES, format!("longer than {MOST_BYTES} bytes")));
+            return Err(error(
+                MOST_BYTES,
+                format!("the expression is longer than {MOST_BYTES} bytes"),
+            ));
         }
         let read = reader::read(text, want, known, accepts)
             .map_err(|(at, message)| error(text[..at].chars().count(), message))?;
@@ -227,16 +230,16 @@ mod tests {
     fn what_is_no_condition_is_refused_at_its_place() {
         for (text, at, part) in [
             ("x", 1, "compare it with another"),
-            ("x = 3", 2, "equality is =="),
-            ("x > 1 & y > 2", 6, "it is and"),
-            ("x > 1 | y > 2", 6, "it is or"),
-            ("!(x > 1)", 0, "it is not"),
-            ("1 < x < 3", 6, "join two comparisons by and"),
-            ("x and y > 1", 2, "a number stands beside it"),
-            ("(x > 1) + 2 > 1", 0, "a number is needed"),
-            ("not x", 4, "a condition"),
-            ("x > ", 4, "missing at the end"),
-            ("> x", 0, "missing before >"),
+            ("x = 3", 2, "use == for equality"),
+            ("x > 1 & y > 2", 6, "use and"),
+            ("x > 1 | y > 2", 6, "use or"),
+            ("!(x > 1)", 0, "use not"),
+            ("1 < x < 3", 6, "join two comparisons with and"),
+            ("x and y > 1", 2, "one side is a number"),
+            ("(x > 1) + 2 > 1", 0, "expected a number, got a condition"),
+            ("not x", 4, "expected a condition after not"),
+            ("x > ", 4, "expected a number, a name or ( at the end"),
+            ("> x", 0, "expected a number, a name or ( before >"),
             ("temperature_f > 2", 0, "did you mean temperature_c?"),
         ] {
             let error = Formula::condition(text, KNOWN).unwrap_err();
@@ -280,12 +283,12 @@ mod tests {
     fn errors_point_at_their_place() {
         for (text, expected) in [
             ("", "is empty\n    \n    ^"),
-            ("x +", "a number, a name or ( is missing at the end\n    x +\n       ^"),
-            ("x + * y", "a number, a name or ( is missing before *\n    x + * y\n        ^"),
+            ("x +", "expected a number, a name or ( at the end\n    x +\n       ^"),
+            ("x + * y", "expected a number, a name or ( before *\n    x + * y\n        ^"),
             ("(x + y", "( is not closed\n    (x + y\n    ^"),
             ("x + y)", "unexpected )\n    x + y)\n         ^"),
-            ("x y", "an operator is missing before y\n    x y\n      ^"),
-            ("2 x", "an operator is missing before x\n    2 x\n      ^"),
+            ("x y", "expected an operator before y\n    x y\n      ^"),
+            ("2 x", "expected an operator before x\n    2 x\n      ^"),
             ("x & y", "unexpected &\n    x & y\n      ^"),
             ("α + x", "unexpected α\n    α + x\n    ^"),
             ("1.2.3", "not a number: 1.2.3\n    1.2.3\n    ^"),
@@ -295,7 +298,7 @@ mod tests {
                 "unknown name distanc_m; did you mean distance_m?\n    distanc_m * 2\n    ^",
             ),
             ("2 * sqr(x)", "unknown function sqr; did you mean sqrt?\n    2 * sqr(x)\n        ^"),
-            ("sqrt x", "sqrt is a function: ( is missing after it\n    sqrt x\n    ^"),
+            ("sqrt x", "sqrt is a function; expected ( after it\n    sqrt x\n    ^"),
             ("min(x)", "min takes 2 values\n    min(x)\n    ^"),
             ("sin(x, y)", "sin takes 1 value\n    sin(x, y)\n    ^"),
             ("x = 3", "unexpected =\n    x = 3\n      ^"),
@@ -305,7 +308,7 @@ mod tests {
         }
         let deep = format!("{}x{}", "(".repeat(100), ")".repeat(100));
         assert!(refusal(&deep).starts_with("nested deeper than 40"));
-        assert!(refusal(&"x+".repeat(600)).starts_with("longer than 1000 bytes"));
+        assert!(refusal(&"x+".repeat(600)).starts_with("the expression is longer than 1000 bytes"));
     }
 
     #[test]

@@ -13,29 +13,29 @@ const POINT: Kind = Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 }
 
 /// Description of `[site]`.
 pub const SPEC: TableSpec = TableSpec {
-    doc: "The place that robots and radio share.",
+    doc: "The environment that robots and radio share.",
     fields: &[
         Field {
             key: "wall",
-            doc: "Walls: straight, upright, thin.",
+            doc: "Straight, vertical, thin walls.",
             kind: Kind::Tables(&WALL),
             default: Default::Absent,
         },
         Field {
             key: "obstacle",
-            doc: "Round, upright obstacles.",
+            doc: "Vertical cylindrical obstacles.",
             kind: Kind::Tables(&OBSTACLE),
             default: Default::Absent,
         },
         Field {
             key: "foliage",
-            doc: "Trees and bushes, as polygons.",
+            doc: "Areas of trees and bushes, as polygons.",
             kind: Kind::Tables(&foliage::SPEC),
             default: Default::Absent,
         },
         Field {
             key: "terrain",
-            doc: "The ground: hills on a plane (`[[site.terrain]]`), or heights on a grid (`[site.terrain]`).",
+            doc: "The terrain: hills on a plane (`[[site.terrain]]`), or heights on a grid (`[site.terrain]`).",
             kind: terrain::KIND,
             default: Default::Absent,
         },
@@ -60,13 +60,13 @@ const WALL: TableSpec = TableSpec {
         },
         Field {
             key: "height_m",
-            doc: "Height above ground (m). Absent: it has no top.",
+            doc: "Height above ground (m). Absent: unlimited.",
             kind: Kind::Number(Range::POSITIVE),
             default: Default::Absent,
         },
         Field {
             key: "material",
-            doc: "What it is made of: a name that effects refer to.",
+            doc: "Material: a name that effects refer to.",
             kind: Kind::Text,
             default: Default::Absent,
         },
@@ -79,7 +79,7 @@ const OBSTACLE: TableSpec = TableSpec {
     fields: &[
         Field {
             key: "name",
-            doc: "A unique name, for obstacles that move.",
+            doc: "Unique name, by which `[[robotsim.obstacle]]` refers to it.",
             kind: Kind::Text,
             default: Default::Absent,
         },
@@ -97,13 +97,13 @@ const OBSTACLE: TableSpec = TableSpec {
         },
         Field {
             key: "height_m",
-            doc: "Height above ground (m). Absent: it has no top.",
+            doc: "Height above ground (m). Absent: unlimited.",
             kind: Kind::Number(Range::POSITIVE),
             default: Default::Absent,
         },
         Field {
             key: "material",
-            doc: "What it is made of: a name that effects refer to.",
+            doc: "Material: a name that effects refer to.",
             kind: Kind::Text,
             default: Default::Absent,
         },

@@ -12,32 +12,27 @@ const RADIUS: Kind = Kind::Number(Range::above(0.0, 1e6));
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "boids",
-        doc: "Reynolds' flock: keep apart, head the same way, stay together.",
+        doc: "Reynolds' boids: separation, alignment and cohesion.",
         fields: &[
-            field("speed_mps", "Speed of everyone (m/s).", RADIUS, Default::Number(2.0)),
+            field("speed_mps", "Speed of all robots (m/s).", RADIUS, Default::Number(2.0)),
             field(
                 "radius_m",
-                "Those farther than this are not looked at (m).",
+                "Interaction range: robots farther away are ignored (m).",
                 RADIUS,
                 Default::Number(10.0),
             ),
             field(
                 "separation_m",
-                "From those nearer than this everyone moves away (m).",
+                "Separation range: robots move away from others nearer than this (m).",
                 RADIUS,
                 Default::Number(1.5),
             ),
-            field("separation", "Weight of moving away (m²/s²).", WEIGHT, Default::Number(2.0)),
-            field(
-                "alignment",
-                "Weight of heading the same way (1/s).",
-                WEIGHT,
-                Default::Number(1.0),
-            ),
-            field("cohesion", "Weight of staying together (1/s²).", WEIGHT, Default::Number(0.5)),
+            field("separation", "Weight of separation (m²/s²).", WEIGHT, Default::Number(2.0)),
+            field("alignment", "Weight of alignment (1/s).", WEIGHT, Default::Number(1.0)),
+            field("cohesion", "Weight of cohesion (1/s²).", WEIGHT, Default::Number(0.5)),
             field(
                 "acceleration_cap_mps2",
-                "Greatest acceleration (m/s²).",
+                "Maximum acceleration (m/s²).",
                 RADIUS,
                 Default::Number(10.0),
             ),

@@ -9,29 +9,29 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "circle-formation",
-        doc: "Everyone moves to the circle that fits best those it knows of.",
+        doc: "Circle formation: every robot moves to the circle that fits the robots it knows of.",
         fields: &[
             field(
                 "radius_m",
-                "Radius of the circle (m). Absent: that which fits best.",
+                "Radius of the circle (m). Absent: the best fit.",
                 Kind::Number(Range::above(0.0, 1e6)),
                 Default::Absent,
             ),
             field(
                 "even",
-                "Robots also move along the circle, away from the nearer of their two neighbours on it.",
+                "Whether robots also spread along the circle, away from the nearer of their two neighbours on it.",
                 Kind::Bool,
                 Default::Bool(false),
             ),
             field(
                 "step_cap_m",
-                "Greatest displacement in a step (m).",
+                "Maximum displacement per control step (m).",
                 Kind::Number(Range::above(0.0, 1e6)),
                 Default::Number(0.1),
             ),
             field(
                 "threshold_m",
-                "Who is this near to where it should be stays (m).",
+                "A robot closer than this to its target position stays (m).",
                 Kind::Number(Range::closed(0.0, 1e6)),
                 Default::Number(0.001),
             ),

@@ -9,29 +9,30 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "consensus",
-        doc: "Rendezvous: everyone moves towards those it knows of.",
+        doc: "Consensus (rendezvous): every robot moves towards the robots it knows of.",
         fields: &[
             field(
                 "gain_per_s",
-                "How fast differences shrink (1/s).",
+                "Gain: rate at which differences shrink (1/s).",
                 Kind::Number(Range::above(0.0, 1e3)),
                 Default::Number(1.0),
             ),
             field(
                 "over",
-                "What is taken of the differences.",
+                "How differences to the neighbours are combined.",
                 Kind::Choice(&[
-                    Choice { name: "mean", doc: "Their mean: stable for any number of robots." },
+                    Choice { name: "mean", doc: "The mean; stable for any number of robots." },
                     Choice {
                         name: "sum",
-                        doc: "Their sum, the Laplacian protocol: stable only if gain times period times most neighbours is below 1.",
+                        doc: "The sum (the Laplacian protocol); stable only if gain × control period × maximum number of \
+                          neighbours is below 1.",
                     },
                 ]),
                 Default::Text("mean"),
             ),
             field(
                 "threshold_m",
-                "The task is done when nobody wants to move farther than this in a period (m).",
+                "The task is complete when no robot would move farther than this in a control period (m).",
                 Kind::Number(Range::above(0.0, 1e3)),
                 Default::Number(1e-3),
             ),

@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "constant-velocity",
-        doc: "Everyone moves with the same velocity.",
+        doc: "All robots move with the same velocity.",
         fields: &[field(
             "velocity_mps",
             "The velocity (x, y in m/s).",

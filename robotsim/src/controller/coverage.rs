@@ -11,7 +11,7 @@ const ANY: Kind = Kind::Number(Range::closed(-1e6, 1e6));
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "coverage",
-        doc: "Lloyd's algorithm: everyone moves to the centre of the part of an area that is nearest to it.",
+        doc: "Coverage by Lloyd's algorithm: every robot moves to the centroid of its Voronoi cell.",
         fields: &[
             field(
                 "from_m",
@@ -27,13 +27,13 @@ pub(super) const ENTRY: Entry = Entry {
             ),
             field(
                 "gain_per_s",
-                "How fast the way to the centre is made (1/s); nobody overshoots it.",
+                "Gain towards the centroid (1/s); robots do not overshoot it.",
                 Kind::Number(Range::above(0.0, 1e3)),
                 Default::Number(1.0),
             ),
             field(
                 "threshold_m",
-                "The task is done when nobody wants to move farther than this in a period (m).",
+                "The task is complete when no robot would move farther than this in a control period (m).",
                 Kind::Number(Range::above(0.0, 1e3)),
                 Default::Number(1e-3),
             ),

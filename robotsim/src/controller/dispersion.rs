@@ -12,19 +12,19 @@ const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "dispersion",
-        doc: "Everyone moves away from the others, slower as the link to its parent in routing weakens, and back to it if that is \
-          nearly lost.",
+        doc: "Dispersion: every robot moves away from the others, slower as the link to its routing parent weakens, and back \
+          if the link is nearly lost.",
         fields: &[
-            field("speed_mps", "Greatest speed (m/s).", POSITIVE, Default::Number(1.0)),
+            field("speed_mps", "Maximum speed (m/s).", POSITIVE, Default::Number(1.0)),
             field(
                 "rssi_floor_dbm",
-                "Strength of a link (dBm) below which a robot turns back.",
+                "Received signal strength (dBm) below which a robot turns back.",
                 Kind::Number(Range::closed(-300.0, 100.0)),
                 Default::Number(-85.0),
             ),
             field(
                 "rssi_margin_db",
-                "Above the floor by so much (dB), a robot moves at its full speed; below, slower.",
+                "Margin above the floor (dB) from which a robot moves at full speed; below, it moves more slowly.",
                 POSITIVE,
                 Default::Number(6.0),
             ),

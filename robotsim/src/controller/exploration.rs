@@ -15,7 +15,8 @@ const CORNER: Kind = Kind::List { of: &Kind::Number(Range::closed(-1e6, 1e6)), m
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "exploration",
-        doc: "Robots map what they see around them and send it to a base, which sends them to the nearest frontiers of its map, no two to one.",
+        doc: "Frontier exploration: robots map their surroundings and report to a base, which sends each robot to a different \
+          frontier of its map.",
         fields: &[
             field(
                 "from_m",
@@ -37,39 +38,41 @@ pub(super) const ENTRY: Entry = Entry {
             ),
             field(
                 "range_m",
-                "How far a robot sees (m), as far as no wall or obstacle is in the way; at least 1.5 cells.",
+                "Sensing range (m), limited by walls and obstacles in the line of sight; at least 1.5 cells.",
                 POSITIVE,
                 Default::Number(4.0),
             ),
-            field("speed_mps", "How fast a robot goes (m/s).", POSITIVE, Default::Number(0.5)),
+            field("speed_mps", "Speed of a robot (m/s).", POSITIVE, Default::Number(0.5)),
             field(
                 "base",
-                "The robot to which maps are sent and which sends the others to places; it stays where it is. Ways to it are the \
-             shortest where it is a root of the network.",
+                "The robot that is the base: it collects maps, sends waypoints, and stays where it is. Routes to it are \
+             shortest if it is a root of the network.",
                 Kind::Integer { min: 0, max: u32::MAX as i64 },
                 Default::Integer(0),
             ),
             field(
                 "report_s",
-                "How often a robot may report, and the base answer it (s).",
+                "Minimum interval between reports of a robot, and between answers of the base to it (s).",
                 Kind::Number(Range::closed(1e-3, 1e4)),
                 Default::Number(1.0),
             ),
             field(
                 "retry_s",
-                "After this time without an answer a message is sent again (s); a robot with no news says so as often. At least report_s.",
+                "Retransmission timeout of unanswered messages (s); a robot without news also reports at this interval. At \
+             least report_s.",
                 Kind::Number(Range::closed(1e-3, 1e5)),
                 Default::Number(10.0),
             ),
             field(
                 "return_after_s",
-                "A robot that waits for a word from the base and has had none for so long (s) goes back towards where it began. Absent: it stays.",
+                "A robot that has waited this long for a message from the base (s) returns towards its initial position. \
+             Absent: it stays.",
                 Kind::Number(Range::closed(1e-3, 1e6)),
                 Default::Absent,
             ),
             field(
                 "message_bytes",
-                "Most bytes of a message. Up to about 60 go into one frame.",
+                "Maximum size of a message (bytes). Up to about 60 fit into one frame.",
                 Kind::Integer { min: MIN_MESSAGE_BYTES as i64, max: 900 },
                 Default::Integer(60),
             ),
@@ -131,10 +134,11 @@ impl Raw {
         }
         let last = context.n_agents.saturating_sub(1);
         if last == 0 {
-            let message = "needs others that explore: experiment.agents must be at least 2";
+            let message =
+                "requires experiment.agents of at least 2: a base and robots that explore";
             problems.push(context.problem("base", message));
         } else if last < self.base {
-            let message = format!("must be a robot, 0 to {last}");
+            let message = format!("must be the number of a robot, 0 to {last}");
             problems.push(context.problem("base", message).value(self.base).nearest(last));
         }
         if problems.len() != before {
@@ -144,7 +148,8 @@ impl Raw {
             let [width_m, height_m] = [0, 1].map(|axis| self.to_m[axis] - self.from_m[axis]);
             // So large that whole cells to either side are among those that fit.
             let nearest_m = libm::ceil(100.0 * libm::sqrt(width_m * height_m / 65_000.0)) / 100.0;
-            let message = format!("makes more than {MAX_CELLS} cells of this area");
+            let message =
+                format!("must be larger: it divides this area into more than {MAX_CELLS} cells");
             problems.push(
                 context
                     .problem("cell_m", message)

@@ -14,7 +14,7 @@ const POINT: Kind = Kind::List { of: &Kind::Number(Range::closed(-1e6, 1e6)), mi
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "flocking",
-        doc: "One robot leads with a constant velocity, the others follow by a potential.",
+        doc: "Flocking: one robot leads with a constant velocity, and the others follow by the gradient of a potential.",
         fields: &[
             field(
                 "law",
@@ -34,7 +34,7 @@ pub(super) const ENTRY: Entry = Entry {
             ),
             field(
                 "flock_radius_m",
-                "r_flock: the greatest distance wanted between robots (m).",
+                "r_flock: maximum desired distance between robots (m).",
                 RADIUS,
                 Default::Required,
             ),
@@ -52,13 +52,13 @@ pub(super) const ENTRY: Entry = Entry {
             ),
             field(
                 "leaderless",
-                "Nobody leads: the flock is to emerge. leader_velocity_mps and leader_weight have no part.",
+                "No leader: the flock must emerge by itself. leader_velocity_mps and leader_weight are unused.",
                 Kind::Bool,
                 Default::Bool(false),
             ),
             field(
                 "input",
-                "What the law gives.",
+                "Quantity that the control law commands.",
                 Kind::Choice(&[
                     Choice { name: "velocity", doc: "The velocity, as in the BotNet paper." },
                     Choice {
@@ -76,19 +76,19 @@ pub(super) const ENTRY: Entry = Entry {
             ),
             field(
                 "leader_path_m",
-                "Points (x, y in m) along which the leader goes, at the speed of leader_velocity_mps. Absent: straight on.",
+                "Waypoints (x, y in m) of the leader, at the speed of leader_velocity_mps. Absent: it moves straight on.",
                 Kind::List { of: &POINT, min: 2, max: 10_000 },
                 Default::Absent,
             ),
             field(
                 "leader_path_closed",
-                "From the last point the leader goes to the first again.",
+                "Whether the leader returns from the last waypoint to the first, in a loop.",
                 Kind::Bool,
                 Default::Bool(false),
             ),
             field(
                 "leader_weight",
-                "Weight of the leader among those a follower knows of. Default: a tenth of the number of agents, at least 1.",
+                "Weight of the leader among the neighbours of a follower. Default: a tenth of the number of agents, at least 1.",
                 Kind::Number(Range::above(0.0, 1e6)),
                 Default::Absent,
             ),
@@ -99,14 +99,14 @@ pub(super) const ENTRY: Entry = Entry {
                     Choice { name: "gradient", doc: "The gradient of its potential." },
                     Choice {
                         name: "velocity",
-                        doc: "The difference of velocities; needs velocity_term = true.",
+                        doc: "The velocity difference; requires velocity_term = true.",
                     },
                 ]),
                 Default::Text("gradient"),
             ),
             field(
                 "velocity_term",
-                "Followers also align velocities, by the first sum of the BotNet paper's general law.",
+                "Whether followers also align velocities, by the first sum of the BotNet paper's general law.",
                 Kind::Bool,
                 Default::Bool(false),
             ),
@@ -133,7 +133,7 @@ pub(super) const ENTRY: Entry = Entry {
         if this.leader_weight_on == WeightOn::Velocity && !this.velocity_term {
             problems.push(
                 context
-                    .problem("leader_weight_on", "needs velocity_term = true")
+                    .problem("leader_weight_on", "requires velocity_term = true")
                     .value("\"velocity\"")
                     .nearest("\"gradient\""),
             );

@@ -7,7 +7,7 @@ use proto::config::Variant;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "hold",
-        doc: "Everyone stays where it is, unless ordered otherwise.",
+        doc: "Every robot stays where it is, unless commanded otherwise.",
         fields: &[],
     },
     demands: Demands::NONE,

@@ -10,20 +10,20 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "line-formation",
-        doc: "Everyone moves to the straight line nearest to those it knows of.",
+        doc: "Line formation: every robot moves to the straight line that fits the robots it knows of.",
         fields: &[
             field(
                 "law",
-                "Which positions are fitted.",
+                "Weight of a robot's own position in the fit.",
                 Kind::Choice(&[
-                    Choice { name: "paper", doc: "One's own once, as the BotNet paper says." },
-                    Choice { name: "botnet", doc: "One's own twice, as BotNet's code does." },
+                    Choice { name: "paper", doc: "Counted once, as in the BotNet paper." },
+                    Choice { name: "botnet", doc: "Counted twice, as in BotNet's code." },
                 ]),
                 Default::Text("paper"),
             ),
             field(
                 "fit",
-                "Which distances to the line are to be small.",
+                "Which distances to the line the fit minimises.",
                 Kind::Choice(&[
                     Choice { name: "vertical", doc: "Along y, as the BotNet paper prints." },
                     Choice { name: "orthogonal", doc: "Across the line." },
@@ -32,13 +32,13 @@ pub(super) const ENTRY: Entry = Entry {
             ),
             field(
                 "step_cap_m",
-                "Greatest move per control step (m). Default: BotNet's.",
+                "Maximum displacement per control step (m). Default: BotNet's.",
                 Kind::Number(Range::above(0.0, 1e6)),
                 Default::Number(0.1),
             ),
             field(
                 "threshold_m",
-                "A robot closer to its line than this stays; the task is done when all stay (m). Default: BotNet's.",
+                "A robot closer to its line than this stays (m); the task is complete when all stay. Default: BotNet's.",
                 Kind::Number(Range::closed(0.0, 1e6)),
                 Default::Number(0.001),
             ),

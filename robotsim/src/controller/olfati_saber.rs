@@ -13,23 +13,23 @@ const SPEED: Kind = Kind::Number(Range::closed(-1e4, 1e4));
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "olfati-saber",
-        doc: "Robots that form a lattice and follow a virtual leader whom all know.",
+        doc: "Olfati-Saber flocking: robots form a lattice and follow a virtual leader that all know.",
         fields: &[
             field(
                 "distance_m",
-                "d: distance wanted between neighbours (m). Default: the source's.",
+                "d: desired distance between neighbours (m). Default: the source's.",
                 POSITIVE,
                 Default::Number(7.0),
             ),
             field(
                 "range_ratio",
-                "r / d: how far neighbours matter. Default: the source's.",
+                "r / d: interaction range per desired distance. Default: the source's.",
                 Kind::Number(Range::above(1.0, 10.0)),
                 Default::Number(1.2),
             ),
             field(
                 "target_m",
-                "Where the virtual leader begins (x, y in m).",
+                "Initial position of the virtual leader (x, y in m).",
                 Kind::List { of: &ANY, min: 2, max: 2 },
                 Default::Absent,
             ),
@@ -41,13 +41,13 @@ pub(super) const ENTRY: Entry = Entry {
             ),
             field(
                 "target_gain_per_s2",
-                "c1: pull towards the virtual leader (1/s²).",
+                "c1: position gain towards the virtual leader (1/s²).",
                 Kind::Number(Range::closed(0.0, 1e3)),
                 Default::Number(0.1),
             ),
             field(
                 "target_damping_per_s",
-                "c2: how fast its velocity is taken over (1/s). Default: 2 √c1.",
+                "c2: velocity gain towards the virtual leader (1/s). Default: 2 √c1.",
                 Kind::Number(Range::closed(0.0, 1e3)),
                 Default::Absent,
             ),

@@ -10,20 +10,23 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "random-jump",
-        doc: "Everyone jumps at random each step, within an arena around the origin: a workload for benchmarks.",
+        doc: "Every robot jumps at random each step, within an arena around the origin; a workload for benchmarks.",
         fields: &[
             field(
                 "jump_m",
-                "Greatest jump along each axis (m). Default: that of BotNet's timing task.",
+                "Maximum jump along each axis (m). Default: that of BotNet's timing task.",
                 Kind::Number(Range::above(0.0, 1e6)),
                 Default::Number(2.5),
             ),
             field(
                 "arena",
-                "Where they stay.",
+                "Shape of the arena.",
                 Kind::Choice(&[
-                    Choice { name: "disc", doc: "In a disc of `density_per_m2`." },
-                    Choice { name: "square", doc: "In a square of `side_m`." },
+                    Choice {
+                        name: "disc",
+                        doc: "A disc whose size follows from `density_per_m2`.",
+                    },
+                    Choice { name: "square", doc: "A square of `side_m`." },
                 ]),
                 Default::Text("square"),
             ),
@@ -51,7 +54,7 @@ pub(super) const ENTRY: Entry = Entry {
         };
         if table.contains_key(foreign) {
             problems.push(
-                context.problem(foreign, format!("does not go with arena = {}", table["arena"])),
+                context.problem(foreign, format!("does not apply with arena = {}", table["arena"])),
             );
         }
         let size = given.unwrap_or(default);

@@ -12,24 +12,24 @@ const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e6));
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "random-waypoint",
-        doc: "Everyone goes straight to one random place after another, each time at another speed.",
+        doc: "Random waypoint: every robot drives straight to random places, one after another, each time at a random speed.",
         fields: &[
             field(
                 "side_m",
-                "Side of the square around the origin in which the places lie (m).",
+                "Side of the square around the origin that contains the waypoints (m).",
                 POSITIVE,
                 Default::Required,
             ),
             field(
                 "slowest_mps",
-                "Least speed (m/s); at 0 robots would grow slower for ever.",
+                "Minimum speed (m/s); must be above 0, or the mean speed would decay to 0 over time.",
                 POSITIVE,
                 Default::Number(0.5),
             ),
-            field("fastest_mps", "Greatest speed (m/s).", POSITIVE, Default::Number(2.0)),
+            field("fastest_mps", "Maximum speed (m/s).", POSITIVE, Default::Number(2.0)),
             field(
                 "pause_s",
-                "How long a robot stays at each place (s).",
+                "Pause at each waypoint (s).",
                 Kind::Number(Range::closed(0.0, 1e6)),
                 Default::Number(0.0),
             ),

@@ -12,7 +12,7 @@ use serde::Deserialize;
 
 /// Description of `[robotsim.contacts]`.
 pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "What happens where robots meet each other, walls and obstacles.",
+    doc: "What happens when robots touch each other, walls and obstacles.",
     fields: &[],
     tag: Some(&Tag {
         key: "kind",
@@ -23,13 +23,18 @@ pub(crate) const SPEC: TableSpec = TableSpec {
 };
 
 const VARIANTS: &[Variant] = &[
-    Variant { name: "count", doc: "Nothing: collisions are counted.", fields: &[] },
+    Variant {
+        name: "count",
+        doc: "Robots pass through; collisions are only counted.",
+        fields: &[],
+    },
     Variant {
         name: "resolve",
-        doc: "Robots, round, of `diameter_m`, push each other; walls and obstacles of `[site]` are solid.",
+        doc: "Contacts are resolved: robots are discs of `diameter_m` that push each other, and walls and obstacles of \
+              `[site]` are solid.",
         fields: &[field(
             "restitution",
-            "Of bodies that keep their velocity: speed of parting, as a share of that of meeting.",
+            "Coefficient of restitution of bodies with inertia: speed after a contact per speed before it.",
             Kind::Number(Range::closed(0.0, 1.0)),
             Default::Number(0.0),
         )],

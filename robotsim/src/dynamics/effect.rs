@@ -198,7 +198,7 @@ pub fn build(
 /// The key that says which actuator an effect concerns.
 const ON: Field = Field {
     key: "on",
-    doc: "Which actuator. Point masses have but one.",
+    doc: "The actuator that the effect acts on. Point masses have only one.",
     kind: Kind::Choice(&[
         Choice { name: "speed", doc: "Velocity, or speed along the heading." },
         Choice { name: "turn", doc: "Yaw rate or steering." },

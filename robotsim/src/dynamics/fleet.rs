@@ -153,7 +153,7 @@ impl Fleet {
         for agent in alive.iter_ones() {
             assert!(
                 states.position_m(agent).iter().all(|coordinate| coordinate.is_finite()),
-                "agent {agent} left the space of numbers: command {:?}",
+                "the state of agent {agent} is no longer finite after the command {:?}",
                 commands[agent]
             );
             let [vx, vy] = [states.vx_mps[agent], states.vy_mps[agent]];

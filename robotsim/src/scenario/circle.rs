@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "circle",
-        doc: "Evenly on a circle around the origin, agent 0 in the east, counter-clockwise.",
+        doc: "Evenly spaced on a circle around the origin, counter-clockwise from agent 0 in the east.",
         fields: &[field("radius_m", "Radius of the circle (m).", LENGTH, Default::Required)],
     },
     build: |table, _, _| Some(Box::new(typed::<Circle>(table))),

@@ -9,7 +9,8 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "csv",
-        doc: "As a CSV file says: a heading line agent,x_m,y_m[,z_m][,heading_rad], then one line per agent in any order. Lines that begin with # are comments.",
+        doc: "Positions from a CSV file: a header agent,x_m,y_m[,z_m][,heading_rad], then one line per agent in any order. \
+          Lines that begin with # are comments.",
         fields: &[field(
             "file",
             "The file, relative to the configuration.",
@@ -99,7 +100,9 @@ fn read(content: &[u8], n_agents: usize) -> Result<Vec<Place>, Vec<String>> {
         }
         let Some((agent, place)) = row else { continue };
         if let Some((first, _)) = rows[agent] {
-            wrong.push(format!("line {line}: agent {agent} has a place already, in line {first}"));
+            wrong.push(format!(
+                "line {line}: agent {agent} already has a position, in line {first}"
+            ));
         } else {
             rows[agent] = Some((line, place));
         }
@@ -112,7 +115,7 @@ fn read(content: &[u8], n_agents: usize) -> Result<Vec<Place>, Vec<String>> {
         let listed = missing[..missing.len().min(10)].join(", ");
         let more = if 10 < missing.len() { ", ..." } else { "" };
         wrong.push(format!(
-            "must have a valid line for each of {n_agents} agents, {} without: {listed}{more}",
+            "must have a valid line for each of {n_agents} agents; {} have none: {listed}{more}",
             missing.len()
         ));
     }
@@ -143,7 +146,7 @@ fn columns(headers: &::csv::StringRecord) -> Result<[Option<usize>; 5], Vec<Stri
                 .map_or_else(String::new, |nearest| format!(" (nearest valid: {nearest})"));
             wrong.push(format!("line 1: {header:?} is not a known column{nearest}"));
         } else if headers.iter().take(index).any(|other| other == header) {
-            wrong.push(format!("line 1: column {header} stands there twice"));
+            wrong.push(format!("line 1: column {header} occurs twice"));
         }
     }
     let found = COLUMNS.map(|column| headers.iter().position(|header| header == column));
@@ -210,7 +213,8 @@ fn coincidences(rows: &[Option<(u64, Place)>], wrong: &mut Vec<String>) {
         };
         if first_m == second_m {
             wrong.push(format!(
-                "line {second_line}: agent {second} stands where agent {first} of line {first_line} stands, at {first_m:?} m"
+                "line {second_line}: agent {second} has the same position as agent {first} of line {first_line}, \
+                 {first_m:?} m"
             ));
         }
     }

@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "disc",
-        doc: "At random in a disc around the origin, as large as the density asks.",
+        doc: "Uniformly at random in a disc around the origin, whose size follows from the density.",
         fields: &[field(
             "density_per_m2",
             "Agents per m²: about 5 in the BotNet paper, 0.22 in its code.",

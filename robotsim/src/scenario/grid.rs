@@ -9,12 +9,12 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "grid",
-        doc: "In rows from west to east, the first in the south, around the origin.",
+        doc: "On a grid around the origin, in rows from west to east, starting in the south.",
         fields: &[
             field("spacing_m", "Distance between neighbours (m).", LENGTH, Default::Number(2.0)),
             field(
                 "columns",
-                "Robots in a row. Absent: as many as make the grid square.",
+                "Robots per row. Absent: as many as make the grid square.",
                 Kind::Integer { min: 1, max: u32::MAX as i64 },
                 Default::Absent,
             ),

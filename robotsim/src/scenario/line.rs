@@ -9,17 +9,17 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "line",
-        doc: "Agent 0 at the origin, the others along the y axis, alternating sides.",
+        doc: "Along the y axis: agent 0 at the origin, the others on alternating sides.",
         fields: &[
             field(
                 "spacing_m",
-                "Distance along the line (m). Default: the BotNet paper's.",
+                "Spacing along the line (m). Default: the BotNet paper's.",
                 LENGTH,
                 Default::Number(2.0),
             ),
             field(
                 "jitter_m",
-                "Each agent but 0 is displaced along the line by up to this (m). Default: BotNet's.",
+                "Maximum random displacement along the line of each agent but agent 0 (m). Default: BotNet's.",
                 Kind::Number(Range::closed(0.0, 1e6)),
                 Default::Number(0.25),
             ),

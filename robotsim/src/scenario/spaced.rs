@@ -9,12 +9,12 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "spaced",
-        doc: "At random in a square around the origin, nobody closer to another than a least distance.",
+        doc: "At random in a square around the origin, with a minimum distance between robots.",
         fields: &[
             field("side_m", "Side of the square (m).", LENGTH, Default::Required),
             field(
                 "min_distance_m",
-                "Least distance between robots (m).",
+                "Minimum distance between robots (m).",
                 LENGTH,
                 Default::Required,
             ),
@@ -33,7 +33,7 @@ pub(super) const ENTRY: Entry = Entry {
                     .problem(
                         "min_distance_m",
                         format!(
-                            "leaves too little room for {} robots in a square of {} m",
+                            "must be smaller, or the square larger: {} robots at this distance do not fit in a square of {} m",
                             context.n_agents, this.side_m
                         ),
                     )

@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "square",
-        doc: "At random in a square around the origin.",
+        doc: "Uniformly at random in a square around the origin.",
         fields: &[field(
             "side_m",
             "Side of the square (m). Default: that of BotNet's timing task.",

@@ -100,7 +100,7 @@ fn absences_of_nobody_and_of_no_time_are_refused() {
     insta::assert_snapshot!(
         problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"),
         @r"
-    robotsim.absence[0].robots: must be below 2, their number, got 2
+    robotsim.absence[0].robots: must be less than the number of robots, 2, got 2
     robotsim.absence[1].until_s: must be later than from_s, 3.0, got 3.0
     "
     );

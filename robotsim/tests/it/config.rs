@@ -91,14 +91,14 @@ robotsim.controller.threshold_m: must be less than step_cap_m = 0.1, got 0.2
 "#);
     insta::assert_snapshot!(
         refusal("controller = { kind = 'random-jump', arena = 'disc', side_m = 10 }"), @r#"
-robotsim.controller.side_m: does not go with arena = "disc"
+robotsim.controller.side_m: does not apply with arena = "disc"
 "#);
     insta::assert_snapshot!(
         refusal("dynamics.speed_cap_mps = 2\ncontroller = { kind = 'constant-velocity', velocity_mps = [3, 4] }"), @r#"
 robotsim.controller.velocity_mps: must not be faster than dynamics.speed_cap_mps = 2 m/s, got 5 m/s
 "#);
     insta::assert_snapshot!(refusal("controller = { kind = 'hold', velocity_mps = [1, 1] }"), @r#"
-robotsim.controller.velocity_mps: does not go with kind = "hold", only with "constant-velocity"
+robotsim.controller.velocity_mps: does not apply with kind = "hold", only with "constant-velocity"
 "#);
 }
 
@@ -112,7 +112,7 @@ robotsim.group: counts must add up to experiment.agents = 5, got 6
     insta::assert_snapshot!(refusal(&format!("{shared}[[group]]\n[[group]]\ncount = 0\nkind = 'car'\n"), None), @r#"
 robotsim.group[0].count: is missing: must be a whole number from 1 to 1000000000
 robotsim.group[1].count: must be a whole number from 1 to 1000000000, got 0 (nearest valid: 1)
-robotsim.group[1].kind: is not a known key: there are count, dynamics, controller, localization_sd_m
+robotsim.group[1].kind: is not a known key; the keys are count, dynamics, controller, localization_sd_m
 robotsim.group: counts must add up to experiment.agents = 5, got 2
 "#);
     // What is shared is wrong once, and only where it is wrong.
@@ -120,7 +120,7 @@ robotsim.group: counts must add up to experiment.agents = 5, got 2
         refusal(&format!("{shared}[[group]]\ncount = 2\ndynamics.speed_cap_mps = 2\n\
                           [[group]]\ncount = 2\ndynamics.speed_cap_mps = 2\n\
                           [[group]]\ncount = 1\ndynamics = {{ kind = 'unicycle', wheelbase_m = 1 }}\n"), None), @r#"
-robotsim.group[2].dynamics.wheelbase_m: does not go with kind = "unicycle", only with "car"
+robotsim.group[2].dynamics.wheelbase_m: does not apply with kind = "unicycle", only with "car"
 robotsim.controller.velocity_mps: must not be faster than dynamics.speed_cap_mps = 2 m/s, got 5 m/s
 "#);
     // A group without a controller needs the shared one; where each has its own there need be none.
@@ -134,8 +134,8 @@ robotsim.controller.kind: is missing: one of "flocking", "boids", "olfati-saber"
         refusal("scenario.kind = 'line'\ncontacts.kind = 'resolve'\ndiameter_m = 0\n[[group]]\ncount = 5\n\
                  controller = { kind = 'random-jump', arena = 'square', jump_m = -1 }\n", None), @r#"
 robotsim.group[0].controller.jump_m: must be greater than 0 and at most 1000000, got -1 (nearest valid: 1)
-robotsim.diameter_m: must be greater than 0 where contacts are resolved, got 0.0
-robotsim.contacts.kind: must be "count" for random-jump, whose robots are not anywhere between two places, got "resolve"
+robotsim.diameter_m: must be greater than 0 if contacts are resolved, got 0.0
+robotsim.contacts.kind: must be "count" with random-jump, whose robots have no path between two places, got "resolve"
 "#);
 }
 
@@ -144,15 +144,15 @@ fn what_rigid_bodies_cannot_be_or_meet_is_refused() {
     let shared = "scenario.kind = 'line'\ndynamics.kind = 'rigid-body'\n";
     insta::assert_snapshot!(
         refusal(&format!("{shared}contacts.kind = 'resolve'\ncontroller.kind = 'random-jump'\n"), None), @r#"
-robotsim.contacts.kind: must be "count" for random-jump, whose robots are not anywhere between two places, got "resolve"
-robotsim.contacts.kind: must be "count" for rigid bodies, whose contacts are their own, got "resolve"
-robotsim.controller.kind: must not be random-jump for rigid bodies, which have a way to go
+robotsim.contacts.kind: must be "count" with random-jump, whose robots have no path between two places, got "resolve"
+robotsim.contacts.kind: must be "count" if all robots are rigid bodies, which resolve contacts themselves, got "resolve"
+robotsim.controller.kind: must not be random-jump for rigid bodies, which need a path between two places
 "#);
     insta::assert_snapshot!(
         refusal(&format!("{shared}diameter_m = 0\ncontroller.kind = 'hold'\n[[group]]\ncount = 2\n\
                           [[group]]\ncount = 3\ndynamics.kind = 'car'\ncontroller.kind = 'random-jump'\n"), None), @r#"
-robotsim.diameter_m: must be greater than 0 where rigid bodies meet other robots, got 0.0
-robotsim.group[1].controller.kind: must not be random-jump beside rigid bodies: what pushes them has a way to go
+robotsim.diameter_m: must be greater than 0 if rigid bodies share the swarm with other robots, got 0.0
+robotsim.group[1].controller.kind: must not be random-jump beside rigid bodies, because robots that push them need a path between two places
 "#);
     let mixed = "controller.kind = 'hold'\n[[group]]\ncount = 2\n[[group]]\ncount = 3\ndynamics.kind = 'car'\n";
     for contacts in ["", "contacts.kind = 'resolve'\n"] {
@@ -181,7 +181,7 @@ robotsim.scenario.file: places.csv: line 1: column y_m is missing
 "#);
     insta::assert_snapshot!(refusal(FROM_FILE, Some("agent,x,y_m,y_m,speed\n")), @r#"
 robotsim.scenario.file: places.csv: line 1: "x" is not a known column (nearest valid: x_m)
-robotsim.scenario.file: places.csv: line 1: column y_m stands there twice
+robotsim.scenario.file: places.csv: line 1: column y_m occurs twice
 robotsim.scenario.file: places.csv: line 1: "speed" is not a known column
 robotsim.scenario.file: places.csv: line 1: column x_m is missing
 "#);
@@ -190,15 +190,15 @@ robotsim.scenario.file: places.csv: line 1: column x_m is missing
     )), @r#"
 robotsim.scenario.file: places.csv: line 6: y_m must be a number from -10000000 to 10000000, got nan
 robotsim.scenario.file: places.csv: line 7: must have 3 entries, got 2
-robotsim.scenario.file: places.csv: line 8: agent 0 has a place already, in line 2
+robotsim.scenario.file: places.csv: line 8: agent 0 already has a position, in line 2
 robotsim.scenario.file: places.csv: line 9: agent must be a whole number from 0 to 4, got 7
-robotsim.scenario.file: places.csv: must have a valid line for each of 5 agents, 3 without: 1, 2, 4
-robotsim.scenario.file: places.csv: line 10: agent 3 stands where agent 0 of line 2 stands, at [0.0, 0.0, 0.0] m
+robotsim.scenario.file: places.csv: must have a valid line for each of 5 agents; 3 have none: 1, 2, 4
+robotsim.scenario.file: places.csv: line 10: agent 3 has the same position as agent 0 of line 2, [0.0, 0.0, 0.0] m
 "#);
     insta::assert_snapshot!(refusal(FROM_FILE, Some("agent,x_m,y_m,heading_rad\n0,1e300,0,x\n")), @r#"
 robotsim.scenario.file: places.csv: line 2: x_m must be a number from -10000000 to 10000000, got 1e300
 robotsim.scenario.file: places.csv: line 2: heading_rad must be a number from -1000 to 1000, got x
-robotsim.scenario.file: places.csv: must have a valid line for each of 5 agents, 5 without: 0, 1, 2, 3, 4
+robotsim.scenario.file: places.csv: must have a valid line for each of 5 agents; 5 have none: 0, 1, 2, 3, 4
 "#);
 }
 

@@ -192,8 +192,8 @@ fn contacts_that_make_no_sense_are_refused() {
          [[obstacle]]\nname = 'cart'\npath_m = [[1, 1]]\nspeed_mps = 1\n\
          [[obstacle]]\nname = 'cart'\npath_m = [[2, 1]]\nspeed_mps = 1\n"
     ), @r#"
-    robotsim.diameter_m: must be greater than 0 where contacts are resolved, got 0.0
-    robotsim.contacts.kind: must be "count" for random-jump, whose robots are not anywhere between two places, got "resolve"
+    robotsim.diameter_m: must be greater than 0 if contacts are resolved, got 0.0
+    robotsim.contacts.kind: must be "count" with random-jump, whose robots have no path between two places, got "resolve"
     robotsim.obstacle[0].name: must be the name of an obstacle of [site], got "bus"
     robotsim.obstacle[2].name: must be unique: an obstacle moves in one way, got "cart"
     "#);

@@ -180,6 +180,6 @@ fn two_lags_of_one_actuator_are_refused() {
     let problems = Swarm::default().configure(&setup(&toml, 2, 1)).unwrap_err();
     assert_eq!(
         problems[0].to_string(),
-        "robotsim.dynamics.effect[1]: an actuator has one lag: change the time constant of the first one"
+        "robotsim.dynamics.effect[1]: must occur only once per actuator; change the time constant of the first one"
     );
 }

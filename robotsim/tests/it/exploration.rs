@@ -247,16 +247,16 @@ fn what_cannot_be_explored_is_refused() {
         ]
         .join("\n"),
         @r#"
-    robotsim.controller.cell_m: makes more than 65535 cells of this area, got 0.02 (nearest valid: 0.05)
+    robotsim.controller.cell_m: must be larger: it divides this area into more than 65535 cells, got 0.02 (nearest valid: 0.05)
     robotsim.controller.speed_mps: must not be faster than dynamics.speed_cap_mps = 30 m/s, got 40 m/s
     robotsim.controller.range_m: must be at least 1.5 cells of cell_m = 0.5, got 0.6 (nearest valid: 0.75)
     robotsim.controller.retry_s: must be at least report_s = 1.0, got 0.5 (nearest valid: 1.0)
-    robotsim.controller.base: must be a robot, 0 to 4, got 5 (nearest valid: 4)
-    robotsim.controller.base: needs others that explore: experiment.agents must be at least 2
+    robotsim.controller.base: must be the number of a robot, 0 to 4, got 5 (nearest valid: 4)
+    robotsim.controller.base: requires experiment.agents of at least 2: a base and robots that explore
     robotsim.controller.to_m: must lie north-east of from_m = [-3.0, -3.0], as a corner of an area, got [15.0, -3.0]
-    robotsim.scenario: must put all robots into the area from controller.from_m to to_m; 5 begin outside, robot 0 the first of them, got [0.4090511656637279, 0.4159747270463243]
-    robotsim.controller.cell_m: must be at least diameter_m = 0.3 where contacts are resolved: robots pass between walls that leave one cell free, got 0.2 (nearest valid: 0.3)
-    robotsim.group: must be absent where robots explore: they are one swarm with one base, got 1
+    robotsim.scenario: must place all robots inside the area from controller.from_m to controller.to_m; 5 start outside, the first is robot 0, got [0.4090511656637279, 0.4159747270463243]
+    robotsim.controller.cell_m: must be at least diameter_m = 0.3 if contacts are resolved, because robots drive through gaps of one cell, got 0.2 (nearest valid: 0.3)
+    robotsim.group: must be absent if robots explore, because exploration needs one swarm with one base, got 1
     "#
     );
 }

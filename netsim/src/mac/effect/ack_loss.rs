@@ -9,11 +9,11 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "ack-loss",
-        doc: "Acknowledgments are lost more often than frames: what has arrived is sent again.",
+        doc: "Acknowledgments are lost more often than frames, so frames that have arrived are retransmitted.",
         fields: &[
             Field {
                 key: "probability",
-                doc: "Part of the acknowledgments that is lost, beside what the radio loses.",
+                doc: "Probability that an acknowledgment is lost, in addition to losses of the radio.",
                 kind: Kind::Number(Range::FRACTION),
                 default: Default::Required,
             },
@@ -21,15 +21,14 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "A receiver that turns from receiving to sending late, or whose acknowledgment falls outside the window in \
-                    which the sender listens, has the frame; its sender does not know, sends it again, and after enough \
-                    attempts gives it up.",
+        mechanism: "A receiver may switch to transmission too late, or its acknowledgment may fall outside the sender's \
+                    listening window. It has the frame, but the sender does not know, retransmits it, and finally drops it.",
         equation: "P(acknowledged)' = P(acknowledged) * (1 - probability); several effects: the product",
         source: "IEEE Std 802.15.4-2015, 8.4.3.3 (macTsTxAckDelay, macTsAckWait); the asymmetry of data and acknowledgments: \
                  K. Srinivasan et al., An empirical study of low-power wireless, ACM TOSN 6(2), 2010.",
         validity: "Losses are independent of each other, of the neighbour and of the channel.",
-        trace: "More retransmissions and longer latency than the strength of links explains, copies that the next hop discards, \
-                queues that fill; delivery suffers last.",
+        trace: "More retransmissions and longer latency than the signal strength explains, duplicates that the next hop \
+                discards, and full queues; the delivery ratio suffers last.",
         needs: &[Need::Packets],
         example: "probability = 0.2\n",
     },

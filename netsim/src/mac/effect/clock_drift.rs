@@ -9,12 +9,11 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "clock-drift",
-        doc: "Clocks run faster or slower than their makers say: motes leave the guard time before they are put right.",
+        doc: "Clocks drift more than specified, so motes leave the guard time before they are resynchronised.",
         fields: &[
             Field {
                 key: "max_ppm",
-                doc: "Greatest further error of a clock's rate (ppm), uniform up to it either way, on top of \
-                      netsim.mac.max_drift_ppm.",
+                doc: "Maximum additional clock drift (ppm), uniform in both directions, on top of netsim.mac.max_drift_ppm.",
                 kind: Kind::Number(Range::closed(0.0, 1e4)),
                 default: Default::Required,
             },
@@ -22,17 +21,16 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "A crystal that is cold, old or cheap runs off its rating. Between two corrections the mote then drifts beyond \
-                    half of the guard time: it listens when the frame has begun already, misses it, misses corrections as \
-                    well, and in the end looks for the network anew.",
+        mechanism: "A cold, aged or cheap crystal exceeds its rated drift. Between two corrections the mote drifts beyond \
+                    half of the guard time. It then misses frames and corrections, and finally has to rejoin the network.",
         equation: "offset(t) = -(rate + extra) * (t - t_corrected), extra uniform in +-max_ppm * 1e-6; a frame is heard where \
                    |offset of sender - offset of receiver| <= macTsRxWait / 2",
         source: "IEEE Std 802.15.4-2015, 8.4.3.3 (macTsRxWait); D. Stanislowski et al., Adaptive synchronization in IEEE802.15.4e \
                  networks, IEEE Trans. Ind. Inf. 10(1), 2014.",
-        validity: "The rate is constant: it does not follow the temperature. A root's clock is the time, and never wrong. Needs \
-                   clocks that are kept: keep_alive_s other than 0.",
-        trace: "Losses that come some seconds after the last frame between two motes, motes that lose synchronisation and join \
-                again, join times with a long tail.",
+        validity: "The drift is constant and independent of temperature. A root's clock is the reference. Requires \
+                   keep_alive_s other than 0.",
+        trace: "Losses some seconds after the last frame between two motes, motes that lose synchronisation and rejoin, \
+                and join times with a long tail.",
         needs: &[Need::Packets],
         example: "max_ppm = 100.0\n",
     },

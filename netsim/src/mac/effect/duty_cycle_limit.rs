@@ -9,17 +9,17 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "duty-cycle-limit",
-        doc: "A mote may send for a part of the time only, by rule or for want of energy; then it is silent.",
+        doc: "A mote may transmit only for a fraction of the time, by regulation or for lack of energy.",
         fields: &[
             Field {
                 key: "fraction",
-                doc: "Part of the time in which a mote may send.",
+                doc: "Fraction of the time for which a mote may transmit.",
                 kind: Kind::Number(Range::closed(1e-6, 1.0)),
                 default: Default::Required,
             },
             Field {
                 key: "window_s",
-                doc: "Over which time that is reckoned (s): so long a silence can be saved up for a burst.",
+                doc: "Averaging window (s): airtime unused over at most this time can be spent in a burst.",
                 kind: Kind::Number(Range::closed(0.1, 86_400.0)),
                 default: Default::Number(60.0),
             },
@@ -27,15 +27,16 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "A regulation, or an energy harvester, grants so much airtime. A mote whose ration is used up keeps its frames \
-                    back, beacons and keep-alives among them, until some has come back. Those near the root, which forward \
-                    most, are silenced first.",
+        mechanism: "A regulation or an energy harvester limits the airtime. A mote without remaining airtime holds its \
+                    frames back, beacons and keep-alives included, until it has some again. Motes near the root, which \
+                    forward most, are affected first.",
         equation: "ration(t) = min(fraction * window_s, ration + fraction * dt - airtime); a mote sends while ration > 0",
-        source: "ETSI EN 300 220-2 (duty cycle below 1 GHz); 802.15.4 at 2.4 GHz is under no such rule (EN 300 328), only under \
-                 those of its power supply.",
-        validity: "Acknowledgments are not counted. A frame that has begun is finished: the ration may be overdrawn by one.",
-        trace: "Latency that grows with load and towards the root, queues that overflow, beacons that fail: motes join late or \
-                lose synchronisation. Nothing at low load.",
+        source: "ETSI EN 300 220-2 (duty cycle below 1 GHz); 802.15.4 at 2.4 GHz has no such regulation (EN 300 328), only \
+                 the limits of its power supply.",
+        validity: "Acknowledgments do not count. A transmission that has begun is completed, so the limit may be exceeded \
+                   by one frame.",
+        trace: "Latency that grows with load and towards the root, overflowing queues, and missing beacons, so motes join \
+                late or lose synchronisation. No effect at low load.",
         needs: &[Need::Packets],
         example: "fraction = 0.002\nwindow_s = 60.0\n",
     },
@@ -81,7 +82,7 @@ pub const ENTRY: Entry = Entry {
 /// count over fixed or sliding windows, which allow other bursts than a bucket does. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct DutyCycleLimit {
-    /// Part of the time in which a mote may send.
+    /// Fraction of the time for which a mote may transmit.
     pub fraction: f64,
     /// Over which time that is reckoned (s).
     pub window_s: f64,

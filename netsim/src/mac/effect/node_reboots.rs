@@ -9,30 +9,27 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "node-reboots",
-        doc: "Motes reboot now and then: what they hold is lost, and they look for the network anew.",
+        doc: "Motes reboot at random times: they lose their state and rejoin the network.",
         fields: &[
             Field {
                 key: "mean_interval_s",
-                doc: "Mean time between two reboots of a mote (s).",
+                doc: "Mean time between reboots of a mote (s).",
                 kind: Kind::Number(Range::closed(1.0, 1e9)),
                 default: Default::Required,
             },
-            Field {
-                doc: "Numbers of the motes that it concerns. Absent: all but the roots.",
-                ..MOTES
-            },
+            Field { doc: "Numbers of the affected motes. Absent: all except the roots.", ..MOTES },
         ],
     },
     about: About {
-        mechanism: "A watchdog fires, a contact is loose, a battery gives way under a pulse. The mote loses its queue, its routes, \
-                    its cells and its time, and must hear beacons, be admitted and find a parent as on the first day; so must \
-                    those who sent through it find another way.",
+        mechanism: "A watchdog fires, a contact is loose, or the battery voltage drops under a pulse. The mote loses its \
+                    queue, routes, cells and synchronisation, and must rejoin the network. Motes that routed through it \
+                    need another route.",
         equation: "times between the reboots of a mote: exponential with mean mean_interval_s; several effects: rates add up",
-        source: "G. Barrenetxea et al., The hitchhiker's guide to successful wireless sensor network deployments, SenSys 2008; a \
-                 constant rate is the simplest law, and an assumption.",
-        validity: "Reboots are independent of each other, of load and of time. To boot takes no time: finding the network takes far \
-                   longer.",
-        trace: "Whole stretches without packets of one mote, then a join like the first; losses at those who send through it.",
+        source: "G. Barrenetxea et al., The hitchhiker's guide to successful wireless sensor network deployments, SenSys \
+                 2008; a constant rate is the simplest law and an assumption of this model.",
+        validity: "Reboots are independent of each other, of load and of time. Booting takes no time, because rejoining \
+                   takes far longer.",
+        trace: "Periods without packets of one mote, followed by a join; losses of motes that route through it.",
         needs: &[Need::Packets],
         example: "mean_interval_s = 3600.0\n",
     },
@@ -77,7 +74,7 @@ pub const ENTRY: Entry = Entry {
 /// not described. Booting takes no time; finding the network takes far longer. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct NodeReboots {
-    /// Mean time between two reboots of a mote (s).
+    /// Mean time between reboots of a mote (s).
     pub mean_interval_s: f64,
     /// Which; none: all but the roots.
     pub motes: Motes,

@@ -9,11 +9,11 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "processing-delay",
-        doc: "A mote's processor works on every datagram before it can be sent: latency grows with each hop.",
+        doc: "Every datagram takes processing time at each mote, so latency grows with each hop.",
         fields: &[
             Field {
                 key: "delay_s",
-                doc: "From the end of the slot in which a datagram comes until it is in the queue (s).",
+                doc: "Time from the end of the slot in which a datagram arrives until it is in the queue (s).",
                 kind: Kind::Number(Range::closed(0.0, 3600.0)),
                 default: Default::Required,
             },
@@ -21,15 +21,15 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "Decompressing headers, encrypting, copying between radio and processor take time. A datagram that misses the \
-                    cell for which it was meant waits for the next one.",
+        mechanism: "Decompressing headers, encryption, and copying between radio and processor take time. A datagram that \
+                    misses the cell for which it was meant waits for the next one.",
         equation: "latency' = latency + (hops * delay_s, each rounded up to the next cell of the mote); control messages of routing \
                    and admission that are for one mote are delayed alike",
         source: "X. Vilajosana et al., A realistic energy consumption model for TSCH networks, IEEE Sensors J. 14(2), 2014 (what a \
                  mote's processor does in and between slots); one constant time for it is an assumption.",
-        validity: "The same for every datagram, whatever its length and the load; many are worked on at once. MAC and 6P are not \
-                   delayed.",
-        trace: "Latency too long in proportion to the hops, delivery and join time hardly changed.",
+        validity: "The delay is independent of the datagram's length and of the load; datagrams are processed in parallel. \
+                   MAC and 6P are not delayed.",
+        trace: "Latency too long in proportion to the number of hops, with nearly unchanged delivery ratio and join time.",
         needs: &[Need::Latencies],
         example: "delay_s = 0.5\n",
     },

@@ -9,11 +9,11 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "queue-limit",
-        doc: "Motes have room for fewer frames than configured: under load packets are lost at full queues.",
+        doc: "Queues hold fewer frames than configured, so packets are dropped under load.",
         fields: &[
             Field {
                 key: "frames",
-                doc: "Frames for which there is room. The lesser of this and netsim.mac.queue_frames holds.",
+                doc: "Capacity of the queue (frames). The smaller of this and netsim.mac.queue_frames applies.",
                 kind: Kind::Integer { min: 1, max: 10_000 },
                 default: Default::Required,
             },
@@ -21,13 +21,14 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "Memory that other work has taken, or a pool of buffers shared by receiving and sending. A frame that comes while \
-                    all places are taken is dropped.",
+        mechanism: "Other tasks use the memory, or reception and transmission share a buffer pool. A frame that arrives at \
+                    a full queue is dropped.",
         equation: "capacity = min(queue_frames, frames)",
         source: "Contiki-NG's pool of packet buffers (QUEUEBUF_CONF_NUM), which all neighbours share; IEEE Std 802.15.4-2015 leaves \
                  the length open.",
-        validity: "Frames of all neighbours share the room. A frame that is being sent takes a place.",
-        trace: "Packets lost where traffic comes together, in bursts, and the survivors arrive sooner; links are as good as ever.",
+        validity: "Frames to all neighbours share the capacity. A frame in transmission counts.",
+        trace: "Bursts of packet loss where traffic converges, and shorter latency of the remaining packets; the links are \
+                unaffected.",
         needs: &[Need::Packets],
         example: "frames = 4\n",
     },

@@ -15,7 +15,7 @@ const COEFFICIENTS: Kind =
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "antenna-pattern",
-        doc: "The gain at each end depends on the direction of the other end.",
+        doc: "The antenna gain at each end depends on the direction of the other end.",
         fields: &[
             Field {
                 key: "shape",
@@ -23,28 +23,26 @@ pub const ENTRY: Entry = Entry {
                 kind: Kind::Choice(&[
                     Choice {
                         name: "cardioid",
-                        doc: "Over the bearing seen from the body: 0 dB towards boresight_rad, -front_to_back_db away from it.",
+                        doc: "A cardioid over the bearing seen from the body: 0 dB towards boresight_rad, \
+                              -front_to_back_db in the opposite direction.",
                     },
                     Choice {
                         name: "dipole",
-                        doc: "Over elevation, of an upright half-wave dipole: 0 dB to the sides, nothing up and down.",
+                        doc: "A vertical half-wave dipole over elevation: 0 dB horizontally, nulls up and down.",
                     },
-                    Choice {
-                        name: "fourier",
-                        doc: "Over the bearing: sums of cos and sin of its multiples.",
-                    },
+                    Choice { name: "fourier", doc: "A Fourier series over the bearing." },
                 ]),
                 default: Default::Text("cardioid"),
             },
             Field {
                 key: "front_to_back_db",
-                doc: "Cardioid: gain ahead over gain behind (dB).",
+                doc: "Cardioid: front-to-back ratio (dB).",
                 kind: Kind::Number(Range::closed(0.0, 60.0)),
                 default: Default::Absent,
             },
             Field {
                 key: "boresight_rad",
-                doc: "Cardioid: direction of greatest gain, seen from the body (rad, to the left of the heading).",
+                doc: "Cardioid: direction of maximum gain, seen from the body (rad, to the left of the heading).",
                 kind: Kind::Number(ANGLE),
                 default: Default::Number(0.0),
             },
@@ -56,28 +54,28 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "sin",
-                doc: "Fourier: as cos, of sines.",
+                doc: "Fourier: as cos, for the sines.",
                 kind: COEFFICIENTS,
                 default: Default::Absent,
             },
             Field {
                 key: "headings_rad",
-                doc: "Headings (rad) by number of the node, for those that report none.",
+                doc: "Headings (rad) by node number, for nodes that report none.",
                 kind: Kind::List { of: &Kind::Number(ANGLE), min: 1, max: 1_000_000 },
                 default: Default::Absent,
             },
         ],
     },
     about: About {
-        mechanism: "The body of a robot, its battery and its wheels stand behind the antenna, so that it hears and is heard less \
-                    well from some sides.",
+        mechanism: "The body of a robot, its battery and its wheels are near the antenna, so its gain is lower towards \
+                    some sides.",
         equation: "RSSI' = RSSI + g(sender) + g(receiver); cardioid g = -front_to_back_db/2 (1 - cos(b - boresight_rad)), fourier g = \
                    sum_k cos_k cos(k b) + sin_k sin(k b), b the bearing of the other end less the heading; dipole g = 20 log10 |cos(pi/2 \
                    cos t)/sin t|, t the angle from upright",
         source: "C. A. Balanis, Antenna Theory, 4th ed., § 4.6 (half-wave dipole); cardioid: first harmonic of any pattern, in dB.",
-        validity: "The same pattern at every node. Ends whose heading nobody knows have none. The Fourier series has no constant, \
-                   which would be system-gain. The dipole's nulls end at -40 dB.",
-        trace: "It follows the bearing seen from the body, at the sender and at the receiver alike.",
+        validity: "The same pattern at every node. Ends without a known heading have no pattern. The Fourier series has no \
+                   constant, which would be aliased with system-gain. The dipole's nulls end at -40 dB.",
+        trace: "An error over the bearing seen from the body, the same at the sender and at the receiver.",
         needs: &[Need::Positions, Need::Headings, Need::Readings],
         example: "front_to_back_db = 10.0\nboresight_rad = 0.0\n",
     },
@@ -146,12 +144,14 @@ fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
     let shape = typed::<Keys>(table).shape;
     let has = |key: &str| table.contains_key(key);
     if shape == ShapeKey::Cardioid && !has("front_to_back_db") {
-        let message = "is missing: a cardioid needs it";
+        let message = "is missing: a cardioid requires it";
         problems.push(Problem::new(format!("{path}.front_to_back_db"), message));
     }
     if shape == ShapeKey::Fourier && !has("cos") && !has("sin") {
-        problems
-            .push(Problem::new(path, "must have cos or sin: a Fourier series needs coefficients"));
+        problems.push(Problem::new(
+            path,
+            "must have cos or sin, the coefficients of the Fourier series",
+        ));
     }
     for (key, of, name) in [
         ("front_to_back_db", ShapeKey::Cardioid, "cardioid"),
@@ -159,7 +159,7 @@ fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
         ("sin", ShapeKey::Fourier, "fourier"),
     ] {
         if has(key) && shape != of {
-            let message = format!("must be left out: it belongs to shape = {name:?}");
+            let message = format!("must be absent: it applies only with shape = {name:?}");
             problems.push(Problem::new(format!("{path}.{key}"), message));
         }
     }
@@ -349,8 +349,8 @@ mod tests {
         for (keys, expected) in [
             ("", "front_to_back_db: is missing"),
             ("shape = \"fourier\"", "must have cos or sin"),
-            ("shape = \"dipole\"\nfront_to_back_db = 3", "belongs to shape = \"cardioid\""),
-            ("front_to_back_db = 3\nsin = [1.0]", "belongs to shape = \"fourier\""),
+            ("shape = \"dipole\"\nfront_to_back_db = 3", "applies only with shape = \"cardioid\""),
+            ("front_to_back_db = 3\nsin = [1.0]", "applies only with shape = \"fourier\""),
         ] {
             let found = problems("antenna-pattern", keys);
             assert!(found.contains(expected), "{keys}: {found}");

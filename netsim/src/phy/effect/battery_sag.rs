@@ -10,17 +10,17 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "battery-sag",
-        doc: "The transmit power of nodes on batteries falls as time passes.",
+        doc: "The transmit power of battery-powered nodes falls over time.",
         fields: &[
             Field {
                 key: "db_per_hour",
-                doc: "What an hour adds to the transmit power (dB per hour): negative.",
+                doc: "Change of the transmit power per hour (dB per hour): negative.",
                 kind: Kind::Number(Range::closed(-100.0, 0.0)),
                 default: Default::Required,
             },
             Field {
                 key: "nodes",
-                doc: "Numbers of the nodes on batteries. Absent: all.",
+                doc: "Numbers of the battery-powered nodes. Absent: all.",
                 kind: Kind::List {
                     of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
                     min: 1,
@@ -31,12 +31,12 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "The voltage of a battery falls as it discharges, and with it the power of an amplifier that is not \
-                    regulated.",
+        mechanism: "The voltage of a battery falls as it discharges, and with it the power of an unregulated amplifier.",
         equation: "RSSI' = RSSI + db_per_hour * t for frames of the named nodes, t in hours since time 0",
-        source: "First order of any discharge. CC2420 data sheet, § 6: output power over supply voltage.",
-        validity: "Linear in time, the same for all named nodes, from time 0 on. Real batteries have a plateau and then a cliff.",
-        trace: "A drift in time of some transmitters only, whoever receives.",
+        source: "First-order model of the discharge. CC2420 data sheet, § 6: output power over supply voltage.",
+        validity: "Linear in time from time 0, and the same for all named nodes. Real batteries have a plateau followed by \
+                   a steep fall.",
+        trace: "A drift over time of some transmitters, at all receivers.",
         needs: &[Need::Time, Need::Readings],
         example: "db_per_hour = -0.5\nnodes = [0, 3]\n",
     },

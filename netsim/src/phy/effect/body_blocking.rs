@@ -11,31 +11,30 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "body-blocking",
-        doc: "Every other robot whose body stands in the direct path attenuates.",
+        doc: "The body of every other robot in the direct path attenuates.",
         fields: &[
             Field {
                 key: "loss_db",
-                doc: "What one body takes away (dB).",
+                doc: "Loss per body (dB).",
                 kind: Kind::Number(Range::closed(0.0, 60.0)),
                 default: Default::Required,
             },
             Field {
                 key: "blocker_radius_m",
-                doc: "Radius of a body about its antenna (m). 0.5 covers the first Fresnel zone of links of 8 m.",
+                doc: "Radius of a body around its antenna (m). 0.5 covers the first Fresnel zone of links of 8 m.",
                 kind: Kind::Number(Range::above(0.0, 100.0)),
                 default: Default::Number(0.5),
             },
         ],
     },
     about: About {
-        mechanism: "A robot, or a person, between two others takes part of the wave out of its path, within about the first \
-                    Fresnel zone.",
+        mechanism: "A robot or a person between two others obstructs part of the wave, within about the first Fresnel zone.",
         equation: "RSSI' = RSSI - loss_db * (other agents between the ends, nearer to the straight path than blocker_radius_m + sqrt(lambda \
                    d1 d2/(d1 + d2)), seen from above)",
         source: "ITU-R P.526 (obstruction of the first Fresnel zone, radius sqrt(lambda d1 d2/(d1 + d2))); a fixed loss to a body as \
                  measured for people, e.g. ITU-R P.1238.",
-        validity: "A body blocks fully or not at all, whatever its height. Only agents with a radio that is on are known.",
-        trace: "Links are low while a third robot stands between their ends, and well again when it has gone.",
+        validity: "A body blocks fully or not at all, independently of its height. Only agents whose radio is on are known.",
+        trace: "Links are weak only while a third robot is between their ends.",
         needs: &[Need::Positions, Need::Readings, Need::OtherAgents, Need::Movement],
         example: "loss_db = 6.0\nblocker_radius_m = 0.5\n",
     },
@@ -85,7 +84,7 @@ pub const ENTRY: Entry = Entry {
 /// radius in the middle of a link is √(λd)/2: 0.55 m at 10 m. Heights are not looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct BodyBlocking {
-    /// What one body takes away (dB).
+    /// Loss per body (dB).
     pub loss_db: f64,
     /// Radius of a body (m).
     pub blocker_radius_m: f64,

@@ -11,23 +11,23 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "diffraction",
-        doc: "Walls and obstacles with a height are knife edges that waves bend over.",
+        doc: "Waves diffract over walls and obstacles with a height, as over knife edges.",
         fields: &[Field {
             key: "scale",
-            doc: "The loss in units of the theory's: 1 is a knife edge.",
+            doc: "Loss relative to the theory; 1: a knife edge.",
             kind: Kind::Number(Range::closed(0.0, 10.0)),
             default: Default::Number(1.0),
         }],
     },
     about: About {
-        mechanism: "Behind the top of a wall it is not dark: waves bend over it, the less the deeper the receiver stands in the \
-                    shadow. Even a path that clears the edge by little loses something.",
+        mechanism: "Waves diffract over the top of a wall, with more loss the deeper the receiver is in the shadow. A path \
+                    that narrowly clears the edge loses power, too.",
         equation: "RSSI' = RSSI - scale * J(v), J(v) = 6.9 + 20 log10(sqrt((v - 0.1)^2 + 1) + v - 0.1) for v > -0.78, else 0; v = h \
                    sqrt(2/lambda (1/d1 + 1/d2)), h the height of the edge above the straight path",
         source: "ITU-R P.526-15, § 4.1, equations 26 and 31 (single knife edge).",
-        validity: "The worst edge of a path alone, straight over it: not around its ends, not through it. Round tops and several \
-                   edges lose more. Walls without a height have no edge: they belong to wall-attenuation.",
-        trace: "Links behind mapped edges are low, with a soft border, less so on tall masts.",
+        validity: "Only the worst edge of a path counts, and only paths over it, not around or through it. Rounded tops \
+                   and several edges lose more. Walls without a height belong to wall-attenuation.",
+        trace: "Links behind mapped edges are weak, with a gradual transition, less so on tall masts.",
         needs: &[Need::Positions, Need::Heights, Need::Readings, Need::Edges],
         example: "",
     },

@@ -11,24 +11,25 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "fast-fading",
-        doc: "Every frame's power is drawn from Rice's distribution.",
+        doc: "The power of every frame follows a Rice distribution.",
         fields: &[Field {
             key: "k_factor_db",
-            doc: "Power of the steady wave to that of all others (dB). -30 and less: Rayleigh, no steady wave; 6 to 12 with line \
-                  of sight.",
+            doc: "Rician K-factor: power of the direct wave to that of all others (dB). -30 and less: Rayleigh, no direct \
+                  wave; 6 to 12 with line of sight.",
             kind: Kind::Number(Range::closed(-60.0, 60.0)),
             default: Default::Required,
         }],
     },
     about: About {
-        mechanism: "While anything moves, the many reflected waves add up differently for every frame, beside the steady wave on \
-                    the direct path.",
+        mechanism: "While anything moves, the reflected waves add up differently for every frame, in addition to the \
+                    direct wave.",
         equation: "RSSI' = RSSI + 10 log10 |sqrt(K/(K+1)) + sqrt(1/(K+1)) g|^2, g complex normal with E|g|^2 = 1, K = 10^(k_factor_db \
                    / 10)",
         source: "S. O. Rice, Mathematical analysis of random noise, Bell System Technical Journal 24 (1945) 46; Rappaport, § 5.6.",
-        validity: "Independent from frame to frame, in both directions and on all channels; constant within a frame. Mean power \
-                   stays, so the mean in dB falls, by 2.51 dB for Rayleigh: that trades with system-gain. Fades end at -60 dB.",
-        trace: "Spread, and skew towards weak frames, with a mean that is constant.",
+        validity: "Independent from frame to frame, in both directions and on all channels; constant within a frame. Mean \
+                   power stays, so the mean in dB falls, by 2.51 dB for Rayleigh: this is aliased with system-gain. Fades \
+                   are limited to -60 dB.",
+        trace: "Scatter that is skewed towards weak frames, with a constant mean.",
         needs: &[Need::Readings],
         example: "k_factor_db = 3.0\n",
     },

@@ -12,14 +12,14 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "formula",
-        doc: "The user's own: an expression in covariates and named parameters.",
+        doc: "A user-defined expression of covariates and named parameters.",
         fields: &[
             FIELDS[0],
             FIELDS[1],
             FIELDS[2],
             Field {
                 key: "target",
-                doc: "What it is added to.",
+                doc: "The quantity that the expression is added to.",
                 kind: Kind::Choice(&[
                     Choice {
                         name: "mean",
@@ -27,7 +27,7 @@ pub const ENTRY: Entry = Entry {
                     },
                     Choice {
                         name: "noise",
-                        doc: "The receiver's noise (dB): by so much frames must be stronger to be received as well.",
+                        doc: "The receiver's noise (dB): frames must be stronger by this to be received as well.",
                     },
                     Choice {
                         name: "loss",
@@ -38,22 +38,22 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "limit_db",
-                doc: "Values beyond this (dB), up or down, count as it. How far links may reach is computed from it, so a tight \
-                      limit makes runs fast.",
+                doc: "Limit of the expression's absolute value (dB); larger values are clipped. The range of links follows \
+                      from it, so a tight limit makes runs fast.",
                 kind: Kind::Number(Range::closed(0.0, 200.0)),
                 default: Default::Number(40.0),
             },
         ],
     },
     about: About {
-        mechanism: "Whatever the catalogue has not: an expression in distance, frequency, places, time, headings and any column of \
-                    the measurements, with parameters of its own.",
+        mechanism: "Anything that the catalogue lacks: an expression of distance, frequency, positions, time, headings and \
+                    any column of the measurements, with named parameters.",
         equation: "RSSI' = RSSI + expression (mean), curve(RSSI - expression) (noise), P(received)' = P(received) (1 - expression) \
                    (loss)",
-        source: "The user's. Formulas that diagnose finds in structure no effect explains are written in this form.",
-        validity: "As far as the expression. Where a name has no value, or the result is not a number, it adds nothing. Results are \
-                   kept within limit_db, losses within 0 to 1.",
-        trace: "As written: along the covariates that the expression uses.",
+        source: "User-defined. diagnose writes formulas for unexplained structure in this form.",
+        validity: "That of the expression. It adds nothing if a name has no value or the result is not a number. Results \
+                   are clipped to limit_db, and loss probabilities to 0 to 1.",
+        trace: "As written: an error over the covariates of the expression.",
         needs: &[Need::Readings],
         example: "expression = \"-a * max(temperature_c - onset_c, 0)\"\ntarget = \"mean\"\n\
          parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\

@@ -14,50 +14,50 @@ const POINT: Kind = Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 }
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "hidden-obstacle",
-        doc: "Something that attenuates all links that cross it: a straight piece (from_m, to_m) or a disc (centre_m, \
-              radius_m).",
+        doc: "An unmapped obstacle that attenuates all links that cross it: a straight segment (from_m, to_m) or a disc \
+              (centre_m, radius_m).",
         fields: &[
             Field {
                 key: "loss_db",
-                doc: "What it takes away (dB).",
+                doc: "Loss per crossing (dB).",
                 kind: Kind::Number(Range::closed(0.0, 100.0)),
                 default: Default::Required,
             },
             Field {
                 key: "from_m",
-                doc: "One end (x, y in m).",
+                doc: "One end of the segment (x, y in m).",
                 kind: POINT,
                 default: Default::Absent,
             },
             Field {
                 key: "to_m",
-                doc: "The other end (x, y in m).",
+                doc: "The other end of the segment (x, y in m).",
                 kind: POINT,
                 default: Default::Absent,
             },
             Field {
                 key: "centre_m",
-                doc: "Centre of a disc (x, y in m).",
+                doc: "Centre of the disc (x, y in m).",
                 kind: POINT,
                 default: Default::Absent,
             },
             Field {
                 key: "radius_m",
-                doc: "Radius of a disc (m).",
+                doc: "Radius of the disc (m).",
                 kind: Kind::Number(Range::POSITIVE),
                 default: Default::Absent,
             },
         ],
     },
     about: About {
-        mechanism: "A cupboard, a tank, a parked car or a wall that nobody drew stands in the way of every link that crosses it.",
+        mechanism: "A cupboard, a tank, a parked car or an unmapped wall obstructs every link that crosses it.",
         equation: "RSSI' = RSSI - loss_db where the straight path, seen from above, touches the piece from from_m to to_m or the \
                    disc about centre_m",
         source: "J. Wilson, N. Patwari, Radio tomographic imaging with wireless networks, IEEE Trans. Mobile Computing 9 (2010) \
                  621; loss per crossing as for walls (Motley and Keenan 1988).",
-        validity: "It has no top, and takes the same from every link that touches it, however it crosses. Where several are \
-                   hidden, each is one effect.",
-        trace: "All links that cross one place are low, whoever their ends are.",
+        validity: "It has unlimited height and attenuates every link that touches it by the same loss. Use one effect per \
+                   obstacle.",
+        trace: "All links that cross one place are weak, whatever their ends.",
         needs: &[Need::Positions, Need::Readings],
         example: "loss_db = 8.0\nfrom_m = [10.0, -2.0]\nto_m = [10.0, 2.0]\n",
     },
@@ -114,7 +114,7 @@ fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
                 problems.push(
                     Problem::new(
                         format!("{path}.to_m"),
-                        "must differ from from_m: it has a length",
+                        "must differ from from_m, because the segment has a length",
                     )
                     .value(&table["to_m"]),
                 );
@@ -123,7 +123,7 @@ fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
         [false, false, true, true] => {}
         _ => problems.push(Problem::new(
             path,
-            "must have either from_m and to_m, a straight piece, or centre_m and radius_m, a disc",
+            "must have either from_m and to_m (a segment), or centre_m and radius_m (a disc)",
         )),
     }
 }
@@ -149,7 +149,7 @@ pub enum Extent {
 /// It has no top, takes the same from every link that touches it, and nothing from those that pass close by.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HiddenObstacle {
-    /// What it takes away (dB).
+    /// Loss per crossing (dB).
     pub loss_db: f64,
     /// Where it stands.
     pub extent: Extent,

@@ -10,7 +10,7 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "interference",
-        doc: "WiFi or other traffic on a band: frames on its channels are lost a part of the time.",
+        doc: "WiFi or other traffic in a band: frames on its channels are lost for a fraction of the time.",
         fields: &[
             Field {
                 key: "centre_mhz",
@@ -20,31 +20,31 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "width_mhz",
-                doc: "Full width of the band (MHz). IEEE 802.15.4 channels whose centre lies within are hit.",
+                doc: "Full width of the band (MHz). It affects IEEE 802.15.4 channels whose centre lies within it.",
                 kind: Kind::Number(Range::above(0.0, 1000.0)),
                 default: Default::Number(22.0),
             },
             Field {
                 key: "duty",
-                doc: "Part of the time in which a frame cannot be received.",
+                doc: "Duty cycle: fraction of the time in which no frame can be received.",
                 kind: Kind::Number(Range::FRACTION),
                 default: Default::Required,
             },
             Field {
                 key: "from_s",
-                doc: "When it begins (s). Absent: at the beginning.",
+                doc: "Start (s). Absent: the beginning.",
                 kind: Kind::Number(Range::NOT_NEGATIVE),
                 default: Default::Absent,
             },
             Field {
                 key: "to_s",
-                doc: "When it ends (s). Absent: never.",
+                doc: "End (s). Absent: never.",
                 kind: Kind::Number(Range::POSITIVE),
                 default: Default::Absent,
             },
             Field {
                 key: "receivers",
-                doc: "Numbers of the nodes that it reaches. Absent: all.",
+                doc: "Numbers of the affected receivers. Absent: all.",
                 kind: Kind::List {
                     of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
                     min: 1,
@@ -54,28 +54,28 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "power_dbm",
-                doc: "With what power it arrives (dBm); together with sir_threshold_db.",
+                doc: "Received power of the interference (dBm); set together with sir_threshold_db.",
                 kind: Kind::Number(Range::closed(-200.0, 100.0)),
                 default: Default::Absent,
             },
             Field {
                 key: "sir_threshold_db",
-                doc: "Frames that arrive with at least this much more than power_dbm (dB) pass nevertheless. Absent: none do.",
+                doc: "Signal-to-interference ratio (dB) from which frames are received nevertheless. Absent: none are.",
                 kind: Kind::Number(Range::closed(-100.0, 100.0)),
                 default: Default::Absent,
             },
         ],
     },
     about: About {
-        mechanism: "While a WiFi station sends, 100 times as strong and over four channels at once, frames on these channels \
-                    cannot be received. Those that are received read as strong as ever.",
+        mechanism: "While a WiFi station transmits, 100 times as strong and over four channels at once, frames on these \
+                    channels are lost. The RSSI of received frames does not change.",
         equation: "P(received)' = P(received) * (1 - duty) where |f - centre_mhz| <= width_mhz / 2, from_s <= t < to_s, and \
                    RSSI < power_dbm + sir_threshold_db where these are given",
         source: "M. Petrova et al., Performance study of IEEE 802.15.4 using measurements and simulations, WCNC 2006; width: \
                  IEEE Std 802.11-2020, § 15 (22 MHz).",
-        validity: "Frames are hit or not independently of each other and of their length; bursts of WiFi are not modelled. Frames \
-                   without a known channel are not hit.",
-        trace: "Losses that RSSI does not explain, on neighbouring channels, perhaps for a time and at some receivers only.",
+        validity: "Losses are independent between frames and of the frame length; WiFi bursts are not modelled. Frames \
+                   without a known channel are unaffected.",
+        trace: "Losses that RSSI does not explain, on adjacent channels, possibly only for a time and at some receivers.",
         needs: &[Need::Channels, Need::Losses],
         example: "centre_mhz = 2437.0\nduty = 0.3\n",
     },
@@ -141,7 +141,7 @@ fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
     }
     for (key, other) in [("power_dbm", "sir_threshold_db"), ("sir_threshold_db", "power_dbm")] {
         if table.contains_key(key) && !table.contains_key(other) {
-            let message = format!("is missing: it belongs to {key}");
+            let message = format!("is missing: it must be set together with {key}");
             problems.push(Problem::new(format!("{path}.{other}"), message));
         }
     }

@@ -10,23 +10,23 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "motion-fading",
-        doc: "Frames are lost because the channel changes within them while the ends move.",
+        doc: "Frames are lost because the channel changes during a frame while the ends move.",
         fields: &[
             Field {
                 key: "rician_k_db",
-                doc: "Power of the steady wave to that of the reflected ones (dB): high where the direct path is free.",
+                doc: "Rician K-factor: power of the direct wave to that of the reflected waves (dB); high with line of sight.",
                 kind: Kind::Number(Range::closed(-60.0, 60.0)),
                 default: Default::Required,
             },
             Field {
                 key: "frame_ms",
-                doc: "How long a frame lasts (ms). 4.256: the longest of IEEE 802.15.4, 133 bytes with the header.",
+                doc: "Duration of a frame (ms). 4.256: the longest of IEEE 802.15.4, 133 bytes with the header.",
                 kind: Kind::Number(Range::above(0.0, 1000.0)),
                 default: Default::Number(4.256),
             },
             Field {
                 key: "law",
-                doc: "Which change loses a frame.",
+                doc: "Criterion for the loss of a frame.",
                 kind: Kind::Choice(&[
                     Choice {
                         name: "coherence-time",
@@ -34,7 +34,7 @@ pub const ENTRY: Entry = Entry {
                     },
                     Choice {
                         name: "correlation",
-                        doc: "A phase turned by more than a right angle since the frame's beginning: by Clarke's J0.",
+                        doc: "The phase has turned by more than a right angle since the beginning of the frame (Clarke's J0).",
                     },
                 ]),
                 default: Default::Text("coherence-time"),
@@ -42,17 +42,17 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "A receiver learns phase and strength of the channel from a frame's beginning. While the ends move, reflected \
-                    waves change before the frame has ended, the faster the faster they move.",
+        mechanism: "A receiver estimates the channel at the beginning of a frame. While the ends move, the reflected waves \
+                    change before the end of the frame, faster at higher speed.",
         equation: "coherence-time: P(lost) = (1 - e^(-T f_d / 0.423)) / (K + 1); correlation: P(lost) = 1/2 (1 - J0(2 pi f_d T)) e^-K; \
                    f_d = v/lambda, v the relative speed, T = frame_ms, K = 10^(rician_k_db/10)",
         source: "R. H. Clarke, A statistical theory of mobile-radio reception, Bell System Technical Journal 47 (1968) 957 (J0); P. A. \
                  Bello, B. D. Nelin, IRE Trans. Communications Systems CS-10 (1962) 160, and A. Goldsmith, Wireless Communications, § \
                  6.4 (error floor of differential detection in Rician fading); T. S. Rappaport, Wireless Communications, 2nd ed., § 5.4.3 \
                  (coherence time 0.423 / f_d).",
-        validity: "A receiver that does not follow the channel within a frame: an upper bound for others. The Doppler shift itself, \
-                   240 Hz at 30 m/s, is nothing against 40 ppm of the crystals. Nothing where no speed is known.",
-        trace: "Losses follow the relative speed, whatever the RSSI.",
+        validity: "A receiver that does not track the channel within a frame; an upper bound for others. The Doppler \
+                   shift, 240 Hz at 30 m/s, is negligible against 40 ppm of the crystals. No effect without a known speed.",
+        trace: "Losses follow the relative speed, independently of the RSSI.",
         needs: &[Need::Movement, Need::Losses],
         example: "rician_k_db = -5.0\n",
     },
@@ -136,7 +136,7 @@ pub struct MotionFading {
     pub frame_s: f64,
     /// How much the steady wave leaves to chance.
     pub scattered: f64,
-    /// Which change loses a frame.
+    /// Criterion for the loss of a frame.
     pub law: Law,
 }
 

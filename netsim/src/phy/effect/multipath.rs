@@ -12,7 +12,7 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "multipath",
-        doc: "Frequency-selective fading: one value per link, channel and place, the same in both directions.",
+        doc: "Frequency-selective fading: one value per link, channel and position, the same in both directions.",
         fields: &[
             Field {
                 key: "sd_db",
@@ -22,23 +22,24 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "coherence_mhz",
-                doc: "Difference in frequency (MHz) over which the correlation falls to 1/e. 5: of a room of some ten metres, \
-                      with a delay spread of 30 ns.",
+                doc: "Coherence bandwidth (MHz): frequency difference over which the correlation falls to 1/e. 5: a room \
+                      of about ten metres, with a delay spread of 30 ns.",
                 kind: Kind::Number(Range::closed(0.01, 1e4)),
                 default: Default::Number(5.0),
             },
         ],
     },
     about: About {
-        mechanism: "Rays from walls and furniture arrive together and cancel on one channel while they add on the next. While \
-                    nothing moves, that stays as it is; half a wavelength on, it is another pattern.",
+        mechanism: "Rays from walls and furniture cancel on one channel and add on another. The pattern is constant while \
+                    nothing moves, and changes over half a wavelength.",
         equation: "RSSI' = RSSI + X, X ~ N(0, sd_db^2) per unordered pair, channel and place; correlation between channels e^(-|df| \
                    / coherence_mhz); drawn anew whenever both ends together have moved on by half a wavelength (61 mm)",
         source: "T. Watteyne, A. Mehta, K. Pister, Reliability through frequency diversity: why channel hopping makes sense, PE-WASUN \
                  2009; Rappaport, § 5.4 (coherence bandwidth).",
-        validity: "Normal in dB, where true fades are deeper than peaks are high. Between places there is no correlation at all. \
-                   People who walk by change it in truth; here they do not.",
-        trace: "Within a link one channel differs from the next, the same in both directions and constant in time for still nodes.",
+        validity: "Normal in dB, whereas real fades are deeper than peaks are high. Positions are uncorrelated. Passing \
+                   people have no effect in this model.",
+        trace: "Differences between the channels of a link, the same in both directions and constant in time for \
+                stationary nodes.",
         needs: &[Need::Channels, Need::Readings],
         example: "sd_db = 4.0\ncoherence_mhz = 5.0\n",
     },

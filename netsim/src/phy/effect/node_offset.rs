@@ -15,44 +15,45 @@ const VALUES: Kind =
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "node-offset",
-        doc: "Every node's own error of transmit power and of receiver gain.",
+        doc: "Per-node offsets of transmit power and receiver gain.",
         fields: &[
             Field {
                 key: "tx_sd_db",
-                doc: "Standard deviation over transmitters (dB).",
+                doc: "Standard deviation between transmitters (dB).",
                 kind: Kind::Number(Range::closed(0.0, 20.0)),
                 default: Default::Number(0.0),
             },
             Field {
                 key: "rx_sd_db",
-                doc: "Standard deviation over receivers (dB).",
+                doc: "Standard deviation between receivers (dB).",
                 kind: Kind::Number(Range::closed(0.0, 20.0)),
                 default: Default::Number(0.0),
             },
             Field {
                 key: "tx_db",
-                doc: "What each transmitter adds (dB), by number of the node, in place of values drawn with tx_sd_db. Nodes \
-                      beyond the list add nothing.",
+                doc: "Offset of each transmitter (dB), by node number, instead of values drawn with tx_sd_db. Nodes beyond \
+                      the list have no offset.",
                 kind: VALUES,
                 default: Default::Absent,
             },
             Field {
                 key: "rx_db",
-                doc: "As tx_db, of receivers.",
+                doc: "As tx_db, for receivers.",
                 kind: VALUES,
                 default: Default::Absent,
             },
         ],
     },
     about: About {
-        mechanism: "Amplifiers, matching and antennas differ from piece to piece, so that one node is heard a few decibels \
-                    better than another from the same place, and one hears better. What it sends and what it hears with are \
-                    different parts: both errors are independent.",
+        mechanism: "Amplifiers, matching and antennas vary between units, so two nodes at the same place differ by a few \
+                    decibels in both directions. Transmission and reception use different components, so both offsets are \
+                    independent.",
         equation: "RSSI' = RSSI + a_tx + b_rx, a ~ N(0, tx_sd_db^2) and b ~ N(0, rx_sd_db^2) per node",
         source: "M. Zuniga, B. Krishnamachari, An analysis of unreliability and asymmetry in low-power wireless links, ACM Trans. \
                  Sensor Networks 3 (2007) 7 (hardware variance); Chen and Terzis, EWSN 2010.",
-        validity: "Constant in time, the same in all directions. Clipped at 5 sd. The mean over all nodes is system-gain.",
-        trace: "All links of a node high or low alike; sent and heard frames separately, so that links are asymmetric.",
+        validity: "Constant in time and the same in all directions. Clipped at 5 sd. The mean over all nodes is aliased \
+                   with system-gain.",
+        trace: "All links of a node are biased alike, separately for sent and received frames, so links are asymmetric.",
         needs: &[Need::Readings],
         example: "tx_sd_db = 1.5\nrx_sd_db = 1.0\n",
     },
@@ -85,8 +86,7 @@ pub const ENTRY: Entry = Entry {
         let keys: Keys = typed(table);
         for (end, sd_db) in [("tx", keys.tx_sd_db), ("rx", keys.rx_sd_db)] {
             if table.contains_key(&format!("{end}_db")) && 0.0 < sd_db {
-                let message =
-                    format!("must be left out where {end}_db gives the values themselves");
+                let message = format!("must be absent if {end}_db lists the values");
                 problems.push(Problem::new(format!("{path}.{end}_sd_db"), message));
             }
         }
@@ -119,9 +119,9 @@ struct Keys {
 /// Constant in time, the same in all directions and on all channels. Clipped at ±5 sd.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeOffset {
-    /// Standard deviation over transmitters (dB).
+    /// Standard deviation between transmitters (dB).
     pub tx_sd_db: f64,
-    /// Standard deviation over receivers (dB).
+    /// Standard deviation between receivers (dB).
     pub rx_sd_db: f64,
     /// What transmitters add, where that is stated (dB).
     pub tx_db: Vec<f64>,
@@ -181,7 +181,7 @@ mod tests {
         assert_eq!(effect.contribution_db(&along_x(5.0, 1.0, None, &scene)), -2.5);
         assert_eq!(made("node-offset", "tx_db = [1.5]").max_gain_db(), 1.5);
         let both = problems("node-offset", "tx_db = [1.5]\ntx_sd_db = 1.0");
-        assert!(both.contains("tx_sd_db: must be left out"), "{both}");
+        assert!(both.contains("tx_sd_db: must be absent"), "{both}");
     }
 
     #[test]

@@ -10,21 +10,22 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "noise-floor",
-        doc: "More noise, or less, than the reception curve was measured with: the curve moves, the RSSI does not.",
+        doc: "The noise differs from that of the reception curve: the curve shifts, the RSSI does not.",
         fields: &[Field {
             key: "shift_db",
-            doc: "By how much (dB) frames must be stronger to be received as well.",
+            doc: "Shift (dB): how much stronger frames must be to be received as well.",
             kind: Kind::Number(Range::closed(-60.0, 60.0)),
             default: Default::Required,
         }],
     },
     about: About {
-        mechanism: "The site is noisier, or the receiver worse, than those the reception curve was measured with, so that \
-                    frames must be stronger to pass. What the register reads of those that pass does not change.",
+        mechanism: "The site is noisier, or the receiver less sensitive, than when the reception curve was measured, so \
+                    frames must be stronger to be received. The RSSI of received frames does not change.",
         equation: "P(received) = curve(RSSI - shift_db)",
-        source: "Definition: reception depends on the ratio of signal to noise, so noise up is signal down.",
-        validity: "All receivers alike, at all times. It does nothing to connectivity models, which state the probability.",
-        trace: "Frames are lost at strengths that should pass; the RSSI of the others is right.",
+        source: "Definition: reception depends on the signal-to-noise ratio.",
+        validity: "The same for all receivers at all times. No effect on connectivity models, which define the reception \
+                   probability.",
+        trace: "Frames are lost at an RSSI that should suffice; the RSSI of received frames is correct.",
         needs: &[Need::Losses, Need::Readings],
         example: "shift_db = 4.0\n",
     },

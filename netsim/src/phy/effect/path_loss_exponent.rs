@@ -10,26 +10,26 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "path-loss-exponent",
-        doc: "Power falls with another exponent over distance than the 2 of free space.",
+        doc: "The path-loss exponent differs from the 2 of free space.",
         fields: &[
             Field {
                 key: "exponent",
-                doc: "The exponent of the whole, free space's 2 included: 1.6 to 1.8 along corridors, 2.7 to 3.5 in cities, 4 to \
-                      6 in obstructed buildings (Rappaport, table 4.2).",
+                doc: "The total exponent, the 2 of free space included: 1.6 to 1.8 along corridors, 2.7 to 3.5 in cities, \
+                      4 to 6 in obstructed buildings (Rappaport, table 4.2).",
                 kind: Kind::Number(Range::closed(1.0, 8.0)),
                 default: Default::Required,
             },
             Field {
                 key: "reference_distance_m",
-                doc: "Up to this distance (m) nothing is added.",
+                doc: "Reference distance (m), up to which nothing is added.",
                 kind: Kind::Number(Range::above(0.0, 1e5)),
                 default: Default::Number(1.0),
             },
         ],
     },
     about: About {
-        mechanism: "Among furniture, plants and people power falls faster over distance than in free space; along a corridor, \
-                    which guides it, more slowly.",
+        mechanism: "Among furniture, plants and people, power falls faster over distance than in free space; along a \
+                    corridor, which guides the wave, more slowly.",
         equation: "RSSI' = RSSI - 10 (exponent - 2) log10(d / reference_distance_m) for d > reference_distance_m",
         source: "T. S. Rappaport, Wireless Communications, 2nd ed., § 4.9.1 (log-distance path loss).",
         validity: "An average over many links of one environment, on a base model with exponent 2. On log-distance it only \

@@ -10,30 +10,31 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "receiver-nonlinearity",
-        doc: "The RSSI register reads too little of strong frames. Reception does not change.",
+        doc: "The RSSI register saturates for strong frames. Reception does not change.",
         fields: &[
             Field {
                 key: "saturation_dbm",
-                doc: "From this power (dBm) on readings are compressed.",
+                doc: "Power (dBm) from which readings are compressed.",
                 kind: Kind::Number(Range::closed(-120.0, 30.0)),
                 default: Default::Required,
             },
             Field {
                 key: "slope",
-                doc: "What remains above it of a decibel: 0 for a register that stands still, 1 for none of this.",
+                doc: "Slope of the reading above that power: 0 for full saturation, 1 for no compression.",
                 kind: Kind::Number(Range::FRACTION),
                 default: Default::Required,
             },
         ],
     },
     about: About {
-        mechanism: "Close to the transmitter the receiver's amplifiers and detector saturate, and the register reads less than \
-                    there is.",
+        mechanism: "Close to the transmitter, the receiver's amplifiers and detector saturate, and the register reads too \
+                    low.",
         equation: "reading = s + slope * (RSSI - s) for RSSI > s = saturation_dbm",
         source: "Y. Chen, A. Terzis, On the mechanisms and effects of calibrating RSSI measurements for 802.15.4 radios, EWSN \
                  2010 (non-linear regions of the CC2420's register).",
-        validity: "One break and two straight lines; the CC2420 has further, smaller dents. All receivers alike.",
-        trace: "It follows the predicted RSSI itself: strong links read low.",
+        validity: "Piecewise linear with one breakpoint; the CC2420 has further, smaller non-linear regions. The same for \
+                   all receivers.",
+        trace: "An error over the predicted RSSI itself: strong links read too low.",
         needs: &[Need::Readings],
         example: "saturation_dbm = -55.0\nslope = 0.4\n",
     },

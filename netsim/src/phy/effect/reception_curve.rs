@@ -10,7 +10,7 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "reception-curve",
-        doc: "The receiver's own curve, logistic in RSSI, in place of [netsim.phy.reception].",
+        doc: "A logistic reception curve over RSSI that replaces [netsim.phy.reception].",
         fields: &[
             Field {
                 key: "p50_dbm",
@@ -20,21 +20,21 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "width_db",
-                doc: "The curve rises from 27 % to 73 % over twice this (dB). A single radio's waterfall: 0.3 to 1.",
+                doc: "Width of the curve (dB): it rises from 27 % to 73 % over twice this. A single radio: 0.3 to 1.",
                 kind: Kind::Number(Range::closed(0.01, 20.0)),
                 default: Default::Required,
             },
         ],
     },
     about: About {
-        mechanism: "Every radio has its own sensitivity and its own waterfall from nothing to everything, steeper than a table \
-                    that averages over many receivers.",
+        mechanism: "Every radio has its own sensitivity and its own transition from loss to reception, steeper than a \
+                    table averaged over many receivers.",
         equation: "P(received) = 1 / (1 + e^(-(RSSI - p50_dbm) / width_db)); 0 and 1 where that is within 10^-6 of them",
         source: "M. Zuniga, B. Krishnamachari, Analyzing the transitional region in low power wireless links, SECON 2004 (a \
                  sigmoid in the signal-to-noise ratio); the logistic is its simplest smooth form.",
-        validity: "All receivers alike and one length of frames. Beyond 13.8 widths from the middle it is 0 or 1. It replaces \
-                   the configured curve; noise-floor still moves it.",
-        trace: "Losses too steep or too shallow over RSSI.",
+        validity: "The same for all receivers and one frame length. It is 0 or 1 beyond 13.8 widths from the midpoint. It \
+                   replaces the configured curve; noise-floor still shifts it.",
+        trace: "The loss rate is too steep or too shallow over RSSI.",
         needs: &[Need::Losses, Need::Readings],
         example: "p50_dbm = -93.0\nwidth_db = 0.7\n",
     },

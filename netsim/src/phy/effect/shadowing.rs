@@ -11,7 +11,7 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "shadowing",
-        doc: "Log-normal shadowing: one value per link, the same in both directions, that changes as the ends move.",
+        doc: "Log-normal shadowing: one value per link, the same in both directions, which changes as the ends move.",
         fields: &[
             Field {
                 key: "sd_db",
@@ -21,21 +21,21 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "decorrelation_m",
-                doc: "Way of both ends together (m) over which the correlation falls to 1/e. 8.3: Gudmundson's 0.3 at 10 m \
-                      in an urban microcell.",
+                doc: "Decorrelation distance (m): total movement of both ends over which the correlation falls to 1/e. \
+                      8.3: Gudmundson's 0.3 at 10 m in an urban microcell.",
                 kind: Kind::Number(Range::above(0.0, 1e6)),
                 default: Default::Number(8.3),
             },
         ],
     },
     about: About {
-        mechanism: "Furniture, plants, cars and people that no map shows stand in the way of some links and not of others, so \
-                    that links of one length differ. Who moves a little meets the same obstacles; who moves far meets others.",
+        mechanism: "Unmapped furniture, plants, cars and people obstruct some links and not others, so links of the same \
+                    length differ. After a short movement the obstacles are the same; after a long one they differ.",
         equation: "RSSI' = RSSI + X, X ~ N(0, sd_db^2) per unordered pair; correlation e^(-way / decorrelation_m)",
         source: "M. Gudmundson, Correlation model for shadow fading in mobile radio systems, Electronics Letters 27 (1991) 2145.",
-        validity: "Links are independent of each other, though neighbouring links in truth share obstacles. Clipped at 5 sd.",
-        trace: "A bias that is constant within a link or place, random across links, the same in both directions and on all \
-                channels.",
+        validity: "Links are independent of each other, although real neighbouring links share obstacles. Clipped at 5 sd.",
+        trace: "A bias that is constant within a link or position, random between links, and the same in both directions \
+                and on all channels.",
         needs: &[Need::Readings],
         example: "sd_db = 4.0\ndecorrelation_m = 8.3\n",
     },
@@ -90,7 +90,7 @@ struct Keys {
 ///
 /// # Validity
 ///
-/// Links are independent of each other, though neighbouring links in truth share obstacles. Values are clipped at ±5 sd.
+/// Links are independent of each other, although real neighbouring links share obstacles. Values are clipped at ±5 sd.
 /// Correlation runs along the way travelled: see [`crate::phy::scatter`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadowing {

@@ -14,24 +14,24 @@ pub const ENTRY: Entry = Entry {
         fields: &[
             Field {
                 key: "gain_db",
-                doc: "What is added (dB). Losses are negative.",
+                doc: "Offset (dB). Losses are negative.",
                 kind: Kind::Number(Range::closed(-100.0, 100.0)),
                 default: Default::Required,
             },
             Field {
                 key: "register_only",
-                doc: "Only what is read changes, not what is received.",
+                doc: "Whether only the RSSI reading changes, and not reception.",
                 kind: Kind::Bool,
                 default: Default::Bool(false),
             },
         ],
     },
     about: About {
-        mechanism: "Connectors, cables and mismatched antennas lose the same part of every frame's power; or the RSSI \
-                    register of a whole series is off by a constant (register_only), and then reception does not change.",
+        mechanism: "Connectors, cables and mismatched antennas lose the same fraction of every frame's power. Or the RSSI \
+                    register of a whole series has a constant error (register_only), which does not affect reception.",
         equation: "RSSI' = RSSI + gain_db",
         source: "Definition. A register's offset: CC2420 data sheet, § 23 (RSSI_OFFSET, about -45 dB, +-6 dB accuracy).",
-        validity: "All links alike, at any power. It cannot be told from an error of tx_power_dbm.",
+        validity: "The same on all links, at any power. It is aliased with an error of tx_power_dbm.",
         trace: "The same bias on every link, distance, channel and time.",
         needs: &[Need::Readings],
         example: "gain_db = -3.0\n",

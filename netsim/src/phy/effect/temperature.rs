@@ -10,33 +10,33 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "temperature",
-        doc: "Power and sensitivity change with the temperature of the electronics.",
+        doc: "Transmit power and sensitivity depend on the temperature of the electronics.",
         fields: &[
             Field {
                 key: "db_per_c",
-                doc: "What a degree adds to a link whose ends both warm up by it (dB per degree C). Measured: -0.1 to -0.2.",
+                doc: "Change of a link per degree by which both its ends warm up (dB per degree C). Measured: -0.1 to -0.2.",
                 kind: Kind::Number(Range::closed(-5.0, 5.0)),
                 default: Default::Required,
             },
             Field {
                 key: "reference_c",
-                doc: "Temperature (degrees C) at which nothing is added. It trades with system-gain: a fit of it takes up \
-                      whatever constant is missing.",
+                doc: "Reference temperature (degrees C) at which nothing is added. It is aliased with system-gain: its fit \
+                      absorbs any missing constant.",
                 kind: Kind::Number(Range::closed(-60.0, 125.0)),
                 default: Default::Number(20.0),
             },
         ],
     },
     about: About {
-        mechanism: "As electronics warm up the transmitter's amplifier gives less power and the receiver's noise rises, so that \
-                    a sunny afternoon weakens every link outdoors.",
+        mechanism: "As the electronics warm up, the transmitter's power falls and the receiver's noise rises, so a sunny \
+                    afternoon weakens every outdoor link.",
         equation: "RSSI' = RSSI + db_per_c * (T - reference_c), T the mean of temperature_c at both ends",
         source: "K. Bannister, G. Giorgetti, S. K. S. Gupta, Wireless sensor networking for hot applications, HotEmNets 2008 (8 dB \
                  from 25 to 65 degrees C, CC2420); C. A. Boano et al., The impact of temperature on outdoor industrial \
                  sensornet applications, IEEE Trans. Industrial Informatics 6 (2010) 451.",
-        validity: "Linear, the same for every node; temperatures beyond -60 to 125 degrees C count as these. Where no \
-                   temperature is known nothing is added.",
-        trace: "Linear in temperature, and so, over a day, a slow wave in time on all links alike.",
+        validity: "Linear and the same for every node; temperatures are clipped to -60 to 125 degrees C. Without a known \
+                   temperature nothing is added.",
+        trace: "Linear in temperature, and therefore a slow daily cycle on all links alike.",
         needs: &[Need::Column("temperature_c"), Need::Readings],
         example: "db_per_c = -0.15\n",
     },

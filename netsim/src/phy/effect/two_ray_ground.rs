@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "two-ray-ground",
-        doc: "The direct ray and the one that flat ground reflects add up, or cancel.",
+        doc: "The direct ray and the ray reflected by flat ground interfere.",
         fields: &[
             Field {
                 key: "relative_permittivity",
@@ -22,15 +22,15 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "polarization",
-                doc: "How the antennas stand.",
+                doc: "Polarisation of the antennas.",
                 kind: Kind::Choice(&[
                     Choice {
                         name: "vertical",
-                        doc: "Upright antennas: the field lies in the plane of incidence.",
+                        doc: "Vertical antennas: the field lies in the plane of incidence.",
                     },
                     Choice {
                         name: "horizontal",
-                        doc: "Lying antennas: the field is parallel to the ground.",
+                        doc: "Horizontal antennas: the field is parallel to the ground.",
                     },
                 ]),
                 default: Default::Text("vertical"),
@@ -38,17 +38,17 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "Beside the direct ray one arrives by way of the ground. Where both paths differ by half a wavelength they \
-                    cancel, where by a whole one they add; far away the ground's ray always cancels the direct one.",
+        mechanism: "A second ray arrives by reflection from the ground. Both rays interfere according to the difference of \
+                    their path lengths; far away the reflected ray always cancels the direct ray.",
         equation: "RSSI' = RSSI + 20 log10 |1 + G (d_los/d_ref) e^(-j 2 pi (d_ref - d_los)/lambda)|, d_ref = sqrt(d_ground^2 + (h_t + \
                    h_r)^2), G Fresnel's coefficient for sin(t) = (h_t + h_r)/d_ref: vertical (e sin t - r)/(e sin t + r), \
                    horizontal (sin t - r)/(sin t + r), r = sqrt(e - cos^2 t), e = relative_permittivity",
         source: "C. Sommer, S. Joerer, F. Dressler, On the applicability of two-ray path loss models for vehicular network \
                  simulation, IEEE VNC 2012; C. Sommer, F. Dressler, Using the right two-ray model? (2011); Rappaport, § 4.6.",
-        validity: "Flat, smooth ground without losses at z = 0 and isotropic antennas. Nothing where an antenna's height is not \
-                   positive. Not indoors, where other rays are as strong.",
-        trace: "Ripples over distance that move with height and channel; beyond 4 pi h_t h_r / lambda power falls with the fourth \
-                power of distance.",
+        validity: "Flat, smooth, lossless ground at z = 0 and isotropic antennas. No effect unless both antenna heights \
+                   are positive. Not valid indoors, where other rays are as strong.",
+        trace: "Ripples over distance that shift with height and channel; beyond 4 pi h_t h_r / lambda power falls with \
+                the fourth power of distance.",
         needs: &[Need::Positions, Need::Heights, Need::Readings],
         example: "relative_permittivity = 15.0\npolarization = \"vertical\"\n",
     },
@@ -108,7 +108,7 @@ pub enum Polarization {
 pub struct TwoRayGround {
     /// ε of the ground.
     pub relative_permittivity: f64,
-    /// How the antennas stand.
+    /// Polarisation of the antennas.
     pub polarization: Polarization,
 }
 

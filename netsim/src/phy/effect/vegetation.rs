@@ -11,24 +11,24 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "vegetation",
-        doc: "Foliage of [site] attenuates with the depth of the path within it.",
+        doc: "Foliage of [site] attenuates in proportion to the path length within it.",
         fields: &[Field {
             key: "db_per_m",
-            doc: "What a metre within foliage adds (dB per m): negative. Absent: Weissberger's law for trees in leaf.",
+            doc: "Gain per metre within foliage (dB per m): negative. Absent: Weissberger's model for trees in leaf.",
             kind: Kind::Number(Range::closed(-20.0, 0.0)),
             default: Default::Absent,
         }],
     },
     about: About {
-        mechanism: "Leaves and branches scatter and absorb; the deeper the path runs within them, the more.",
+        mechanism: "Leaves and branches scatter and absorb, more so the longer the path within them.",
         equation: "RSSI' = RSSI + db_per_m * depth; without db_per_m Weissberger's -0.45 f^0.284 depth up to 14 m, -1.33 f^0.284 \
                    depth^0.588 beyond, f in GHz",
         source: "M. A. Weissberger, An initial critical summary of models for predicting the attenuation of radio waves by trees, \
                  ESD-TR-81-101 (1982); ITU-R P.833 (specific attenuation).",
-        validity: "The straight path alone: in deep woods waves run along the tree tops, so that the loss per metre falls, which \
-                   Weissberger's law has and a constant has not. Weissberger: 0.23 to 95 GHz, up to 400 m. Overlapping pieces \
-                   count twice.",
-        trace: "Links through foliage are low, in proportion to the depth.",
+        validity: "Only the straight path counts. In deep woods waves propagate along the tree tops, so the loss per metre \
+                   falls; Weissberger's model includes this, a constant does not. Weissberger: 0.23 to 95 GHz, up to 400 \
+                   m. Overlapping areas count twice.",
+        trace: "Links through foliage are weak, in proportion to the path length within it.",
         needs: &[Need::Positions, Need::Readings, Need::Foliage],
         example: "db_per_m = -0.4\n",
     },

@@ -11,11 +11,11 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "wall-attenuation",
-        doc: "Every [[site.wall]] that the direct path cuts attenuates.",
+        doc: "Every [[site.wall]] in the direct path attenuates.",
         fields: &[
             Field {
                 key: "loss_db",
-                doc: "What one wall takes away (dB): 2 to 4 for plasterboard, 6 to 15 for brick and concrete.",
+                doc: "Loss per wall (dB): 2 to 4 for plasterboard, 6 to 15 for brick and concrete.",
                 kind: Kind::Number(Range::closed(0.0, 100.0)),
                 default: Default::Required,
             },
@@ -28,13 +28,13 @@ pub const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "A wall reflects and absorbs part of what would pass through it; each further one does so again.",
+        mechanism: "Each wall reflects and absorbs part of the power that reaches it.",
         equation: "RSSI' = RSSI - loss_db * (walls that the straight path cuts)",
         source: "A. J. Motley, J. M. P. Keenan, Personal communication radio coverage in buildings at 900 MHz and 1700 MHz, \
                  Electronics Letters 24 (1988) 763; COST 231 final report, § 4.7.2 (multi-wall model).",
-        validity: "The direct path alone: nothing goes around the wall or through its doors. The angle of incidence does not \
-                   matter. A path above a wall of known height is free.",
-        trace: "Links that cross walls are low, by a multiple of the same value.",
+        validity: "Only the direct path counts: no propagation around the wall or through doors. The angle of incidence \
+                   has no influence. A path above a wall of known height is unobstructed.",
+        trace: "Links that cross walls are weak, by a multiple of the same value.",
         needs: &[Need::Positions, Need::Readings, Need::Walls],
         example: "loss_db = 6.0\n",
     },

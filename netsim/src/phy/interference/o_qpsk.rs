@@ -9,15 +9,15 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "o-qpsk",
-        doc: "The bit error rate of 2.4 GHz O-QPSK over the signal-to-interference-and-noise ratio (IEEE Std 802.15.4-2006, \
-              E.4.1.8), for every bit that is disturbed.",
+        doc: "The bit error rate of 2.4 GHz O-QPSK over the signal-to-interference-and-noise ratio (IEEE Std \
+              802.15.4-2006, E.4.1.8), for every bit with interference.",
         fields: &[
             NOISE_FIELD,
             Field {
                 key: "co_channel_rejection_db",
-                doc: "By how much (dB) a frame of 20 bytes must be stronger than another on its channel, for 1 % of such \
-                      frames to be lost; and for a receiver to turn to it from a frame that begins earlier. 3: the data sheet \
-                      of the CC2420. 0.5: as if the other frame were white noise.",
+                doc: "Co-channel rejection (dB): how much stronger a frame of 20 bytes must be than another one on its \
+                      channel for 1 % of such frames to be lost, and for a receiver to switch to it from an earlier frame. \
+                      3: the data sheet of the CC2420. 0.5: as if the other frame were white noise.",
                 kind: Kind::Number(Range::closed(-10.0, 40.0)),
                 default: Default::Number(3.0),
             },

@@ -10,9 +10,9 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "table",
-        doc: "As the 6TiSCH simulator: the ratio of signal to interference and noise is turned into the RSSI that has it over \
-              noise alone, and that is looked up in the simulator's table. Needs 26 dB for all frames to arrive, and loses \
-              all below 7.25 dB.",
+        doc: "As in the 6TiSCH simulator: the signal-to-interference-and-noise ratio is converted to the RSSI with the \
+              same ratio over noise alone, which is looked up in the simulator's table. All frames arrive from 26 dB, and \
+              none below 7.25 dB.",
         fields: &[NOISE_FIELD],
     },
     build: |table| {

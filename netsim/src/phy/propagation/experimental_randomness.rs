@@ -15,14 +15,14 @@ pub const ENTRY: Entry = Entry {
         doc: "Uniform between Friis - 40 dB and Friis, the same in both directions (Pister-hack; Municio et al. 2019).",
         fields: &[Field {
             key: "redraw",
-            doc: "When a link's level is drawn anew.",
+            doc: "When a link's received power is redrawn.",
             kind: Kind::Choice(&[
                 Choice { name: "frozen", doc: "Never." },
                 Choice { name: "period", doc: "In every control period." },
                 Choice { name: "frame", doc: "For every frame." },
                 Choice {
                     name: "coherence",
-                    doc: "As the ends move: correlation 1/e after half a wavelength of both together.",
+                    doc: "As the ends move: the correlation falls to 1/e after they have moved half a wavelength in total.",
                 },
             ]),
             default: Default::Text("period"),
@@ -44,7 +44,7 @@ struct Keys {
     redraw: Redraw,
 }
 
-/// When a link's level is drawn anew.
+/// When a link's received power is redrawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Redraw {

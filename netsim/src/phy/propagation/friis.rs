@@ -8,7 +8,7 @@ use proto::config::Variant;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "friis",
-        doc: "Free space (Friis 1946): the optimistic bound of the BotNet paper.",
+        doc: "Free-space propagation (Friis 1946): the optimistic bound of the BotNet paper.",
         fields: &[],
     },
     family: Family::Signal,

@@ -10,7 +10,11 @@ use serde::Deserialize;
 
 /// `propagation = "full"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant { name: "full", doc: "Every frame arrives.", fields: &[RSSI_FIELD] },
+    variant: Variant {
+        name: "full",
+        doc: "Full connectivity: every frame arrives.",
+        fields: &[RSSI_FIELD],
+    },
     family: Family::Connectivity,
     replay: NOT_REPLAYED,
     build: |table, context| {

@@ -17,7 +17,7 @@ pub const ENTRY: Entry = Entry {
         fields: &[
             Field {
                 key: "sigma_m",
-                doc: "Width of the well (m): half of the frames arrive over 1.18 of it.",
+                doc: "Width sigma (m): half of the frames arrive over 1.18 sigma.",
                 kind: Kind::Number(Range::POSITIVE),
                 default: Default::Required,
             },

@@ -14,30 +14,31 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "line-of-sight",
-        doc: "Every frame arrives where no wall or obstacle of [site] cuts the direct path, none elsewhere.",
+        doc: "Line of sight: every frame arrives if no wall or obstacle of [site] cuts the direct path, and none otherwise.",
         fields: &[
             Field {
                 key: "radius_m",
-                doc: "Greatest distance (m), itself included. Absent: unlimited.",
+                doc: "Maximum distance (m), itself included. Absent: unlimited.",
                 kind: Kind::Number(Range::POSITIVE),
                 default: Default::Absent,
             },
             Field {
                 key: "field_of_view_rad",
-                doc: "Full opening angle, in the plane, of what the sender reaches, about the direction it faces, or moves \
-                      where no heading is known; at rest and without heading it reaches all round. Absent: all round.",
+                doc: "Full opening angle of the sender in the plane, about its heading, or about its direction of motion \
+                      if no heading is known. A sender at rest without a heading is omnidirectional. Absent: \
+                      omnidirectional.",
                 kind: Kind::Number(Range::above(0.0, std::f64::consts::TAU)),
                 default: Default::Absent,
             },
             Field {
                 key: "robots_block",
-                doc: "Bodies of other robots cut the path, too.",
+                doc: "Whether the bodies of other robots block the path, too.",
                 kind: Kind::Bool,
                 default: Default::Bool(false),
             },
             Field {
                 key: "body_radius_m",
-                doc: "Radius of a robot's body, a ball around its antenna (m). Matters with robots_block only.",
+                doc: "Radius of a robot's body, a ball around its antenna (m). Used with robots_block only.",
                 kind: Kind::Number(Range::POSITIVE),
                 default: Default::Number(0.1),
             },

@@ -10,7 +10,7 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "log-distance",
-        doc: "Friis up to a reference distance, from there on a path loss with another exponent.",
+        doc: "Log-distance path loss: free space up to a reference distance, and another exponent beyond.",
         fields: &[
             Field {
                 key: "exponent",
@@ -20,7 +20,7 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "reference_distance_m",
-                doc: "Distance up to which it is free space (m).",
+                doc: "Reference distance, up to which free space applies (m).",
                 kind: Kind::Number(Range::above(0.0, 1e4)),
                 default: Default::Number(1.0),
             },

@@ -13,7 +13,7 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "nearest-k",
-        doc: "Every robot hears its k nearest, and nobody else.",
+        doc: "Every robot receives from its k nearest robots only.",
         fields: &[
             Field {
                 key: "k",

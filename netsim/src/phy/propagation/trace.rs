@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "trace",
-        doc: "Replay of a K7 trace: per link, channel and time, reception and RSSI as measured.",
+        doc: "Replay of a K7 trace: reception and RSSI as measured per link, channel and time.",
         fields: &[
             Field {
                 key: "file",
@@ -22,13 +22,13 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "after_end",
-                doc: "What links are like in a run that is longer than the trace.",
+                doc: "Behaviour after the end of the trace.",
                 kind: Kind::Choice(&[
                     Choice {
                         name: "refuse",
-                        doc: "Nobody knows: where experiment.duration_s alone is longer, nothing is run.",
+                        doc: "Refuse an experiment whose experiment.duration_s exceeds the trace.",
                     },
-                    Choice { name: REPLAY_ON, doc: "Each stays as its last row says." },
+                    Choice { name: REPLAY_ON, doc: "Each link keeps the values of its last row." },
                 ]),
                 default: Default::Text("refuse"),
             },
@@ -142,7 +142,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
     let file = &keys.file?;
     let Some(content) = context.files.get(file) else {
         let message =
-            "names a file that was not sent along: its content must come with the configuration";
+            "names a file whose content is missing; send it together with the configuration";
         context.problems.push(Problem::new(key, message).value(format!("{file:?}")));
         return None;
     };
@@ -159,7 +159,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
     let header = &k7.header;
     if header.node_count != context.agent_count {
         let message =
-            format!("has {} nodes: the experiment must have as many agents", header.node_count);
+            format!("has {} nodes, so the experiment must have as many agents", header.node_count);
         let problem = Problem::new(&key, message);
         context.problems.push(problem.value(context.agent_count).nearest(header.node_count));
     }
@@ -171,7 +171,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
         .collect();
     if !missing.is_empty() {
         let message = format!(
-            "was not measured on every channel of netsim.hopping_sequence: {} missing, there are {:?}",
+            "was not measured on all channels of netsim.hopping_sequence: {} missing; the trace has the channels {:?}",
             missing.join(", "),
             header.channels
         );

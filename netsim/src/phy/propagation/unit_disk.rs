@@ -13,11 +13,11 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "unit-disk",
-        doc: "Every frame arrives within a radius, none beyond.",
+        doc: "Unit disk: every frame arrives within the radius, and none beyond.",
         fields: &[
             Field {
                 key: "radius_m",
-                doc: "The radius (m); frames arrive at the radius itself. BotNet has 3 without and 10 with its network.",
+                doc: "The radius (m), itself included. BotNet uses 3 without and 10 with its network.",
                 kind: Kind::Number(Range::POSITIVE),
                 default: Default::Required,
             },

@@ -19,7 +19,7 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "frame_bytes",
-                doc: "Length of a frame on the air (bytes). 127: the longest of IEEE 802.15.4.",
+                doc: "Length of a frame on air (bytes). 127: the longest of IEEE 802.15.4.",
                 kind: Kind::Integer { min: 1, max: 2047 },
                 default: Default::Integer(127),
             },

@@ -7,12 +7,12 @@ use proto::config::{Default, Field, Kind, Problem, Range, Variant};
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "table",
-        doc: "A table of reception probability over RSSI, linear between its points.",
+        doc: "A table of reception probability over RSSI, with linear interpolation.",
         fields: &[Field {
             key: "points",
-            doc: "Points [RSSI in dBm, probability], RSSI ascending, probability not falling; 0 below the first, the last \
-                  one's from there on. Absent: the table of the 6TiSCH simulator, -97 dBm: 0 to -79 dBm: 1, measured on \
-                  SmartMesh IP (Dust) motes, both end points synthetic.",
+            doc: "Points [RSSI in dBm, probability], with ascending RSSI and non-decreasing probability; 0 below the first \
+                  point, constant beyond the last. Absent: the table of the 6TiSCH simulator, -97 dBm: 0 to -79 dBm: 1, \
+                  measured on SmartMesh IP (Dust) motes, both end points synthetic.",
             kind: Kind::List {
                 of: &Kind::List {
                     of: &Kind::Number(Range::closed(-1000.0, 1000.0)),
@@ -132,7 +132,10 @@ fn build(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Option
             problems.push(Problem::new(&key, message).value(pair[1].0));
         }
         if pair[1].1 < pair[0].1 {
-            let message = format!("must not be less probable than the point before, {}", pair[0].1);
+            let message = format!(
+                "must have a probability of at least that of the point before, {}",
+                pair[0].1
+            );
             problems.push(Problem::new(key, message).value(pair[1].1).nearest(pair[0].1));
         }
     }

@@ -12,76 +12,70 @@ const fn field(key: &'static str, doc: &'static str, min: i64, max: i64, default
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "msf",
-        doc: "The minimal scheduling function (RFC 9033): cells are negotiated with the parent as traffic needs them.",
+        doc: "The minimal scheduling function (RFC 9033): motes negotiate cells with their parent according to their traffic.",
         fields: &[
             field("slotframe_slots", "Length of the slotframes (slots).", 2, 65_534, 101),
             field(
                 "max_num_cells",
-                "Cells after which their use is judged (MAX_NUM_CELLS).",
+                "Number of elapsed cells after which their usage is evaluated (MAX_NUM_CELLS).",
                 1,
                 65_535,
                 100,
             ),
             field(
                 "lim_numcellsused_high",
-                "More used ones of max_num_cells: a cell is added.",
+                "Add a cell if more than this many of max_num_cells were used (LIM_NUMCELLSUSED_HIGH).",
                 0,
                 65_535,
                 75,
             ),
             field(
                 "lim_numcellsused_low",
-                "Fewer used ones of max_num_cells: a cell is deleted.",
+                "Delete a cell if fewer than this many of max_num_cells were used (LIM_NUMCELLSUSED_LOW).",
                 0,
                 65_535,
                 25,
             ),
             field(
                 "housekeeping_s",
-                "How often cells are compared with each other (s).",
+                "Interval at which the delivery ratios of cells are compared (s).",
                 1,
                 86_400,
                 60,
             ),
             field(
                 "relocate_pdr_percent",
-                "A cell moves if the best one delivers more than this much more (percentage points).",
+                "Relocate a cell if its delivery ratio is below that of the best cell by more than this (percentage points).",
                 0,
                 100,
                 50,
             ),
-            field(
-                "quarantine_s",
-                "How long a neighbour that fails is left alone (s).",
-                1,
-                86_400,
-                300,
-            ),
+            field("quarantine_s", "Quarantine of a neighbour after failures (s).", 1, 86_400, 300),
             field(
                 "wait_min_s",
-                "Shortest wait before a refused request is repeated (s).",
+                "Minimum wait before a refused request is retried (s).",
                 0,
                 86_400,
                 30,
             ),
             field(
                 "wait_max_s",
-                "Longest wait before a refused request is repeated (s).",
+                "Maximum wait before a refused request is retried (s).",
                 0,
                 86_400,
                 60,
             ),
-            field("candidate_cells", "Cells offered in a request, at least.", 1, 18, 5),
+            field("candidate_cells", "Minimum number of candidate cells in a request.", 1, 18, 5),
             field(
                 "max_failures",
-                "Requests in a row that may fail before another parent is looked for.",
+                "Number of consecutive failed requests after which the mote looks for another parent.",
                 1,
                 255,
                 4,
             ),
             field(
                 "cleanup_s",
-                "Silence after which a neighbour's cells are removed (s).",
+                "Time without traffic after which a neighbour's cells are removed (s).",
                 1,
                 86_400,
                 600,
@@ -100,14 +94,14 @@ pub const ENTRY: Entry = Entry {
         check(
             config.lim_numcellsused_low <= config.lim_numcellsused_high,
             "lim_numcellsused_low",
-            "must not be above lim_numcellsused_high",
+            "must be at most lim_numcellsused_high",
         );
         check(
             config.lim_numcellsused_high <= config.max_num_cells,
             "lim_numcellsused_high",
-            "must not be above max_num_cells",
+            "must be at most max_num_cells",
         );
-        check(config.wait_min_s <= config.wait_max_s, "wait_min_s", "must not be above wait_max_s");
+        check(config.wait_min_s <= config.wait_max_s, "wait_min_s", "must be at most wait_max_s");
         (context.problems.len() == before).then_some(Config::new(config))
     },
 };

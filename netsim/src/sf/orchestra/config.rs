@@ -10,70 +10,71 @@ use std::collections::BTreeSet;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "orchestra",
-        doc: "Cells that every mote computes from its own address and those of its neighbours, without negotiation (Duquennoy et \
-              al., SenSys 2015, as in Contiki-NG).",
+        doc: "Orchestra: every mote computes its cells from its own address and those of its neighbours, without \
+              negotiation (Duquennoy et al., SenSys 2015, as in Contiki-NG).",
         fields: &[
             Field {
                 key: "rules",
-                doc: "What there are slotframes for. The first rule that matches a frame decides on its slotframe; in one slot the \
-                      cell of the earlier rule is preferred. Absent: eb-per-time-source, unicast-non-storing, default-common.",
+                doc: "Rules, each with its own slotframe. The first rule that matches a frame selects its slotframe; if \
+                      cells coincide, that of the earlier rule takes precedence. Absent: eb-per-time-source, \
+                      unicast-non-storing, default-common.",
                 kind: Kind::List { of: &Kind::Choice(RULES), min: 1, max: RULES.len() },
                 default: Default::Absent,
             },
             slots_field(
                 "eb_slots",
-                "Slotframe of eb-per-time-source (slots). 397: Contiki-NG.",
+                "Slotframe length of eb-per-time-source (slots). 397: Contiki-NG.",
                 Default::Integer(397),
             ),
             slots_field(
                 "common_slots",
-                "Slotframe of default-common (slots). 31: Contiki-NG.",
+                "Slotframe length of default-common (slots). 31: Contiki-NG.",
                 Default::Integer(31),
             ),
             slots_field(
                 "unicast_slots",
-                "Slotframe of the unicast rules (slots). 17: Contiki-NG.",
+                "Slotframe length of the unicast rules (slots). 17: Contiki-NG.",
                 Default::Integer(17),
             ),
             slots_field(
                 "unicast_active_slots",
-                "How many slots at the beginning of the unicast slotframe have cells. Absent: all.",
+                "Number of slots at the beginning of the unicast slotframe that have cells. Absent: all.",
                 Default::Absent,
             ),
             slots_field(
                 "root_slots",
-                "Slotframe of special-for-root (slots). 7: Contiki-NG.",
+                "Slotframe length of special-for-root (slots). 7: Contiki-NG.",
                 Default::Integer(7),
             ),
             channel_field("eb_channel", "Channel offset of eb-per-time-source. 0: Contiki-NG.", 0),
             channel_field("common_channel", "Channel offset of default-common. 1: Contiki-NG.", 1),
             channel_field(
                 "unicast_channel_min",
-                "Least channel offset of unicast frames. 2: Contiki-NG.",
+                "Minimum channel offset of unicast frames. 2: Contiki-NG.",
                 2,
             ),
             channel_field(
                 "unicast_channel_max",
-                "Greatest channel offset of unicast frames; offsets count modulo the number of channels. 255: Contiki-NG.",
+                "Maximum channel offset of unicast frames; offsets count modulo the number of channels. 255: Contiki-NG.",
                 255,
             ),
             Field {
                 key: "sender_based",
-                doc: "With unicast-storing: cells lie in the slot of the sender, not in that of the receiver.",
+                doc: "With unicast-storing: use the slot of the sender instead of that of the receiver.",
                 kind: Kind::Bool,
                 default: Default::Bool(false),
             },
             Field {
                 key: "hash",
-                doc: "What an address contributes to the place of a cell.",
+                doc: "The part of an address from which cells are computed.",
                 kind: Kind::Choice(&[
                     Choice {
                         name: "last-octet",
-                        doc: "Its last octet (Contiki-NG): motes i and i + 256 share all their cells.",
+                        doc: "The last octet (Contiki-NG): motes i and i + 256 share all their cells.",
                     },
                     Choice {
                         name: "last-two-octets",
-                        doc: "Its last two octets: 65,536 motes differ.",
+                        doc: "The last two octets: distinguishes 65,536 motes.",
                     },
                 ]),
                 default: Default::Text("last-octet"),
@@ -88,49 +89,49 @@ pub const ENTRY: Entry = Entry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rule {
-    /// Everybody sends beacons in a slot of its own and listens in that of its time source.
+    /// Every mote sends beacons in its own slot and listens in that of its time source.
     EbPerTimeSource,
-    /// Everybody listens in its own slot; whoever has something for it transmits there.
+    /// Every mote listens in its own slot, in which its neighbours transmit to it (receiver-based).
     UnicastNonStoring,
     /// The same between parents and children only; or sender-based.
     UnicastStoring,
-    /// Between parents and children, each direction of each link has its slot.
+    /// A slot for each direction of each link between parents and children.
     LinkBased,
-    /// Roots listen in every slot that has nothing else in it; everybody has a slot to transmit to them.
+    /// Roots listen in every otherwise empty slot; every mote has a slot to transmit to them.
     SpecialForRoot,
-    /// One cell that all share, for everything else.
+    /// One shared cell of all motes, for all other frames.
     DefaultCommon,
 }
 
 const RULES: &[Choice] = &[
     Choice {
         name: "eb-per-time-source",
-        doc: "Everybody sends beacons in a slot of its own and listens in that of its time source.",
+        doc: "Every mote sends beacons in its own slot and listens in that of its time source.",
     },
     Choice {
         name: "unicast-non-storing",
-        doc: "Everybody listens in its own slot; whoever has something for it transmits there.",
+        doc: "Every mote listens in its own slot, in which its neighbours transmit to it (receiver-based).",
     },
     Choice {
         name: "unicast-storing",
-        doc: "The same between parents and children only, which storing mode knows; or sender-based.",
+        doc: "Receiver-based or sender-based cells between parents and children only; requires the storing mode of RPL.",
     },
     Choice {
         name: "link-based",
-        doc: "Between parents and children, each direction of each link has its slot.",
+        doc: "A slot for each direction of each link between parents and children.",
     },
     Choice {
         name: "special-for-root",
-        doc: "Roots listen in every slot that has nothing else in it; everybody has a slot to transmit to them.",
+        doc: "Roots listen in every otherwise empty slot; every mote has a slot to transmit to them.",
     },
-    Choice { name: "default-common", doc: "One cell that all share, for everything else." },
+    Choice { name: "default-common", doc: "One shared cell of all motes, for all other frames." },
 ];
 
 const fn channel_field(key: &'static str, doc: &'static str, default: i64) -> Field {
     Field { key, doc, kind: Kind::Integer { min: 0, max: 255 }, default: Default::Integer(default) }
 }
 
-/// What an address contributes to the place of a cell.
+/// The part of an address from which cells are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Hash {
@@ -149,7 +150,7 @@ pub struct OrchestraConfig {
     pub eb_slots: u16,
     /// Slotframe of [`Rule::DefaultCommon`] (slots).
     pub common_slots: u16,
-    /// Slotframe of the unicast rules (slots).
+    /// Slotframe length of the unicast rules (slots).
     pub unicast_slots: u16,
     /// How many of them have cells.
     pub unicast_active_slots: u16,
@@ -159,7 +160,7 @@ pub struct OrchestraConfig {
     pub eb_channel: u16,
     /// Channel offset of the common cell.
     pub common_channel: u16,
-    /// Least channel offset of unicast frames.
+    /// Minimum channel offset of unicast frames.
     pub unicast_channel_min: u16,
     /// Greatest channel offset of unicast frames.
     pub unicast_channel_max: u16,
@@ -249,7 +250,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
     }
     if rules.last() != Some(&Rule::DefaultCommon) {
         let message =
-            "must end with \"default-common\": it matches everything that no other rule does";
+            "must end with \"default-common\", which matches all frames that no other rule matches";
         context.problems.push(Problem::new(join(context.path, "rules"), message));
     }
     let unicast_active_slots = keys.unicast_active_slots.unwrap_or(keys.unicast_slots);

@@ -229,7 +229,7 @@ fn rules_that_make_no_sense_are_refused_all_at_once() {
         problems,
         [
             "netsim.sf.rules[2]: must not be listed twice",
-            "netsim.sf.rules: must end with \"default-common\": it matches everything that no other rule does",
+            "netsim.sf.rules: must end with \"default-common\", which matches all frames that no other rule matches",
             "netsim.sf.unicast_active_slots: must be at most unicast_slots, 17, got 18 (nearest valid: 17)",
             "netsim.sf.unicast_channel_max: must be at least unicast_channel_min, 2, got 1 (nearest valid: 2)",
         ]

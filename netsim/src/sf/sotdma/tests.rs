@@ -212,7 +212,7 @@ fn a_slotframe_of_shared_slots_alone_is_refused() {
     assert_eq!(
         problems,
         [
-            "netsim.sf.shared_slots: must leave slots for motes in a slotframe of 4 (sf.slotframe_slots), got 6 (nearest valid: 3)"
+            "netsim.sf.shared_slots: must leave slots for motes: it must be less than sf.slotframe_slots = 4, got 6 (nearest valid: 3)"
         ]
     );
 }

@@ -123,7 +123,7 @@ fn c7_a_trace_of_other_nodes_or_channels_is_refused_and_a_subset_of_channels_is_
         "how long it lasts: {warnings:?}"
     );
     assert!(read(3, "", all).unwrap_err().contains("has 2 nodes"));
-    assert!(read(2, "", "11, 12").unwrap_err().contains("was not measured on every channel"));
+    assert!(read(2, "", "11, 12").unwrap_err().contains("was not measured on all channels"));
     assert!(read(2, "hopping_sequence = [12, 11]\n", "11, 12").is_ok());
 }
 

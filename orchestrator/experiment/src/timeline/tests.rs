@@ -111,14 +111,14 @@ until_s = 3.0
             "timeline[5].motes: is missing: must be a whole number from 0 to 4294967294, or a list, each entry a whole \
              number from 0 to 4294967294",
             "timeline[5].at_s: is missing: must be a number, from 0 to 1000000000",
-            "timeline[5].until_s: does not go with order = \"add\", only with \"jam\"",
+            "timeline[5].until_s: does not apply with order = \"add\", only with \"jam\"",
             "timeline[0].at_s: must be less than experiment.duration_s, 60, got 60",
-            "timeline[0].motes[1]: must be a mote, 0 to 4, got 5 (nearest valid: 4)",
+            "timeline[0].motes[1]: must be the number of a mote, 0 to 4, got 5 (nearest valid: 4)",
             "timeline[1].until_s: must be greater than at_s, 2, got 2",
-            "timeline[1].x_m: has no meaning without radius_m, got 3",
-            "timeline[2].destination: must be a mote, 0 to 4, got 9 (nearest valid: 4)",
-            "timeline[2]: must have one of payload and payload_hex",
-            "timeline[2].motes: must be a mote, 0 to 4, got 7 (nearest valid: 4)",
+            "timeline[1].x_m: must be set together with radius_m, got 3",
+            "timeline[2].destination: must be the number of a mote, 0 to 4, got 9 (nearest valid: 4)",
+            "timeline[2]: must have exactly one of the keys payload and payload_hex",
+            "timeline[2].motes: must be the number of a mote, 0 to 4, got 7 (nearest valid: 4)",
             "timeline[4].payload_hex: must be hexadecimal digits, two per byte, got \"0g\"",
         ]
     );
@@ -161,9 +161,9 @@ payload = \"a\"
     assert_eq!(
         unnoticed(""),
         [
-            "timeline[0].order: does not go with netsim.mode = \"propagation-only\": nothing disturbs frames there, got \
+            "timeline[0].order: is not supported with netsim.mode = \"propagation-only\": it has no interference, got \
              \"jam\" (nearest valid: netsim.mode = \"6tisch\")",
-            "timeline[2].order: does not go with netsim.mode = \"propagation-only\": nothing is sent there but the robots' \
+            "timeline[2].order: is not supported with netsim.mode = \"propagation-only\": it sends only the robots' \
              payloads, got \"send\" (nearest valid: netsim.mode = \"6tisch\")",
         ]
     );
@@ -183,8 +183,7 @@ fn only_motes_that_are_left_out_can_be_added() {
         problems.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
     assert_eq!(refused("absent = [1, 2, 4]"), Vec::<String>::new());
-    let words =
-        "must be motes that netsim.absent leaves out: all others are there from the beginning";
+    let words = "must be motes listed in netsim.absent, because all other motes are present from the beginning";
     assert_eq!(
         refused("absent = [4]"),
         [

@@ -9,7 +9,7 @@ use super::{Node, Problem, Value};
 /// It is no assignment, or there can be no such key.
 pub fn set(tree: &mut Node, assignment: &str) -> Result<(), Problem> {
     let (key, value) = assignment.split_once('=').ok_or_else(|| {
-        Problem::new(format!("--set {assignment}"), "must be key=value, such as experiment.seed=2")
+        Problem::new(format!("--set {assignment}"), "must be KEY=VALUE, such as experiment.seed=2")
     })?;
     let (key, value) = (key.trim(), value.trim());
     let parsed: toml::Value = toml::from_str::<toml::Table>(&format!("v = {value}"))

@@ -138,7 +138,7 @@ impl Walk<'_> {
                 Problem::new(
                     join(path, key),
                     format!(
-                        "does not go with {} = {:?}, only with {}",
+                        "does not apply with {} = {:?}, only with {}",
                         tag.key,
                         selected.name,
                         with.join(", ")
@@ -161,9 +161,9 @@ impl Walk<'_> {
                 problem.nearest = most_similar(key, known.iter().copied()).map(str::to_owned);
                 if problem.nearest.is_none() {
                     problem.message = if known.is_empty() {
-                        "is not a known key: there are none here".to_owned()
+                        "is not a known key; this table has no keys".to_owned()
                     } else {
-                        format!("is not a known key: there are {}", known.join(", "))
+                        format!("is not a known key; the keys are {}", known.join(", "))
                     };
                 }
                 problem
@@ -453,7 +453,7 @@ mod tests {
     fn a_key_of_another_variant_says_where_it_belongs() {
         assert_eq!(
             problems("gain_db = 1"),
-            ["x.gain_db: does not go with kind = \"a\", only with \"b\""]
+            ["x.gain_db: does not apply with kind = \"a\", only with \"b\""]
         );
         assert_eq!(
             problems("kind = \"c\"\ngain_db = 1"),

@@ -95,10 +95,14 @@ impl Node {
         let mut walked = String::new();
         let mut parts = path.split('.').peekable();
         while let Some(part) = parts.next() {
-            let (key, indices) = split_indices(part)
-                .ok_or_else(|| Problem::new(path, "is not a path: use a.b or a.b[0].c"))?;
+            let (key, indices) = split_indices(part).ok_or_else(|| {
+                Problem::new(path, "is not a path of a key; write a.b or a.b[0].c")
+            })?;
             if let Value::List(_) = node.value {
-                return Err(Problem::new(walked, "is a list: say which entry, as in key[0]"));
+                return Err(Problem::new(
+                    walked,
+                    "is a list; give the index of an entry, as in key[0]",
+                ));
             }
             let Value::Table(entries) = &mut node.value else {
                 return Err(Problem::new(walked, "is not a table"));
@@ -117,7 +121,10 @@ impl Node {
                 };
                 let n = list.len();
                 node = list.get_mut(index).ok_or_else(|| {
-                    Problem::new(&walked, format!("has {n} entries, there is no [{index}]"))
+                    Problem::new(
+                        &walked,
+                        format!("has {n} entries, so entry [{index}] does not exist"),
+                    )
                 })?;
                 walked = format!("{walked}[{index}]");
             }

@@ -55,14 +55,14 @@ pub(super) fn read(
     match reader.peek() {
         None if want == Want::Truth && !whole.is_truth => Err((
             text.len(),
-            "is a number, not a condition: compare it with another, by < <= > >= == or !="
+            "is a number, not a condition; compare it with another number by < <= > >= == or !="
                 .to_owned(),
         )),
         None => Ok(Read { program: reader.program, names: reader.names }),
         Some(Token { kind: Kind::Mark(_) | Kind::Comparison(_), text, at }) => {
             Err((*at, format!("unexpected {text}")))
         }
-        Some(token) => Err((token.at, format!("an operator is missing before {}", token.text))),
+        Some(token) => Err((token.at, format!("expected an operator before {}", token.text))),
     }
 }
 
@@ -124,16 +124,19 @@ fn tokens(text: &str, want: Want) -> Result<Vec<Token<'_>>, Problem> {
                 match COMPARISONS.iter().find(|(text, _)| rest.starts_with(text)) {
                     Some((text, compare)) => (Kind::Comparison(*compare), text.len()),
                     None if first == '=' => {
-                        return Err((at, "unexpected =: equality is ==".to_owned()));
+                        return Err((at, "unexpected =; use == for equality".to_owned()));
                     }
                     None => {
-                        return Err((at, "unexpected !: it is not, or != of numbers".to_owned()));
+                        return Err((
+                            at,
+                            "unexpected !; use not for conditions, or != for numbers".to_owned(),
+                        ));
                     }
                 }
             }
             '&' | '|' if want == Want::Truth => {
                 let word = if first == '&' { "and" } else { "or" };
-                return Err((at, format!("unexpected {first}: it is {word}")));
+                return Err((at, format!("unexpected {first}; use {word}")));
             }
             _ => return Err((at, format!("unexpected {first}"))),
         };
@@ -229,7 +232,7 @@ impl<'a> Reader<'a> {
         let Some(at) = self.take_word("not") else { return self.comparison() };
         let inner = self.nested(Self::inverted)?;
         if !inner.is_truth {
-            return Err((inner.at, "a number stands where not needs a condition".to_owned()));
+            return Err((inner.at, "expected a condition after not, got a number".to_owned()));
         }
         self.program.unary(operators::not);
         Ok(Piece { is_truth: true, at })
@@ -245,7 +248,7 @@ impl<'a> Reader<'a> {
         left.number()?;
         right.number()?;
         if let Some(Token { kind: Kind::Comparison(_), text, at }) = self.peek() {
-            let message = format!("unexpected {text}: join two comparisons by and");
+            let message = format!("unexpected {text}; join two comparisons with and");
             return Err((*at, message));
         }
         self.program.binary(compare);
@@ -296,7 +299,7 @@ impl<'a> Reader<'a> {
 
     fn primary(&mut self) -> Result<Piece, Problem> {
         let Some(token) = self.peek() else {
-            return Err((self.end, "a number, a name or ( is missing at the end".to_owned()));
+            return Err((self.end, "expected a number, a name or ( at the end".to_owned()));
         };
         let at = token.at;
         match token.kind {
@@ -321,7 +324,7 @@ impl<'a> Reader<'a> {
                 Ok(Piece { at, ..inner })
             }
             Kind::Mark(_) | Kind::Comparison(_) => {
-                Err((token.at, format!("a number, a name or ( is missing before {}", token.text)))
+                Err((token.at, format!("expected a number, a name or ( before {}", token.text)))
             }
         }
     }
@@ -336,7 +339,7 @@ impl<'a> Reader<'a> {
             Some(Token { kind: Kind::Mark(_) | Kind::Comparison(_), text, at }) => {
                 Err((*at, format!("unexpected {text}")))
             }
-            Some(token) => Err((token.at, format!("an operator is missing before {}", token.text))),
+            Some(token) => Err((token.at, format!("expected an operator before {}", token.text))),
         }
     }
 
@@ -374,7 +377,7 @@ impl<'a> Reader<'a> {
                         return Ok(());
                     }
                     if FUNCTIONS.iter().any(|(known, _)| *known == name) {
-                        let message = format!("{name} is a function: ( is missing after it");
+                        let message = format!("{name} is a function; expected ( after it");
                         return Err((token.at, message));
                     }
                     let hint = hint(name, self.known.iter().copied());
@@ -407,7 +410,7 @@ impl<'a> Reader<'a> {
         word_at: usize,
     ) -> Result<Piece, Problem> {
         if !(left.is_truth && right.is_truth) {
-            let message = "joins conditions, but a number stands beside it";
+            let message = "joins two conditions, but one side is a number";
             return Err((word_at, message.to_owned()));
         }
         self.program.binary(apply);
@@ -419,7 +422,7 @@ impl Piece {
     /// Refuses a condition where a number is needed.
     fn number(self) -> Result<(), Problem> {
         if self.is_truth {
-            return Err((self.at, "a condition stands where a number is needed".to_owned()));
+            return Err((self.at, "expected a number, got a condition".to_owned()));
         }
         Ok(())
     }

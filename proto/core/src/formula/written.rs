@@ -17,15 +17,15 @@ pub const FIELDS: [Field; 3] = [
     },
     Field {
         key: "parameters",
-        doc: "Names of its own that the expression uses: a table with, for each, value, or start where it is not fitted yet, and \
-              the range min to max for a fit.",
+        doc: "Parameters of the expression: for each name a table with value, or with start if it is not fitted yet, and \
+              with the range min to max of the fit.",
         kind: Kind::Anything,
         default: Default::Absent,
     },
     Field {
         key: "columns",
-        doc: "Columns of measurements that the expression uses though their names look like mistyped ones. Others need not be \
-              listed.",
+        doc: "Columns of the measurements whose names resemble a known name; list them to confirm that they are not typing \
+              errors. Other columns need not be listed.",
         kind: Kind::List { of: &Kind::Text, min: 1, max: 100 },
         default: Default::Absent,
     },
@@ -75,7 +75,10 @@ impl Written {
                 for (name, _) in &parameters {
                     if !formula.names().contains(name) {
                         let key = format!("{path}.parameters.{name}");
-                        problems.push(Problem::new(key, "must be used by the expression"));
+                        problems.push(Problem::new(
+                            key,
+                            "must be used by the expression; remove it otherwise",
+                        ));
                     }
                 }
                 (problems.len() == before).then_some(Self { formula, parameters })
@@ -167,9 +170,9 @@ fn parameters(
         let is_name = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
             && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         if !is_name {
-            wrong("", "must be a name: letters, digits and _, not a digit first");
+            wrong("", "must consist of letters, digits and _, and must not start with a digit");
         } else if known.contains(&name.as_str()) || operators::is_taken(name) {
-            wrong("", "must be a name of its own: this one has a meaning already");
+            wrong("", "must differ from the names of covariates, constants and functions");
         }
         let Some(keys) = keys.as_table() else {
             wrong("", "must be a table with value or start, and min and max");
@@ -177,7 +180,10 @@ fn parameters(
         };
         for key in keys.keys() {
             if !["value", "start", "min", "max"].contains(&key.as_str()) {
-                wrong(&format!(".{key}"), "is unknown: value, start, min or max");
+                wrong(
+                    &format!(".{key}"),
+                    "is not a known key; the keys are value, start, min, max",
+                );
             }
         }
         let number = |key: &str| match keys.get(key)? {
@@ -197,7 +203,7 @@ fn parameters(
         }
         match number("value").or(number("start")) {
             Some(value) => read.push((name.clone(), value)),
-            None => wrong("", "must have value, or start where it is not fitted yet"),
+            None => wrong("", "must have value, or start if it is not fitted yet"),
         }
     }
     read
@@ -240,7 +246,7 @@ mod tests {
             ),
             (
                 "expression = \"a\"\nparameters = { a = { min = 0 } }",
-                "effect[2].parameters.a: must have value, or start where it is not fitted yet\n",
+                "effect[2].parameters.a: must have value, or start if it is not fitted yet\n",
             ),
             (
                 "expression = \"a\"\nparameters = { a = { start = 1, min = 2, max = 2 } }",
@@ -248,16 +254,16 @@ mod tests {
             ),
             (
                 "expression = \"a\"\nparameters = { a = { start = \"x\", step = 1 } }",
-                "effect[2].parameters.a.step: is unknown: value, start, min or max\n\
-                 effect[2].parameters.a.start: must be a finite number\n",
+                "effect[2].parameters.a.step: is not a known key; the keys are value, start, min, \
+                 max\neffect[2].parameters.a.start: must be a finite number\n",
             ),
             (
                 "expression = \"distance_m\"\nparameters = { b = { value = 1 } }",
-                "effect[2].parameters.b: must be used by the expression\n",
+                "effect[2].parameters.b: must be used by the expression; remove it otherwise\n",
             ),
             (
                 "expression = \"sqrt(distance_m)\"\nparameters = { distance_m = { value = 1 } }",
-                "effect[2].parameters.distance_m: must be a name of its own: this one has a meaning already\n",
+                "effect[2].parameters.distance_m: must differ from the names of covariates, constants and functions\n",
             ),
             (
                 "expression = \"distance_m\"\nparameters = 3",

@@ -6,17 +6,17 @@ use serde::{Deserialize, Serialize};
 
 /// Description of `[[site.foliage]]`.
 pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "A piece of ground with trees or bushes.",
+    doc: "An area with trees or bushes.",
     fields: &[
         Field {
             key: "polygon_m",
-            doc: "Its corners (x, y in m), in order around it.",
+            doc: "Its corners (x, y in m), in order along the boundary.",
             kind: Kind::List { of: &POINT, min: 3, max: 1000 },
             default: Default::Required,
         },
         Field {
             key: "height_m",
-            doc: "Height above ground (m). Absent: it has no top.",
+            doc: "Height above ground (m). Absent: unlimited.",
             kind: Kind::Number(Range::POSITIVE),
             default: Default::Absent,
         },

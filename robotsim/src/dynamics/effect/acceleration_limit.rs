@@ -9,10 +9,10 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "acceleration-limit",
-        doc: "The velocity changes no faster than this.",
+        doc: "The acceleration is limited.",
         fields: &[Field {
             key: "limit_mps2",
-            doc: "Greatest acceleration (m/s²).",
+            doc: "Maximum acceleration (m/s²).",
             kind: Kind::Number(Range::above(0.0, 1e6)),
             default: Default::Required,
         }],
@@ -21,8 +21,9 @@ pub(super) const ENTRY: Entry = Entry {
         mechanism: "Torque, grip or firmware limit how fast a robot speeds up, brakes or changes direction.",
         equation: "|dv/dt| <= limit_mps2",
         source: "Definition.",
-        validity: "The same in all directions, speeding up and braking. Together with actuator-lag: dv/dt = (u - v) / tau_s, cut at the limit. Solved exactly.",
-        trace: "A ramp after large changes of command; nothing after small ones.",
+        validity: "The same in all directions, for acceleration and braking. Together with actuator-lag: dv/dt = (u - v) / \
+                   tau_s, clipped at the limit. Solved exactly.",
+        trace: "A ramp after large changes of command, and no error after small ones.",
         needs: &[],
         example: "limit_mps2 = 1.5\n",
     },

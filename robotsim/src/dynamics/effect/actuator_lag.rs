@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "actuator-lag",
-        doc: "Actuators follow the command with a time constant.",
+        doc: "Actuators follow the command with a first-order lag.",
         fields: &[
             Field {
                 key: "tau_s",
@@ -21,11 +21,13 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "Motors, wheels and rotors have inertia: after a change of command the velocity approaches the new one, fast at first and then ever slower.",
+        mechanism: "Motors, wheels and rotors have inertia: after a change of command the velocity approaches the new \
+                    value exponentially.",
         equation: "dv/dt = (u - v) / tau_s",
         source: "First-order lag: K. J. Astrom and R. M. Murray, Feedback Systems, Princeton 2008, § 5.3.",
-        validity: "One time constant at all speeds, up and down alike. Solved exactly. Several on one actuator count as one with the sum of their time constants.",
-        trace: "An error after every change of command, that decays. It grows with the change and not with the speed.",
+        validity: "One time constant at all speeds, for acceleration and braking. Solved exactly. Several on one actuator \
+                   count as one with the sum of their time constants.",
+        trace: "A decaying error after every change of command, in proportion to the change and not to the speed.",
         needs: &[],
         example: "tau_s = 0.3\n",
     },

@@ -9,11 +9,12 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "dead-band",
-        doc: "Commands below a threshold move nothing.",
+        doc: "Commands below a threshold have no effect.",
         fields: &[
             Field {
                 key: "threshold_mps",
-                doc: "Speed, or on turns yaw rate (rad/s) or steering (rad), below which nothing moves.",
+                doc: "Commanded speed (m/s), or for the turn actuator yaw rate (rad/s) or steering (rad), below which the \
+                      robot does not move.",
                 kind: Kind::Number(Range::closed(0.0, 1e4)),
                 default: Default::Required,
             },
@@ -21,11 +22,11 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "Static friction holds a drive until the command is large enough.",
+        mechanism: "Static friction holds the drive until the command is large enough.",
         equation: "v = 0 where |u| < threshold_mps, else u",
         source: "Stiction in its simplest form: B. Armstrong-Helouvry, P. Dupont and C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction, Automatica 30 (1994) 1083.",
-        validity: "The threshold is the same from rest and in motion (no hysteresis), and all of the command acts above it.",
-        trace: "An error at low commanded speeds only, as large as the command.",
+        validity: "The threshold is the same at rest and in motion (no hysteresis), and above it the whole command acts.",
+        trace: "An error only at low commanded speeds, as large as the command.",
         needs: &[],
         example: "threshold_mps = 0.05\n",
     },

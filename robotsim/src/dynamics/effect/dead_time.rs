@@ -9,11 +9,11 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "dead-time",
-        doc: "Commands act later than they are given.",
+        doc: "Commands take effect after a delay.",
         fields: &[
             Field {
                 key: "delay_s",
-                doc: "By how much later (s).",
+                doc: "Delay (s).",
                 kind: Kind::Number(Range::closed(0.0, 60.0)),
                 default: Default::Required,
             },
@@ -21,11 +21,12 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "Buses, radios, controllers and drives take their time: for a while after a change of command the robot does as before.",
+        mechanism: "Buses, radios, controllers and drives delay commands: after a change of command the robot continues as \
+                    before for a while.",
         equation: "v(t) = u(t - delay_s)",
         source: "Definition (transport delay).",
-        validity: "One delay at all times. Several on one actuator add up. Before its first command a robot stands.",
-        trace: "An error that arises in the time just after every change of command, and then stays as it is.",
+        validity: "The delay is constant. Several on one actuator add up. A robot stands still before its first command.",
+        trace: "A position error that builds up just after every change of command and then stays constant.",
         needs: &[],
         example: "delay_s = 0.2\n",
     },

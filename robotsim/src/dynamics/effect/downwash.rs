@@ -9,27 +9,28 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "downwash",
-        doc: "Robots that are close to each other drift apart.",
+        doc: "Robots close to each other drift apart.",
         fields: &[
             Field {
                 key: "gain",
-                doc: "g (m/s): drift where two are next to each other. Negative: they attract each other.",
+                doc: "g (m/s): drift speed at zero distance. Negative: robots attract each other.",
                 kind: Kind::Number(Range::closed(-1e3, 1e3)),
                 default: Default::Required,
             },
             Field {
                 key: "range_m",
-                doc: "Distance over which it falls to 1/e (m).",
+                doc: "Distance over which the drift falls to 1/e (m).",
                 kind: Kind::Number(Range::above(0.0, 1e4)),
                 default: Default::Required,
             },
         ],
     },
     about: About {
-        mechanism: "The air that rotors push away pushes others. Close aircraft drift apart, or sink into each other's wash.",
+        mechanism: "The downwash of rotors pushes other robots. Close aircraft drift apart, or sink into each other's wash.",
         equation: "v_i = u_i + gain * sum over j of e^(-d_ij / range_m) (x_i - x_j) / d_ij",
-        source: "The exponential form is a simplification made here; measured wakes: D. Yeo, E. Shrestha, D. Paley and E. Atkins, An empirical model of rotorcraft UAV downwash, AIAA AFM 2015.",
-        validity: "The same in all directions; others up to 8 ranges away count. Others go straight on during a step.",
+        source: "The exponential form is a simplification of this model; measured wakes: D. Yeo, E. Shrestha, D. Paley and \
+                 E. Atkins, An empirical model of rotorcraft UAV downwash, AIAA AFM 2015.",
+        validity: "Isotropic; robots up to 8 ranges away count. Others are assumed to move straight during a step.",
         trace: "An error away from another robot, when it is near.",
         needs: &[Need::OtherAgents],
         example: "gain = 0.3\nrange_m = 0.5\n",

@@ -11,7 +11,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "formula",
-        doc: "The user's own: an expression in covariates and named parameters, added to the velocity.",
+        doc: "A user-defined expression of covariates and named parameters, added to the velocity.",
         fields: &[
             FIELDS[0],
             FIELDS[1],
@@ -20,11 +20,8 @@ pub(super) const ENTRY: Entry = Entry {
                 key: "target",
                 doc: "The direction in which the expression's value is added to the velocity (m/s).",
                 kind: Kind::Choice(&[
-                    Choice {
-                        name: "ahead",
-                        doc: "The way it moves; where it stands, the way it faces.",
-                    },
-                    Choice { name: "left", doc: "A right angle to the left of that." },
+                    Choice { name: "ahead", doc: "The direction of motion; at rest, the heading." },
+                    Choice { name: "left", doc: "At a right angle to the left of ahead." },
                     Choice { name: "east", doc: "+x." },
                     Choice { name: "north", doc: "+y." },
                     Choice { name: "up", doc: "+z." },
@@ -33,21 +30,21 @@ pub(super) const ENTRY: Entry = Entry {
             },
             Field {
                 key: "limit_mps",
-                doc: "Values beyond this (m/s), one way or the other, count as it.",
+                doc: "Limit of the expression's absolute value (m/s); larger values are clipped.",
                 kind: Kind::Number(Range::closed(0.0, 1e3)),
                 default: Default::Number(10.0),
             },
         ],
     },
     about: About {
-        mechanism: "Whatever the catalogue has not: an expression in time, place, velocity, heading and any column of the \
-                    measurements, with parameters of its own.",
+        mechanism: "Anything that the catalogue lacks: an expression of time, position, velocity, heading and any column \
+                    of the measurements, with named parameters.",
         equation: "v = u + expression * direction",
         source: "The user's.",
-        validity: "As far as the expression. Where a name has no value, or the result is not a number, it adds nothing. Results are \
-                   kept within limit_mps. Columns of measurements have values in comparisons and fits; in a run only what \
-                   describes the robot does.",
-        trace: "As written: along the covariates that the expression uses.",
+        validity: "That of the expression. It adds nothing if a name has no value or the result is not a number. Results \
+                   are clipped to limit_mps. Columns of measurements have values in comparisons and fits only; in a run, \
+                   only names that describe the robot do.",
+        trace: "As written: an error over the covariates of the expression.",
         needs: &[],
         example: "expression = \"-a * max(speed_mps - onset_mps, 0)\"\ntarget = \"ahead\"\n\
          parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\

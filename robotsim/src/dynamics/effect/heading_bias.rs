@@ -9,16 +9,17 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "heading-bias",
-        doc: "Motion goes at a constant angle to what is commanded, or to the heading.",
+        doc: "The direction of motion has a constant bias from the command, or from the heading.",
         fields: &[Field {
             key: "angle_rad",
-            doc: "By how much to the left (rad).",
+            doc: "Angle of the bias, to the left (rad).",
             kind: Kind::Number(Range::closed(-3.2, 3.2)),
             default: Default::Required,
         }],
     },
     about: About {
-        mechanism: "A compass is off, or was mounted at an angle: commands meant for one direction are carried out in another. Positions in a rotated frame look alike.",
+        mechanism: "A compass is biased or was mounted at an angle, so the robot moves in another direction than \
+                    commanded. A rotated coordinate frame of the positions has the same signature.",
         equation: "v = R(angle_rad) u; a turning body: course = heading + angle_rad",
         source: "J. Borenstein and L. Feng, IEEE Trans. Robotics and Automation 12 (1996) 869; definition.",
         validity: "One angle at all places and headings, in the plane.",

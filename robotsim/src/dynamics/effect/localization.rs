@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "localization",
-        doc: "Positions are measured with noise, late, or at a wrong scale. The motion does not change.",
+        doc: "Positions are measured with noise, with a delay, or with a wrong scale. The motion itself does not change.",
         fields: &[
             Field {
                 key: "sd_m",
@@ -19,26 +19,26 @@ pub(super) const ENTRY: Entry = Entry {
             },
             Field {
                 key: "delay_s",
-                doc: "Age of what is measured (s).",
+                doc: "Delay of the measurement (s).",
                 kind: Kind::Number(Range::closed(0.0, 60.0)),
                 default: Default::Number(0.0),
             },
             Field {
                 key: "scale",
-                doc: "Measured coordinate per true one, from the origin.",
+                doc: "Measured per true coordinate, from the origin.",
                 kind: Kind::Number(Range::above(0.0, 10.0)),
                 default: Default::Number(1.0),
             },
         ],
     },
     about: About {
-        mechanism: "Cameras, satellites and anchors measure positions with noise, some time ago, in a frame whose scale may be \
-                    off. Robots believe what was measured, and say so on the air.",
+        mechanism: "Cameras, satellites and anchors measure positions with noise, with a delay, and in a frame whose scale \
+                    may be wrong. Robots act on the measured positions and broadcast them.",
         equation: "measured(t) = scale * x(t - delay_s) + N(0, sd_m^2)",
         source: "Definition.",
-        validity: "Noise is independent from step to step. A constant bias cannot be seen. In data, a scale is the same as slip, \
-                   and a delay the same as dead-time: those are tried in its place, and the noise is part of every model.",
-        trace: "An error that is there from the first moment and does not grow over the window.",
+        validity: "Noise is independent between steps. A constant bias is not identifiable. In data, the scale is aliased \
+                   with slip and the delay with dead-time, which are tried instead; the noise is part of every model.",
+        trace: "An error that is present from the start of the window and does not grow over it.",
         needs: &[],
         example: "sd_m = 0.02\n",
     },

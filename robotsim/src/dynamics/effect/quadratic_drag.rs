@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "quadratic-drag",
-        doc: "Resistance that grows with the square of the speed.",
+        doc: "Drag in proportion to the square of the speed.",
         fields: &[Field {
             key: "coefficient_per_m",
             doc: "q (1/m).",
@@ -18,10 +18,11 @@ pub(super) const ENTRY: Entry = Entry {
         }],
     },
     about: About {
-        mechanism: "Air resists with the square of the speed: the steady speed falls short of the commanded one, more so the faster it is.",
+        mechanism: "Air drag grows with the square of the speed, so the steady speed falls short of the commanded speed, \
+                    more so at high speed.",
         equation: "v + q v^2 = u",
         source: "Lord Rayleigh's drag equation; e.g. L. D. Landau and E. M. Lifshitz, Fluid Mechanics, § 45. The steady state of a drive with proportional speed control.",
-        validity: "The steady state only: how it is approached is actuator-lag's. Drag that grows linearly is slip.",
+        validity: "The steady state only; actuator-lag models the transient. Linear drag is aliased with slip.",
         trace: "An error along the motion, in proportion to the square of the speed.",
         needs: &[],
         example: "coefficient_per_m = 0.02\n",

@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "rough-ground",
-        doc: "Speed is scaled within a disc of the plane.",
+        doc: "Speed is scaled inside a disc on the ground.",
         fields: &[
             Field {
                 key: "centre_m",
@@ -19,23 +19,23 @@ pub(super) const ENTRY: Entry = Entry {
             },
             Field {
                 key: "radius_m",
-                doc: "Its radius (m).",
+                doc: "Radius of the disc (m).",
                 kind: Kind::Number(Range::POSITIVE),
                 default: Default::Required,
             },
             Field {
                 key: "scale",
-                doc: "Speed inside, per speed outside.",
+                doc: "Speed inside the disc per speed outside.",
                 kind: Kind::Number(Range::closed(0.0, 10.0)),
                 default: Default::Required,
             },
         ],
     },
     about: About {
-        mechanism: "Grass, sand or carpet in one place lets wheels slip more than elsewhere.",
+        mechanism: "On grass, sand or carpet, wheels slip more than elsewhere.",
         equation: "v = scale * u within radius_m of centre_m",
         source: "Definition.",
-        validity: "One disc with a sharp border; several effects for several discs.",
+        validity: "One disc with a sharp border; use several effects for several discs.",
         trace: "An error along the motion, inside one place only.",
         needs: &[],
         example: "centre_m = [10.0, 5.0]\nradius_m = 4.0\nscale = 0.6\n",

@@ -9,11 +9,11 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "slip",
-        doc: "Everything is done by a constant share more or less than commanded.",
+        doc: "The robot executes a constant fraction of its commands.",
         fields: &[
             Field {
                 key: "scale",
-                doc: "What is done, per what is commanded.",
+                doc: "Executed per commanded velocity.",
                 kind: Kind::Number(Range::closed(0.0, 10.0)),
                 default: Default::Required,
             },
@@ -21,10 +21,11 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "Wheels slip, or their radius is not the assumed one, or a drive is calibrated wrong. Positions that are measured with a wrong scale look alike.",
+        mechanism: "Wheels slip, their radius differs from the assumed one, or a drive is miscalibrated. Positions with a \
+                    wrong scale have the same signature.",
         equation: "v = scale * u",
         source: "J. Borenstein and L. Feng, Measurement and correction of systematic odometry errors in mobile robots, IEEE Trans. Robotics and Automation 12 (1996) 869.",
-        validity: "One share at all speeds and on all grounds.",
+        validity: "One fraction at all speeds and on all grounds.",
         trace: "An error along the motion, in proportion to the speed (on turns: to the turn).",
         needs: &[],
         example: "scale = 0.95\n",

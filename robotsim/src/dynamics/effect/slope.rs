@@ -9,20 +9,20 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "slope",
-        doc: "A drift downhill, in proportion to the slope of site.terrain.",
+        doc: "A downhill drift in proportion to the slope of site.terrain.",
         fields: &[Field {
             key: "gain",
-            doc: "k: drift (m/s) where the ground falls by 1 m per metre.",
+            doc: "k: drift (m/s) on a slope of 1 m per metre.",
             kind: Kind::Number(Range::closed(-1e3, 1e3)),
             default: Default::Required,
         }],
     },
     about: About {
-        mechanism: "On a slope weight pulls robots downhill, and their drives give way.",
+        mechanism: "On a slope, gravity pulls robots downhill, and their drives compensate only partly.",
         equation: "v = u - gain * grad h",
-        source: "A linearised balance of weight and drive; the form of effects that depend on the place.",
-        validity: "Small slopes, drives that give way in proportion. Where no terrain is known, the ground is level.",
-        trace: "An error that depends on the place alone, downhill.",
+        source: "A linearised balance of weight and drive force; the general form of effects that depend on the position.",
+        validity: "Small slopes and drives that yield in proportion. Without terrain the ground is level.",
+        trace: "A downhill error that depends only on the position.",
         needs: &[Need::Terrain],
         example: "gain = 0.5\n",
     },

@@ -9,10 +9,10 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "speed-limit",
-        doc: "The robot goes no faster than this, whatever the cap of the model.",
+        doc: "The speed is limited below the model's speed cap.",
         fields: &[Field {
             key: "limit_mps",
-            doc: "Greatest speed (m/s).",
+            doc: "Maximum speed (m/s).",
             kind: Kind::Number(Range::above(0.0, 1e4)),
             default: Default::Required,
         }],
@@ -22,7 +22,7 @@ pub(super) const ENTRY: Entry = Entry {
         equation: "|v| <= limit_mps, direction kept",
         source: "Definition.",
         validity: "One limit in all directions.",
-        trace: "An error at high commanded speeds only, against the motion, growing from the limit on.",
+        trace: "An error only at commanded speeds above the limit, against the motion, growing with the speed.",
         needs: &[],
         example: "limit_mps = 1.2\n",
     },

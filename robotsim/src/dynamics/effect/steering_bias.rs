@@ -13,23 +13,23 @@ pub(super) const ENTRY: Entry = Entry {
         fields: &[
             Field {
                 key: "angle_rad",
-                doc: "What a car adds to its steering (rad), to the left.",
+                doc: "Bias of a car's steering angle (rad), to the left.",
                 kind: Kind::Number(Range::closed(-1.5, 1.5)),
                 default: Default::Number(0.0),
             },
             Field {
                 key: "rate_radps",
-                doc: "What a unicycle adds to its yaw rate (rad/s), to the left.",
+                doc: "Bias of a unicycle's yaw rate (rad/s), to the left.",
                 kind: Kind::Number(Range::closed(-100.0, 100.0)),
                 default: Default::Number(0.0),
             },
         ],
     },
     about: About {
-        mechanism: "A linkage, a servo or a pair of wheels is not trimmed: told to go straight, the robot turns.",
+        mechanism: "A linkage, a servo or a pair of wheels is not trimmed, so the robot turns when commanded to go straight.",
         equation: "car: delta = delta_cmd + angle_rad; unicycle: omega = omega_cmd + rate_radps",
         source: "J. Borenstein and L. Feng, IEEE Trans. Robotics and Automation 12 (1996) 869 (unequal wheels).",
-        validity: "A unicycle that is told to stand still turns all the same. Nothing for bodies that are commanded by a velocity.",
+        validity: "A unicycle turns even when commanded to stand still. No effect on bodies that are commanded by a velocity.",
         trace: "Curvature where straight motion is commanded.",
         needs: &[Need::TurningCommands],
         example: "rate_radps = 0.05\n",

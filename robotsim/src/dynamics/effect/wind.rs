@@ -9,11 +9,12 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "wind",
-        doc: "A drift that is added to the velocity, constant, slowly turning, or with gusts.",
+        doc: "A drift added to the velocity: constant, slowly turning, or with gusts.",
         fields: &[
             Field {
                 key: "velocity_mps",
-                doc: "The drift (x, y, z in m/s): where the wind blows to. At time 0, where it turns.",
+                doc: "Velocity of the drift (x, y, z in m/s), in the direction the wind blows to; with a turn rate, its \
+                      value at time 0.",
                 kind: Kind::List {
                     of: &Kind::Number(Range::closed(-100.0, 100.0)),
                     min: 3,
@@ -23,7 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
             },
             Field {
                 key: "turning_radps",
-                doc: "How fast its direction turns to the left (rad/s).",
+                doc: "Turn rate of its direction, to the left (rad/s).",
                 kind: Kind::Number(Range::closed(-10.0, 10.0)),
                 default: Default::Number(0.0),
             },
@@ -35,18 +36,18 @@ pub(super) const ENTRY: Entry = Entry {
             },
             Field {
                 key: "gust_s",
-                doc: "How long a gust lasts (s).",
+                doc: "Duration of a gust (s).",
                 kind: Kind::Number(Range::above(0.0, 1e4)),
                 default: Default::Number(2.0),
             },
         ],
     },
     about: About {
-        mechanism: "Wind or a current carries robots along, whatever they are told.",
+        mechanism: "Wind or a current carries robots along, independently of their commands.",
         equation: "v = u + velocity_mps + gust, gust normal with sd_mps, the same for all robots",
         source: "Definition. Gusts: normal values every gust_s, joined by g = n_k cos(pi f / 2) + n_(k+1) sin(pi f / 2), which has the same variance at all times.",
-        validity: "The wind is the same everywhere. Gusts are simulated, and not fitted.",
-        trace: "The same error for all robots, whatever the command, standing robots included.",
+        validity: "The wind is the same everywhere. Gusts are simulated but not fitted.",
+        trace: "The same error for all robots and all commands, stationary robots included.",
         needs: &[],
         example: "velocity_mps = [0.2, -0.1, 0.0]\n",
     },

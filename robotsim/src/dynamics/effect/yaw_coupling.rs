@@ -9,19 +9,21 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "yaw-coupling",
-        doc: "In turns a body moves sideways.",
+        doc: "The body moves sideways in turns.",
         fields: &[Field {
             key: "gain",
-            doc: "g (s): sideways velocity per v times yaw rate, to the inner side of the turn; outwards it is negative.",
+            doc: "g (s): sideways velocity per product of speed and yaw rate, positive towards the inside of the turn, \
+                  negative outwards.",
             kind: Kind::Number(Range::closed(-10.0, 10.0)),
             default: Default::Required,
         }],
     },
     about: About {
-        mechanism: "In a turn the sideways force of the ground must hold the body; where it gives way, the body slides outwards, the more the faster it drives and turns.",
+        mechanism: "In a turn, friction with the ground must provide the centripetal force. If it is too small, the body \
+                    slides outwards, more so at higher speed and yaw rate.",
         equation: "v = u + gain * (omega x u)",
         source: "The steady state of dv/dt = (u - v) / tau + c (omega x v) for a small tau: gain = c tau. Sideslip: R. Rajamani, Vehicle Dynamics and Control, § 2.3.",
-        validity: "Steady turns below the limit of grip. Nothing for bodies that are commanded by a velocity.",
+        validity: "Steady turns below the limit of grip. No effect on bodies that are commanded by a velocity.",
         trace: "An error across the motion, in turns only.",
         needs: &[Need::TurningCommands],
         example: "gain = 0.1\n",

@@ -9,7 +9,8 @@ const MOST: usize = 1000;
 
 /// Description of `[site.terrain]`.
 pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "The ground as heights on a grid, as a survey gives it. Between its points the ground is smooth; outside it is level.",
+    doc: "Terrain heights on a grid, as from a survey. Heights are interpolated smoothly between grid points; outside the \
+          grid the ground is level.",
     fields: &[
         Field {
             key: "origin_m",
@@ -19,13 +20,13 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "spacing_m",
-            doc: "From one point to the next, towards the east and the north alike (m).",
+            doc: "Spacing of the grid points (m), the same towards east and north.",
             kind: Kind::Number(Range::POSITIVE),
             default: Default::Required,
         },
         Field {
             key: "height_m",
-            doc: "The heights (m), row by row from south to north, each from west to east.",
+            doc: "Heights (m): rows from south to north, each from west to east.",
             kind: Kind::List {
                 of: &Kind::List { of: &Kind::Number(Range::closed(-1e4, 1e4)), min: 2, max: MOST },
                 min: 2,

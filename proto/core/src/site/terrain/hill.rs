@@ -6,11 +6,12 @@ use serde::{Deserialize, Serialize};
 
 /// Description of `[[site.terrain]]`.
 pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "A hill, or with a negative height a hollow: height_m × e^(−d² / (2 radius_m²)) at a distance d. Several add up.",
+    doc: "A hill, or a hollow if the height is negative: height_m × e^(−d² / (2 radius_m²)) at distance d. Several hills \
+          add up.",
     fields: &[
         Field {
             key: "centre_m",
-            doc: "Its top (x, y in m).",
+            doc: "Position of the top (x, y in m).",
             kind: POINT,
             default: Default::Required,
         },
@@ -22,7 +23,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "radius_m",
-            doc: "Where it is steepest: this far from its top (m).",
+            doc: "Distance from the top at which it is steepest (m).",
             kind: Kind::Number(Range::POSITIVE),
             default: Default::Required,
         },
