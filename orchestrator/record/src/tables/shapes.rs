@@ -7,7 +7,7 @@ pub const TABLES: [&TableShape; 7] =
     [&STEPS, &LINKS, &TRANSMISSIONS, &PACKETS, &MOTES, &SCHEDULE, &NEIGHBOURS];
 
 const STEP: ColumnShape =
-    never_null("step", ColumnKind::U64, "The step, from 1; 0 is where the run begins.");
+    never_null("step", ColumnKind::U64, "The step, from 1; 0 is the beginning of the run.");
 const TIME: ColumnShape =
     never_null("time_ns", ColumnKind::U64, "Simulated time at the end of the step (ns).");
 const NOT_KNOWN: &str = "the robot simulator does not report it";
@@ -21,7 +21,11 @@ pub(super) const STEPS: TableShape = TableShape {
         STEP,
         TIME,
         never_null("agent", ColumnKind::U32, "The agent, from 0."),
-        never_null("alive", ColumnKind::Bool, "It exists. Where false, the row says nothing else."),
+        never_null(
+            "alive",
+            ColumnKind::Bool,
+            "The agent exists. If false, the other columns of the row have no meaning.",
+        ),
         never_null("x_m", ColumnKind::F64, "Position, east (m)."),
         never_null("y_m", ColumnKind::F64, "Position, north (m)."),
         never_null("z_m", ColumnKind::F64, "Position, up (m)."),
@@ -31,30 +35,30 @@ pub(super) const STEPS: TableShape = TableShape {
         nullable(
             "heading_rad",
             ColumnKind::F64,
-            "bodies have no direction",
-            "Direction the body faces (rad, from +x towards +y).",
+            "bodies have no heading",
+            "Heading of the body (rad, from +x towards +y).",
         ),
         never_null(
             "n_heard",
             ColumnKind::U32,
-            "How many other agents it heard in the step's period, each counted once.",
+            "Number of other agents from which it received a frame in the step's period, each counted once.",
         ),
     ],
 };
 
 pub(super) const LINKS: TableShape = TableShape {
     file: "links.parquet",
-    row: "A transmission and an alive agent that might hear it: those chosen by `output.links`.",
+    row: "A transmission and an alive agent that is a potential receiver; `output.links` selects which are kept.",
     columns: &[
         STEP,
         TIME,
         never_null("sender", ColumnKind::U32, "The agent that sent."),
-        never_null("receiver", ColumnKind::U32, "The agent that might hear it."),
+        never_null("receiver", ColumnKind::U32, "The potential receiver."),
         never_null("sent_ns", ColumnKind::U64, "When the first bit was sent (ns)."),
         never_null(
             "distance_m",
             ColumnKind::F64,
-            "Between the two where the network took them to be during the period (m).",
+            "Distance between both, at the positions that the network used during the period (m).",
         ),
         never_null("received", ColumnKind::Bool, "It was delivered."),
         nullable("received_ns", ColumnKind::U64, NOT_RECEIVED, "When it was delivered (ns)."),
@@ -64,7 +68,7 @@ pub(super) const LINKS: TableShape = TableShape {
             "not received, or the network does not report it",
             "Received signal strength (dBm).",
         ),
-        nullable("hops", ColumnKind::U32, NOT_RECEIVED, "Hops it took."),
+        nullable("hops", ColumnKind::U32, NOT_RECEIVED, "Number of hops."),
     ],
 };
 
@@ -77,52 +81,47 @@ pub(super) const TRANSMISSIONS: TableShape = TableShape {
         never_null("sent_ns", ColumnKind::U64, "When its first bit was sent (ns)."),
         never_null("end_ns", ColumnKind::U64, "When its last bit had arrived (ns)."),
         never_null("payload_bytes", ColumnKind::U32, "Length of its payload (bytes)."),
-        never_null("n_receivers", ColumnKind::U32, "How many other agents received it."),
+        never_null("n_receivers", ColumnKind::U32, "Number of other agents that received it."),
         nullable(
             "destination",
             ColumnKind::U32,
-            "it was for everyone in reach",
-            "The agent it was for. What is for one agent is here only if it arrived.",
+            "it was a broadcast",
+            "The destination. A unicast payload has a row only if it arrived.",
         ),
     ],
 };
 
 pub(super) const PACKETS: TableShape = TableShape {
     file: "packets.parquet",
-    row: "A packet whose way ended: delivered to its destination, over however many hops and frames, or dropped.",
+    row: "A packet that was delivered to its destination, over any number of hops and frames, or dropped.",
     columns: &[
         never_null("step", ColumnKind::U64, "The step in which it ended, from 1."),
         never_null("packet", ColumnKind::U64, "Its number, unique within the run."),
-        never_null("kind", ColumnKind::Text, "What kind of packet it is, as the network calls it."),
+        never_null("kind", ColumnKind::Text, "Kind of the packet, as named by the network."),
         never_null("source", ColumnKind::U32, "The mote that created it."),
-        nullable(
-            "destination",
-            ColumnKind::U32,
-            "it was for everyone in reach",
-            "The mote it was for.",
-        ),
+        nullable("destination", ColumnKind::U32, "it was a broadcast", "The destination mote."),
         never_null("created_ns", ColumnKind::U64, "When it was created (ns)."),
         never_null("ended_ns", ColumnKind::U64, "When it was delivered, or dropped (ns)."),
-        never_null("hops", ColumnKind::U32, "Hops it took until then."),
+        never_null("hops", ColumnKind::U32, "Number of hops until then."),
         never_null("payload_bytes", ColumnKind::U32, "Its payload (bytes), without any header."),
         never_null(
             "delivered",
             ColumnKind::Bool,
-            "It was delivered. One for everyone is when it was sent.",
+            "It was delivered. A broadcast counts as delivered when it was sent.",
         ),
         nullable(
             "drop_reason",
             ColumnKind::Text,
             "delivered",
-            "Why it was dropped, as the network says it.",
+            "Why it was dropped, as named by the network.",
         ),
     ],
 };
 
 pub(super) const MOTES: TableShape = TableShape {
     file: "motes.parquet",
-    row: "A mote at the end of a step, and at the beginning (step 0). Mote i is the radio of agent i. After the columns here \
-          there is one of type f64 for each statistic that the network keeps.",
+    row: "A mote at the end of a step, and at the beginning (step 0). Mote i is the radio of agent i. Further columns of \
+          type f64 follow, one for each statistic that the network keeps.",
     columns: &[
         STEP,
         TIME,
@@ -142,19 +141,27 @@ pub(super) const MOTES: TableShape = TableShape {
             "delivered",
             ColumnKind::U64,
             NO_PACKETS,
-            "Of the mote's application packets to one destination, how many were delivered until then.",
+            "Number of the mote's application packets to one destination that were delivered until then.",
         ),
-        nullable("dropped", ColumnKind::U64, NO_PACKETS, "Of the same, how many were dropped."),
-        latency("mean_latency_s", "From creation to delivery, mean over those delivered (s)."),
-        latency("median_latency_s", "The same, median (s)."),
-        latency("p95_latency_s", "The same, 95 % quantile (s)."),
-        latency("p99_latency_s", "The same, 99 % quantile (s)."),
-        latency("max_latency_s", "The same, longest (s)."),
-        latency("mean_hops", "Hops that those delivered took, mean."),
+        nullable(
+            "dropped",
+            ColumnKind::U64,
+            NO_PACKETS,
+            "Number of the same packets that were dropped.",
+        ),
+        latency(
+            "mean_latency_s",
+            "Latency from creation to delivery, mean over delivered packets (s).",
+        ),
+        latency("median_latency_s", "Latency, median (s)."),
+        latency("p95_latency_s", "Latency, 95 % quantile (s)."),
+        latency("p99_latency_s", "Latency, 99 % quantile (s)."),
+        latency("max_latency_s", "Latency, maximum (s)."),
+        latency("mean_hops", "Number of hops of delivered packets, mean."),
     ],
 };
 
-const NO_PACKETS: &str = "the network has told of no packets";
+const NO_PACKETS: &str = "the network has reported no packets";
 
 const fn latency(name: &'static str, doc: &'static str) -> ColumnShape {
     nullable(name, ColumnKind::F64, "none was delivered", doc)
@@ -175,27 +182,40 @@ pub(super) const SCHEDULE: TableShape = TableShape {
         never_null("channel_offset", ColumnKind::U32, "Channel offset."),
         never_null("transmits", ColumnKind::Bool, "The mote may transmit in it."),
         never_null("receives", ColumnKind::Bool, "The mote listens in it."),
-        never_null("is_shared", ColumnKind::Bool, "Others may transmit in it as well."),
-        never_null("keeps_time", ColumnKind::Bool, "Frames in it are used to keep time."),
-        never_null("has_priority", ColumnKind::Bool, "It goes before cells of other slotframes."),
+        never_null(
+            "is_shared",
+            ColumnKind::Bool,
+            "Other motes may transmit in it as well (shared cell).",
+        ),
+        never_null(
+            "keeps_time",
+            ColumnKind::Bool,
+            "Frames in it are used for time synchronisation.",
+        ),
+        never_null(
+            "has_priority",
+            ColumnKind::Bool,
+            "It takes precedence over cells of other slotframes.",
+        ),
         nullable("neighbour", ColumnKind::U32, "any", "The mote at the other end."),
     ],
 };
 
 pub(super) const NEIGHBOURS: TableShape = TableShape {
     file: "neighbours.parquet",
-    row: "A mote that has heard frames of another until the end of the step: of the first after formation, and of the last.",
+    row: "A mote that has received frames from another one until the end of a step: the first step after formation, and \
+          the last.",
     columns: &[
         STEP,
         TIME,
-        never_null("receiver", ColumnKind::U32, "The mote that heard."),
-        never_null("sender", ColumnKind::U32, "The mote that it heard."),
+        never_null("receiver", ColumnKind::U32, "The mote that received."),
+        never_null("sender", ColumnKind::U32, "The mote that sent."),
         never_null("frames", ColumnKind::U64, "Frames received."),
         nullable(
             "rssi_dbm",
             ColumnKind::F32,
             "the network does not report it",
-            "Their mean strength (dBm).",
+            "Their mean received signal strength (dBm).",
         ),
     ],
 };
