@@ -88,5 +88,5 @@ def test_a_diagnosis_names_what_was_hidden_and_draws_the_ladder(links, tmp_path)
     values = visit(page_of("diagnose", links).as_uri(), tmp_path, expressions=WORDS).values
     text = values["text"]
     assert "Missing: temperature" in text
-    for part in ("+ temperature", "db_per_c", "Error, effect by effect", "What each candidate gains", "What is left"):
+    for part in ("+ temperature", "db_per_c", "Error, effect by effect", "What each candidate gains", "Unexplained structure"):
         assert part in text, f"{part} is not on the page"

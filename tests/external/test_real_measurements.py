@@ -275,4 +275,4 @@ def test_what_cars_lack_is_their_speed_and_their_steering_and_no_wind(tmp_path):
     trims = {"steering-bias", "heading-bias"}
     assert trims & set(found["missing"]), found["missing"]
     (wind,) = [entry for entry in found["candidates"] if entry["effect"] == "wind"]
-    assert "counted from there" in wind["untestable"], wind
+    assert "relative to the start" in wind["untestable"], wind

@@ -262,7 +262,7 @@ fn what_hardly_differs_from_something_simpler_is_named_first_at_medium_size() {
         }
         if hidden == Hidden::HumidityLoss {
             let sentence = json["sentence"].as_str().unwrap();
-            assert!(sentence.contains("(or is the same everywhere: these"), "{sentence}");
+            assert!(sentence.contains("(or is constant: indistinguishable"), "{sentence}");
         }
     }
 }
@@ -329,7 +329,7 @@ fn losses_that_are_the_same_everywhere_are_said_to_be() {
     let (found, _, json) = diagnosed(&Campaign { csv, ..whole });
     assert_eq!(found, ["loss-curve:constant"], "{json:#}");
     let sentence = json["sentence"].as_str().unwrap();
-    assert!(sentence.contains("a loss of frames that is the same everywhere"), "{sentence}");
+    assert!(sentence.contains("a constant loss rate"), "{sentence}");
     let structure = &json["unexplained"][0];
     assert_eq!((&structure["covariate"], &structure["of"]), (&"constant".into(), &"losses".into()));
     let share: f64 = structure["formula"].as_str().unwrap().parse().unwrap();

@@ -120,5 +120,5 @@ fn a_search_that_is_stopped_tells_what_it_has_found() {
         serde_json::from_slice(&std::fs::read(folder.path().join("found.json")).unwrap()).unwrap();
     assert_eq!(found["stopped_in_round"], 2, "{found}");
     assert_eq!(found["missing"].as_array().unwrap().len(), 1, "{found}");
-    assert!(tests::said(&output).contains("stopped in round 2; until then: missing: "));
+    assert!(tests::said(&output).contains("interrupted in round 2; partial result: missing: "));
 }

@@ -261,7 +261,7 @@ fn a_recorded_run_agrees_with_its_resimulations() {
     std::fs::write(&wrong, with(effect)).unwrap();
     let output = orchestrator(&["compare", wrong.to_str().unwrap(), "--data", data], dir.path());
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(text.contains("are no run of the model"), "{text}");
+    assert!(text.contains("are inconsistent with the model"), "{text}");
 }
 
 #[test]

@@ -29,7 +29,7 @@ fn a_larger_campaign_shows_a_smaller_effect() {
         let found = power(&config, &table, &asked("temperature"), QUIET).unwrap();
         let text = answer::text(&found);
         assert_eq!((found.neutral, found.parameter.as_str()), (0.0, "db_per_c"), "{found:?}");
-        assert!(text.contains("with a probability of 80 %"), "{text}");
+        assert!(text.contains("with a power of 80 %"), "{text}");
         let share = |size: &Size| size.found as f64 / size.campaigns as f64;
         let [Some(least), Some(greatest)] = [found.tried.first(), found.tried.last()] else {
             panic!("nothing was tried")
@@ -72,7 +72,7 @@ fn what_is_chosen_of_the_rows_is_judged_alone() {
     let (few, all) = (value(&condition("tx < 4")), value(&ALL_ROWS));
     assert!(1.3 < few / all, "{few} {all}");
     let text = found(&condition("tx == 300")).unwrap_err().to_string();
-    assert!(text.contains("holds on none of"), "{text}");
+    assert!(text.contains("no row satisfies"), "{text}");
     let text =
         found(&Choices { split: Some(SplitBy::Run), ..Choices::NONE }).unwrap_err().to_string();
     assert!(text.contains("--split run"), "{text}");

@@ -120,7 +120,7 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     let output = asked(&["--seeds", "99", "--json", "s.json", "--report", "s.html"]);
     assert!(output.status.success(), "{}", said(&output));
     let terminal = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(terminal.contains("The error is the robots'"), "{terminal}");
+    assert!(terminal.contains("The robots cause the error"), "{terminal}");
     let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
     let json: Value = serde_json::from_str(&read("s.json")).unwrap();
     assert_eq!((&json["schema"], &json["kind"]), (&"compare/1".into(), &"task".into()));
@@ -139,7 +139,7 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     for (args, part) in [
         (&["--seeds", "50"][..], "at least 99"),
         (&["--split", "time"], "--split time"),
-        (&["--from", "500"], "no place after"),
+        (&["--from", "500"], "no position after"),
         (&["--heard", "far.csv"], "agent 17"),
     ] {
         let mut all = vec!["compare", "model.toml", "--data", "robots.csv"];

@@ -251,18 +251,18 @@ impl Structure {
         let covariate = self.covariate.as_str();
         let is_of_losses = self.is_of_losses();
         let mut named = match (is_of_losses, covariate) {
-            (true, CONSTANT) => "a loss of frames that is the same everywhere".to_owned(),
-            (true, _) => format!("a loss of frames that follows {covariate}"),
-            (false, _) => format!("structure in {covariate}"),
+            (true, CONSTANT) => "a constant loss rate".to_owned(),
+            (true, _) => format!("a loss rate that depends on {covariate}"),
+            (false, _) => format!("structure over {covariate}"),
         };
         if !self.indistinguishable_from.is_empty() {
             let or = |other: &String| match (covariate, other.as_str()) {
-                (CONSTANT, other) => format!("or follows {other}"),
-                (_, CONSTANT) if is_of_losses => "or is the same everywhere".to_owned(),
+                (CONSTANT, other) => format!("or depends on {other}"),
+                (_, CONSTANT) if is_of_losses => "or is constant".to_owned(),
                 (_, other) => format!("or {other}"),
             };
             let others: Vec<String> = self.indistinguishable_from.iter().map(or).collect();
-            let _ = write!(named, " ({}: these data do not tell)", others.join(", "));
+            let _ = write!(named, " ({}: indistinguishable on these data)", others.join(", "));
         }
         named
     }
@@ -288,19 +288,19 @@ mod tests {
             };
             structure.named()
         };
-        assert_eq!(named(Affects::Readings, "dust", &[]), "structure in dust");
+        assert_eq!(named(Affects::Readings, "dust", &[]), "structure over dust");
         assert_eq!(
             named(Affects::Readings, "dust", &["time_s", "height"]),
-            "structure in dust (or time_s, or height: these data do not tell)"
+            "structure over dust (or time_s, or height: indistinguishable on these data)"
         );
-        assert_eq!(named(Affects::Losses, "dust", &[]), "a loss of frames that follows dust");
+        assert_eq!(named(Affects::Losses, "dust", &[]), "a loss rate that depends on dust");
         assert_eq!(
             named(Affects::Losses, CONSTANT, &["dust", "height"]),
-            "a loss of frames that is the same everywhere (or follows dust, or follows height: these data do not tell)"
+            "a constant loss rate (or depends on dust, or depends on height: indistinguishable on these data)"
         );
         assert_eq!(
             named(Affects::Losses, "dust", &["height", CONSTANT]),
-            "a loss of frames that follows dust (or height, or is the same everywhere: these data do not tell)"
+            "a loss rate that depends on dust (or height, or is constant: indistinguishable on these data)"
         );
     }
 }

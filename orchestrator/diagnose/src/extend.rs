@@ -15,7 +15,7 @@ use study::{COMMON, Study};
 #[derive(Debug, thiserror::Error)]
 pub enum ExtendError {
     /// There is no such candidate.
-    #[error("{name:?} is no effect that can be added to this model; {hint}")]
+    #[error("{name:?} is not an effect of this model; {hint}")]
     Unknown {
         /// What was asked for.
         name: String,
@@ -31,7 +31,7 @@ pub enum ExtendError {
         why: String,
     },
     /// Nothing was accepted.
-    #[error("diagnose accepts no effect on these data: there is nothing to add")]
+    #[error("nothing to add: diagnose accepts no effect on these data")]
     Nothing,
 }
 
@@ -60,7 +60,7 @@ pub fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> 
                 .filter(|candidate| candidate.curve_over().is_none())
                 .map(|candidate| candidate.name.as_str());
             let hint = proto::config::most_similar(name, names.clone()).map_or_else(
-                || format!("there are {}", names.collect::<Vec<_>>().join(", ")),
+                || format!("choose from {}", names.collect::<Vec<_>>().join(", ")),
                 |nearest| format!("did you mean {nearest}?"),
             );
             ExtendError::Unknown { name: name.to_owned(), hint }
@@ -128,8 +128,8 @@ pub fn extend<S: Study>(
         let (estimates, warning) = measured.estimates(&fit, term);
         let _ = write!(
             text,
-            "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Held out, log score {:.4} before and {:.4} with all \
-             that was added; rmse {:.4} and {:.4}.\n",
+            "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Held-out log score {:.4} before and {:.4} with all \
+             added effects; rmse {:.4} and {:.4}.\n",
             account.data.file,
             account.data.sha256,
             account.used,

@@ -510,7 +510,7 @@ impl<'a, S: Study> Search<'a, S> {
         let blocks = self.study.blocks(COMMON);
         (!blocks.suffices()).then(|| {
             format!(
-                "too few independent blocks to tell: {} {}, at least {} are needed",
+                "too few independent blocks: the data have {} {}, and at least {} are required",
                 blocks.n_scored(),
                 blocks.unit,
                 study::folds::FEWEST_BLOCKS

@@ -75,7 +75,7 @@ pub fn measurements<S: Study>(
             terms[place] = rival;
             let other = search.full_fit(&terms, COMMON, Some(&chosen));
             let (a, b) = (&candidates[term].name, &candidates[rival].name);
-            let aim = format!("to tell {a} from {b}");
+            let aim = format!("to distinguish {a} from {b}");
             all.extend(measurement(study, (&chosen, &other), [a, b], &aim));
         }
     }
@@ -88,7 +88,7 @@ pub fn measurements<S: Study>(
             let at = |end: f64| study.with_parameter_held(&chosen, *term, key, end);
             let (Some(least), Some(most)) = (at(*low), at(*high)) else { continue };
             let ends = [low, high].map(|end| format!("{key} = {end:.4}"));
-            let aim = format!("to know {key} of {name} better than from {low:.4} to {high:.4}");
+            let aim = format!("to narrow the interval of {key} of {name}, {low:.4} to {high:.4}");
             all.extend(measurement(study, (&least, &most), [&ends[0], &ends[1]], &aim));
         }
     }
@@ -121,7 +121,7 @@ fn measurement<S: Study>(
 /// Where to measure, and what for, in words.
 fn sentence(aim: &str, at: &Condition, unit: &str) -> String {
     format!(
-        "{aim}, measure where {} is {:.3} to {:.3}: there they differ by {:.2} {unit}, elsewhere by {:.2} {unit}",
+        "{aim}, measure at {} from {:.3} to {:.3}: there the predictions differ by {:.2} {unit}, elsewhere by {:.2} {unit}",
         at.covariate, at.from, at.to, at.inside, at.outside
     )
 }

@@ -62,7 +62,7 @@ pub enum PowerError {
     Effect(#[from] ExtendError),
     /// The data are too few.
     #[error(
-        "these data cannot show {effect} at any size: {n_blocks} {unit}, at least {least} are needed"
+        "these data cannot reveal {effect} at any size: they have {n_blocks} {unit}, and at least {least} are required"
     )]
     TooFew {
         /// What was asked for.
@@ -75,7 +75,7 @@ pub enum PowerError {
         least: usize,
     },
     /// There is no such key.
-    #[error("--vary {key}: {effect} has no such number; there are {known}")]
+    #[error("--vary {key}: {effect} has no such key; choose from {known}")]
     Key {
         /// The key.
         key: String,
@@ -287,7 +287,7 @@ impl<'a> PowerPlan<'a> {
         let text: String = self.question.with.iter().map(|key| format!("{key}\n")).collect();
         let table: toml::Table = toml::from_str(&text).map_err(|error| OpenError::Useless {
             file: "--with".to_owned(),
-            reason: format!("must be KEY=VALUE as in a configuration: {}", error.message()),
+            reason: format!("must be KEY=VALUE with a TOML value: {}", error.message()),
         })?;
         for (key, value) in table {
             match self.keys.iter_mut().find(|(other, _)| *other == key) {

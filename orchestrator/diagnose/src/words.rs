@@ -10,7 +10,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     let found = match (&diagnosis.too_little, diagnosis.verdict) {
         (Some(why), _) => why.clone(),
         (None, Verdict::NothingMissing) => {
-            "nothing is missing that these data could show".to_owned()
+            "no missing effect is detectable in these data".to_owned()
         }
         (None, Verdict::MissingEffects) => format!("missing: {missing}"),
         (None, Verdict::UnexplainedStructure) => {
@@ -18,15 +18,15 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             let also = if diagnosis.missing.is_empty() {
                 String::new()
             } else {
-                format!("; besides, missing: {missing}")
+                format!("; also missing: {missing}")
             };
-            format!("there is {}, which no known effect explains{also}", over.join(", and "))
+            format!("found {}, which no known effect explains{also}", over.join(", and "))
         }
     };
     match diagnosis.stopped_in_round {
         None => found,
-        Some(1) => "stopped before anything was found".to_owned(),
-        Some(round) => format!("stopped in round {round}; until then: {found}"),
+        Some(1) => "interrupted in round 1, before any result".to_owned(),
+        Some(round) => format!("interrupted in round {round}; partial result: {found}"),
     }
 }
 
@@ -95,7 +95,7 @@ fn accepted(text: &mut String, candidate: &Tested) {
         .collect();
     let _ = writeln!(
         text,
-        "{}: gains {:.4} +- {:.4} nats a row. {}",
+        "{}: gain {:.4} +- {:.4} nats per row. {}",
         candidate.effect,
         candidate.gain,
         candidate.standard_error,
@@ -103,7 +103,7 @@ fn accepted(text: &mut String, candidate: &Tested) {
     );
     if !candidate.indistinguishable_from.is_empty() {
         let others = candidate.indistinguishable_from.join(", ");
-        let _ = writeln!(text, "  on these data it cannot be told from {others}");
+        let _ = writeln!(text, "  indistinguishable on these data from {others}");
     }
     if let Some(warning) = &candidate.warning {
         let _ = writeln!(text, "  warning: {warning}");
@@ -123,7 +123,7 @@ fn left_over(text: &mut String, structure: &Structure) {
     let colon = if formulas.is_empty() { "" } else { ": " };
     let _ = writeln!(
         text,
-        "left over: {} explains {:.1} % of the {error}{colon}{}",
+        "unexplained: {} explains {:.1} % of the {error}{colon}{}",
         structure.named(),
         100.0 * structure.share(),
         formulas.join(", and ")

@@ -131,12 +131,12 @@ pub(super) fn sentence(among: &SeedComparison) -> (Verdict, String) {
     let n = among.seeds.len();
     let p_value = among.placed.p_value;
     if n < FEWEST_SEEDS {
-        let text = format!("{n} seeds are too few to tell: at least {FEWEST_SEEDS} are needed");
+        let text = format!("{n} seeds are too few for a test; use at least {FEWEST_SEEDS}");
         return (Verdict::TooFewSeeds, text);
     }
     if LEVEL < p_value {
         let text = format!(
-            "these packets could be one more run of the model: of {n} seeds {} lie as far out (p = {p_value:.3})",
+            "the packets are consistent with the model (p = {p_value:.3}): {} of {n} seeds deviate as much",
             (p_value * (n as f64 + 1.0)).round() as u64 - 1
         );
         return (Verdict::Agrees, text);
@@ -153,7 +153,7 @@ pub(super) fn sentence(among: &SeedComparison) -> (Verdict, String) {
             let (_, [low, high]) = among.model(*k);
             let unit = KPIS[*k].unit;
             format!(
-                "{} is {} where the model has {} to {}",
+                "{} is {}, and the model predicts {} to {}",
                 KPIS[*k].name,
                 shown(among.measured.values[*k], unit),
                 shown(low, unit),
@@ -161,8 +161,10 @@ pub(super) fn sentence(among: &SeedComparison) -> (Verdict, String) {
             )
         })
         .collect();
-    let text =
-        format!("these packets are no run of the model (p = {p_value:.3}): {}", parts.join("; "));
+    let text = format!(
+        "the packets are inconsistent with the model (p = {p_value:.3}): {}",
+        parts.join("; ")
+    );
     (Verdict::Differs, text)
 }
 

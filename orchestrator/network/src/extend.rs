@@ -22,7 +22,7 @@ pub enum NetworkExtendError {
     #[error(transparent)]
     Resimulation(#[from] ResimulationError),
     /// The text would be no configuration: its tables are written so that none can follow.
-    #[error("the effects cannot be added at the end of this file: {0}")]
+    #[error("the effects cannot be appended to this file: {0}")]
     Text(#[from] Refusal),
 }
 
@@ -64,7 +64,7 @@ pub fn candidate(candidates: &[CandidateEffect], name: &str) -> Result<usize, Ex
     candidates.iter().position(|candidate| candidate.name == name).ok_or_else(|| {
         let names = || candidates.iter().map(|candidate| candidate.name);
         let hint = proto::config::most_similar(name, names()).map_or_else(
-            || format!("there are {}", names().collect::<Vec<_>>().join(", ")),
+            || format!("choose from {}", names().collect::<Vec<_>>().join(", ")),
             |nearest| format!("did you mean {nearest}?"),
         );
         ExtendError::Unknown { name: name.to_owned(), hint }
@@ -94,8 +94,9 @@ pub fn extend(
         let [low, high] = fitted.interval;
         let _ = write!(
             text,
-            "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Chance that these packets are one more run of the model: {before:.3} \
-             before, {after:.3} with all that was added.\n# {} = {} {}, 90 % interval {low:.4} to {high:.4}\n[[netsim.{}.effect]]\n{}",
+            "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Consistency of these packets with the model: p = \
+             {before:.3} before, {after:.3} with all added effects.\n# {} = {} {}, 90 % interval {low:.4} to \
+             {high:.4}\n[[netsim.{}.effect]]\n{}",
             account.data.file,
             account.data.sha256,
             account.used,

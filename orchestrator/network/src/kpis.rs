@@ -16,42 +16,27 @@ pub enum Scale {
 
 /// All figures, in the order of [`NetworkFigures::values`].
 pub const KPIS: [FigureSpec<Scale>; 11] = [
-    figure("delivery", "", "packets that arrived, of all", Scale::Share),
-    figure("delivery_worst", "", "the same, of the mote that fares worst", Scale::Share),
-    figure(
-        "latency_p10_s",
-        "s",
-        "time under way that a tenth of the packets stays below",
-        Scale::Ratio,
-    ),
-    figure("latency_p50_s", "s", "median of the time under way", Scale::Ratio),
-    figure(
-        "latency_p90_s",
-        "s",
-        "time under way that a tenth of the packets exceeds",
-        Scale::Ratio,
-    ),
-    figure("latency_per_hop_s", "s", "median of the time under way for each hop", Scale::Ratio),
-    figure("hops_mean", "hops", "mean of the hops", Scale::Ratio),
+    figure("delivery", "", "share of packets that arrived", Scale::Share),
+    figure("delivery_worst", "", "share of packets that arrived, of the worst mote", Scale::Share),
+    figure("latency_p10_s", "s", "10 % quantile of the latency", Scale::Ratio),
+    figure("latency_p50_s", "s", "median of the latency", Scale::Ratio),
+    figure("latency_p90_s", "s", "90 % quantile of the latency", Scale::Ratio),
+    figure("latency_per_hop_s", "s", "median of the latency per hop", Scale::Ratio),
+    figure("hops_mean", "hops", "mean number of hops", Scale::Ratio),
     figure(
         "join_p50_s",
         "s",
-        "when the first packet of a mote arrived: median of motes",
+        "arrival time of a mote's first packet: median over motes",
         Scale::Ratio,
     ),
     figure(
         "join_last_s",
         "s",
-        "when the first packet of a mote arrived: the last mote",
+        "arrival time of a mote's first packet: the last mote",
         Scale::Ratio,
     ),
-    figure(
-        "silence_s",
-        "s",
-        "longest time between two packets of a mote that arrived",
-        Scale::Ratio,
-    ),
-    figure("packets", "packets", "packets that were made", Scale::Ratio),
+    figure("silence_s", "s", "longest time between two arrived packets of a mote", Scale::Ratio),
+    figure("packets", "packets", "number of packets created", Scale::Ratio),
 ];
 
 /// Packets of one mote, sent and delivered.

@@ -49,8 +49,7 @@ pub struct Resimulation {
 }
 
 /// What it takes to simulate the experiment's own robots again.
-const OWN_ROBOTS: &str =
-    "resimulation needs the coupling \"sequential\" and a fixed control period";
+const OWN_ROBOTS: &str = "re-simulating the robots requires experiment.coupling = \"sequential\" and a fixed control period";
 /// The name under which measured links come to the network.
 pub const LINKS: &str = "measured-links.k7";
 /// The name under which measured places come to the robots as those where they begin.
@@ -76,7 +75,7 @@ impl Resimulation {
         let network = network_of(&plan);
         if network.get("mode").and_then(toml::Value::as_str) != Some("6tisch") {
             return unfit(
-                "netsim.mode must be \"6tisch\": without protocols there are no packets from end to end"
+                "netsim.mode must be \"6tisch\", because without protocols there are no end-to-end packets"
                     .to_owned(),
             );
         }
@@ -84,14 +83,15 @@ impl Resimulation {
         let beyond = packets.iter().flat_map(|packet| [packet.source, packet.destination]);
         if let Some(mote) = beyond.max().filter(|&mote| n <= mote as usize) {
             return unfit(format!(
-                "the packets name mote {mote}, the experiment has {n} agents: motes 0 to {}. Are motes numbered otherwise there?",
+                "the packets mention mote {mote}, but the experiment has {n} agents, motes 0 to {}; renumber the motes, or \
+                 set experiment.agents",
                 n - 1
             ));
         }
         match &tracks {
             Some(tracks) => all_are_seen(tracks, n)?,
             None if plan.experiment.coupling != Coupling::Sequential => {
-                return unfit(format!("{OWN_ROBOTS}; give measured places with --positions"));
+                return unfit(format!("{OWN_ROBOTS}; or give measured positions with --positions"));
             }
             None => {}
         }
@@ -113,7 +113,8 @@ impl Resimulation {
         all_are_seen(&tracks, n)?;
         if n < tracks.n_agents() {
             return Err(ResimulationError::Unfit(format!(
-                "the places name agent {}, the experiment has {n} agents: 0 to {}. Are agents numbered otherwise there?",
+                "the positions mention agent {}, but the experiment has {n} agents, 0 to {}; renumber the agents, or set \
+                 experiment.agents",
                 tracks.n_agents() - 1,
                 n - 1
             )));
@@ -557,7 +558,8 @@ fn has_both_sides(plan: &Plan) -> Result<(), ResimulationError> {
     for (name, side) in [("netsim", &plan.netsim), ("robotsim", &plan.robotsim)] {
         if side.url.is_some() {
             return Err(ResimulationError::Unfit(format!(
-                "{name}.url: resimulation takes place in this program, and cannot ask a simulator elsewhere"
+                "{name}.url: must be absent, because measured packets are re-simulated in this program and not by a remote \
+                 simulator"
             )));
         }
     }
@@ -571,7 +573,7 @@ fn all_are_seen(tracks: &Tracks, n_agents: usize) -> Result<(), ResimulationErro
         return Ok(());
     }
     Err(ResimulationError::Unfit(format!(
-        "no place is known of agents {}: every agent of the experiment needs one",
+        "no position is known for agents {}; every agent of the experiment needs one",
         unseen.join(", ")
     )))
 }

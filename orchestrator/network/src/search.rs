@@ -278,7 +278,7 @@ impl<'a> NetworkSearch<'a> {
                 continue;
             }
             tracing::info!(
-                "round {round}, {} of {}: {}",
+                "round {round}, candidate {} of {}: {}",
                 k + 1,
                 self.candidates.len(),
                 candidate.name
@@ -332,7 +332,7 @@ impl<'a> NetworkSearch<'a> {
                 return Ok(None);
             }
             let (k, curve, _) = &mut curves[place];
-            tracing::info!("round {round}, closely: {}", self.candidates[*k].name);
+            tracing::info!("round {round}, refining: {}", self.candidates[*k].name);
             let fit = self.ground.fit(network, curve, &base)?;
             found.tests[*k].fitted = Some(fit.fitted);
             found.tests[*k].gain = Some(fit.fitted.gain);
@@ -414,7 +414,7 @@ impl<'a> NetworkSearch<'a> {
                 .map(|other| effects[other].clone())
                 .collect();
             let candidate = &self.candidates[k];
-            tracing::info!("again, with what was added: {}", candidate.name);
+            tracing::info!("refitting with the added effects: {}", candidate.name);
             let network = self.network(&others);
             let base = self.ground.base(&network)?;
             let here = candidate.scaled(fitted.value);

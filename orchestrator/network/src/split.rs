@@ -88,14 +88,13 @@ impl Campaign {
         let rows = links::read(table)?.rows;
         let known: Vec<&LinkRow> = rows.iter().filter(|row| row.received.is_finite()).collect();
         if known.is_empty() {
-            return Err(
-                "no row says whether a frame was received: needs received or pdr".to_owned()
-            );
+            return Err("no row says whether a frame was received; add the column received or pdr"
+                .to_owned());
         }
         let most = known.iter().map(|row| row.tx.max(row.rx)).max().unwrap_or_default();
         if n_agents <= most as usize {
             return Err(format!(
-                "the links name mote {most}, the experiment has {n_agents} agents: motes 0 to {}",
+                "the links mention mote {most}, but the experiment has {n_agents} agents, motes 0 to {}",
                 n_agents - 1
             ));
         }
@@ -268,11 +267,11 @@ pub fn split(
     };
     let network = resimulation.network();
     let seeds = 0..asked.seeds;
-    tracing::info!("the whole model");
+    tracing::info!("simulating the whole model");
     let whole = resimulation.with_its_robots()?.figures(&network, seeds.clone(), asked.from_s)?;
-    tracing::info!("with the measured tracks");
+    tracing::info!("simulating with the measured tracks");
     let tracked = resimulation.figures(&network, seeds.clone(), asked.from_s)?;
-    tracing::info!("with the measured links");
+    tracing::info!("simulating with the measured links");
     let traced = traced(&network);
     let here = campaign(links)?;
     let over = |campaign: &Campaign, seeds: std::ops::Range<u64>| {
@@ -280,7 +279,7 @@ pub fn split(
         resimulation.figures_over(&traced, &runs, asked.from_s)
     };
     let linked = over(&here, seeds)?;
-    tracing::info!("with links as the model would have measured them");
+    tracing::info!("simulating with links as the model would have measured them");
     let mut own: Vec<NetworkFigures> = Vec::new();
     for number in 0..CAMPAIGNS {
         let simulated = simulate::simulate(config, links, number + 1, Some(NO_NOISE_DB))?;

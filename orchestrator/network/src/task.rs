@@ -194,12 +194,12 @@ impl MeasuredSwarm<'_> {
             seconds(experiment.step_ns),
         );
         let numbers: Vec<u64> = (0..asked.seeds).collect();
-        tracing::info!("the whole model");
+        tracing::info!("simulating the whole model");
         let whole = self.runs(&sheet, &numbers, &|number| self.together(number))?;
-        tracing::info!("the model's network along the measured tracks");
+        tracing::info!("simulating the model's network along the measured tracks");
         let own = self
             .runs(&sheet, &numbers, &|number| self.hearing(number, &self.along_tracks(number)?))?;
-        tracing::info!("with what was heard");
+        tracing::info!("simulating with the measured receptions");
         let heard = self.runs(&sheet, &numbers, &|number| self.hearing(number, self.heard))?;
         let measured = sheet.figures(self.tracks);
         let scaled = measured.scaled();

@@ -46,7 +46,7 @@ impl Tracks {
     /// It has none, in words for its author.
     pub fn from_table(table: &DataTable) -> Result<Self, String> {
         let column = |name: &str| {
-            table.column(name).ok_or_else(|| format!("no positions: the file lacks {name}"))
+            table.column(name).ok_or_else(|| format!("not positions: the file lacks {name}"))
         };
         let times_s: Vec<f64> = match table.column("time_ns") {
             Some(times_ns) => times_ns.iter().map(|ns| ns * 1e-9).collect(),
@@ -78,7 +78,7 @@ impl Tracks {
             track.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
         if of_agent.is_empty() {
-            Err("no row has a place".to_owned())
+            Err("no row has a position".to_owned())
         } else {
             Ok(Self { of_agent, faces_rad })
         }
@@ -130,7 +130,7 @@ impl Tracks {
             track.retain(|(at_s, _)| from_s < *at_s);
             track.iter_mut().for_each(|(at_s, _)| *at_s -= from_s);
             if track.is_empty() {
-                return Err(format!("agent {agent} has no place after {from_s} s"));
+                return Err(format!("agent {agent} has no position after {from_s} s"));
             }
             track.insert(0, (0.0, states.position_m(agent)));
         }

@@ -16,7 +16,10 @@ pub fn text(comparison: &Comparison) -> String {
         let _ = writeln!(text, "{name:<22} {value:>10.4}   {low:.4} to {high:.4}");
     }
     if !comparison.places.is_empty() {
-        let _ = writeln!(text, "\nwhere the error is: share that each covariate explains");
+        let _ = writeln!(
+            text,
+            "\nerror by covariate: share of the squared error that each covariate explains"
+        );
     }
     for place in comparison.places.iter().take(MOST_COVARIATES) {
         let known = |value: f64, default: f64| if value.is_finite() { value } else { default };

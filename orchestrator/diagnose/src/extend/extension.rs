@@ -30,7 +30,7 @@ pub struct Extension {
 pub fn text(extension: &Extension, unit: &str) -> String {
     let Extension { added, log_score, rmse, .. } = extension;
     format!(
-        "added {}. Held out, log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
+        "added {}. Held-out log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
         added.join(", "),
         log_score[0],
         log_score[1],

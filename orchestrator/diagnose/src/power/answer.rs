@@ -66,15 +66,17 @@ pub struct Size {
 pub fn sentence(power: &Power) -> String {
     let Power { effect, parameter, unit, neutral, .. } = power;
     let percent = 100.0 * power.power;
-    let from = format!("it does nothing at {parameter} = {neutral}");
+    let from = format!("it has no effect at {parameter} = {neutral}");
     match power.value {
         Some(value) => format!(
-            "a campaign like this shows {effect} with a probability of {percent} % from {parameter} = {value:.4} {unit} on ({from})"
+            "a campaign like this detects {effect} with a power of {percent} % from {parameter} = {value:.4} {unit} on \
+             ({from})"
         ),
         None => {
             let last = power.tried.last().map_or(*neutral, |size| size.value);
             format!(
-                "a campaign like this does not show {effect} with a probability of {percent} % even at {parameter} = {last:.4} {unit} ({from})"
+                "a campaign like this does not detect {effect} with a power of {percent} % even at {parameter} = {last:.4} \
+                 {unit} ({from})"
             )
         }
     }
@@ -100,7 +102,8 @@ pub fn text(power: &Power) -> String {
     }
     let _ = write!(
         text,
-        "\n{}\n(simulated campaigns, noise {:.4} {unit}; accepted by the rule of diagnose, tried alone, {} candidates counted)",
+        "\n{}\n(simulated campaigns, noise {:.4} {unit}; accepted by the rule of diagnose; tried alone, corrected for {} \
+         candidates)",
         power.sentence, power.noise, power.candidates
     );
     text

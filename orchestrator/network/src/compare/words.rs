@@ -28,7 +28,7 @@ pub fn text(comparison: &NetworkComparison) -> String {
     if !outside.is_empty() {
         let _ = writeln!(
             text,
-            "delivery of motes {} lies outside what 90 % of the seeds give",
+            "the delivery ratio of motes {} is outside the 90 % interval of the seeds",
             outside.join(", ")
         );
     }

@@ -68,13 +68,14 @@ pub fn answer(
     let far = furthest(found);
     let sentence = match verdict {
         Verdict::NothingMissing => {
-            format!("nothing is missing that these packets could show: {difference}")
+            format!("no missing effect is detectable in these packets: {difference}")
         }
         Verdict::MissingEffects => {
             let parts: Vec<String> =
                 found.accepted.iter().map(|&k| effect_text(&found.tests[k])).collect();
             format!(
-                "missing: {}. These packets are no run of the model as configured (p = {:.3}), and could be one with {} (p = {:.3})",
+                "missing: {}. The packets are inconsistent with the model as configured (p = {:.3}), and consistent with \
+                 {} (p = {:.3})",
                 parts.join(", then "),
                 first.among.placed.p_value,
                 if missing.len() == 1 { "it" } else { "them" },
@@ -87,17 +88,18 @@ pub fn answer(
             } else {
                 format!(", even with {}", missing.join(" and "))
             };
-            let figure = far.map_or_else(String::new, |k| format!(", {} above all", KPIS[k].name));
+            let figure =
+                far.map_or_else(String::new, |k| format!(", most of all in {}", KPIS[k].name));
             format!(
-                "these packets are no run of the model{also} (p = {:.3}){figure}, and no effect that is known mends that",
+                "the packets are inconsistent with the model{also} (p = {:.3}){figure}, and no known effect explains this",
                 last.among.placed.p_value
             )
         }
     };
     let sentence = match found.stopped {
         None => sentence,
-        Some(1) => "stopped before anything was found".to_owned(),
-        Some(round) => format!("stopped in round {round}; until then: {sentence}"),
+        Some(1) => "interrupted in round 1, before any result".to_owned(),
+        Some(round) => format!("interrupted in round {round}; partial result: {sentence}"),
     };
     NetworkDiagnosis {
         schema: SCHEMA,
@@ -127,7 +129,7 @@ pub fn text(found: &SearchResult, diagnosis: &NetworkDiagnosis) -> String {
     }
     for test in &found.tests {
         if let Some(why) = &test.untestable {
-            let _ = writeln!(text, "{} cannot be tried: {why}", test.candidate.name);
+            let _ = writeln!(text, "{} is not testable: {why}", test.candidate.name);
         }
     }
     for next in &diagnosis.next_measurement {
@@ -146,7 +148,7 @@ fn effect_text(test: &EffectTest) -> String {
     let ties = if test.ties.is_empty() {
         String::new()
     } else {
-        format!(", or {}: these packets do not tell", test.ties.join(" or "))
+        format!(", or {}: indistinguishable on these packets", test.ties.join(" or "))
     };
     format!("{}, {}{ties}", test.candidate.name, number.unwrap_or_default())
 }
@@ -196,14 +198,14 @@ fn next(found: &SearchResult) -> Vec<NextCampaign> {
             let apart = number(rivals.apart.abs());
             let sentence = if runs <= 100.0 {
                 format!(
-                    "{one} and {other} differ most in {figure}, by {apart} of the scatter of a run: about {} more such campaigns would tell \
-                     them apart",
+                    "{one} and {other} differ most in {figure}, by {apart} standard deviations of a run: about {} more \
+                     such campaigns would distinguish them",
                     number(runs)
                 )
             } else {
                 format!(
-                    "{one} and {other} differ most in {figure}, and hardly: by {apart} of the scatter of a run. Another campaign, with \
-                     more traffic or more hops, is needed to tell them apart"
+                    "{one} and {other} differ most in {figure}, but only by {apart} standard deviations of a run; a \
+                     campaign with more traffic or more hops is needed to distinguish them"
                 )
             };
             NextCampaign {
@@ -220,7 +222,7 @@ fn next(found: &SearchResult) -> Vec<NextCampaign> {
 fn table(text: &mut String, tried: &[&EffectTest]) {
     let _ = writeln!(
         text,
-        "{:<18} {:>12} {:>8} {:>10}   number",
+        "{:<18} {:>12} {:>8} {:>10}   parameter",
         "effect", "gain (nats)", "p", "p with it"
     );
     let mut tried = tried.to_vec();
@@ -242,9 +244,9 @@ fn table(text: &mut String, tried: &[&EffectTest]) {
     }
     let _ = writeln!(
         text,
-        "gain: how much more probable the packets are with it; p: chance of as great a gain without any of them, accepted up to {}, or\n\
-         beyond it where the packets are no run of the model at that level and could be one with it;\n\
-         p with it: could they be one more run then, above {LEVEL} they could",
+        "gain: log-likelihood gain with the effect; p: probability of such a gain if no effect is missing, accepted up to \
+         {}, or\nbeyond it if the packets are inconsistent with the model at that level and consistent with the effect \
+         added;\np with it: p-value of the packets with the effect added, consistent above {LEVEL}",
         super::ACCEPT
     );
 }

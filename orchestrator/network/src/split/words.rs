@@ -7,7 +7,7 @@ use numbers::format::{capitalised, number, percent};
 use std::fmt::Write as _;
 
 /// In what order models take over what was measured.
-const ORDER: &str = "robots are replaced first, then links: what robots and radio bring about together counts as the robots'";
+const ORDER: &str = "robots are replaced first, then links; joint effects of robots and radio are attributed to the robots";
 
 fn shown(value: f64, unit: &str) -> String {
     if unit.is_empty() && 0.0 <= value { percent(value) } else { number(value) }
@@ -25,11 +25,11 @@ fn sentence(split: &ErrorSplit) -> String {
         .iter()
         .map(|share| {
             let figure = furthest(share).map_or("", |k| KPIS[k].name);
-            format!("{} (p = {:.3}, {figure} above all)", share.name, share.p_value)
+            format!("{} (p = {:.3}, most of all in {figure})", share.name, share.p_value)
         })
         .collect();
     if found.is_empty() {
-        "no part of the error, robot, radio or protocol, is more than chance".to_owned()
+        "no part of the error (robot, radio or protocol) is significant".to_owned()
     } else {
         format!("the error comes from: {}", found.join(", "))
     }
@@ -96,8 +96,8 @@ pub fn text(split: &ErrorSplit) -> String {
     }
     let _ = writeln!(
         text,
-        "with robots: where they were measured; own links: these, and links as the model would have measured them, replayed;\n\
-         and links: those that were measured, replayed\n\n{:<10} {:>7}   most in",
+        "with robots: at their measured positions; own links: also with replayed links as the model would have measured \
+         them;\nand links: also with the measured links, replayed\n\n{:<10} {:>7}   most in",
         "part", "p"
     );
     for share in &split.shares {

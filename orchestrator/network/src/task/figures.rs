@@ -26,36 +26,51 @@ pub const FIGURES: [FigureSpec<TaskScale>; N] = [
     figure(
         "mean_speed_mps",
         "m/s",
-        "a robot's own speed: mean of robots and time",
+        "speed of a robot: mean over robots and time",
         TaskScale::Ratio,
     ),
-    figure("flock_speed_mps", "m/s", "speed of the mean velocity: mean of time", TaskScale::Ratio),
+    figure(
+        "flock_speed_mps",
+        "m/s",
+        "speed of the mean velocity: mean over time",
+        TaskScale::Ratio,
+    ),
     figure(
         "speed_along_leader_mps",
         "m/s",
-        "mean velocity along that of the leader: mean of time",
+        "mean velocity along that of the leader: mean over time",
         TaskScale::Plain,
     ),
     figure(
         "leader_distance_m",
         "m",
-        "distance from the leader: mean of robots and time",
+        "distance from the leader: mean over robots and time",
         TaskScale::Ratio,
     ),
-    figure("polarisation", "", "how far headings agree, 0 to 1: mean of time", TaskScale::Plain),
+    figure(
+        "polarisation",
+        "",
+        "polarisation of the headings, 0 to 1: mean over time",
+        TaskScale::Plain,
+    ),
     figure(
         "radial_speed_mps",
         "m/s",
-        "speed away from the centre: mean of robots and time",
+        "speed away from the centre: mean over robots and time",
         TaskScale::Plain,
     ),
     figure(
         "cohesion_m",
         "m",
-        "distance from the centre: mean of robots and time",
+        "distance from the centre: mean over robots and time",
         TaskScale::Ratio,
     ),
-    figure("min_distance_m", "m", "least distance of any two robots at any time", TaskScale::Ratio),
+    figure(
+        "min_distance_m",
+        "m",
+        "minimum distance between two robots at any time",
+        TaskScale::Ratio,
+    ),
     figure(
         "final_spread_m",
         "m",
@@ -74,8 +89,8 @@ pub const FIGURES: [FigureSpec<TaskScale>; N] = [
         "root mean square distance from the circle at the end",
         TaskScale::Ratio,
     ),
-    figure("centre_x_m", "m", "how far the centre of all robots went, east", TaskScale::Plain),
-    figure("centre_y_m", "m", "how far the centre of all robots went, north", TaskScale::Plain),
+    figure("centre_x_m", "m", "displacement of the centre of all robots, east", TaskScale::Plain),
+    figure("centre_y_m", "m", "displacement of the centre of all robots, north", TaskScale::Plain),
 ];
 
 /// Figures of one swarm.

@@ -37,8 +37,7 @@ impl Peer<NetworkSide> for ReceptionNetwork<'_> {
 
     async fn configure(&mut self, request: &ConfigureRequest) -> Result<NetworkStart, SideError> {
         if request.columns.contains(&DeliveryColumn::RssiDbm) && !self.heard.has_strengths() {
-            let what =
-                "the robots act on how strong frames are: what was heard needs rssi_dbm throughout";
+            let what = "the robots' controller uses the RSSI, so all receptions need rssi_dbm";
             return Err(SideError::Cannot { side: NetworkSide::SIDE, what: what.to_owned() });
         }
         Ok(NetworkStart::default())

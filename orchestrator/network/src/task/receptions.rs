@@ -87,22 +87,24 @@ impl Receptions {
         } else if links::has_shape(table).is_ok() {
             let links = links::read(table)?;
             if links.readings.is_aggregated {
-                return Err("counts frames over some time: it must say of each when it was heard"
-                    .to_owned());
+                return Err(
+                    "aggregates frames over time; give one row per frame, with its time".to_owned()
+                );
             }
             let heard = links.rows.iter().filter(|row| 0.0 < row.received);
             heard.map(|row| (row.time_s, row.time_s, row.tx, row.rx, row.rssi_dbm)).collect()
         } else {
             return Err(
-                "says not who heard whom and when: needs time_s, source, destination and received_s, or time_s, tx, rx, rssi_dbm \
-                 and received"
+                "has no receptions: it needs the columns time_s, source, destination and received_s, or time_s, tx, rx, \
+                 rssi_dbm and received"
                     .to_owned(),
             );
         };
         let most = rows.iter().map(|row| row.2.max(row.3)).max().unwrap_or_default();
         if n_agents <= most as usize {
             return Err(format!(
-                "names agent {most}, the experiment has {n_agents} agents: 0 to {}. Are agents numbered otherwise there?",
+                "mentions agent {most}, but the experiment has {n_agents} agents, 0 to {}; renumber the agents, or set \
+                 experiment.agents",
                 n_agents - 1
             ));
         }
@@ -122,7 +124,7 @@ impl Receptions {
             .collect();
         let heard = Self::from_unsorted(deliveries);
         if heard.deliveries.is_empty() {
-            return Err(format!("nobody heard anybody from {from_s} s on"));
+            return Err(format!("has no reception after {from_s} s"));
         }
         Ok(Self { n_rows: table.n_rows(), ..heard })
     }
@@ -240,7 +242,8 @@ fn is_whole(run: &Path) -> Result<(), String> {
     let every = of("every_steps").and_then(toml::Value::as_integer).unwrap_or(1);
     if !["heard", "all"].contains(&links) || every != 1 {
         return Err(format!(
-            "{}: the run has not kept all that was heard (output.links = {links:?}, every_steps = {every}): needs \"heard\" and 1",
+            "{}: the run did not record all receptions (output.links = {links:?}, every_steps = {every}); record it with \
+             links = \"heard\" and every_steps = 1",
             run.display()
         ));
     }
@@ -300,7 +303,10 @@ mod tests {
     fn what_does_not_say_who_heard_whom_and_when_is_refused() {
         for (text, part) in [
             ("time_s,agent\n0,1\n", "received_s"),
-            ("time_s,tx,rx,channel,rssi_dbm,frames,pdr\n0,0,1,11,-60,10,0.5\n", "of each when"),
+            (
+                "time_s,tx,rx,channel,rssi_dbm,frames,pdr\n0,0,1,11,-60,10,0.5\n",
+                "one row per frame",
+            ),
         ] {
             let error = Receptions::of_table(&table(text), 3, 0.0).unwrap_err();
             assert!(error.contains(part), "{error}");
@@ -310,6 +316,6 @@ mod tests {
         let error = Receptions::of_table(&table(&text), 3, 0.0).unwrap_err();
         assert!(error.contains("agent 7") && error.contains("0 to 2"), "{error}");
         let error = Receptions::of_table(&table(&text), 9, 99.0).unwrap_err();
-        assert!(error.contains("from 99 s on"), "{error}");
+        assert!(error.contains("after 99 s"), "{error}");
     }
 }

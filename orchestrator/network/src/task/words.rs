@@ -14,7 +14,8 @@ use numbers::format::{capitalised, number};
 use std::fmt::Write as _;
 
 /// What goes with neither.
-const NEITHER: &str = "robots that are elsewhere hear others: what the model's network delivers differs along the measured tracks, which goes with neither";
+const NEITHER: &str = "the model's network delivers other messages along the measured tracks than along the simulated \
+                       ones; this difference is attributed to neither";
 
 /// The names of the parts.
 const PARTS: [&str; 3] = ["network", "robot", "neither"];
@@ -40,40 +41,42 @@ fn placement_text(placing: RunPlacement, value: &dyn Fn(usize) -> f64, runs: &Ta
 fn sentence(split: &TaskSplit) -> (TaskVerdict, String) {
     let network = placement_text(split.network, &|k| split.heard.mean(k), &split.own);
     let robot = placement_text(split.robot, &|k| split.measured.values[k], &split.heard);
-    let differs = "what these robots did is no run of the model";
+    let differs = "the robots' behaviour is inconsistent with the model";
     match (split.network.is_found(), split.robot.is_found()) {
         (true, false) => (
             TaskVerdict::Network,
             format!(
-                "the error is the network's: with what was heard the model's robots go elsewhere than with what its network delivers \
-                 along the same tracks ({network}), and they then do what was measured ({robot})"
+                "the network causes the error: with the measured receptions, the model's robots deviate from their motion \
+                 with its own network along the same tracks ({network}), and then match the measured robots ({robot})"
             ),
         ),
         (false, true) => (
             TaskVerdict::Robot,
             format!(
-                "the error is the robots': with all that was heard the model's robots do something else ({robot}); the network is not \
-                 to blame ({network})"
+                "the robots cause the error: even with the measured receptions, the model's robots deviate from the \
+                 measured ones ({robot}), and the network has no significant part ({network})"
             ),
         ),
         (true, true) => (
             TaskVerdict::Both,
             format!(
-                "network and robots are both wrong: what was heard is not what the model's network delivers along the same tracks \
-                 ({network}), and with it the model's robots do something else ({robot})"
+                "network and robots both cause the error: the measured receptions differ from those of the model's network \
+                 along the same tracks ({network}), and with them the model's robots deviate from the measured ones \
+                 ({robot})"
             ),
         ),
         (false, false) if split.model.p_value <= LEVEL => (
             TaskVerdict::Open,
             format!(
-                "{differs} (p = {:.3}), and neither the network ({network}) nor the robots ({robot}) are more than chance by themselves",
+                "{differs} (p = {:.3}), but neither the part of the network ({network}) nor that of the robots ({robot}) \
+                 is significant by itself",
                 split.model.p_value
             ),
         ),
         (false, false) => (
             TaskVerdict::Agrees,
             format!(
-                "what these robots did could be one more run of the model (p = {:.3}): nothing is to be split",
+                "the robots' behaviour is consistent with the model (p = {:.3}), so there is no error to attribute",
                 split.model.p_value
             ),
         ),
@@ -189,10 +192,11 @@ pub fn text(split: &TaskSplit) -> String {
     let [whole, own, heard] =
         [&split.whole, &split.own, &split.heard].map(|runs| number(runs.off_m));
     let _ =
-        writeln!(text, "{:<24} {:>10} {whole:>12} {own:>12} {heard:>12}", "places off by (m)", "");
+        writeln!(text, "{:<24} {:>10} {whole:>12} {own:>12} {heard:>12}", "position error (m)", "");
     let _ = write!(
         text,
-        "own network: robots hear what the model's network delivers along the measured tracks; as heard: what was heard\n{}\n\n{}",
+        "own network: robots receive what the model's network delivers along the measured tracks; as heard: the measured \
+         receptions\n{}\n\n{}",
         capitalised(NEITHER),
         capitalised(&sentence(split).1)
     );

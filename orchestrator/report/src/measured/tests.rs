@@ -179,7 +179,7 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
         "Log loss of reception, effect by effect",
         "3.50 to 4.50",
         "class=\"found\"",
-        "cannot be told from shadowing",
+        "is indistinguishable from shadowing",
         "Send on channel 11",
         "<code>1 + height</code>",
         "needs heights",

@@ -105,7 +105,8 @@ pub(super) fn parameters(contents: &Contents<'_>) -> Option<Markup> {
     Some(html! {
         h2 { "Their parameters" }
         p {
-            "As fitted to all rows, with 90 % intervals: where an interval is wide, these data say little. "
+            "As fitted to all rows, with 90 % intervals: a wide interval means that these data determine the parameter \
+             poorly. "
             code { "orchestrator extend" } " writes them into a configuration."
         }
         table {
@@ -143,10 +144,12 @@ pub(super) fn parameters(contents: &Contents<'_>) -> Option<Markup> {
 fn curve_in_words(name: &str) -> &'static str {
     match name.strip_prefix(LOSS_CURVE) {
         Some(CONSTANT) => {
-            "a share of the frames, the same in every row: how large is said below, where What is left is"
+            "a share of the frames, the same in every row; its size is given below, under Unexplained structure"
         }
-        Some(_) => "a share of the frames, as a smooth curve: said below, where What is left is",
-        None => "a smooth curve, see the pictures below",
+        Some(_) => {
+            "a share of the frames, as a smooth curve; it is given below, under Unexplained structure"
+        }
+        None => "a smooth curve; see the plots below",
     }
 }
 
@@ -169,11 +172,11 @@ pub(crate) fn ties_of<'a>(
     next: impl Iterator<Item = &'a str>,
 ) -> Option<Markup> {
     let ties = candidates.filter(|(_, others)| !others.is_empty()).map(|(effect, others)| {
-        format!("{effect} cannot be told from {} on these data", others.join(", "))
+        format!("{effect} is indistinguishable from {} on these data", others.join(", "))
     });
     let lines: Vec<String> = ties.chain(next.map(str::to_owned)).collect();
     let list = html! {
-        h2 { "Ties, and what would break them" }
+        h2 { "Ties, and measurements that would break them" }
         ul { @for line in &lines { li { (capitalised(line)) } } }
     };
     (!lines.is_empty()).then_some(list)
@@ -185,13 +188,13 @@ pub(super) fn left_over(contents: &Contents<'_>) -> Option<Markup> {
     let structure = &diagnosis.unexplained;
     let is_searched = diagnosis.kind == Subject::Links && diagnosis.too_little.is_none();
     Some(html! {
-        h2 { "What is left" }
+        h2 { "Unexplained structure" }
         @if !structure.is_empty() {
             ul { @for entry in structure { li { (left_over_in_words(entry)) } } }
         } @else if is_searched {
-            p { "Nothing that is left depends on any covariate beyond what chance does." }
+            p { "No covariate explains a significant part of the residuals." }
         } @else {
-            p { "It was not searched for structure: the pictures below show the error over each covariate." }
+            p { "The residuals were not searched for structure; the plots below show the error over each covariate." }
         }
     })
 }
@@ -200,7 +203,7 @@ fn left_over_in_words(entry: &Structure) -> Markup {
     let [what, error] = if entry.is_of_losses() {
         ["the share of frames lost", "the log loss of reception"]
     } else {
-        ["it", "what was left"]
+        ["it", "the residual error"]
     };
     html! {
         "There is " (entry.named()) ", which no known effect explains: " (percent(entry.share())) " of " (error)
