@@ -44,11 +44,11 @@ pub struct BenchOptions {
 /// A table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Which {
-    /// Control steps over propagation alone
+    /// Control steps with propagation only
     Propagation,
-    /// Control periods over the full protocols
+    /// Control periods with the full protocol stack
     Swarm,
-    /// Hours of standing sensor networks
+    /// One hour of stationary sensor networks
     Standing,
 }
 

@@ -171,7 +171,11 @@ fn finished<S: Study>(kind: RowKind, facts: Facts, study: &S, account: DataAccou
             let blocks = study.blocks(candidate.level);
             (!blocks.suffices()).then(|| {
                 let few = study::folds::FEWEST_BLOCKS;
-                format!("has {} {}, needs at least {few}", blocks.n_scored(), blocks.unit)
+                format!(
+                    "requires at least {few} {1}; the data have {0}",
+                    blocks.n_scored(),
+                    blocks.unit
+                )
             })
         }
     };

@@ -27,52 +27,52 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Runs experiments on robot swarms that talk over a radio mesh
+/// Simulate robot swarms that communicate over a radio mesh, and find missing physics from measurements
 ///
-/// Two simulators run as processes of their own, one for the robots and one for the network, and are kept in step.
-/// Exit status: 0 done, 1 the work failed, 2 the request was wrong.
+/// The orchestrator runs a robot simulator and a network simulator as separate processes and keeps them in step. Exit
+/// status: 0 success; 1 the command failed while it worked; 2 the request or its input is invalid.
 #[derive(Parser)]
 #[command(name = "orchestrator", version)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// What to log on standard error: error, warn, info, debug, trace, or a filter such as netsim=debug
+    /// Set the log level on standard error: error, warn, info, debug, trace, or a filter such as netsim=debug
     #[arg(long, global = true, value_name = "FILTER", default_value = "warn")]
     log: String,
-    /// Log as JSON, one object a line
+    /// Log as JSON, one object per line
     #[arg(long, global = true)]
     log_json: bool,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run an experiment
+    /// Run an experiment and record it
     Run(RunArgs),
-    /// Run many experiments that differ in what [sweep] of the file says
+    /// Run one experiment under many settings and seeds, as the section [sweep] of the file says
     Sweep(sweeps::SweepArgs),
-    /// Find out what changed from one run to another, or from one sweep to another
+    /// Compare the results of two runs or of two sweeps
     CompareRuns(sweeps::CompareRunsArgs),
-    /// Check an experiment file without running it, or measurements without fitting anything
+    /// Check an experiment file without running it, or measurements without fitting a model
     Check(check::CheckArgs),
     /// Print the JSON Schema of experiment files, or with --of that of an answer
     Schema(schema::SchemaArgs),
-    /// List the physical effects there are, or explain one
+    /// List the physical effects, or explain one
     Effects(EffectsArgs),
-    /// Check that a recorded run is whole and agrees with itself
+    /// Check that a recorded run is complete and consistent
     Verify(VerifyArgs),
-    /// Ask a running simulator whether it keeps the contract
+    /// Test whether a running simulator conforms to the contract
     Conformance(ConformanceArgs),
-    /// Find out how wrong a model is, and where, from measurements
+    /// Measure how large a model's error is, and under which conditions
     Compare(measured::CompareArgs),
-    /// Add a missing effect to a configuration, fitted to measurements
+    /// Fit a missing effect to measurements and add it to a configuration
     Extend(measured::ExtendArgs),
-    /// Find out which physical effect a model lacks, from measurements
+    /// Find the physical effects that a model lacks, from measurements
     Diagnose(measured::AnswerArgs),
-    /// Make the campaign that a model would have measured, in place of a real one
+    /// Simulate a measurement campaign from a model
     Simulate(simulate::SimulateArgs),
-    /// Find out how large an effect a campaign would show
+    /// Estimate how large an effect must be for a campaign to detect it
     Power(power::PowerArgs),
-    /// Measure speed through the real processes
+    /// Measure the speed of the simulators
     Bench(BenchArgs),
     /// Serve the network simulator
     #[command(hide = true)]
@@ -88,18 +88,18 @@ struct FileArgs {
     config: PathBuf,
     #[command(flatten)]
     change: OverrideArgs,
-    /// Write what was found as JSON
+    /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
-/// What is put over an experiment file.
+/// Options that override keys of an experiment file.
 #[derive(Args)]
 struct OverrideArgs {
-    /// Set a key of the file: netsim.phy.propagation=friis. May be given several times
+    /// Override a key of the file, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Seed of every random draw, in place of the file's
+    /// Override the seed of all random draws
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Use the network simulator at this URL instead of starting one
@@ -115,13 +115,13 @@ struct OverrideArgs {
 /// Certificates for https URLs.
 #[derive(Args)]
 struct TlsArgs {
-    /// Authority that signed the certificates of simulators at https URLs (PEM)
+    /// Certificate authority that signed the simulators' certificates (PEM); required for https URLs
     #[arg(long, value_name = "FILE")]
     tls_ca: Option<PathBuf>,
-    /// Our certificate, where they ask for one (PEM)
+    /// Client certificate (PEM), for simulators that require one
     #[arg(long, value_name = "FILE", requires_all = ["tls_key", "tls_ca"])]
     tls_cert: Option<PathBuf>,
-    /// Its private key (PEM)
+    /// Private key of the client certificate (PEM)
     #[arg(long, value_name = "FILE", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
 }
@@ -149,50 +149,50 @@ impl OverrideArgs {
 struct RunArgs {
     #[command(flatten)]
     file: FileArgs,
-    /// Folder of results: the run gets a folder of its name in it
+    /// Folder for results; the run is recorded in a subfolder with the experiment's name
     #[arg(long, value_name = "DIR", default_value = "runs")]
     out: PathBuf,
-    /// Threads of each simulator; results do not depend on it [default: one per core]
+    /// Number of threads per simulator; results do not depend on it [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 }
 
 #[derive(Args)]
 struct EffectsArgs {
-    /// Explain this one [default: list all]
+    /// The effect to explain [default: list all]
     name: Option<String>,
-    /// Write what is said as JSON; - for standard output
+    /// Write the list or the explanation as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write the picture of the effect
+    /// Plot the effect to this file (SVG)
     #[arg(long, value_name = "FILE", requires = "name")]
     svg: Option<PathBuf>,
 }
 
 #[derive(Args)]
 struct VerifyArgs {
-    /// Folder of a run
+    /// Folder of the run
     run: PathBuf,
-    /// Write what was found as JSON
+    /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
 #[derive(Args)]
 struct ConformanceArgs {
-    /// Which of the two it is
+    /// Which kind of simulator to test
     side: ConformanceSide,
-    /// Where it runs
+    /// URL of the simulator
     url: String,
-    /// Its configuration: a file with its own keys at top level (TOML) [default: an empty one]
+    /// Configuration of the simulator (TOML), with its keys at the top level [default: empty]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Number of agents
+    /// Number of robots in the test
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     agents: u32,
     #[command(flatten)]
     tls: TlsArgs,
-    /// Write what was found as JSON
+    /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -207,22 +207,22 @@ enum ConformanceSide {
 
 #[derive(Args)]
 struct BenchArgs {
-    /// Only this table, with all its rows [default: propagation, and the small rows of the others]
+    /// Measure all rows of this table only [default: all rows of propagation and the small rows of the others]
     #[arg(long, value_name = "TABLE")]
     table: Option<bench::Which>,
-    /// Only rows of so many agents. May be given several times
+    /// Measure only rows with this number of agents. Repeatable
     #[arg(long, value_name = "N")]
     agents: Vec<u32>,
-    /// Steps measured per row [default: enough for a second]
+    /// Number of steps to measure per row [default: enough for one second]
     #[arg(long, value_name = "N")]
     steps: Option<u64>,
-    /// Measure with recording and parallel coupling as well
+    /// Also measure with recording and with parallel coupling
     #[arg(long)]
     all: bool,
-    /// Threads of each simulator [default: one per core]
+    /// Number of threads per simulator [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// Write the figures as JSON
+    /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -341,7 +341,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
             if let Some(agents) = options.agents.iter().find(|agents| !rows.contains(agents)) {
                 let rows: Vec<String> = rows.iter().map(u32::to_string).collect();
                 return Err(Failure::request(format!(
-                    "--agents {agents}: the rows are {}",
+                    "--agents {agents}: no row has this number of agents; choose from {}",
                     rows.join(", ")
                 )));
             }
@@ -379,7 +379,7 @@ fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     write_json(args.file.json.as_deref(), &report.finished.summary)?;
     if report.interrupted {
         return Err(Failure::work(format!(
-            "interrupted after step {}: what was recorded until then is kept",
+            "interrupted after step {}; the recording up to this step is kept",
             report.n_steps
         )));
     }
@@ -401,7 +401,7 @@ fn describe(report: &RunReport) {
     }
     say(format!("results in {}", report.finished.dir.display()));
     if let Some(page) = &report.finished.report {
-        say(format!("look at {}", page.display()));
+        say(format!("open {}", page.display()));
     }
 }
 
@@ -409,7 +409,7 @@ fn describe(report: &RunReport) {
 fn highlights(summary: &RunSummary) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(baseline) = &summary.baseline {
-        lines.push(format!("{baseline}: robots knew the true state of all others"));
+        lines.push(format!("{baseline}: each robot knew the true state of all others"));
     }
     lines.extend(summary.kpis.iter().flat_map(of_packets));
     lines.extend(summary.task.iter().flat_map(of_task));
@@ -481,7 +481,9 @@ fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {
     if let Some(path) = &args.svg {
         let name = args.name.as_deref().unwrap_or_default();
         let picture = found.iter().find_map(effects::Listed::picture).ok_or_else(|| {
-            Failure::request(format!("--svg: {name} has no picture: it acts on robots"))
+            Failure::request(format!(
+                "--svg: {name} acts on robots, and only radio effects have a plot; leave out --svg"
+            ))
         })?;
         write_whole("--svg", path, &picture.svg(name))?;
     }
@@ -505,9 +507,9 @@ fn verify_command(args: &VerifyArgs) -> Result<(), Failure> {
     write_json(args.json.as_deref(), &report)?;
     let (files, steps, digests) = (report.files.len(), report.steps, report.digests);
     let counted =
-        format!("{files} files whole, {steps} steps, {digests} digests computed again and equal");
+        format!("{files} files intact, {steps} steps, {digests} digests recomputed and equal");
     if report.problems.is_empty() {
-        say(format!("{}: good. {counted}", args.run.display()));
+        say(format!("{}: valid. {counted}", args.run.display()));
         Ok(())
     } else {
         Err(Failure::work(format!(
@@ -540,7 +542,10 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
     if found.is_good() {
         Ok(())
     } else {
-        Err(Failure::work(format!("{} breaks the contract", found.name)))
+        Err(Failure::work(format!(
+            "{} violates the contract; see the checks marked BROKEN",
+            found.name
+        )))
     }
 }
 
@@ -562,7 +567,7 @@ fn place_for(option: &str, path: &Path) -> Result<tempfile::NamedTempFile, Strin
     let folder =
         path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if path.is_dir() {
-        return Err(format!("{option} {}: is a folder", path.display()));
+        return Err(format!("{option} {}: is a folder; give the path of a file", path.display()));
     }
     tempfile::NamedTempFile::new_in(folder).map_err(|error| {
         format!("{option} {}: {}", path.display(), std::io::Error::from(error.kind()))

@@ -23,7 +23,7 @@ pub enum CompareRunsError {
     },
     /// Trials of one cannot be told apart by what the other varies.
     #[error(
-        "{} varies {}, which {} does not: its trials have no partners of their own",
+        "{} varies {}, which {} does not vary, so its trials cannot be paired one to one; compare sweeps over the same keys",
         path.display(), keys.join(", "), other.display()
     )]
     Settings {
@@ -36,7 +36,8 @@ pub enum CompareRunsError {
     },
     /// No trial of one has a partner in the other.
     #[error(
-        "no trial of {} has a partner in {}: the same settings with the same seeds. Its seeds are {a}, the other's {b}",
+        "no trial of {} has a partner in {} with the same setting and seed. The seeds are {a} in the first and {b} in the \
+         second; run both with common seeds",
         paths[0].display(), paths[1].display()
     )]
     NoPairs {

@@ -105,7 +105,7 @@ impl fmt::Display for Conformance {
             .filter(|f| matches!(f.verdict, ContractVerdict::Broken(_)))
             .count();
         let kept = self.findings.iter().filter(|f| f.verdict == ContractVerdict::Kept).count();
-        write!(f, "{}: {kept} promises kept, {broken} broken", self.name)
+        write!(f, "{}: {kept} checks passed, {broken} failed", self.name)
     }
 }
 
@@ -161,23 +161,23 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
     let first = session.run(1).await;
     let digests_good = first.as_ref().map(|_| ()).map_err(Clone::clone);
     if !found(
-        "Step replies for the step and time asked, in whole, finite columns; Barrier has the digest",
+        "Step replies for the requested step and time, with complete and finite columns; Barrier has the digest",
         digests_good,
     ) {
         return Ok(Conformance { name, findings });
     }
     let first = first.unwrap_or_default();
-    found("the latest step repeated gives the same reply", session.repeats(&first).await);
+    found("repeating the latest step gives the same reply", session.repeats(&first).await);
     found(
-        "another step, or time going back, is FAILED_PRECONDITION and changes nothing",
+        "another step or an earlier time is refused with FAILED_PRECONDITION and changes nothing",
         session.order().await,
     );
     found("the same seed gives the same replies after Configure", session.same(1, &first).await);
     if described.session {
-        found("a session gives what single calls give", session.streams(&first).await);
+        found("a session gives the same replies as single calls", session.streams(&first).await);
     } else {
         findings.push(Finding {
-            promise: "a session gives what single calls give",
+            promise: "a session gives the same replies as single calls",
             verdict: ContractVerdict::NotAnnounced,
         });
     }
@@ -230,7 +230,7 @@ impl<S: Probe> Questions<'_, S> {
             let standing = self.barrier(step).await?;
             if (standing.step, standing.time_ns) != (step, step * STEP_NS) {
                 return Err(format!(
-                    "after step {step} Barrier says step {}, {} ns",
+                    "after step {step} Barrier reports step {}, {} ns",
                     standing.step, standing.time_ns
                 ));
             }
@@ -265,7 +265,7 @@ impl<S: Probe> Questions<'_, S> {
         let wrong = [
             (N_STEPS - 1, (N_STEPS - 1) * STEP_NS, "an older step"),
             (N_STEPS + 2, (N_STEPS + 2) * STEP_NS, "a step that skips one"),
-            (N_STEPS + 1, N_STEPS * STEP_NS, "time that stands still"),
+            (N_STEPS + 1, N_STEPS * STEP_NS, "a step that does not advance time"),
         ];
         for (step, until_ns, what) in wrong {
             let request = S::step_request(step, until_ns, self.n as usize);
@@ -278,7 +278,7 @@ impl<S: Probe> Questions<'_, S> {
         if self.barrier(N_STEPS).await? == before {
             Ok(())
         } else {
-            Err("it stands elsewhere afterwards".to_owned())
+            Err("the refused request changed its step or time".to_owned())
         }
     }
 
@@ -320,14 +320,14 @@ impl<S: Probe> Questions<'_, S> {
         if standing.step == N_STEPS {
             Ok(())
         } else {
-            Err("it stands elsewhere afterwards".to_owned())
+            Err("the refused request changed its step or time".to_owned())
         }
     }
 }
 
 async fn within<T>(call: impl Future<Output = Result<T, Status>>) -> Result<T, Status> {
     tokio::time::timeout(DEADLINE, call).await.unwrap_or_else(|_| {
-        Err(Status::deadline_exceeded(format!("no answer for {} s", DEADLINE.as_secs())))
+        Err(Status::deadline_exceeded(format!("no reply within {} s", DEADLINE.as_secs())))
     })
 }
 

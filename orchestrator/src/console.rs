@@ -126,7 +126,7 @@ impl Progress {
             return;
         }
         let mut line = format!(
-            "the network forms: {} of {n} motes take part  {:.1} s simulated of at most {} s",
+            "network formation: {} of {n} motes ready  {:.1} s simulated of at most {} s",
             n.saturating_sub(formation.missing.len()),
             seconds(time_ns),
             seconds(limit_ns)

@@ -46,7 +46,7 @@ pub enum RunError {
         kept: Option<Box<Finished>>,
     },
     /// The network has not formed in time.
-    #[error("{account}\nwhat was recorded until then is in {}", kept.dir.display())]
+    #[error("{account}\nthe partial recording is in {}", kept.dir.display())]
     NotFormed {
         /// Who is missing, and why.
         account: String,
@@ -54,7 +54,7 @@ pub enum RunError {
         kept: Box<Finished>,
     },
     /// Someone stopped it before the first step.
-    #[error("stopped by {signal} before the first step: nothing was recorded")]
+    #[error("stopped by {signal} before the first step; nothing was recorded")]
     Interrupted {
         /// The signal.
         signal: &'static str,
@@ -71,7 +71,7 @@ pub enum RunError {
 
 fn kept_text(kept: &Option<Box<Finished>>) -> String {
     kept.as_ref().map_or_else(String::new, |kept| {
-        format!("\nwhat was recorded until then is in {}", kept.dir.display())
+        format!("\nthe partial recording is in {}", kept.dir.display())
     })
 }
 

@@ -64,7 +64,7 @@ pub enum SweepError {
         url: String,
     },
     /// The folder holds something else.
-    #[error("{} is not the folder of a sweep: choose another with --out, or another experiment.name", .0.display())]
+    #[error("{} exists and is not the folder of a sweep; choose another folder with --out, or another experiment.name", .0.display())]
     Foreign(PathBuf),
     /// The journal cannot be kept.
     #[error(transparent)]
@@ -81,7 +81,7 @@ pub enum SweepError {
         error: Box<RunError>,
     },
     /// Someone stopped it.
-    #[error("stopped by {signal} after {done} of {n} trials: the same command goes on from there")]
+    #[error("stopped by {signal} after {done} of {n} trials; run the same command again to resume")]
     Interrupted {
         /// The signal.
         signal: &'static str,
@@ -91,7 +91,7 @@ pub enum SweepError {
         n: usize,
     },
     /// Some trials failed, twice each.
-    #[error("{} of {n} trials failed; the same command tries them again. {}: {}", failed.len(), failed[0].0, failed[0].1)]
+    #[error("{} of {n} trials failed; run the same command again to retry them. {}: {}", failed.len(), failed[0].0, failed[0].1)]
     Failed {
         /// Which, and why.
         failed: Vec<(String, String)>,

@@ -133,7 +133,7 @@ fn odd_links_are_used_with_a_warning_that_says_what_it_does() {
         (
             "a column with a name that answers use",
             Sheet { names: good().names.iter().map(called).collect(), ..good() },
-            &["the column constant is left out", "Name the column otherwise"],
+            &["the column constant is ignored", "rename the column"],
         ),
         (
             "some readings are positive",
@@ -141,7 +141,7 @@ fn odd_links_are_used_with_a_warning_that_says_what_it_does() {
                 "rssi_dbm",
                 |row, n| if row % 50 == 0 { "3".into() } else { n.to_string() },
             ),
-            &["rssi_dbm is positive in", "pull levels"],
+            &["rssi_dbm is positive in", "bias means and noise"],
         ),
         (
             "headings in degrees",
@@ -151,7 +151,7 @@ fn odd_links_are_used_with_a_warning_that_says_what_it_does() {
         (
             "times in milliseconds",
             good().change("time_s", |_, n| format!("{:.0}", n * 1000.0)),
-            &["milliseconds", "off by a thousand"],
+            &["milliseconds", "by 1000"],
         ),
         (
             "a short campaign in milliseconds",
@@ -161,7 +161,7 @@ fn odd_links_are_used_with_a_warning_that_says_what_it_does() {
         (
             "tx and rx exchanged in some rows",
             good().exchange("tx", "rx", |row| row % 10 == 0),
-            &["at two places at the same time", "wrong"],
+            &["in two places at the same time", "wrong"],
         ),
         (
             "ends exchanged throughout",
@@ -171,23 +171,23 @@ fn odd_links_are_used_with_a_warning_that_says_what_it_does() {
                     sheet.exchange(&format!("tx_{part}"), &format!("rx_{part}"), |_| true)
                 },
             ),
-            &["several motes send", "wrong end"],
+            &["several motes send", "attributed to the other"],
         ),
-        ("rows twice", twice, &["30 rows stand in the file twice", "more certain"]),
+        ("rows twice", twice, &["30 rows are duplicates", "too narrow"]),
         (
             "a constant covariate",
             good().change("temperature_c", |_, _| "20".into()),
-            &["temperature_c is 20 throughout"],
+            &["temperature_c is 20 in every row"],
         ),
         (
             "one channel",
             good().change("channel", |_, _| "26".into()),
-            &["channel is 26 throughout", "cannot be tested"],
+            &["channel is 26 in every row", "cannot be tested"],
         ),
         (
             "time runs backwards",
             Sheet { rows: good().rows.into_iter().rev().collect(), ..good() },
-            &["time_s runs backwards"],
+            &["time_s decreases"],
         ),
         ("all received", is_heard, &["every frame was received", "cannot be tested"]),
         (
@@ -200,12 +200,12 @@ fn odd_links_are_used_with_a_warning_that_says_what_it_does() {
         (
             "a mote that is deaf",
             good().keep(|sheet, fields| rx(sheet, fields) != 4.0 || received(sheet, fields) == 0.0),
-            &["mote 4: never receives anything"],
+            &["mote 4: never receives a frame"],
         ),
         (
             "a handful of pairs",
             good().keep(|sheet, fields| tx(sheet, fields) < 6.0 && rx(sheet, fields) < 6.0),
-            &["15 pairs of nodes, at least 20", "path-loss-exponent"],
+            &["only 15 pairs of nodes; at least 20", "path-loss-exponent"],
         ),
     ];
     for (name, sheet, parts) in cases {
@@ -225,7 +225,7 @@ fn links_that_carry_nothing_are_refused() {
         (
             "none received",
             good().change("received", |_, _| "0".into()).change("rssi_dbm", |_, _| String::new()),
-            &["no frame of", "was received"],
+            &["no frame was received", "to compare with"],
         ),
         (
             "infinities",
@@ -238,9 +238,13 @@ fn links_that_carry_nothing_are_refused() {
                 names: good().names.iter().map(|n| n.replace("rssi_dbm", "rssi_db")).collect(),
                 ..good()
             },
-            &["neither link samples", "rssi_dbm: is it rssi_db?"],
+            &["match no kind of measurements", "rssi_dbm (did you mean the column rssi_db?)"],
         ),
-        ("empty", Sheet { rows: Vec::new(), ..good() }, &["no frame of 0 usable rows"]),
+        (
+            "empty",
+            Sheet { rows: Vec::new(), ..good() },
+            &["no frame was received in 0 usable rows"],
+        ),
     ];
     for (name, sheet, parts) in cases {
         let refusal = sheet.refusal();
@@ -259,14 +263,14 @@ fn odd_robots_are_used_with_a_warning_and_useless_ones_refused() {
     twice.rows.extend_from_within(..30);
     let cases: [(&str, Sheet, &str); 6] = [
         ("jump", good().change("x_m", jump), "positions jump"),
-        ("twice", twice, "30 rows stand in the file twice"),
+        ("twice", twice, "30 rows are duplicates"),
         ("missing", good().keep(|sheet, row| agent(sheet, row) != "1"), "robots 1 never appear"),
         (
             "still",
             good().change("x_m", |row, n| if row < 400 { "5".into() } else { n.to_string() }),
-            "robots 0: stand on the spot",
+            "robots 0 never move",
         ),
-        ("short", Sheet { rows: good().rows[..60].to_vec(), ..good() }, "too few to tell anything"),
+        ("short", Sheet { rows: good().rows[..60].to_vec(), ..good() }, "so no effect is accepted"),
         ("constant", good().change("cmd_vx_mps", |_, _| "1".into()), "command never changes"),
     ];
     for (name, sheet, part) in cases {

@@ -204,26 +204,29 @@ fn choices_that_cannot_be_are_refused_with_the_nearest_that_can() {
     let window = |window_s| Choices { window_s: Some(window_s), ..Choices::default() };
     for (error, parts) in [
         (of_links(condition("distanc_m < 5")), &["--where", "distance_m?", "\n    ^"][..]),
-        (of_links(condition("rssi_dbm > 0")), &["holds on none of 1200 rows"]),
+        (of_links(condition("rssi_dbm > 0")), &["no row satisfies", "1200 rows checked"]),
         (of_links(split(SplitBy::Place)), &["no node moves", "--split pair"]),
-        (of_links(window(2.0)), &["--window", "link data"]),
+        (of_links(window(2.0)), &["--window", "link samples"]),
         (
             of_links(Choices { fit_runs: vec![1], score_runs: vec![4], ..Choices::default() }),
-            &["--score-runs: there is no run 4, the nearest is 2"],
+            &["--score-runs: the data have no run 4 (nearest valid: 2)"],
         ),
         (
             of_links(Choices { fit_runs: vec![1, 2], ..Choices::default() }),
-            &["--fit-runs", "none is left to be scored"],
+            &["--fit-runs", "no run is left to be scored"],
         ),
-        (of_robots(split(SplitBy::Pair)), &["one by one", "--split node"]),
+        (of_robots(split(SplitBy::Pair)), &["have no pairs", "--split node"]),
         (
             of_robots(split(SplitBy::Node)),
-            &["all windows are of one of the robots", "--split time"],
+            &["all windows belong to one of the robots", "--split time"],
         ),
         (of_robots(window(0.01)), &["0.1"]),
-        (of_robots(window(60.0)), &["the longest track lasts 19.9", "is 19.9"]),
+        (
+            of_robots(window(60.0)),
+            &["longer than the longest track of 19.9", "nearest valid: 19.9"],
+        ),
         (of_robots(window(f64::NAN)), &["--window NaN", "0.1"]),
-        (of_robots(condition("cmd_vx_mps >")), &["missing at the end"]),
+        (of_robots(condition("cmd_vx_mps >")), &["expected a number, a name or ( at the end"]),
     ] {
         for part in parts {
             assert!(error.contains(part), "{part:?} is not in: {error}");
@@ -259,7 +262,7 @@ fn the_command_line_takes_them_and_refuses_what_it_does_not_know() {
     ]);
     assert!(good.status.success(), "{}", tests::said(&good));
     let said = tests::said(&good);
-    assert!(said.contains("--where \"distance_m < 5\" does not hold"), "{said}");
+    assert!(said.contains("--where \"distance_m < 5\" is not satisfied"), "{said}");
     let json = std::fs::read_to_string(folder.path().join("found.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["unit"], "pairs of nodes");
@@ -268,7 +271,7 @@ fn the_command_line_takes_them_and_refuses_what_it_does_not_know() {
     for (args, part) in [
         (&["--split", "pairs"][..], "a similar value exists: 'pair'"),
         (&["--fit-runs", "1,x"], "invalid"),
-        (&["--where", "distance_m < 5 &"], "it is and"),
+        (&["--where", "distance_m < 5 &"], "use and"),
         (&["--window", "1"], "leave it out"),
     ] {
         let refused = compare(args);

@@ -47,7 +47,10 @@ fn what_is_wrong_with_others_is_found() {
         assert_eq!(status, Some(1), "{fault:?}: {findings:?}");
         let broken: Vec<_> = findings.iter().filter(|(_, verdict)| verdict == "broken").collect();
         assert_eq!(broken.len(), 1, "{fault:?}: {findings:?}");
-        assert!(broken[0].0.starts_with("Step replies for the step and time asked"), "{broken:?}");
+        assert!(
+            broken[0].0.starts_with("Step replies for the requested step and time"),
+            "{broken:?}"
+        );
     }
     let (status, findings) = ask("netsim", &Faulty::network(Fault::OtherVersion).url, NETWORK);
     assert_eq!(status, Some(1), "{findings:?}");
@@ -62,7 +65,7 @@ fn robots_that_do_not_stand_still_when_told_to_are_found() {
         let (status, findings) = ask("robotsim", &Faulty::robots(fault).url, ROBOTS);
         assert_eq!(status, Some(status_expected), "{fault:?}: {findings:?}");
         let (promise, verdict) = findings.last().unwrap();
-        assert!(promise.starts_with("told to hold, robots stand still"), "{fault:?}: {promise}");
+        assert!(promise.starts_with("with hold, robots stand still"), "{fault:?}: {promise}");
         assert_eq!(verdict, said, "{fault:?}: {findings:?}");
         // Whoever does not hold keeps every other promise.
         let others = &findings[..findings.len() - 1];

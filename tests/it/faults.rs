@@ -129,13 +129,13 @@ fn robots_that_are_killed_are_named() {
         "robotsim",
         "-KILL",
         Duration::from_secs(5),
-        &["robotsim: its process ended", "SIGKILL"],
+        &["robotsim: the process ended", "SIGKILL"],
     );
 }
 
 #[test]
 fn a_network_that_is_killed_is_named() {
-    signalled("netsim", "-KILL", Duration::from_secs(5), &["netsim: its process ended", "SIGKILL"]);
+    signalled("netsim", "-KILL", Duration::from_secs(5), &["netsim: the process ended", "SIGKILL"]);
 }
 
 #[test]
@@ -144,7 +144,7 @@ fn robots_that_crash_are_named() {
         "robotsim",
         "-ABRT",
         Duration::from_secs(8),
-        &["robotsim: its process ended", "SIGABRT"],
+        &["robotsim: the process ended", "SIGABRT"],
     );
 }
 
@@ -154,18 +154,18 @@ fn a_network_that_exits_is_named() {
         "netsim",
         "-TERM",
         Duration::from_secs(5),
-        &["netsim: its process ended", "exit status 0"],
+        &["netsim: the process ended", "exit status 0"],
     );
 }
 
 #[test]
 fn robots_that_are_stopped_are_named() {
-    signalled("robotsim", "-STOP", Duration::from_secs(12), &["robotsim: hangs"]);
+    signalled("robotsim", "-STOP", Duration::from_secs(12), &["robotsim: does not respond"]);
 }
 
 #[test]
 fn a_network_that_is_stopped_is_named() {
-    signalled("netsim", "-STOP", Duration::from_secs(12), &["netsim: hangs"]);
+    signalled("netsim", "-STOP", Duration::from_secs(12), &["netsim: does not respond"]);
 }
 
 #[test]
@@ -206,24 +206,24 @@ fn lying(side: &str, url: &str, message: &[&str]) {
 #[test]
 fn robots_that_lie_are_named() {
     for (fault, message) in [
-        (Fault::WrongStep, &["robotsim: answered for step 2 when asked for step 3"][..]),
+        (Fault::WrongStep, &["robotsim: replied for step 2 instead of step 3"][..]),
         (
             Fault::WrongTime,
-            &["robotsim: stands at 120000001 ns after step 3, which ends at 120000000 ns"],
+            &["robotsim: its time is 120000001 ns after step 3, which ends at 120000000 ns"],
         ),
         (Fault::WrongDigest, &["robotsim: its digest of step 3 is abab"]),
         (
             Fault::ShortColumn,
-            &["robotsim: gave a malformed answer to step 3: states.x_m: must have 4 entries"],
+            &["robotsim: malformed reply to step 3: states.x_m: must have 4 entries"],
         ),
         (
             Fault::NotANumber,
             &[
-                "robotsim: gave a malformed answer to step 3: states.y_m[0]: must be finite and at most 1e12 in magnitude, got NaN",
+                "robotsim: malformed reply to step 3: states.y_m[0]: must be finite and at most 1e12 in magnitude, got NaN",
             ],
         ),
-        (Fault::Silent, &["robotsim: hangs: no answer to step 3"]),
-        (Fault::Slow, &["robotsim: no answer to step 3", "it is alive"]),
+        (Fault::Silent, &["robotsim: does not respond: no reply to step 3"]),
+        (Fault::Slow, &["robotsim: no reply to step 3", "it is alive"]),
     ] {
         lying("robotsim", &Faulty::robots(fault).url, message);
     }
@@ -232,22 +232,22 @@ fn robots_that_lie_are_named() {
 #[test]
 fn a_network_that_lies_is_named() {
     for (fault, message) in [
-        (Fault::WrongStep, &["netsim: answered for step 2 when asked for step 3"][..]),
+        (Fault::WrongStep, &["netsim: replied for step 2 instead of step 3"][..]),
         (
             Fault::WrongTime,
-            &["netsim: stands at 120000001 ns after step 3, which ends at 120000000 ns"],
+            &["netsim: its time is 120000001 ns after step 3, which ends at 120000000 ns"],
         ),
         (Fault::WrongDigest, &["netsim: its digest of step 3 is abab"]),
         (
             Fault::ShortColumn,
-            &["netsim: gave a malformed answer to step 3: deliveries.transmissions.sent_ns"],
+            &["netsim: malformed reply to step 3: deliveries.transmissions.sent_ns"],
         ),
         (
             Fault::NotANumber,
-            &["netsim: gave a malformed answer to step 3: deliveries.rssi_dbm: must be finite"],
+            &["netsim: malformed reply to step 3: deliveries.rssi_dbm: must be finite"],
         ),
-        (Fault::Silent, &["netsim: hangs: no answer to step 3"]),
-        (Fault::Slow, &["netsim: no answer to step 3", "it is alive"]),
+        (Fault::Silent, &["netsim: does not respond: no reply to step 3"]),
+        (Fault::Slow, &["netsim: no reply to step 3", "it is alive"]),
     ] {
         lying("netsim", &Faulty::network(fault).url, message);
     }

@@ -129,7 +129,9 @@ fn what_is_wrong_with_a_formula_is_said_and_nothing_written() {
         (
             links,
             &["--formula", "-a * air_c"],
-            &["a is neither known of these data nor a parameter: --parameter a=START:MIN:MAX"],
+            &[
+                "a is neither a covariate of these data nor a parameter; declare a parameter with --parameter a=START:MIN:MAX",
+            ],
         ),
         (
             links,
@@ -138,7 +140,7 @@ fn what_is_wrong_with_a_formula_is_said_and_nothing_written() {
         ),
         (links, &["--formula", "2 * (air_c"], &["( is not closed"]),
         (links, &["--effect", "system-gain", "--parameter", "b=1"], &["--formula"]),
-        (links, &["--formula", "a", "--parameter", "a=3:0:1"], &["nearest: 1"]),
+        (links, &["--formula", "a", "--parameter", "a=3:0:1"], &["nearest valid: 1"]),
         (robots, &["--formula", "load_g", "--target", "mean"], &["load_g", "\"mean\""]),
         (robots, &["--formula", "load_g"], &["did you mean load_kg?"]),
     ] {

@@ -186,7 +186,7 @@ fn what_changes_readings_is_told_to_be_untestable_and_moves_nothing() {
     let silent = |rows: &Rows| rows.links.rejected.iter().map(|it| it.rows).sum::<usize>();
     let n_all = (MOTES * (MOTES - 1) * 16) as usize;
     assert!(0 < silent(&one.rows) && one.n_rows() + silent(&one.rows) == n_all);
-    assert!(one.rows.links.rejected[0].reason.contains("nothing read"));
+    assert!(one.rows.links.rejected[0].reason.contains("no RSSI reading"));
 }
 
 #[test]

@@ -278,7 +278,7 @@ fn what_cannot_be_simulated_again_is_refused_with_the_reason() {
     write("far.csv", &rows.replace(",7,0,", ",17,0,"));
     write("some.csv", "time_s,agent,x_m,y_m\n0,0,0,0\n0,1,1,0\n");
     for (args, part) in [
-        (&["model.toml", "--data", "far.csv"][..], "name mote 17"),
+        (&["model.toml", "--data", "far.csv"][..], "mention mote 17"),
         (&["model.toml", "--data", "good.csv", "--positions", "some.csv"], "agents 2, 3, 4"),
         (&["model.toml", "--data", "good.csv", "--split", "time"], "--split time"),
         (&["plain.toml", "--data", "good.csv"], "6tisch"),

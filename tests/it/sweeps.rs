@@ -164,12 +164,12 @@ fn a_hundred_trials_cost_no_more_starts_than_there_are_jobs() {
     assert!(said.contains("100 trials in "), "{said}");
     assert!(said.contains(" 2 pairs of simulators started"), "{said}");
     let again = sweep(folder.path(), &["--set", "experiment.duration_s=0.2"]);
-    assert!(again.contains("100 trials, 100 of them done before"), "{again}");
+    assert!(again.contains("100 trials, 100 of them finished earlier"), "{again}");
     assert!(again.contains(" 0 pairs of simulators started"), "{again}");
     // More seeds: only those are run.
     let more = ["--set", "experiment.duration_s=0.2", "--set", "sweep.seeds=103"];
     let more = sweep(folder.path(), &more);
-    assert!(more.contains("103 trials, 100 of them done before"), "{more}");
+    assert!(more.contains("103 trials, 100 of them finished earlier"), "{more}");
 }
 
 #[test]
@@ -405,7 +405,7 @@ fn a_sweep_that_is_asked_to_stop_says_how_far_it_came_and_goes_on() {
         assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));
         let said = String::from_utf8(output.stderr).unwrap();
         assert!(said.contains("stopped by SIGTERM after "), "{said}");
-        assert!(said.contains(" of 8000 trials: the same command goes on from there"), "{said}");
+        assert!(said.contains(" of 8000 trials; run the same command again to resume"), "{said}");
     }
     let n = n_done();
     assert!(0 < n && n < 8000, "{n}");

@@ -103,7 +103,7 @@ fn mutual_tls_gives_the_same_recording_and_strangers_are_refused() {
         let output = go(tls, what);
         assert_eq!(output.status.code(), Some(2), "{what}: {}", tests::said(&output));
         assert!(
-            tests::said(&output).contains("cannot be reached at https://"),
+            tests::said(&output).contains("cannot reach https://"),
             "{what}: {}",
             tests::said(&output)
         );

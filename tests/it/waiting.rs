@@ -152,7 +152,7 @@ fn a_network_that_does_not_form_in_time_ends_the_run_with_who_is_missing_and_why
     for words in [
         "the network had not formed after 0.7 s of simulated time (experiment.formation_limit_s): 2 motes are missing",
         "\n  has not joined: 2\n  hears no enhanced beacon: 3\n",
-        "what was recorded until then is in ",
+        "the partial recording is in ",
     ] {
         assert!(stderr.contains(words), "{stderr}");
     }
@@ -175,8 +175,8 @@ fn what_a_side_cannot_do_is_refused_with_what_could_be_done_instead() {
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(
         stderr(&output).contains(
-            "robotsim: robotsim does not announce hold, so its robots cannot stand still until the network has formed; \
-             with experiment.start = \"at-once\" they start while it forms"
+            "robotsim: robotsim does not support hold, so its robots cannot wait until the network has formed; set \
+             experiment.start = \"at-once\" to let them start during formation"
         ),
         "{}",
         said(&output)
@@ -186,7 +186,11 @@ fn what_a_side_cannot_do_is_refused_with_what_could_be_done_instead() {
     let args = ["run", standing.to_str().unwrap(), "--set", "experiment.start=when-formed"];
     let output = orchestrator(&args, folder.path());
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(stderr(&output).contains("netsim: netsim has nothing to form"), "{}", said(&output));
+    assert!(
+        stderr(&output).contains("netsim: netsim has no network formation"),
+        "{}",
+        said(&output)
+    );
 }
 
 #[test]
@@ -197,7 +201,7 @@ fn robots_that_move_although_they_were_told_to_hold_are_found_out() {
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(
         stderr(&output).contains(
-            "robotsim: gave a malformed answer to step 3: states: must be those of the step before"
+            "robotsim: malformed reply to step 3: states: must be those of the step before"
         ),
         "{}",
         said(&output)
@@ -240,13 +244,20 @@ fn orders_that_the_network_does_not_obey_are_refused_on_their_lines() {
     let more = "[[timeline]]\nat_s = 1.0\norder = \"kill\"\nmotes = 9\n";
     let output = start(folder.path(), more, &[]);
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(stderr(&output).contains("timeline[0].motes: must be a mote, 0 to 3, got 9"));
+    assert!(
+        stderr(&output).contains("timeline[0].motes: must be the number of a mote, 0 to 3, got 9")
+    );
     let more = "[[timeline]]\nat_s = 1.0\norder = \"add\"\nmotes = [1, 2]\n";
     let output = start(folder.path(), more, &[]);
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     let said_of_add =
         "x.toml:16: timeline[0].order: is nothing that forming obeys: add mote 1 at 1 s";
-    assert_eq!(stderr(&output).matches("is nothing that").count(), 1, "{}", said(&output));
+    assert_eq!(
+        stderr(&output).matches("does not support this event").count(),
+        1,
+        "{}",
+        said(&output)
+    );
     assert!(stderr(&output).contains(said_of_add), "{}", said(&output));
 }
 
@@ -297,7 +308,7 @@ fn what_the_network_says_of_itself_is_in_tables_capture_and_figures() {
     std::fs::write(dir.join("radio.pcap"), &capture[..capture.len() - 1]).unwrap();
     let problems = verify(&dir).unwrap().problems;
     assert!(
-        problems.iter().any(|problem| problem == "radio.pcap: ends within a frame"),
+        problems.iter().any(|problem| problem == "radio.pcap: ends in the middle of a frame"),
         "{problems:?}"
     );
 }

@@ -97,7 +97,7 @@ pub async fn configure<R: Peer<RobotSide>, N: Peer<NetworkSide>>(
     let described = network.described();
     if robots_start.messages && !described.mote_commands.contains(&MoteCommandKind::Send) {
         let what = format!(
-            "{} does not announce MOTE_COMMAND_KIND_SEND, which the robots' messages to single ones of them need",
+            "{} does not support MOTE_COMMAND_KIND_SEND, which the robots' unicast messages require",
             described.name
         );
         return Err(cannot(NetworkSide::SIDE, what));
@@ -112,7 +112,7 @@ pub async fn configure<R: Peer<RobotSide>, N: Peer<NetworkSide>>(
     let mut kept = network_start.records.iter();
     if let Some(&record) = kept.find(|record| !network_request.records.contains(record)) {
         let number: i32 = v1::NetRecord::from(record).into();
-        let reason = format!("records: {number} was not asked for");
+        let reason = format!("records: {number} was not requested");
         let doing = "Configure".to_owned();
         return Err(SideError::Garbage { side: NetworkSide::SIDE, doing, reason });
     }
@@ -136,7 +136,7 @@ pub fn announced(
         for (side, described) in [(RobotSide::SIDE, robots), (NetworkSide::SIDE, network)] {
             if !described.parallel {
                 let what = format!(
-                    "{} does not announce parallel coupling, which the experiment asks for",
+                    "{} does not support parallel coupling; set experiment.coupling = \"sequential\"",
                     described.name
                 );
                 return unfit(side, what);
@@ -145,7 +145,7 @@ pub fn announced(
     }
     if coupling == Coupling::Event && !network.stop_at_first_delivery {
         let what = format!(
-            "{} does not announce stop_at_first_delivery, which experiment.control_period = \"packet\" needs",
+            "{} does not support stop_at_first_delivery, which experiment.control_period = \"packet\" requires",
             network.name
         );
         return unfit(NetworkSide::SIDE, what);
@@ -154,15 +154,17 @@ pub fn announced(
         [(RobotSide::SIDE, robots.max_agents), (NetworkSide::SIDE, network.max_agents)]
     {
         if max_agents != 0 && max_agents < plan.experiment.agent_count as u32 {
-            let what =
-                format!("takes at most {max_agents} agents, got {}", plan.experiment.agent_count);
+            let what = format!(
+                "supports at most {max_agents} agents, got {}",
+                plan.experiment.agent_count
+            );
             return unfit(side, what);
         }
     }
     let captures = network.records.contains(&NetRecord::Capture);
     if wanted == Wanted::Record && plan.output.pcap && !captures {
         let what = format!(
-            "{} does not announce a capture of its radio traffic, which output.pcap = true asks for",
+            "{} does not support capturing its radio traffic, which output.pcap = true requires",
             network.name
         );
         return unfit(NetworkSide::SIDE, what);
@@ -176,7 +178,7 @@ pub fn announced(
             let name = &network.name;
             Problem::new(
                 format!("timeline[{}].order", entry.index),
-                format!("is nothing that {name} obeys: {}", timeline::describe(entry)),
+                format!("{name} does not support this event: {}", timeline::describe(entry)),
             )
         })
         .collect();
@@ -204,7 +206,7 @@ pub fn starts(
     let start = match plan.start {
         Some(Start::WhenFormed) if !forms => {
             let what = format!(
-                "{} has nothing to form, which experiment.start = \"when-formed\" waits for; start = \"at-once\" does not",
+                "{} has no network formation for experiment.start = \"when-formed\" to wait for; set start = \"at-once\"",
                 network.name
             );
             return Err(cannot(NetworkSide::SIDE, what));
@@ -214,8 +216,8 @@ pub fn starts(
     };
     if start == Start::WhenFormed && !robots.hold {
         let what = format!(
-            "{} does not announce hold, so its robots cannot stand still until the network has formed; with \
-             experiment.start = \"at-once\" they start while it forms",
+            "{} does not support hold, so its robots cannot wait until the network has formed; set experiment.start = \
+             \"at-once\" to let them start during formation",
             robots.name
         );
         return Err(cannot(RobotSide::SIDE, what));

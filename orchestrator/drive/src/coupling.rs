@@ -298,7 +298,7 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
         }
         tracing::warn!(
             n = commands.len(),
-            "orders to agents are lost: the robot simulator does not announce commands"
+            "commands to robots are lost: the robot simulator does not announce support for commands"
         );
         Vec::new()
     }
@@ -315,18 +315,18 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
         let garbage = |reason: String| Err(garbage(RobotSide::SIDE, step, reason));
         if reply.held != hold {
             return garbage(format!(
-                "held: must be {hold}, as hold of the request, got {}",
+                "held: must equal hold of the request, {hold}, got {}",
                 reply.held
             ));
         }
         if hold && !R::SHARES_VALUES && !are_in_the_same_places(&reply.states, &self.moved.states) {
             return garbage(
-                "states: must be those of the step before: the request said hold".to_owned(),
+                "states: must be those of the step before, because the request set hold".to_owned(),
             );
         }
         if !reply.messages.is_empty() && !self.sends_messages {
             return garbage(
-                "messages: must be absent: Configure did not say that there would be any"
+                "messages: must be absent, because the reply to Configure announced none"
                     .to_owned(),
             );
         }
@@ -345,7 +345,8 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
     ) -> Result<Arc<NetworkStep>, SideError> {
         stands_at(NetworkSide::SIDE, step, reached_ns, reply.step, reply.time_ns)?;
         if reply.formation.is_some() != self.formation_at_start.is_some() {
-            let reason = "formation: must be present in every step, or absent as in Configure";
+            let reason = "formation: must be present in every step, or absent in every step, as announced in the reply to \
+                          Configure";
             return Err(garbage(NetworkSide::SIDE, step, reason.to_owned()));
         }
         self.commands.extend_from_slice(&reply.commands);

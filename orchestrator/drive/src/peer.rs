@@ -98,7 +98,7 @@ pub async fn connect<S: Service>(
             side: S::SIDE,
             url: url.to_owned(),
             reason: format!(
-                "something listens there, but does not answer within {} s",
+                "a server listens there, but does not reply within {} s",
                 SETUP.as_secs()
             ),
         })?
@@ -132,7 +132,7 @@ impl<S: Service> Remote<S> {
             return Err(SideError::Cannot {
                 side: S::SIDE,
                 what: format!(
-                    "{} speaks version {} of the contract, this is version {}",
+                    "{} implements version {} of the contract; this program requires version {}",
                     described.name,
                     described.contract_version,
                     proto_messages::CONTRACT_VERSION
@@ -143,7 +143,7 @@ impl<S: Service> Remote<S> {
             return Err(SideError::Cannot {
                 side: S::SIDE,
                 what: format!(
-                    "{} does not announce sessions, which experiment.transport = \"stream\" asks for",
+                    "{} does not support sessions, which experiment.transport = \"stream\" requires; use \"auto\"",
                     described.name
                 ),
             });
@@ -338,7 +338,7 @@ impl<S: Service> Peer<S> for Remote<S> {
             S::step_of(reply).ok_or_else(|| SideError::Garbage {
                 side: S::SIDE,
                 doing: doing.clone(),
-                reason: "it answered a step with something else".to_owned(),
+                reason: "its reply to a step is of another kind".to_owned(),
             })?
         } else {
             let call = S::step(self.client.clone(), S::request(input, Bytes::new()));
@@ -367,7 +367,7 @@ impl<S: Service> Peer<S> for Remote<S> {
         S::barrier_of(reply).ok_or_else(|| SideError::Garbage {
             side: S::SIDE,
             doing,
-            reason: "it answered a barrier with something else".to_owned(),
+            reason: "its reply to a barrier is of another kind".to_owned(),
         })
     }
 
@@ -396,7 +396,10 @@ fn unacceptable<S: Service>(error: SideError) -> SideError {
             .into_iter()
             .map(|violation| Problem::new(violation.field, violation.description))
             .collect(),
-        _ => vec![Problem::new("", format!("is refused: {}", status.message()))],
+        _ => vec![Problem::new(
+            "",
+            format!("the simulator refused its configuration: {}", status.message()),
+        )],
     };
     SideError::Unacceptable { side: S::SIDE, problems }
 }
@@ -405,9 +408,9 @@ fn not_a_simulator(side: &'static str, url: &str, tls: Option<&Tls>, status: &St
     if url.starts_with("https://") && status.code() != Code::Unimplemented {
         // A server that wants a certificate of ours says so after its own part of the handshake, or not at all.
         let hint = match tls.and_then(|tls| tls.identity.as_ref()) {
-            Some(_) => "it may not accept our certificate",
+            Some(_) => "it may not accept the client certificate",
             None => {
-                "it may ask for a certificate: --tls-cert and --tls-key, or [experiment.tls] cert and key"
+                "it may require a client certificate; give --tls-cert and --tls-key, or [experiment.tls] cert and key"
             }
         };
         return SideError::Unreachable {
@@ -417,13 +420,13 @@ fn not_a_simulator(side: &'static str, url: &str, tls: Option<&Tls>, status: &St
         };
     }
     let found = match status.code() {
-        Code::Unimplemented => "a gRPC server without that service".to_owned(),
+        Code::Unimplemented => "a gRPC server without this service".to_owned(),
         Code::Unavailable => {
             return SideError::Unreachable { side, url: url.to_owned(), reason: cause(status) };
         }
         _ => {
             tracing::debug!(%status, "what it said");
-            "something that does not speak gRPC".to_owned()
+            "a server that does not speak gRPC".to_owned()
         }
     };
     SideError::NotASimulator { side, url: url.to_owned(), found }
@@ -455,7 +458,7 @@ async fn channel(side: &'static str, url: &str, tls: Option<&Tls>) -> Result<Cha
     if url.starts_with("https://") {
         let tls = tls.ok_or_else(|| {
             unreachable(
-                "https needs the authority's certificate: --tls-ca or [experiment.tls] ca"
+                "https requires the certificate authority; give --tls-ca or [experiment.tls] ca"
                     .to_owned(),
             )
         })?;

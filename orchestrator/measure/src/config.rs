@@ -55,7 +55,7 @@ impl Compared {
                 if !SECTIONS.contains(&key.as_str()) {
                     let mut problem = Problem::new(
                         key,
-                        format!("is not a known section: there are {}", SECTIONS.join(", ")),
+                        format!("is not a known section; the sections are {}", SECTIONS.join(", ")),
                     );
                     problem.nearest = proto::config::most_similar(key, SECTIONS).map(str::to_owned);
                     problems.push(problem);

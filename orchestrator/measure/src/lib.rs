@@ -57,7 +57,7 @@ pub struct Rejected {
 }
 
 /// Why a row is rejected that stands in the file before.
-pub const TWICE: &str = "the same row stands above";
+pub const TWICE: &str = "duplicate of an earlier row";
 
 /// Counts rejected rows by reason, in the order in which the reasons first occurred.
 #[derive(Clone, Debug, std::default::Default)]

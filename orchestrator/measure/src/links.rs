@@ -119,7 +119,7 @@ pub fn has_shape(table: &DataTable) -> Result<(), Vec<String>> {
 /// What makes the whole file useless, in words for its author.
 pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     if let Err(lacking) = has_shape(table) {
-        return Err(format!("no link samples: the file lacks {}", lacking.join(", ")));
+        return Err(format!("not link samples: the file lacks {}", lacking.join(", ")));
     }
     let n_rows = table.n_rows();
     let column = |name: &str| table.column(name);
@@ -134,8 +134,8 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     let n_positive = readings.iter().filter(|&&rssi| 0.0 < rssi).count();
     if n_readings < 2 * n_positive {
         return Err(format!(
-            "rssi_dbm is positive in {n_positive} of {n_readings} rows: readings of a radio in dBm are negative (about -100 \
-             to -20). Was the sign lost, or is it another unit?"
+            "rssi_dbm is positive in {n_positive} of {n_readings} rows; RSSI readings in dBm are negative (about -100 to \
+             -20). Check the sign and the unit"
         ));
     }
     let headings = |name: &str, warnings: &mut Vec<String>| {
@@ -143,8 +143,8 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         let greatest = values.iter().filter(|v| v.is_finite()).fold(0.0f64, |m, v| m.max(v.abs()));
         if GREATEST_RAD < greatest {
             warnings.push(format!(
-                "{name} reaches {greatest}: degrees? Headings are in rad, -3.15 to 6.29. The column is left out, so that \
-                 antenna patterns cannot be tested"
+                "{name} reaches {greatest}, beyond the range of headings in rad (-3.15 to 6.29); if it is in degrees, \
+                 convert it. The column is ignored, so antenna patterns cannot be tested"
             ));
             return None;
         }
@@ -215,15 +215,17 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         let mut known = values.iter().copied().filter(|value| value.is_finite());
         if name == CONSTANT {
             warnings.push(format!(
-                "the column {CONSTANT} is left out: an answer calls by this name what is the same in every row. Name the column otherwise"
+                "the column {CONSTANT} is ignored, because answers use this name for what is the same in every row; rename \
+                 the column"
             ));
             continue;
         }
         match known.next() {
-            None => warnings.push(format!("{name} holds no number: it is left out")),
+            None => warnings.push(format!("{name} holds no number; the column is ignored")),
             Some(first) if known.all(|value| value == first) => {
-                warnings
-                    .push(format!("{name} is {first} throughout: nothing can be learned from it"));
+                warnings.push(format!(
+                    "{name} is {first} in every row, so its influence cannot be tested"
+                ));
             }
             Some(_) => covariates.push((name.clone(), values)),
         }
@@ -231,8 +233,8 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     let (frames, received) = counts(&rows);
     if !rows.is_empty() && 0.0 < frames && frames <= received {
         warnings.push(
-            "every frame was received: what decides reception cannot be tested, and weak readings may be missing \
-             without a trace"
+            "every frame was received, so effects on reception cannot be tested; frames that were lost may be missing from \
+             the file"
                 .to_owned(),
         );
     }
@@ -254,7 +256,7 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     };
     if links.rows.iter().all(|row| row.rssi_dbm.is_nan()) {
         return Err(format!(
-            "no frame of {} usable rows was received: there is no reading to compare with{}",
+            "no frame was received in {} usable rows, so there is no RSSI reading to compare with{}",
             links.rows.len(),
             links.rejected.first().map_or_else(String::new, |rejected| format!(
                 " ({} rows rejected: {}, first on line {})",
@@ -298,7 +300,7 @@ fn checked(
             if number.is_nan() {
                 format!("{name} is missing")
             } else {
-                format!("{name} is no mote number")
+                format!("{name} is not a mote number")
             }
         })
     };
@@ -309,17 +311,17 @@ fn checked(
     let channel = match to_u32(channel) {
         Some(channel @ 11..=26) => Some(channel as u8),
         None if channel.is_nan() => None,
-        _ => return Err("channel is not 11 to 26".to_owned()),
+        _ => return Err("channel is not a whole number from 11 to 26".to_owned()),
     };
     if GREATEST_DBM < row.rssi_dbm || row.rssi_dbm < -200.0 {
-        return Err(format!("rssi_dbm is not within -200 to {GREATEST_DBM}"));
+        return Err(format!("rssi_dbm is not from -200 to {GREATEST_DBM}"));
     }
     if is_aggregated {
         if !(1.0 <= row.frames && row.frames.fract() == 0.0) {
             return Err("frames is not a whole number of at least 1".to_owned());
         }
         if !row.received.is_nan() && !(0.0..=row.frames).contains(&row.received) {
-            return Err("pdr is not within 0 to 1".to_owned());
+            return Err("pdr is not from 0 to 1".to_owned());
         }
         if 0.0 < row.received && row.rssi_dbm.is_nan() {
             return Err("frames were received, but rssi_dbm is missing".to_owned());
@@ -333,7 +335,7 @@ fn checked(
                 return Err("received is 1, but rssi_dbm is missing".to_owned());
             }
             0.0 if row.rssi_dbm.is_finite() => {
-                return Err("received is 0, but rssi_dbm is there".to_owned());
+                return Err("received is 0, but rssi_dbm is present".to_owned());
             }
             0.0 | 1.0 => {}
             received if received.is_nan() => return Err("received is missing".to_owned()),

@@ -68,7 +68,7 @@ pub fn has_shape(table: &DataTable) -> Result<(), Vec<String>> {
 /// What makes the whole file useless, in words for its author.
 pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
     has_shape(table)
-        .map_err(|lacking| format!("no packets: the file lacks {}", lacking.join(", ")))?;
+        .map_err(|lacking| format!("not packets: the file lacks {}", lacking.join(", ")))?;
     let at = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
     let is_of_run = table.column("time_s").is_none();
     let mut runs: Vec<f64> = table.column("run").unwrap_or_default().to_vec();
@@ -76,7 +76,7 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
     runs.dedup();
     if 1 < runs.len() {
         return Err(format!(
-            "holds {} campaigns, by its column run: a network is compared with one at a time",
+            "holds {} campaigns (column run), and a network is compared with one at a time; split the file by run",
             runs.len()
         ));
     }
@@ -114,17 +114,19 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
             is_whole.then_some(number as u32)
         };
         let why = match (mote("source"), mote("destination")) {
-            _ if !time_s.is_finite() || time_s < 0.0 => "time_s is no time from the beginning on",
+            _ if !time_s.is_finite() || time_s < 0.0 => {
+                "time_s is not a finite number of at least 0"
+            }
             // A lost packet has an empty field there, not a word.
             _ if strange.contains(&(row, "received_s")) => "received_s is not a finite number",
-            (None, _) => "source is no mote",
-            (_, None) => "destination is no mote",
+            (None, _) => "source is not a mote number",
+            (_, None) => "destination is not a mote number",
             (Some(source), Some(destination)) if source == destination => {
                 "source and destination are the same mote"
             }
             _ if received_s < time_s => {
                 n_early += 1;
-                "received_s lies before time_s"
+                "received_s is earlier than time_s"
             }
             (Some(source), Some(destination)) => {
                 let key = (time_s.to_bits(), received_s.to_bits(), source, destination);
@@ -147,12 +149,12 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
         rejections.add(why, line);
     }
     if others.len() < 2 * n_early {
-        return Err("most packets are received before they are sent: are time_s and received_s times of one clock, in s?"
+        return Err("most packets have a received_s earlier than time_s; both must be times of the same clock, in s"
             .to_owned());
     }
     if packets.len() < FEWEST {
         return Err(format!(
-            "{} packets can be used, at least {FEWEST} are needed: too few to tell anything",
+            "only {} packets are usable; at least {FEWEST} are required",
             packets.len()
         ));
     }
@@ -173,12 +175,12 @@ fn warnings(packets: &[MeasuredPacket]) -> Vec<String> {
         packets.iter().filter(|packet| packet.received_s.is_some()).collect();
     if arrived.is_empty() {
         warnings.push(
-            "no packet arrived: nothing can be told but that. Is received_s empty throughout?"
+            "no packet arrived, so latency and hops cannot be compared; check whether received_s is empty in every row"
                 .to_owned(),
         );
     } else if arrived.iter().all(|packet| packet.hops.is_none()) {
         warnings.push(
-            "hops are not known: whether packets take the ways that they should cannot be told"
+            "hops are unknown, so the routes of packets cannot be compared; add a column hops if you can"
                 .to_owned(),
         );
     }
@@ -187,7 +189,7 @@ fn warnings(packets: &[MeasuredPacket]) -> Vec<String> {
     let late = arrived.iter().filter(|p| p.received_s.is_some_and(|at| span_s < at - p.time_s));
     if 2 * late.count() > arrived.len() {
         warnings.push(
-            "most packets took longer than all of them were sent within: are times in s?"
+            "most packets have a latency longer than the time over which all packets were sent; check that times are in s"
                 .to_owned(),
         );
     }
@@ -228,9 +230,9 @@ mod tests {
         assert_eq!(
             rejected,
             [
-                ("received_s lies before time_s", 6),
+                ("received_s is earlier than time_s", 6),
                 ("source and destination are the same mote", 7),
-                ("source is no mote", 8),
+                ("source is not a mote number", 8),
                 (TWICE, 10),
                 ("received_s is not a finite number", 11),
             ]
@@ -240,9 +242,9 @@ mod tests {
     #[test]
     fn files_that_cannot_carry_an_answer_are_refused() {
         let early = read(&table(|row| format!("{},1,0,{row},1", row + 7))).unwrap_err();
-        assert!(early.contains("one clock"), "{early}");
+        assert!(early.contains("the same clock"), "{early}");
         let few = read(&table(|row| format!("{0},1,0,{0}.5,1", row % 4))).unwrap_err();
-        assert!(few.contains("too few"), "{few}");
+        assert!(few.contains("at least 20 are required"), "{few}");
         let other =
             DataTable::of_csv(Path::new("x.csv"), "time_s,source\n0,1\n".as_bytes()).unwrap();
         assert_eq!(has_shape(&other).unwrap_err(), ["destination", "received_s"]);

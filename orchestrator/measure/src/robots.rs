@@ -96,7 +96,7 @@ pub fn has_shape(table: &DataTable) -> Result<Shape, Vec<String>> {
         None
     };
     if shape.is_some_and(Shape::is_turning) && !is_there("heading_rad") {
-        lacking.push("heading_rad (required where speed is commanded)".to_owned());
+        lacking.push("heading_rad (required with commands of speed)".to_owned());
     }
     match shape {
         Some(shape) if lacking.is_empty() => Ok(shape),
@@ -111,7 +111,7 @@ pub fn has_shape(table: &DataTable) -> Result<Shape, Vec<String>> {
 /// What makes the whole file useless, in words for its author.
 pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
     let shape = has_shape(table)
-        .map_err(|lacking| format!("no robot samples: the file lacks {}", lacking.join(", ")))?;
+        .map_err(|lacking| format!("not robot samples: the file lacks {}", lacking.join(", ")))?;
     let at = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
     let commands: &[&str] = match shape {
         Shape::Velocity => &["cmd_vx_mps", "cmd_vy_mps"],
@@ -123,11 +123,15 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
         column.iter().filter(|v| v.is_finite()).fold(0.0f64, |m, v| m.max(v.abs()))
     };
     for (name, limit, unit) in [
-        ("cmd_steer_rad", GREATEST_STEER_RAD, "degrees? Steering angles are in rad"),
-        ("cmd_yaw_rate_radps", GREATEST_YAW_RADPS, "degrees per second? Yaw rates are in rad/s"),
+        ("cmd_steer_rad", GREATEST_STEER_RAD, "steering angles must be in rad, not degrees"),
+        (
+            "cmd_yaw_rate_radps",
+            GREATEST_YAW_RADPS,
+            "yaw rates must be in rad/s, not degrees per second",
+        ),
     ] {
         if commands.contains(&name) && limit < greatest(name) {
-            return Err(format!("{name} reaches {}: {unit}", greatest(name)));
+            return Err(format!("{name} reaches {}; {unit}", greatest(name)));
         }
     }
 
@@ -153,7 +157,7 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
         }
         let (Some(agent), Some(run)) = (to_u32(at("agent", row)), to_u32(or_zero(at("run", row))))
         else {
-            rejections.add("agent or run is no whole number", line);
+            rejections.add("agent or run is not a whole number", line);
             continue;
         };
         let third = if shape.is_turning() { 0.0 } else { or_zero(at("cmd_vz_mps", row)) };
@@ -195,7 +199,7 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
     if samples.len() < FEWEST_ROWS {
         let rejected = rejections.into_list();
         return Err(format!(
-            "{} of {} rows can be used: too few to tell anything{}",
+            "only {} of {} rows are usable, too few to fit a model{}",
             samples.len(),
             table.n_rows(),
             rejected.first().map_or_else(String::new, |rejected| format!(
@@ -254,10 +258,12 @@ impl RobotSamples {
             let values: Vec<f64> = rows.iter().map(|&row| column[row]).collect();
             let mut known = values.iter().copied().filter(|value| value.is_finite());
             match known.next() {
-                None => self.warnings.push(format!("{name} holds no number: it is left out")),
-                Some(first) if known.all(|value| value == first) => self
-                    .warnings
-                    .push(format!("{name} is {first} throughout: nothing can be learned from it")),
+                None => {
+                    self.warnings.push(format!("{name} holds no number; the column is ignored"))
+                }
+                Some(first) if known.all(|value| value == first) => self.warnings.push(format!(
+                    "{name} is {first} in every row, so its influence cannot be tested"
+                )),
                 Some(_) => self.covariates.push((name.clone(), values)),
             }
         }
@@ -269,7 +275,8 @@ impl RobotSamples {
         let whole = self.samples.iter().all(|sample| sample.time_s.fract() == 0.0);
         if 5.0 <= spacing_s && whole {
             return Err(format!(
-                "samples of one robot are {spacing_s} s apart, in whole numbers: milliseconds? time_s is in seconds"
+                "samples of one robot are {spacing_s} s apart, in whole numbers; time_s must be in seconds, so check \
+                 whether it is in milliseconds"
             ));
         }
         if self.shape.is_turning() {
@@ -300,20 +307,20 @@ impl RobotSamples {
         }
         if commanded_m == 0.0 {
             self.warnings.push(
-                "no robot is ever commanded to move: only what moves robots by itself can be found"
+                "no robot is ever commanded to move; only effects that move robots without a command (such as wind) can be \
+                 found"
                     .to_owned(),
             );
         } else if !(0.02..=50.0).contains(&(way_m / commanded_m)) {
             self.warnings.push(format!(
-                "robots moved {way_m:.3} m where {commanded_m:.3} m were commanded: are positions in m and commands in m/s? \
-                 A difference of units would pass for slip"
+                "robots moved {way_m:.3} m, but {commanded_m:.3} m were commanded. Check that positions are in m and \
+                 commands in m/s; a wrong unit would be reported as slip"
             ));
         }
         let first = self.samples[0].command;
         if self.samples.iter().all(|sample| sample.command == first) {
             self.warnings.push(
-                "the command never changes: what happens after a change (lag, dead time, limits of acceleration) cannot be \
-                 told"
+                "the command never changes, so effects after a change (lag, dead time, acceleration limits) cannot be tested"
                     .to_owned(),
             );
         }
@@ -337,7 +344,8 @@ impl RobotSamples {
         }
         if as_rad < as_degrees {
             return Err(format!(
-                "heading_rad reaches {greatest}, and agrees with the direction of motion as degrees only: headings are in rad"
+                "heading_rad reaches {greatest} and matches the direction of motion only if read as degrees; headings must \
+                 be in rad"
             ));
         }
         Ok(())
@@ -379,8 +387,8 @@ fn backwards(kept: &[(RobotSample, usize)]) -> Option<String> {
     }
     let first = lines.first()?;
     Some(format!(
-        "time_s of a robot runs backwards in {} places, first on line {first}: rows are taken by their times. If these are \
-         several campaigns in one file, number them in a column run",
+        "time_s of a robot decreases in {} places, first on line {first}. Rows are sorted by time; if the file holds \
+         several campaigns, number them in a column run",
         lines.len()
     ))
 }
@@ -440,8 +448,8 @@ mod tests {
             reasons,
             [
                 ("x_m is not a finite number", 1, 5),
-                ("agent or run is no whole number", 1, 7),
-                ("the same row stands above", 1, 9),
+                ("agent or run is not a whole number", 1, 7),
+                ("duplicate of an earlier row", 1, 9),
                 ("another row has the same robot and time", 1, 10),
             ]
         );
@@ -483,7 +491,7 @@ mod tests {
             }
         });
         let warnings = read(&table(&text)).unwrap().warnings.join("\n");
-        assert!(warnings.contains("runs backwards in 1 places, first on line 11"), "{warnings}");
+        assert!(warnings.contains("decreases in 1 places, first on line 11"), "{warnings}");
         assert!(warnings.contains("the command never changes"), "{warnings}");
         let far = read(&table(&east(|_, fields| fields[2] *= 1000.0))).unwrap();
         assert!(far.warnings.join("\n").contains("slip"), "{:?}", far.warnings);

@@ -31,16 +31,16 @@ pub fn of_rejected(rejected: &[Rejected], n_rows: usize) -> Vec<String> {
     let mut warnings = Vec::new();
     if let Some(twice) = rejected.iter().find(|rejected| rejected.reason == TWICE) {
         warnings.push(format!(
-            "{} rows stand in the file twice, first on line {}: each is counted once. Had they been counted twice, everything \
-             would look more certain than it is",
+            "{} rows are duplicates, the first on line {}. Each is counted once, because duplicates would make confidence \
+             intervals too narrow",
             twice.rows, twice.first_line
         ));
     }
     let others: usize = rejected.iter().filter(|r| r.reason != TWICE).map(|r| r.rows).sum();
     if MANY_REJECTED * (n_rows as f64) < others as f64 {
         warnings.push(format!(
-            "{others} of {n_rows} rows cannot be used: if what made them unusable has to do with the radio or the robots (only weak \
-             frames, one robot, one day), the answer is about the others only"
+            "{others} of {n_rows} rows are unusable. If they have a common cause (weak frames, one robot, one day), the \
+             answer applies to the remaining rows only"
         ));
     }
     warnings
@@ -59,7 +59,8 @@ pub fn stuck(rows: &[LinkRow]) -> Option<String> {
         n += 1;
     }
     (STUCK_ROWS <= n).then(|| {
-        format!("rssi_dbm is {first} in all {n} readings: the register is stuck, or was not read. There is nothing to compare with")
+        format!("rssi_dbm is {first} in all {n} readings, so there is nothing to compare with; the register was stuck, or \
+                 was never read")
     })
 }
 
@@ -84,7 +85,8 @@ pub fn of_robots(robots: &RobotSamples) -> Vec<String> {
         agents.iter().filter(|(_, way)| **way == 0.0).map(|(agent, _)| *agent).collect();
     if !still.is_empty() && still.len() < agents.len() {
         warnings.push(format!(
-            "robots {}: stand on the spot throughout: was their position measured? They pass for robots that do not obey",
+            "robots {} never move. Check that their positions were measured; otherwise they count as robots that ignore \
+             their commands",
             first_few(&still)
         ));
     }
@@ -96,15 +98,15 @@ pub fn of_robots(robots: &RobotSamples) -> Vec<String> {
             (first..=last).filter(|agent| !agents.contains_key(agent)).collect();
         if !missing.is_empty() {
             warnings.push(format!(
-                "robots {} never appear, though robots are numbered {first} to {last}: were their rows lost?",
+                "robots {} never appear, although robots are numbered {first} to {last}; check whether their rows were lost",
                 first_few(&missing)
             ));
         }
     }
     if let Some(first) = jumps.iter().min_by_key(|sample| sample.line) {
         warnings.push(format!(
-            "positions jump faster than {GREATEST_MPS} m/s in {} places, one of them on line {}: robots put elsewhere by hand, numbers \
-             of robots exchanged, or another unit? Windows over a jump count as gross errors",
+            "positions jump faster than {GREATEST_MPS} m/s in {} places, one of them on line {}. Check whether robots were \
+             moved by hand, robot numbers were swapped, or the unit is not m. Windows across a jump count as outliers",
             jumps.len(),
             first.line
         ));
@@ -131,7 +133,8 @@ fn one_channel(rows: &[LinkRow]) -> Option<String> {
     let channels: BTreeSet<Option<u8>> = rows.iter().map(|row| row.channel).collect();
     match channels.first() {
         Some(Some(channel)) if channels.len() == 1 => Some(format!(
-            "channel is {channel} throughout: what differs from channel to channel (multipath, interference) cannot be tested"
+            "channel is {channel} in every row, so effects that differ between channels (multipath, interference) cannot \
+             be tested"
         )),
         _ => None,
     }
@@ -154,8 +157,8 @@ fn positive(rows: &[LinkRow]) -> Option<String> {
     let mut strong = rows.iter().filter(|row| 0.0 < row.rssi_dbm);
     let first = strong.next()?;
     Some(format!(
-        "rssi_dbm is positive in {} rows, first on line {}: readings of a radio in dBm are negative (about -100 to -20). They \
-         are used as they are, and pull levels and noise up",
+        "rssi_dbm is positive in {} rows, the first on line {}; RSSI readings in dBm are negative (about -100 to -20). \
+         These readings are used as they are, and bias means and noise upwards",
         1 + strong.count(),
         first.line
     ))
@@ -169,8 +172,8 @@ fn backwards(rows: &[LinkRow]) -> Option<String> {
         .collect();
     back.first().map(|first| {
         format!(
-            "time_s runs backwards in {} places, first on line {}: rows are taken by their times, whatever their order. If these \
-             are several campaigns in one file, number them in a column run",
+            "time_s decreases in {} places, first on line {}. Rows are sorted by time; if the file holds several \
+             campaigns, number them in a column run",
             back.len(),
             first.line
         )
@@ -183,13 +186,13 @@ fn timeless(rows: &[LinkRow]) -> Option<String> {
         rows.iter().filter(|row| row.time_s.is_finite()).map(|row| row.time_s.to_bits()).collect();
     if times.len() == 1 && 1 < rows.len() {
         return Some(
-            "time_s is the same throughout: what changes in time cannot be tested, and pairs of motes are left out in turn \
-             in place of times"
+            "time_s is the same in every row, so effects that change over time cannot be tested; cross-validation holds \
+             out pairs of motes instead of blocks of time"
                 .to_owned(),
         );
     }
     (0 < n_missing).then(|| {
-        format!("time_s is missing in {n_missing} rows: what changes in time is not tested on them")
+        format!("time_s is missing in {n_missing} rows; effects that change over time are not tested on them")
     })
 }
 
@@ -241,13 +244,14 @@ fn milliseconds(rows: &[LinkRow], tracks: &Tracks) -> Option<String> {
         return None;
     }
     let mut text = format!(
-        "time_s spans {span} in whole numbers: milliseconds? It is taken as seconds, {:.1} days",
+        "time_s spans {span} in whole numbers and is read as seconds ({:.1} days); if it is in milliseconds, divide it by \
+         1000",
         span / 86_400.0
     );
     if let Some(mps) = median {
-        let _ = write!(text, ", in which motes that move go at {mps:.4} m/s");
+        let _ = write!(text, ". Mobile motes would move at {mps:.4} m/s");
     }
-    text.push_str("; effects in time and of motion would be off by a thousand");
+    text.push_str(". A wrong unit scales effects of time and motion by 1000");
     Some(text)
 }
 
@@ -271,16 +275,16 @@ fn exchanged(rows: &[LinkRow], tracks: &Tracks) -> Vec<String> {
     jumping.retain(|mote| !torn.contains(mote));
     if !torn.is_empty() {
         warnings.push(format!(
-            "{} {}: at two places at the same time: are tx and rx, or their positions, exchanged in some rows? Distances may be \
-             wrong, and with them every answer",
+            "{} {}: in two places at the same time. Check whether tx and rx, or their positions, are swapped in some rows; \
+             wrong distances invalidate every answer",
             noun(&torn),
             first_few(&torn)
         ));
     }
     if !jumping.is_empty() {
         warnings.push(format!(
-            "{} {}: jumps from place to place faster than {GREATEST_MPS} m/s: are tx and rx, or their positions, exchanged in some \
-             rows, or is time_s in another unit? Distances or speeds may be wrong, and with them every answer",
+            "{} {}: position jumps faster than {GREATEST_MPS} m/s. Check whether tx and rx, or their positions, are \
+             swapped in some rows, and whether time_s is in s; wrong distances or speeds invalidate every answer",
             noun(&jumping),
             first_few(&jumping)
         ));
@@ -298,9 +302,9 @@ fn exchanged(rows: &[LinkRow], tracks: &Tracks) -> Vec<String> {
     let one_to_many = of(|(senders, receivers)| senders.len() == 1 && 2 < receivers.len());
     if 10 <= many_to_one && 9 * one_to_many < many_to_one {
         warnings.push(format!(
-            "at {many_to_one} moments several motes send on one channel and one receives, at {one_to_many} it is the other way \
-             round: are tx and rx exchanged? What differs between sending and receiving (antennas, offsets of motes) would be told \
-             of the wrong end"
+            "at {many_to_one} times several motes send on one channel and one receives; the reverse occurs at \
+             {one_to_many} times. Check whether tx and rx are swapped; if so, effects of one end (antennas, offsets of \
+             motes) would be attributed to the other"
         ));
     }
     warnings
@@ -329,8 +333,8 @@ fn motes(rows: &[LinkRow]) -> Vec<String> {
         };
         if !missing.is_empty() {
             warnings.push(format!(
-                "{} {} never appears, though motes are numbered {first} to {last}: was it off, or were its rows lost? What would \
-                 be seen over its links only is not found",
+                "{} {} never appears, although motes are numbered {first} to {last}; check whether it was off, or its rows \
+                 were lost. Effects visible only on its links are not found",
                 noun(&missing),
                 first_few(&missing)
             ));
@@ -343,16 +347,16 @@ fn motes(rows: &[LinkRow]) -> Vec<String> {
     let deaf = with(|[_, _, sent, heard]| FEWEST_FRAMES <= *sent && *heard == 0.0);
     if !unheard.is_empty() {
         warnings.push(format!(
-            "{} {}: sends, but is never received: if its radio was broken, its rows pass for losses by distance or obstacles. \
-             Leave them out if it was",
+            "{} {}: sends, but is never received. If its radio was broken, leave its rows out; otherwise its losses count \
+             as losses by distance or obstacles",
             noun(&unheard),
             first_few(&unheard)
         ));
     }
     if !deaf.is_empty() {
         warnings.push(format!(
-            "{} {}: never receives anything: if its radio was broken, its rows pass for losses by distance or obstacles. Leave \
-             them out if it was",
+            "{} {}: never receives a frame. If its radio was broken, leave its rows out; otherwise its losses count as \
+             losses by distance or obstacles",
             noun(&deaf),
             first_few(&deaf)
         ));

@@ -8,14 +8,15 @@ use std::path::PathBuf;
 pub enum RecordError {
     /// The name of the run cannot be that of a directory everywhere.
     #[error(
-        "experiment.name: must be 1 to 100 of the characters A-Z a-z 0-9 . _ -, the first not a point, got {name:?}"
+        "experiment.name: must be 1 to 100 of the characters A-Z a-z 0-9 . _ -, not starting with a point, got {name:?}"
     )]
     Name {
         /// The name given.
         name: String,
     },
     /// Something that no run left stands where the result is to go.
-    #[error("{} is not a result of an earlier run and will not be replaced: move it away, or choose another name or --out", path.display())]
+    #[error("{} exists and is not the result of an earlier run, so it is not replaced; move it away, or choose another \
+             experiment.name or --out", path.display())]
     Foreign {
         /// What stands there.
         path: PathBuf,
@@ -71,7 +72,7 @@ pub enum RecordError {
         source: std::io::Error,
     },
     /// Recording had failed before, as was told then.
-    #[error("the record in {} ends early: {reason}", path.display())]
+    #[error("the recording in {} ends early: {reason}", path.display())]
     Stopped {
         /// The directory it wrote to.
         path: PathBuf,

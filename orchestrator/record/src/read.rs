@@ -55,7 +55,7 @@ pub enum ReadError {
         source: std::io::Error,
     },
     /// The file is damaged or ends too early. What was read before is right.
-    #[error("{} is damaged or cut off: {source}", path.display())]
+    #[error("{} is damaged or truncated: {source}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,

@@ -146,7 +146,7 @@ fn a_wrong_digest_is_found_with_its_step() {
 fn what_no_run_left_cannot_be_verified() {
     let out = tempfile::tempdir().unwrap();
     let error = verify(out.path()).unwrap_err().to_string();
-    assert!(error.contains("is not a record"), "{error}");
+    assert!(error.contains("is not the folder of a run"), "{error}");
     let error = Reader::open(out.path()).err().unwrap();
     assert!(matches!(error, ReadError::Open { .. }), "{error}");
 }

@@ -40,7 +40,7 @@ pub struct VerifyReport {
 #[derive(Debug, thiserror::Error)]
 pub enum VerifyError {
     /// Not the directory of a run: its `summary.json` is missing or no summary.
-    #[error("{} is not a record: it has no summary.json that a run has written", path.display())]
+    #[error("{} is not the folder of a run: it has no valid summary.json", path.display())]
     NotARecord {
         /// The directory.
         path: PathBuf,
@@ -90,7 +90,7 @@ fn json<T: DeserializeOwned>(dir: &Path, name: &str, report: &mut VerifyReport) 
 /// Every file is as long as it was and has the content it had.
 fn whole_files(dir: &Path, provenance: Provenance, report: &mut VerifyReport) {
     let Some(files) = provenance.files else {
-        report.problems.push("provenance.json: does not list the files".to_owned());
+        report.problems.push("provenance.json: the list of files is missing".to_owned());
         return;
     };
     for (name, expected) in files {
@@ -98,14 +98,16 @@ fn whole_files(dir: &Path, provenance: Provenance, report: &mut VerifyReport) {
         match (fingerprint(&dir.join(&name)), expected) {
             (Ok(found), Some(expected)) if found == expected => report.files.push(name.clone()),
             (Ok(found), Some(expected)) if found.bytes == expected.bytes => {
-                report.problems.push(format!("{name}: its content was changed"));
+                report.problems.push(format!("{name}: its content was changed after the run"));
             }
             (Ok(found), Some(expected)) => report.problems.push(format!(
-                "{name}: has {} bytes, {} were written",
+                "{name}: has {} bytes, but the run wrote {}",
                 found.bytes, expected.bytes
             )),
             (Ok(_), None) => {
-                report.problems.push(format!("provenance.json: files.{name} is not a fingerprint"));
+                report
+                    .problems
+                    .push(format!("provenance.json: files.{name} is not a SHA-256 digest"));
             }
             (Err(error), _) => report.problems.push(format!("{name}: {error}")),
         }
@@ -136,7 +138,9 @@ fn tables(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
         match rows() {
             Ok(rows) if rows == expected => {}
             Ok(rows) => {
-                report.problems.push(format!("{name}: has {rows} rows, {expected} were written"));
+                report
+                    .problems
+                    .push(format!("{name}: has {rows} rows, but the run wrote {expected}"));
             }
             Err(error) => report.problems.push(format!("{name}: {error}")),
         }
@@ -159,9 +163,9 @@ fn capture(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
         }
     };
     let problem = match count() {
-        Ok(counter) if !counter.is_whole() => "ends within a frame".to_owned(),
+        Ok(counter) if !counter.is_whole() => "ends in the middle of a frame".to_owned(),
         Ok(counter) if counter.frames() != expected => {
-            format!("has {} frames, {expected} were written", counter.frames())
+            format!("has {} frames, but the run wrote {expected}", counter.frames())
         }
         Ok(_) => return,
         Err(error) => error.to_string(),
@@ -179,9 +183,11 @@ fn steps(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
     if report.steps != expected {
         report
             .problems
-            .push(format!("run.mcap: has {} steps, the run took {expected}", report.steps));
+            .push(format!("run.mcap: has {} steps, but the run took {expected}", report.steps));
     } else if last_digest != summary.final_digest {
-        report.problems.push("run.mcap: the last digest is not the one in summary.json".to_owned());
+        report
+            .problems
+            .push("run.mcap: the last digest differs from the one in summary.json".to_owned());
     }
 }
 
@@ -216,7 +222,7 @@ fn read_steps(
             report.digests += 1;
         } else {
             report.problems.push(format!(
-                "run.mcap: step {step}: the digest of what was exchanged is {}, recorded is {}",
+                "run.mcap: step {step}: the digest of the exchanged data is {}, but {} is recorded",
                 hex(&digest),
                 hex(&recorded.barrier.digest)
             ));

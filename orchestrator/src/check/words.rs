@@ -9,9 +9,9 @@ use std::fmt::Write as _;
 #[must_use]
 pub fn text(check: &DataCheck) -> String {
     let mut text = match check.kind {
-        RowKind::Link => "link samples: a row per frame and possible receiver\n",
-        RowKind::AggregatedLink => "link table: sums of frames of a link\n",
-        RowKind::Robot => "robot samples: a row per robot and instant\n",
+        RowKind::Link => "link samples: one row per frame and potential receiver\n",
+        RowKind::AggregatedLink => "link table: one row per link, aggregated over frames\n",
+        RowKind::Robot => "robot samples: one row per robot and time\n",
     }
     .to_owned();
     let facts = match &check.facts {
@@ -21,16 +21,16 @@ pub fn text(check: &DataCheck) -> String {
     for (label, words) in facts {
         let _ = writeln!(text, "  {label:<12} {words}");
     }
-    let _ = writeln!(text, "  {:<12} {}", "left out in", check.blocks.join("; "));
+    let _ = writeln!(text, "  {:<12} {}", "held out in", check.blocks.join("; "));
     let testable =
         if check.testable.is_empty() { "none".to_owned() } else { check.testable.join(", ") };
-    let _ = writeln!(text, "effects that these data can show: {testable}");
+    let _ = writeln!(text, "testable effects: {testable}");
     for lacking in &check.not_testable {
         let _ = writeln!(text, "not testable: {:<24} {}", lacking.effect, lacking.because);
     }
     if check.is_without_configuration {
         text.push_str(
-            "(no configuration was given: what walls, foliage and terrain are needed for is not testable without one)\n",
+            "(no configuration given: effects that need walls, foliage or terrain are not testable without one)\n",
         );
     }
     text
@@ -48,9 +48,9 @@ fn links(facts: &LinkFacts) -> Vec<Fact> {
         (
             "motes",
             if facts.is_placed {
-                format!("{n}: {still} stand still, {} move", n - still.min(n))
+                format!("{n}: {still} stationary, {} mobile", n - still.min(n))
             } else {
-                format!("{n}; of some the place is unknown")
+                format!("{n}; some positions are unknown")
             },
         ),
         ("links", format!("{} directed, {} pairs", links.directed, links.pairs)),

@@ -11,17 +11,18 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub(super) struct CheckArgs {
-    /// The experiment file (TOML); with --data the part that is compared with them
+    /// The experiment file (TOML); with --data, the sections that describe the measured part suffice
     #[arg(required_unless_present = "data")]
     config: Option<PathBuf>,
-    /// Measurements: says what they hold, what is odd about them, and which effects they can show
+    /// Check measurements instead (CSV, gzipped CSV or Parquet): list their contents, anomalies, and the effects that they
+    /// can reveal
     #[arg(long, value_name = "FILE")]
     data: Option<PathBuf>,
     #[command(flatten)]
     choices: ChoiceArgs,
     #[command(flatten)]
     change: OverrideArgs,
-    /// Write what was found as JSON
+    /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -52,7 +53,10 @@ fn check_sweep(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
     for warning in &warnings {
         warn(warning);
     }
-    say(format!("{}: good. A sweep of {n_settings} settings, {n_trials} trials", config.display()));
+    say(format!(
+        "{}: valid. A sweep of {n_settings} settings, {n_trials} trials",
+        config.display()
+    ));
     let found =
         SweepCheck { schema: CHECK_SCHEMA, settings: n_settings, trials: n_trials, warnings };
     write_json(args.json.as_deref(), &found)
@@ -65,7 +69,7 @@ fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
         warn(warning);
     }
     say(format!(
-        "{}: good. {} agents, seed {}, {n_steps} steps of {} ms",
+        "{}: valid. {} agents, seed {}, {n_steps} steps of {} ms",
         config.display(),
         plan.experiment.agent_count,
         plan.experiment.seed,
@@ -74,7 +78,7 @@ fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
     for (section, side) in [("robotsim", &plan.robotsim), ("netsim", &plan.netsim)] {
         if let Some(url) = &side.url {
             say(format!(
-                "[{section}] is not checked here: the simulator at {url} does when the experiment runs"
+                "[{section}] is not checked: the simulator at {url} checks it when the experiment runs"
             ));
         }
     }

@@ -6,11 +6,10 @@ use study::formula::FormulaRequest;
 /// A formula to be fitted.
 #[derive(Args)]
 pub(super) struct FormulaArgs {
-    /// Add an expression of your own over covariates and parameters: '-a * max(temperature_c - onset_c, 0)'
+    /// Fit and add your own expression of covariates and parameters, as in '-a * max(temperature_c - onset_c, 0)'
     #[arg(long, value_name = "EXPRESSION", allow_hyphen_values = true, conflicts_with = "all")]
     formula: Option<String>,
-    /// A parameter of the formula and where its fit starts, with the range of its values: a=0.1 or a=0.1:0:1. May be given
-    /// several times
+    /// A parameter of the formula with its initial value and, optionally, its range, as in a=0.1 or a=0.1:0:1. Repeatable
     #[arg(
         long,
         value_name = "NAME=START[:MIN:MAX]",
@@ -18,7 +17,8 @@ pub(super) struct FormulaArgs {
         requires = "formula"
     )]
     parameter: Vec<(String, [f64; 3])>,
-    /// What the formula is added to: of links mean, noise or loss, of robots ahead, left, east, north or up [default: mean, ahead]
+    /// Quantity that the formula is added to: mean, noise or loss for links; ahead, left, east, north or up for robots
+    /// [default: mean for links, ahead for robots]
     #[arg(long, value_name = "TARGET", requires = "formula")]
     target: Option<String>,
 }
@@ -39,13 +39,13 @@ const FAR: f64 = 1e3;
 
 /// Reads `a=0.1` or `a=0.1:0:1`.
 fn parameter(text: &str) -> Result<(String, [f64; 3]), String> {
-    let form = "NAME=START or NAME=START:MIN:MAX is needed, such as a=0.1:0:1";
+    let form = "expected NAME=START or NAME=START:MIN:MAX, such as a=0.1:0:1";
     let (name, numbers) = text.split_once('=').ok_or(form)?;
     let numbers: Vec<f64> = numbers
         .split(':')
         .map(|number| {
             let read = number.trim().parse::<f64>().ok().filter(|number| number.is_finite());
-            read.ok_or_else(|| format!("{number:?} is no number: {form}"))
+            read.ok_or_else(|| format!("{number:?} is not a number; {form}"))
         })
         .collect::<Result<_, _>>()?;
     let range = match numbers[..] {
@@ -56,7 +56,9 @@ fn parameter(text: &str) -> Result<(String, [f64; 3]), String> {
         [start, min, max] if min < max && (min..=max).contains(&start) => [start, min, max],
         [start, min, max] if min < max => {
             let nearest = start.clamp(min, max);
-            return Err(format!("the start must lie from {min} to {max}; nearest: {nearest}"));
+            return Err(format!(
+                "START must be from {min} to {max}, got {start}; nearest valid: {nearest}"
+            ));
         }
         [_, min, max] => return Err(format!("MAX ({max}) must be greater than MIN ({min})")),
         _ => return Err(form.to_owned()),
@@ -75,11 +77,11 @@ mod tests {
         assert_eq!(parameter("c=0"), Ok(("c".to_owned(), [0.0, -1000.0, 1000.0])));
         for (text, part) in [
             ("a", "NAME=START"),
-            ("a=", "\"\" is no number"),
+            ("a=", "\"\" is not a number"),
             ("a=1:2", "NAME=START:MIN:MAX"),
             ("a=1:2:2", "MAX (2) must be greater than MIN (2)"),
-            ("a=5:0:1", "from 0 to 1; nearest: 1"),
-            ("a=inf", "\"inf\" is no number"),
+            ("a=5:0:1", "from 0 to 1, got 5; nearest valid: 1"),
+            ("a=inf", "\"inf\" is not a number"),
         ] {
             let error = parameter(text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

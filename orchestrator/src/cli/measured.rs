@@ -32,24 +32,26 @@ use study::{COMMON, Study};
 /// A configuration and measurements.
 #[derive(Args)]
 pub(super) struct DataArgs {
-    /// The configuration (TOML): the part that is compared, everything else may be missing
+    /// The configuration (TOML): a complete experiment for packets; for links and robots, the sections that describe them
+    /// suffice
     config: PathBuf,
-    /// The measurements: link samples, robot samples or packets, as CSV, gzipped CSV or Parquet
+    /// The measurements: link samples, robot samples or packets (CSV, gzipped CSV or Parquet)
     #[arg(long, value_name = "FILE")]
     data: PathBuf,
-    /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times
+    /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Of packets, and with --heard: seed of every random draw, in place of the file's. Answers about links and robots hang on none
+    /// Packets and --heard only: override the seed of all random draws, to check how sensitive the answer is to it. Link
+    /// and robot results do not depend on the seed
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     #[command(flatten)]
     choices: ChoiceArgs,
-    /// Of rows that sum up several frames: take the mean reading of each for the level at which its frames arrived, and predict
-    /// what is received of them from it. Only what decides reception is tried and scored
+    /// Rows that aggregate several frames: predict the reception rate of each row from its mean RSSI reading. Only effects
+    /// on reception are then tried and scored
     #[arg(long)]
     given_rssi: bool,
-    /// Write what was found as JSON
+    /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -57,15 +59,15 @@ pub(super) struct DataArgs {
 /// The value of `--split`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum SplitArg {
-    /// Parts of the time that was measured
+    /// Blocks of time
     Time,
     /// Pairs of nodes, both directions together
     Pair,
-    /// Nodes, with every row that they take part in; of robots, whole robots
+    /// Nodes, with all rows of their links; for robots, whole robots
     Node,
-    /// Squares of the plane in which nodes or robots move
+    /// Squares of the plane
     Place,
-    /// Campaigns: equal numbers in the column run
+    /// Runs: rows with the same number in the column run
     Run,
 }
 
@@ -84,20 +86,20 @@ impl From<SplitArg> for SplitBy {
 /// Which rows are used, which are left out together, how far robots are predicted.
 #[derive(Args, Clone)]
 pub(super) struct ChoiceArgs {
-    /// Use only rows on which a condition over columns and derived covariates holds: 'pdr > 0.5 and distance_m < 30'. Of
-    /// robots, windows when they begin
+    /// Use only rows that satisfy a condition on columns and derived covariates, as in 'channel == 26 and distance_m < 30'.
+    /// For robots, the condition applies to the first row of each window
     #[arg(long = "where", value_name = "CONDITION")]
     condition: Option<String>,
-    /// What is left out together, in place of the unit that suits each effect
+    /// Unit of cross-validation: what each fold holds out together [default: the unit that suits each effect]
     #[arg(long, value_name = "UNIT")]
     split: Option<SplitArg>,
-    /// Fit to these runs only, numbers of the column run: 1,2. Scored are those of --score-runs, or all others
+    /// Fit to these runs only (numbers of the column run, as in 1,2), and score those of --score-runs, or all others
     #[arg(long, value_name = "RUNS", value_delimiter = ',')]
     fit_runs: Vec<u32>,
-    /// Score these runs only, by a fit to those of --fit-runs, or to all others
+    /// Score these runs only, with a fit to those of --fit-runs, or to all others
     #[arg(long, value_name = "RUNS", value_delimiter = ',')]
     score_runs: Vec<u32>,
-    /// How far ahead robots are predicted (s) [default: 1]
+    /// Prediction horizon for robots (s) [default: 1]
     #[arg(long, value_name = "S")]
     window: Option<f64>,
 }
@@ -130,7 +132,8 @@ impl DataArgs {
             return Ok(());
         }
         Err(Failure::request(format!(
-            "{}: not for {what}, which are compared as one run; there are --seeds and --from, of packets --positions, too",
+            "{}: does not apply to {what}, which are compared as one run. Leave it out; --seeds and --from apply, and \
+             --positions for packets",
             words.trim()
         )))
     }
@@ -194,7 +197,7 @@ pub(super) fn account_text(account: &DataAccount) {
 pub(super) struct AnswerArgs {
     #[command(flatten)]
     data: DataArgs,
-    /// Write what was found as a page with pictures (HTML, one file, opens without a network)
+    /// Write the results as a page with plots (one HTML file, which needs no internet connection)
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -206,12 +209,12 @@ pub(super) struct AnswerArgs {
 pub(super) struct CompareArgs {
     #[command(flatten)]
     answer: AnswerArgs,
-    /// Of packets: links measured meanwhile (link samples, an aggregated table). With --positions, the error is split: how
-    /// much is robot, radio, protocol
+    /// Packets only: links measured during the same campaign (link samples or an aggregated table). Together with
+    /// --positions, attributes the error to robots, radio and protocol
     #[arg(long, value_name = "FILE")]
     links: Option<PathBuf>,
-    /// Of robots: who heard whom meanwhile (packets, link samples, or the folder of a run). With a whole experiment as the
-    /// configuration, the error of the swarm's task is split: how much is network, robot
+    /// Robots only: receptions during the same campaign (packets, link samples, or the folder of a run). Attributes the
+    /// error of the swarm's task to network and robots; the configuration must be a complete experiment
     #[arg(long, value_name = "FILE", conflicts_with_all = ["links", "positions"])]
     heard: Option<PathBuf>,
 }
@@ -226,8 +229,8 @@ impl AnswerArgs {
         }
         if let (true, Some(report)) = (self.data.given_rssi, &self.report) {
             return Err(Failure::request(format!(
-                "--report {}: a page draws readings beside predicted ones, and --given-rssi predicts none; --json FILE has all \
-                 that is found",
+                "--report {}: does not apply with --given-rssi, which predicts no RSSI readings for the page to plot; use \
+                 --json FILE",
                 report.display()
             )));
         }
@@ -257,7 +260,7 @@ impl AnswerArgs {
             if matches!(found, NetworkAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
         let page = report::packets::page(&name, &self.command(verb, &words), found);
         write_whole("--report", path, &page)?;
-        say(format!("look at {}", path.display()));
+        say(format!("open {}", path.display()));
         Ok(())
     }
 
@@ -284,7 +287,7 @@ impl AnswerArgs {
             covariates,
         };
         write_whole("--report", path, &page(&contents))?;
-        say(format!("look at {}", path.display()));
+        say(format!("open {}", path.display()));
         Ok(())
     }
 }
@@ -357,15 +360,15 @@ impl Pictures {
 pub(super) struct ExtendArgs {
     #[command(flatten)]
     data: DataArgs,
-    /// The effect to add. May be given several times
+    /// Name of the effect to add; `orchestrator effects` lists them. Repeatable
     #[arg(long, value_name = "NAME", required_unless_present_any = ["all", "formula"])]
     effect: Vec<String>,
-    /// Add every effect that diagnose accepts
+    /// Run diagnose and add every effect that it accepts
     #[arg(long, conflicts_with = "effect")]
     all: bool,
     #[command(flatten)]
     formula: FormulaArgs,
-    /// The new configuration
+    /// Write the extended configuration to this file (TOML)
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
@@ -404,7 +407,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     }
     if let Some(links) = links {
         return Err(Failure::request(format!(
-            "--links {}: for packets only; links by themselves are compared as --data",
+            "--links {}: applies only if --data holds packets; to compare link measurements themselves, give them as --data",
             links.display()
         )));
     }
@@ -456,7 +459,7 @@ impl SearchLog {
         match progress {
             Progress::Round { round } => {
                 *times = (Instant::now(), Instant::now());
-                tracing::info!("round {round}: trying what may be missing");
+                tracing::info!("round {round}: fitting candidate effects");
             }
             Progress::Tried { round, done, of } => {
                 if times.1.elapsed() < LOG_EVERY {
@@ -464,21 +467,23 @@ impl SearchLog {
                 }
                 times.1 = Instant::now();
                 let left_s = times.0.elapsed().as_secs_f64() * (of - done) as f64 / done as f64;
-                tracing::info!("round {round}: {done} of {of} tried, about {left_s:.0} s left");
+                tracing::info!(
+                    "round {round}: {done} of {of} candidates fitted, about {left_s:.0} s left"
+                );
             }
             Progress::Accepted { name } => tracing::info!("+ {name}"),
             Progress::Exchanged { new, old } => {
-                tracing::info!("{new} in place of {}", old.join(", "));
+                tracing::info!("{new} replaces {}", old.join(", "));
             }
             Progress::Removed { name } => tracing::info!("- {name}"),
-            Progress::Ties => tracing::info!("collecting candidates that cannot be told apart"),
+            Progress::Ties => tracing::info!("collecting indistinguishable candidates"),
         }
     }
 }
 
 /// Packets have no rows to fit an expression to.
-const NO_FORMULA: &str = "--formula is for measured links and robots: the network has no effect of the kind \"formula\"; --effect NAME \
-                          adds one that it has";
+const NO_FORMULA: &str = "--formula applies to measured links and robots only: the network has no effect of kind \
+                          \"formula\". Use --effect NAME for packets";
 
 /// `orchestrator extend`.
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
@@ -594,7 +599,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let found = answer::answer(searched, &search, &ladder, measurements, &left, whole);
             if whole.is_some() {
                 say(format!(
-                    "searched in {} rows, spread evenly over all; numbers fitted to all",
+                    "searched in a subset of {} rows, spread evenly over all rows; parameters fitted to all rows",
                     searched.n_rows()
                 ));
             }
@@ -633,7 +638,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
 pub(super) fn complete(stopped: Option<usize>) -> Result<(), Failure> {
     stopped.map_or(Ok(()), |round| {
         Err(Failure::work(format!(
-            "interrupted in round {round}: what was found until then is told"
+            "interrupted in round {round}: the search did not finish, and any results printed above are partial"
         )))
     })
 }

@@ -23,17 +23,19 @@ use study::open::{self, DataAccount};
 /// How the experiment is simulated again, to be compared with measured packets.
 #[derive(Args, Clone)]
 pub(super) struct ResimulationArgs {
-    /// Of packets: where robots were measured, as a table with time_s, agent, x_m, y_m, or the folder of a run. Without it they
-    /// go as the experiment has them
+    /// Packets only: measured robot positions, as a table with time_s, agent, x_m, y_m, or the folder of a run [default:
+
+    /// robots move as the experiment simulates them]
+
     #[arg(long, value_name = "FILE")]
     positions: Option<PathBuf>,
-    /// Of packets, and with --heard: seeds under which the network is run
+    /// Packets and --heard only: number of seeds under which the network is simulated
     #[arg(long, value_name = "N", default_value_t = ComparisonOptions::default().seeds)]
     seeds: u64,
-    /// Of packets: those made before are not compared (s). With --heard: when the task began
+    /// Packets only: ignore packets created before this time (s). With --heard: time at which the task began (s)
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     from: f64,
-    /// Of packets: how long the campaign lasted (s), if longer than to its last packet
+    /// Packets only: end of the campaign (s), if it is later than the last packet
     #[arg(long, value_name = "S")]
     until: Option<f64>,
 }
@@ -58,7 +60,8 @@ impl ResimulationArgs {
             return Ok(());
         }
         Err(Failure::request(
-            "--links: needs --positions, where robots were measured: links are replayed between robots that are where they were",
+            "--links: requires --positions, because measured links are replayed between robots at their measured \
+             positions; give --positions FILE",
         ))
     }
 
@@ -98,7 +101,7 @@ impl ResimulationArgs {
             }
             Some(until_s) => {
                 return Err(Failure::request(format!(
-                    "--until {until_s}: packets are on their way until {} s, which it must not lie before",
+                    "--until {until_s}: must be at least {} s, when the last packet ends",
                     resimulation.duration_s()
                 )));
             }
@@ -112,8 +115,8 @@ impl ResimulationArgs {
         };
         if resimulation.resends() {
             account.warnings.push(
-                "the experiment has no [[netsim.app]]: the measured packets are sent again at their times, whether motes have joined \
-                 by then or not"
+                "the experiment has no [[netsim.app]]: the simulation resends the measured packets at their measured \
+                 times, whether or not motes have joined"
                     .to_owned(),
             );
         }
@@ -150,7 +153,7 @@ impl Opened {
     fn check_seeds(&self) -> Result<(), Failure> {
         if self.asked.seeds < FEWEST_SEEDS {
             return Err(Failure::request(format!(
-                "--seeds {}: at least {FEWEST_SEEDS} are needed to tell at a level of {ACCEPT} that a gain is no chance",
+                "--seeds {}: must be at least {FEWEST_SEEDS}; with fewer seeds no gain can be significant at level {ACCEPT}",
                 self.asked.seeds
             )));
         }
@@ -215,7 +218,7 @@ pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure
         .collect();
     let p_values = extended.rungs.each_ref().map(|rung| rung.among.placed.p_value);
     say(format!(
-        "{}: added {}. Could these packets be one more run: p = {:.3} before, {:.3} with it",
+        "{}: added {}. Consistency of the packets with the model: p = {:.3} before, {:.3} after",
         adding.output.display(),
         parts.join("; "),
         p_values[0],

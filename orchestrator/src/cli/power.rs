@@ -11,30 +11,30 @@ use std::path::PathBuf;
 pub(super) struct PowerArgs {
     /// The configuration (TOML): the model without the effect
     config: PathBuf,
-    /// Measurements: campaigns with their rows are simulated
+    /// Measurements to use as a template: each simulated campaign has their rows
     #[arg(long, value_name = "FILE")]
     like: PathBuf,
-    /// The effect
+    /// Name of the effect to detect
     #[arg(long, value_name = "NAME")]
     effect: String,
-    /// A key of the effect that is not its size: reference_c=18. May be given several times
+    /// Fix a key of the effect other than its size, as in reference_c=18. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     with: Vec<String>,
-    /// The key that is its size [default: the first that is fitted]
+    /// The key that sets the effect's size [default: the first fitted key]
     #[arg(long, value_name = "KEY")]
     vary: Option<String>,
-    /// Simulated campaigns at each size
+    /// Number of simulated campaigns per size
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..))]
     campaigns: u64,
-    /// Seed of every random draw
+    /// Seed of all random draws
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times
+    /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
     choices: ChoiceArgs,
-    /// Write what was found as JSON
+    /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -12,21 +12,21 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub(super) struct SimulateArgs {
-    /// The configuration (TOML): the model that measures
+    /// The configuration (TOML): the model to simulate
     config: PathBuf,
-    /// Measurements whose rows are simulated: times, places, channels, commands and covariates are taken from them
+    /// Measurements to use as a template: times, positions, channels, commands and covariates are taken from them
     #[arg(long, value_name = "FILE")]
     like: PathBuf,
-    /// The campaign: CSV, gzipped if the name ends in .gz
+    /// Write the simulated campaign to this file (CSV; gzipped if the name ends in .gz)
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
-    /// Seed of every random draw
+    /// Seed of all random draws
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Set a key of the configuration: netsim.phy.propagation=friis. May be given several times
+    /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Write what was done as JSON
+    /// Write a summary as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -36,7 +36,7 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
     let ending = args.output.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     if !["csv", "gz"].contains(&ending) {
         return Err(Failure::request(format!(
-            "--output {}: is written as CSV: name it {}.csv or {0}.csv.gz",
+            "--output {}: the file name must end in .csv or .csv.gz; use {}.csv",
             args.output.display(),
             args.output.with_extension("").display()
         )));
@@ -48,15 +48,15 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
     write(&args.output, ending, &simulated)?;
     if simulated.is_noise_estimated {
         warn(format!(
-            "the configuration does not say how large the noise is: {:.4} {} was taken, estimated from {}, which counts what the \
-             model lacks as noise",
+            "the configuration does not set the noise. Used {:.4} {}, estimated from {}; this estimate includes the \
+             model's own error",
             simulated.noise,
             simulated.unit,
             args.like.display()
         ));
     }
     say(format!(
-        "{}: {} rows as in {}, measured by {}, seed {}, noise {:.4} {}",
+        "{}: {} rows as in {}, simulated from {}, seed {}, noise {:.4} {}",
         args.output.display(),
         simulated.n_rows(),
         args.like.display(),
@@ -66,7 +66,10 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
         simulated.unit
     ));
     if 0 < simulated.n_left_out {
-        warn(format!("{} rows cannot be used, and are left out", simulated.n_left_out));
+        warn(format!(
+            "{} rows of the template are unusable and were left out",
+            simulated.n_left_out
+        ));
     }
     write_json(args.json.as_deref(), &Simulation::summarise(&simulated, args.seed))
 }

@@ -16,7 +16,7 @@ pub(super) fn listen() -> Result<&'static AtomicBool, Failure> {
             let mut interrupt = Interrupt::listen();
             let name = interrupt.first().await;
             STOP.store(true, Ordering::Relaxed);
-            warn(format!("{name}: what is under way is finished; once more to give up"));
+            warn(format!("{name}: finishing the current fits; press Ctrl-C again to abort"));
             interrupt.first().await;
         });
         if ended.is_ok() {

@@ -13,16 +13,17 @@ use std::path::PathBuf;
 pub(super) struct SweepArgs {
     #[command(flatten)]
     file: FileArgs,
-    /// Folder of results: the sweep gets a folder of its name in it, and goes on with what it finds there
+    /// Folder for results; the sweep is recorded in a subfolder with the experiment's name, and resumes if trials are found
+    /// there
     #[arg(long, alias = "output", value_name = "DIR", default_value = "runs")]
     out: PathBuf,
-    /// Trials at the same time [default: as many as there are cores]
+    /// Number of trials that run at the same time [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Threads of each simulator; results do not depend on it
+    /// Number of threads per simulator; results do not depend on it
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) threads: u16,
-    /// Run all trials again, also those that are done
+    /// Discard finished trials and run all of them again
     #[arg(long)]
     restart: bool,
 }
@@ -47,7 +48,7 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
     }
     let before = match report.n_before {
         0 => String::new(),
-        n => format!(", {n} of them done before"),
+        n => format!(", {n} of them finished earlier"),
     };
     say(format!(
         "{}: {}{before} in {:.1} s, {} of simulators started",
@@ -58,17 +59,17 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
     ));
     say(&report.text);
     say(format!("results in {}", report.dir.display()));
-    say(format!("look at {}", report.dir.join("report.html").display()));
+    say(format!("open {}", report.dir.join("report.html").display()));
     write_json(args.file.json.as_deref(), &report.summary)
 }
 
 #[derive(Args)]
 pub(super) struct CompareRunsArgs {
-    /// Folder of a run or of a sweep
+    /// Folder of the first run or sweep
     a: PathBuf,
-    /// Folder of another
+    /// Folder of the second run or sweep
     b: PathBuf,
-    /// Write what was found as JSON
+    /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -30,7 +30,7 @@ pub(super) fn split(
 ) -> Result<TaskComparison, Failure> {
     if asked.seeds < FEWEST_SEEDS {
         return Err(Failure::request(format!(
-            "--seeds {}: at least {FEWEST_SEEDS} are needed to tell a part of an error from chance",
+            "--seeds {}: must be at least {FEWEST_SEEDS}; with fewer seeds no part of the error can be significant",
             asked.seeds
         )));
     }
@@ -48,7 +48,11 @@ pub(super) fn split(
     let sd_m = open::localization_sd_m(&compared);
     let account = account(&table, &heard, files.heard, sd_m);
     super::measured::account_text(&account);
-    tracing::info!("{} seeds of {:.0} s, three times", asked.seeds, resimulation.duration_s());
+    tracing::info!(
+        "simulating {} seeds of {:.0} s, three times",
+        asked.seeds,
+        resimulation.duration_s()
+    );
     let measured = MeasuredSwarm {
         resimulation: &resimulation,
         tracks: &tracks,
@@ -67,16 +71,12 @@ fn account(
     heard_path: &Path,
     sd_m: Option<f64>,
 ) -> DataAccount {
-    let mut warnings = vec![format!(
-        "{}: {} rows, {} times somebody heard somebody",
-        heard_path.display(),
-        heard.n_rows,
-        heard.n()
-    )];
+    let mut warnings =
+        vec![format!("{}: {} rows, {} receptions", heard_path.display(), heard.n_rows, heard.n())];
     if sd_m.is_none() {
         warnings.push(
-            "robotsim.localization.sd_m is not given: places are taken as exact, and the noise of their measurement as something \
-             that robots do"
+            "robotsim.localization.sd_m is not set: measured positions are taken as exact, so their measurement noise \
+             counts as robot motion; set it if you know it"
                 .to_owned(),
         );
     }

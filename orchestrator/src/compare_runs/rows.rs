@@ -38,7 +38,7 @@ struct RunRow {
 pub(super) fn find(path: &Path) -> Result<RunFolder, CompareRunsError> {
     let wrong = |reason: String| CompareRunsError::Folder { path: path.to_owned(), reason };
     let foreign = |error: &dyn Display| {
-        let hint = "is not a folder that a run or a finished sweep has left";
+        let hint = "is not the folder of a run or of a finished sweep";
         wrong(format!("{hint} (summary.json: {error})"))
     };
     let text = std::fs::read(path.join(RunSummary::FILE)).map_err(|error| foreign(&error))?;
@@ -73,7 +73,9 @@ pub(super) fn find(path: &Path) -> Result<RunFolder, CompareRunsError> {
         let figures = values.into_iter().map(|(name, _)| name).collect();
         Ok(RunFolder { config: config("config.toml")?, figures, rows: vec![row], is_run: true })
     } else {
-        Err(wrong(format!("summary.json is of {schema:?}, neither of a run nor of a sweep")))
+        Err(wrong(format!(
+            "summary.json has the schema {schema:?}, which is neither that of a run nor that of a sweep"
+        )))
     }
 }
 
@@ -139,12 +141,13 @@ pub(super) fn pair<'a>(
         let (row_a, row_b) = (&a.rows[0], &b.rows[0]);
         if row_a.seed != row_b.seed {
             warnings.push(format!(
-                "the seeds differ ({} and {}): what changed is partly chance, and by how much cannot be told",
+                "the seeds differ ({} and {}), so the differences are partly random; compare runs with the same seed, or \
+                 sweeps",
                 row_a.seed, row_b.seed
             ));
         } else {
             warnings.push(
-                "one run each: whether another seed would show the same cannot be told; sweeps can"
+                "only one run each, so the differences may depend on the seed; compare sweeps for confidence intervals"
                     .to_owned(),
             );
         }
@@ -204,7 +207,7 @@ pub(super) fn pair<'a>(
     for (path, index) in [(paths[0], index_a), (paths[1], index_b)] {
         if n_pairs < index.len() {
             warnings.push(format!(
-                "{} of {} trials of {} have no partner and are not looked at",
+                "ignored {} of {} trials of {}, which have no partner",
                 index.len() - n_pairs,
                 index.len(),
                 path.display()
@@ -213,7 +216,7 @@ pub(super) fn pair<'a>(
     }
     if n_incomplete != 0 {
         warnings.push(format!(
-            "{n_incomplete} of {n_pairs} pairs are not looked at: a network had not formed"
+            "ignored {n_incomplete} of {n_pairs} pairs in which a network had not formed"
         ));
     }
     Ok(Pairing { groups, warnings })

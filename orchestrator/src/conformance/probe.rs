@@ -100,7 +100,7 @@ fn stands(step: u64, until_ns: u64, got: (u64, u64)) -> Result<(), String> {
         Ok(())
     } else {
         Err(format!(
-            "asked for step {step} to {until_ns} ns, it replies step {}, {} ns",
+            "the reply to step {step} until {until_ns} ns reports step {}, {} ns",
             got.0, got.1
         ))
     }
@@ -109,7 +109,7 @@ fn stands(step: u64, until_ns: u64, got: (u64, u64)) -> Result<(), String> {
 impl Probe for RobotSide {
     type Exchange = ();
     const HOLD: Option<&'static str> = Some(
-        "told to hold, robots stand still while time passes; let go, they are stepped as ever",
+        "with hold, robots stand still while time advances; without it, they are stepped as usual",
     );
 
     fn configure_request(seed: u64, n: u32, step_ns: u64, toml: &str) -> Self::ConfigureRequest {
@@ -174,7 +174,10 @@ impl Probe for RobotSide {
                 "a transmission that does not exist is INVALID_ARGUMENT",
                 spoilt(|d| d.heard = vec![u32::MAX; d.heard.len()]),
             ),
-            ("lists that end elsewhere are INVALID_ARGUMENT", spoilt(|d| d.heard_end = vec![1])),
+            (
+                "lists with inconsistent ends are INVALID_ARGUMENT",
+                spoilt(|d| d.heard_end = vec![1]),
+            ),
         ]
     }
 }
@@ -202,20 +205,27 @@ impl Questions<'_, RobotSide> {
                 within(RobotSide::step(self.client.clone(), request)).await.map_err(status_text)?;
             RobotSide::check(&reply, step, until_ns, n)?;
             if reply.held != hold {
-                return Err(format!("step {step} asked for hold = {hold}, held is {}", reply.held));
+                return Err(format!(
+                    "step {step} requested hold = {hold}, but held is {}",
+                    reply.held
+                ));
             }
             let states =
                 convert::states(reply.states.clone(), n).map_err(|invalid| invalid.to_string())?;
             if hold {
                 stands_still(&first, &states).map_err(|reason| format!("step {step}: {reason}"))?;
                 if reply.task_complete {
-                    return Err(format!("step {step}: the task is complete while all are held"));
+                    return Err(format!(
+                        "step {step}: the task is reported complete while all robots are held"
+                    ));
                 }
             }
             let expected = digest::of_step(step, until_ns, &states, given.as_ref());
             let standing = self.barrier(step).await?;
             if standing.time_ns != until_ns || standing.digest[..] != expected[..] {
-                return Err(format!("Barrier of step {step} has another time or digest"));
+                return Err(format!(
+                    "Barrier of step {step} reports another time or digest than expected"
+                ));
             }
         }
         Ok(())
@@ -232,7 +242,9 @@ fn stands_still(before: &AgentStates, after: &AgentStates) -> Result<(), String>
     for (name, before, after) in axes {
         if let Some(agent) = before.iter().zip(after).position(|(one, other)| one != other) {
             let (one, other) = (before[agent], after[agent]);
-            return Err(format!("{name} of agent {agent} goes from {one} to {other}"));
+            return Err(format!(
+                "{name} of agent {agent} changes from {one} to {other} during hold"
+            ));
         }
     }
     for (name, velocities) in

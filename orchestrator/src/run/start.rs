@@ -191,7 +191,10 @@ async fn configure(
     let statistics = exchange.network_start.statistics.iter();
     let mut columns = statistics.flat_map(|statistics| &statistics.columns);
     if let Some(column) = columns.find(|column| is_column_of_motes(&column.name)) {
-        let reason = format!("statistics: motes.parquet has a column {} of its own", column.name);
+        let reason = format!(
+            "statistics: the name {} is reserved for a column of motes.parquet",
+            column.name
+        );
         let doing = "Configure".to_owned();
         return Err(side(SideError::Garbage { side: NetworkSide::SIDE, doing, reason }));
     }
@@ -210,7 +213,8 @@ fn warnings(plan: &Plan, exchange: &Configured, wanted: Wanted) -> Vec<String> {
     let captures = exchange.network_start.records.contains(&NetRecord::Capture);
     if wanted == Wanted::Record && plan.output.pcap && !captures {
         warnings.push(
-            "output.pcap: the network, as it is configured, has no radio traffic to capture"
+            "output.pcap: the network as configured has no radio traffic to capture; set netsim.mode = \"6tisch\", or \
+             output.pcap = false"
                 .to_owned(),
         );
     }

@@ -46,7 +46,7 @@ pub(crate) struct Journal {
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     /// Another sweep writes it.
-    #[error("{} is being written: another sweep is at work in that folder", .0.display())]
+    #[error("{} is locked: another sweep is running in this folder; wait for it, or choose another --out", .0.display())]
     Busy(PathBuf),
     /// The file cannot be read or written.
     #[error("{}: {source}", path.display())]
@@ -57,7 +57,7 @@ pub enum JournalError {
         source: std::io::Error,
     },
     /// A line is not one that a sweep writes.
-    #[error("{}:{line}: is not what a sweep writes ({reason}); --restart begins anew", path.display())]
+    #[error("{}:{line}: not a valid entry of a sweep's journal ({reason}); use --restart to run all trials again", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -186,7 +186,10 @@ mod tests {
         text.push_str("{\"key\": 3}\n");
         std::fs::write(&path, text).unwrap();
         let error = Journal::open(&path, false).map(|_| ()).unwrap_err().to_string();
-        assert!(error.contains("trials.jsonl:2: is not what a sweep writes"), "{error}");
+        assert!(
+            error.contains("trials.jsonl:2: not a valid entry of a sweep's journal"),
+            "{error}"
+        );
         assert!(Journal::open(&path, true).unwrap().1.is_empty());
     }
 }

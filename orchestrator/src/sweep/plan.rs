@@ -62,7 +62,7 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
     let Some(section) = base.take(spec::KEY) else {
         problems.push(Problem::new(
             "",
-            "has no [sweep]: there is nothing to vary. orchestrator run runs a single experiment",
+            "has no section [sweep], so there is nothing to vary; use orchestrator run for a single experiment",
         ));
         return refused(problems);
     };
@@ -144,19 +144,21 @@ fn limits(sweep: &Sweep, problems: &mut Vec<Problem>) {
     let n_trials = design::n_settings(sweep).and_then(|n| n.checked_mul(n_seeds));
     if n_trials.is_none_or(|n| MOST_TRIALS.unsigned_abs() < n) {
         let n = n_trials.map_or_else(|| "more than 2^64".to_owned(), |n| n.to_string());
-        let message = format!("makes too many trials: at most {MOST_TRIALS}");
+        let message = format!("defines too many trials; at most {MOST_TRIALS} are allowed");
         problems.push(Problem::new(spec::KEY, message).value(n));
     }
     let (most_samples, most_ranges) = design::SOBOL;
     if sweep.sampling == Sampling::Sobol {
         if most_samples < sweep.samples {
-            let message = format!("must be at most {most_samples} where sampling = \"sobol\"");
+            let message = format!("must be at most {most_samples} with sampling = \"sobol\"");
             let problem = Problem::new("sweep.samples", message).value(sweep.samples);
             problems.push(problem.nearest(most_samples));
         }
         if most_ranges < sweep.ranges.len() {
-            let message =
-                format!("has too many ranges for sampling = \"sobol\": at most {most_ranges}");
+            let message = format!(
+                "has too many ranges for sampling = \"sobol\", which allows at most {most_ranges}; use \
+                         \"latin-hypercube\""
+            );
             problems.push(Problem::new("sweep.vary", message).value(sweep.ranges.len()));
         }
     }

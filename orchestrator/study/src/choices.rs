@@ -76,7 +76,7 @@ pub enum ChoiceError {
     #[error("--where: {0}")]
     Condition(#[from] FormulaError),
     /// It holds nowhere.
-    #[error("--where: {condition:?} holds on none of {rows} rows, so that nothing is left")]
+    #[error("--where: no row satisfies {condition:?} ({rows} rows checked); relax the condition")]
     Nowhere {
         /// The condition.
         condition: String,
@@ -84,7 +84,7 @@ pub enum ChoiceError {
         rows: usize,
     },
     /// Rows cannot be left out in this way.
-    #[error("--split {split}: {reason}; the nearest that these data allow is --split {nearest}")]
+    #[error("--split {split}: {reason}; use --split {nearest}")]
     Split {
         /// What was asked for.
         split: SplitBy,
@@ -94,7 +94,7 @@ pub enum ChoiceError {
         nearest: SplitBy,
     },
     /// There is no such campaign.
-    #[error("{option}: there is no run {run}, the nearest is {nearest}; there are {}", listed(.known))]
+    #[error("{option}: the data have no run {run} (nearest valid: {nearest}); their runs are {}", listed(.known))]
     NoRun {
         /// The option.
         option: &'static str,
@@ -107,14 +107,15 @@ pub enum ChoiceError {
     },
     /// A campaign is both.
     #[error(
-        "run {run} stands in --fit-runs and in --score-runs: what is scored must not be seen by a fit"
+        "run {run} is in both --fit-runs and --score-runs; remove it from one of them, because a fit must not see the runs \
+         that it is scored on"
     )]
     Both {
         /// The campaign.
         run: u32,
     },
     /// Nothing is left for the other part.
-    #[error("{option} names every run of the file ({}): none is left to be {rest}", listed(.known))]
+    #[error("{option} lists every run of the data ({}), so that no run is left to be {rest}; leave out at least one", listed(.known))]
     NoneLeft {
         /// The option.
         option: &'static str,
@@ -124,7 +125,7 @@ pub enum ChoiceError {
         known: Vec<u32>,
     },
     /// A window that does not fit.
-    #[error("--window {window_s}: {reason}; the nearest that can be scored is {nearest_s}")]
+    #[error("--window {window_s}: {reason} (nearest valid: {nearest_s})")]
     Window {
         /// What was asked for (s).
         window_s: f64,
@@ -135,25 +136,24 @@ pub enum ChoiceError {
     },
     /// Links have no windows.
     #[error(
-        "--window is how far ahead robots are predicted, and these are link data: leave it out"
+        "--window sets the prediction horizon for robots, and these data are link samples; leave it out"
     )]
     NoWindows,
     /// Robots have no readings.
     #[error(
-        "--given-rssi predicts who receives from what receivers read, and these are robot data: leave it out"
+        "--given-rssi predicts reception from RSSI readings, and these data are robot samples; leave it out"
     )]
     NoReadings,
     /// Every row is one frame, and a lost one shows no reading.
     #[error(
-        "--given-rssi predicts the share of frames received from the mean reading of a row, and here every row is one frame: \
-         one that was lost shows no reading that it could be predicted from; the nearest are rows that sum up several frames, \
-         with the columns frames and pdr"
+        "--given-rssi predicts the reception rate of a row from its mean RSSI reading, and here each row is one frame; a \
+         lost frame has no reading. Aggregate the rows, with the columns frames and pdr, or leave the option out"
     )]
     SingleFrames,
     /// Nothing is known of what was lost, or nothing was.
     #[error(
-        "--given-rssi predicts which share of frames is received, and of the {rows} rows with a reading none says that a frame \
-         was lost: nothing can be told from them"
+        "--given-rssi predicts the reception rate, and none of the {rows} rows with a reading reports a lost frame, so \
+         there is nothing to fit; leave it out"
     )]
     NothingLost {
         /// How many rows have a reading.
@@ -161,8 +161,8 @@ pub enum ChoiceError {
     },
     /// What is predicted decided which rows are used.
     #[error(
-        "--where: {columns} says what was received, and --given-rssi predicts just that: of rows chosen by it nothing can be \
-         told; the nearest condition that may be asked is one over rssi_dbm"
+        "--where: {columns} is the outcome that --given-rssi predicts, and selecting rows by the outcome biases the \
+         result; filter on something measured before the frame was sent, or on rssi_dbm"
     )]
     ChosenByReception {
         /// The columns.
@@ -170,8 +170,8 @@ pub enum ChoiceError {
     },
     /// The model says who receives, whatever the strength.
     #[error(
-        "--given-rssi: netsim.phy.propagation states who receives whatever is read, so that nothing follows from a reading; the \
-         nearest that leaves it to the strength is \"friis\""
+        "--given-rssi: netsim.phy.propagation fixes who receives, independently of the RSSI; choose a model in which \
+         reception depends on the RSSI, such as \"friis\""
     )]
     Stated,
 }
@@ -257,12 +257,12 @@ impl Choices {
             let (truths, asked) = truths(condition, seen)?;
             kept.asked = asked;
             let when = seen.when;
-            kept.leave_out(seen, format!("--where {condition:?} does not hold{when}"), |row| {
+            kept.leave_out(seen, format!("--where {condition:?} is not satisfied{when}"), |row| {
                 truths[row] == 0.0
             });
             kept.leave_out(
                 seen,
-                format!("--where {condition:?} asks for a value that is missing{when}"),
+                format!("--where {condition:?} uses a value that is missing{when}"),
                 |row| truths[row].is_nan(),
             );
             if !kept.rows.contains(&true) {
@@ -270,10 +270,14 @@ impl Choices {
             }
         }
         if !self.score_runs.is_empty() {
-            kept.leave_out(seen, "its run is neither fitted to nor scored".to_owned(), |row| {
-                let run = &seen.runs[row];
-                !self.fit_runs.contains(run) && !self.score_runs.contains(run)
-            });
+            kept.leave_out(
+                seen,
+                "its run is in neither --fit-runs nor --score-runs".to_owned(),
+                |row| {
+                    let run = &seen.runs[row];
+                    !self.fit_runs.contains(run) && !self.score_runs.contains(run)
+                },
+            );
         }
         Ok(kept)
     }
@@ -378,7 +382,7 @@ mod tests {
         let error = of("distanc_m < 2").unwrap_err().to_string();
         assert!(error.contains("did you mean distance_m?") && error.contains("\n    ^"), "{error}");
         let error = of("pdr > 2").unwrap_err().to_string();
-        assert!(error.contains("none of 4 rows"), "{error}");
+        assert!(error.contains("no row satisfies"), "{error}");
     }
 
     #[test]
@@ -398,8 +402,8 @@ mod tests {
         assert_eq!(both.select_rows(&seen(&table)).unwrap().rows, [true, true, false, true]);
         assert_eq!(of(&[1], &[1]).unwrap_err(), ChoiceError::Both { run: 1 });
         let error = of(&[1], &[9]).unwrap_err().to_string();
-        assert!(error.contains("no run 9, the nearest is 3; there are 1, 2, 3"), "{error}");
+        assert!(error.contains("no run 9 (nearest valid: 3); their runs are 1, 2, 3"), "{error}");
         let error = of(&[1, 2, 3], &[]).unwrap_err().to_string();
-        assert!(error.contains("none is left to be scored"), "{error}");
+        assert!(error.contains("no run is left to be scored"), "{error}");
     }
 }

@@ -141,7 +141,8 @@ impl FormulaRequest {
                 let nearest = most_similar(name, known.iter().chain(columns).copied())
                     .map_or_else(String::new, |known| format!("; did you mean {known}?"));
                 format!(
-                    "{name} is neither known of these data nor a parameter: --parameter {name}=START:MIN:MAX makes it one{nearest}"
+                    "{name} is neither a covariate of these data nor a parameter; declare a parameter with --parameter \
+                     {name}=START:MIN:MAX{nearest}"
                 )
             })
             .collect()

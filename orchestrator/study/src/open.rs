@@ -62,7 +62,7 @@ pub fn subject(table: &DataTable) -> Result<Subject, OpenError> {
     if packets::has_shape(table).is_ok() {
         return Err(OpenError::Useless {
             file: table.path.display().to_string(),
-            reason: "packets from end to end are taken by compare, diagnose and extend only"
+            reason: "end-to-end packets are accepted by compare, diagnose and extend only"
                 .to_owned(),
         });
     }
@@ -72,7 +72,7 @@ pub fn subject(table: &DataTable) -> Result<Subject, OpenError> {
         (Err(link), Err(robot)) => Err(OpenError::Useless {
             file: table.path.display().to_string(),
             reason: format!(
-                "neither link samples (it lacks {}) nor robot samples (it lacks {}) nor packets (it lacks {})",
+                "the columns match no kind of measurements: link samples lack {}; robot samples lack {}; packets lack {}",
                 hinted(&link, table),
                 hinted(&robot, table),
                 hinted(&packets::has_shape(table).err().unwrap_or_default(), table)
@@ -88,7 +88,7 @@ fn hinted(lacking: &[String], table: &DataTable) -> String {
     };
     let names = || table.names().iter().map(String::as_str).filter(|name| !is_known(name));
     let hint = |name: &String| match proto::config::most_similar(name, names()) {
-        Some(nearest) => format!("{name}: is it {nearest}?"),
+        Some(nearest) => format!("{name} (did you mean the column {nearest}?)"),
         None => name.clone(),
     };
     lacking.iter().map(hint).collect::<Vec<_>>().join(", ")
@@ -124,8 +124,8 @@ pub fn robots(
     {
         problems.push(Problem::new(
             "robotsim.group",
-            "must not be given where tracks of robots are held against a model: they are of one kind of robots, \
-             as [robotsim.dynamics] says",
+            "must be absent when the model is compared with robot samples, which are predicted by [robotsim.dynamics] \
+             alone; remove it",
         ));
     }
     if !problems.is_empty() {
@@ -203,7 +203,7 @@ pub fn links(
         return Err(OpenError::Useless {
             file,
             reason: rows.links.rejected.iter().fold(
-                "no row can be used".to_owned(),
+                "no row is usable".to_owned(),
                 |text, rejected| {
                     format!(
                         "{text}; {} rows: {} (first on line {})",
@@ -270,7 +270,8 @@ fn chosen(
     if rows.links.readings.has_losses && !by_outcome.is_empty() {
         rows.links.readings.has_losses = false;
         rows.links.warnings.push(format!(
-            "rows are chosen by {}, by what was received: what decides reception cannot be told from them, readings alone count",
+            "rows were selected by {}, an outcome of reception. Selecting rows by the outcome biases the result, so \
+             reception is not fitted, and only RSSI readings are used",
             by_outcome.join(" and ")
         ));
     }
@@ -295,8 +296,8 @@ fn absent(config: &Compared, rows: &Rows) -> Option<String> {
     let list: Vec<String> = named.iter().take(5).map(i64::to_string).collect();
     (!list.is_empty()).then(|| {
         format!(
-            "effects of the configuration name motes that never appear in the measurements: {}. Are motes numbered otherwise there? \
-             Then the effect acts on none, or on the wrong ones",
+            "effects of the configuration list nodes that never appear in the measurements: {}. Check that both use the \
+             same mote numbers; otherwise the effect acts on no mote, or on the wrong ones",
             list.join(", ")
         )
     })
@@ -317,7 +318,7 @@ fn too_few<S: Study>(study: &S) -> Vec<String> {
     let blocks = study.blocks(Level::Time);
     if !blocks.suffices() {
         warnings.push(format!(
-            "{} {}, at least {FEWEST_BLOCKS} are needed: too few to tell anything. No effect is accepted",
+            "the data have only {} {}; at least {FEWEST_BLOCKS} are required, so no effect is accepted",
             blocks.n_scored(),
             blocks.unit
         ));
@@ -326,7 +327,8 @@ fn too_few<S: Study>(study: &S) -> Vec<String> {
     let blocks = study.blocks(Level::Place);
     if !blocks.suffices() {
         warnings.push(format!(
-            "{} {}, at least {FEWEST_BLOCKS} are needed: too few to tell what differs from place to place. Not tried: {}",
+            "the data have only {} {}; at least {FEWEST_BLOCKS} are required for effects that differ between places. Not \
+             tried: {}",
             blocks.n_scored(),
             blocks.unit,
             names(Level::Place)

@@ -118,10 +118,13 @@ fn check_window(robots: &RobotSamples, window_s: f64) -> Result<(), ChoiceError>
         Err(ChoiceError::Window { window_s, reason, nearest_s })
     };
     if !(0.5 * spacing_s..).contains(&window_s) {
-        return refused(format!("samples of a robot are {spacing_s:.6} s apart"), spacing_s);
+        return refused(
+            format!("shorter than the sampling interval of {spacing_s:.6} s"),
+            spacing_s,
+        );
     }
     if longest_s + 0.5 * spacing_s < window_s {
-        return refused(format!("the longest track lasts {longest_s:.6} s"), longest_s);
+        return refused(format!("longer than the longest track of {longest_s:.6} s"), longest_s);
     }
     Ok(())
 }
@@ -142,7 +145,7 @@ pub struct RobotFit {
 pub enum RobotStudyError {
     /// The configured body takes other commands than the file has.
     #[error(
-        "the file has commands for {needed}, the configuration robotsim.dynamics.kind = {kind:?}: set it to {needed:?}"
+        "robotsim.dynamics.kind = {kind:?}: does not match the commands of the file; set it to {needed:?}"
     )]
     Body {
         /// What the file needs.
@@ -155,7 +158,8 @@ pub enum RobotStudyError {
     Choice(#[from] ChoiceError),
     /// No two samples are a window apart.
     #[error(
-        "no two samples of a robot are {window_s} s apart: windows of that length cannot be scored. --window sets another"
+        "no two samples of a robot are {window_s} s apart, so no window of this length can be scored; choose another \
+         length with --window"
     )]
     NoWindow {
         /// Length of a window (s).
@@ -421,7 +425,7 @@ impl RobotStudy {
                     / (covariance[(first, first)] * covariance[(index, index)]).sqrt();
                 if CONFOUNDED < correlation.abs() {
                     return Some(format!(
-                        "can hardly be told from {}: their estimates are correlated by {correlation:.2}",
+                        "is nearly collinear with {}: the correlation of their estimates is {correlation:.2}",
                         self.candidates[other].name
                     ));
                 }
@@ -620,9 +624,10 @@ impl Study for RobotStudy {
                 let half = quantile * variance.sqrt();
                 let span = parameter.max - parameter.min;
                 if half.is_nan() || span <= half {
-                    warning = Some(format!("{} is not determined by these data", parameter.key));
+                    warning =
+                        Some(format!("{} is not identifiable from these data", parameter.key));
                 } else if is_at_bound(parameter, value) {
-                    warning = Some(format!("{} lies at the end of its range", parameter.key));
+                    warning = Some(format!("{} is at the bound of its range", parameter.key));
                 }
                 let (low, high) = if half.is_finite() {
                     ((value - half).max(parameter.min), (value + half).min(parameter.max))

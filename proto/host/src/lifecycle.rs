@@ -54,7 +54,7 @@ impl Ledger {
         if step == self.step && step != 0 {
             if until_ns != self.asked_ns {
                 return Err(Status::failed_precondition(format!(
-                    "until_ns: step {step} was taken to {} ns, its repetition asks for {until_ns} ns",
+                    "until_ns: step {step} ended at {} ns, but its repetition requests {until_ns} ns",
                     self.asked_ns
                 )));
             }
@@ -81,7 +81,7 @@ impl Ledger {
         }
         if !confirmed.is_empty() && confirmed != self.digest {
             return Err(Status::failed_precondition(format!(
-                "confirmed_digest: step {} has {} here, got {}",
+                "confirmed_digest: the digest of step {} is {} here, got {}",
                 self.step,
                 digest::hex(&self.digest),
                 digest::hex(confirmed)
@@ -245,7 +245,7 @@ impl<T: Discard + Send + 'static> Shared<T> {
         let inner = Arc::clone(&self.inner);
         tokio::task::spawn_blocking(move || guarded(&inner, call))
             .await
-            .map_err(|error| Status::internal(format!("the call was not finished: {error}")))?
+            .map_err(|error| Status::internal(format!("the call did not finish: {error}")))?
     }
 }
 
@@ -264,7 +264,7 @@ fn guarded<T: Discard, R>(
                 .map(String::as_str)
                 .or_else(|| panic.downcast_ref::<&str>().copied())
                 .unwrap_or("no message");
-            Err(Status::internal(format!("a bug ended the experiment: {text}")))
+            Err(Status::internal(format!("the simulator failed with an internal error: {text}")))
         }
     }
 }
@@ -287,7 +287,7 @@ const MAX_PENDING: usize = 100_000;
 pub(super) fn queue<T>(pending: &mut Vec<T>, commands: Vec<T>) -> Result<(), Status> {
     if MAX_PENDING < pending.len() + commands.len() {
         return Err(Status::resource_exhausted(format!(
-            "commands: at most {MAX_PENDING} may wait for the next step, {} do and {} are added",
+            "commands: at most {MAX_PENDING} may be pending for the next step; {} are pending and {} were added",
             pending.len(),
             commands.len()
         )));

@@ -278,7 +278,7 @@ impl<S: NetSimulator> Lifecycle<S> {
             simulator,
         };
         let state = postcard::to_stdvec(&frozen)
-            .map_err(|error| Status::internal(format!("the state cannot be written: {error}")))?;
+            .map_err(|error| Status::internal(format!("cannot serialise the state: {error}")))?;
         Ok(v1::NetSimServiceSnapshotResponse { state: state.into() })
     }
 
@@ -318,7 +318,7 @@ fn obeyed<S: NetSimulator>(
         let kind = command.order.kind();
         if !simulator.obeys(kind) {
             return Err(Status::unimplemented(format!(
-                "commands: {}, as it is configured, does not obey {}",
+                "commands: {}, as configured, does not support {}",
                 S::NAME,
                 v1::MoteCommandKind::from(kind).as_str_name()
             )));

@@ -240,7 +240,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
             simulator,
         };
         let state = postcard::to_stdvec(&frozen)
-            .map_err(|error| Status::internal(format!("the state cannot be written: {error}")))?;
+            .map_err(|error| Status::internal(format!("cannot serialise the state: {error}")))?;
         Ok(v1::RobotSimServiceSnapshotResponse { state: state.into() })
     }
 

@@ -20,10 +20,10 @@ use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 /// How a simulator is served. The same for both.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServeArgs {
-    /// Where to listen: address and port, port 0 for one the system chooses
+    /// Address and port to listen on; with port 0 the system chooses a free port
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:0")]
     pub listen: SocketAddr,
-    /// Certificate chain of this server (PEM). Required off loopback
+    /// Certificate chain of this server (PEM); required on other than loopback addresses
     #[arg(long, value_name = "FILE", requires = "tls_key")]
     pub tls_cert: Option<PathBuf>,
     /// Private key of this server (PEM)
@@ -32,19 +32,19 @@ pub struct ServeArgs {
     /// Accept only clients with a certificate signed by this authority (PEM)
     #[arg(long, value_name = "FILE", requires = "tls_cert")]
     pub tls_client_ca: Option<PathBuf>,
-    /// Listen off loopback without TLS: anyone on the network can read and control the experiment
+    /// Allow other than loopback addresses without TLS: anyone on the network can then read and control the experiment
     #[arg(long)]
     pub insecure_no_tls: bool,
-    /// Threads for physics and dynamics; results do not depend on it [default: one per core]
+    /// Number of threads; results do not depend on it [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
-    /// What to log: error, warn, info, debug, trace, or a filter such as netsim=debug
+    /// Set the log level: error, warn, info, debug, trace, or a filter such as netsim=debug
     #[arg(long, value_name = "FILTER", default_value = "warn")]
     pub log: String,
-    /// Log as JSON, one object a line
+    /// Log as JSON, one object per line
     #[arg(long)]
     pub log_json: bool,
-    /// Exit when standard input closes, as it does when the process that started this one ends
+    /// Exit when standard input closes, that is, when the parent process ends
     #[arg(long, hide = true)]
     pub exit_with_parent: bool,
 }
@@ -62,7 +62,7 @@ pub enum ServeError {
     },
     /// Off loopback, traffic must be encrypted unless the user spells out otherwise.
     #[error(
-        "--listen {0}: not a loopback address, so TLS is required: give --tls-cert and --tls-key, or --insecure-no-tls \
+        "--listen {0}: is not a loopback address, so TLS is required; give --tls-cert and --tls-key, or --insecure-no-tls \
          if everyone on that network may read and control the experiment"
     )]
     TlsRequired(SocketAddr),
@@ -88,7 +88,7 @@ pub enum ServeError {
         reason: String,
     },
     /// Serving ended with an error.
-    #[error("serving ended: {0}")]
+    #[error("the server stopped: {0}")]
     Transport(String),
 }
 

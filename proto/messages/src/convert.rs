@@ -215,7 +215,10 @@ fn heard(
     if !rows.is_empty() {
         let row_bytes = n_sent.div_ceil(8);
         if !ends.is_empty() || !indices.is_empty() {
-            return Err(InvalidField::new("heard_bitmap", "excludes heard and heard_end"));
+            return Err(InvalidField::new(
+                "heard_bitmap",
+                "must be absent if heard and heard_end are present",
+            ));
         }
         if rows.len() != n_agents * row_bytes {
             return Err(InvalidField::new(
@@ -451,7 +454,7 @@ pub fn columns(numbers: &[i32]) -> Result<Vec<DeliveryColumn>> {
             Ok(v1::DeliveryColumn::Hops) => Ok(DeliveryColumn::Hops),
             Ok(v1::DeliveryColumn::Medium) => Ok(DeliveryColumn::Medium),
             Ok(v1::DeliveryColumn::Unspecified) | Err(_) => {
-                Err(InvalidField::new("columns", format!("no such column: {number}")))
+                Err(InvalidField::new("columns", format!("unknown column: {number}")))
             }
         })
         .collect()

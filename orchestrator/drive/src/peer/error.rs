@@ -12,7 +12,7 @@ pub enum SideError {
     #[error("{0}\n{1}")]
     Both(Box<Self>, Box<Self>),
     /// Its process could not be started.
-    #[error("{side}: cannot be started: {reason}")]
+    #[error("{side}: cannot start: {reason}")]
     Start {
         /// Which side.
         side: &'static str,
@@ -20,7 +20,7 @@ pub enum SideError {
         reason: String,
     },
     /// Nothing listens there, or not for us.
-    #[error("{side}: cannot be reached at {url}: {reason}")]
+    #[error("{side}: cannot reach {url}: {reason}")]
     Unreachable {
         /// Which side.
         side: &'static str,
@@ -30,7 +30,7 @@ pub enum SideError {
         reason: String,
     },
     /// Something else listens there.
-    #[error("{side}: at {url} is {found}, not a {side}")]
+    #[error("{side}: the server at {url} is {found}, not a {side}")]
     NotASimulator {
         /// Which side.
         side: &'static str,
@@ -56,7 +56,7 @@ pub enum SideError {
         what: String,
     },
     /// Its process ended.
-    #[error("{side}: its process ended during {doing}: {how}")]
+    #[error("{side}: the process ended during {doing}: {how}")]
     Exited {
         /// Which side.
         side: &'static str,
@@ -78,7 +78,7 @@ pub enum SideError {
         reason: String,
     },
     /// It gives no sign of life.
-    #[error("{side}: hangs: no answer to {doing}, nor any sign of life, for {:.1} s", waited.as_secs_f64())]
+    #[error("{side}: does not respond: no reply to {doing} and no sign of life for {:.1} s", waited.as_secs_f64())]
     Hangs {
         /// Which side.
         side: &'static str,
@@ -89,7 +89,7 @@ pub enum SideError {
     },
     /// It lives but does not answer.
     #[error(
-        "{side}: no answer to {doing} for {:.0} s (it is alive; experiment.step_deadline_s sets the limit)",
+        "{side}: no reply to {doing} within {:.0} s, although it is alive; experiment.step_deadline_s sets the limit",
         waited.as_secs_f64()
     )]
     TooSlow {
@@ -120,7 +120,7 @@ pub enum SideError {
     },
     /// It stands at another step than we brought it to.
     #[error(
-        "{side}: refused {doing}: {}: it was restarted, or another program has configured it meanwhile",
+        "{side}: refused {doing}: {}; it was restarted, or another program has configured it in the meantime",
         status.message()
     )]
     Taken {
@@ -132,7 +132,7 @@ pub enum SideError {
         status: Box<Status>,
     },
     /// Its answer makes no sense.
-    #[error("{side}: gave a malformed answer to {doing}: {reason}")]
+    #[error("{side}: malformed reply to {doing}: {reason}")]
     Garbage {
         /// Which side.
         side: &'static str,
@@ -142,7 +142,7 @@ pub enum SideError {
         reason: String,
     },
     /// It answered for another step.
-    #[error("{side}: answered for step {got} when asked for step {expected}")]
+    #[error("{side}: replied for step {got} instead of step {expected}")]
     WrongStep {
         /// Which side.
         side: &'static str,
@@ -152,7 +152,7 @@ pub enum SideError {
         got: u64,
     },
     /// It stands at another time.
-    #[error("{side}: stands at {got} ns after step {step}, which ends at {expected} ns")]
+    #[error("{side}: its time is {got} ns after step {step}, which ends at {expected} ns")]
     WrongTime {
         /// Which side.
         side: &'static str,
@@ -165,8 +165,8 @@ pub enum SideError {
     },
     /// It holds other state than was exchanged.
     #[error(
-        "{side}: its digest of step {step} is {got}, but what was exchanged has {expected}: it holds other positions or \
-         deliveries than it sent or was given"
+        "{side}: its digest of step {step} is {got}, but the exchanged data have {expected}; its positions or deliveries \
+         differ from those it sent or received"
     )]
     WrongDigest {
         /// Which side.

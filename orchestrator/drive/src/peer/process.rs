@@ -61,18 +61,20 @@ impl ChildProcess {
         let mut lines = BufReader::new(stdout).lines();
         let line = tokio::time::timeout(START, lines.next_line())
             .await
-            .map_err(|_| failed(format!("it did not listen within {} s", START.as_secs())))?
+            .map_err(|_| {
+                failed(format!("it did not start to listen within {} s", START.as_secs()))
+            })?
             .map_err(|error| failed(error.to_string()))?;
         let stdin = child.stdin.take();
         let mut process = Self { child, stdin };
         let Some(line) = line else {
-            let ended = failed("it ended without listening".to_owned());
+            let ended = failed("it ended before it listened".to_owned());
             return Err(process.explain(side, "starting", ended).await);
         };
         let url = line
             .rsplit_once(" listening on ")
             .map(|(_, url)| url.to_owned())
-            .ok_or_else(|| failed(format!("it said {line:?} instead of where it listens")))?;
+            .ok_or_else(|| failed(format!("it printed {line:?} instead of its address")))?;
         Ok((url, process))
     }
 
@@ -100,7 +102,7 @@ impl ChildProcess {
         if tokio::time::timeout(STOP, self.child.wait()).await.is_err()
             && let Err(error) = self.child.kill().await
         {
-            tracing::warn!(%error, "a child process could not be killed");
+            tracing::warn!(%error, "cannot kill a child process");
         }
     }
 }
@@ -142,7 +144,7 @@ mod tests {
         let explained = child.explain("netsim", "step 1", said).await;
         assert_eq!(
             explained.to_string(),
-            "netsim: its process ended during step 1: killed by SIGKILL"
+            "netsim: the process ended during step 1: killed by SIGKILL"
         );
     }
 }

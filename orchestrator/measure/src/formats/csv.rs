@@ -36,11 +36,11 @@ pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataErr
             return Err(format(format!("line 1: column {} has no name", index + 1)));
         }
         if names[..index].contains(name) {
-            return Err(format(format!("line 1: two columns are named {name}")));
+            return Err(format(format!("line 1: two columns are named {name}; rename one")));
         }
     }
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        return Err(format("line 1 must name the columns, but holds numbers".into()));
+        return Err(format("line 1 must name the columns, but holds numbers; add a header".into()));
     }
     let mut table = DataTable::of_columns(names, Vec::new());
     table.columns = vec![Vec::new(); table.names.len()];
@@ -49,7 +49,7 @@ pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataErr
         let line = record.position().map_or(0, |position| position.line() as usize);
         if record.len() != table.names.len() {
             return Err(format(format!(
-                "line {line} has {} fields, the first line names {} columns",
+                "line {line} has {} fields, but line 1 names {} columns",
                 record.len(),
                 table.names.len()
             )));

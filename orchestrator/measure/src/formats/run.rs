@@ -25,7 +25,8 @@ fn links(folder: &Path) -> Result<DataTable, DataError> {
     for name in ["links.parquet", "steps.parquet"] {
         if !folder.join(name).is_file() {
             return Err(format(format!(
-                "is no folder of a run with {name}: [output] needs links = \"all\" (or \"sample\") and steps = true"
+                "is not the folder of a run with {name}; record the run with [output] links = \"all\" (or \"sample\") and \
+                 steps = true"
             )));
         }
     }
@@ -34,7 +35,7 @@ fn links(folder: &Path) -> Result<DataTable, DataError> {
     let column = |table: &'_ DataTable, name: &str| -> Result<Vec<f64>, DataError> {
         let found = table.column(name).map(<[f64]>::to_vec);
         found.ok_or_else(|| {
-            format(format!("its tables have no column {name}: it is no run of ours"))
+            format(format!("its tables have no column {name}, so it is not a run of this program"))
         })
     };
     let [step, agent] = ["step", "agent"].map(|name| column(&steps, name));

@@ -18,7 +18,7 @@ const CHANNEL: &str = "frequency_mhz";
 /// Beside what is given, losses have a curve only over this.
 const TIME: &str = "time_s";
 /// Why what does not touch reception cannot be tested where readings are given.
-const READING_GIVEN: &str = "changes what is read, which --given-rssi takes as it is";
+const READING_GIVEN: &str = "acts on RSSI readings only, which --given-rssi takes as given";
 
 /// Every term that may be added.
 pub(super) fn specs(rows: &Rows, effects: &Registry<effect::Entry>) -> Vec<TermSpec> {

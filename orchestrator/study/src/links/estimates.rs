@@ -71,7 +71,8 @@ impl LinkStudy {
                     self.profile(fit, place, k, error)
                 };
                 if parameter.max - parameter.min <= high - low {
-                    warning = Some(format!("{} is not determined by these data", parameter.key));
+                    warning =
+                        Some(format!("{} is not identifiable from these data", parameter.key));
                 }
                 Estimate::new(parameter.key, parameter.unit, value, (low, high))
             })
@@ -230,7 +231,7 @@ impl LinkStudy {
                 let r = inverse[(i, j)] / (inverse[(i, i)] * inverse[(j, j)]).sqrt();
                 if CONFUSABLE < r.abs() {
                     return Some(format!(
-                        "{} and {} can hardly be told apart on these data",
+                        "{} and {} are nearly collinear on these data",
                         names[j].1, names[i].1
                     ));
                 }
@@ -260,7 +261,7 @@ fn with_length(
     let Some(length) = length else { return (vec![level], None) };
     widen(&mut level, &length);
     let warning =
-        (!length.is_determined).then(|| format!("{name} is not determined by these data"));
+        (!length.is_determined).then(|| format!("{name} is not identifiable from these data"));
     (vec![level, Estimate::new(name, unit, length.value, (length.low, length.high))], warning)
 }
 

@@ -184,14 +184,14 @@ fn split_blocks(
         |reason: &str, nearest| ChoiceError::Split { split, reason: reason.to_owned(), nearest };
     let blocks = match split {
         SplitBy::Time if !has_times(rows) => {
-            let reason = "rows have no times, or fewer than 20 different ones";
+            let reason = "the rows have no times, or fewer than 20 different times";
             return Err(refused(reason, SplitBy::Pair));
         }
         SplitBy::Time => time_blocks(rows, scored),
         SplitBy::Pair => Blocks::of_keys("pairs of nodes", &pairs(rows)),
         SplitBy::Node => node_blocks(rows),
         SplitBy::Place if rows.still().values().all(|&still| still) => {
-            return Err(refused("no node moves, or no places are known", SplitBy::Pair));
+            return Err(refused("no node moves, or positions are unknown", SplitBy::Pair));
         }
         SplitBy::Place => blocks_of_squares(rows),
         SplitBy::Run => {
@@ -201,7 +201,7 @@ fn split_blocks(
     };
     if blocks.n_blocks() < 2 {
         let nearest = if has_times(rows) { SplitBy::Time } else { SplitBy::Pair };
-        let reason = format!("all rows are of one of the {}", blocks.unit);
+        let reason = format!("all rows belong to one of the {}", blocks.unit);
         return Err(refused(&reason, nearest));
     }
     Ok(blocks)

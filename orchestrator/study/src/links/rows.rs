@@ -261,7 +261,8 @@ impl Rows {
         }
         let mut rejections = Rejections::default();
         for (row, _) in self.links.rows.iter().zip(&known).filter(|(_, known)| !**known) {
-            rejections.add("the place of an end is unknown: the model predicts nothing", row.line);
+            rejections
+                .add("the position of an end is unknown, so the model cannot predict it", row.line);
         }
         self.links.rejected.extend(rejections.into_list());
         self.keep(&known);
@@ -272,9 +273,13 @@ impl Rows {
         let mut rejections = Rejections::default();
         for row in &self.links.rows {
             if row.rssi_dbm.is_nan() {
-                rejections.add("--given-rssi: nothing was received, hence nothing read", row.line);
+                rejections.add(
+                    "--given-rssi: no frame was received, so there is no RSSI reading",
+                    row.line,
+                );
             } else if row.received.is_nan() {
-                rejections.add("--given-rssi: it is not known what was received", row.line);
+                rejections
+                    .add("--given-rssi: it is unknown whether frames were received", row.line);
             }
         }
         let is_known = |row: &LinkRow| row.rssi_dbm.is_finite() && row.received.is_finite();

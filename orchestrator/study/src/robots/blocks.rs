@@ -30,11 +30,11 @@ impl MeasuredTracks {
             SplitBy::Run => whole("campaigns", &|sample| sample.run),
             SplitBy::Node => whole("robots", &|sample| sample.agent),
             SplitBy::Pair => {
-                return refused("robots are measured one by one".to_owned(), SplitBy::Node);
+                return refused("robot samples have no pairs".to_owned(), SplitBy::Node);
             }
         };
         if blocks.n_blocks() < 2 {
-            let reason = format!("all windows are of one of the {}", blocks.unit);
+            let reason = format!("all windows belong to one of the {}", blocks.unit);
             return refused(reason, SplitBy::Time);
         }
         Ok(blocks)

@@ -197,8 +197,8 @@ fn untestable(
 ) -> Option<String> {
     if entry.fit.role == Role::Noise && !is_noise_given {
         return Some(
-            "its noise is estimated for every model, as robotsim.localization.sd_m is not given; its scale is the same as \
-             slip, its delay the same as dead-time"
+            "is part of every model: without robotsim.localization.sd_m its noise is estimated, its scale is aliased with \
+             slip, and its delay with dead-time"
                 .to_owned(),
         );
     }
@@ -208,12 +208,12 @@ fn untestable(
         text("kind") == Some(entry.variant.name) && (on.is_none() || text("on") == on)
     });
     if is_there {
-        return Some("is in the model already".to_owned());
+        return Some("is already in the model".to_owned());
     }
     if entry.fit.needs_one_frame && tracks.is_relative() {
         return Some(
-            "needs positions in one frame: here every campaign begins at the same place to the last digit, so that positions \
-             are counted from there, and directions and places of one campaign are not those of another"
+            "requires positions in a common frame: here every campaign starts at exactly the same position, so positions \
+             and directions are relative to the start of each campaign"
                 .to_owned(),
         );
     }

@@ -23,7 +23,7 @@ pub fn records(numbers: &[i32]) -> Result<Vec<NetRecord>> {
             Ok(v1::NetRecord::Schedule) => Ok(NetRecord::Schedule),
             Ok(v1::NetRecord::HeardLinks) => Ok(NetRecord::HeardLinks),
             Ok(v1::NetRecord::Unspecified) | Err(_) => {
-                Err(InvalidField::new("records", format!("no such record: {number}")))
+                Err(InvalidField::new("records", format!("unknown record: {number}")))
             }
         })
         .collect()
@@ -143,8 +143,7 @@ pub fn statistics(
     {
         let field = |name: &str| format!("statistics.columns[{index}].{name}");
         if !is_statistic_name(&name) {
-            let reason =
-                "must be lower-case letters, digits and underscores, a letter first, at most 64";
+            let reason = "must be at most 64 lower-case letters, digits and underscores, starting with a letter";
             return Err(InvalidField::new(field("name"), format!("{reason}, got {name:?}")));
         }
         if values.len() != n_motes {

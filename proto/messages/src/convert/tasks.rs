@@ -34,7 +34,7 @@ pub fn agent_messages(
             }
         }
         if from == to {
-            let reason = format!("must be another agent than the sender, got {to}");
+            let reason = format!("must differ from the sender, got {to}");
             return Err(InvalidField::new("messages.destination", reason));
         }
         if length == 0 {
@@ -135,7 +135,7 @@ mod tests {
             all,
             [
                 "messages.sender: agents are 0 to 2, got 3",
-                "messages.destination: must be another agent than the sender, got 0",
+                "messages.destination: must differ from the sender, got 0",
                 "messages.destination: must have 2 entries, as sender, got 1",
                 "messages.payloads.length_bytes: must be at least 1 each, got 0",
             ]
