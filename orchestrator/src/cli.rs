@@ -1,12 +1,14 @@
 //! The command line.
 
 mod check;
+mod choice;
 mod formula;
 mod inputs;
 mod measured;
 mod packets;
 mod power;
 mod schema;
+mod search_log;
 mod simulate;
 mod stop;
 mod sweeps;

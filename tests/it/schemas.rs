@@ -29,7 +29,7 @@ const SENSORS: &str = r#"
 [experiment]
 name = "sensors"
 seed = 1
-duration_s = 300.0
+duration_s = 900.0
 agents = 4
 start = "at-once"
 control_period = { rate_hz = 1.0 }

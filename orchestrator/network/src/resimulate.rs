@@ -1,12 +1,12 @@
 //! What a configured network would have done, under a seed: in this process, without files.
 
+mod tracked;
+
 use super::kpis::NetworkFigures;
 use super::tracks::Tracks;
 use bytes::Bytes;
 use drive::coupling::Coupled;
-use drive::peer::{
-    Described, InProcess, NetworkSide, Peer, RobotSide, Side, SideError, Standing, ready,
-};
+use drive::peer::{Described, InProcess, NetworkSide, Peer, RobotSide, SideError, ready};
 use drive::{
     ConfigureRequests, Driver, End, Failure, Observer, Schedule, Stopped, Taken, Uninterrupted,
     Wanted, configure,
@@ -15,16 +15,17 @@ use experiment::{Plan, Start};
 use measure::packets::{MeasuredPacket, OWN};
 use netsim::sim::Network as BuiltInNetwork;
 use proto::config::Problem;
-use proto::exchange::{ConfigureRequest, Configured, NetworkStep, RobotsStart, RobotsStep};
+use proto::exchange::{Configured, NetworkStep};
 use proto::rng::{Draws, Purpose};
 use proto::types::{
-    AgentStates, Coupling, Experiment, MoteCommand, MoteOrder, NS_PER_S, NetRecord, Payloads,
+    AgentStates, Coupling, Experiment, MoteCommand, MoteOrder, NS_PER_S, NetRecord,
 };
 use rayon::prelude::*;
 use robotsim::sim::Swarm;
 use std::convert::Infallible;
 use std::iter::Peekable;
 use std::slice::Iter;
+use tracked::Tracked;
 
 /// Why an experiment cannot be simulated again.
 #[derive(Debug, thiserror::Error)]
@@ -452,75 +453,6 @@ impl Observer for Shown<'_> {
         (self.0)(&taken);
         Ok(())
     }
-}
-
-/// Robots that are where they were measured. What they say, and what they want to know, is what the experiment's have to say
-/// and want to know where they begin.
-struct Tracked<'a> {
-    begun: InProcess<Swarm>,
-    tracks: &'a Tracks,
-    counts_from_start: bool,
-    /// When they started (ns).
-    started_ns: Option<u64>,
-    states: AgentStates,
-    payloads: Payloads,
-}
-
-impl<'a> Tracked<'a> {
-    fn new(tracks: &'a Tracks, counts_from_start: bool) -> Self {
-        Self {
-            begun: built_in_robots(),
-            tracks,
-            counts_from_start,
-            started_ns: None,
-            states: AgentStates::default(),
-            payloads: Payloads::default(),
-        }
-    }
-}
-
-impl Peer<RobotSide> for Tracked<'_> {
-    const SHARES_VALUES: bool = true;
-
-    fn described(&self) -> &Described {
-        Peer::<RobotSide>::described(&self.begun)
-    }
-
-    async fn configure(&mut self, request: &ConfigureRequest) -> Result<RobotsStart, SideError> {
-        let start = Peer::<RobotSide>::configure(&mut self.begun, request).await?;
-        self.states = start.states.clone();
-        self.payloads = start
-            .payloads
-            .clone()
-            .unwrap_or_else(|| Payloads::silence(request.experiment.agent_count));
-        Ok(RobotsStart { messages: false, ..start })
-    }
-
-    async fn step(
-        &mut self,
-        input: &<RobotSide as Side>::Input<'_>,
-    ) -> Result<RobotsStep, SideError> {
-        if !input.hold {
-            self.started_ns.get_or_insert(input.from_ns);
-        }
-        let since_ns = if self.counts_from_start { self.started_ns } else { Some(0) };
-        let at_ns = since_ns.map_or(0, |since_ns| input.until_ns - since_ns);
-        self.tracks.place(at_ns as f64 / NS_PER_S as f64, &mut self.states);
-        Ok(RobotsStep {
-            step: input.step,
-            time_ns: input.until_ns,
-            states: self.states.clone(),
-            payloads: self.payloads.clone(),
-            held: input.hold,
-            ..RobotsStep::default()
-        })
-    }
-
-    async fn barrier(&mut self, step: u64, time_ns: u64) -> Result<Standing, SideError> {
-        Ok(Standing { step, time_ns, digest: Bytes::new() })
-    }
-
-    async fn stop(self) {}
 }
 
 /// Settings of one resimulation: network, seeds and initial positions.

@@ -1,6 +1,7 @@
 //! `orchestrator check`: an experiment file, or a file of measurements, without running or fitting anything.
 
-use super::measured::{ChoiceArgs, account_text};
+use super::choice::ChoiceArgs;
+use super::measured::account_text;
 use super::{Failure, OverrideArgs, inputs, write_json};
 use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use crate::console::{say, warn};

@@ -1,11 +1,13 @@
 //! The commands that hold a model against measurements.
 
+use super::choice::ChoiceArgs;
 use super::formula::FormulaArgs;
 use super::packets::{Adding, Opened, ResimulationArgs};
+use super::search_log::SearchLog;
 use super::task::{self, Files};
 use super::{Failure, inputs, place_for, stop, write_json, write_whole};
 use crate::console::{say, warn};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use diagnose::answer::{self, Measurements};
 use diagnose::compare;
 use diagnose::extend::{self, extension};
@@ -19,9 +21,7 @@ use measure::table::DataTable;
 use report::measured::{Contents, LinkRows, MeasuredAnswer, RobotRows, Rows, page};
 use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
-use study::choices::{Choices, SplitBy};
+use study::choices::Choices;
 use study::formula::FORMULA;
 use study::links::LinkStudy;
 use study::open::{self, DataAccount, Subject};
@@ -54,54 +54,6 @@ pub(super) struct DataArgs {
     /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-}
-
-/// The value of `--split`.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum SplitArg {
-    /// Blocks of time
-    Time,
-    /// Pairs of nodes, both directions together
-    Pair,
-    /// Nodes, with all rows of their links; for robots, whole robots
-    Node,
-    /// Squares of the plane
-    Place,
-    /// Runs: rows with the same number in the column run
-    Run,
-}
-
-impl From<SplitArg> for SplitBy {
-    fn from(split: SplitArg) -> Self {
-        match split {
-            SplitArg::Time => Self::Time,
-            SplitArg::Pair => Self::Pair,
-            SplitArg::Node => Self::Node,
-            SplitArg::Place => Self::Place,
-            SplitArg::Run => Self::Run,
-        }
-    }
-}
-
-/// Which rows are used, which are left out together, how far robots are predicted.
-#[derive(Args, Clone)]
-pub(super) struct ChoiceArgs {
-    /// Use only rows that satisfy a condition on columns and derived covariates, as in 'channel == 26 and distance_m < 30'.
-    /// For robots, the condition applies to the first row of each window
-    #[arg(long = "where", value_name = "CONDITION")]
-    condition: Option<String>,
-    /// Unit of cross-validation: what each fold holds out together [default: the unit that suits each effect]
-    #[arg(long, value_name = "UNIT")]
-    split: Option<SplitArg>,
-    /// Fit to these runs only (numbers of the column run, as in 1,2), and score those of --score-runs, or all others
-    #[arg(long, value_name = "RUNS", value_delimiter = ',')]
-    fit_runs: Vec<u32>,
-    /// Score these runs only, with a fit to those of --fit-runs, or to all others
-    #[arg(long, value_name = "RUNS", value_delimiter = ',')]
-    score_runs: Vec<u32>,
-    /// Prediction horizon for robots (s) [default: 1]
-    #[arg(long, value_name = "S")]
-    window: Option<f64>,
 }
 
 impl DataArgs {
@@ -146,36 +98,6 @@ impl DataArgs {
     ) -> Result<Opened, Failure> {
         self.refuse_choices("packets")?;
         resimulation.open(&self.config, &self.set(), table)
-    }
-}
-
-impl ChoiceArgs {
-    pub(super) fn choices(&self) -> Choices {
-        Choices {
-            condition: self.condition.clone(),
-            split: self.split.map(SplitBy::from),
-            fit_runs: self.fit_runs.clone(),
-            score_runs: self.score_runs.clone(),
-            window_s: self.window,
-            given_rssi: false,
-        }
-    }
-
-    /// As they would be typed.
-    fn words(&self) -> String {
-        let runs = |option: &str, runs: &[u32]| {
-            let list: Vec<String> = runs.iter().map(u32::to_string).collect();
-            if runs.is_empty() { String::new() } else { format!(" --{option} {}", list.join(",")) }
-        };
-        [
-            self.condition.as_ref().map_or_else(String::new, |text| format!(" --where '{text}'")),
-            self.split
-                .map_or_else(String::new, |split| format!(" --split {}", SplitBy::from(split))),
-            runs("fit-runs", &self.fit_runs),
-            runs("score-runs", &self.score_runs),
-            self.window.map_or_else(String::new, |window_s| format!(" --window {window_s}")),
-        ]
-        .concat()
     }
 }
 
@@ -435,48 +357,6 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             say(compare::words::text(&found));
             let answer = MeasuredAnswer::Comparison(&found);
             args.write(&config, answer, || Pictures::of_robots(&study, &search, &[]))
-        }
-    }
-}
-
-/// How often a search logs how many candidates it has tried.
-const LOG_EVERY: Duration = Duration::from_secs(5);
-
-/// Logs the progress of a search, with the time left.
-struct SearchLog {
-    /// When the round began, and when a count was logged last.
-    times: Mutex<(Instant, Instant)>,
-}
-
-impl SearchLog {
-    fn new() -> Self {
-        let now = Instant::now();
-        Self { times: Mutex::new((now, now)) }
-    }
-
-    fn log(&self, progress: Progress<'_>) {
-        let mut times = self.times.lock().unwrap_or_else(PoisonError::into_inner);
-        match progress {
-            Progress::Round { round } => {
-                *times = (Instant::now(), Instant::now());
-                tracing::info!("round {round}: fitting candidate effects");
-            }
-            Progress::Tried { round, done, of } => {
-                if times.1.elapsed() < LOG_EVERY {
-                    return;
-                }
-                times.1 = Instant::now();
-                let left_s = times.0.elapsed().as_secs_f64() * (of - done) as f64 / done as f64;
-                tracing::info!(
-                    "round {round}: {done} of {of} candidates fitted, about {left_s:.0} s left"
-                );
-            }
-            Progress::Accepted { name } => tracing::info!("+ {name}"),
-            Progress::Exchanged { new, old } => {
-                tracing::info!("{new} replaces {}", old.join(", "));
-            }
-            Progress::Removed { name } => tracing::info!("- {name}"),
-            Progress::Ties => tracing::info!("collecting indistinguishable candidates"),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! `orchestrator power`: how large an effect a campaign would show.
 
-use super::measured::ChoiceArgs;
+use super::choice::ChoiceArgs;
 use super::{Failure, inputs, place_for, write_json};
 use crate::console::say;
 use clap::Args;

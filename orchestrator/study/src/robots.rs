@@ -16,6 +16,7 @@ mod formulas;
 mod motion;
 mod rivals;
 mod screen;
+mod search;
 mod terms;
 #[cfg(test)]
 mod tests;
@@ -25,9 +26,8 @@ mod view;
 use super::choices::{ChoiceError, Choices, ConditionRows};
 use super::folds::Blocks;
 use super::formula::set;
-use super::symbolic::FittedFormula;
-use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, is_at_bound};
-use density::{Residual, ResidualDensity};
+use super::{Candidate, Estimate};
+use density::ResidualDensity;
 use derivatives::Derivatives;
 use fit::Number;
 use measure::Rejected;
@@ -36,12 +36,10 @@ use measure::table::DataTable;
 use motion::{Gains, MeasuredTracks};
 use nalgebra::DMatrix;
 use numbers::power::square;
-use proto::effect::Level;
 use proto::site::Terrain;
 use robotsim::catalogue::Catalogue;
 use robotsim::dynamics::physics::Physics;
 use robotsim::dynamics::{Dynamics, Shape};
-use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use terms::{Starts, Term};
@@ -468,179 +466,5 @@ impl RobotStudy {
     #[must_use]
     pub fn wheelbase_m(&self, fit: &RobotFit) -> Option<f64> {
         self.model.is_wheelbase_free.then(|| fit.values[self.model.base.len() - 1])
-    }
-}
-
-impl Study for RobotStudy {
-    type Fit = RobotFit;
-
-    fn candidates(&self) -> &[Candidate] {
-        &self.candidates
-    }
-
-    fn n_rows(&self) -> usize {
-        self.model.tracks.windows.len()
-    }
-
-    fn design_effect(&self) -> f64 {
-        self.model.tracks.n_overlapping
-    }
-
-    fn blocks(&self, level: Level) -> &Blocks {
-        match level {
-            Level::Place => &self.in_place,
-            Level::Time | Level::Random | Level::Run => &self.in_time,
-        }
-    }
-
-    fn fit(
-        &self,
-        terms: &[usize],
-        train: &[u32],
-        _level: Level,
-        start: Option<&RobotFit>,
-    ) -> RobotFit {
-        let is_all = train.len() == self.n_fitted;
-        let sorted = {
-            let mut sorted = terms.to_vec();
-            sorted.sort_unstable();
-            sorted
-        };
-        if is_all && let Some(fit) = self.cached_fit(&sorted) {
-            return self.model.carried(terms, &fit);
-        }
-        let start = start.unwrap_or(&self.configured);
-        // A fold's fit starts where all rows lead.
-        if !is_all && start.terms == terms {
-            let derivatives = start.derivatives.get_or_init(|| self.model.derivatives(start));
-            if let Some(derivatives) = derivatives {
-                return self.model.refitted(start, derivatives, train);
-            }
-        }
-        let fit = self.model.fitted(terms, train, start);
-        if is_all {
-            let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
-            cache.insert(sorted.clone(), self.model.carried(&sorted, &fit));
-        }
-        fit
-    }
-
-    fn screen(&self, terms: &[usize], _level: Level, parent: &RobotFit) -> Option<RobotFit> {
-        let (&term, before) = terms.split_last()?;
-        if before != parent.terms {
-            return None;
-        }
-        let known = parent.derivatives.get_or_init(|| self.model.derivatives(parent)).as_ref()?;
-        self.model.screened(parent, known, term, &self.fitted_rows())
-    }
-
-    fn prediction_difference(
-        &self,
-        one: &RobotFit,
-        other: &RobotFit,
-    ) -> Option<PredictionDifference> {
-        self.difference_of_ends(one, other)
-    }
-
-    fn scanned_covariates(&self) -> Vec<(String, Vec<f64>)> {
-        self.independent_covariates()
-    }
-
-    fn scanned_blocks(&self) -> Vec<&Blocks> {
-        [&self.in_time, &self.in_place].into_iter().filter(|blocks| blocks.suffices()).collect()
-    }
-
-    fn scanned_residuals(&self, fit: &RobotFit) -> Residuals {
-        self.standardised(fit)
-    }
-
-    fn formula_of_curve(&self, term: usize, fit_without: &RobotFit) -> Option<FittedFormula> {
-        let (Term::Curve(curve), Some(name)) =
-            (&self.model.terms[term], self.candidates[term].curve_over())
-        else {
-            return None;
-        };
-        self.formula((name, curve.values()), &self.independent_covariates(), fit_without)
-    }
-
-    fn formula_of_residuals(&self, covariate: &str, fit: &RobotFit) -> Option<FittedFormula> {
-        let covariates = self.independent_covariates();
-        let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
-        self.formula((name, values), &covariates, fit)
-    }
-
-    fn with_parameter_held(
-        &self,
-        fit: &RobotFit,
-        term: usize,
-        key: &str,
-        value: f64,
-    ) -> Option<RobotFit> {
-        self.held_at(fit, term, key, value)
-    }
-
-    fn log_likelihood(&self, fit: &RobotFit) -> f64 {
-        fit.log_likelihood
-    }
-
-    fn scores(&self, fit: &RobotFit, test: &[u32]) -> Vec<RowScore> {
-        let residuals = self.model.residuals(fit, test).unwrap_or_default();
-        let score = |residual: &Residual| RowScore {
-            log: fit.density.log(residual).0,
-            squared_error: residual.parts_m.iter().map(|part| part * part).sum(),
-            crps: fit.density.crps_m(residual),
-            reception_log_loss: f64::NAN,
-        };
-        residuals.iter().map(score).collect()
-    }
-
-    fn estimates(&self, fit: &RobotFit, term: usize) -> (Vec<Estimate>, Option<String>) {
-        let effect = match &self.model.terms[term] {
-            Term::Effect(effect) => effect,
-            Term::Noise(_) => return (vec![self.noise(fit)], None),
-            Term::Curve(_) => return (Vec::new(), None),
-        };
-        let numbers = fit.numbers(&self.model, term);
-        let first = fit.first(&self.model, term);
-        let covariance = self.model.covariance(fit, &self.in_time);
-        let freedom = (self.in_time.n_blocks() as f64 - 1.0).max(1.0);
-        let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(1.645, |t| t.inverse_cdf(0.95));
-        // A threshold is the only number of its effect.
-        let by_likelihood = effect
-            .threshold_on()
-            .and_then(|_| self.model.threshold_interval(fit, term, &self.fitted_rows()));
-        let mut warning = None;
-        let estimates = effect
-            .parameters
-            .iter()
-            .zip(numbers)
-            .enumerate()
-            .map(|(index, (parameter, &value))| {
-                if let Some((low, high)) = by_likelihood {
-                    return Estimate::new(parameter.key, parameter.unit, value, (low, high));
-                }
-                let variance =
-                    covariance.as_ref().map_or(f64::NAN, |c| c[(first + index, first + index)]);
-                let half = quantile * variance.sqrt();
-                let span = parameter.max - parameter.min;
-                if half.is_nan() || span <= half {
-                    warning =
-                        Some(format!("{} is not identifiable from these data", parameter.key));
-                } else if is_at_bound(parameter, value) {
-                    warning = Some(format!("{} is at the bound of its range", parameter.key));
-                }
-                let (low, high) = if half.is_finite() {
-                    ((value - half).max(parameter.min), (value + half).min(parameter.max))
-                } else {
-                    (parameter.min, parameter.max)
-                };
-                Estimate::new(parameter.key, parameter.unit, value, (low, high))
-            })
-            .collect();
-        (estimates, warning.or_else(|| self.confounded(fit, term, covariance.as_ref())))
-    }
-
-    fn settings(&self, fit: &RobotFit, term: usize) -> Option<toml::Table> {
-        self.effect_table(fit, term)
     }
 }

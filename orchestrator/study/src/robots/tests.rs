@@ -3,10 +3,12 @@
 mod driven;
 
 use super::*;
+use crate::Study as _;
 use crate::folds::scramble;
 use driven::{NOISE_M, STEP_S, driven};
 use measure::robots;
 use measure::table::DataTable;
+use proto::effect::Level;
 
 const THRESHOLD_MPS: f64 = 0.3;
 
