@@ -25,8 +25,8 @@ use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
 const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
 
-/// Neither samples nor blocks of time have it, and no curve over time is fine enough to follow it.
-const PERIOD_S: f64 = 6.3;
+/// No curve over time has knots so near each other that it could follow this.
+const PERIOD_S: f64 = 3.1;
 
 fn phase(time_s: f64) -> f64 {
     TAU * time_s / PERIOD_S
@@ -84,7 +84,12 @@ impl radio::Effect for RadioTide {
 static RADIO_LUCK: radio::Entry = radio::Entry {
     variant: Variant { name: "radio-luck", doc: "Luck.", fields: &[] },
     about: ABOUT,
-    fit: Fit { level: Level::Random, role: Role::RandomPerNode, ..Fit::PLAIN },
+    fit: Fit {
+        parameters: &[amplitude("tx_sd_db", "dB"), amplitude("rx_sd_db", "dB")],
+        level: Level::Random,
+        role: Role::RandomPerNode,
+        ..Fit::PLAIN
+    },
     check: radio::UNCHECKED,
     build: |_, _| None,
 };

@@ -319,6 +319,7 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("bench/standing.rs", "orchestra", "what is measured is a configuration like any other"),
     ("cli/formula.rs", "formula", "the name of an argument"),
     ("cli/measured.rs", "formula", "the name of an argument"),
+    ("src/effects.rs", "table", "what a key may be is told in words"),
     ("src/effects.rs", "trace", "a field of what is printed of an effect"),
     ("network/src/split.rs", "interference", "a key of netsim.phy"),
     ("network/src/split.rs", "trace", "the configuration that is written has measured levels"),
@@ -348,7 +349,7 @@ fn the_orchestrator_knows_no_entry_of_a_catalogue_by_name() {
             continue;
         }
         let text = std::fs::read_to_string(&file).unwrap();
-        let product = text.split("#[cfg(test)]").next().unwrap();
+        let product = text.split("#[cfg(test)]\nmod tests {").next().unwrap();
         let code: Vec<&str> =
             product.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
         let code = code.join("\n");
