@@ -262,11 +262,11 @@ fn each_is_refused_by_its_own_range_and_unknown_where_it_was_not_added() {
     insta::assert_snapshot!(refusal("[[phy.effect]]\nkind = \"flat-loss\"\nloss_db = 70"), @"netsim.phy.effect[0].loss_db: must be from 0 to 60, got 70 (nearest valid: 60)");
     insta::assert_snapshot!(refusal(&format!("{NETWORK}[[mac.effect]]\nkind = \"mute-motes\"\nfraction = 1\nmotes = [5]")), @"
     netsim.mac.effect[0].fraction: must be from 0 to 0.000001, got 1 (nearest valid: 0.000001)
-    netsim.mac.effect[0].motes[0]: must be a mote, 0 to 2, got 5 (nearest valid: 2)
+    netsim.mac.effect[0].motes[0]: must be the number of a mote, 0 to 2, got 5 (nearest valid: 2)
     ");
-    insta::assert_snapshot!(refusal(&format!("{NETWORK}mac.keep_alive_s = 0\nmac.max_drift_ppm = 0\n[[mac.effect]]\nkind = \"mute-motes\"\nfraction = 0")), @"netsim.mac.effect[0].kind: needs keep_alive_s other than 0: clocks that drift must be kept");
+    insta::assert_snapshot!(refusal(&format!("{NETWORK}mac.keep_alive_s = 0\nmac.max_drift_ppm = 0\n[[mac.effect]]\nkind = \"mute-motes\"\nfraction = 0")), @"netsim.mac.effect[0].kind: requires keep_alive_s other than 0, because drifting clocks must be resynchronised");
     insta::assert_snapshot!(refusal(&format!("{NETWORK}sf.length = 21")), @"netsim.sf.length: must be a whole number from 1 to 20, got 21 (nearest valid: 20)");
-    insta::assert_snapshot!(refusal(&NETWORK.replace("none", "own-cell")), @r#"netsim.swarm.transport: does not go with sf.kind = "one-cell": it gives no mote a cell for itself, got "own-cell" (nearest valid: "broadcast-slotframe")"#);
+    insta::assert_snapshot!(refusal(&NETWORK.replace("none", "own-cell")), @r#"netsim.swarm.transport: does not apply with sf.kind = "one-cell", because it gives no mote a cell for itself, got "own-cell" (nearest valid: "broadcast-slotframe")"#);
     insta::assert_snapshot!(refusal("phy = { propagation = \"upwards-only\", power_dbm = 3 }"), @"netsim.phy.power_dbm: must be from -100 to 0, got 3 (nearest valid: 0)");
     insta::assert_snapshot!(refusal("phy.reception = { kind = \"step-curve\", threshold_dbm = 3 }"), @"netsim.phy.reception.threshold_dbm: must be from -200 to 0, got 3 (nearest valid: 0)");
     insta::assert_snapshot!(refusal(&NETWORK.replace("share = 1.0", "share = 2.0")), @"netsim.phy.interference.share: must be from 0 to 1, got 2.0 (nearest valid: 1)");

@@ -47,8 +47,8 @@ robotsim.scenario.spaceing_m: is not a known key (nearest valid: spacing_m)
 robotsim.controller.flock_radius_m: is missing: must be a number, from 0.001 to 1000000
 robotsim.controller.flock_radius: is not a known key (nearest valid: flock_radius_m)
 robotsim.controller.leader: must be one of the agents, 0 to 4, got 5 (nearest valid: 4)
-robotsim.controller.leader_velocity_mps: must not be faster than dynamics.speed_cap_mps = 30 m/s, got 40 m/s
-robotsim.controller.leader_weight_on: needs velocity_term = true, got "velocity" (nearest valid: "gradient")
+robotsim.controller.leader_velocity_mps: must not exceed dynamics.speed_cap_mps = 30 m/s, got 40 m/s
+robotsim.controller.leader_weight_on: requires velocity_term = true, got "velocity" (nearest valid: "gradient")
 robotsim.scenario.jitter_m: must be at most half of spacing_m = 2, got 1.5 (nearest valid: 1)
 "#);
 }
@@ -83,7 +83,7 @@ fn keys_that_do_not_fit_together_are_refused() {
     insta::assert_snapshot!(
         refusal("controller = { kind = 'flocking', flock_radius_m = 10, leader = 5, leader_weight_on = 'velocity' }"), @r#"
 robotsim.controller.leader: must be one of the agents, 0 to 4, got 5 (nearest valid: 4)
-robotsim.controller.leader_weight_on: needs velocity_term = true, got "velocity" (nearest valid: "gradient")
+robotsim.controller.leader_weight_on: requires velocity_term = true, got "velocity" (nearest valid: "gradient")
 "#);
     insta::assert_snapshot!(
         refusal("controller = { kind = 'line-formation', threshold_m = 0.2 }"), @r#"
@@ -95,7 +95,7 @@ robotsim.controller.side_m: does not apply with arena = "disc"
 "#);
     insta::assert_snapshot!(
         refusal("dynamics.speed_cap_mps = 2\ncontroller = { kind = 'constant-velocity', velocity_mps = [3, 4] }"), @r#"
-robotsim.controller.velocity_mps: must not be faster than dynamics.speed_cap_mps = 2 m/s, got 5 m/s
+robotsim.controller.velocity_mps: must not exceed dynamics.speed_cap_mps = 2 m/s, got 5 m/s
 "#);
     insta::assert_snapshot!(refusal("controller = { kind = 'hold', velocity_mps = [1, 1] }"), @r#"
 robotsim.controller.velocity_mps: does not apply with kind = "hold", only with "constant-velocity"
@@ -121,7 +121,7 @@ robotsim.group: counts must add up to experiment.agents = 5, got 2
                           [[group]]\ncount = 2\ndynamics.speed_cap_mps = 2\n\
                           [[group]]\ncount = 1\ndynamics = {{ kind = 'unicycle', wheelbase_m = 1 }}\n"), None), @r#"
 robotsim.group[2].dynamics.wheelbase_m: does not apply with kind = "unicycle", only with "car"
-robotsim.controller.velocity_mps: must not be faster than dynamics.speed_cap_mps = 2 m/s, got 5 m/s
+robotsim.controller.velocity_mps: must not exceed dynamics.speed_cap_mps = 2 m/s, got 5 m/s
 "#);
     // A group without a controller needs the shared one; where each has its own there need be none.
     let without = "scenario.kind = 'line'\n[[group]]\ncount = 3\ncontroller.kind = 'hold'\n[[group]]\ncount = 2\n";

@@ -195,6 +195,6 @@ fn contacts_that_make_no_sense_are_refused() {
     robotsim.diameter_m: must be greater than 0 if contacts are resolved, got 0.0
     robotsim.contacts.kind: must be "count" with random-jump, whose robots have no path between two places, got "resolve"
     robotsim.obstacle[0].name: must be the name of an obstacle of [site], got "bus"
-    robotsim.obstacle[2].name: must be unique: an obstacle moves in one way, got "cart"
+    robotsim.obstacle[2].name: must be unique, because an obstacle has only one motion, got "cart"
     "#);
 }

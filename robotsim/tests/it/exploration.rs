@@ -248,7 +248,7 @@ fn what_cannot_be_explored_is_refused() {
         .join("\n"),
         @r#"
     robotsim.controller.cell_m: must be larger: it divides this area into more than 65535 cells, got 0.02 (nearest valid: 0.05)
-    robotsim.controller.speed_mps: must not be faster than dynamics.speed_cap_mps = 30 m/s, got 40 m/s
+    robotsim.controller.speed_mps: must not exceed dynamics.speed_cap_mps = 30 m/s, got 40 m/s
     robotsim.controller.range_m: must be at least 1.5 cells of cell_m = 0.5, got 0.6 (nearest valid: 0.75)
     robotsim.controller.retry_s: must be at least report_s = 1.0, got 0.5 (nearest valid: 1.0)
     robotsim.controller.base: must be the number of a robot, 0 to 4, got 5 (nearest valid: 4)

@@ -166,7 +166,7 @@ fn each_is_refused_by_its_own_range_and_unknown_where_it_was_not_added() {
     insta::assert_snapshot!(refusal(&slow, &catalogue()), @"robotsim.controller.up_mps: is beyond the cap, got 2");
     let solid = "diameter_m = 1\ncontacts.kind = 'resolve'\nscenario.kind = 'tower'\n\
                  controller.kind = 'leap'";
-    insta::assert_snapshot!(refusal(solid, &catalogue()), @r#"robotsim.contacts.kind: must be "count" for leap, whose robots are not anywhere between two places, got "resolve""#);
+    insta::assert_snapshot!(refusal(solid, &catalogue()), @r#"robotsim.contacts.kind: must be "count" with leap, whose robots have no path between two places, got "resolve""#);
     let unknown = refusal(ALL, Catalogue::built_in());
     assert_eq!(unknown.lines().filter(|line| line.contains("must be one of")).count(), 3);
 }
