@@ -165,7 +165,7 @@ async fn a_refused_step_changes_nothing() {
         (
             |r| r.confirmed_digest = vec![1; 32].into(),
             Code::FailedPrecondition,
-            "confirmed_digest: step 1 has",
+            "confirmed_digest: the digest of step 1 is",
         ),
         (
             |r| r.commands.push(kill(99)),
@@ -337,7 +337,7 @@ async fn orders_do_not_pile_up_without_end() {
     assert_refused(
         network.command(many).await,
         Code::ResourceExhausted,
-        "commands: at most 100000 may wait",
+        "commands: at most 100000 may be pending",
     );
     let reply = network.step(network_step(1)).await.unwrap().into_inner();
     assert_eq!(reply.applied_commands.len(), 60_000);
