@@ -1,7 +1,7 @@
 //! `report.html`: a run in pictures and numbers, in one file that opens without a network and needs no script.
 //!
 //! The page is a list of sections. To add one, write a function like those of the list in a file of its own, and name it in
-//! [`SECTIONS`].
+//! `SECTIONS`.
 
 mod details;
 mod figures;

@@ -2,7 +2,7 @@
 
 use numbers::statistics::{quantile, ratio};
 
-/// Numbers of which quantiles are wanted. Beyond [`MAX_SAMPLES`] only every second is kept, then every fourth, and so on.
+/// Numbers of which quantiles are wanted. Beyond `MAX_SAMPLES` only every second is kept, then every fourth, and so on.
 #[derive(Clone, Debug)]
 pub struct Samples {
     kept: Vec<f64>,
