@@ -208,7 +208,7 @@ fn answers_about_runs_and_networks_satisfy_their_schemas() {
     let summary = of("run", &["sensors.toml"]);
     assert!(summary["kpis"]["delivery"]["ratio"].is_number(), "{summary:#}");
     of("verify", &["runs/sensors"]);
-    of("sweep", &["sweep.toml"]);
+    of("sweep", &["sweep.toml", "--out", "sweeps"]);
     of("compare-runs", &["runs/flock", "runs/flock"]);
     let packets = ["sensors.toml", "--data", "runs/sensors/packets.parquet", "--seeds", "19"];
     of("compare", &packets);

@@ -360,7 +360,8 @@ fn what_cannot_be_paired_is_said() {
     sweep(folder.path(), &[&short[..], &["--out", "b", "--set", "sweep.seeds=[2, 3]"]].concat());
     sweep(folder.path(), &[&short[..], &["--out", "c", "--set", "sweep.seeds=[7, 8]"]].concat());
     assert!(
-        changes(folder.path(), &["a/s", "b/s"]).contains("2 of 4 trials of a/s have no partner")
+        changes(folder.path(), &["a/s", "b/s"])
+            .contains("2 of 4 trials of a/s, which have no partner")
     );
     let refused = |a: &str, b: &str| {
         let output = tests::orchestrator(&["compare-runs", a, b], folder.path());

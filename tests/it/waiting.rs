@@ -251,7 +251,7 @@ fn orders_that_the_network_does_not_obey_are_refused_on_their_lines() {
     let output = start(folder.path(), more, &[]);
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     let said_of_add =
-        "x.toml:16: timeline[0].order: is nothing that forming obeys: add mote 1 at 1 s";
+        "x.toml:16: timeline[0].order: forming does not support this event: add mote 1 at 1 s";
     assert_eq!(
         stderr(&output).matches("does not support this event").count(),
         1,

@@ -426,7 +426,7 @@ fn not_a_simulator(side: &'static str, url: &str, tls: Option<&Tls>, status: &St
         }
         _ => {
             tracing::debug!(%status, "what it said");
-            "a server that does not speak gRPC".to_owned()
+            "not a gRPC server".to_owned()
         }
     };
     SideError::NotASimulator { side, url: url.to_owned(), found }
