@@ -46,7 +46,7 @@ fn medium() -> SlotMedium {
 fn ends(n: u32, side_m: f64) -> Vec<End> {
     let draws = Draws::new(7, Purpose::Scenario);
     let coordinate_m = |id: u32, k| side_m * draws.uniform(u64::from(id), 0, k);
-    (0..n).map(|id| End::at(id, [coordinate_m(id, 0), coordinate_m(id, 1), 0.0])).collect()
+    (0..n).map(|id| End::new(id, [coordinate_m(id, 0), coordinate_m(id, 1), 0.0])).collect()
 }
 
 fn slot(asn: u64) -> Slot {
@@ -104,7 +104,7 @@ fn sparse(criterion: &mut Criterion) {
     let radio = Radio { tx_power_dbm: -45.0, ..RADIO };
     let (mut links, mut medium) = (links(Box::new(Friis { radio }), radio), medium());
     let place = |id: u32| [f64::from(id % 100), f64::from(id / 100), 0.0];
-    let ends: Vec<End> = (0..10_000).map(|id| End::at(id, place(id))).collect();
+    let ends: Vec<End> = (0..10_000).map(|id| End::new(id, place(id))).collect();
     links.set_positions(0, &ends, &vec![0.0; 10_000]);
     let mut asn = 0;
     criterion.bench_function("sparse slot of 10,000 with acknowledgments", |bencher| {

@@ -3,7 +3,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`network`] | the network as a whole: what a step brings in, and what it reports |
-//! | `slot` | one slot: ask, resolve, tell |
+//! | `slot`, `scratch` | one slot: ask, resolve, tell; and its buffers |
 //! | `hush` | who is known not to listen |
 //! | [`calendar`] | in which slot which mote has something to do |
 //! | [`settings`] | what all motes have in common |
@@ -26,5 +26,6 @@ mod orders;
 pub mod packets;
 mod payloads;
 pub mod records;
+mod scratch;
 pub mod settings;
 mod slot;

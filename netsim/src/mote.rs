@@ -12,6 +12,7 @@
 mod admission;
 mod announce;
 pub mod down;
+pub mod ports;
 pub mod pump;
 pub mod tally;
 pub mod up;

@@ -2,7 +2,7 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | [`link`] | what physics may ask about a link |
+//! | [`link`], [`end`] | what physics may ask about a link, and about its ends |
 //! | [`propagation`] | base models, one file each |
 //! | [`effect`] | effects added to them, one file each |
 //! | [`scatter`] | what varies at random, and when it is drawn anew |
@@ -16,6 +16,7 @@
 //! it draws, the other over the distribution that [`Model::scatters`] describes.
 
 pub mod effect;
+pub mod end;
 pub mod interference;
 pub mod link;
 pub mod model;

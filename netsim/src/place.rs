@@ -90,7 +90,7 @@ impl Place {
         for agent in states.alive.iter_ones() {
             let position_m = states.position_m(agent);
             if let Some(last_m) = self.last_seen_m[agent] {
-                let step = End::at(0, last_m).distance_squared_m2(&End::at(0, position_m));
+                let step = End::new(0, last_m).distance_squared_m2(&End::new(0, position_m));
                 self.way_m[agent] += step.sqrt();
             }
             self.last_seen_m[agent] = Some(position_m);

@@ -6,9 +6,8 @@ use super::capture::Capture;
 use super::hush::Hush;
 use super::inbox::Inbox;
 use super::packets::Packets;
-use super::records::{Formed, HeardOf};
+use super::scratch::Scratch;
 use super::settings::Settings;
-use super::slot::Scratch;
 use crate::config::Config;
 use crate::lowpan::DropReason;
 use crate::medium::jam::Jams;
@@ -18,7 +17,7 @@ use crate::mote::{Mote, World};
 use crate::place::{self, Place};
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
-use proto::types::{DeliveryColumn, Experiment, MoteStates, NetRecord};
+use proto::types::{DeliveryColumn, Experiment, NetRecord};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -41,6 +40,21 @@ pub struct State {
     pub formed: Formed,
     /// The first slot that has not been simulated.
     pub asn: u64,
+}
+
+/// Whether everybody takes part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Formed {
+    /// When everybody did for the first time (ns).
+    pub formed_ns: Option<u64>,
+}
+
+/// Frames heard over a link.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeardOf {
+    pub(super) sender: u32,
+    pub(super) frames: u64,
+    pub(super) sum_dbm: f64,
 }
 
 /// The 6TiSCH network.
@@ -255,11 +269,5 @@ impl Mesh {
         let tx_asn = of.mac.next_tx_asn(&self.settings.mac, &of.schedule, from_asn);
         let next = [timer_asn, tx_asn, of.mac.follows_at(from_asn)].into_iter().flatten().min();
         self.state.calendar.set(mote, next);
-    }
-
-    /// The motes now.
-    #[must_use]
-    pub fn motes(&self) -> MoteStates {
-        super::records::mote_states(&self.state, &self.addresses)
     }
 }

@@ -1,7 +1,6 @@
 //! What the network reports: states, formation, statistics, schedules, packets.
 
-use super::addresses::Addresses;
-use super::network::{Mesh, State};
+use super::network::{HeardOf, Mesh};
 use super::packets::PacketKind;
 use crate::energy;
 use crate::lowpan::DropReason;
@@ -12,46 +11,9 @@ use proto::side::{NetInput, NetOutput};
 use proto::types::{
     self, Bitmap, Formation, HeardLinks, MoteStates, MoteStatistics, NetRecord, Schedule, Statistic,
 };
-use serde::{Deserialize, Serialize};
-
-/// Whether everybody takes part.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Formed {
-    /// When everybody did for the first time (ns).
-    pub formed_ns: Option<u64>,
-}
-
-/// Frames heard over a link.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HeardOf {
-    sender: u32,
-    frames: u64,
-    sum_dbm: f64,
-}
 
 /// Length of an enhanced acknowledgment (PSDU, bytes): 64-bit destination and a time correction.
 pub const ACK_BYTES: u16 = 19;
-
-/// The motes now.
-pub(super) fn mote_states(state: &State, addresses: &Addresses) -> MoteStates {
-    let motes = &state.motes;
-    let flags = |of: &dyn Fn(&Mote) -> bool| {
-        let mut bits = Bitmap::filled(motes.len(), false);
-        for (place, mote) in motes.iter().enumerate() {
-            bits.set(place, of(mote));
-        }
-        bits
-    };
-    let parent = |mote: &Mote| mote.rpl.parent().and_then(|parent| addresses.mote(parent));
-    MoteStates {
-        alive: state.place.alive(),
-        synced: Some(flags(&|mote| mote.mac.is_synced())),
-        joined: Some(flags(&|mote| mote.joined)),
-        rank: motes.iter().map(|mote| u32::from(mote.rpl.rank())).collect(),
-        parent: motes.iter().map(|mote| parent(mote).unwrap_or(u32::MAX)).collect(),
-        queue_length: motes.iter().map(|mote| mote.mac.queue_len() as u32).collect(),
-    }
-}
 
 impl Mesh {
     /// The reply to a step that has come to `time_ns`.
@@ -77,6 +39,28 @@ impl Mesh {
             statistics,
             schedule,
             heard_links,
+        }
+    }
+
+    /// The motes now.
+    #[must_use]
+    pub fn motes(&self) -> MoteStates {
+        let motes = &self.state.motes;
+        let flags = |is_set: &dyn Fn(&Mote) -> bool| {
+            let mut bits = Bitmap::filled(motes.len(), false);
+            for (place, mote) in motes.iter().enumerate() {
+                bits.set(place, is_set(mote));
+            }
+            bits
+        };
+        let parent = |mote: &Mote| mote.rpl.parent().and_then(|parent| self.addresses.mote(parent));
+        MoteStates {
+            alive: self.state.place.alive(),
+            synced: Some(flags(&|mote| mote.mac.is_synced())),
+            joined: Some(flags(&|mote| mote.joined)),
+            rank: motes.iter().map(|mote| u32::from(mote.rpl.rank())).collect(),
+            parent: motes.iter().map(|mote| parent(mote).unwrap_or(u32::MAX)).collect(),
+            queue_length: motes.iter().map(|mote| mote.mac.queue_len() as u32).collect(),
         }
     }
 

@@ -4,74 +4,18 @@ use super::hush::Known;
 use super::inbox::Sent;
 use super::network::Mesh;
 use super::records::ACK_BYTES;
+use super::scratch::{Scratch, Sending};
 use super::settings::Settings;
 use crate::energy::SlotUse;
-use crate::mac::tsch::{Listening, Outgoing, Transmission, channel_of};
+use crate::mac::tsch::{Listening, Outgoing, channel_of};
 use crate::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
-use crate::mote::up::{Arrived, SWARM_PORT};
+use crate::mote::ports::SWARM_PORT;
+use crate::mote::up::Arrived;
 use crate::wire::datagram::Upper;
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{AckRepr, Content, FrameRepr};
 use bytes::Bytes;
 use proto::rng::{Draws, Purpose, ordered_link};
-
-/// What a mote sends in the slot.
-#[derive(Debug)]
-pub(super) struct Sending {
-    sender: u32,
-    transmission: Transmission,
-    beacon: Option<FrameRepr>,
-    psdu_bytes: u16,
-    /// Number in the inbox, if it is a payload of the swarm for everyone.
-    payload: Option<u32>,
-    /// Who shall acknowledge it, and has.
-    answered_by: Option<u32>,
-    acknowledged: bool,
-}
-
-impl Sending {
-    fn frame(&self) -> &FrameRepr {
-        match (&self.transmission.outgoing, &self.beacon) {
-            (Outgoing::Frame(queued), _) => &queued.frame,
-            (Outgoing::Beacon, Some(beacon)) => beacon,
-            (Outgoing::Beacon, None) => unreachable!("a beacon is made when it is sent"),
-        }
-    }
-}
-
-/// Room for what a slot needs, kept from slot to slot.
-#[derive(Debug)]
-pub(super) struct Scratch {
-    awake: Vec<u32>,
-    sending: Vec<Sending>,
-    on_air: Vec<OnAir>,
-    /// By mote: the slot in which it was last looked at as a listener or sender, plus one.
-    seen: Vec<u64>,
-    listeners: Vec<(u32, Listening)>,
-    heard: Vec<slot::Listening>,
-    receptions: Vec<Reception>,
-    answers: Vec<Acknowledgment>,
-    touched: Vec<u32>,
-    /// Payloads of the swarm that unicast frames brought.
-    pub(super) swarm: Vec<crate::mote::Brought>,
-}
-
-impl Scratch {
-    pub(super) fn new(n: usize) -> Self {
-        Self {
-            awake: Vec::new(),
-            sending: Vec::new(),
-            on_air: Vec::new(),
-            seen: vec![0; n],
-            listeners: Vec::new(),
-            heard: Vec::new(),
-            receptions: Vec::new(),
-            answers: Vec::new(),
-            touched: Vec::new(),
-            swarm: Vec::new(),
-        }
-    }
-}
 
 /// The payload that a frame carries to everyone, if it is the swarm's.
 fn swarm_payload(frame: &FrameRepr) -> Option<&Bytes> {

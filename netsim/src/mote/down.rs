@@ -1,6 +1,6 @@
 //! From a datagram to frames in the queue.
 
-use super::up::{APPLICATION_PORT, SWARM_PORT};
+use super::ports::{APPLICATION_PORT, SWARM_PORT};
 use super::{Mote, World};
 use crate::app;
 use crate::lowpan::DropReason;

@@ -1,6 +1,7 @@
 //! From a received frame to the layer it is for.
 
 use super::down::{Wanted, hops_of};
+use super::ports::{APPLICATION_PORT, SWARM_PORT};
 use super::{Brought, Mote, World};
 use crate::join::ports;
 use crate::lowpan::{self, DropReason, Outcome, Step};
@@ -13,11 +14,6 @@ use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};
 use std::sync::Arc;
-
-/// UDP port of applications (the first one that RFC 6282 compresses to four bits).
-pub const APPLICATION_PORT: u16 = 0xf0b0;
-/// UDP port of the swarm's payloads.
-pub const SWARM_PORT: u16 = 0xf0b1;
 
 /// A frame as it reached a mote.
 #[derive(Clone, Copy, Debug)]

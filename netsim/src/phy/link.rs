@@ -3,6 +3,7 @@
 //! The same description serves a running simulation, where agents are everywhere, and a row of measurements, where
 //! little more than two positions is known.
 
+pub use super::end::{End, distance_squared_m2};
 use super::nearest::{Grid, Nearest};
 use proto::site::Site;
 use proto::types::Covariate;
@@ -15,43 +16,6 @@ pub const SPEED_OF_LIGHT_MPS: f64 = 299_792_458.0;
 #[must_use]
 pub fn channel_hz(channel: u8) -> f64 {
     (2405.0 + 5.0 * (f64::from(channel) - 11.0)) * 1e6
-}
-
-/// One end of a link: an antenna and the body that carries it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct End {
-    /// Number of the mote.
-    pub id: u32,
-    /// Position of the antenna (m).
-    pub position_m: [f64; 3],
-    /// Direction the body faces (rad, from +x towards +y), if it is known.
-    pub heading_rad: Option<f64>,
-    /// Velocity (m/s), if it is known.
-    pub velocity_mps: Option<[f64; 3]>,
-}
-
-impl End {
-    /// An end of which nothing but the place is known.
-    #[must_use]
-    pub fn at(id: u32, position_m: [f64; 3]) -> Self {
-        Self { id, position_m, heading_rad: None, velocity_mps: None }
-    }
-
-    /// Square of the distance to another end (m²), in space.
-    #[inline]
-    #[must_use]
-    pub fn distance_squared_m2(&self, other: &Self) -> f64 {
-        let [ax, ay, az] = self.position_m;
-        let [bx, by, bz] = other.position_m;
-        distance_squared_m2([ax - bx, ay - by, az - bz])
-    }
-}
-
-/// Square of a length (m²). The one place where it is summed, so that every path rounds alike.
-#[inline]
-#[must_use]
-pub fn distance_squared_m2([dx, dy, dz]: [f64; 3]) -> f64 {
-    dx * dx + dy * dy + dz * dz
 }
 
 /// Numbers beside the geometry: temperature, battery, whatever a file or a robot simulator brings.
@@ -182,8 +146,8 @@ mod tests {
         let covariates = Covariates::Columns { names: &names, values: &[20.0, 5.0] };
         let scene = Scene { covariates, ..Scene::default() };
         let link = Link {
-            sender: End::at(0, [0.0; 3]),
-            receiver: End::at(1, [1.0, 0.0, 0.0]),
+            sender: End::new(0, [0.0; 3]),
+            receiver: End::new(1, [1.0, 0.0, 0.0]),
             distance_m: 1.0,
             channel: None,
             frequency_hz: 2.44e9,

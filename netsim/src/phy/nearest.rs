@@ -1,6 +1,6 @@
 //! Who is near whom: a uniform grid over the plane, and the k nearest neighbours found with it.
 
-use super::link::End;
+use super::end::End;
 
 /// Points sorted into square cells.
 ///
@@ -301,7 +301,7 @@ mod tests {
         let near = prop::array::uniform3(-20i32..20).prop_map(|p| p.map(|x| f64::from(x) / 4.0));
         let far = prop::array::uniform3(-1e9..1e9f64);
         prop::collection::vec(prop_oneof![20 => near, 1 => far], 1..200).prop_map(|positions| {
-            positions.into_iter().zip(0..).map(|(position, id)| End::at(id, position)).collect()
+            positions.into_iter().zip(0..).map(|(position, id)| End::new(id, position)).collect()
         })
     }
 
@@ -361,7 +361,7 @@ mod tests {
     #[test]
     fn of_two_equally_far_the_lower_number_is_nearer() {
         let agents =
-            [End::at(0, [0.0; 3]), End::at(1, [1.0, 0.0, 0.0]), End::at(2, [-1.0, 0.0, 0.0])];
+            [End::new(0, [0.0; 3]), End::new(1, [1.0, 0.0, 0.0]), End::new(2, [-1.0, 0.0, 0.0])];
         let nearest = Nearest::of(&agents, 1);
         assert_eq!(nearest.is_among(&agents[0], &agents[1]), Some(true));
         assert_eq!(nearest.is_among(&agents[0], &agents[2]), Some(false));

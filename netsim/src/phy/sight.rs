@@ -375,7 +375,7 @@ mod tests {
             body_radius_m in 0.05..1.0f64,
         ) {
             let agents: Vec<End> =
-                (0..).zip(&places).map(|(id, &position_m)| End::at(id, position_m)).collect();
+                (0..).zip(&places).map(|(id, &position_m)| End::new(id, position_m)).collect();
             let mut grid = Grid::default();
             grid.build_for(&agents, 4);
             let without = Scene { agents: &agents, ..Scene::default() };

@@ -324,7 +324,7 @@ fn the_model_that_is_evaluated_against_rows_is_the_one_that_runs() {
     let setup = setup(2, "[phy]\npropagation = \"gaussian\"\nsigma_m = 2");
     let (config, ..) = netsim::config::read(&setup, Catalogue::built_in()).unwrap();
     let scene = Scene::default();
-    let [a, b] = [End::at(0, [0.0; 3]), End::at(1, [3.0, 0.0, 0.0])];
+    let [a, b] = [End::new(0, [0.0; 3]), End::new(1, [3.0, 0.0, 0.0])];
     let budget = config.model.evaluate(&config.model.link(&scene, a, b, None, 0));
     let mut network = network(2, "[phy]\npropagation = \"gaussian\"\nsigma_m = 2");
     let n = 2000;

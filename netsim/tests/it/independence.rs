@@ -209,7 +209,7 @@ fn plainly(
     let n = states.len();
     let mut radios = Radios::default();
     for i in 0..n {
-        radios.push(End::at(i as u32, states.position_m(i)), 0.0);
+        radios.push(End::new(i as u32, states.position_m(i)), 0.0);
         let sent_ns = period_ns + (i as u64 % config.n_slots) * config.slot_ns;
         let channel = config.hopping_sequence.first().map(|_| {
             let slot = (sent_ns / config.slot_ns) as usize;

@@ -236,10 +236,10 @@ fn swept(
                 ("temperature_c".to_owned(), row.temperature_c),
                 ("relative_speed_mps".to_owned(), row.speed_mps),
             ];
-            let mut sender = End::at(0, [0.0, 0.0, 1.5]);
+            let mut sender = End::new(0, [0.0, 0.0, 1.5]);
             sender.heading_rad = Some(row.heading_rad);
-            let receiver = End::at(1, [row.distance_m, 0.0, 1.5]);
-            let agents = [sender, receiver, End::at(2, [10.0, 0.0, 1.5])];
+            let receiver = End::new(1, [row.distance_m, 0.0, 1.5]);
+            let agents = [sender, receiver, End::new(2, [10.0, 0.0, 1.5])];
             let scene = Scene {
                 site: Some(&site),
                 agents: &agents,
@@ -302,8 +302,8 @@ fn power_dbm(i: usize, [low, high]: [f64; 2]) -> f64 {
 fn plain<T>(use_link: impl FnOnce(&Link<'_>) -> T) -> T {
     let scene = Scene::default();
     use_link(&Link {
-        sender: End::at(0, [0.0, 0.0, 1.5]),
-        receiver: End::at(1, [8.0, 0.0, 1.5]),
+        sender: End::new(0, [0.0, 0.0, 1.5]),
+        receiver: End::new(1, [8.0, 0.0, 1.5]),
         distance_m: 8.0,
         channel: Some(18),
         frequency_hz: channel_hz(18),

@@ -54,7 +54,7 @@ fn links(model: Model) -> Links {
 }
 
 fn ends(positions_m: &[[f64; 2]]) -> Vec<End> {
-    positions_m.iter().zip(0..).map(|(&[x, y], id)| End::at(id, [x, y, 0.0])).collect()
+    positions_m.iter().zip(0..).map(|(&[x, y], id)| End::new(id, [x, y, 0.0])).collect()
 }
 
 fn placed(model: Model, positions_m: &[[f64; 2]]) -> Links {
@@ -324,7 +324,7 @@ proptest! {
                 }
                 before[mote] = place;
                 if let Some([x, y]) = place {
-                    ends.push(End::at(mote as u32, [x, y, 0.0]));
+                    ends.push(End::new(mote as u32, [x, y, 0.0]));
                     ways.push(way_m[mote]);
                 }
             }

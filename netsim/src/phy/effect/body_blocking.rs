@@ -117,7 +117,7 @@ mod tests {
             let ends = [[0.0, 0.0], [10.0, 0.0]];
             let agents: Vec<End> = (0..)
                 .zip(ends.iter().chain(places))
-                .map(|(id, &[x, y])| End::at(id, [x, y, 1.0]))
+                .map(|(id, &[x, y])| End::new(id, [x, y, 1.0]))
                 .collect();
             let mut scene = Scene { agents: &agents, ..Scene::default() };
             effect.prepare(&mut scene);

@@ -17,8 +17,8 @@ pub(crate) fn along_x<'a>(
     scene: &'a Scene<'a>,
 ) -> Link<'a> {
     Link {
-        sender: End::at(0, [0.0, 0.0, height_m]),
-        receiver: End::at(1, [distance_m, 0.0, height_m]),
+        sender: End::new(0, [0.0, 0.0, height_m]),
+        receiver: End::new(1, [distance_m, 0.0, height_m]),
         distance_m,
         channel,
         frequency_hz: channel.map_or(2.44e9, channel_hz),

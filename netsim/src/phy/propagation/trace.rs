@@ -206,8 +206,8 @@ mod tests {
     fn predict(trace: &Trace, src: u32, dst: u32, channel: u8, time_s: f64) -> (f64, f64) {
         let scene = Scene::default();
         let prediction = trace.predict(&Link {
-            sender: End::at(src, [0.0; 3]),
-            receiver: End::at(dst, [0.0; 3]),
+            sender: End::new(src, [0.0; 3]),
+            receiver: End::new(dst, [0.0; 3]),
             distance_m: 1.0,
             channel: Some(channel),
             frequency_hz: 2.4e9,

@@ -16,7 +16,7 @@ fn c1_on_a_line_of_six_next_neighbours_hear_each_other_on_every_channel() {
     let (config, ..) = netsim::config::read(&set_up(6, config, 1), Catalogue::built_in()).unwrap();
     let mut links = Links::new(Arc::clone(&config.model), 1, &config.hopping_sequence, None);
     let ends: Vec<End> =
-        (0..6).map(|mote| End::at(mote, [10.0 * f64::from(mote), 0.0, 0.0])).collect();
+        (0..6).map(|mote| End::new(mote, [10.0 * f64::from(mote), 0.0, 0.0])).collect();
     links.set_positions(0, &ends, &[0.0; 6]);
     for channel in 11..27 {
         for (sender, receiver) in (0..6).flat_map(|one| (0..6).map(move |other| (one, other))) {

@@ -429,7 +429,7 @@ fn agents(rows: &[LinkRow], tracks: &BTreeMap<(u32, u32), Track>) -> (Vec<End>, 
                 let from = agents.len() as u32;
                 for ((_, mote), track) in tracks.range((row.run, 0)..=(row.run, u32::MAX)) {
                     if let Some(place) = place_at(track, row.time_s) {
-                        agents.push(End::at(*mote, place));
+                        agents.push(End::new(*mote, place));
                     }
                 }
                 (from, agents.len() as u32)

@@ -1,0 +1,64 @@
+//! Buffers of a slot, kept from slot to slot so that a slot allocates nothing.
+
+use crate::mac::tsch::{Listening, Outgoing, Transmission};
+use crate::medium::slot::{self, Acknowledgment, OnAir, Reception};
+use crate::mote::Brought;
+use crate::wire::frame::FrameRepr;
+
+/// What a mote sends in the slot.
+#[derive(Debug)]
+pub(super) struct Sending {
+    pub(super) sender: u32,
+    pub(super) transmission: Transmission,
+    pub(super) beacon: Option<FrameRepr>,
+    pub(super) psdu_bytes: u16,
+    /// Number in the inbox, if it is a payload of the swarm for everyone.
+    pub(super) payload: Option<u32>,
+    /// Who shall acknowledge it, and has.
+    pub(super) answered_by: Option<u32>,
+    pub(super) acknowledged: bool,
+}
+
+impl Sending {
+    pub(super) fn frame(&self) -> &FrameRepr {
+        match (&self.transmission.outgoing, &self.beacon) {
+            (Outgoing::Frame(queued), _) => &queued.frame,
+            (Outgoing::Beacon, Some(beacon)) => beacon,
+            (Outgoing::Beacon, None) => unreachable!("a beacon is made when it is sent"),
+        }
+    }
+}
+
+/// Room for what a slot needs, kept from slot to slot.
+#[derive(Debug)]
+pub(super) struct Scratch {
+    pub(super) awake: Vec<u32>,
+    pub(super) sending: Vec<Sending>,
+    pub(super) on_air: Vec<OnAir>,
+    /// By mote: the slot in which it was last looked at as a listener or sender, plus one.
+    pub(super) seen: Vec<u64>,
+    pub(super) listeners: Vec<(u32, Listening)>,
+    pub(super) heard: Vec<slot::Listening>,
+    pub(super) receptions: Vec<Reception>,
+    pub(super) answers: Vec<Acknowledgment>,
+    pub(super) touched: Vec<u32>,
+    /// Payloads of the swarm that unicast frames brought.
+    pub(super) swarm: Vec<Brought>,
+}
+
+impl Scratch {
+    pub(super) fn new(n: usize) -> Self {
+        Self {
+            awake: Vec::new(),
+            sending: Vec::new(),
+            on_air: Vec::new(),
+            seen: vec![0; n],
+            listeners: Vec::new(),
+            heard: Vec::new(),
+            receptions: Vec::new(),
+            answers: Vec::new(),
+            touched: Vec::new(),
+            swarm: Vec::new(),
+        }
+    }
+}
