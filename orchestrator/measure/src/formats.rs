@@ -14,7 +14,7 @@ use crate::table::DataTable;
 use flate2::read::MultiGzDecoder;
 use sha2::{Digest as _, Sha256};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read as _};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// What a file holds, from its beginning on.
@@ -33,6 +33,26 @@ pub struct Format {
 
 /// The formats that are known, the first that recognises a file reading it.
 pub const BUILT_IN: &[Format] = &[run::FORMAT, parquet::FORMAT, k7::FORMAT, csv::FORMAT];
+
+impl DataTable {
+    /// Reads a file in one of the [built-in formats](BUILT_IN), or the links of a run from its folder.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read, or is no table: the place is named.
+    pub fn read(path: &Path) -> Result<Self, DataError> {
+        read(path, BUILT_IN)
+    }
+
+    /// Reads CSV: the first line names the columns. `path` is named in errors.
+    ///
+    /// # Errors
+    ///
+    /// See [`DataTable::read`].
+    pub fn of_csv(path: &Path, content: impl Read) -> Result<Self, DataError> {
+        csv::read(path, content)
+    }
+}
 
 /// How gzip files begin (RFC 1952, section 2.3.1).
 const GZIP: [u8; 2] = [0x1f, 0x8b];

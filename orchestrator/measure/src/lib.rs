@@ -6,7 +6,7 @@
 //! | [`table`] | a file as named columns of numbers |
 //! | [`formats`] | file formats: CSV, Parquet, K7, the folder of a run |
 //! | [`links`] | link samples and aggregated link tables |
-//! | [`warnings`] | what is odd about measurements that can be used |
+//! | [`warnings`] | warnings about measurements that can be used |
 //! | [`packets`] | packets from end to end |
 //! | [`robots`] | robot samples |
 //! | [`config`] | the part of a configuration that is held against them |

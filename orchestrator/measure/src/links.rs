@@ -1,7 +1,10 @@
 //! Link samples, one row per frame sent and possible receiver; and aggregated link tables, one row per link and channel.
 
+mod warnings;
+
 use super::table::DataTable;
-use super::{Rejected, Rejections, TWICE, warnings};
+use super::warnings::rejection_warnings;
+use super::{Rejected, Rejections, TWICE};
 use proto::effect::CONSTANT;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -238,9 +241,9 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
                 .to_owned(),
         );
     }
-    warnings.extend(warnings::of_links(&rows));
-    warnings.extend(warnings::of_rejected(&rejections.clone().into_list(), n_rows));
-    if let Some(reason) = warnings::stuck(&rows) {
+    warnings.extend(warnings::link_warnings(&rows));
+    warnings.extend(rejection_warnings(&rejections.clone().into_list(), n_rows));
+    if let Some(reason) = warnings::stuck_register(&rows) {
         return Err(reason);
     }
     let quantum_db = quantum(&rows, is_aggregated);

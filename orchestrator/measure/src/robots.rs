@@ -1,7 +1,10 @@
 //! Robot samples: where robots were measured, and what they were commanded to do.
 
+mod warnings;
+
 use super::table::DataTable;
-use super::{Rejected, Rejections, TWICE, warnings};
+use super::warnings::rejection_warnings;
+use super::{Rejected, Rejections, TWICE};
 use numbers::power::square;
 use numbers::statistics::median_high;
 use robotsim::dynamics::{Drive, Shape};
@@ -229,8 +232,8 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
         n_rows: table.n_rows(),
     };
     robots.take_covariates(table, &rows);
-    robots.warnings.extend(warnings::of_rejected(&robots.rejected, robots.n_rows));
-    robots.warnings.extend(warnings::of_robots(&robots));
+    robots.warnings.extend(rejection_warnings(&robots.rejected, robots.n_rows));
+    robots.warnings.extend(warnings::track_warnings(&robots));
     robots.check_units()?;
     Ok(robots)
 }

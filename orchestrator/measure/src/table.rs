@@ -1,9 +1,6 @@
 //! A file as named columns of numbers.
 
-use super::DataError;
-use crate::formats::{self, csv};
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A table of numbers. A missing value is NaN.
 #[derive(Clone, Debug)]
@@ -21,24 +18,6 @@ pub struct DataTable {
 }
 
 impl DataTable {
-    /// Reads a file in one of the [built-in formats](formats::BUILT_IN), or the links of a run from its folder.
-    ///
-    /// # Errors
-    ///
-    /// It cannot be read, or is no table: the place is named.
-    pub fn read(path: &Path) -> Result<Self, DataError> {
-        formats::read(path, formats::BUILT_IN)
-    }
-
-    /// Reads CSV: the first line names the columns. `path` is named in errors.
-    ///
-    /// # Errors
-    ///
-    /// See [`DataTable::read`].
-    pub fn of_csv(path: &Path, content: impl Read) -> Result<Self, DataError> {
-        csv::read(path, content)
-    }
-
     /// A table of columns that are at hand.
     #[must_use]
     pub fn of_columns(names: Vec<String>, columns: Vec<Vec<f64>>) -> Self {
@@ -98,6 +77,8 @@ impl DataTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::DataError;
+    use std::path::Path;
 
     fn csv(text: &str) -> Result<DataTable, DataError> {
         DataTable::of_csv(Path::new("data.csv"), text.as_bytes())
