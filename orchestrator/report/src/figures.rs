@@ -1,7 +1,9 @@
 //! The pictures of a report. Each says in one sentence what it shows.
 
+pub(crate) mod network;
+
+use super::layout;
 use super::svg::{Axis, Chart};
-use super::{layout, network};
 use maud::{Markup, html};
 use metrics::{DistanceBin, Measures, Sample, Trajectories};
 use numbers::format::{count, number, percent, shortest};
@@ -25,7 +27,7 @@ pub(crate) struct Figure {
 
 /// The pictures of a run.
 pub(super) fn section(contents: &Contents<'_>) -> Option<Markup> {
-    let figures = of_run(contents.measures?, contents.header.agent_count);
+    let figures = run_figures(contents.measures?, contents.header.agent_count);
     Some(html! { div.figures { @for figure in &figures { (figure.markup()) } } })
 }
 
@@ -39,7 +41,7 @@ impl Figure {
 }
 
 /// All pictures for which there is something to show.
-fn of_run(measures: &Measures, n_agents: u32) -> Vec<Figure> {
+fn run_figures(measures: &Measures, n_agents: u32) -> Vec<Figure> {
     let mut figures = Vec::new();
     if measures.has_way() {
         figures.push(trajectories(measures));
@@ -56,7 +58,7 @@ fn of_run(measures: &Measures, n_agents: u32) -> Vec<Figure> {
     if !by_distance.is_empty() {
         figures.push(delivery(measures, &by_distance));
     }
-    figures.extend(network::of_run(measures));
+    figures.extend(network::network_figures(measures));
     if !measures.events().is_empty() {
         let over_time = ["Flock speed", "Neighbours heard", "Packets delivered over time"];
         for figure in figures.iter_mut().filter(|figure| over_time.contains(&figure.title)) {

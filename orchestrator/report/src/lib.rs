@@ -8,7 +8,6 @@ mod figures;
 pub mod layout;
 pub mod measured;
 mod motes;
-mod network;
 pub mod packets;
 pub mod svg;
 mod top;

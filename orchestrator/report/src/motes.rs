@@ -1,7 +1,7 @@
 //! The motes of a network with protocols, one by one, as a table. It can be sorted without a script: each row carries its
 //! place by every figure that rows can be sorted by.
 
-use super::network::depths;
+use super::figures::network::depths;
 use maud::{Markup, html};
 use metrics::Measures;
 use metrics::kpi::kpi_summary::KpiSummary;

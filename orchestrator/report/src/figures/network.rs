@@ -1,8 +1,8 @@
 //! Pictures of a network with protocols: who hears whom, the routing graph, the schedule, delivery and latency. Each is
 //! there only if the network said what it shows.
 
-use super::figures::{Figure, HALF, HALF_HEIGHT, WIDE, equal_scales};
-use super::svg::{Axis, Chart};
+use super::{Figure, HALF, HALF_HEIGHT, WIDE, equal_scales};
+use crate::svg::{Axis, Chart};
 use metrics::{Kpis, Measures};
 use numbers::format::{count, count_of, number, percent, shortest};
 use proto::types::{Schedule, seconds};
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// All pictures for which there is something to show.
-pub(super) fn of_run(measures: &Measures) -> Vec<Figure> {
+pub(super) fn network_figures(measures: &Measures) -> Vec<Figure> {
     let kpis = &measures.kpis;
     let places = &measures.trajectories.ends[1];
     let mut figures = Vec::new();
@@ -116,7 +116,7 @@ fn routing_graph(kpis: &Kpis, places: &Places) -> Option<Figure> {
 }
 
 /// How many parents there are on the way up from each mote; `None` on a way that never ends.
-pub(super) fn depths(parents: &[u32]) -> Vec<Option<usize>> {
+pub(crate) fn depths(parents: &[u32]) -> Vec<Option<usize>> {
     let climb = |start: usize| {
         let mut mote = start;
         for depth in 0..=parents.len() {
