@@ -1,6 +1,6 @@
 //! Robots that come late and robots that are lost.
 
-use crate::config::{Context, field};
+use crate::context::{Context, field};
 use proto::config::{Default, Kind, Problem, Range, TableSpec, typed};
 use proto::types::{AgentStates, Bitmap, NS_PER_S};
 use serde::Deserialize;

@@ -2,6 +2,7 @@
 
 use crate::absence::{self, Absence};
 use crate::catalogue::Catalogue;
+use crate::context::{Context, field};
 use crate::controller::{self, Team};
 use crate::dynamics;
 use crate::dynamics::contacts::{self, Contacts};
@@ -11,9 +12,8 @@ use crate::group;
 use crate::knowledge::{Memory, Source};
 use crate::obstacles::{self, Course};
 use crate::scenario::{self, Scenario};
-use bytes::Bytes;
 use proto::config::{
-    self, Choice, Default, Field, FileReference, Kind, Node, Problem, Range, TableSpec, join, typed,
+    self, Choice, Default, FileReference, Kind, Node, Problem, Range, TableSpec, join, typed,
 };
 use proto::side::Setup;
 use proto::site::Site;
@@ -151,27 +151,6 @@ pub struct Behaviour {
     pub exploration: Option<exploration::Settings>,
 }
 
-/// What a part of a configuration is checked against.
-#[derive(Clone, Debug)]
-pub struct Context<'a> {
-    /// Path of the part.
-    pub path: String,
-    /// How many agents there are.
-    pub n_agents: usize,
-    /// The greatest speed (m/s).
-    pub speed_cap_mps: f64,
-    /// The files that the configuration names.
-    pub files: &'a BTreeMap<String, Bytes>,
-}
-
-impl Context<'_> {
-    /// A problem with a key of the part.
-    #[must_use]
-    pub fn problem(&self, key: &str, message: impl Into<String>) -> Problem {
-        Problem::new(join(&self.path, key), message)
-    }
-}
-
 /// Checks what can be checked of the section, which stands at `path`, without knowing how many robots there are, and returns
 /// its table with defaults.
 pub fn keys(
@@ -238,16 +217,6 @@ pub(crate) fn read_behaviour(
 #[must_use]
 pub fn files(config: &Node, path: &str, catalogue: &Catalogue) -> Vec<FileReference> {
     config::check(config, path, &SPEC, &catalogue.lists(), &mut Vec::new()).files
-}
-
-/// Describes a key.
-pub(crate) const fn field(
-    key: &'static str,
-    doc: &'static str,
-    kind: Kind,
-    default: Default,
-) -> Field {
-    Field { key, doc, kind, default }
 }
 
 /// Keys of the section, those of groups apart.

@@ -18,7 +18,7 @@ mod olfati_saber;
 mod random_jump;
 mod random_waypoint;
 
-use crate::config::Context;
+use crate::context::Context;
 use crate::dynamics::{Command, norm};
 use crate::exploration::{Settings as ExplorationSettings, State as Exploration};
 use crate::knowledge::Knowledge;

@@ -20,7 +20,7 @@ pub use body::{Drive, Part, Shape, wrapped};
 pub use inertial::GRAVITY_MPS2;
 pub use response::Response;
 
-use crate::config::field;
+use crate::context::field;
 use crate::obstacles::Course;
 use body::Body;
 use effect::Localization;

@@ -1,7 +1,7 @@
 //! Groups of different robots in one swarm: how many of which kind, and what they want.
 
 use crate::catalogue::Catalogue;
-use crate::config::{Context, field};
+use crate::context::{Context, field};
 use crate::controller::{self, Controller, Team};
 use crate::dynamics::contacts::Contacts;
 use crate::dynamics::fleet::Fleet;

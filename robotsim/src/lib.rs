@@ -22,6 +22,7 @@
 //! | [`scenario`] | where everyone begins: one file per scenario, one list |
 //! | [`catalogue`] | what can be chosen by name: the lists of effects, controllers and scenarios |
 //! | [`config`] | the `[robotsim]` section: its description and its checks |
+//! | [`context`] | what the parts of that section are checked against |
 
 #![cfg_attr(
     test,
@@ -34,6 +35,7 @@
 pub mod absence;
 pub mod catalogue;
 pub mod config;
+pub mod context;
 pub mod controller;
 pub mod dynamics;
 pub mod exploration;

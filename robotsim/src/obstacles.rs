@@ -1,6 +1,6 @@
 //! Obstacles of the place that move. Robots and radio see them where they are.
 
-use crate::config::{Context, field};
+use crate::context::{Context, field};
 use crate::dynamics::contacts::Solid;
 use crate::path;
 use proto::config::{Default, Kind, Problem, Range, TableSpec, typed};

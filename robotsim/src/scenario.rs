@@ -11,7 +11,7 @@ mod line;
 mod spaced;
 mod square;
 
-use crate::config::Context;
+use crate::context::Context;
 use proto::config::{Kind, Problem, Range, Registered, TableSpec, Tag, Variant, Variants};
 use proto::rng::{Draws, Purpose};
 use proto::types::AgentStates;

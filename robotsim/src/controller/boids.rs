@@ -1,7 +1,7 @@
 //! Boids: robots that flock without a leader.
 
 use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
-use crate::config::field;
+use crate::context::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
 use serde::Deserialize;

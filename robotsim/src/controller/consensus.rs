@@ -1,7 +1,7 @@
 //! Robots that come together.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::config::field;
+use crate::context::field;
 use crate::dynamics::Command;
 use proto::config::{Choice, Default, Kind, Range, Variant, typed};
 use serde::Deserialize;

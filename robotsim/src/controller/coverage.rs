@@ -1,7 +1,7 @@
 //! Robots that spread over an area.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::config::field;
+use crate::context::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
 use serde::Deserialize;

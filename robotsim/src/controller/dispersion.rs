@@ -1,7 +1,7 @@
 //! Robots that spread as far as their links hold.
 
 use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
-use crate::config::{Context, field};
+use crate::context::{Context, field};
 use crate::dynamics::Command;
 use crate::knowledge::Seen;
 use proto::config::{Default, Kind, Problem, Range, Variant, typed};

@@ -1,7 +1,7 @@
 //! Rooms are explored: robots send maps to a base, which sends them where nobody has been.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::config::{Context, field};
+use crate::context::{Context, field};
 use crate::dynamics::Command;
 use crate::exploration::grid::{Grid, MAX_CELLS};
 use crate::exploration::{MIN_MESSAGE_BYTES, Settings};

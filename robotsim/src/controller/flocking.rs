@@ -1,7 +1,7 @@
 //! Robots that follow a leader, held together and apart by a potential.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::config::field;
+use crate::context::field;
 use crate::dynamics::Command;
 use crate::knowledge::Seen;
 use proto::config::{Choice, Default, Kind, Range, Variant, typed};

@@ -1,7 +1,7 @@
 //! Robots that form a straight line, wherever it may lie.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::config::field;
+use crate::context::field;
 use crate::dynamics::Command;
 use crate::line_fit::{Fit, Moments};
 use proto::config::{Choice, Default, Kind, Range, Variant, typed};

@@ -1,7 +1,7 @@
 //! Flocking as a lattice that moves, after Olfati-Saber.
 
 use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
-use crate::config::field;
+use crate::context::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
 use serde::Deserialize;

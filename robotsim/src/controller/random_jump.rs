@@ -1,7 +1,7 @@
 //! Robots that jump at random within an arena: a workload for the network, not a behaviour.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::config::field;
+use crate::context::field;
 use crate::dynamics::Command;
 use proto::config::{Choice, Default, Kind, Range, Variant, typed};
 use proto::rng::uniform;

@@ -1,7 +1,7 @@
 //! Robots that wander: the mobility model of networks that move.
 
 use super::{Controller, Demands, Entry, Goal, View, scaled, sub};
-use crate::config::field;
+use crate::context::field;
 use crate::dynamics::Command;
 use proto::config::{Default, Kind, Range, Variant, typed};
 use proto::rng::{Draws, uniform};

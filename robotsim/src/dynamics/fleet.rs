@@ -1,12 +1,16 @@
 //! All robots of a swarm, whatever their kinds, moved together.
 
+mod in_contact;
+mod rigid_world;
+
 use super::contacts::Contacts;
 use super::effect::Localization;
-use super::rigid::{Pusher, RigidBody};
-use super::surroundings::{Other, Surroundings};
+use super::rigid::RigidBody;
+use super::surroundings::{Other, Surroundings, all_but};
 use super::{Command, Dynamics, Memory, Motion, Step};
 use proto::rng::{Draws, Purpose};
 use proto::types::{AgentStates, seconds};
+use rigid_world::Pusher;
 
 /// The robots of a swarm: kind after kind, each with a number of robots.
 #[derive(Debug)]
@@ -37,7 +41,7 @@ impl Fleet {
     }
 
     /// How a robot moves.
-    pub(super) fn of(&self, agent: usize) -> &Dynamics {
+    pub(super) fn dynamics(&self, agent: usize) -> &Dynamics {
         let kind = self.kinds.partition_point(|(end, _)| *end <= agent);
         &self.kinds[kind].1
     }
@@ -47,7 +51,7 @@ impl Fleet {
         &'a self,
         states: &'a AgentStates,
     ) -> impl Iterator<Item = usize> + 'a {
-        states.alive.iter_ones().filter(|&agent| !self.of(agent).is_rigid())
+        states.alive.iter_ones().filter(|&agent| !self.dynamics(agent).is_rigid())
     }
 
     fn any(&self, mut has: impl FnMut(&Dynamics) -> bool) -> bool {
@@ -62,7 +66,7 @@ impl Fleet {
         let diameters = self.kinds.iter().map(|(_, dynamics)| {
             dynamics.physics.rigid().map_or(self.diameter_m, RigidBody::diameter_m)
         });
-        Some(Contacts::of(diameters.fold(0.0, f64::max)))
+        Some(Contacts::inelastic(diameters.fold(0.0, f64::max)))
     }
 
     /// What robots at rest carry. Nothing, where nothing reaches back in time.
@@ -122,9 +126,9 @@ impl Fleet {
         } else {
             let bodies: Vec<usize> = self.alive_bodies(states).collect();
             for agent in bodies {
-                let dynamics = self.of(agent);
+                let dynamics = self.dynamics(agent);
                 let motion = dynamics.take_up(agent, commands[agent], from_s, dt_s, states, memory);
-                let near: Vec<Other> = near(&others, agent);
+                let near = all_but(&others, agent);
                 let surroundings = Surroundings { others: &near, ..base };
                 let (velocity, displacement) = match motion {
                     Motion::Velocity(velocity) => (velocity, velocity.map(|part| part * dt_s)),
@@ -157,7 +161,7 @@ impl Fleet {
                 commands[agent]
             );
             let [vx, vy] = [states.vx_mps[agent], states.vy_mps[agent]];
-            if !self.of(agent).has_heading()
+            if !self.dynamics(agent).has_heading()
                 && !states.heading_rad.is_empty()
                 && (vx != 0.0 || vy != 0.0)
             {
@@ -190,7 +194,8 @@ impl Fleet {
         let draws = Draws::new(step.seed, Purpose::Localization);
         let mut measured = states.clone();
         for (agent, memory) in memory.iter_mut().enumerate() {
-            let Some(Localization { sd_m, delay_s, scale }) = self.of(agent).localization else {
+            let Some(Localization { sd_m, delay_s, scale }) = self.dynamics(agent).localization
+            else {
                 continue;
             };
             memory.track.push((now_s, states.position_m(agent)));
@@ -221,9 +226,4 @@ impl Fleet {
         };
         states.alive.iter_ones().map(|agent| (agent, other(agent))).collect()
     }
-}
-
-/// All but one.
-pub(super) fn near(others: &[(usize, Other)], agent: usize) -> Vec<Other> {
-    others.iter().filter(|(number, _)| *number != agent).map(|(_, other)| *other).collect()
 }

@@ -44,3 +44,8 @@ pub struct Other {
     /// With which velocity (m/s) it goes on from there.
     pub velocity_mps: [f64; 3],
 }
+
+/// All other robots but this one.
+pub(super) fn all_but(others: &[(usize, Other)], agent: usize) -> Vec<Other> {
+    others.iter().filter(|(number, _)| *number != agent).map(|(_, other)| *other).collect()
+}

@@ -1,7 +1,7 @@
 //! A circle.
 
 use super::{Entry, LENGTH, Place, Scenario};
-use crate::config::field;
+use crate::context::field;
 use proto::config::{Default, Variant, typed};
 use proto::rng::Draws;
 use serde::Deserialize;

@@ -1,7 +1,7 @@
 //! Places from a file.
 
 use super::{Entry, Place, Scenario};
-use crate::config::{Context, field};
+use crate::context::{Context, field};
 use proto::config::{Default, Kind, Problem, Variant, most_similar, typed};
 use proto::rng::Draws;
 use serde::Deserialize;

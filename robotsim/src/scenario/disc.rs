@@ -1,7 +1,7 @@
 //! A disc of given density.
 
 use super::{Entry, Place, Scenario};
-use crate::config::field;
+use crate::context::field;
 use proto::config::{Default, Kind, Range, Variant, typed};
 use proto::rng::{Draws, uniform};
 use serde::Deserialize;

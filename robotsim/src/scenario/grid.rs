@@ -1,7 +1,7 @@
 //! A grid.
 
 use super::{Entry, LENGTH, Place, Scenario};
-use crate::config::field;
+use crate::context::field;
 use proto::config::{Default, Kind, Variant, typed};
 use proto::rng::Draws;
 use serde::Deserialize;

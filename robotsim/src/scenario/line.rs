@@ -1,7 +1,7 @@
 //! A line across the leader, alternating sides.
 
 use super::{Entry, LENGTH, Place, Scenario};
-use crate::config::field;
+use crate::context::field;
 use proto::config::{Default, Kind, Range, Variant, typed};
 use proto::rng::Draws;
 use serde::Deserialize;

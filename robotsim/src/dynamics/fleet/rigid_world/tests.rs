@@ -1,8 +1,9 @@
 //! Rigid bodies against closed forms.
 
-use super::super::Dynamics;
 use super::*;
 use crate::catalogue::Catalogue;
+use crate::dynamics::Dynamics;
+use crate::dynamics::inertial::GRAVITY_MPS2;
 use proptest::prelude::*;
 use proto::site::{Obstacle, Wall};
 
