@@ -12,6 +12,7 @@ mod derivatives;
 mod discs;
 mod driven;
 mod fit;
+mod fit_state;
 mod formulas;
 mod motion;
 mod rivals;

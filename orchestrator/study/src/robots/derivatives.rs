@@ -1,7 +1,7 @@
 //! How residuals of robots change with the numbers of a fit, and where that leads.
 
 use super::density::Residual;
-use super::fit::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged, damped};
+use super::fit_state::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged, damped};
 use super::motion::ModelPaths;
 use super::{RobotFit, RobotModel};
 use nalgebra::{DMatrix, DVector};

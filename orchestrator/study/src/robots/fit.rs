@@ -1,9 +1,9 @@
 //! Fitting a model of robots: robust least squares (Levenberg and Marquardt) on the windows' residuals, with the scatter
 //! that makes them likeliest.
 
-use super::curve::Acting;
-use super::density::{Residual, ResidualDensity};
+use super::density::Residual;
 use super::derivatives::Derivatives;
+use super::fit_state::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged, damped};
 use super::motion::ModelPaths;
 use super::{RobotFit, RobotModel};
 use crate::folds::Blocks;
@@ -32,10 +32,6 @@ const SETTLING_TIMES: usize = 5;
 const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
 const N_FOLLOWED: usize = 3;
-/// Least share of an information matrix's diagonal that is added to it.
-pub(super) const LEAST_DAMPED: f64 = 1e-9;
-/// What holds the numbers of a curve near 0: the standard deviation of each, in units of a share of the way, or m/s.
-pub(super) const CURVE_SD: f64 = 1.0;
 
 /// A number that a fit sets.
 #[derive(Clone, Copy, Debug)]
@@ -43,22 +39,6 @@ pub(super) struct Number {
     pub(super) min: f64,
     pub(super) max: f64,
     pub(super) step: f64,
-}
-
-/// Parts of a fit that a change of parameters leaves unchanged, so that they need not be computed again.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Unchanged<'a> {
-    pub(super) paths: Option<&'a ModelPaths>,
-    pub(super) actings: Option<&'a [Acting<'a>]>,
-}
-
-/// Parameter values of a fit, with what was computed from them.
-pub(super) struct FitState {
-    pub(super) values: Vec<f64>,
-    pub(super) paths: ModelPaths,
-    pub(super) residuals: Vec<Residual>,
-    pub(super) density: ResidualDensity,
-    pub(super) total: f64,
 }
 
 /// Numbers after a step, each within its range.
@@ -97,15 +77,6 @@ pub(super) fn uphill(
             slope[i] = 0.0;
         }
     }
-}
-
-/// An information matrix with this share of its diagonal added. Numbers that change nothing stay where they are.
-pub(super) fn damped(information: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
-    let mut matrix = information.clone();
-    for i in 0..matrix.nrows() {
-        matrix[(i, i)] += share * information[(i, i)] + 1e-12;
-    }
-    matrix
 }
 
 impl RobotModel {

@@ -1,7 +1,8 @@
 //! Whether a term is worth a fit: a few steps from its starts, with what the parent's numbers do taken as known.
 
 use super::derivatives::Derivatives;
-use super::fit::{FitState, damped, stepped, uphill};
+use super::fit::{stepped, uphill};
+use super::fit_state::{FitState, damped};
 use super::{RobotFit, RobotModel};
 
 /// Most steps from a start.

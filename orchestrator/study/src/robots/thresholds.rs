@@ -1,6 +1,6 @@
 //! Numbers that count only where they pass a command: thresholds, and limits of change.
 
-use super::fit::FitState;
+use super::fit_state::FitState;
 use super::motion::MeasuredTracks;
 use super::terms::Term;
 use super::{RobotFit, RobotModel};

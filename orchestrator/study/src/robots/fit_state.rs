@@ -1,0 +1,36 @@
+//! The state of a fit between two steps, and what its steps and its derivatives have in common.
+
+use super::curve::Acting;
+use super::density::{Residual, ResidualDensity};
+use super::motion::ModelPaths;
+use nalgebra::DMatrix;
+
+/// Least share of an information matrix's diagonal that is added to it.
+pub(super) const LEAST_DAMPED: f64 = 1e-9;
+/// What holds the numbers of a curve near 0: the standard deviation of each, in units of a share of the way, or m/s.
+pub(super) const CURVE_SD: f64 = 1.0;
+
+/// Parts of a fit that a change of parameters leaves unchanged, so that they need not be computed again.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Unchanged<'a> {
+    pub(super) paths: Option<&'a ModelPaths>,
+    pub(super) actings: Option<&'a [Acting<'a>]>,
+}
+
+/// Parameter values of a fit, with what was computed from them.
+pub(super) struct FitState {
+    pub(super) values: Vec<f64>,
+    pub(super) paths: ModelPaths,
+    pub(super) residuals: Vec<Residual>,
+    pub(super) density: ResidualDensity,
+    pub(super) total: f64,
+}
+
+/// An information matrix with this share of its diagonal added. Numbers that change nothing stay where they are.
+pub(super) fn damped(information: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
+    let mut matrix = information.clone();
+    for i in 0..matrix.nrows() {
+        matrix[(i, i)] += share * information[(i, i)] + 1e-12;
+    }
+    matrix
+}
