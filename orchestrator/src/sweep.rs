@@ -9,6 +9,7 @@ mod journal;
 mod plan;
 mod report;
 mod results;
+mod setting_figures;
 pub(crate) mod statistics;
 pub mod sweep_summary;
 pub(crate) mod table;

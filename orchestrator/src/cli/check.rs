@@ -1,7 +1,7 @@
 //! `orchestrator check`: an experiment file, or a file of measurements, without running or fitting anything.
 
 use super::choice::ChoiceArgs;
-use super::measured::account_text;
+use super::inputs::print_account;
 use super::{Failure, OverrideArgs, inputs, write_json};
 use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use crate::console::{say, warn};
@@ -43,7 +43,7 @@ fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     let config = config.transpose()?;
     let table = DataTable::read(data).map_err(Failure::request)?;
     let checked = check::data(config, &table, &args.choices.choices()).map_err(Failure::request)?;
-    account_text(&checked.account);
+    print_account(&checked.account);
     say(check::words::text(&checked).trim_end());
     write_json(args.json.as_deref(), &checked)
 }

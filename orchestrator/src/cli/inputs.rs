@@ -1,9 +1,11 @@
-//! Reads the files that commands about measurements take.
+//! Reads the files that commands about measurements take, and prints what was read.
 
 use super::Failure;
+use crate::console::{say, warn};
 use measure::config::Compared;
 use measure::table::DataTable;
 use std::path::Path;
+use study::open::DataAccount;
 
 /// The configuration that is held against measurements, with `--set` applied.
 pub(super) fn compared(path: &Path, set: &[String]) -> Result<Compared, Failure> {
@@ -18,4 +20,18 @@ pub(super) fn files(
     data: &Path,
 ) -> Result<(Compared, DataTable), Failure> {
     Ok((compared(config, set)?, DataTable::read(data).map_err(Failure::request)?))
+}
+
+/// Prints how many rows are used, and why others are not.
+pub(super) fn print_account(account: &DataAccount) {
+    say(format!("{}: {} rows, {} used", account.data.file, account.rows, account.used));
+    for rejected in &account.rejected {
+        warn(format!(
+            "{} rows not used: {} (first on line {})",
+            rejected.rows, rejected.reason, rejected.first_line
+        ));
+    }
+    for warning in &account.warnings {
+        warn(warning);
+    }
 }

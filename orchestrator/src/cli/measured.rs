@@ -2,11 +2,13 @@
 
 use super::choice::ChoiceArgs;
 use super::formula::FormulaArgs;
+use super::inputs::print_account;
 use super::packets::{Adding, Opened, ResimulationArgs};
 use super::search_log::SearchLog;
+use super::stop::require_complete;
 use super::task::{self, Files};
 use super::{Failure, inputs, place_for, stop, write_json, write_whole};
-use crate::console::{say, warn};
+use crate::console::say;
 use clap::Args;
 use diagnose::answer::{self, Measurements};
 use diagnose::compare;
@@ -98,19 +100,6 @@ impl DataArgs {
     ) -> Result<Opened, Failure> {
         self.refuse_choices("packets")?;
         resimulation.open(&self.config, &self.set(), table)
-    }
-}
-
-pub(super) fn account_text(account: &DataAccount) {
-    say(format!("{}: {} rows, {} used", account.data.file, account.rows, account.used));
-    for rejected in &account.rejected {
-        warn(format!(
-            "{} rows not used: {} (first on line {})",
-            rejected.rows, rejected.reason, rejected.first_line
-        ));
-    }
-    for warning in &account.warnings {
-        warn(warning);
     }
 }
 
@@ -340,7 +329,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             let log = SearchLog::new();
             let report = |progress: Progress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
-            account_text(&account);
+            print_account(&account);
             let found = compare::links(&study, &search, &account);
             say(compare::words::text(&found));
             let answer = MeasuredAnswer::Comparison(&found);
@@ -352,7 +341,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             let log = SearchLog::new();
             let report = |progress: Progress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
-            account_text(&account);
+            print_account(&account);
             let found = compare::robots(&study, &search, &account);
             say(compare::words::text(&found));
             let answer = MeasuredAnswer::Comparison(&found);
@@ -420,7 +409,7 @@ fn extend_with<S: Study>(
     whole: Option<&S>,
     (section, unit): (&str, &str),
 ) -> Result<(), Failure> {
-    account_text(account);
+    print_account(account);
     let log = SearchLog::new();
     let report = |progress: Progress<'_>| log.log(progress);
     let search = Search::new(study, &report);
@@ -454,14 +443,14 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
         let opened = data.open_packets(&args.resimulation, &table)?;
         let (found, stopped) = super::packets::diagnose(&opened)?;
         args.write_network(NetworkAnswer::Diagnosis(&found), "")?;
-        return complete(stopped);
+        return require_complete(stopped);
     }
     let stop = stop::listen()?;
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
-            account_text(&account);
+            print_account(&account);
             let thin = study.thinned();
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
@@ -487,12 +476,12 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             args.write(&config, MeasuredAnswer::Diagnosis(&found), || {
                 Pictures::of_links(searched, &search, &ladder.accepted)
             })?;
-            complete(ladder.stopped)
+            require_complete(ladder.stopped)
         }
         Subject::Robots => {
             let (study, account) =
                 open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
-            account_text(&account);
+            print_account(&account);
             let log = SearchLog::new();
             let report = |progress: Progress<'_>| log.log(progress);
             let search = Search::new(&study, &report).with_stop_flag(stop);
@@ -509,16 +498,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             args.write(&config, MeasuredAnswer::Diagnosis(&found), || {
                 Pictures::of_robots(&study, &search, &ladder.accepted)
             })?;
-            complete(ladder.stopped)
+            require_complete(ladder.stopped)
         }
     }
-}
-
-/// What was found before someone said stop is told and written; yet the search did not come to its end.
-pub(super) fn complete(stopped: Option<usize>) -> Result<(), Failure> {
-    stopped.map_or(Ok(()), |round| {
-        Err(Failure::work(format!(
-            "interrupted in round {round}: the search did not finish, and any results printed above are partial"
-        )))
-    })
 }

@@ -1,6 +1,7 @@
 //! The commands that hold a network against measured packets.
 
-use super::measured::{account_text, complete};
+use super::inputs::print_account;
+use super::stop::require_complete;
 use super::{Failure, stop, write_json, write_whole};
 use crate::console::say;
 use clap::Args;
@@ -127,7 +128,7 @@ impl ResimulationArgs {
 /// `orchestrator compare` of packets.
 pub(super) fn compare(opened: &Opened) -> Result<NetworkComparison, Failure> {
     let Opened { resimulation, packets, account, asked } = opened;
-    account_text(account);
+    print_account(account);
     tracing::info!("{} seeds of {:.0} s", asked.seeds, resimulation.duration_s());
     let found = compare::compare(resimulation, &packets.packets, *asked, account)
         .map_err(Failure::request)?;
@@ -166,7 +167,7 @@ pub(super) fn diagnose(opened: &Opened) -> Result<(NetworkDiagnosis, Option<usiz
     opened.check_seeds()?;
     let stop = stop::listen()?;
     let Opened { resimulation, packets, account, asked } = opened;
-    account_text(account);
+    print_account(account);
     let candidates = search::catalogue();
     let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates)
         .with_stop_flag(stop);
@@ -193,7 +194,7 @@ pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure
     let named: Result<Vec<usize>, _> =
         adding.effects.iter().map(|name| extend::candidate(&candidates, name)).collect();
     let named = named.map_err(Failure::request)?;
-    account_text(account);
+    print_account(account);
     let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates);
     let effects = if adding.all {
         opened.check_seeds()?;
@@ -201,7 +202,7 @@ pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure
         let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates)
             .with_stop_flag(stop);
         let found = diagnosis.stepwise_selection().map_err(Failure::request)?;
-        complete(found.stopped)?;
+        require_complete(found.stopped)?;
         found.accepted
     } else {
         named

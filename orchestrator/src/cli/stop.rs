@@ -26,3 +26,12 @@ pub(super) fn listen() -> Result<&'static AtomicBool, Failure> {
     std::thread::Builder::new().name("signals".to_owned()).spawn(work).map_err(Failure::work)?;
     Ok(&STOP)
 }
+
+/// Fails if a search was interrupted in the round `stopped`: its partial results were printed and written.
+pub(super) fn require_complete(stopped: Option<usize>) -> Result<(), Failure> {
+    stopped.map_or(Ok(()), |round| {
+        Err(Failure::work(format!(
+            "interrupted in round {round}: the search did not finish, and any results printed above are partial"
+        )))
+    })
+}

@@ -47,7 +47,7 @@ pub(super) fn split(
         .map_err(|error| Failure::request(format!("{}: {error}", files.config.display())))?;
     let sd_m = open::localization_sd_m(&compared);
     let account = account(&table, &heard, files.heard, sd_m);
-    super::measured::account_text(&account);
+    inputs::print_account(&account);
     tracing::info!(
         "simulating {} seeds of {:.0} s, three times",
         asked.seeds,

@@ -1,7 +1,7 @@
 //! The page of a sweep: every figure against what varies, each trial as a point beside the median and its interval.
 
 use super::plan::SweepPlan;
-use super::results::SettingFigures;
+use super::setting_figures::SettingFigures;
 use super::statistics::{FEWEST, SampleSummary};
 use super::sweep_summary::SweepSummary;
 use maud::{Markup, html};

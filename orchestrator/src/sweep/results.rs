@@ -2,6 +2,7 @@
 
 use super::journal::TrialRow;
 use super::plan::{SweepPlan, SweepTrial};
+use super::setting_figures::SettingFigures;
 use super::statistics::SampleSummary;
 use super::sweep_summary::{MetricSummary, SCHEMA, SettingSummary, SweepSummary};
 use super::table::{self, TableColumn};
@@ -9,7 +10,7 @@ use super::{TABLE_FILE, report};
 use numbers::format::number;
 use proto::config::most_similar;
 use record::run_summary::RunSummary;
-use record::{ColumnKind, RecordError, pretty};
+use record::{RecordError, pretty};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -111,39 +112,6 @@ fn not_formed(plan: &SweepPlan, has_formed: &[bool]) -> Option<String> {
         has_formed.len(),
         super::JOURNAL_FILE
     ))
-}
-
-/// A figure, by setting.
-pub(super) struct SettingFigures<'a> {
-    /// Its column.
-    pub(super) column: &'a TableColumn,
-    /// The values of each setting.
-    pub(super) values: Vec<Vec<f64>>,
-    /// What they tell.
-    pub(super) spreads: Vec<Option<SampleSummary>>,
-}
-
-impl<'a> SettingFigures<'a> {
-    /// Of trials whose network has formed.
-    fn from_trials(plan: &SweepPlan, column: &'a TableColumn, has_formed: &[bool]) -> Self {
-        let n_seeds = plan.seeds.len();
-        let values: Vec<Vec<f64>> = column
-            .numbers()
-            .chunks(n_seeds)
-            .zip(has_formed.chunks(n_seeds))
-            .map(|(numbers, has_formed)| {
-                let formed = numbers.iter().zip(has_formed).filter(|(_, formed)| **formed);
-                formed.filter_map(|(number, _)| *number).collect()
-            })
-            .collect();
-        let spreads = values.iter().map(|values| SampleSummary::from_values(values)).collect();
-        Self { column, values, spreads }
-    }
-
-    /// A share of trials rather than a size.
-    pub(super) fn is_share(&self) -> bool {
-        self.column.kind == ColumnKind::Bool
-    }
 }
 
 /// The columns that the report shows.
