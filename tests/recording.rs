@@ -9,7 +9,7 @@ use std::path::Path;
 ///
 /// If a file cannot be read.
 #[must_use]
-pub fn of(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+pub fn read_recording(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut parts = BTreeMap::new();
     for entry in std::fs::read_dir(dir).expect("a folder of results") {
         let path = entry.expect("an entry").path();
@@ -47,7 +47,7 @@ fn messages(path: &Path) -> Vec<u8> {
 ///
 /// If they differ.
 pub fn assert_same(a: &Path, b: &Path) {
-    let (in_a, in_b) = (of(a), of(b));
+    let (in_a, in_b) = (read_recording(a), read_recording(b));
     assert_eq!(in_a.keys().collect::<Vec<_>>(), in_b.keys().collect::<Vec<_>>(), "other files");
     assert!(
         in_a.contains_key("run.mcap") && in_a.contains_key("summary.json"),

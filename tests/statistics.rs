@@ -90,7 +90,7 @@ pub struct Resampled {
 impl Resampled {
     /// Of `values`, one per run, as many for ourselves and `n_runs` for the other program.
     #[must_use]
-    pub fn of(values: &[f64], n_runs: usize, figure: impl Fn(&[f64]) -> f64) -> Self {
+    pub fn bootstrap(values: &[f64], n_runs: usize, figure: impl Fn(&[f64]) -> f64) -> Self {
         let draws = Draws::new(1, Purpose::RecordSample);
         let resampled = |n: usize, draw: u64, side: u64| {
             let pick = |k| values[(draws.uniform(draw, side, k) * values.len() as f64) as usize];
@@ -161,17 +161,17 @@ impl Comparison {
     /// Of the measured runs only a quantile is known, so their scatter is taken to be that of ours: the basic bootstrap
     /// (Davison and Hinkley 1997, § 5.2) with as many of our runs drawn for either side as that side had. 4000 draws.
     #[must_use]
-    pub fn of(values: &[f64], measured: Measured) -> Self {
+    pub fn of_mean(values: &[f64], measured: Measured) -> Self {
         let Measured { value, rounding, share, n_runs } = measured;
         let figure = |of: &[f64]| quantile(of, share);
-        Self::by(&Resampled::of(values, n_runs, figure), figure(values), value, rounding)
+        Self::by(&Resampled::bootstrap(values, n_runs, figure), figure(values), value, rounding)
     }
 
     /// Compares the mean of `values`, one per run, with that of `n_runs` measured ones, in the same way. `rounding`: half a
     /// unit of its last digit.
     #[must_use]
     pub fn of_means(values: &[f64], measured: f64, rounding: f64, n_runs: usize) -> Self {
-        Self::by(&Resampled::of(values, n_runs, mean), mean(values), measured, rounding)
+        Self::by(&Resampled::bootstrap(values, n_runs, mean), mean(values), measured, rounding)
     }
 
     fn by(resampled: &Resampled, own: f64, measured: f64, rounding: f64) -> Self {

@@ -37,7 +37,7 @@ struct Batch {
 }
 
 /// What became of the frames of a batch.
-struct Outcome {
+struct BatchReception {
     n_frames: usize,
     heard: Heard,
     rssi_dbm: Vec<f32>,
@@ -64,7 +64,7 @@ impl Broadcast {
         columns: Vec<DeliveryColumn>,
         place: Place,
     ) -> Self {
-        let filters = Filters::of(&config.model, &config.hopping_sequence);
+        let filters = Filters::for_channels(&config.model, &config.hopping_sequence);
         let reach = farthest(&config);
         Self { experiment, columns, config, filters, reach, place, grid: Grid::default() }
     }
@@ -142,7 +142,13 @@ impl Broadcast {
         batches
     }
 
-    fn resolve(&mut self, states: &AgentStates, lift_m: f64, on: &[u32], batch: &Batch) -> Outcome {
+    fn resolve(
+        &mut self,
+        states: &AgentStates,
+        lift_m: f64,
+        on: &[u32],
+        batch: &Batch,
+    ) -> BatchReception {
         let agent_count = self.experiment.agent_count;
         let radios = self.radios(states, lift_m, on, batch);
         let mut scene = Scene {
@@ -166,7 +172,7 @@ impl Broadcast {
         } else {
             Vec::new()
         };
-        Outcome { n_frames: batch.frames.len(), heard, rssi_dbm }
+        BatchReception { n_frames: batch.frames.len(), heard, rssi_dbm }
     }
 
     /// Radios that are on: those that send, in the order of their frames, then the others.
@@ -200,7 +206,7 @@ impl Broadcast {
     fn deliveries(
         &self,
         frames: &[(u32, u64)],
-        outcomes: Vec<Outcome>,
+        outcomes: Vec<BatchReception>,
         payloads: &Payloads,
     ) -> Deliveries {
         let n = self.experiment.agent_count;
@@ -277,13 +283,13 @@ fn sent_payloads(frames: &[(u32, u64)], payloads: &Payloads) -> Payloads {
 }
 
 /// Outcomes of successive batches as one: frames numbered on, receivers' lists one after the other.
-fn joined(mut outcomes: Vec<Outcome>, agent_count: usize) -> (Heard, Vec<f32>) {
+fn joined(mut outcomes: Vec<BatchReception>, agent_count: usize) -> (Heard, Vec<f32>) {
     if outcomes.len() <= 1 {
         return outcomes.pop().map(|only| (only.heard, only.rssi_dbm)).unwrap_or_default();
     }
     let mut parts = Vec::with_capacity(outcomes.len());
     let mut first_frame = 0;
-    for Outcome { n_frames, heard, rssi_dbm } in outcomes {
+    for BatchReception { n_frames, heard, rssi_dbm } in outcomes {
         let deliveries = Deliveries { heard, ..Deliveries::default() };
         parts.push((first_frame, deliveries, rssi_dbm.into_iter()));
         first_frame += n_frames as u32;

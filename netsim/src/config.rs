@@ -308,25 +308,27 @@ pub fn read(
     let lists = catalogue.lists();
     let table = check(&setup.config, &setup.path, &SPEC, &lists, &mut problems).table;
     let keys: Keys = typed(&table);
-    let at = |key: &str| join(&setup.path, key);
+    let key_path = |key: &str| join(&setup.path, key);
 
     let slot_s = keys.slot_duration_s;
     let slot_ns = (slot_s * NS_PER_S as f64).round() as u64;
     let step_ns = setup.experiment.step_ns;
-    let is_refused = problems.iter().any(|problem| problem.path == at("slot_duration_s"));
+    let is_refused = problems.iter().any(|problem| problem.path == key_path("slot_duration_s"));
     if !is_refused && !step_ns.is_multiple_of(slot_ns) {
         let message = format!(
             "must divide the control period, {} s, into a whole number of slots",
             seconds(step_ns)
         );
         let nearest = seconds(nearest_divisor(step_ns, slot_ns));
-        problems.push(Problem::new(at("slot_duration_s"), message).value(slot_s).nearest(nearest));
+        problems.push(
+            Problem::new(key_path("slot_duration_s"), message).value(slot_s).nearest(nearest),
+        );
     }
 
     let agent_count = setup.experiment.agent_count;
     let mut absent: Vec<u32> = Vec::new();
     for (index, &mote) in keys.absent.iter().enumerate() {
-        let key = at(&format!("absent[{index}]"));
+        let key = key_path(&format!("absent[{index}]"));
         if agent_count <= mote as usize {
             let message = format!("must be the number of a mote, 0 to {}", agent_count - 1);
             problems.push(Problem::new(key, message).value(mote).nearest(agent_count - 1));
@@ -346,14 +348,15 @@ pub fn read(
             "must be at least {} s with mode = {MODE_6TISCH:?}, the duration of the longest frame and its acknowledgment",
             seconds(network::LEAST_SLOT_NS)
         );
-        problems.push(Problem::new(at("slot_duration_s"), message).value(slot_s).nearest(0.01));
+        problems
+            .push(Problem::new(key_path("slot_duration_s"), message).value(slot_s).nearest(0.01));
     }
     let hopping_sequence: Vec<u8> = match keys.hopping_sequence {
         Some(channels) => channels,
         None if is_recording || is_network => HOPPING_SEQUENCE.to_vec(),
         None => Vec::new(),
     };
-    let phy_path = at("phy");
+    let phy_path = key_path("phy");
     let mut context = BuildContext {
         path: &phy_path,
         radio: phy.radio,
@@ -384,7 +387,7 @@ pub fn read(
         && settings.roots.iter().all(|root| absent.contains(root))
     {
         let message = "must not list every root, because motes need a root to join a network";
-        problems.push(Problem::new(at("absent"), message).value(format!("{absent:?}")));
+        problems.push(Problem::new(key_path("absent"), message).value(format!("{absent:?}")));
     }
     let (Some(model), Some(base), Some(interference), true) =
         (model, base, interference, problems.is_empty())

@@ -74,7 +74,7 @@ impl Default for Config {
 
 /// What a received part, or whole datagram, comes to.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Outcome {
+pub enum LowpanAction {
     /// A datagram is complete. [`step`] tells whether it is for this mote.
     Deliver(Arc<Datagram>),
     /// The first part of a datagram that goes on: with hop limit and source route as they are on the next hop. Routing finds
@@ -179,13 +179,13 @@ impl Lowpan {
     }
 
     /// Something has come from a neighbour.
-    pub fn handle(&mut self, from: Eui64, received: &LowpanRepr, now_ns: u64) -> Outcome {
+    pub fn handle(&mut self, from: Eui64, received: &LowpanRepr, now_ns: u64) -> LowpanAction {
         let part = match received {
-            LowpanRepr::Whole(datagram) => return Outcome::Deliver(datagram.clone()),
+            LowpanRepr::Whole(datagram) => return LowpanAction::Deliver(datagram.clone()),
             LowpanRepr::First(part) | LowpanRepr::Next(part) => part,
         };
         let key = (from, part.tag);
-        let drop = |reason| Outcome::Drop { packet: part.datagram.packet, reason };
+        let drop = |reason| LowpanAction::Drop { packet: part.datagram.packet, reason };
         let is_first = matches!(received, LowpanRepr::First(_));
         if !buffer::is_valid(part) || is_first != (part.offset == 0) {
             return drop(DropReason::Malformed);
@@ -211,7 +211,7 @@ impl Lowpan {
             }
             match step(&part.datagram, self.own) {
                 Ok(Step::Here) => {}
-                Ok(Step::Onward(datagram)) => return Outcome::Route(Box::new(datagram)),
+                Ok(Step::Onward(datagram)) => return LowpanAction::Route(Box::new(datagram)),
                 Err(reason) => return drop(reason),
             }
         }
@@ -227,13 +227,13 @@ impl Lowpan {
         datagram: Arc<Datagram>,
         next_hop: Eui64,
         now_ns: u64,
-    ) -> Outcome {
+    ) -> LowpanAction {
         let packet = datagram.packet;
         let LowpanRepr::First(first) = received else {
-            return Outcome::Drop { packet, reason: DropReason::Malformed };
+            return LowpanAction::Drop { packet, reason: DropReason::Malformed };
         };
         if !self.is_root && usize::from(self.config.vrb_entries) <= self.vrb.len() {
-            return Outcome::Drop { packet, reason: DropReason::VrbTableFull };
+            return LowpanAction::Drop { packet, reason: DropReason::VrbTableFull };
         }
         if self.tag == first.tag {
             // So that a capture tells the hops apart.
@@ -245,7 +245,7 @@ impl Lowpan {
         self.earliest_ns = self.earliest_ns.min(until_ns);
         self.vrb.insert((from, first.tag), Entry::new(first, next_hop, tag, until_ns));
         let part = LowpanRepr::First(Fragment { tag, datagram, ..first.clone() });
-        Outcome::Forward { next_hop, part }
+        LowpanAction::Forward { next_hop, part }
     }
 
     /// When something is given up (ns).
@@ -296,29 +296,29 @@ impl Lowpan {
         self.vrb.len()
     }
 
-    fn pass_on(&mut self, key: Key, part: &Fragment) -> Outcome {
+    fn pass_on(&mut self, key: Key, part: &Fragment) -> LowpanAction {
         let packet = part.datagram.packet;
         let Some(entry) = self.vrb.get_mut(&key) else {
-            return Outcome::Drop { packet, reason: DropReason::NoVrbEntry };
+            return LowpanAction::Drop { packet, reason: DropReason::NoVrbEntry };
         };
         if self.config.discard_after_missing && entry.misses_before(part) {
             self.vrb.remove(&key);
-            return Outcome::Drop { packet, reason: DropReason::MissingFragment };
+            return LowpanAction::Drop { packet, reason: DropReason::MissingFragment };
         }
         let (next_hop, tag) = (entry.next_hop, entry.tag);
         if entry.pass(part) && self.config.discard_after_last {
             self.vrb.remove(&key);
         }
         let part = LowpanRepr::Next(Fragment { tag, ..part.clone() });
-        Outcome::Forward { next_hop, part }
+        LowpanAction::Forward { next_hop, part }
     }
 
-    fn collect(&mut self, key: Key, part: &Fragment, now_ns: u64) -> Outcome {
+    fn collect(&mut self, key: Key, part: &Fragment, now_ns: u64) -> LowpanAction {
         let packet = part.datagram.packet;
         let until_ns = now_ns + self.config.reassembly_timeout_ns;
         if !self.buffers.contains_key(&key) {
             if !self.is_root && usize::from(self.config.reassembly_buffers) <= self.buffers.len() {
-                return Outcome::Drop { packet, reason: DropReason::ReassemblyBufferFull };
+                return LowpanAction::Drop { packet, reason: DropReason::ReassemblyBufferFull };
             }
             self.earliest_ns = self.earliest_ns.min(until_ns);
         }
@@ -333,12 +333,12 @@ impl Lowpan {
         match added {
             Added::Complete(datagram) => {
                 self.buffers.remove(&key);
-                Outcome::Deliver(datagram)
+                LowpanAction::Deliver(datagram)
             }
-            Added::Incomplete => Outcome::Wait,
-            Added::Same => Outcome::Drop { packet, reason: DropReason::Duplicate },
+            Added::Incomplete => LowpanAction::Wait,
+            Added::Same => LowpanAction::Drop { packet, reason: DropReason::Duplicate },
             // A part is in no conflict with an empty buffer made for it.
-            Added::Conflict => Outcome::Drop { packet, reason: DropReason::Malformed },
+            Added::Conflict => LowpanAction::Drop { packet, reason: DropReason::Malformed },
         }
     }
 

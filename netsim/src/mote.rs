@@ -146,13 +146,13 @@ pub struct MoteDice {
 
 impl MoteDice {
     fn new(seed: u64, mote: u32) -> Self {
-        let of = |purpose| Dice::new(seed, purpose, mote);
+        let dice_for = |purpose| Dice::new(seed, purpose, mote);
         Self {
-            scheduling: of(Purpose::Scheduling),
-            routing: of(Purpose::Routing),
-            join: of(Purpose::Join),
-            application: of(Purpose::Application),
-            lowpan: of(Purpose::Lowpan),
+            scheduling: dice_for(Purpose::Scheduling),
+            routing: dice_for(Purpose::Routing),
+            join: dice_for(Purpose::Join),
+            application: dice_for(Purpose::Application),
+            lowpan: dice_for(Purpose::Lowpan),
         }
     }
 }
@@ -167,7 +167,7 @@ impl Mote {
         n_motes: u32,
         seed: u64,
     ) -> Self {
-        let address = addresses.of(mote);
+        let address = addresses.eui64(mote);
         let is_root = settings.roots.contains(&mote);
         let slot_ns = settings.mac.slot_ns;
         let apps = settings

@@ -45,7 +45,7 @@ use std::net::Ipv6Addr;
 use trickle::Trickle;
 
 pub use config::{Config, Mode, Solicitation};
-pub use data::{DropReason, Route, Verdict};
+pub use data::{DropReason, ForwardingDecision, Route};
 pub use neighbours::Neighbour;
 pub use objective::{INFINITE_RANK, Objective};
 pub use routes::Routes;

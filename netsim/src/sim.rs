@@ -69,7 +69,7 @@ enum State {
 }
 
 impl Origin {
-    fn of(setup: &Setup, effective: &toml::Table) -> Self {
+    fn new(setup: &Setup, effective: &toml::Table) -> Self {
         Self {
             experiment: setup.experiment.clone(),
             site: setup.site.clone(),
@@ -224,7 +224,7 @@ impl NetSimulator for Network {
 
     fn configure(&mut self, setup: &Setup) -> Result<NetStart, Vec<Problem>> {
         let (config, effective, warnings) = config::read(setup, &self.catalogue)?;
-        let origin = Origin::of(setup, &effective);
+        let origin = Origin::new(setup, &effective);
         let mode = Mode::begin(config, origin.clone());
         let running = Running { origin, mode };
         let start = running.start(effective, warnings);

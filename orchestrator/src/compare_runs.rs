@@ -137,12 +137,12 @@ struct Pair<'a> {
 fn change(name: &str, pairs: &[Pair<'_>]) -> Option<Change> {
     let both: Vec<[f64; 2]> =
         pairs.iter().filter_map(|pair| Some([*pair.a.get(name)?, *pair.b.get(name)?])).collect();
-    let of = |f: &dyn Fn(&[f64; 2]) -> f64| {
+    let summary_of = |f: &dyn Fn(&[f64; 2]) -> f64| {
         SampleSummary::from_values(&both.iter().map(f).collect::<Vec<_>>())
     };
     let count = |f: &dyn Fn(&[f64; 2]) -> bool| both.iter().filter(|pair| f(pair)).count();
-    let (a, b) = (of(&|pair| pair[0])?, of(&|pair| pair[1])?);
-    let difference = of(&|pair| pair[1] - pair[0])?;
+    let (a, b) = (summary_of(&|pair| pair[0])?, summary_of(&|pair| pair[1])?);
+    let difference = summary_of(&|pair| pair[1] - pair[0])?;
     let size = [a.min, a.max, b.min, b.max].into_iter().map(f64::abs).fold(0.0, f64::max);
     Some(Change {
         pairs: difference.n,

@@ -26,7 +26,7 @@ pub fn warn(warning: impl Display) {
 /// A run as a person sees it: its warnings, and how far it is.
 #[derive(Default)]
 pub struct Screen {
-    progress: Option<Progress>,
+    progress: Option<ProgressDisplay>,
 }
 
 impl Audience for Screen {
@@ -35,9 +35,9 @@ impl Audience for Screen {
     }
 }
 
-impl drive::Progress for Screen {
+impl drive::ProgressObserver for Screen {
     fn begin(&mut self, n_steps: u64) {
-        self.progress = Some(Progress::new(n_steps));
+        self.progress = Some(ProgressDisplay::new(n_steps));
     }
 
     fn step_done(&mut self, step: u64, time_ns: u64) {
@@ -60,7 +60,7 @@ impl drive::Progress for Screen {
 }
 
 /// Step, simulated time, rate and time left: a bar on a terminal, a line every few seconds elsewhere.
-pub struct Progress {
+pub struct ProgressDisplay {
     bar: Option<ProgressBar>,
     n_steps: u64,
     begun: Instant,
@@ -72,7 +72,7 @@ const LINE_EVERY: Duration = Duration::from_secs(5);
 /// How often the bar is drawn.
 const FRAME_EVERY: Duration = Duration::from_millis(100);
 
-impl Progress {
+impl ProgressDisplay {
     /// For a run of at most `n_steps`.
     #[must_use]
     pub fn new(n_steps: u64) -> Self {

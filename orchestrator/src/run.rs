@@ -9,7 +9,7 @@ pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 
 use drive::peer::SideError;
-use drive::{Driver, Failure, Observer, Progress, Schedule, Stopped, Taken, Wanted};
+use drive::{Driver, Failure, Observer, ProgressObserver, Schedule, Stopped, Taken, Wanted};
 use experiment::Overrides;
 use interrupt::Interrupt;
 use proto::config::Refusal;
@@ -128,7 +128,7 @@ pub struct RunReport {
 }
 
 /// Whom a run tells what happens while it lasts.
-pub trait Audience: Progress {
+pub trait Audience: ProgressObserver {
     /// Something to check before the results are trusted, said before the first step.
     fn warn(&mut self, warning: &str);
 }

@@ -17,7 +17,7 @@ mod worker;
 
 pub use journal::JournalError;
 
-use crate::console::{self, Progress};
+use crate::console::{self, ProgressDisplay};
 use crate::run::{RunError, StartOptions};
 use experiment::Overrides;
 use journal::{Journal, TrialRow};
@@ -249,7 +249,7 @@ fn collect(
     journal: &mut Journal,
     rows: &mut BTreeMap<SweepTrial, TrialRow>,
 ) -> Result<WorkSummary, SweepError> {
-    let mut progress = Progress::new(plan.n_trials() as u64);
+    let mut progress = ProgressDisplay::new(plan.n_trials() as u64);
     let n_before = rows.len();
     let mut account = WorkSummary::default();
     let mut result = Ok(());

@@ -61,12 +61,12 @@ pub(crate) fn build(
     let mut absences = Vec::new();
     for (index, table) in tables.iter().enumerate() {
         let Raw { robots, from_s, until_s } = typed(table);
-        let at = |key: &str| format!("{}[{index}].{key}", context.path);
+        let key_path = |key: &str| format!("{}[{index}].{key}", context.path);
         for robot in &robots {
             if context.n_agents <= *robot as usize {
                 let n = context.n_agents;
                 let problem = Problem::new(
-                    at("robots"),
+                    key_path("robots"),
                     format!("must be less than the number of robots, {n}"),
                 );
                 problems.push(problem.value(robot.to_string()));
@@ -74,7 +74,7 @@ pub(crate) fn build(
         }
         if let Some(until_s) = until_s.filter(|until_s| *until_s <= from_s) {
             let problem =
-                Problem::new(at("until_s"), format!("must be later than from_s, {from_s:?}"));
+                Problem::new(key_path("until_s"), format!("must be later than from_s, {from_s:?}"));
             problems.push(problem.value(format!("{until_s:?}")));
         }
         let ns = |time_s: f64| libm::round(time_s * NS_PER_S as f64) as u64;

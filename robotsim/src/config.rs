@@ -182,7 +182,7 @@ pub fn read(setup: &Setup, catalogue: &Catalogue) -> Result<(Config, toml::Table
         speed_cap_mps: f64::INFINITY,
         files: &setup.files,
     };
-    let own = part(&mut table, "scenario");
+    let own = subtable(&mut table, "scenario");
     let kind = catalogue.scenarios.selected(own, &scenario::TAG);
     let scenario = kind.and_then(|kind| (kind.build)(own, &context, &mut problems));
     match (behaviour, scenario) {
@@ -318,7 +318,7 @@ fn build_contacts(keys: &Keys, path: &str, problems: &mut Vec<Problem>) -> Optio
 }
 
 /// A table within the checked section.
-fn part<'a>(table: &'a mut toml::Table, key: &str) -> &'a mut toml::Table {
+fn subtable<'a>(table: &'a mut toml::Table, key: &str) -> &'a mut toml::Table {
     table
         .entry(key)
         .or_insert_with(|| toml::Table::new().into())

@@ -115,7 +115,7 @@ pub(crate) fn build(
     let mut kinds = Vec::new();
     let mut controllers: Vec<(usize, Box<dyn Controller>)> = Vec::new();
     let is_rigid = |(index, group): (usize, &Group)| {
-        dynamics::is_rigid(part(table, index, "dynamics", &group.dynamics))
+        dynamics::is_rigid(subtable(table, index, "dynamics", &group.dynamics))
     };
     let are_rigid: Vec<bool> = groups.iter().enumerate().map(is_rigid).collect();
     let any_rigid = are_rigid.contains(&true);
@@ -128,21 +128,21 @@ pub(crate) fn build(
     let mut is_whole = true;
     for (index, group) in groups.into_iter().enumerate() {
         let mut own = Vec::new();
-        let at = |key: &str, place: &str| join(path, &join(place, key));
+        let key_path = |key: &str, place: &str| join(path, &join(place, key));
         let dynamics = Dynamics::build(
-            part(table, index, "dynamics", &group.dynamics),
-            &at("dynamics", &group.dynamics),
+            subtable(table, index, "dynamics", &group.dynamics),
+            &key_path("dynamics", &group.dynamics),
             &catalogue.effects,
             &mut own,
         );
         let dynamics = dynamics.map(|dynamics| dynamics.with_noise(group.sd_m));
         let context = Context {
-            path: at("controller", &group.controller),
+            path: key_path("controller", &group.controller),
             n_agents,
             speed_cap_mps: dynamics.as_ref().map_or(f64::INFINITY, Dynamics::speed_cap_mps),
             files: &std::collections::BTreeMap::new(),
         };
-        let table = part(table, index, "controller", &group.controller);
+        let table = subtable(table, index, "controller", &group.controller);
         let kind = catalogue.controllers.selected(table, &controller::TAG);
         let controller = kind.and_then(|kind| (kind.build)(table, &context, &mut own));
         let jumping = kind.filter(|kind| kind.demands.jumps).map(|kind| kind.variant.name);
@@ -212,7 +212,7 @@ fn groups(keys: &Keys, path: &str, n_agents: usize, problems: &mut Vec<Problem>)
 }
 
 /// The table of a group, or the one that all share where `place` is empty.
-fn part<'a>(
+fn subtable<'a>(
     table: &'a mut toml::Table,
     index: usize,
     key: &str,

@@ -29,7 +29,7 @@ pub struct Moments {
 impl Moments {
     /// The moments of weighted points, in two passes so that no digits cancel. `visit` calls its argument with x (m),
     /// y (m) and weight of each point, the same both times. `None` if there are no points.
-    pub fn of(mut visit: impl FnMut(&mut dyn FnMut(f64, f64, f64))) -> Option<Self> {
+    pub fn accumulate(mut visit: impl FnMut(&mut dyn FnMut(f64, f64, f64))) -> Option<Self> {
         let (mut weight, mut x, mut y) = (0.0, 0.0, 0.0);
         let (mut largest_x_m, mut largest_y_m) = (0.0f64, 0.0f64);
         visit(&mut |x_m, y_m, w| {
@@ -106,7 +106,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn direction(points: &[[f64; 2]], fit: Fit) -> Option<[f64; 2]> {
-        Moments::of(|visit| points.iter().for_each(|p| visit(p[0], p[1], 1.0)))?.direction(fit)
+        Moments::accumulate(|visit| points.iter().for_each(|p| visit(p[0], p[1], 1.0)))?
+            .direction(fit)
     }
 
     #[test]
@@ -151,7 +152,7 @@ mod tests {
         fn no_other_direction_has_smaller_orthogonal_distances(
             points in prop::collection::vec(prop::array::uniform2(-5f64..5.0), 2..9), other_rad in 0f64..3.2
         ) {
-            let moments = Moments::of(|visit| points.iter().for_each(|p| visit(p[0], p[1], 1.0))).unwrap();
+            let moments = Moments::accumulate(|visit| points.iter().for_each(|p| visit(p[0], p[1], 1.0))).unwrap();
             let cost = |d: [f64; 2]| {
                 moments.xx_m2 * d[1] * d[1] - 2.0 * moments.xy_m2 * d[0] * d[1] + moments.yy_m2 * d[0] * d[0]
             };

@@ -71,7 +71,7 @@ impl Course {
     /// Where its centre is (m).
     #[must_use]
     pub(crate) fn centre_m(&self, time_s: f64) -> [f64; 2] {
-        path::at(&self.points_m, self.is_closed, self.speed_mps * time_s)
+        path::point_at(&self.points_m, self.is_closed, self.speed_mps * time_s)
     }
 
     /// The obstacle as robots meet it, at the end of a part of a step.
@@ -93,16 +93,18 @@ pub(crate) fn build(
     let mut courses: Vec<Course> = Vec::new();
     for (index, table) in tables.iter().enumerate() {
         let Raw { name, path_m, speed_mps, closed } = typed(table);
-        let at = || format!("{}[{index}].name", context.path);
+        let name_path = || format!("{}[{index}].name", context.path);
         let is_it = |name_there: &Option<String>| name_there.as_deref() == Some(&*name);
         let Some(obstacle) = site.obstacle.iter().position(|there| is_it(&there.name)) else {
-            let problem = Problem::new(at(), "must be the name of an obstacle of [site]");
+            let problem = Problem::new(name_path(), "must be the name of an obstacle of [site]");
             problems.push(problem.value(format!("{name:?}")));
             continue;
         };
         if courses.iter().any(|course| course.obstacle == obstacle) {
-            let problem =
-                Problem::new(at(), "must be unique, because an obstacle has only one motion");
+            let problem = Problem::new(
+                name_path(),
+                "must be unique, because an obstacle has only one motion",
+            );
             problems.push(problem.value(format!("{name:?}")));
         }
         let begin_m = site.obstacle[obstacle].centre_m;

@@ -2,7 +2,7 @@
 
 /// The point (m) at `length_m` along the straight lines from point to point; at the end of an open way its last point. A
 /// closed way goes on from the last point to the first. Of at least two points.
-pub(crate) fn at(points: &[[f64; 2]], is_closed: bool, length_m: f64) -> [f64; 2] {
+pub(crate) fn point_at(points: &[[f64; 2]], is_closed: bool, length_m: f64) -> [f64; 2] {
     let n_lines = if is_closed { points.len() } else { points.len() - 1 };
     let line = |index: usize| (points[index], points[(index + 1) % points.len()]);
     let length_of = |index: usize| {
@@ -33,9 +33,9 @@ mod tests {
     #[test]
     fn a_way_is_gone_at_its_length_and_a_closed_one_again() {
         let square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
-        assert_eq!(at(&square, false, 3.0), [2.0, 1.0]);
-        assert_eq!(at(&square, false, 99.0), [0.0, 2.0]);
-        assert_eq!(at(&square, true, 7.0), [0.0, 1.0]);
-        assert_eq!(at(&square, true, 8.0 + 1.0), [1.0, 0.0]);
+        assert_eq!(point_at(&square, false, 3.0), [2.0, 1.0]);
+        assert_eq!(point_at(&square, false, 99.0), [0.0, 2.0]);
+        assert_eq!(point_at(&square, true, 7.0), [0.0, 1.0]);
+        assert_eq!(point_at(&square, true, 8.0 + 1.0), [1.0, 0.0]);
     }
 }

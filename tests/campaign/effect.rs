@@ -59,7 +59,7 @@ pub(crate) enum Curve {
 
 impl Curve {
     /// Probability of reception at a received power (dBm).
-    pub(crate) fn at(self, power_dbm: f64) -> f64 {
+    pub(crate) fn probability(self, power_dbm: f64) -> f64 {
         match self {
             Self::Table(shift_db) => radio::table(power_dbm - shift_db),
             Self::Logistic(half_dbm, width_db) => {
@@ -287,7 +287,7 @@ impl Effect {
     }
 
     /// What it does at a strength.
-    pub(crate) fn at(&self, strength: f64, world: &World) -> Change {
+    pub(crate) fn change(&self, strength: f64, world: &World) -> Change {
         let each = |of: &dyn Fn(&Row) -> f64| world.rows.iter().map(of).collect::<Vec<f64>>();
         let mut change = Change::default();
         match self.hidden {

@@ -55,7 +55,7 @@ pub(crate) fn pair_field(world: &World, kernel: Kernel, draws: &mut Draws) -> Ve
             let same = if i == j { 1e-9 } else { 0.0 };
             kernel.covariance(&world.rows[pair[i]], &world.rows[pair[j]]) + same
         });
-        let root = Cholesky::of(covariance);
+        let root = Cholesky::factorise(covariance);
         let normals: Vec<f64> = pair.iter().map(|_| draws.normal()).collect();
         for (i, &row) in pair.iter().enumerate() {
             values[row] = root.lower[i].iter().zip(&normals).map(|(l, z)| l * z).sum();
@@ -76,7 +76,7 @@ pub(crate) struct Cholesky {
 
 impl Cholesky {
     /// Factors a matrix, of which the lower triangle is given.
-    pub(crate) fn of(mut a: Vec<Vec<f64>>) -> Self {
+    pub(crate) fn factorise(mut a: Vec<Vec<f64>>) -> Self {
         for i in 0..a.len() {
             let (done, rest) = a.split_at_mut(i);
             let row = &mut rest[0];
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_system_is_solved() {
-        let a = Cholesky::of(vec![vec![4.0], vec![2.0, 3.0], vec![0.0, 1.0, 2.0]]);
+        let a = Cholesky::factorise(vec![vec![4.0], vec![2.0, 3.0], vec![0.0, 1.0, 2.0]]);
         // A (1, 2, 3) by hand.
         let x = a.solve(&[8.0, 11.0, 8.0]);
         for (value, expected) in x.iter().zip([1.0, 2.0, 3.0]) {

@@ -57,11 +57,14 @@ impl Made {
             kinds.iter().map(|&kind| Effect::new(kind, seed, &air.world)).collect();
         let sizes: Vec<Size> = hidden.iter().map(|(_, size)| *size).collect();
         let strengths = air.settled(&effects, &sizes);
-        let changes: Vec<Change> =
-            effects.iter().zip(&strengths).map(|(effect, &s)| effect.at(s, &air.world)).collect();
+        let changes: Vec<Change> = effects
+            .iter()
+            .zip(&strengths)
+            .map(|(effect, &s)| effect.change(s, &air.world))
+            .collect();
         let all: Vec<&Change> = changes.iter().collect();
         let tx_power_dbm = rounded(air.tx_power_dbm(&all), 2);
-        let law = Law::of(&all);
+        let law = Law::combine(&all);
         let readings: Vec<Option<f64>> = (0..air.world.rows.len())
             .map(|row| {
                 let power_dbm = tx_power_dbm + air.level(&all, row) + air.noise_db[row];
@@ -88,7 +91,7 @@ pub(crate) struct Law {
 
 impl Law {
     /// Of some changes, of which at most one has a curve and at most one a register.
-    pub(crate) fn of(changes: &[&Change]) -> Self {
+    pub(crate) fn combine(changes: &[&Change]) -> Self {
         Self {
             curve: changes.iter().find_map(|change| change.curve).unwrap_or(Curve::Table(0.0)),
             register: changes.iter().find_map(|change| change.register).unwrap_or(Register::EXACT),
@@ -97,7 +100,7 @@ impl Law {
 
     /// Probability of reception at a received power.
     pub(crate) fn delivery(self, changes: &[&Change], row: usize, power_dbm: f64) -> f64 {
-        self.curve.at(power_dbm) * (1.0 - loss(changes, row))
+        self.curve.probability(power_dbm) * (1.0 - loss(changes, row))
     }
 }
 
@@ -151,12 +154,12 @@ impl Air {
     /// The transmit power (dBm) at which the share asked for is received.
     fn tx_power_dbm(&self, changes: &[&Change]) -> f64 {
         let n = self.gain_db.len();
-        let law = Law::of(changes);
+        let law = Law::combine(changes);
         let levels: Vec<f64> =
             (0..n).map(|row| self.level(changes, row) + self.noise_db[row]).collect();
         let passes: Vec<f64> = (0..n).map(|row| 1.0 - loss(changes, row)).collect();
         bisected(-80.0, 60.0, 22, |power_dbm| {
-            let one = |(level, pass): (&f64, &f64)| law.curve.at(power_dbm + level) * pass;
+            let one = |(level, pass): (&f64, &f64)| law.curve.probability(power_dbm + level) * pass;
             levels.iter().zip(&passes).map(one).sum::<f64>() < self.share * n as f64
         })
     }
@@ -164,11 +167,11 @@ impl Air {
     /// The size of one of the effects: as [`Truth::size`], where a received row counts by the probability of its reception,
     /// so that it changes smoothly.
     fn size(&self, effects: &[Effect], changes: &[&Change], of: usize, tx_power_dbm: f64) -> f64 {
-        let law = Law::of(changes);
+        let law = Law::combine(changes);
         let change = changes[of];
         let mut others = changes.to_vec();
         others.remove(of);
-        let without = Law::of(&others);
+        let without = Law::combine(&others);
         let [mut squares, mut weights, mut lost] = [0.0; 3];
         for row in 0..self.gain_db.len() {
             let power_dbm = tx_power_dbm + self.level(changes, row) + self.noise_db[row];
@@ -202,9 +205,9 @@ impl Air {
                     sizes[k].of_noise()
                 };
                 let mut changes: Vec<Change> =
-                    effects.iter().zip(&strengths).map(|(e, &s)| e.at(s, world)).collect();
+                    effects.iter().zip(&strengths).map(|(e, &s)| e.change(s, world)).collect();
                 let mut size = |strength: f64| {
-                    changes[k] = effect.at(strength, world);
+                    changes[k] = effect.change(strength, world);
                     let all: Vec<&Change> = changes.iter().collect();
                     self.size(effects, &all, k, self.tx_power_dbm(&all))
                 };

@@ -18,7 +18,7 @@ pub(crate) fn scores(
     tx_power_dbm: f64,
     readings: &[Option<f64>],
 ) -> Scores {
-    let (world, law) = (&air.world, Law::of(changes));
+    let (world, law) = (&air.world, Law::combine(changes));
     let random: Vec<Random> = changes.iter().filter_map(|change| change.random).collect();
     let fading = fading_levels(&random);
     let known: Vec<f64> =
@@ -29,8 +29,13 @@ pub(crate) fn scores(
     for (row, reading) in readings.iter().enumerate() {
         let (mean_db, variance) = parts[row];
         let sd_db = (air.noise_sd_db.powi(2) + variance).sqrt();
-        let foretold =
-            Foretold::of(known[row] + mean_db, sd_db, &fading, law, 1.0 - loss(changes, row));
+        let foretold = Foretold::integrate(
+            known[row] + mean_db,
+            sd_db,
+            &fading,
+            law,
+            1.0 - loss(changes, row),
+        );
         match reading {
             Some(reading) => {
                 n_received += 1;
@@ -91,7 +96,7 @@ fn parts(
             let passes = 1.0 - loss(changes, row);
             let lost = |off_db: f64| {
                 let mean_dbm = known_dbm[row] + part_db + faded_db + off_db;
-                (1.0 - passes * reception.at(mean_dbm)).max(1e-9).ln()
+                (1.0 - passes * reception.probability(mean_dbm)).max(1e-9).ln()
             };
             let [below, here, above] = [-0.5, 0.0, 0.5].map(lost);
             let weight = (4.0 * (2.0 * here - below - above)).max(1e-6);
@@ -131,14 +136,14 @@ impl Reception {
         let nodes: Vec<f64> =
             (0..200).map(|k| normal_quantile((f64::from(k) + 0.5) / 200.0)).collect();
         let at = |mean_dbm: f64| {
-            let sum: f64 = nodes.iter().map(|z| curve.at(mean_dbm + sd_db * z)).sum();
+            let sum: f64 = nodes.iter().map(|z| curve.probability(mean_dbm + sd_db * z)).sum();
             sum / nodes.len() as f64
         };
         let table = (0..3000).map(|k| at(Self::FROM_DBM + Self::STEP_DB * f64::from(k))).collect();
         Self { table }
     }
 
-    fn at(&self, mean_dbm: f64) -> f64 {
+    fn probability(&self, mean_dbm: f64) -> f64 {
         let place = (mean_dbm - Self::FROM_DBM) / Self::STEP_DB;
         let place = place.clamp(0.0, self.table.len() as f64 - 1.001);
         let below = place as usize;
@@ -158,7 +163,7 @@ struct Foretold {
 }
 
 impl Foretold {
-    fn of(mean_dbm: f64, sd_db: f64, fading: &[f64], law: Law, passes: f64) -> Self {
+    fn integrate(mean_dbm: f64, sd_db: f64, fading: &[f64], law: Law, passes: f64) -> Self {
         let lowest = fading.iter().copied().fold(f64::INFINITY, f64::min);
         let highest = fading.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         // Below -120 dBm nothing is received.
@@ -183,7 +188,7 @@ impl Foretold {
                     let middle = low + (2.0 * piece as f64 + 1.0) * half;
                     let at = |off: f64, weight: f64| {
                         let power_dbm = middle + off * half;
-                        weight * density(power_dbm) * law.curve.at(power_dbm)
+                        weight * density(power_dbm) * law.curve.probability(power_dbm)
                     };
                     let off = 0.6_f64.sqrt();
                     half * (at(-off, 5.0) + at(0.0, 8.0) + at(off, 5.0)) / 9.0

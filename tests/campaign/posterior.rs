@@ -32,7 +32,7 @@ pub(crate) fn foretold(
         for step in 0..6 {
             let told: Vec<Evidence> =
                 modes.iter().enumerate().map(|(row, &mode)| evidence(row, mode)).collect();
-            let posterior = Posterior::of(world, random, &told, |row| folds[row] != fold);
+            let posterior = Posterior::given(world, random, &told, |row| folds[row] != fold);
             if step < 5 {
                 posterior.each(world, |row| folds[row] != fold, |row, mean, _| modes[row] = mean);
             } else {
@@ -64,7 +64,7 @@ struct Block {
 }
 
 impl Posterior {
-    fn of(
+    fn given(
         world: &World,
         random: &[Random],
         told: &[Evidence],
@@ -82,7 +82,7 @@ impl Posterior {
             .into_iter()
             .map(|rows| {
                 let known: Vec<usize> = rows.iter().copied().filter(|&row| is_known(row)).collect();
-                let factor = Cholesky::of(matrix(known.len(), |i, j| {
+                let factor = Cholesky::factorise(matrix(known.len(), |i, j| {
                     let noise = if i == j { 1.0 / told[known[i]].weight } else { 0.0 };
                     covariance(&kernels, world, known[i], known[j]) + noise
                 }));
@@ -112,7 +112,7 @@ impl Posterior {
                     }
                 }
             }
-            let factor = Cholesky::of(precision);
+            let factor = Cholesky::factorise(precision);
             (factor.solve(&right), factor)
         });
         if let Some((means, _)) = &nodes {
@@ -228,13 +228,13 @@ mod tests {
             };
             same(0, 3.0) + same(1, 1.5) + block
         };
-        let factor = Cholesky::of(matrix(known.len(), |i, j| {
+        let factor = Cholesky::factorise(matrix(known.len(), |i, j| {
             let noise = if i == j { 1.0 / told[known[i]].weight } else { 0.0 };
             dense(known[i], known[j]) + noise
         }));
         let values: Vec<f64> = known.iter().map(|&row| told[row].at_db).collect();
         let weights = factor.solve(&values);
-        let posterior = Posterior::of(&world, &random, &told, is_known);
+        let posterior = Posterior::given(&world, &random, &told, is_known);
         let mut n = 0;
         posterior.each(
             &world,

@@ -179,7 +179,7 @@ impl World {
                     speed_mps: 0.0,
                 });
                 let mut all: Vec<At> =
-                    still.chain(paths.iter().map(|path| path.at(time_s))).collect();
+                    still.chain(paths.iter().map(|path| path.place_at(time_s))).collect();
                 for (at, &height_m) in all.iter_mut().zip(&heights) {
                     at.z_m = height_m;
                 }
@@ -196,7 +196,7 @@ impl World {
             }
             let tx = turns.pop().expect("just filled");
             let channel = 11 + senders.below(16) as u8;
-            let [temperature_c, humidity_pct, dust_ugm3] = weather.at(time_s);
+            let [temperature_c, humidity_pct, dust_ugm3] = weather.values_at(time_s);
             let all = &frames[frame];
             rows.extend((0..n_nodes).filter(|&rx| rx != tx).map(|rx| Row {
                 frame,
@@ -385,7 +385,7 @@ impl Path {
         Self { legs }
     }
 
-    fn at(&self, time_s: f64) -> At {
+    fn place_at(&self, time_s: f64) -> At {
         let index = self.legs.partition_point(|leg| leg.until_s < time_s);
         let leg = &self.legs[index];
         let left = if leg.lasts_s == 0.0 { 0.0 } else { (leg.until_s - time_s) / leg.lasts_s };
@@ -426,7 +426,7 @@ impl Weather {
     }
 
     /// Temperature (°C, 25 in the middle), relative humidity (%) and dust (µg/m³).
-    fn at(&self, time_s: f64) -> [f64; 3] {
+    fn values_at(&self, time_s: f64) -> [f64; 3] {
         let [temperature, humidity, dust] = self.waves.map(|waves| {
             waves
                 .iter()

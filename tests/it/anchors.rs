@@ -153,7 +153,7 @@ impl Group {
         measured: f64,
         compare: impl Fn(&[f64]) -> Comparison,
     ) {
-        let resampled = Resampled::of(values, n_runs, figure);
+        let resampled = Resampled::bootstrap(values, n_runs, figure);
         let what = what.to_owned();
         self.rows.push(Row { what, measured, n_runs, compared: compare(values), resampled });
     }

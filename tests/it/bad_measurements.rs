@@ -17,7 +17,7 @@ struct Sheet {
 }
 
 impl Sheet {
-    fn of(csv: &str) -> Self {
+    fn from_csv(csv: &str) -> Self {
         let mut lines =
             csv.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
         Self { names: lines.next().unwrap(), rows: lines.collect() }
@@ -25,7 +25,7 @@ impl Sheet {
 
     /// A good campaign of links.
     fn links() -> Self {
-        Self::of(&Campaign::link(3, &Layout::standard(), &[], 2000).csv)
+        Self::from_csv(&Campaign::link(3, &Layout::standard(), &[], 2000).csv)
     }
 
     /// A good campaign of robots.
@@ -39,7 +39,7 @@ impl Sheet {
                 x_m += 0.1 * speed_mps;
             }
         }
-        Self::of(&csv)
+        Self::from_csv(&csv)
     }
 
     fn column(&self, name: &str) -> usize {

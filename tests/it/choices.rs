@@ -2,7 +2,7 @@
 
 use diagnose::compare;
 use diagnose::ladder::Search;
-use diagnose::progress::Progress;
+use diagnose::progress::SearchProgress;
 use measure::account::DataAccount;
 use measure::config::Compared;
 use measure::table::DataTable;
@@ -12,7 +12,7 @@ use study::choices::{Choices, SplitBy};
 use study::open;
 use study::{COMMON, Study as _, links::LinkStudy, robots::RobotStudy};
 
-const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 const FRIIS: &str =
     "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = 0.0\nnoise_sd_db = 2.0\n";
 const POINTS: &str = "[robotsim.dynamics]\nkind = \"point-mass\"\n";

@@ -1,7 +1,7 @@
 //! The same configuration and seed give the same recording, byte for byte, however it is run.
 
 use std::path::{Path, PathBuf};
-use tests::recording::{assert_same, of};
+use tests::recording::{assert_same, read_recording};
 use tests::{Server, run};
 
 /// Configurations that differ in model, effects, coupling and size. Each runs in a second or two.
@@ -79,7 +79,7 @@ fn children_or_separate_programs_do_not_matter() {
 fn another_seed_gives_another_recording() {
     variants(|name, settings, home, reference| {
         let other = run(&config(name), &home.join("seed"), &args(settings, &["--seed", "99"]));
-        let (a, b) = (of(reference), of(&other));
+        let (a, b) = (read_recording(reference), read_recording(&other));
         for part in ["run.mcap", "steps.parquet"] {
             assert_ne!(a[part], b[part], "{name}: {part} does not depend on the seed");
         }

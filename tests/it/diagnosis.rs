@@ -6,7 +6,7 @@ use diagnose::answer::{self, Measurements};
 use diagnose::compare;
 use diagnose::extend;
 use diagnose::ladder::{Ladder, Search};
-use diagnose::progress::Progress;
+use diagnose::progress::SearchProgress;
 use diagnose::scan;
 use measure::config::Compared;
 use measure::table::DataTable;
@@ -22,7 +22,7 @@ use tests::campaign::{Campaign, Hidden, Layout, Size};
 const ROWS: usize = 5000;
 /// … and of one in which something of clear size is hidden, which shows in fewer.
 const CLEAR_ROWS: usize = 3000;
-const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 
 fn opened(folder: &Path, campaign: &Campaign) -> (Compared, LinkStudy, DataAccount) {
     let config = folder.join("model.toml");

@@ -2,7 +2,7 @@
 //! name nowhere.
 
 use diagnose::ladder::Search;
-use diagnose::progress::Progress;
+use diagnose::progress::SearchProgress;
 use diagnose::simulate::simulate;
 use measure::config::{Catalogues, Compared};
 use measure::table::DataTable;
@@ -23,7 +23,7 @@ use study::choices::Choices;
 use study::{Candidate, Study, open};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
-const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 
 /// No curve over time has knots so near each other that it could follow this.
 const PERIOD_S: f64 = 3.1;

@@ -31,7 +31,7 @@ struct Runs {
 }
 
 impl Runs {
-    fn of(n_runs: u64, law: &str, radio: &str, density_per_m2: f64, n: usize) -> Self {
+    fn simulate(n_runs: u64, law: &str, radio: &str, density_per_m2: f64, n: usize) -> Self {
         let toml = experiment(law, radio, density_per_m2, n);
         let (rounds, log_residual) = (0..n_runs)
             .into_par_iter()
@@ -135,12 +135,12 @@ fn botnets_law_takes_the_rounds_and_leaves_the_residuals_of_botnets_program() {
     let (mut outside, mut blunt, mut improbable) = (Vec::new(), Vec::new(), Vec::new());
     for row in &MEASURED {
         let &(density, n, name, radio, ..) = row;
-        let runs = Runs::of(N_RUNS, "botnet", radio, density, n);
+        let runs = Runs::simulate(N_RUNS, "botnet", radio, density, n);
         for (what, values, measured) in [
             ("rounds", &runs.rounds, measured_rounds(row)),
             ("log10", &runs.log_residual, measured_residual(row)),
         ] {
-            let compared = Comparison::of(values, measured);
+            let compared = Comparison::of_mean(values, measured);
             let is_sharp = compared.excludes(0.2 * measured.value);
             if !compared.agrees() {
                 outside.push((density, n, name, what));
@@ -174,8 +174,8 @@ fn a_wider_disk_or_one_s_own_position_once_or_a_weaker_sender_would_be_noticed()
     // The comparison above must be able to fail; mistakes like these are what it is made for.
     let is_noticed = |law, radio, name, density_per_m2: f64, n| {
         let row = MEASURED.iter().find(|row| (row.0, row.1, row.2) == (density_per_m2, n, name));
-        let runs = Runs::of(N_RUNS_BESIDE, law, radio, density_per_m2, n);
-        !Comparison::of(&runs.rounds, measured_rounds(row.unwrap())).agrees()
+        let runs = Runs::simulate(N_RUNS_BESIDE, law, radio, density_per_m2, n);
+        !Comparison::of_mean(&runs.rounds, measured_rounds(row.unwrap())).agrees()
     };
     let wider = "propagation = 'unit-disk'\nradius_m = 4.0";
     assert!(is_noticed("botnet", wider, "disk 3 m", 0.22, 50));
@@ -191,7 +191,7 @@ fn the_printed_law_often_leaves_nothing_but_rounding_where_botnets_never_does() 
          |---|---|---|---|---|\n",
     );
     for &(density, n, name, radio, ..) in &MEASURED {
-        let runs = Runs::of(N_RUNS_BESIDE, "paper", radio, density, n);
+        let runs = Runs::simulate(N_RUNS_BESIDE, "paper", radio, density, n);
         let (rounds, log_residual) = (median(&runs.rounds), median(&runs.log_residual));
         writeln!(table, "| {density} | {n} | {name} | {rounds:.1} | {log_residual:.1} |").unwrap();
     }
@@ -200,7 +200,7 @@ fn the_printed_law_often_leaves_nothing_but_rounding_where_botnets_never_does() 
     // threshold when the last robot arrives, all then step onto the same line, and what is left is rounding: 1e-16 of some
     // metres, squared. One's own position counted twice gives everyone another line.
     let n_exact = |law| {
-        let runs = Runs::of(N_RUNS_BESIDE, law, FULL, 0.22, 10);
+        let runs = Runs::simulate(N_RUNS_BESIDE, law, FULL, 0.22, 10);
         runs.log_residual.iter().filter(|&&log| log < -20.0).count()
     };
     let (paper, botnet) = (n_exact("paper"), n_exact("botnet"));

@@ -5,7 +5,7 @@ use diagnose::answer::{self, Measurements};
 use diagnose::compare;
 use diagnose::gain::Scores;
 use diagnose::ladder::Search;
-use diagnose::progress::Progress;
+use diagnose::progress::SearchProgress;
 use diagnose::scan;
 use measure::account::DataAccount;
 use measure::config::Compared;
@@ -16,10 +16,10 @@ use std::path::Path;
 use study::choices::{ChoiceError, Choices};
 use study::links::LinkStudy;
 use study::open::{self, OpenError, Subject};
-use study::{COMMON, Study as _, links::rows::Rows};
+use study::{COMMON, Study as _, links::rows::ModelledLinks};
 use tests::{folder, orchestrator, said};
 
-const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 /// Nothing of this is near what was measured: levels are given.
 const FRIIS: &str = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = -60.0\n";
 const MOTES: u32 = 12;
@@ -183,7 +183,7 @@ fn what_changes_readings_is_told_to_be_untestable_and_moves_nothing() {
             assert!(why.contains("--given-rssi"), "{}: {why}", candidate.name);
         }
     }
-    let silent = |rows: &Rows| rows.links.rejected.iter().map(|it| it.rows).sum::<usize>();
+    let silent = |rows: &ModelledLinks| rows.links.rejected.iter().map(|it| it.rows).sum::<usize>();
     let n_all = (MOTES * (MOTES - 1) * 16) as usize;
     assert!(0 < silent(&one.rows) && one.n_rows() + silent(&one.rows) == n_all);
     assert!(one.rows.links.rejected[0].reason.contains("no RSSI reading"));

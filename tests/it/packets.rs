@@ -8,7 +8,7 @@ use network::resimulate::{Resimulation, exchanged};
 use network::spread::LEVEL;
 use network::tracks::Tracks;
 use proto_messages::v1;
-use record::read::Reader;
+use record::read::RunReader;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -171,7 +171,7 @@ fn a_run_and_its_resimulation_under_the_same_seed_are_the_same_bytes() {
         let dir = folder();
         let config = dir.path().join("model.toml");
         std::fs::write(&config, &text).unwrap();
-        let mut recorded = Reader::open(&run(&config, dir.path(), &[])).unwrap();
+        let mut recorded = RunReader::open(&run(&config, dir.path(), &[])).unwrap();
         let plan = load(&config, &Overrides::default()).unwrap();
         let configured = recorded.configured().unwrap().clone();
         let (mut n_steps, mut n_delivered) = (0, 0);

@@ -2,7 +2,7 @@
 
 use diagnose::compare;
 use diagnose::ladder::Search;
-use diagnose::progress::Progress;
+use diagnose::progress::SearchProgress;
 use diagnose::simulate::simulate;
 use measure::account::DataAccount;
 use measure::config::Compared;
@@ -13,7 +13,7 @@ use study::open;
 use study::{Candidate, Study};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
-const QUIET: &(dyn Fn(Progress<'_>) + Sync) = &|_| {};
+const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 
 fn config(text: &str) -> Compared {
     Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()

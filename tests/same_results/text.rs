@@ -132,18 +132,18 @@ fn without(text: &str, (from, to): (&str, &str), word: &str) -> String {
 mod tests {
     use super::*;
 
-    fn of(text: &str) -> Vec<&str> {
+    fn texts(text: &str) -> Vec<&str> {
         numbers(text).into_iter().map(|number| number.text).collect()
     }
 
     #[test]
     fn numbers_are_found_and_names_are_none() {
-        assert_eq!(of("rmse 2.31 -> 1.9e-3 dB, p90 of k7 and x_2"), ["2.31", "1.9e-3"]);
+        assert_eq!(texts("rmse 2.31 -> 1.9e-3 dB, p90 of k7 and x_2"), ["2.31", "1.9e-3"]);
         assert_eq!(
-            of("-80 dBm, +2, 10-20, (a)-3, 10^-3; −4"),
+            texts("-80 dBm, +2, 10-20, (a)-3, 10^-3; −4"),
             ["-80", "+2", "10", "20", "3", "10", "-3", "−4"]
         );
-        assert_eq!(of("IEEE 802.15.4. In 12 s."), ["802.15.4", "12"]);
+        assert_eq!(texts("IEEE 802.15.4. In 12 s."), ["802.15.4", "12"]);
         let second = numbers("a 1\nb -2")[1];
         assert_eq!((second.line, second.at, second.text), ("b -2", 3, "-2"));
     }
@@ -155,6 +155,6 @@ mod tests {
         let origin = "<pre>a 3</pre>b<pre>{\n &quot;started_unix_s&quot;: 17\n}</pre>c";
         assert_eq!(visible(origin), "a 3 b c");
         let drawn = pictures("<p>7</p><svg width=\"3\"><path d=\"M1.5,2L-3,4\"/></svg><p>8</p>");
-        assert_eq!(of(&drawn), ["3", "1.5", "2", "-3", "4"]);
+        assert_eq!(texts(&drawn), ["3", "1.5", "2", "-3", "4"]);
     }
 }

@@ -107,7 +107,7 @@ impl Case<'_> {
             if let Some(formed_ns) = formed_ns(&a_second(&[])) {
                 let output = a_second(&[NetRecord::HeardLinks]);
                 let links = output.heard_links.expect("asked for");
-                return Some((formed_ns, Structure::of(&output.motes.parent, &links)));
+                return Some((formed_ns, Structure::from_parents(&output.motes.parent, &links)));
             }
         }
         None

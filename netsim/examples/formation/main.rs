@@ -111,7 +111,7 @@ fn time(formed: &[(u64, Structure)], n_seeds: u64) -> String {
 
 /// Medians of degree, depth and betweenness.
 fn structure(formed: &[(u64, Structure)]) -> String {
-    let of = |value: fn(&Structure) -> f64| {
+    let median_of = |value: fn(&Structure) -> f64| {
         let mut values: Vec<f64> = formed.iter().map(|(_, structure)| value(structure)).collect();
         values.sort_by(f64::total_cmp);
         median(&values)
@@ -121,9 +121,9 @@ fn structure(formed: &[(u64, Structure)]) -> String {
     }
     format!(
         "{:.1} · {:.1} · {:.2}",
-        of(|structure| structure.mean_degree),
-        of(|structure| structure.mean_depth),
-        of(|structure| structure.greatest_betweenness)
+        median_of(|structure| structure.mean_degree),
+        median_of(|structure| structure.mean_depth),
+        median_of(|structure| structure.greatest_betweenness)
     )
 }
 

@@ -16,7 +16,7 @@ pub(crate) struct Structure {
 
 impl Structure {
     /// `parent[mote]`: its preferred parent, `u32::MAX` if it has none.
-    pub(crate) fn of(parent: &[u32], links: &HeardLinks) -> Self {
+    pub(crate) fn from_parents(parent: &[u32], links: &HeardLinks) -> Self {
         let n = parent.len();
         let up = |mote: usize| parent.get(parent[mote] as usize).map(|_| parent[mote] as usize);
         let mut depth_sum = 0;
@@ -68,7 +68,7 @@ mod tests {
             sender: vec![0, 1, 1, 0, 1],
             ..HeardLinks::default()
         };
-        let structure = Structure::of(&[u32::MAX, 0, 1, 1, 0], &links);
+        let structure = Structure::from_parents(&[u32::MAX, 0, 1, 1, 0], &links);
         // Of the six pairs of 0, 2, 3 and 4 all but (0, 4) need mote 1.
         let greatest_betweenness = 5.0 / 6.0;
         assert_eq!(

@@ -52,7 +52,7 @@ fn frame(from: u32, to: Option<u32>, content: Content) -> FrameRepr {
     }
 }
 
-fn whole(from: u32, to: Option<u32>, datagram: Datagram) -> FrameRepr {
+fn unfragmented(from: u32, to: Option<u32>, datagram: Datagram) -> FrameRepr {
     frame(from, to, Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram))))
 }
 
@@ -151,11 +151,11 @@ fn rpl() -> [FrameRepr; 5] {
     let ack = Datagram { upper: Upper::Rpl(ack), ..down(udp(0, 2, 0), &[1, 2]) };
     let all = address::ALL_RPL_NODES;
     [
-        whole(1, None, on_link(1, all, RplMessage::Dis(DisRepr {}))),
-        whole(0, None, on_link(0, all, RplMessage::Dio(dio.clone()))),
-        whole(0, Some(1), on_link(0, Eui64::of_mote(1).link_local(), RplMessage::Dio(dio))),
-        whole(2, Some(1), dao),
-        whole(0, Some(1), ack),
+        unfragmented(1, None, on_link(1, all, RplMessage::Dis(DisRepr {}))),
+        unfragmented(0, None, on_link(0, all, RplMessage::Dio(dio.clone()))),
+        unfragmented(0, Some(1), on_link(0, Eui64::of_mote(1).link_local(), RplMessage::Dio(dio))),
+        unfragmented(2, Some(1), dao),
+        unfragmented(0, Some(1), ack),
     ]
 }
 
@@ -190,14 +190,18 @@ fn join() -> [FrameRepr; 4] {
         ..udp(from, to, 0)
     };
     [
-        whole(3, Some(2), coap(request(None), local(3, 2))),
-        whole(2, Some(1), marked(code_points::AF43, coap(request(Some(pledge)), up(udp(2, 0, 0))))),
-        whole(
+        unfragmented(3, Some(2), coap(request(None), local(3, 2))),
+        unfragmented(
+            2,
+            Some(1),
+            marked(code_points::AF43, coap(request(Some(pledge)), up(udp(2, 0, 0)))),
+        ),
+        unfragmented(
             1,
             Some(2),
             marked(code_points::AF42, coap(response(Some(pledge)), down(udp(0, 2, 0), &[2]))),
         ),
-        whole(2, Some(3), coap(response(None), local(2, 3))),
+        unfragmented(2, Some(3), coap(response(None), local(2, 3))),
     ]
 }
 
@@ -211,11 +215,11 @@ fn data() -> Vec<FrameRepr> {
     };
     let across = Datagram { hop_limit: 62, ..down(udp(1, 3, 20), &[1, 2, 3]) };
     let mut frames = vec![
-        whole(1, Some(0), udp(1, 0, 20)),
-        whole(1, Some(0), Datagram { hop_limit: 63, ..up(udp(2, 0, 20)) }),
-        whole(0, Some(1), down(udp(0, 3, 20), &[1, 2, 3])),
-        whole(0, Some(1), across),
-        whole(1, None, everyone),
+        unfragmented(1, Some(0), udp(1, 0, 20)),
+        unfragmented(1, Some(0), Datagram { hop_limit: 63, ..up(udp(2, 0, 20)) }),
+        unfragmented(0, Some(1), down(udp(0, 3, 20), &[1, 2, 3])),
+        unfragmented(0, Some(1), across),
+        unfragmented(1, None, everyone),
     ];
     for datagram in [udp(1, 0, 200), up(udp(2, 0, 200))] {
         let room = payload_room(Some(Eui64::of_mote(0)));

@@ -124,12 +124,12 @@ pub(super) fn build(
 ) -> Option<(Settings, Addresses)> {
     let n_before = problems.len();
     let keys: Keys = typed(given.table);
-    let at = |key: &str| join(given.path, key);
+    let key_path = |key: &str| join(given.path, key);
     let compat = keys.compat;
     let roots = roots(keys.roots.as_deref(), given, problems);
     let addresses = addresses(&keys.eui64, given, problems);
 
-    let mac_path = at("mac");
+    let mac_path = key_path("mac");
     let surroundings = mac::Surroundings {
         path: &mac_path,
         slot_ns: given.slot_ns,
@@ -141,7 +141,7 @@ pub(super) fn build(
     };
     let (mac, effects) = mac::build(&keys.mac, &surroundings, problems);
     let burdens = effect::burdens(&effects, given.agent_count, &roots);
-    let sf_path = at("sf");
+    let sf_path = key_path("sf");
     let mut context = sf::BuildContext {
         path: &sf_path,
         agent_count: given.agent_count,
@@ -157,7 +157,7 @@ pub(super) fn build(
     problems.append(&mut context.problems);
     warnings.append(&mut context.warnings);
 
-    let swarm_path = at("swarm");
+    let swarm_path = key_path("swarm");
     let mut swarm = swarm::Given {
         path: &swarm_path,
         function,
@@ -169,7 +169,7 @@ pub(super) fn build(
     let transport = swarm::build(&keys.swarm, &mut swarm);
     let mut apps = Vec::new();
     for (index, table) in keys.app.iter().enumerate() {
-        let path = at(&format!("app[{index}]"));
+        let path = key_path(&format!("app[{index}]"));
         apps.extend(app::Spec::read(table, &path, given.agent_count as u32, problems));
     }
     let (energy, battery_mah) = energy::build(&keys.energy);
@@ -180,9 +180,9 @@ pub(super) fn build(
             "{}: without routes down the registrar's answers reach only motes that hear a root and join through it; \
              others, who ask through a join proxy, are never admitted: set {} = \
              false or {} = true",
-            at("rpl.routes_down"),
-            at("join.secure"),
-            at("rpl.routes_down"),
+            key_path("rpl.routes_down"),
+            key_path("join.secure"),
+            key_path("rpl.routes_down"),
         ));
     }
     let (Some(sf), Some(addresses), true) = (scheduling, addresses, problems.len() == n_before)

@@ -25,16 +25,16 @@ fn parts(from: u32, packet: u64, payload: usize) -> Vec<LowpanRepr> {
         .collect()
 }
 
-fn part(received: &LowpanRepr) -> &Fragment {
+fn fragment(received: &LowpanRepr) -> &Fragment {
     match received {
         LowpanRepr::Whole(_) => panic!("a part was expected"),
         LowpanRepr::First(part) | LowpanRepr::Next(part) => part,
     }
 }
 
-fn dropped(outcome: &Outcome) -> Option<DropReason> {
+fn dropped(outcome: &LowpanAction) -> Option<DropReason> {
     match outcome {
-        Outcome::Drop { reason, .. } => Some(*reason),
+        LowpanAction::Drop { reason, .. } => Some(*reason),
         _ => None,
     }
 }
@@ -58,7 +58,7 @@ fn f1_datagrams_longer_than_a_frame_are_cut_at_multiples_of_8_bytes() {
         }
         let mut end = 0;
         for (i, frame) in sent.iter().enumerate() {
-            let Fragment { size, offset, covers, .. } = *part(frame);
+            let Fragment { size, offset, covers, .. } = *fragment(frame);
             assert_eq!(matches!(frame, LowpanRepr::First(_)), i == 0);
             assert_eq!(usize::from(size), 40 + 8 + payload);
             assert_eq!((offset, offset % 8), (end, 0));
@@ -128,11 +128,11 @@ fn f4_of_ten_datagrams_as_many_are_under_way_as_there_is_room_for() {
             for from in 11..21 {
                 let first = &parts(from, u64::from(from), 200)[0];
                 let mut outcome = relay.handle(mote(from), first, 0);
-                if let Outcome::Route(datagram) = outcome {
+                if let LowpanAction::Route(datagram) = outcome {
                     outcome = relay.forward(mote(from), first, datagram.into(), mote(0), 0);
                 }
                 refused.extend(dropped(&outcome));
-                assert_eq!(root.handle(mote(from), first, 0), Outcome::Wait);
+                assert_eq!(root.handle(mote(from), first, 0), LowpanAction::Wait);
             }
             let (n, why) = match mode {
                 Mode::PerHopReassembly => (relay.n_buffers(), DropReason::ReassemblyBufferFull),
@@ -152,7 +152,7 @@ fn f5_after_60_s_a_datagram_is_given_up_by_the_clock_and_by_the_next_fragment() 
         let config = Config { mode, ..Config::default() };
         let begin = |relay: &mut Lowpan| {
             let all = parts(5, 1, 200);
-            if let Outcome::Route(datagram) = relay.handle(mote(5), &all[0], 7) {
+            if let LowpanAction::Route(datagram) = relay.handle(mote(5), &all[0], 7) {
                 relay.forward(mote(5), &all[0], datagram.into(), mote(0), 7);
             }
             assert_eq!(relay.poll_timeout(), Some(7 + minute_ns));
@@ -172,7 +172,7 @@ fn f5_after_60_s_a_datagram_is_given_up_by_the_clock_and_by_the_next_fragment() 
         let all = begin(&mut relay);
         let outcome = relay.handle(mote(5), &all[1], 7 + minute_ns);
         match mode {
-            Mode::PerHopReassembly => assert_eq!(outcome, Outcome::Wait),
+            Mode::PerHopReassembly => assert_eq!(outcome, LowpanAction::Wait),
             Mode::FragmentForwarding => assert_eq!(dropped(&outcome), Some(DropReason::NoVrbEntry)),
         }
         assert!(relay.poll_timeout().unwrap() <= 7 + minute_ns);
@@ -185,10 +185,10 @@ fn f5_a_datagram_that_has_passed_whole_is_not_lost_when_its_way_is_forgotten() {
     let mut relay = lowpan(1, Config::default());
     for (i, received) in parts(5, 1, 200).iter().enumerate() {
         match relay.handle(mote(5), received, 0) {
-            Outcome::Route(datagram) if i == 0 => {
+            LowpanAction::Route(datagram) if i == 0 => {
                 relay.forward(mote(5), received, datagram.into(), mote(0), 0);
             }
-            Outcome::Forward { next_hop, .. } => assert_eq!(next_hop, mote(0)),
+            LowpanAction::Forward { next_hop, .. } => assert_eq!(next_hop, mote(0)),
             other => panic!("{other:?}"),
         }
     }
@@ -209,13 +209,13 @@ fn f6_tags_differ_from_hop_to_hop_and_grow_by_one_per_datagram() {
         let whole = Arc::new(datagram(5, 0, packet, 200));
         for received in sender.send(whole, Some(mote(1)), ROOM).unwrap() {
             let outcome = match relay.handle(mote(5), &received, 0) {
-                Outcome::Route(datagram) => {
+                LowpanAction::Route(datagram) => {
                     relay.forward(mote(5), &received, datagram.into(), mote(0), 0)
                 }
                 outcome => outcome,
             };
-            let Outcome::Forward { part: sent, .. } = outcome else { panic!("{outcome:?}") };
-            tags.push((part(&received).tag, part(&sent).tag));
+            let LowpanAction::Forward { part: sent, .. } = outcome else { panic!("{outcome:?}") };
+            tags.push((fragment(&received).tag, fragment(&sent).tag));
         }
     }
     tags.dedup();
@@ -228,13 +228,13 @@ fn passed(config: Config, all: &[LowpanRepr], come: &[usize]) -> (Vec<u16>, Lowp
     let mut offsets = Vec::new();
     for &i in come {
         let outcome = match relay.handle(mote(5), &all[i], 0) {
-            Outcome::Route(datagram) => {
+            LowpanAction::Route(datagram) => {
                 relay.forward(mote(5), &all[i], datagram.into(), mote(0), 0)
             }
             outcome => outcome,
         };
-        if let Outcome::Forward { part: sent, .. } = outcome {
-            offsets.push(part(&sent).offset);
+        if let LowpanAction::Forward { part: sent, .. } = outcome {
+            offsets.push(fragment(&sent).offset);
         }
     }
     (offsets, relay)
@@ -244,7 +244,7 @@ fn passed(config: Config, all: &[LowpanRepr], come: &[usize]) -> (Vec<u16>, Lowp
 fn f7_ways_are_forgotten_as_the_policies_say() {
     let all = parts(5, 1, 300);
     assert_eq!(all.len(), 4);
-    let offsets: Vec<u16> = all.iter().map(|received| part(received).offset).collect();
+    let offsets: Vec<u16> = all.iter().map(|received| fragment(received).offset).collect();
     let none = Config::default();
     let missing = Config { discard_after_missing: true, ..none };
     let last = Config { discard_after_last: true, ..none };
@@ -298,9 +298,9 @@ fn parts_for_a_group_are_put_together_and_never_forwarded() {
             lowpan(5, Config::default()).send(group.clone(), None, ROOM).unwrap().collect();
         let (last, others) = sent.split_last().unwrap();
         for received in others {
-            assert_eq!(receiver.handle(mote(5), received, 0), Outcome::Wait);
+            assert_eq!(receiver.handle(mote(5), received, 0), LowpanAction::Wait);
         }
-        assert_eq!(receiver.handle(mote(5), last, 0), Outcome::Deliver(group));
+        assert_eq!(receiver.handle(mote(5), last, 0), LowpanAction::Deliver(group));
     }
 }
 
@@ -327,9 +327,12 @@ fn rfc4944_5_3_datagrams_of_two_neighbours_with_one_tag_are_kept_apart() {
         .flat_map(|i| [(5, &a[i]), (6, &b[i])])
         .map(|(from, received)| root.handle(mote(from), received, 0))
         .collect();
-    assert_eq!(outcomes[..4], [Outcome::Wait, Outcome::Wait, Outcome::Wait, Outcome::Wait]);
+    assert_eq!(
+        outcomes[..4],
+        [LowpanAction::Wait, LowpanAction::Wait, LowpanAction::Wait, LowpanAction::Wait]
+    );
     for (outcome, from) in outcomes[4..].iter().zip([5, 6]) {
-        let Outcome::Deliver(datagram) = outcome else { panic!("{outcome:?}") };
+        let LowpanAction::Deliver(datagram) = outcome else { panic!("{outcome:?}") };
         assert_eq!(datagram.source, mote(from).global());
     }
 }
@@ -343,12 +346,12 @@ fn rfc4944_5_3_a_part_that_overlaps_another_begins_the_datagram_anew() {
     assert_eq!(dropped(&root.handle(mote(5), &all[1], 0)), Some(DropReason::Duplicate));
     let LowpanRepr::Next(mut overlapping) = all[1].clone() else { panic!() };
     overlapping.covers -= 8;
-    assert_eq!(root.handle(mote(5), &LowpanRepr::Next(overlapping), 0), Outcome::Wait);
+    assert_eq!(root.handle(mote(5), &LowpanRepr::Next(overlapping), 0), LowpanAction::Wait);
     assert_eq!(root.poll_timeout(), Some(0));
     assert_eq!(root.handle_timeout(0), [(1, DropReason::FragmentOverlap)]);
     // The rest does not complete what was given up.
-    assert_eq!(root.handle(mote(5), &all[2], 0), Outcome::Wait);
-    assert_eq!(root.handle(mote(5), &all[3], 0), Outcome::Wait);
+    assert_eq!(root.handle(mote(5), &all[2], 0), LowpanAction::Wait);
+    assert_eq!(root.handle(mote(5), &all[3], 0), LowpanAction::Wait);
 }
 
 #[test]
@@ -361,14 +364,14 @@ fn a_neighbour_that_begins_anew_with_an_old_tag_is_not_mixed_up_with_before() {
     }
     let (_, mut relay) = passed(Config::default(), &all, &[0]);
     assert_eq!(dropped(&relay.handle(mote(5), &again[1], 0)), Some(DropReason::NoVrbEntry));
-    assert!(matches!(relay.handle(mote(5), &again[0], 0), Outcome::Route(_)));
+    assert!(matches!(relay.handle(mote(5), &again[0], 0), LowpanAction::Route(_)));
     assert_eq!(relay.handle_timeout(0), [(1, DropReason::FragmentOverlap)]);
 }
 
 #[test]
 fn what_cannot_be_a_part_is_dropped() {
     let all = parts(5, 1, 300);
-    let good = part(&all[1]);
+    let good = fragment(&all[1]);
     let mut root = lowpan(0, Config::default());
     for bad in [
         Fragment { covers: 0, ..good.clone() },
@@ -392,7 +395,7 @@ fn rfc4944_5_3_a_mote_that_leaves_the_network_forgets_all_parts() {
     let own = Arc::new(datagram(6, 1, 2, 200));
     let sent: Vec<_> =
         lowpan(6, Config::default()).send(own, Some(mote(1)), ROOM).unwrap().collect();
-    assert_eq!(relay.handle(mote(6), &sent[0], 0), Outcome::Wait);
+    assert_eq!(relay.handle(mote(6), &sent[0], 0), LowpanAction::Wait);
     let mut lost = relay.clear(DropReason::Desynchronised);
     lost.sort_unstable();
     assert_eq!(lost, [(1, DropReason::Desynchronised), (2, DropReason::Desynchronised)]);
@@ -417,12 +420,12 @@ proptest! {
             }
             there[i] = true;
             if there.iter().all(|&is_there| is_there) {
-                let Outcome::Deliver(datagram) = outcome else { panic!("{outcome:?}") };
+                let LowpanAction::Deliver(datagram) = outcome else { panic!("{outcome:?}") };
                 prop_assert_eq!(&*datagram, &line::datagram(5, 0, 1, payload));
                 prop_assert_eq!(receiver.n_buffers(), 0);
                 there.fill(false);
             } else {
-                prop_assert_eq!(outcome, Outcome::Wait);
+                prop_assert_eq!(outcome, LowpanAction::Wait);
             }
         }
         prop_assert_eq!(receiver.n_buffers(), usize::from(there.contains(&true)));

@@ -184,13 +184,13 @@ pub fn burdens(effects: &[Box<dyn Effect>], agent_count: usize, roots: &[u32]) -
     if effects.is_empty() {
         return Vec::new();
     }
-    let of = |mote: u32| {
+    let burden_of = |mote: u32| {
         let node = Node { mote, is_root: roots.contains(&mote) };
         let mut burden = NO_BURDEN;
         effects.iter().for_each(|effect| effect.weigh(node, &mut burden));
         burden
     };
-    (0..agent_count as u32).map(of).collect()
+    (0..agent_count as u32).map(burden_of).collect()
 }
 
 #[cfg(test)]

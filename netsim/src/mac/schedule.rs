@@ -189,7 +189,7 @@ impl Slotframe {
 
     /// The cells in an absolute slot. Without [`Slotframe::background`].
     #[must_use]
-    pub fn at(&self, asn: u64) -> &[Cell] {
+    pub fn cells_at(&self, asn: u64) -> &[Cell] {
         self.at_slot(self.slot_of(asn))
     }
 
@@ -323,10 +323,10 @@ impl Schedule {
     }
 
     /// Cells in an absolute slot, lowest handle first.
-    pub fn at(&self, asn: u64) -> impl Iterator<Item = CellRef> + '_ {
+    pub fn cells_at(&self, asn: u64) -> impl Iterator<Item = CellRef> + '_ {
         self.frames.iter().flat_map(move |frame| {
             let cells =
-                frame.at(asn).iter().copied().chain(frame.background_at(frame.slot_of(asn)));
+                frame.cells_at(asn).iter().copied().chain(frame.background_at(frame.slot_of(asn)));
             cells.map(|cell| CellRef { handle: frame.handle, cell })
         })
     }

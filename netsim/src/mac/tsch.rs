@@ -6,7 +6,7 @@ mod types;
 mod waiting;
 
 pub use channel::{channel_of, scan_channel};
-pub use types::{Config, Done, Due, Listening, Outgoing, State, Transmission, Verdict};
+pub use types::{Config, Done, Due, FrameHandling, Listening, Outgoing, State, Transmission};
 
 use super::backoff::Backoff;
 use super::clock::Clock;
@@ -262,7 +262,7 @@ impl Tsch {
                 self.extra = None;
             }
             if let (true, Some(neighbour)) = (at == asn, sends_to)
-                && schedule.at(asn).next().is_none()
+                && schedule.cells_at(asn).next().is_none()
             {
                 let place =
                     self.queue.iter().position(|queued| queued.destination() == Some(neighbour))?;
@@ -273,7 +273,7 @@ impl Tsch {
             return None;
         }
         for frame in schedule.slotframes() {
-            for cell in frame.at(asn).iter().filter(|cell| cell.options.tx) {
+            for cell in frame.cells_at(asn).iter().filter(|cell| cell.options.tx) {
                 let at = CellRef { handle: frame.handle, cell: *cell };
                 let channel = channel_of(config, asn, cell.channel);
                 if cell.kind != CellKind::Normal && self.beacon_goes(config) {
@@ -327,7 +327,7 @@ impl Tsch {
         self.in_flight = true;
         let pending = config.pending_bit
             && frame.destination().is_some_and(|to| self.queue.waits_for(to))
-            && schedule.at(asn + 1).next().is_none();
+            && schedule.cells_at(asn + 1).next().is_none();
         frame.frame.pending = pending;
         Transmission { at, channel, outgoing: Outgoing::Frame(frame), pending }
     }
@@ -382,19 +382,19 @@ impl Tsch {
         sequence: Option<u8>,
         asn: u64,
         source_ns: i64,
-    ) -> Verdict {
+    ) -> FrameHandling {
         let now_ns = asn * config.slot_ns;
         let for_us = destination == Some(self.own);
         let is_new = self.neighbours.hear(from, sequence, for_us, asn);
         let State::Synced { source, heard_ns, .. } = &mut self.state else {
-            return Verdict { acknowledge: false, deliver: false };
+            return FrameHandling { acknowledge: false, deliver: false };
         };
         // A frame for another mote is discarded before it could correct the clock (IEEE Std 802.15.4-2015, 6.7.2).
         if *source == Some(from) && (for_us || destination.is_none()) {
             *heard_ns = now_ns;
             self.clock.correct(source_ns, now_ns, &mut self.dice);
         }
-        Verdict { acknowledge: for_us, deliver: destination.is_none() || (for_us && is_new) }
+        FrameHandling { acknowledge: for_us, deliver: destination.is_none() || (for_us && is_new) }
     }
 
     /// A received unicast frame for us had the pending bit: listens in the next slot.

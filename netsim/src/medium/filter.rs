@@ -19,11 +19,11 @@ pub struct Filters {
 impl Filters {
     /// Filters for frames on these channels, and for frames without one.
     #[must_use]
-    pub fn of(model: &Model, channels: &[u8]) -> Self {
+    pub fn for_channels(model: &Model, channels: &[u8]) -> Self {
         let mut by_channel = vec![None; 17];
-        by_channel[0] = Filter::of(model, None);
+        by_channel[0] = Filter::for_channel(model, None);
         for &channel in channels {
-            by_channel[place(Some(channel))] = Filter::of(model, Some(channel));
+            by_channel[place(Some(channel))] = Filter::for_channel(model, Some(channel));
         }
         Self { by_channel }
     }
@@ -102,7 +102,7 @@ fn key(distance_squared_m2: f64) -> u64 {
 }
 
 impl Filter {
-    fn of(model: &Model, channel: Option<u8>) -> Option<Self> {
+    fn for_channel(model: &Model, channel: Option<u8>) -> Option<Self> {
         let Reach::Within(reach_m) = model.reach(channel) else { return None };
         if !model.is_isotropic() {
             return None;
@@ -137,7 +137,7 @@ impl Filter {
         if by_curve && WIDEST_DB < widest {
             return None;
         }
-        let curve = by_curve.then(|| CurveGrid::of(model, widest));
+        let curve = by_curve.then(|| CurveGrid::new(model, widest));
         let (gain_db, loss_db) = (model.max_scatter_db(), model.max_scatter_loss_db());
         let is_certain = |low: f64| match &curve {
             None => 1.0 <= low,
@@ -228,7 +228,7 @@ pub struct CurveGrid {
 pub const STEPS_PER_DB: f64 = 64.0;
 
 impl CurveGrid {
-    fn of(model: &Model, widest_db: f64) -> Self {
+    fn new(model: &Model, widest_db: f64) -> Self {
         let curve = model.reception_curve();
         let (floor_dbm, ceiling_dbm) = (curve.floor_dbm(), curve.ceiling_dbm());
         let n = ((ceiling_dbm - floor_dbm) * STEPS_PER_DB).ceil() as usize + 2;

@@ -31,7 +31,7 @@ use crate::phy::propagation::Reach;
 use crate::phy::scatter::{Moment, PairBlock, Renewal, Scatter};
 use proto::site::Site;
 use proto::types::Covariate;
-use rows::Rows;
+use rows::SenderRows;
 use std::sync::Arc;
 
 /// What arrives where.
@@ -45,7 +45,7 @@ pub struct Links {
     lasting: Vec<Scatter>,
     passing: Vec<Scatter>,
     place: Place,
-    rows: Rows,
+    rows: SenderRows,
     nearest: Option<Nearest>,
     grid: Option<Grid>,
     is_prepared: bool,
@@ -71,7 +71,7 @@ const NOWHERE: u32 = u32::MAX;
 
 impl Place {
     #[inline]
-    fn of(&self, mote: u32) -> Option<usize> {
+    fn index_of(&self, mote: u32) -> Option<usize> {
         let place = *self.place_of.get(mote as usize)?;
         (place != NOWHERE).then_some(place as usize)
     }
@@ -102,7 +102,7 @@ impl Links {
             lasting,
             passing,
             place: Place::default(),
-            rows: Rows::default(),
+            rows: SenderRows::default(),
             nearest: None,
             grid: None,
             is_prepared: false,
@@ -183,7 +183,7 @@ impl Links {
     }
 
     fn each_arrival(&mut self, sent: Sent, receivers: &[u32], mut found: impl FnMut(Arrival)) {
-        let Some(from) = self.place.of(sent.sender) else {
+        let Some(from) = self.place.index_of(sent.sender) else {
             receivers.iter().for_each(|_| found(Arrival::NOTHING));
             return;
         };
@@ -218,7 +218,7 @@ impl Links {
             sent,
         };
         for &receiver in receivers {
-            found(on_air.at(receiver, rows));
+            found(on_air.arrival_at(receiver, rows));
         }
         Scene { nearest: self.nearest, grid: self.grid, .. } = scene;
     }
@@ -226,7 +226,7 @@ impl Links {
 
 impl Paths for Links {
     fn neighbours(&mut self, sender: u32) -> Option<&[u32]> {
-        let Some(from) = self.place.of(sender) else { return Some(&[]) };
+        let Some(from) = self.place.index_of(sender) else { return Some(&[]) };
         self.rows.refresh(&self.place.ends, from, self.reach, !self.lasting.is_empty());
         self.rows.neighbours(sender)
     }
@@ -237,7 +237,7 @@ impl Paths for Links {
 
     #[inline]
     fn is_on(&self, mote: u32) -> bool {
-        self.place.of(mote).is_some()
+        self.place.index_of(mote).is_some()
     }
 
     fn arrivals(&mut self, sent: Sent, receivers: &[u32], arrivals: &mut Vec<Arrival>) {
@@ -262,9 +262,9 @@ struct OnAir<'a> {
 
 impl OnAir<'_> {
     #[inline]
-    fn at(&self, receiver: u32, rows: &mut Rows) -> Arrival {
+    fn arrival_at(&self, receiver: u32, rows: &mut SenderRows) -> Arrival {
         let Self { model, place, sent, from, .. } = *self;
-        let Some(to) = place.of(receiver).filter(|&to| to != from) else {
+        let Some(to) = place.index_of(receiver).filter(|&to| to != from) else {
             return Arrival::NOTHING;
         };
         let (sender, receiver) = (&place.ends[from], &place.ends[to]);

@@ -13,7 +13,7 @@ use proto::types::{Deliveries, Heard};
 pub fn register_rssi_dbm(air: &Air<'_>, agent_count: usize, heard: &Heard) -> Vec<f32> {
     let place_of = places(air, agent_count);
     let deliveries = Deliveries { heard: heard.clone(), ..Deliveries::default() };
-    let mutual = Mutual::of(air, deliveries.n_deliveries());
+    let mutual = Mutual::compute(air, deliveries.n_deliveries());
     let chunks: Vec<Vec<f32>> = chunked(agent_count, |agents| {
         let mut read = Vec::new();
         let mut frames = Vec::new();
@@ -47,7 +47,7 @@ const MOST_MUTUAL: usize = 4096;
 
 impl Mutual {
     /// Readings between all radios, if they are mutual and if most are wanted.
-    fn of(air: &Air<'_>, n_deliveries: usize) -> Option<Self> {
+    fn compute(air: &Air<'_>, n_deliveries: usize) -> Option<Self> {
         let n = air.radios.ends.len();
         let frames = &air.radios.frames;
         let first = frames.first()?;

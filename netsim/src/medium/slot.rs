@@ -43,7 +43,7 @@ mod tests;
 pub use air::{Acknowledgment, Arrival, Listening, OnAir, Paths, Reception, Sent, Slot};
 
 use crate::phy::interference::Rule;
-use lock::{Locker, Outcome};
+use lock::{Locker, ReceiverOutcome};
 use pairing::{Ear, Emission, Pairing};
 use proto::rng::Purpose;
 use timing::{TX_ACK_DELAY_NS, TX_OFFSET_NS, airtime_ns};
@@ -106,11 +106,11 @@ impl SlotMedium {
                 self.pairing.heard_by(ear),
             );
             self.receptions.push(match outcome {
-                Outcome::Idle => Reception::Idle,
-                Outcome::Lost { emission } => {
+                ReceiverOutcome::Idle => Reception::Idle,
+                ReceiverOutcome::Lost { emission } => {
                     Reception::Lost { transmission: self.emissions[emission].number }
                 }
-                Outcome::Received { emission, rssi_dbm } => {
+                ReceiverOutcome::Received { emission, rssi_dbm } => {
                     Reception::Received { transmission: self.emissions[emission].number, rssi_dbm }
                 }
             });
@@ -174,12 +174,12 @@ impl SlotMedium {
                 self.pairing.heard_by(ear),
             );
             self.receptions.push(match outcome {
-                Outcome::Idle => Reception::Idle,
+                ReceiverOutcome::Idle => Reception::Idle,
                 // Acknowledgments stand first among the emissions.
-                Outcome::Received { emission, rssi_dbm } if emission == number as usize => {
+                ReceiverOutcome::Received { emission, rssi_dbm } if emission == number as usize => {
                     Reception::Received { transmission: number, rssi_dbm }
                 }
-                Outcome::Lost { .. } | Outcome::Received { .. } => {
+                ReceiverOutcome::Lost { .. } | ReceiverOutcome::Received { .. } => {
                     Reception::Lost { transmission: number }
                 }
             });

@@ -5,7 +5,7 @@ use crate::wire::Eui64;
 /// Addresses of all motes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Addresses {
-    of: Vec<Eui64>,
+    by_mote: Vec<Eui64>,
     /// Motes in the order of their addresses.
     by_address: Vec<u32>,
 }
@@ -27,22 +27,22 @@ impl Addresses {
     /// Two have the same.
     pub fn new(n: usize, given: &[Eui64]) -> Result<Self, Twice> {
         let rest = (given.len().min(n)..n).map(|mote| Eui64::of_mote(mote as u32));
-        let of: Vec<Eui64> = given.iter().take(n).copied().chain(rest).collect();
+        let by_mote: Vec<Eui64> = given.iter().take(n).copied().chain(rest).collect();
         let mut by_address: Vec<u32> = (0..n as u32).collect();
-        by_address.sort_by_key(|&mote| of[mote as usize]);
+        by_address.sort_by_key(|&mote| by_mote[mote as usize]);
         for pair in by_address.windows(2) {
-            let address = of[pair[0] as usize];
-            if address == of[pair[1] as usize] {
+            let address = by_mote[pair[0] as usize];
+            if address == by_mote[pair[1] as usize] {
                 return Err(Twice { address, motes: [pair[0], pair[1]] });
             }
         }
-        Ok(Self { of, by_address })
+        Ok(Self { by_mote, by_address })
     }
 
     /// The address of a mote.
     #[must_use]
-    pub fn of(&self, mote: u32) -> Eui64 {
-        self.of[mote as usize]
+    pub fn eui64(&self, mote: u32) -> Eui64 {
+        self.by_mote[mote as usize]
     }
 
     /// The mote with an address.
@@ -51,10 +51,11 @@ impl Addresses {
     pub fn mote(&self, address: Eui64) -> Option<u32> {
         // Default addresses hold the number.
         let guess = (address.0 & 0xffff_ffff) as usize;
-        if self.of.get(guess) == Some(&address) {
+        if self.by_mote.get(guess) == Some(&address) {
             return Some(guess as u32);
         }
-        let place = self.by_address.binary_search_by_key(&address, |&mote| self.of(mote)).ok()?;
+        let place =
+            self.by_address.binary_search_by_key(&address, |&mote| self.eui64(mote)).ok()?;
         Some(self.by_address[place])
     }
 }
@@ -69,10 +70,10 @@ mod tests {
         let twice = Addresses::new(3, &given).unwrap_err();
         assert_eq!(twice.motes, [1, 2]);
         let addresses = Addresses::new(4, &given[..1]).unwrap();
-        assert_eq!(addresses.of(0), given[0]);
-        assert_eq!(addresses.of(3), Eui64::of_mote(3));
+        assert_eq!(addresses.eui64(0), given[0]);
+        assert_eq!(addresses.eui64(3), Eui64::of_mote(3));
         for mote in 0..4 {
-            assert_eq!(addresses.mote(addresses.of(mote)), Some(mote));
+            assert_eq!(addresses.mote(addresses.eui64(mote)), Some(mote));
         }
         assert_eq!(addresses.mote(Eui64(7)), None);
     }

@@ -243,7 +243,7 @@ impl Mesh {
     }
 
     /// A mote, and the world as it sees it in a slot.
-    pub(super) fn at(&mut self, mote: u32, asn: u64) -> (&mut Mote, World<'_>) {
+    pub(super) fn mote_and_world(&mut self, mote: u32, asn: u64) -> (&mut Mote, World<'_>) {
         let world = World {
             settings: &self.settings,
             addresses: &self.addresses,
@@ -261,13 +261,13 @@ impl Mesh {
     /// Enters the next slot in which a mote acts, `from_asn` or later.
     pub(super) fn reschedule(&mut self, mote: u32, from_asn: u64) {
         let slot_ns = self.config.slot_ns;
-        let of = &self.state.motes[mote as usize];
-        let timeout = of.poll_timeout(&self.settings.mac);
+        let node = &self.state.motes[mote as usize];
+        let timeout = node.poll_timeout(&self.settings.mac);
         self.due_ns[mote as usize] = timeout.unwrap_or(u64::MAX);
         let timer_asn = timeout.map(|due_ns| due_ns.div_ceil(slot_ns).max(from_asn));
-        self.hush.note(mote, &of.mac, &of.schedule);
-        let tx_asn = of.mac.next_tx_asn(&self.settings.mac, &of.schedule, from_asn);
-        let next = [timer_asn, tx_asn, of.mac.follows_at(from_asn)].into_iter().flatten().min();
+        self.hush.note(mote, &node.mac, &node.schedule);
+        let tx_asn = node.mac.next_tx_asn(&self.settings.mac, &node.schedule, from_asn);
+        let next = [timer_asn, tx_asn, node.mac.follows_at(from_asn)].into_iter().flatten().min();
         self.state.calendar.set(mote, next);
     }
 }

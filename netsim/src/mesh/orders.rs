@@ -51,18 +51,18 @@ impl Mesh {
 
     /// Switches a mote on that is off.
     pub(super) fn switch_on(&mut self, mote: u32, asn: u64) {
-        let (of, mut world) = self.at(mote, asn);
-        if of.tally.on_since_asn.is_none() {
-            of.switch_on(&mut world);
+        let (node, mut world) = self.mote_and_world(mote, asn);
+        if node.tally.on_since_asn.is_none() {
+            node.switch_on(&mut world);
             self.reschedule(mote, asn);
         }
     }
 
     /// Switches a mote off that is on.
     pub(super) fn switch_off(&mut self, mote: u32, asn: u64) {
-        let (of, mut world) = self.at(mote, asn);
-        if of.tally.on_since_asn.is_some() {
-            of.switch_off(&mut world);
+        let (node, mut world) = self.mote_and_world(mote, asn);
+        if node.tally.on_since_asn.is_some() {
+            node.switch_off(&mut world);
             // It may have been the last one that was missing.
             self.readiness_changed = true;
             self.hush.forget(mote);
@@ -73,18 +73,18 @@ impl Mesh {
     fn send_ordered(&mut self, mote: u32, destination: u32, payload: bytes::Bytes, asn: u64) {
         let now_ns = asn * self.config.slot_ns;
         if destination == EVERYONE {
-            let (of, mut world) = self.at(mote, asn);
-            of.say(&mut world, ALL_NODES, payload, 0);
+            let (node, mut world) = self.mote_and_world(mote, asn);
+            node.say(&mut world, ALL_NODES, payload, 0);
         } else {
-            let to = self.addresses.of(destination).global();
+            let to = self.addresses.eui64(destination).global();
             let bytes = payload.len() as u32;
             let packet =
                 self.state.packets.begin(PacketKind::Ordered, mote, destination, now_ns, bytes);
-            let (of, mut world) = self.at(mote, asn);
-            of.say(&mut world, to, payload, packet);
+            let (node, mut world) = self.mote_and_world(mote, asn);
+            node.say(&mut world, to, payload, packet);
         }
-        let (of, mut world) = self.at(mote, asn);
-        of.pump(&mut world);
+        let (node, mut world) = self.mote_and_world(mote, asn);
+        node.pump(&mut world);
         self.reschedule(mote, asn);
     }
 }

@@ -22,9 +22,9 @@ impl Mesh {
         for (mote, &length) in (0..).zip(input.payloads.length_bytes()) {
             let range = begin..begin + length as usize;
             begin = range.end;
-            let of = &self.state.motes[mote as usize];
-            let waits = of.mac.queue().iter().any(|queued| queued.is_latest_only);
-            if length == 0 || !of.ready || !input.states.alive.get(mote as usize) {
+            let node = &self.state.motes[mote as usize];
+            let waits = node.mac.queue().iter().any(|queued| queued.is_latest_only);
+            if length == 0 || !node.ready || !input.states.alive.get(mote as usize) {
                 continue;
             }
             // Those for one neighbour each are packets, and told of as such.
@@ -42,8 +42,8 @@ impl Mesh {
         match self.settings.transport {
             Transport::None => {}
             Transport::OwnCell | Transport::SharedCell | Transport::BroadcastSlotframe { .. } => {
-                let (of, mut world) = self.at(mote, asn);
-                of.say(&mut world, ALL_NODES, payload, 0);
+                let (node, mut world) = self.mote_and_world(mote, asn);
+                node.say(&mut world, ALL_NODES, payload, 0);
             }
             Transport::UnicastNeighbours => {
                 let neighbours: Vec<_> =
@@ -54,12 +54,12 @@ impl Mesh {
                     let bytes = payload.len() as u32;
                     let packet =
                         self.state.packets.begin(PacketKind::Swarm, mote, other, now_ns, bytes);
-                    let (of, mut world) = self.at(mote, asn);
-                    of.say(&mut world, neighbour.link_local(), payload.clone(), packet);
+                    let (node, mut world) = self.mote_and_world(mote, asn);
+                    node.say(&mut world, neighbour.link_local(), payload.clone(), packet);
                 }
             }
         }
-        let (of, mut world) = self.at(mote, asn);
-        of.pump(&mut world);
+        let (node, mut world) = self.mote_and_world(mote, asn);
+        node.pump(&mut world);
     }
 }

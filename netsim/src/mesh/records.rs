@@ -142,20 +142,20 @@ impl Mesh {
             values,
             known: None,
         };
-        let count = |name: &str, unit: &str, of: &dyn Fn(&Mote) -> u64| {
-            all(name, unit, motes.iter().map(|mote| of(mote) as f64).collect())
+        let count = |name: &str, unit: &str, value: &dyn Fn(&Mote) -> u64| {
+            all(name, unit, motes.iter().map(|mote| value(mote) as f64).collect())
         };
-        let first = |name: &str, of: &dyn Fn(&Mote) -> Option<u64>| {
+        let first = |name: &str, value: &dyn Fn(&Mote) -> Option<u64>| {
             let mut known = Bitmap::filled(motes.len(), false);
             let mut values = Vec::with_capacity(motes.len());
             for (place, mote) in motes.iter().enumerate() {
-                known.set(place, of(mote).is_some());
-                values.push(of(mote).unwrap_or_default() as f64);
+                known.set(place, value(mote).is_some());
+                values.push(value(mote).unwrap_or_default() as f64);
             }
             Statistic { name: name.to_owned(), unit: "ns".to_owned(), values, known: Some(known) }
         };
-        let used = |name: &str, unit: &str, of: &dyn Fn(&energy::Usage) -> f64| {
-            all(name, unit, usages.iter().map(of).collect())
+        let used = |name: &str, unit: &str, value: &dyn Fn(&energy::Usage) -> f64| {
+            all(name, unit, usages.iter().map(value).collect())
         };
         let mut columns = vec![
             count("is_root", "", &|mote| u64::from(mote.is_root)),
@@ -223,20 +223,20 @@ impl Mesh {
         if self.state.heard.is_empty() {
             return;
         }
-        let of = &mut self.state.heard[receiver as usize];
-        match of.binary_search_by_key(&sender, |heard| heard.sender) {
+        let heard_of = &mut self.state.heard[receiver as usize];
+        match heard_of.binary_search_by_key(&sender, |heard| heard.sender) {
             Ok(place) => {
-                of[place].frames += 1;
-                of[place].sum_dbm += rssi_dbm;
+                heard_of[place].frames += 1;
+                heard_of[place].sum_dbm += rssi_dbm;
             }
-            Err(place) => of.insert(place, HeardOf { sender, frames: 1, sum_dbm: rssi_dbm }),
+            Err(place) => heard_of.insert(place, HeardOf { sender, frames: 1, sum_dbm: rssi_dbm }),
         }
     }
 
     fn heard_links(&self) -> HeardLinks {
         let mut links = HeardLinks::default();
-        for (receiver, of) in (0..).zip(&self.state.heard) {
-            for heard in of {
+        for (receiver, heard_of) in (0..).zip(&self.state.heard) {
+            for heard in heard_of {
                 links.receiver.push(receiver);
                 links.sender.push(heard.sender);
                 links.frames.push(heard.frames);

@@ -67,10 +67,11 @@ impl Mesh {
     fn let_time_pass(&mut self, mote: u32, asn: u64) {
         self.hush.forget(mote);
         let is_due = self.due_ns[mote as usize] <= asn * self.config.slot_ns;
-        let (of, mut world) = self.at(mote, asn);
-        if is_due && of.poll_timeout(&world.settings.mac).is_some_and(|at_ns| at_ns <= world.now_ns)
+        let (node, mut world) = self.mote_and_world(mote, asn);
+        if is_due
+            && node.poll_timeout(&world.settings.mac).is_some_and(|at_ns| at_ns <= world.now_ns)
         {
-            of.handle_timeout(&mut world);
+            node.handle_timeout(&mut world);
         }
         self.synchronise_if_wanted(mote, asn, asn);
     }
@@ -85,28 +86,29 @@ impl Mesh {
             return;
         }
         let source_ns = other.deviation_ns(now_ns);
-        let (of, mut world) = self.at(mote, asn);
+        let (node, mut world) = self.mote_and_world(mote, asn);
         world.effective_asn = effective_asn;
-        of.synchronise(&mut world, source, source_ns);
+        node.synchronise(&mut world, source, source_ns);
     }
 
     /// Ask: what does everybody who is awake send?
     fn ask(&mut self, awake: &[u32], asn: u64) {
         self.scratch.sending.clear();
         for &mote in awake {
-            let of = &mut self.state.motes[mote as usize];
-            let Some(mut transmission) = of.mac.poll_slot(&self.settings.mac, &of.schedule, asn)
+            let node = &mut self.state.motes[mote as usize];
+            let Some(mut transmission) =
+                node.mac.poll_slot(&self.settings.mac, &node.schedule, asn)
             else {
                 continue;
             };
             let mut payload = None;
             let at = transmission.at;
             let announce = |frame: &mut FrameRepr| {
-                at.and_then(|at| of.announce(&self.settings, &at, asn, frame))
+                at.and_then(|at| node.announce(&self.settings, &at, asn, frame))
             };
             let (beacon, psdu_bytes) = match &mut transmission.outgoing {
                 Outgoing::Beacon => {
-                    let mut beacon = of.beacon(asn, self.config.announced_ids());
+                    let mut beacon = node.beacon(asn, self.config.announced_ids());
                     let bytes = announce(&mut beacon);
                     let bytes = bytes.unwrap_or_else(|| self.settings.psdu_bytes(&beacon));
                     (Some(beacon), bytes)
@@ -153,14 +155,14 @@ impl Mesh {
         heard.clear();
         for sending in sending.iter() {
             seen[sending.sender as usize] = stamp;
-            let of = &mut state.motes[sending.sender as usize];
-            if of.schedule.listens(asn).is_some() {
-                of.tally.n_listening_used += 1;
+            let node = &mut state.motes[sending.sender as usize];
+            if node.schedule.listens(asn).is_some() {
+                node.tally.n_listening_used += 1;
             }
             on_air.push(OnAir {
                 sender: sending.sender,
                 channel: sending.transmission.channel,
-                starts_ns: of.mac.deviation_ns(now_ns),
+                starts_ns: node.mac.deviation_ns(now_ns),
                 psdu_bytes: sending.psdu_bytes,
             });
         }
@@ -182,9 +184,9 @@ impl Mesh {
                         Listening { is_background: true, ..listening }
                     }
                     Known::Nothing => {
-                        let of = &state.motes[mote as usize];
+                        let node = &state.motes[mote as usize];
                         let mac = &settings.mac;
-                        match of.mac.listening(mac, &of.schedule, experiment.seed, asn) {
+                        match node.mac.listening(mac, &node.schedule, experiment.seed, asn) {
                             Some(listening) => listening,
                             None => {
                                 seen[mote as usize] = stamp;
@@ -218,13 +220,13 @@ impl Mesh {
     /// idle listening is counted otherwise, does not know of it.
     fn note_followers(&mut self, awake: &[u32], asn: u64) {
         for &mote in awake {
-            let of = &mut self.state.motes[mote as usize];
-            if of.mac.follows_at(asn) != Some(asn) {
+            let node = &mut self.state.motes[mote as usize];
+            if node.mac.follows_at(asn) != Some(asn) {
                 continue;
             }
-            of.mac.end_following();
-            if of.schedule.listens(asn).is_none() && self.scratch.seen[mote as usize] != asn + 1 {
-                of.tally.usage.count(SlotUse::IdleListen);
+            node.mac.end_following();
+            if node.schedule.listens(asn).is_none() && self.scratch.seen[mote as usize] != asn + 1 {
+                node.tally.usage.count(SlotUse::IdleListen);
             }
         }
     }
@@ -310,8 +312,8 @@ impl Mesh {
         if let (Some(payload), false) = (sent.payload, listening.scans) {
             // The swarm's payload for everyone: nothing above the MAC changes but what the robot knows.
             let frame = sent.frame();
-            let of = &mut self.state.motes[mote as usize];
-            of.mac.handle_frame(
+            let node = &mut self.state.motes[mote as usize];
+            node.mac.handle_frame(
                 &self.settings.mac,
                 frame.source,
                 None,
@@ -320,11 +322,11 @@ impl Mesh {
                 source_ns,
             );
             if let (Some(at), false) = (&listening.at, listening.is_background) {
-                of.schedule.count_rx(at);
+                node.schedule.count_rx(at);
             }
             if let (Some(at), true) = (&listening.at, frame.slots.is_some()) {
-                let (of, mut world) = self.at(mote, asn);
-                of.handle_announcement(&mut world, at, frame);
+                let (node, mut world) = self.mote_and_world(mote, asn);
+                node.handle_announcement(&mut world, at, frame);
             }
             let end_ns = now_ns + self.config.slot_ns;
             self.inbox.hear(mote, payload, end_ns, rssi_dbm as f32, 1);
@@ -340,16 +342,16 @@ impl Mesh {
             && destination != self.state.motes[mote as usize].address
         {
             // Nobody above the MAC learns of it, and no timer depends on it.
-            let (of, mut world) = self.at(mote, asn);
-            of.handle_frame(&mut world, &arrived);
+            let (node, mut world) = self.mote_and_world(mote, asn);
+            node.handle_frame(&mut world, &arrived);
             return self.note_use(mote, listening, SlotUse::Overhear { bytes });
         }
-        let (of, mut world) = self.at(mote, asn);
+        let (node, mut world) = self.mote_and_world(mote, asn);
         world.effective_asn = asn + 1;
         let n_brought = world.swarm.len();
-        let verdict = of.handle_frame(&mut world, &arrived);
+        let verdict = node.handle_frame(&mut world, &arrived);
         let acknowledges = verdict.acknowledge;
-        of.pump(&mut world);
+        node.pump(&mut world);
         for brought in &mut world.swarm[n_brought..] {
             brought.rssi_dbm = rssi_dbm as f32;
         }
@@ -433,22 +435,22 @@ impl Mesh {
             Outgoing::Frame(queued) => (queued.destination().is_some(), 1 < queued.n_attempts),
         };
         let at = transmission.at;
-        let (of, mut world) = self.at(sender, asn);
+        let (node, mut world) = self.mote_and_world(sender, asn);
         world.effective_asn = asn + 1;
-        of.mac.spend_airtime(bytes, now_ns);
-        of.tally.n_tx += 1;
-        of.tally.n_retransmissions += u64::from(is_retransmission);
-        of.tally.usage.count(if is_unicast {
-            of.tally.n_tx_unicast += 1;
-            of.tally.n_tx_acked += u64::from(acknowledged);
+        node.mac.spend_airtime(bytes, now_ns);
+        node.tally.n_tx += 1;
+        node.tally.n_retransmissions += u64::from(is_retransmission);
+        node.tally.usage.count(if is_unicast {
+            node.tally.n_tx_unicast += 1;
+            node.tally.n_tx_acked += u64::from(acknowledged);
             SlotUse::TxUnicast { bytes, acked: acknowledged }
         } else {
             SlotUse::TxBroadcast { bytes }
         });
         let done =
-            of.mac.handle_done(&world.settings.mac, transmission, acknowledged, source_ns, asn);
-        of.handle_done(&mut world, at, done, acknowledged);
-        of.pump(&mut world);
+            node.mac.handle_done(&world.settings.mac, transmission, acknowledged, source_ns, asn);
+        node.handle_done(&mut world, at, done, acknowledged);
+        node.pump(&mut world);
     }
 
     /// Payloads of the swarm that came in frames for one mote alone.

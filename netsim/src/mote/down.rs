@@ -153,7 +153,7 @@ impl Mote {
     pub(super) fn send_application(&mut self, world: &mut World<'_>, packet: &app::Packet) {
         let to = match packet.destination {
             app::Destination::Root => self.rpl.dodag_id().map(Eui64::of_ip),
-            app::Destination::Mote(mote) => Some(world.addresses.of(mote)),
+            app::Destination::Mote(mote) => Some(world.addresses.eui64(mote)),
         };
         let Some(to) = to else { return };
         let Some(mote) = world.addresses.mote(to) else { return };

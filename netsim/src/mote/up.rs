@@ -4,10 +4,10 @@ use super::down::{Wanted, hops_of};
 use super::ports::{APPLICATION_PORT, SWARM_PORT};
 use super::{Brought, Mote, World};
 use crate::join::ports;
-use crate::lowpan::{self, DropReason, Outcome, Step};
+use crate::lowpan::{self, DropReason, LowpanAction, Step};
 use crate::mac::CellRef;
 use crate::mac::queue::Queued;
-use crate::mac::tsch::{Done, Verdict};
+use crate::mac::tsch::{Done, FrameHandling};
 use crate::rpl;
 use crate::wire::Eui64;
 use crate::wire::datagram::{Datagram, UdpRepr, Upper};
@@ -30,7 +30,7 @@ pub struct Arrived<'a> {
 
 impl Mote {
     /// A frame was received. Returns whether it is acknowledged, and whether it was new.
-    pub fn handle_frame(&mut self, world: &mut World<'_>, arrived: &Arrived<'_>) -> Verdict {
+    pub fn handle_frame(&mut self, world: &mut World<'_>, arrived: &Arrived<'_>) -> FrameHandling {
         let frame = arrived.frame;
         let from = frame.source;
         let is_beacon = matches!(frame.content, Content::Beacon(_));
@@ -44,10 +44,10 @@ impl Mote {
                 self.wants_sync =
                     self.mac.handle_beacon(config, from, beacon.join_metric, world.now_ns);
             }
-            return Verdict { acknowledge: false, deliver: false };
+            return FrameHandling { acknowledge: false, deliver: false };
         }
         if self.sf.quarantine_ends_ns(from).is_some() {
-            return Verdict { acknowledge: false, deliver: false };
+            return FrameHandling { acknowledge: false, deliver: false };
         }
         let verdict = self.mac.handle_frame(
             &world.settings.mac,
@@ -90,17 +90,17 @@ impl Mote {
         world: &mut World<'_>,
         from: Eui64,
         part: &LowpanRepr,
-        outcome: Outcome,
+        outcome: LowpanAction,
     ) {
         match outcome {
-            Outcome::Wait => {}
-            Outcome::Drop { reason: DropReason::Duplicate, .. } => {}
-            Outcome::Drop { packet, reason } => self.lose(world, packet, reason),
-            Outcome::Forward { next_hop, part } => {
+            LowpanAction::Wait => {}
+            LowpanAction::Drop { reason: DropReason::Duplicate, .. } => {}
+            LowpanAction::Drop { packet, reason } => self.lose(world, packet, reason),
+            LowpanAction::Forward { next_hop, part } => {
                 let packet = part.datagram().packet;
                 self.send_part(world, part, Some(next_hop), packet);
             }
-            Outcome::Deliver(datagram) => match lowpan::step(&datagram, self.address) {
+            LowpanAction::Deliver(datagram) => match lowpan::step(&datagram, self.address) {
                 Ok(Step::Here) => {
                     self.note_way(world, from, &datagram);
                     self.handle_upper(world, from, &datagram);
@@ -112,7 +112,7 @@ impl Mote {
                 }
                 Err(reason) => self.lose(world, datagram.packet, reason),
             },
-            Outcome::Route(onward) => {
+            LowpanAction::Route(onward) => {
                 if let Some((onward, next_hop)) = self.onward(world, from, *onward) {
                     let onward = Arc::new(onward);
                     let outcome = self.lowpan.forward(from, part, onward, next_hop, world.now_ns);
@@ -151,9 +151,9 @@ impl Mote {
             );
             datagram.rpi = Some(rpi);
             match verdict {
-                rpl::Verdict::Forward => {}
-                rpl::Verdict::Return(back) => return Some((datagram, back)),
-                rpl::Verdict::Drop(reason) => {
+                rpl::ForwardingDecision::Forward => {}
+                rpl::ForwardingDecision::Return(back) => return Some((datagram, back)),
+                rpl::ForwardingDecision::Drop(reason) => {
                     let reason = match reason {
                         rpl::DropReason::RankError => DropReason::RankError,
                         rpl::DropReason::ForwardingError => DropReason::ForwardingError,

@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use proto::config::{Lists, check, parse};
 
-    fn of(text: &str) -> Interference {
+    fn parse_and_build(text: &str) -> Interference {
         let known = Registry::new(BUILT_IN);
         let lists = Lists::default().with(LIST, &known);
         let checked = check(&parse(text).unwrap(), "", &SPEC, &lists, &mut Vec::new());
@@ -137,14 +137,15 @@ mod tests {
 
     #[test]
     fn o_qpsk_is_the_default() {
-        let interference = of("");
+        let interference = parse_and_build("");
         assert_eq!(interference.rule.name(), "o-qpsk");
         assert_eq!(interference.horizon_dbm, None);
     }
 
     #[test]
     fn rules_are_selected_by_kind() {
-        let interference = of("kind = \"table\"\nnoise_floor_dbm = -100.0\nhorizon_dbm = -110.0");
+        let interference =
+            parse_and_build("kind = \"table\"\nnoise_floor_dbm = -100.0\nhorizon_dbm = -110.0");
         assert_eq!(interference.rule.name(), "table");
         assert_eq!(interference.horizon_dbm, Some(-110.0));
         // 10 dB above -100 dBm: a disturbance that loses the noise within it.
@@ -155,7 +156,7 @@ mod tests {
     #[test]
     fn without_interference_nothing_is_lost_to_it() {
         for text in ["", "kind = \"table\""] {
-            let rule = of(text).rule;
+            let rule = parse_and_build(text).rule;
             for signal_dbm in [-120.0, -104.0, -95.0, -80.0, -10.0] {
                 let factor = rule.survival(signal_dbm, 0.0, 4_256_000, 4_256_000);
                 // Where the table has 0 even without interference, there is nothing to lose.
@@ -167,7 +168,7 @@ mod tests {
     #[test]
     fn more_interference_and_longer_overlap_never_help() {
         for text in ["", "kind = \"table\""] {
-            let rule = of(text).rule;
+            let rule = parse_and_build(text).rule;
             for signal_dbm in [-95.0, -80.0, -60.0] {
                 let mut before = 1.0;
                 for step in 0..600 {
@@ -190,7 +191,7 @@ mod tests {
     #[test]
     fn the_guide_has_these_figures() {
         let guide = include_str!("../../../docs/radio.md");
-        let (o_qpsk, table) = (of("").rule, of("kind = \"table\"").rule);
+        let (o_qpsk, table) = (parse_and_build("").rule, parse_and_build("kind = \"table\"").rule);
         let figure = |rule: &dyn Rule, other_dbm: f64, bytes: i64| {
             let frame_ns = 32_000 * (6 + bytes);
             let factor = rule.survival(-60.0, rule.disturbance_mw(other_dbm), frame_ns, frame_ns);

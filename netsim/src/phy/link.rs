@@ -122,9 +122,9 @@ impl Link<'_> {
                     Side::Sender => "tx_",
                     Side::Receiver => "rx_",
                 };
-                let of = |wanted: &dyn Fn(&str) -> bool| self.scene.covariates.column(wanted);
-                of(&|column| column.strip_prefix(prefix) == Some(name))
-                    .or_else(|| of(&|column| column == name))
+                let value_in = |wanted: &dyn Fn(&str) -> bool| self.scene.covariates.column(wanted);
+                value_in(&|column| column.strip_prefix(prefix) == Some(name))
+                    .or_else(|| value_in(&|column| column == name))
             }
         }
     }

@@ -36,7 +36,7 @@ impl Grid {
         self.entries.clear();
         let column = |x: f64| column(x, cell_m);
         let cells: Vec<(i64, i64)> = points.map(|[x, y]| (column(x), column(y))).collect();
-        self.table = Table::of(&cells);
+        self.table = Table::covering(&cells);
         match &self.table {
             Some(table) => table.sort(&cells, &mut self.entries),
             None => {
@@ -118,7 +118,7 @@ impl Grid {
 
 impl Table {
     /// Of these cells. `None`: most of the rectangle around them would be empty.
-    fn of(cells: &[(i64, i64)]) -> Option<Self> {
+    fn covering(cells: &[(i64, i64)]) -> Option<Self> {
         let &(x, y) = cells.first()?;
         let mut bounds = [x, x, y, y];
         for &(x, y) in cells {
@@ -202,7 +202,7 @@ pub struct Nearest {
 impl Nearest {
     /// Finds the `k` nearest neighbours of every agent.
     #[must_use]
-    pub fn of(agents: &[End], k: usize) -> Self {
+    pub fn find(agents: &[End], k: usize) -> Self {
         let mut places: Vec<(u32, u32)> = agents.iter().map(|end| end.id).zip(0..).collect();
         places.sort_unstable();
         // Too few agents for a grid to pay: all pairs.
@@ -327,7 +327,7 @@ mod tests {
 
         #[test]
         fn rings_and_all_pairs_find_the_same_neighbours(agents in agents(), k in 0usize..8) {
-            let nearest = Nearest::of(&agents, k);
+            let nearest = Nearest::find(&agents, k);
             for (place, agent) in agents.iter().enumerate() {
                 prop_assert_eq!(nearest.neighbours_of(place), nearest_of_all(&agents, agent, k));
             }
@@ -362,7 +362,7 @@ mod tests {
     fn of_two_equally_far_the_lower_number_is_nearer() {
         let agents =
             [End::new(0, [0.0; 3]), End::new(1, [1.0, 0.0, 0.0]), End::new(2, [-1.0, 0.0, 0.0])];
-        let nearest = Nearest::of(&agents, 1);
+        let nearest = Nearest::find(&agents, 1);
         assert_eq!(nearest.is_among(&agents[0], &agents[1]), Some(true));
         assert_eq!(nearest.is_among(&agents[0], &agents[2]), Some(false));
     }

@@ -178,7 +178,7 @@ impl Law {
                 let level = |i: u32| (span_db * ((f64::from(i) + 0.5) / 32.0 - 0.5), 1.0 / 32.0);
                 (0..32).map(level).collect()
             }
-            Self::Rician { k_factor_db } => Waves::of(k_factor_db)
+            Self::Rician { k_factor_db } => Waves::from_k_factor(k_factor_db)
                 .levels_db(16)
                 .into_iter()
                 .map(|db| (db, 1.0 / 16.0))
@@ -195,7 +195,7 @@ impl Scatter {
             Law::Normal { sd_db } => CLIP_SD * sd_db,
             Law::Uniform { span_db } => 0.5 * span_db,
             Law::Rician { k_factor_db } => {
-                let Waves { steady, weak } = Waves::of(k_factor_db);
+                let Waves { steady, weak } = Waves::from_k_factor(k_factor_db);
                 // A little more than the greatest amplitude: rounding must not exceed it.
                 20.0 * libm::log10(steady + CLIP_SD * weak) + 1e-6
             }
@@ -209,7 +209,7 @@ impl Scatter {
         match self.law {
             Law::Normal { .. } | Law::Uniform { .. } | Law::Nodes { .. } => self.max_gain_db(),
             Law::Rician { k_factor_db } => {
-                let Waves { steady, weak } = Waves::of(k_factor_db);
+                let Waves { steady, weak } = Waves::from_k_factor(k_factor_db);
                 let least = steady - CLIP_SD * weak;
                 let deepest_db =
                     if 0.0 < least { 20.0 * libm::log10(least) } else { DEEPEST_FADE_DB };
@@ -248,15 +248,15 @@ impl Scatter {
                 };
                 let draws = Draws::new(block.seed, self.purpose);
                 let [a, b, ..] = draws.words(entity, time, u64::from(self.ordinal) << 32);
-                Waves::of(k_factor_db).power_db(a, b)
+                Waves::from_k_factor(k_factor_db).power_db(a, b)
             }
             Law::Nodes { tx_sd_db, rx_sd_db } => {
                 let draws = Draws::new(block.seed, self.purpose);
                 let k = u64::from(self.ordinal) << 32;
-                let of = |node: u32, k: u64| {
+                let offset_sd = |node: u32, k: u64| {
                     draws.normal(u64::from(node), 0, k).clamp(-CLIP_SD, CLIP_SD)
                 };
-                tx_sd_db * of(sender, k) + rx_sd_db * of(receiver, k | 1)
+                tx_sd_db * offset_sd(sender, k) + rx_sd_db * offset_sd(receiver, k | 1)
             }
         }
     }
@@ -356,7 +356,7 @@ struct Waves {
 
 impl Waves {
     #[inline]
-    fn of(k_factor_db: f64) -> Self {
+    fn from_k_factor(k_factor_db: f64) -> Self {
         let k = libm::pow(10.0, k_factor_db / 10.0);
         Self { steady: libm::sqrt(k / (k + 1.0)), weak: libm::sqrt(0.5 / (k + 1.0)) }
     }
@@ -367,11 +367,12 @@ impl Waves {
         const SIDE: u32 = 48;
         /// 2⁶⁴, so many different words there are.
         const WORDS: f64 = 2.0 * (1_u64 << 63) as f64;
-        let at = |i: u32, k: u32| {
+        let cell_db = |i: u32, k: u32| {
             let word = |j: u32| ((f64::from(j) + 0.5) / f64::from(SIDE) * WORDS) as u64;
             self.power_db(word(i), word(k))
         };
-        let mut all: Vec<f64> = (0..SIDE).flat_map(|i| (0..SIDE).map(move |k| at(i, k))).collect();
+        let mut all: Vec<f64> =
+            (0..SIDE).flat_map(|i| (0..SIDE).map(move |k| cell_db(i, k))).collect();
         all.sort_by(f64::total_cmp);
         let part = all.len() / n;
         (0..n).map(|i| all[i * part..(i + 1) * part].iter().sum::<f64>() / part as f64).collect()
@@ -471,8 +472,8 @@ mod tests {
             for delta in [0.1, 0.5, 1.0, 3.0] {
                 let pairs: Vec<(f64, f64)> = (0..20_000)
                     .map(|entity| {
-                        let at = |way| gauss_markov(draws, entity, 0, way);
-                        (at(start), at(start + delta))
+                        let value_after = |way| gauss_markov(draws, entity, 0, way);
+                        (value_after(start), value_after(start + delta))
                     })
                     .collect();
                 let expected = (-delta).exp();

@@ -14,7 +14,7 @@ pub struct Path {
 impl Path {
     /// The direct path of a link.
     #[must_use]
-    pub fn of(link: &Link<'_>) -> Self {
+    pub fn direct(link: &Link<'_>) -> Self {
         Self { from_m: link.sender.position_m, to_m: link.receiver.position_m }
     }
 
@@ -193,7 +193,7 @@ pub fn bodies_on_path<'a>(
     link: &Link<'a>,
     body_radius_m: f64,
 ) -> impl Iterator<Item = &'a End> + use<'a> {
-    let path = Path::of(link);
+    let path = Path::direct(link);
     agents_near(link, body_radius_m).filter(move |agent| {
         path.distance_squared_m2(agent.position_m) <= body_radius_m * body_radius_m
     })

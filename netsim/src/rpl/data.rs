@@ -29,7 +29,7 @@ pub enum Route {
 
 /// What to do with a datagram that has come from a neighbour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Verdict {
+pub enum ForwardingDecision {
     /// It may go on, or is for this mote.
     Forward,
     /// There is no route further down: back to this neighbour, with the F flag (RFC 6550, § 11.2.2.3).
@@ -92,10 +92,10 @@ impl Rpl {
         is_source_routed: bool,
         now_ns: u64,
         dice: &mut Dice,
-    ) -> Verdict {
+    ) -> ForwardingDecision {
         let Some(dodag) = self.dodag.as_ref().filter(|_| rpi.instance == self.config.instance)
         else {
-            return Verdict::Drop(DropReason::NotInDodag);
+            return ForwardingDecision::Drop(DropReason::NotInDodag);
         };
         let mode = dodag.mode();
         let (sender, own) = (dodag.dag_rank(rpi.sender_rank), dodag.dag_rank(dodag.rank));
@@ -115,7 +115,7 @@ impl Rpl {
                 if !rpi.down && parent == Some(from) {
                     self.distrust(from, now_ns, dice);
                 }
-                return Verdict::Drop(DropReason::RankError);
+                return ForwardingDecision::Drop(DropReason::RankError);
             }
             rpi.rank_error = true;
         } else if !rpi.down {
@@ -126,11 +126,11 @@ impl Rpl {
             let has_route = self.next_hop_down(destination).is_some();
             if rpi.down && !has_route {
                 rpi.forwarding_error = true;
-                return Verdict::Return(from);
+                return ForwardingDecision::Return(from);
             }
             rpi.down = has_route;
         }
-        Verdict::Forward
+        ForwardingDecision::Forward
     }
 
     /// A datagram that went down comes back (RFC 6550, § 11.2.2.3): the route was wrong. Without another one, it goes back
@@ -141,7 +141,7 @@ impl Rpl {
         from: Eui64,
         destination: Ipv6Addr,
         now_ns: u64,
-    ) -> Verdict {
+    ) -> ForwardingDecision {
         if self.next_hop_down(destination) == Some(from)
             && let Some(entry) = self.routes.remove(destination)
         {
@@ -150,11 +150,11 @@ impl Rpl {
         rpi.sender_rank = self.sender_rank().unwrap_or_default();
         if self.next_hop_down(destination).is_some() {
             rpi.forwarding_error = false;
-            return Verdict::Forward;
+            return ForwardingDecision::Forward;
         }
         match self.parent() {
-            Some(parent) if parent != from => Verdict::Return(parent),
-            _ => Verdict::Drop(DropReason::ForwardingError),
+            Some(parent) if parent != from => ForwardingDecision::Return(parent),
+            _ => ForwardingDecision::Drop(DropReason::ForwardingError),
         }
     }
 

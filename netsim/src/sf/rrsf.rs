@@ -181,7 +181,7 @@ mod tests {
         let motes: Vec<Bench> = (0..7).map(|mote| Bench::start(&config, mote)).collect();
         for slot in 0..7 {
             for (mote, bench) in (0..).zip(&motes) {
-                let cells: Vec<_> = bench.schedule.at(slot).collect();
+                let cells: Vec<_> = bench.schedule.cells_at(slot).collect();
                 let [at] = cells[..] else { panic!("one cell in every slot") };
                 let options = if slot == mote { CellOptions::TX } else { CellOptions::RX };
                 assert_eq!(
@@ -229,7 +229,7 @@ mod tests {
         let config = built("kind = \"rrsf\" # compat.shared_slot_0", 5);
         for mote in 0..5 {
             let bench = Bench::start(&config, mote);
-            let first = bench.schedule.at(0).next().unwrap();
+            let first = bench.schedule.cells_at(0).next().unwrap();
             assert_eq!((first.handle, first.cell.options), (0, CellOptions::TX_RX_SHARED));
             assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 5);
             let said = (mote != 0).then_some(OWN_HANDLE);

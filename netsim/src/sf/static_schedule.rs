@@ -154,7 +154,7 @@ pub struct StaticCell {
 impl StaticCell {
     /// What it is for a mote; `None`: it does not concern it.
     #[must_use]
-    pub fn of(&self, mote: u32) -> Option<Cell> {
+    pub fn cell_for(&self, mote: u32) -> Option<Cell> {
         let is = |end: Option<End>| end.is_some_and(|end| end.mote == mote);
         let (sends, receives) = (is(self.from), is(self.to));
         let options = CellOptions {
@@ -255,7 +255,7 @@ fn warn(config: &StaticConfig, context: &mut BuildContext<'_>) {
     }
     let path = context.path;
     let has = |mote: u32, which: &dyn Fn(&Cell) -> bool| {
-        config.cells.iter().filter_map(|cell| cell.of(mote)).any(|cell| which(&cell))
+        config.cells.iter().filter_map(|cell| cell.cell_for(mote)).any(|cell| which(&cell))
     };
     let advertises =
         |mote: u32| has(mote, &|cell| cell.options.tx && cell.kind != CellKind::Normal);
@@ -302,7 +302,7 @@ impl StaticSchedule {
         Self {
             slotframe_slots: config.slotframe_slots,
             minimal_cell_slots: config.minimal_cell_slots,
-            cells: config.cells.iter().filter_map(|cell| cell.of(mote)).collect(),
+            cells: config.cells.iter().filter_map(|cell| cell.cell_for(mote)).collect(),
         }
     }
 }

@@ -104,7 +104,7 @@ fn answer() -> impl Strategy<Value = SixpAnswer> {
         }),
     ];
     (0_u8..10, content).prop_map(|(code, content)| SixpAnswer {
-        code: ReturnCode::of(code).expect("there are ten"),
+        code: ReturnCode::from_number(code).expect("there are ten"),
         content,
     })
 }

@@ -11,7 +11,7 @@
 //! | 1 for 8 slots | bitmap: the sender hears a neighbour in this slot; slot 0 is bit 0 of the first byte |
 //! | 1 each | [`tag`] of who is heard there: for taken slots one after the other, beginning anew after the last one |
 
-use super::sink::{Put, Reader, Sink};
+use super::sink::{ByteReader, Put, Sink};
 use super::{Eui64, Malformed};
 use serde::{Deserialize, Serialize};
 
@@ -95,7 +95,7 @@ impl SlotsRepr {
     /// # Errors
     /// It ends too early, or tells of slots beyond its own end.
     pub fn parse(content: &[u8]) -> Result<Option<Self>, Malformed> {
-        let mut reader = Reader::new(content);
+        let mut reader = ByteReader::new(content);
         if reader.take(3)? != &OUI.to_le_bytes()[..3] {
             return Ok(None);
         }

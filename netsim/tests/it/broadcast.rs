@@ -1,8 +1,8 @@
 //! When frames are sent, who speaks, orders, and the columns of deliveries.
 
 use super::harness::{
-    STEP_NS, at, interval, network, pairs, pairs_of, payloads, period, setup, site, started,
-    step_with,
+    STEP_NS, interval, network, pairs, pairs_of, payloads, period, setup, site, standing_at,
+    started, step_with,
 };
 use proto::side::{NetInput, NetSimulator as _};
 use proto::types::{
@@ -17,7 +17,7 @@ fn order(order: MoteOrder) -> MoteCommand {
 #[test]
 fn every_agent_sends_once_in_its_slot_and_nobody_hears_itself() {
     let mut network = network(23, "[phy]\npropagation = \"full\"");
-    let states = at(&[(0.0, 0.0); 23]);
+    let states = standing_at(&[(0.0, 0.0); 23]);
     let output = period(&mut network, &states, 4);
     assert_eq!(output.time_ns, 5 * STEP_NS);
     let sent = &output.deliveries.transmissions;
@@ -43,7 +43,7 @@ fn every_agent_sends_once_in_its_slot_and_nobody_hears_itself() {
 #[test]
 fn who_says_nothing_is_dead_or_has_failed_does_not_send() {
     let mut network = network(5, "absent = [4]\n[phy]\npropagation = \"full\"");
-    let mut states = at(&[(0.0, 0.0); 5]);
+    let mut states = standing_at(&[(0.0, 0.0); 5]);
     states.alive = Bitmap::filled(5, true);
     states.alive.set(1, false);
     let payloads = Payloads::new(vec![1, 1, 0, 1, 1], vec![7; 4].into()).unwrap();
@@ -79,7 +79,7 @@ fn a_step_may_end_at_its_first_delivery() {
     // Only 7 and 8 are near each other.
     let places: Vec<(f64, f64)> =
         (0..12).map(|i| (if i == 8 { 70.5 } else { 10.0 * f64::from(i) }, 0.0)).collect();
-    let states = at(&places);
+    let states = standing_at(&places);
     let output = step_with(&mut network, &states, 0, STEP_NS, &[], true);
     assert_eq!(output.time_ns, 80_000_000, "the end of slot 7");
     let sent = &output.deliveries.transmissions;
@@ -100,7 +100,7 @@ fn a_step_may_end_at_its_first_delivery() {
 #[test]
 fn stopping_at_deliveries_brings_the_same_frames() {
     let config = "[phy]\npropagation = \"experimental-randomness\"\ntx_power_dbm = -20";
-    let states = at(&[(0.0, 0.0), (9.0, 2.0), (20.0, 3.0), (4.0, 30.0), (7.0, -12.0)]);
+    let states = standing_at(&[(0.0, 0.0), (9.0, 2.0), (20.0, 3.0), (4.0, 30.0), (7.0, -12.0)]);
     let mut plain = network(5, config);
     let mut event = network(5, config);
     let mut expected = Vec::new();
@@ -134,7 +134,7 @@ fn optional_columns_are_filled_in_on_request() {
     let places: Vec<(f64, f64)> = (0..70).map(|i| (1.5 * f64::from(i), 0.0)).collect();
     let (mut network, _) = started(&setup);
     // Two periods in one step.
-    let deliveries = interval(&mut network, &at(&places), 0, 2 * STEP_NS).deliveries;
+    let deliveries = interval(&mut network, &standing_at(&places), 0, 2 * STEP_NS).deliveries;
     assert_eq!(deliveries.n_deliveries(), 2 * 2 * 69);
     let mut i = 0;
     for receiver in 0..70 {
@@ -156,7 +156,7 @@ fn an_obstacle_that_moves_blocks_where_it_now_is() {
     let mut setup = setup(2, "[phy]\npropagation = \"line-of-sight\"");
     setup.site = site("[[obstacle]]\nname = \"cart\"\ncentre_m = [50, 50]\nradius_m = 1");
     let (mut network, _) = started(&setup);
-    let states = at(&[(0.0, 0.0), (10.0, 0.0)]);
+    let states = standing_at(&[(0.0, 0.0), (10.0, 0.0)]);
     let mut run = |moved: &[MovedObstacle]| {
         let input = NetInput {
             step: 1,
@@ -199,7 +199,7 @@ fn a_trace_is_replayed_on_the_hopping_sequence() {
             "a.k7 lasts 600 s, from time 0 on, formation included: in a longer run every link then stays as its last row says"
         ]
     );
-    let states = at(&[(0.0, 0.0); 2]);
+    let states = standing_at(&[(0.0, 0.0); 2]);
     // Agent 0 sends at slots 0, 10, 20, ...: sequence positions 0, 10, 4, 14, 8, 2, 12, 6. Channel 17 stands at 1: never.
     for k in 0..8 {
         assert_eq!(period(&mut network, &states, k).deliveries.n_deliveries(), 0, "{k}");
@@ -233,7 +233,7 @@ fn a_payload_that_was_not_sent_before_the_next_came_is_counted() {
     );
     setup.records = vec![NetRecord::Statistics];
     let (mut network, _) = started(&setup);
-    let states = at(&[(0.0, 0.0); 3]);
+    let states = standing_at(&[(0.0, 0.0); 3]);
     let payloads = payloads(3);
     let (mut n_sent, mut superseded) = (0, Vec::new());
     for step in 1..=3000 {

@@ -1,7 +1,7 @@
 //! Delivery frequencies and readings of every model.
 
 use super::harness::{
-    at, count_heard, network, pairs_of, period, reading_dbm, setup, site, started,
+    count_heard, network, pairs_of, period, reading_dbm, setup, site, standing_at, started,
 };
 use netsim::catalogue::Catalogue;
 use netsim::phy::propagation::{Reception, friis::friis_dbm};
@@ -26,7 +26,7 @@ fn frequency(config: &str, distance_m: f64) -> (f64, f64) {
             [(x_m, 0.0), (x_m, distance_m)]
         })
         .collect();
-    let states = at(&places);
+    let states = standing_at(&places);
     let mut network = network(places.len(), config);
     let n_heard: usize =
         (0..n_periods).map(|k| period(&mut network, &states, k).deliveries.n_deliveries()).sum();
@@ -115,8 +115,8 @@ fn frozen_and_coherent_levels_have_the_same_mean_over_many_links() {
 #[test]
 fn levels_are_redrawn_when_they_should_be() {
     // At 20 m two thirds of the levels let nearly everything pass, one third nearly nothing.
-    let states = at(&[(0.0, 0.0), (20.0, 0.0)]);
-    let moving = at(&[(0.0, 5.0), (20.0, 5.0)]);
+    let states = standing_at(&[(0.0, 0.0), (20.0, 0.0)]);
+    let moving = standing_at(&[(0.0, 5.0), (20.0, 5.0)]);
     let heard = |redraw: &str, moves: bool| -> Vec<[bool; 2]> {
         let config =
             format!("[phy]\npropagation = \"experimental-randomness\"\nredraw = {redraw:?}\n");
@@ -262,7 +262,7 @@ fn antenna_height_is_added_where_positions_are_planar() {
     let model = "propagation = \"line-of-sight\"\nantenna_height_m = 2.0";
     let mut setup = setup(2, &format!("[phy]\n{model}"));
     setup.site = site("[[wall]]\nfrom_m = [1, -1]\nto_m = [1, 1]\nheight_m = 1.5");
-    let mut states = at(&[(0.0, 0.0), (2.0, 0.0)]);
+    let mut states = standing_at(&[(0.0, 0.0), (2.0, 0.0)]);
     let (mut network, _) = started(&setup);
     assert_eq!(period(&mut network, &states, 0).deliveries.n_deliveries(), 2);
     states.z_m[1] = 0.5;
@@ -279,7 +279,7 @@ fn walls_obstacles_and_robots_block_the_line_of_sight() {
         "[[wall]]\nfrom_m = [-1, 1]\nto_m = [1, 1]\n[[obstacle]]\nname = \"box\"\ncentre_m = [2, 0]\nradius_m = 0.3",
     );
     // 0 at the origin, 1 behind the wall, 2 behind the box, 3 to the west.
-    let mut states = at(&[(0.0, 0.0), (0.0, 2.0), (4.0, 0.0), (-2.0, 0.0)]);
+    let mut states = standing_at(&[(0.0, 0.0), (0.0, 2.0), (4.0, 0.0), (-2.0, 0.0)]);
     let (mut network, _) = started(&setup);
     let both = |list: &[(u32, u32)]| -> Vec<(u32, u32)> {
         let mut all: Vec<_> = list.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
@@ -299,7 +299,7 @@ fn walls_obstacles_and_robots_block_the_line_of_sight() {
 #[test]
 fn a_field_of_view_follows_the_heading_or_else_the_motion() {
     let mut network = network(3, "[phy]\npropagation = \"line-of-sight\"\nfield_of_view_rad = 1.6");
-    let mut states = at(&[(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)]);
+    let mut states = standing_at(&[(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)]);
     let heard_of_0 = |network: &mut netsim::sim::Network, states: &AgentStates| -> Vec<u32> {
         let deliveries = period(network, states, 0).deliveries;
         pairs_of(&deliveries, 3).into_iter().filter(|p| p.1 == 0).map(|p| p.0).collect()
@@ -314,7 +314,7 @@ fn a_field_of_view_follows_the_heading_or_else_the_motion() {
 #[test]
 fn everyone_hears_its_k_nearest() {
     let mut network = network(4, "[phy]\npropagation = \"nearest-k\"\nk = 2");
-    let states = at(&[(0.0, 0.0), (1.0, 0.0), (3.0, 0.0), (7.0, 0.0)]);
+    let states = standing_at(&[(0.0, 0.0), (1.0, 0.0), (3.0, 0.0), (7.0, 0.0)]);
     let heard = pairs_of(&period(&mut network, &states, 0).deliveries, 4);
     assert_eq!(heard, [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (3, 1), (3, 2)]);
 }
@@ -328,7 +328,8 @@ fn the_model_that_is_evaluated_against_rows_is_the_one_that_runs() {
     let budget = config.model.evaluate(&config.model.link(&scene, a, b, None, 0));
     let mut network = network(2, "[phy]\npropagation = \"gaussian\"\nsigma_m = 2");
     let n = 2000;
-    let got = count_heard(&mut network, &at(&[(0.0, 0.0), (3.0, 0.0)]), 0, 1, n) as f64 / n as f64;
+    let got = count_heard(&mut network, &standing_at(&[(0.0, 0.0), (3.0, 0.0)]), 0, 1, n) as f64
+        / n as f64;
     let p = budget.reception_probability;
     assert!((got - p).abs() < tolerance(p, n as f64), "{got}, {p}");
     let prediction = config.model.propagation.predict(&config.model.link(&scene, a, b, None, 0));

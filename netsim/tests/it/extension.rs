@@ -1,7 +1,7 @@
 //! A user's own kinds, all in this file: each is added to the catalogue by one call, and then is configured, refused, described
 //! and simulated as those that are built in.
 
-use crate::harness::{at, interval, pairs_of, period, setup, text};
+use crate::harness::{interval, pairs_of, period, setup, standing_at, text};
 use netsim::catalogue::Catalogue;
 use netsim::mac::effect::{self as mac, Burden, Duty, Node};
 use netsim::phy::link::Link;
@@ -299,7 +299,7 @@ fn each_is_in_the_schema_with_its_keys() {
 #[test]
 fn a_base_model_decides_who_hears_whom_and_a_curve_from_which_power_on() {
     let config = "phy = { propagation = \"upwards-only\", power_dbm = -50 }";
-    let places = at(&[(0.0, 0.0), (1.0, 0.0), (9.0, 0.0)]);
+    let places = standing_at(&[(0.0, 0.0), (1.0, 0.0), (9.0, 0.0)]);
     let mut network = started(&setup(3, config));
     let deliveries = period(&mut network, &places, 0).deliveries;
     assert_eq!(pairs_of(&deliveries, 3), [(1, 0), (2, 0), (2, 1)]);
@@ -318,7 +318,7 @@ fn a_radio_effect_weakens_what_is_received_in_a_run_and_in_a_comparison() {
              [[phy.effect]]\nkind = \"flat-loss\"\nloss_db = {loss_db:?}"
         )
     };
-    let places = at(&[(0.0, 0.0), (1.0, 0.0)]);
+    let places = standing_at(&[(0.0, 0.0), (1.0, 0.0)]);
     for (loss_db, n_heard) in [(0.0, 2), (4.0, 2), (5.0, 0)] {
         let mut network = started(&setup(2, &config(loss_db)));
         let deliveries = period(&mut network, &places, 0).deliveries;
@@ -334,7 +334,7 @@ fn a_radio_effect_weakens_what_is_received_in_a_run_and_in_a_comparison() {
 fn a_scheduling_function_forms_a_network_and_an_effect_on_motes_keeps_it_from_forming() {
     let joined = |config: &str| {
         let mut network = started(&setup(3, config));
-        let states = at(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]);
+        let states = standing_at(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]);
         let motes = interval(&mut network, &states, 0, 1_200_000_000_000).motes;
         let joined = motes.joined.expect("the network reports it");
         (0..3).filter(|&mote| joined.get(mote)).count()
@@ -355,7 +355,7 @@ fn a_scheduling_function_says_how_long_its_slotframe_is() {
 
 #[test]
 fn a_saved_network_goes_on_where_its_scheduling_function_is_known() {
-    let states = at(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]);
+    let states = standing_at(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]);
     let mut network = started(&setup(3, NETWORK));
     interval(&mut network, &states, 0, 60_000_000_000);
     let saved = network.snapshot();

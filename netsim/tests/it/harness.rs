@@ -57,7 +57,7 @@ pub(crate) fn text(problems: &[Problem]) -> String {
 }
 
 /// Agents at these places in the plane.
-pub(crate) fn at(places: &[(f64, f64)]) -> AgentStates {
+pub(crate) fn standing_at(places: &[(f64, f64)]) -> AgentStates {
     let mut states = AgentStates::at_origin(places.len());
     for (i, &(x_m, y_m)) in places.iter().enumerate() {
         states.x_m[i] = x_m;
@@ -149,7 +149,8 @@ pub(crate) fn reading_dbm(config: &str, distance_m: f64) -> Option<f32> {
     let mut setup = setup(2, config);
     setup.columns = vec![DeliveryColumn::RssiDbm];
     let (mut network, _) = started(&setup);
-    let deliveries = period(&mut network, &at(&[(0.0, 0.0), (distance_m, 0.0)]), 0).deliveries;
+    let deliveries =
+        period(&mut network, &standing_at(&[(0.0, 0.0), (distance_m, 0.0)]), 0).deliveries;
     // Receiver 0 comes first.
     let before = deliveries.heard_by(0).count();
     deliveries.heard_by(1).next().map(|_| deliveries.rssi_dbm[before])

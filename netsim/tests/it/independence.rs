@@ -1,6 +1,6 @@
 //! What must not disturb what: effects, robots, threads, steps.
 
-use super::harness::{STEP_NS, at, interval, network, pairs_of, period, setup, started};
+use super::harness::{STEP_NS, interval, network, pairs_of, period, setup, standing_at, started};
 use netsim::catalogue::Catalogue;
 use proptest::prelude::*;
 use proto::rng::{Draws, Purpose};
@@ -13,7 +13,7 @@ fn scattered(n: usize, side_m: f64, seed: u64) -> AgentStates {
     let places: Vec<(f64, f64)> = (0..n as u64)
         .map(|i| (side_m * draws.uniform(i, 0, 0), side_m * draws.uniform(i, 0, 1)))
         .collect();
-    at(&places)
+    standing_at(&places)
 }
 
 const MODELS: [&str; 10] = [
@@ -38,7 +38,7 @@ fn a_robot_far_out_of_range_changes_no_draw() {
         let mut places: Vec<(f64, f64)> =
             states.x_m.iter().copied().zip(states.y_m.iter().copied()).collect();
         places.push((1e7, -1e7));
-        let with_far = at(&places);
+        let with_far = standing_at(&places);
         for k in 0..5 {
             let expected = pairs_of(&period(&mut few, &states, k).deliveries, 40);
             let mut got = pairs_of(&period(&mut more, &with_far, k).deliveries, 41);
@@ -101,7 +101,7 @@ fn a_stronger_signal_loses_no_frame_that_a_weaker_one_brought() {
 #[test]
 fn shadowing_of_one_kind_does_not_disturb_another() {
     // Readings with two shadowing effects are the sum of each alone: their draws are independent of each other's presence.
-    let states = at(&[(0.0, 0.0), (3.0, 0.0), (0.0, 4.0)]);
+    let states = standing_at(&[(0.0, 0.0), (3.0, 0.0), (0.0, 4.0)]);
     let read = |effects: &[&str]| -> Vec<f32> {
         let effects: String = effects
             .iter()

@@ -1,6 +1,6 @@
 //! Saving and restoring.
 
-use super::harness::{STEP_NS, at, period, setup, site, started, step_with};
+use super::harness::{STEP_NS, period, setup, site, standing_at, started, step_with};
 use netsim::sim::Network;
 use proto::side::NetSimulator as _;
 use proto::types::{DeliveryColumn, MoteCommand, MoteOrder};
@@ -19,7 +19,7 @@ fn restored_and_continued_equals_never_having_stopped() {
     let states = |k: u64| {
         let places: Vec<(f64, f64)> =
             (0..20).map(|i| (2.0 * f64::from(i), 0.03 * k as f64 * f64::from(i))).collect();
-        at(&places)
+        standing_at(&places)
     };
     let kill = MoteCommand { source: "test".to_owned(), order: MoteOrder::Kill(7) };
     step_with(&mut network, &states(0), 0, STEP_NS, &[kill], false);
@@ -51,7 +51,7 @@ fn a_snapshot_carries_the_files_of_its_configuration() {
     let (mut network, _) = started(&setup);
     let mut restored = Network::default();
     restored.restore(&network.snapshot()).unwrap();
-    let states = at(&[(0.0, 0.0); 2]);
+    let states = standing_at(&[(0.0, 0.0); 2]);
     for k in 0..20 {
         let (a, b) = (period(&mut network, &states, k), period(&mut restored, &states, k));
         assert_eq!(a.deliveries, b.deliveries);

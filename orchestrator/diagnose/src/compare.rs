@@ -56,7 +56,7 @@ pub fn links(
             let rows = links.rows.iter().zip(passes);
             rows.map(|(row, passes)| square(row.received / row.frames - passes)).collect()
         });
-    let of = |rows: &[usize]| -> Named {
+    let summary_of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
         let all = Scores::mean(&part);
         let mean = |values: &[f64]| mean_ignoring_nan(rows.iter().map(|&row| values[row]));
@@ -81,7 +81,7 @@ pub fn links(
         }
         list
     };
-    let intervals = bootstrap(&of(&scored(blocks)), blocks, &of);
+    let intervals = bootstrap(&summary_of(&scored(blocks)), blocks, &summary_of);
     let places = ranked(&study.covariates(), &deviation, &surprise);
     finished(Subject::Links, blocks.unit, &intervals, places, account)
 }
@@ -116,7 +116,7 @@ pub fn robots(
     let view = study.view(&search.full_fit(&[], COMMON, None));
     let along = view.residuals();
     let blocks = study.blocks(COMMON);
-    let of = |rows: &[usize]| -> Named {
+    let summary_of = |rows: &[usize]| -> Named {
         let part: Vec<RowScore> = rows.iter().map(|&row| scores[row]).collect();
         let all = Scores::mean(&part);
         let n = 2.0 * rows.len() as f64;
@@ -131,7 +131,7 @@ pub fn robots(
             ("coverage_90", inside / n),
         ]
     };
-    let intervals = bootstrap(&of(&scored(blocks)), blocks, &of);
+    let intervals = bootstrap(&summary_of(&scored(blocks)), blocks, &summary_of);
     let nothing = vec![f64::NAN; along.len()];
     let places = ranked(&study.covariates(), &along, &nothing);
     finished(Subject::Robots, blocks.unit, &intervals, places, account)

@@ -3,18 +3,22 @@
 use super::ladder::Search;
 use rayon::prelude::*;
 use study::COMMON;
-use study::view::{View, Viewed};
+use study::view::{RowPredictions, Viewed};
 
 /// Every row as predicted by a fit to the other folds.
-pub fn predictions<S: Viewed>(study: &S, search: &Search<'_, S>, terms: &[usize]) -> View {
+pub fn predictions<S: Viewed>(
+    study: &S,
+    search: &Search<'_, S>,
+    terms: &[usize],
+) -> RowPredictions {
     let start = search.full_fit(terms, COMMON, None);
     let blocks = study.blocks(COMMON);
-    let parts: Vec<(Vec<u32>, View)> = (0..blocks.n_folds())
+    let parts: Vec<(Vec<u32>, RowPredictions)> = (0..blocks.n_folds())
         .into_par_iter()
         .map(|fold| {
             let (train, test) = blocks.split(fold);
             if train.is_empty() {
-                return (Vec::new(), View::default());
+                return (Vec::new(), RowPredictions::default());
             }
             let view = study.view(&study.fit(terms, &train, COMMON, Some(&start)));
             (test, view)

@@ -4,7 +4,7 @@ mod choice;
 
 use super::acceptance::{self, FAMILY_ERROR, WORTH_NATS};
 use super::gain::{Gain, Scores};
-use super::progress::Progress;
+use super::progress::SearchProgress;
 use proto::effect::Level;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -105,7 +105,7 @@ pub struct Search<'a, S: Study> {
     all: Vec<u32>,
     held_out: Cache<Arc<Vec<RowScore>>>,
     full: Cache<Arc<S::Fit>>,
-    report: &'a (dyn Fn(Progress<'_>) + Sync),
+    report: &'a (dyn Fn(SearchProgress<'_>) + Sync),
     stop: Option<&'a AtomicBool>,
 }
 
@@ -122,7 +122,7 @@ fn store<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
 
 impl<'a, S: Study> Search<'a, S> {
     /// A search; `report` is told what is being done.
-    pub fn new(study: &'a S, report: &'a (dyn Fn(Progress<'_>) + Sync)) -> Self {
+    pub fn new(study: &'a S, report: &'a (dyn Fn(SearchProgress<'_>) + Sync)) -> Self {
         Self {
             study,
             all: study.fitted_rows(),
@@ -341,7 +341,7 @@ impl<'a, S: Study> Search<'a, S> {
         let mut round = 0;
         while too_little.is_none() && accepted.len() < MOST_TERMS {
             round += 1;
-            (self.report)(Progress::Round { round });
+            (self.report)(SearchProgress::Round { round });
             for level in self.levels() {
                 self.held_out_scores(&accepted, level);
             }
@@ -386,10 +386,10 @@ impl<'a, S: Study> Search<'a, S> {
             };
             let name = |term: usize| candidates[term].name.as_str();
             if in_place_of.is_empty() {
-                (self.report)(Progress::Accepted { name: name(tests[best].term) });
+                (self.report)(SearchProgress::Accepted { name: name(tests[best].term) });
             } else {
                 let old = in_place_of.iter().map(|&old| name(old)).collect();
-                (self.report)(Progress::Exchanged { new: name(tests[best].term), old });
+                (self.report)(SearchProgress::Exchanged { new: name(tests[best].term), old });
                 accepted.retain(|term| !in_place_of.contains(term));
                 removed.extend(in_place_of);
             }
@@ -411,7 +411,7 @@ impl<'a, S: Study> Search<'a, S> {
             rungs = self.rungs(&accepted);
         }
         if stopped.is_none() {
-            (self.report)(Progress::Ties);
+            (self.report)(SearchProgress::Ties);
             self.drop_resolved_ties(&mut decided, &accepted);
         }
         let mut tests = decided;
@@ -473,7 +473,7 @@ impl<'a, S: Study> Search<'a, S> {
                 "weighed again"
             );
             if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
-                (self.report)(Progress::Removed { name: &candidates[term].name });
+                (self.report)(SearchProgress::Removed { name: &candidates[term].name });
                 *accepted = rest;
                 removed.push(term);
             } else {
@@ -500,7 +500,7 @@ impl<'a, S: Study> Search<'a, S> {
         let try_one = |term| {
             let test = self.test_candidate(accepted, term);
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            (self.report)(Progress::Tried { round, done, of: n });
+            (self.report)(SearchProgress::Tried { round, done, of: n });
             test
         };
         wanted.into_par_iter().map(try_one).collect()

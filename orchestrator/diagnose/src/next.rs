@@ -85,8 +85,8 @@ pub fn measurements<S: Study>(
             if high - low <= WEAK * value.abs() || !(high - low).is_finite() {
                 continue;
             }
-            let at = |end: f64| study.with_parameter_held(&chosen, *term, key, end);
-            let (Some(least), Some(most)) = (at(*low), at(*high)) else { continue };
+            let held_at = |end: f64| study.with_parameter_held(&chosen, *term, key, end);
+            let (Some(least), Some(most)) = (held_at(*low), held_at(*high)) else { continue };
             let ends = [low, high].map(|end| format!("{key} = {end:.4}"));
             let aim = format!("to narrow the interval of {key} of {name}, {low:.4} to {high:.4}");
             all.extend(measurement(study, (&least, &most), [&ends[0], &ends[1]], &aim));

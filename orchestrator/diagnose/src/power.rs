@@ -326,17 +326,17 @@ impl<'a> PowerPlan<'a> {
             Subject::Links => {
                 let (plain, _) = open::links(self.config, self.table, &Choices::NONE)?;
                 let (study, _) = open::links(&with, self.table, &Choices::NONE)?;
-                let of = |rows: &study::links::rows::Rows, row: usize| {
+                let budget = |rows: &study::links::rows::ModelledLinks, row: usize| {
                     rows.link(row, |link| rows.model.evaluate(link))
                 };
                 let sum: f64 = (0..study.rows.len().min(plain.rows.len()))
                     .map(|row| {
-                        let (a, b) = (of(&plain.rows, row), of(&study.rows, row));
+                        let (a, b) = (budget(&plain.rows, row), budget(&study.rows, row));
                         (a.register_rssi_dbm - b.register_rssi_dbm).abs()
                             + 10.0 * (a.reception_probability - b.reception_probability).abs()
                     })
                     .sum();
-                let scatter = |rows: &study::links::rows::Rows| {
+                let scatter = |rows: &study::links::rows::ModelledLinks| {
                     rows.model.scatters().iter().map(|s| s.max_loss_db()).sum::<f64>()
                 };
                 sum / study.rows.len() as f64 + scatter(&study.rows) - scatter(&plain.rows)

@@ -2,7 +2,7 @@
 
 /// One step of a search.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Progress<'a> {
+pub enum SearchProgress<'a> {
     /// A round begins: every candidate is tried on top of what was accepted.
     Round {
         /// From 1.

@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use study::COMMON;
 use study::choices::Choices;
 use study::links::LinkStudy;
-use study::links::rows::Rows;
+use study::links::rows::ModelledLinks;
 use study::open::{self, OpenError, Subject};
 
 /// A campaign that was never measured.
@@ -156,14 +156,14 @@ struct ReceivedFrames {
 
 /// Draws the frames of all rows.
 struct FrameDraws<'a> {
-    rows: &'a Rows,
+    rows: &'a ModelledLinks,
     seed: u64,
     /// The way that each mote has travelled until each row of it, by row: of the sender and of the receiver (m).
     ways_m: Vec<[f64; 2]>,
 }
 
 impl<'a> FrameDraws<'a> {
-    fn new(rows: &'a Rows, seed: u64) -> Self {
+    fn new(rows: &'a ModelledLinks, seed: u64) -> Self {
         Self { rows, seed, ways_m: ways(&rows.links.rows) }
     }
 

@@ -46,7 +46,7 @@ pub struct Taken {
 }
 
 /// Who is shown how far an experiment is.
-pub trait Progress {
+pub trait ProgressObserver {
     /// A phase of at most `n_steps` begins.
     fn begin(&mut self, n_steps: u64);
 
@@ -61,7 +61,7 @@ pub trait Progress {
 }
 
 /// Shows nothing.
-impl Progress for () {
+impl ProgressObserver for () {
     fn begin(&mut self, _n_steps: u64) {}
 
     fn step_done(&mut self, _step: u64, _time_ns: u64) {}
@@ -185,7 +185,7 @@ enum Stepped {
 struct Audience<'a, O, I> {
     observer: &'a mut O,
     interrupts: &'a mut I,
-    progress: &'a mut dyn Progress,
+    progress: &'a mut dyn ProgressObserver,
 }
 
 impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
@@ -209,7 +209,7 @@ impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
         mut self,
         observer: &mut O,
         interrupts: &mut I,
-        progress: &mut dyn Progress,
+        progress: &mut dyn ProgressObserver,
     ) -> Result<Stopped, Failure<O::Error>> {
         let mut audience = Audience { observer, interrupts, progress };
         if self.schedule.waits {

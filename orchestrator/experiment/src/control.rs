@@ -142,7 +142,7 @@ fn of_rate(
 mod tests {
     use super::*;
 
-    fn of(rate_hz: f64) -> Result<u64, String> {
+    fn slots(rate_hz: f64) -> Result<u64, String> {
         let mut problems = Vec::new();
         match of_rate(rate_hz, 10_000_000, 10, &mut problems) {
             ControlPeriod::Slots(slots) if problems.is_empty() => Ok(slots),
@@ -152,16 +152,16 @@ mod tests {
 
     #[test]
     fn a_rate_gives_whole_slots_or_names_its_two_neighbours() {
-        assert_eq!(of(10.0), Ok(10));
-        assert_eq!(of(100.0), Ok(1));
-        assert_eq!(of(100.0 / 3.0), Ok(3));
+        assert_eq!(slots(10.0), Ok(10));
+        assert_eq!(slots(100.0), Ok(1));
+        assert_eq!(slots(100.0 / 3.0), Ok(3));
         assert_eq!(
-            of(30.0).unwrap_err(),
+            slots(30.0).unwrap_err(),
             "experiment.control_period.rate_hz: must give a period of whole slots of 10 ms, got 30 (nearest valid: \
              25 Hz or 33.333333333333336 Hz)"
         );
         assert_eq!(
-            of(400.0).unwrap_err(),
+            slots(400.0).unwrap_err(),
             "experiment.control_period.rate_hz: must give a period of whole slots of 10 ms, got 400 (nearest valid: \
              100 Hz)"
         );

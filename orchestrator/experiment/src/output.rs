@@ -216,7 +216,7 @@ mod tests {
     use super::*;
     use proto::config::parse;
 
-    fn of(text: &str) -> (OutputConfig, Vec<String>) {
+    fn parse_output(text: &str) -> (OutputConfig, Vec<String>) {
         let mut problems = Vec::new();
         let (config, _) = read(&parse(text).unwrap(), "output", &mut problems);
         (config, problems.iter().map(ToString::to_string).collect())
@@ -232,35 +232,40 @@ mod tests {
 
     #[test]
     fn each_choice_of_links_is_read() {
-        assert_eq!(of("links = \"none\"").0.links, Links::None);
-        assert_eq!(of("links = \"all\"").0.links, Links::All);
-        let sampled = of("links = \"sample\"\nlinks_sample = 0.5").0;
+        assert_eq!(parse_output("links = \"none\"").0.links, Links::None);
+        assert_eq!(parse_output("links = \"all\"").0.links, Links::All);
+        let sampled = parse_output("links = \"sample\"\nlinks_sample = 0.5").0;
         assert_eq!(sampled.links, Links::Sample { fraction: 0.5 });
-        assert!(of("links = \"none\"").0.columns().is_empty());
+        assert!(parse_output("links = \"none\"").0.columns().is_empty());
     }
 
     #[test]
     fn motes_are_held_when_a_multiple_of_their_time_is_reached() {
-        let config = of("motes_every_s = 1.0").0;
+        let config = parse_output("motes_every_s = 1.0").0;
         let held = |from_ms: u64, until_ms: u64| {
             config.holds_motes(1, from_ms * 1_000_000, until_ms * 1_000_000)
         };
         assert_eq!([held(0, 999), held(900, 1000), held(1000, 1999)], [false, true, false]);
         // A period longer than that holds them every time.
         assert!(held(1500, 6500));
-        assert!(of("").0.holds_motes(1, 0, 1) && !of("motes = false").0.holds_motes(1, 0, 1));
+        assert!(
+            parse_output("").0.holds_motes(1, 0, 1)
+                && !parse_output("motes = false").0.holds_motes(1, 0, 1)
+        );
     }
 
     #[test]
     fn what_nobody_will_look_at_is_not_asked_for() {
-        let records = of("report = false\nschedule = false\nneighbours = false").0.records();
+        let records =
+            parse_output("report = false\nschedule = false\nneighbours = false").0.records();
         assert_eq!(records, [NetRecord::Packets, NetRecord::Statistics]);
-        assert!(of("pcap = true").0.records().contains(&NetRecord::Capture));
+        assert!(parse_output("pcap = true").0.records().contains(&NetRecord::Capture));
     }
 
     #[test]
     fn every_problem_is_named_with_its_range() {
-        let (_, problems) = of("links_sample = 2\nevery_steps = 0\nmcpa = true\nreport = 1");
+        let (_, problems) =
+            parse_output("links_sample = 2\nevery_steps = 0\nmcpa = true\nreport = 1");
         assert_eq!(
             problems,
             [

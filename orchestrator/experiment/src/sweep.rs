@@ -208,12 +208,12 @@ pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
         let list = table.get(key)?.as_array()?;
         Some(list.iter().filter_map(|text| text.as_str().map(str::to_owned)).collect())
     };
-    let mut reader = Reader { problems, lists: Vec::new(), ranges: Vec::new() };
+    let mut reader = SweepReader { problems, lists: Vec::new(), ranges: Vec::new() };
     if let Some(vary) = node.get("vary") {
         reader.varied(vary, "sweep.vary", "");
     }
     let cases = node.get("case").map(|cases| reader.cases(cases)).unwrap_or_default();
-    let Reader { lists, ranges, .. } = reader;
+    let SweepReader { lists, ranges, .. } = reader;
     let samples = integer("samples").and_then(|samples| usize::try_from(samples).ok());
     match (samples, ranges.is_empty()) {
         (None, false) if node.get("samples").is_none() => problems.push(Problem::new(
@@ -267,13 +267,13 @@ fn seeds_of(list: &[toml::Value], problems: &mut Vec<Problem>) -> Vec<u64> {
     seeds
 }
 
-struct Reader<'a> {
+struct SweepReader<'a> {
     problems: &'a mut Vec<Problem>,
     lists: Vec<(String, Vec<Node>)>,
     ranges: Vec<(String, ParameterRange)>,
 }
 
-impl Reader<'_> {
+impl SweepReader<'_> {
     /// A problem with what stands at a node, whose key may be written in one piece, so that no path leads there.
     fn wrong(&mut self, problem: Problem, node: &Node) {
         self.problems.push(Problem { span: node.span.clone(), ..problem });

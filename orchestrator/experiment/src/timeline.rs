@@ -229,7 +229,7 @@ pub(super) fn read(
     let mut entries = Vec::new();
     for (index, table) in effective.iter().flat_map(toml::Value::as_array).flatten().enumerate() {
         let Some(table) = table.as_table() else { continue };
-        let mut entry = Reader { index, table, agents, duration_s, problems };
+        let mut entry = EntryReader { index, table, agents, duration_s, problems };
         let (at_ns, orders) = entry.read();
         entries.extend(orders.into_iter().map(|order| TimelineEntry { index, at_ns, order }));
     }
@@ -241,7 +241,7 @@ pub(super) fn read(
 }
 
 /// Reads an entry whose keys are known to be right, one by one.
-struct Reader<'a> {
+struct EntryReader<'a> {
     index: usize,
     table: &'a toml::Table,
     agents: Option<usize>,
@@ -249,7 +249,7 @@ struct Reader<'a> {
     problems: &'a mut Vec<Problem>,
 }
 
-impl Reader<'_> {
+impl EntryReader<'_> {
     fn read(&mut self) -> (u64, Vec<MoteOrder>) {
         let at_s = self.number("at_s").unwrap_or(0.0);
         if let Some(duration_s) = self.duration_s.filter(|&duration_s| duration_s <= at_s) {

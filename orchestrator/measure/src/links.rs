@@ -126,7 +126,7 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     }
     let n_rows = table.n_rows();
     let column = |name: &str| table.column(name);
-    let at = |column: Option<&[f64]>, row: usize| column.map_or(f64::NAN, |column| column[row]);
+    let cell = |column: Option<&[f64]>, row: usize| column.map_or(f64::NAN, |column| column[row]);
     let is_aggregated = column("received").is_none();
     let strange: BTreeMap<usize, usize> =
         table.strange.iter().rev().map(|&(row, column, _)| (row, column)).collect();
@@ -167,7 +167,7 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
             rejections.add(&format!("{name} is not a finite number"), line);
             continue;
         }
-        let number = |name: &str| at(column(name), index);
+        let number = |name: &str| cell(column(name), index);
         let row = LinkRow {
             line,
             time_s: number("time_s"),
@@ -177,8 +177,8 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
             channel: None,
             tx_m: [number("tx_x_m"), number("tx_y_m"), number("tx_z_m")],
             rx_m: [number("rx_x_m"), number("rx_y_m"), number("rx_z_m")],
-            tx_heading_rad: at(tx_heading, index),
-            rx_heading_rad: at(rx_heading, index),
+            tx_heading_rad: cell(tx_heading, index),
+            rx_heading_rad: cell(rx_heading, index),
             rssi_dbm: number("rssi_dbm"),
             frames: if is_aggregated { number("frames") } else { 1.0 },
             received: if is_aggregated {

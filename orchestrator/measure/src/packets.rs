@@ -69,7 +69,7 @@ pub fn has_shape(table: &DataTable) -> Result<(), Vec<String>> {
 pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
     has_shape(table)
         .map_err(|lacking| format!("not packets: the file lacks {}", lacking.join(", ")))?;
-    let at = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
+    let cell = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
     let is_of_run = table.column("time_s").is_none();
     let mut runs: Vec<f64> = table.column("run").unwrap_or_default().to_vec();
     runs.sort_by(f64::total_cmp);
@@ -102,14 +102,14 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
     for &row in &others {
         let line = table.line(row);
         let (time_s, received_s) = if is_of_run {
-            let arrived = at("delivered", row) != 0.0;
-            let ended_s = at("ended_ns", row) * 1e-9;
-            (at("created_ns", row) * 1e-9, if arrived { ended_s } else { f64::NAN })
+            let arrived = cell("delivered", row) != 0.0;
+            let ended_s = cell("ended_ns", row) * 1e-9;
+            (cell("created_ns", row) * 1e-9, if arrived { ended_s } else { f64::NAN })
         } else {
-            (at("time_s", row), at("received_s", row))
+            (cell("time_s", row), cell("received_s", row))
         };
         let mote = |name: &str| {
-            let number = at(name, row);
+            let number = cell(name, row);
             let is_whole = number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number);
             is_whole.then_some(number as u32)
         };
@@ -132,13 +132,13 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
                 let key = (time_s.to_bits(), received_s.to_bits(), source, destination);
                 // A run numbers its packets: two alike are two.
                 if is_of_run || seen.insert(key) {
-                    let of = |name| mote(name).filter(|_| received_s.is_finite());
+                    let if_received = |name| mote(name).filter(|_| received_s.is_finite());
                     packets.push(MeasuredPacket {
                         time_s,
                         source,
                         destination,
                         received_s: Some(received_s).filter(|at_s| at_s.is_finite()),
-                        hops: of("hops").filter(|&hops| hops != 0),
+                        hops: if_received("hops").filter(|&hops| hops != 0),
                         payload_bytes: mote("payload_bytes").filter(|&bytes| bytes != 0),
                     });
                     continue;

@@ -115,7 +115,7 @@ pub fn has_shape(table: &DataTable) -> Result<Shape, Vec<String>> {
 pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
     let shape = has_shape(table)
         .map_err(|lacking| format!("not robot samples: the file lacks {}", lacking.join(", ")))?;
-    let at = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
+    let cell = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
     let commands: &[&str] = match shape {
         Shape::Velocity => &["cmd_vx_mps", "cmd_vy_mps"],
         Shape::Unicycle => &["cmd_speed_mps", "cmd_yaw_rate_radps"],
@@ -153,25 +153,26 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
         let required = ["time_s", "agent", "x_m", "y_m"].iter().chain(commands);
         let missing = required
             .chain(if shape.is_turning() { &["heading_rad"][..] } else { &[] })
-            .find(|name| at(name, row).is_nan());
+            .find(|name| cell(name, row).is_nan());
         if let Some(name) = missing {
             rejections.add(&format!("{name} is missing"), line);
             continue;
         }
-        let (Some(agent), Some(run)) = (to_u32(at("agent", row)), to_u32(or_zero(at("run", row))))
+        let (Some(agent), Some(run)) =
+            (to_u32(cell("agent", row)), to_u32(or_zero(cell("run", row))))
         else {
             rejections.add("agent or run is not a whole number", line);
             continue;
         };
-        let third = if shape.is_turning() { 0.0 } else { or_zero(at("cmd_vz_mps", row)) };
+        let third = if shape.is_turning() { 0.0 } else { or_zero(cell("cmd_vz_mps", row)) };
         let sample = RobotSample {
             line,
             run,
             agent,
-            time_s: at("time_s", row),
-            position_m: [at("x_m", row), at("y_m", row), or_zero(at("z_m", row))],
-            heading_rad: at("heading_rad", row),
-            command: [at(commands[0], row), at(commands[1], row), third],
+            time_s: cell("time_s", row),
+            position_m: [cell("x_m", row), cell("y_m", row), or_zero(cell("z_m", row))],
+            heading_rad: cell("heading_rad", row),
+            command: [cell(commands[0], row), cell(commands[1], row), third],
         };
         kept.push((sample, row));
     }

@@ -158,7 +158,7 @@ impl Kpis {
     }
 
     fn joining(&self, n: usize) -> Joining {
-        let of = |name: &str| {
+        let join_times = |name: &str| {
             let times = Samples::from_values(self.known_values(name, n, false));
             (!times.is_empty()).then(|| JoinTimes {
                 motes: times.len(),
@@ -169,7 +169,7 @@ impl Kpis {
                 last_s: times.quantile(1.0).map(in_seconds),
             })
         };
-        Joining { synced: of("first_synced_ns"), joined: of("first_joined_ns") }
+        Joining { synced: join_times("first_synced_ns"), joined: join_times("first_joined_ns") }
     }
 
     /// What happened while robots were free to move.

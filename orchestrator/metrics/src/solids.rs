@@ -130,11 +130,11 @@ impl Way {
         let begin: [f64; 2] =
             std::array::from_fn(|i| begin_m[i] + line_m[0][i] - line_before_m[0][i]);
         let end = [self.end_m[0], self.end_m[1]];
-        let at = |share: f64| -> [f64; 2] {
+        let point_at = |share: f64| -> [f64; 2] {
             std::array::from_fn(|i| begin[i] + share * (end[i] - begin[i]))
         };
         // What rests by something solid does not meet it anew.
-        begin != end && segment_distance_m([at(from), at(until)], line_m) <= reach_m
+        begin != end && segment_distance_m([point_at(from), point_at(until)], line_m) <= reach_m
     }
 }
 
@@ -255,12 +255,12 @@ impl Solid {
     /// Between which corners robots are that touch it in a step.
     fn extent_m(&self, robot_radius_m: f64) -> [[f64; 2]; 2] {
         let reach_m = self.radius_m + robot_radius_m;
-        let of = |i: usize, least: fn(f64, f64) -> f64, none_m: f64| {
+        let extreme_m = |i: usize, least: fn(f64, f64) -> f64, none_m: f64| {
             self.line_m.iter().flatten().map(|end_m| end_m[i]).fold(none_m, least)
         };
         [
-            std::array::from_fn(|i| of(i, f64::min, f64::INFINITY) - reach_m),
-            std::array::from_fn(|i| of(i, f64::max, f64::NEG_INFINITY) + reach_m),
+            std::array::from_fn(|i| extreme_m(i, f64::min, f64::INFINITY) - reach_m),
+            std::array::from_fn(|i| extreme_m(i, f64::max, f64::NEG_INFINITY) + reach_m),
         ]
     }
 }

@@ -176,18 +176,18 @@ mod tests {
 
     #[test]
     fn robots_are_held_up_where_contacts_are_resolved() {
-        let of = |toml: &str| {
+        let passages = |toml: &str| {
             let task = Task::from_config(toml);
             [0, 3, 4].map(|agent| task.passage(agent))
         };
-        assert_eq!(of("contacts.kind = \"count\""), [Passage::Through; 3]);
-        assert_eq!(of("contacts.kind = \"resolve\""), [Passage::HeldUp; 3]);
-        assert_eq!(of("dynamics.kind = \"rigid-body\""), [Passage::HeldUp; 3]);
-        assert_eq!(of("controller.kind = \"random-jump\""), [Passage::Jumping; 3]);
+        assert_eq!(passages("contacts.kind = \"count\""), [Passage::Through; 3]);
+        assert_eq!(passages("contacts.kind = \"resolve\""), [Passage::HeldUp; 3]);
+        assert_eq!(passages("dynamics.kind = \"rigid-body\""), [Passage::HeldUp; 3]);
+        assert_eq!(passages("controller.kind = \"random-jump\""), [Passage::Jumping; 3]);
         let groups = "dynamics.kind = \"rigid-body\"\n\
                       [[group]]\ncount = 3\ndynamics.kind = \"car\"\n\
                       [[group]]\ncount = 1\ncontroller.kind = \"random-jump\"\n[[group]]\ncount = 1\n";
-        assert_eq!(of(groups), [Passage::Through, Passage::Jumping, Passage::HeldUp]);
+        assert_eq!(passages(groups), [Passage::Through, Passage::Jumping, Passage::HeldUp]);
     }
 
     #[test]

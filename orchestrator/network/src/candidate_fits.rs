@@ -231,11 +231,16 @@ impl FitContext<'_> {
         let laws = self.laws(curve);
         let (best, top) = self.best(&laws);
         let is_in = |law: &FigureDensity| top - PLAUSIBLE <= law.log_density(&self.measured);
-        let at = |place: &(f64, FigureDensity)| place.0;
+        let value_of = |place: &(f64, FigureDensity)| place.0;
         let middle = laws.iter().position(|(at, _)| *at == best).unwrap_or_default();
-        let low =
-            laws[..=middle].iter().rev().take_while(|(_, law)| is_in(law)).last().map_or(best, at);
-        let high = laws[middle..].iter().take_while(|(_, law)| is_in(law)).last().map_or(best, at);
+        let low = laws[..=middle]
+            .iter()
+            .rev()
+            .take_while(|(_, law)| is_in(law))
+            .last()
+            .map_or(best, value_of);
+        let high =
+            laws[middle..].iter().take_while(|(_, law)| is_in(law)).last().map_or(best, value_of);
         // Never so narrow that the figures hardly change.
         let least = 0.03;
         [low.min(best - least), high.max(best + least)]
@@ -424,10 +429,10 @@ impl CandidateScan<'_> {
         picks: Option<&[f64]>,
         usable: &[usize],
     ) -> Vec<RunMoments> {
-        let of = |it: &RunsAtValue| {
+        let moments_of = |it: &RunsAtValue| {
             RunMoments::from_runs(it.at, picked(&it.runs, picks).into_iter(), usable)
         };
-        tried.map(of).collect()
+        tried.map(moments_of).collect()
     }
 
     /// What was tried within a window under as many seeds.

@@ -3,8 +3,8 @@
 pub mod words;
 
 use super::comparison::{
-    AmongSeeds, BySource, DeliveryOfModel, MoteBin, MoteDelivery, NetworkComparison, SCHEMA,
-    Verdict,
+    AmongSeeds, BySource, DeliveryOfModel, MoteBin, MoteDelivery, NetworkComparison,
+    NetworkVerdict, SCHEMA,
 };
 use super::kpis::{KPIS, MoteCounts, NetworkFigures};
 use super::resimulate::{Resimulation, ResimulationError};
@@ -127,19 +127,19 @@ fn shown(value: f64, unit: &str) -> String {
 }
 
 /// What came out, in a sentence.
-pub(super) fn sentence(among: &SeedComparison) -> (Verdict, String) {
+pub(super) fn sentence(among: &SeedComparison) -> (NetworkVerdict, String) {
     let n = among.seeds.len();
     let p_value = among.placed.p_value;
     if n < FEWEST_SEEDS {
         let text = format!("{n} seeds are too few for a test; use at least {FEWEST_SEEDS}");
-        return (Verdict::TooFewSeeds, text);
+        return (NetworkVerdict::TooFewSeeds, text);
     }
     if LEVEL < p_value {
         let text = format!(
             "the packets are consistent with the model (p = {p_value:.3}): {} of {n} seeds deviate as much",
             (p_value * (n as f64 + 1.0)).round() as u64 - 1
         );
-        return (Verdict::Agrees, text);
+        return (NetworkVerdict::Agrees, text);
     }
     let mut far: Vec<(usize, FigurePlacement)> =
         among.placed.figures.iter().enumerate().filter_map(|(k, it)| Some((k, (*it)?))).collect();
@@ -165,7 +165,7 @@ pub(super) fn sentence(among: &SeedComparison) -> (Verdict, String) {
         "the packets are inconsistent with the model (p = {p_value:.3}): {}",
         parts.join("; ")
     );
-    (Verdict::Differs, text)
+    (NetworkVerdict::Differs, text)
 }
 
 /// The part of an answer that says where measured packets stand among the runs of a model.
@@ -205,11 +205,11 @@ fn by_mote(among: &SeedComparison) -> (Vec<MoteDelivery>, BySource) {
     let share =
         |run: &NetworkFigures, mote: u32| run.of_mote.get(&mote).map_or(0.0, |of| of.share());
     let scaled = |run: &NetworkFigures| -> Vec<f64> {
-        let of = |mote: &u32| run.of_mote.get(mote).copied().unwrap_or_default();
+        let counts_of = |mote: &u32| run.of_mote.get(mote).copied().unwrap_or_default();
         let odds = |of: MoteCounts| {
             (f64::from(of.arrived) + 0.5) / (f64::from(of.sent - of.arrived) + 0.5)
         };
-        numbers.iter().map(|mote| libm::log(odds(of(mote)))).collect()
+        numbers.iter().map(|mote| libm::log(odds(counts_of(mote)))).collect()
     };
     let seeds: Vec<Vec<f64>> = among.seeds.iter().map(scaled).collect();
     let placed = place(&scaled(&among.measured), &seeds);

@@ -23,7 +23,7 @@ pub struct NetworkComparison {
     #[serde(flatten)]
     pub among: AmongSeeds,
     /// What came out, in a word.
-    pub verdict: Verdict,
+    pub verdict: NetworkVerdict,
     /// What came out, in a sentence.
     pub sentence: String,
     /// The measurements.
@@ -37,7 +37,8 @@ pub struct NetworkComparison {
 /// What a comparison of a network came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Verdict {
+#[schemars(rename = "Verdict")]
+pub enum NetworkVerdict {
     /// The seeds are too few to decide.
     TooFewSeeds,
     /// The packets could be one more run of the model.

@@ -101,7 +101,7 @@ impl NetworkFigures {
             of_mote.values().fold((0, 0), |(a, b), of| (a + of.sent, b + of.arrived));
         let judged = of_mote.values().filter(|of| FEWEST_OF_MOTE <= of.sent);
         let worst = judged.map(|of| of.share()).fold(f64::NAN, f64::min);
-        let at = |values: &mut Vec<f64>, share: f64| {
+        let quantile_of = |values: &mut Vec<f64>, share: f64| {
             values.sort_by(f64::total_cmp);
             quantile(values, share)
         };
@@ -110,13 +110,13 @@ impl NetworkFigures {
         let values = [
             f64::from(arrived) / f64::from(sent),
             worst,
-            at(&mut latencies, 0.1),
-            at(&mut latencies, 0.5),
-            at(&mut latencies, 0.9),
-            at(&mut per_hop, 0.5),
+            quantile_of(&mut latencies, 0.1),
+            quantile_of(&mut latencies, 0.5),
+            quantile_of(&mut latencies, 0.9),
+            quantile_of(&mut per_hop, 0.5),
             mean_hops,
-            at(&mut joins, 0.5),
-            at(&mut joins, 1.0),
+            quantile_of(&mut joins, 0.5),
+            quantile_of(&mut joins, 1.0),
             silence_s,
             f64::from(sent),
         ];

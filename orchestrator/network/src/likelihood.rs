@@ -190,11 +190,11 @@ impl FigureDensity {
     /// Differences of the means of two densities, by figure, in standard deviations.
     #[must_use]
     pub fn standardised_differences(&self, other: &Self) -> Vec<(usize, f64)> {
-        let of = |k: usize| {
+        let distance_in = |k: usize| {
             let sd = libm::sqrt(0.5 * (square(self.sd[k]) + square(other.sd[k])));
             (k, (self.mean[k] - other.mean[k]) / sd)
         };
-        self.usable.iter().map(|&k| of(k)).filter(|(_, z)| z.is_finite()).collect()
+        self.usable.iter().map(|&k| distance_in(k)).filter(|(_, z)| z.is_finite()).collect()
     }
 }
 
@@ -391,7 +391,7 @@ mod tests {
     /// Runs about a mean that moves with a parameter, two of the figures going together.
     fn runs(shift: f64, first: u64, n: u64) -> Vec<ScaledFigures> {
         let draws = Draws::new(3, Purpose::Resample);
-        let of = |number: u64| {
+        let run_of = |number: u64| {
             let mut run = [f64::NAN; D];
             for (place, &k) in USABLE.iter().enumerate() {
                 run[k] = 0.3 * draws.normal(number, place as u64, 0);
@@ -400,7 +400,7 @@ mod tests {
             run[2] += shift;
             run
         };
-        (first..first + n).map(of).collect()
+        (first..first + n).map(run_of).collect()
     }
 
     fn moments(at: f64, n: u64) -> RunMoments {
@@ -412,7 +412,7 @@ mod tests {
         let law = FigureDensity::at_value(&moments(0.0, 4000), &USABLE);
         // Student's density with 8 degrees of freedom in 4 dimensions, scaled to the scatter that was put in: at its middle, and
         // one standard deviation of figure 10 beside it. Determinant of the scatter: 0.3^8. From 4,000 runs: to 0.1.
-        let at = |squares: f64| {
+        let log_density = |squares: f64| {
             libm::lgamma(6.0)
                 - libm::lgamma(4.0)
                 - 2.0 * libm::log(6.0 * std::f64::consts::PI)
@@ -421,9 +421,17 @@ mod tests {
         };
         let mut run = [f64::NAN; D];
         USABLE.iter().for_each(|&k| run[k] = 0.0);
-        assert!((law.log_density(&run) - at(0.0)).abs() < 0.1, "{}", law.log_density(&run));
+        assert!(
+            (law.log_density(&run) - log_density(0.0)).abs() < 0.1,
+            "{}",
+            law.log_density(&run)
+        );
         run[10] = 0.3;
-        assert!((law.log_density(&run) - at(1.0)).abs() < 0.1, "{}", law.log_density(&run));
+        assert!(
+            (law.log_density(&run) - log_density(1.0)).abs() < 0.1,
+            "{}",
+            law.log_density(&run)
+        );
     }
 
     #[test]

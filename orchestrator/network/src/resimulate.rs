@@ -203,10 +203,10 @@ impl Resimulation {
         from_s: f64,
     ) -> Result<Vec<NetworkFigures>, ResimulationError> {
         let numbers: Vec<u64> = seeds.collect();
-        let of = |&number: &u64| {
+        let figures_of = |&number: &u64| {
             Ok(NetworkFigures::from_packets(&self.under(network, number, None)?, from_s))
         };
-        numbers.par_iter().map(of).collect()
+        numbers.par_iter().map(figures_of).collect()
     }
 
     /// The same over traces of links, named [`LINKS`] in the network's section: a seed and a trace for each run.
@@ -220,10 +220,10 @@ impl Resimulation {
         runs: &[(u64, Bytes)],
         from_s: f64,
     ) -> Result<Vec<NetworkFigures>, ResimulationError> {
-        let of = |(number, trace): &(u64, Bytes)| {
+        let figures_of = |(number, trace): &(u64, Bytes)| {
             Ok(NetworkFigures::from_packets(&self.under(network, *number, Some(trace))?, from_s))
         };
-        runs.par_iter().map(of).collect()
+        runs.par_iter().map(figures_of).collect()
     }
 
     /// What becomes of the packets under seed `number`.

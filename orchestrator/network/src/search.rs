@@ -293,11 +293,11 @@ impl<'a> NetworkSearch<'a> {
         }
         let gains = |run: &ScaledFigures| -> Vec<f64> {
             let without = base_law.log_density(run);
-            let of = |(_, _, laws): &ScannedCandidate<'_>| {
+            let gain_of = |(_, _, laws): &ScannedCandidate<'_>| {
                 let logs = laws.iter().map(|(_, law)| law.log_density(run));
                 logs.fold(f64::NEG_INFINITY, f64::max) - without
             };
-            curves.iter().map(of).collect()
+            curves.iter().map(gain_of).collect()
         };
         let here = gains(&self.ground.measured);
         // What chance gains: the greatest gain of any candidate, of runs of the network as it is that no fit has seen.

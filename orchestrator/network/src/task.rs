@@ -156,7 +156,7 @@ impl TaskSplit {
     #[must_use]
     pub fn parts(&self, k: usize) -> [Option<TaskPart>; 3] {
         let n = self.whole.figures.len() as f64;
-        let part = |value: f64, variance: f64| {
+        let task_part = |value: f64, variance: f64| {
             let half = Z_95 * libm::sqrt(variance);
             let interval = [value - half, value + half];
             value.is_finite().then_some(TaskPart { value, interval })
@@ -165,9 +165,9 @@ impl TaskSplit {
         let of_mean = |runs: &TaskRuns| runs.variance(k) / n;
         [
             // What was heard is one of the things that might have been heard.
-            part(heard.mean(k) - own.mean(k), own.variance(k) + of_mean(own)),
-            part(self.measured.values[k] - heard.mean(k), heard.variance(k) + of_mean(heard)),
-            part(own.mean(k) - whole.mean(k), of_mean(own) + of_mean(whole)),
+            task_part(heard.mean(k) - own.mean(k), own.variance(k) + of_mean(own)),
+            task_part(self.measured.values[k] - heard.mean(k), heard.variance(k) + of_mean(heard)),
+            task_part(own.mean(k) - whole.mean(k), of_mean(own) + of_mean(whole)),
         ]
     }
 }

@@ -18,7 +18,7 @@ pub struct Fingerprint {
 
 impl Fingerprint {
     /// That of a file with this content.
-    pub fn of(content: &[u8]) -> Self {
+    pub fn hash(content: &[u8]) -> Self {
         Self { bytes: content.len() as u64, sha256: hex(&Sha256::digest(content)) }
     }
 }

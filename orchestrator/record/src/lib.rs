@@ -52,7 +52,7 @@ use writer::{Event, RunWriter, Written};
 
 /// What a finished run hands to whoever makes its report.
 #[derive(Clone, Copy, Debug)]
-pub struct Contents<'a> {
+pub struct FinishedRun<'a> {
     /// What was known before the run.
     pub header: &'a RunHeader,
     /// Its `summary.json`.
@@ -267,7 +267,7 @@ impl Recorder {
         mut self,
         ending: &Ending,
         provenance: Value,
-        page: impl FnOnce(&Contents<'_>) -> String,
+        page: impl FnOnce(&FinishedRun<'_>) -> String,
     ) -> Result<Finished, RecordError> {
         self.hand_over()?;
         let written = self.join()?;
@@ -278,12 +278,12 @@ impl Recorder {
         let mut files: Map<String, Value> = Map::new();
         let mut add = |name: &str, content: &[u8]| -> Result<(), RecordError> {
             directory.write(name, content)?;
-            files.insert(name.to_owned(), json!(Fingerprint::of(content)));
+            files.insert(name.to_owned(), json!(Fingerprint::hash(content)));
             Ok(())
         };
         add("summary.json", pretty(&summary).as_bytes())?;
         if self.header.output.report {
-            let contents = Contents {
+            let contents = FinishedRun {
                 header: &self.header,
                 summary: &summary,
                 measures: written.measures.as_ref(),
@@ -293,7 +293,7 @@ impl Recorder {
         }
         files.insert(
             "config.toml".to_owned(),
-            json!(Fingerprint::of(self.header.config_toml.as_bytes())),
+            json!(Fingerprint::hash(self.header.config_toml.as_bytes())),
         );
         for (file, _, fingerprint) in &written.files {
             files.insert((*file).to_owned(), json!(fingerprint));

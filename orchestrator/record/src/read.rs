@@ -11,7 +11,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// A recorded run, read step by step: memory does not grow with its length.
-pub struct Reader {
+pub struct RunReader {
     path: PathBuf,
     messages: MessageReader<BufReader<File>>,
     configured: Option<RecordedConfiguration>,
@@ -87,7 +87,7 @@ pub enum ReadError {
 /// A message: its topic, if runs write such, and its bytes.
 type Found = (Option<Topic>, Vec<u8>);
 
-impl Reader {
+impl RunReader {
     /// Opens the recording of a run, given its directory or the file itself, and reads how both sides were configured.
     ///
     /// # Errors

@@ -111,7 +111,7 @@ impl Cell<'_> {
 pub struct Table {
     path: PathBuf,
     writer: SerializedFileWriter<WholeFile>,
-    columns: Vec<Column>,
+    columns: Vec<ColumnBuffer>,
     n_rows: usize,
     n_written: u64,
 }
@@ -150,8 +150,10 @@ impl Table {
             properties(headings).map_err(failed)?,
         )
         .map_err(failed)?;
-        let columns =
-            headings.iter().map(|heading| Column::new(heading.kind, heading.is_nullable)).collect();
+        let columns = headings
+            .iter()
+            .map(|heading| ColumnBuffer::new(heading.kind, heading.is_nullable))
+            .collect();
         Ok(Self { path, writer, columns, n_rows: 0, n_written: 0 })
     }
 
@@ -196,7 +198,7 @@ impl Table {
 }
 
 /// The values of a column that are not written yet.
-struct Column {
+struct ColumnBuffer {
     values: Values,
     /// 1 where there is a value, 0 where it is null; `None` for a column that is never null.
     levels: Option<Vec<i16>>,
@@ -211,7 +213,7 @@ enum Values {
     Text(Vec<ByteArray>),
 }
 
-impl Column {
+impl ColumnBuffer {
     fn new(kind: ColumnKind, nullable: bool) -> Self {
         let values = match kind {
             ColumnKind::Bool => Values::Bool(Vec::new()),

@@ -4,7 +4,7 @@ mod made_up;
 mod tables;
 
 use super::log::Topic;
-use super::read::{ReadError, Reader};
+use super::read::{ReadError, RunReader};
 use super::*;
 use bytes::Bytes;
 use experiment::output::Links;
@@ -13,7 +13,7 @@ use proto_messages::v1;
 use std::fs;
 
 /// In place of a report.
-fn page(contents: &Contents<'_>) -> String {
+fn page(contents: &FinishedRun<'_>) -> String {
     format!("report of {}", contents.header.name)
 }
 
@@ -147,7 +147,7 @@ fn what_no_run_left_cannot_be_verified() {
     let out = tempfile::tempdir().unwrap();
     let error = verify(out.path()).unwrap_err().to_string();
     assert!(error.contains("is not the folder of a run"), "{error}");
-    let error = Reader::open(out.path()).err().unwrap();
+    let error = RunReader::open(out.path()).err().unwrap();
     assert!(matches!(error, ReadError::Open { .. }), "{error}");
 }
 
@@ -155,7 +155,7 @@ fn what_no_run_left_cannot_be_verified() {
 fn messages_come_back_as_they_were_but_for_what_has_a_file_of_its_own() {
     let out = tempfile::tempdir().unwrap();
     let run = finished(out.path(), header("run"));
-    let mut reader = Reader::open(&run.dir).unwrap();
+    let mut reader = RunReader::open(&run.dir).unwrap();
     let configured = reader.configured().unwrap();
     assert_eq!(configured.robot_request.seed, 42);
     assert_eq!(configured.net_response.warnings, ["made up"]);
@@ -246,7 +246,7 @@ fn a_recorder_that_is_dropped_leaves_messages_that_can_be_read() {
     let partial = names(out.path());
     assert_eq!(partial.len(), 1);
     assert!(partial[0].starts_with(".run.partial-"), "{partial:?}");
-    let mut reader = Reader::open(&out.path().join(&partial[0])).unwrap();
+    let mut reader = RunReader::open(&out.path().join(&partial[0])).unwrap();
     for _ in 0..5 {
         assert!(reader.next_step().unwrap().is_some());
     }
@@ -260,7 +260,7 @@ fn a_log_that_is_cut_off_gives_the_steps_before_the_cut() {
     let content = fs::read(&path).unwrap();
     // The end magic is missing, all steps are there.
     fs::write(&path, &content[..content.len() - 8]).unwrap();
-    let mut reader = Reader::open(&path).unwrap();
+    let mut reader = RunReader::open(&path).unwrap();
     for _ in 0..STEPS {
         assert!(reader.next_step().unwrap().is_some());
     }

@@ -3,7 +3,7 @@
 use super::directory::is_record;
 use super::hashed_file::{Fingerprint, fingerprint};
 use super::pcap::{self, Counter};
-use super::read::{ReadError, Reader};
+use super::read::{ReadError, RunReader};
 use super::run_summary::{FileCount, RunSummary};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use proto::digest::{hex, of_step};
@@ -199,7 +199,7 @@ fn read_steps(
     let read_error = |error: ReadError| error.to_string();
     let field_error =
         |step: u64| move |error: InvalidField| format!("run.mcap: step {step}: {error}");
-    let mut reader = Reader::open(dir).map_err(read_error)?;
+    let mut reader = RunReader::open(dir).map_err(read_error)?;
     let Some(configured) = reader.configured() else { return Ok(()) };
     let n = configured.robot_request.agent_count as usize;
     let coupling = convert::coupling(configured.robot_request.coupling).map_err(field_error(0))?;

@@ -4,10 +4,10 @@ use super::layout::{listing, number_cell};
 use super::top::coupling_in_words;
 use maud::{Markup, html};
 use numbers::format::{count, percent, shortest};
-use record::{Contents, TRUTH_BASELINE};
+use record::{FinishedRun, TRUTH_BASELINE};
 
-pub(super) fn facts(contents: &Contents<'_>) -> Option<Markup> {
-    let Contents { header, summary, .. } = contents;
+pub(super) fn facts(contents: &FinishedRun<'_>) -> Option<Markup> {
+    let FinishedRun { header, summary, .. } = contents;
     let mut facts: Vec<(&str, String)> = vec![
         ("name", header.name.clone()),
         ("seed", header.seed.to_string()),
@@ -33,7 +33,7 @@ pub(super) fn facts(contents: &Contents<'_>) -> Option<Markup> {
     })
 }
 
-pub(super) fn again(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn again(contents: &FinishedRun<'_>) -> Option<Markup> {
     Some(html! {
         h2 { "To do it again" }
         p {
@@ -49,7 +49,7 @@ pub(super) fn again(contents: &Contents<'_>) -> Option<Markup> {
 }
 
 /// Delivery against distance as a table: the picture for those who need the numbers.
-pub(super) fn delivery_in_numbers(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn delivery_in_numbers(contents: &FinishedRun<'_>) -> Option<Markup> {
     let bins = contents.measures?.by_distance();
     if bins.is_empty() {
         return None;
@@ -76,7 +76,7 @@ pub(super) fn delivery_in_numbers(contents: &Contents<'_>) -> Option<Markup> {
     })
 }
 
-pub(super) fn provenance(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn provenance(contents: &FinishedRun<'_>) -> Option<Markup> {
     let provenance = contents.provenance;
     provenance.as_object().filter(|provenance| !provenance.is_empty())?;
     Some(html! {

@@ -8,7 +8,7 @@ use maud::{Markup, html};
 use metrics::{DistanceBin, Measures, Sample, Trajectories};
 use numbers::format::{count, number, percent, shortest};
 use proto::types::seconds;
-use record::Contents;
+use record::FinishedRun;
 
 /// A picture with its words.
 #[derive(Clone, Debug)]
@@ -26,7 +26,7 @@ pub(crate) struct Figure {
 }
 
 /// The pictures of a run.
-pub(super) fn section(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     let figures = run_figures(contents.measures?, contents.header.agent_count);
     Some(html! { div.figures { @for figure in &figures { (figure.markup()) } } })
 }
@@ -208,7 +208,7 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
     let top = (if shows_all { others.max(greatest) } else { greatest }).max(1.0) * 1.12;
     let x = time_axis(measures);
     let mut chart =
-        Chart::new(x, Axis::new("neighbours heard", 0.0, top).whole(), HALF, HALF_HEIGHT);
+        Chart::new(x, Axis::new("neighbours heard", 0.0, top).integer_ticks(), HALF, HALF_HEIGHT);
     if shows_all {
         chart.level(others, "all others");
     }

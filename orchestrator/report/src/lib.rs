@@ -13,10 +13,10 @@ pub mod svg;
 mod top;
 
 use maud::{Markup, html};
-use record::{Contents, TRUTH_BASELINE};
+use record::{FinishedRun, TRUTH_BASELINE};
 
 /// A section of the page, or none where the run has nothing to show in it.
-type Section = fn(&Contents<'_>) -> Option<Markup>;
+type Section = fn(&FinishedRun<'_>) -> Option<Markup>;
 
 /// The page from top to bottom.
 const SECTIONS: &[Section] = &[
@@ -33,7 +33,7 @@ const SECTIONS: &[Section] = &[
 
 /// The page.
 #[must_use]
-pub fn page(contents: &Contents<'_>) -> String {
+pub fn page(contents: &FinishedRun<'_>) -> String {
     let name = &contents.header.name;
     let title =
         if is_truth(contents) { format!("{name} ({TRUTH_BASELINE})") } else { name.clone() };
@@ -42,7 +42,7 @@ pub fn page(contents: &Contents<'_>) -> String {
 }
 
 /// Whether robots knew the truth in place of what they heard.
-fn is_truth(contents: &Contents<'_>) -> bool {
+fn is_truth(contents: &FinishedRun<'_>) -> bool {
     contents.summary.baseline.is_some()
 }
 

@@ -16,7 +16,7 @@ use numbers::format::count;
 use numbers::statistics::quantile_nearest;
 use proto::site::Site;
 use serde::Serialize;
-use study::view::View;
+use study::view::RowPredictions;
 
 /// Marks of a key: class of the mark, words.
 pub(super) type Key = Vec<(&'static str, String)>;
@@ -59,7 +59,7 @@ pub struct RobotRows {
 
 /// Rows of one kind.
 #[derive(Clone, Debug)]
-pub enum Rows {
+pub enum MeasuredRows {
     /// Frames and possible receivers.
     Links(LinkRows),
     /// Windows of robots' tracks.
@@ -96,7 +96,7 @@ impl<'a> MeasuredAnswer<'a> {
 
 /// What goes into a page.
 #[derive(Debug)]
-pub struct Contents<'a> {
+pub struct MeasuredPage<'a> {
     /// Name of the configuration.
     pub config: String,
     /// The command that makes this page again.
@@ -106,16 +106,16 @@ pub struct Contents<'a> {
     /// The site of the configuration.
     pub site: &'a Site,
     /// The rows.
-    pub rows: Rows,
+    pub rows: MeasuredRows,
     /// The model as configured, held out.
-    pub before: View,
+    pub before: RowPredictions,
     /// The model that was found, held out, where one was.
-    pub after: Option<View>,
+    pub after: Option<RowPredictions>,
     /// What errors may depend on: a value per row.
     pub covariates: Vec<(String, Vec<f64>)>,
 }
 
-impl Contents<'_> {
+impl MeasuredPage<'_> {
     fn title(&self) -> String {
         let kind = if self.answer.diagnosis().is_some() { "Diagnosis" } else { "Comparison" };
         format!("{kind}: {} against {}", self.config, self.answer.account().data.file)
@@ -123,17 +123,17 @@ impl Contents<'_> {
 
     fn unit(&self) -> &'static str {
         match self.rows {
-            Rows::Links(_) => "dB",
-            Rows::Robots(_) => "m",
+            MeasuredRows::Links(_) => "dB",
+            MeasuredRows::Robots(_) => "m",
         }
     }
 
     fn is_link(&self) -> bool {
-        matches!(self.rows, Rows::Links(_))
+        matches!(self.rows, MeasuredRows::Links(_))
     }
 
     /// Both models, with a class and a name.
-    fn views(&self) -> Vec<(&'static str, &'static str, &View)> {
+    fn views(&self) -> Vec<(&'static str, &'static str, &RowPredictions)> {
         let mut views = vec![("before", "as configured", &self.before)];
         if let Some(after) = &self.after {
             views.push(("after", "with what was found", after));
@@ -143,7 +143,7 @@ impl Contents<'_> {
 }
 
 /// A section of the page, or none where the answer has nothing to show in it.
-type Section = fn(&Contents<'_>) -> Option<Markup>;
+type Section = fn(&MeasuredPage<'_>) -> Option<Markup>;
 
 /// The page from top to bottom.
 const SECTIONS: &[Section] = &[
@@ -167,7 +167,7 @@ pub(super) const STYLE: &str = include_str!("measured/style.css");
 
 /// The page.
 #[must_use]
-pub fn page(contents: &Contents<'_>) -> String {
+pub fn page(contents: &MeasuredPage<'_>) -> String {
     let sections = SECTIONS.iter().filter_map(|section| section(contents));
     layout::page(&contents.title(), STYLE, &html! { @for section in sections { (section) } })
 }

@@ -6,11 +6,11 @@ use maud::{Markup, html};
 use metrics::Measures;
 use metrics::kpi::kpi_summary::KpiSummary;
 use numbers::format::{count, count_of, number, percent};
-use record::Contents;
+use record::FinishedRun;
 use std::cmp::Ordering;
 
 /// A column: heading, what it says, and the cell of each mote.
-struct Column {
+struct MoteColumn {
     heading: &'static str,
     doc: &'static str,
     cells: Vec<String>,
@@ -24,7 +24,7 @@ struct Key {
 }
 
 /// The table, if the network reported figures of its motes.
-pub(super) fn section(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     table(contents.summary.kpis.as_ref()?, contents.measures?)
 }
 
@@ -36,7 +36,7 @@ fn table(kpis: &KpiSummary, measures: &Measures) -> Option<Markup> {
     }
     let figures = Figures { kpis, measures, n };
     let shown = figures.shown();
-    let columns: Vec<Column> =
+    let columns: Vec<MoteColumn> =
         figures.columns().into_iter().filter(|column| column.says_something(&shown)).collect();
     let mut keys = figures.keys();
     keys.retain(|key| key.values.iter().any(Option::is_some));
@@ -91,7 +91,7 @@ struct Figures<'a> {
 
 impl Figures<'_> {
     /// A figure of `summary.json` of each mote.
-    fn of(&self, name: &str) -> Vec<Option<f64>> {
+    fn values(&self, name: &str) -> Vec<Option<f64>> {
         self.kpis.motes.get(name).cloned().unwrap_or_else(|| vec![None; self.n])
     }
 
@@ -107,9 +107,9 @@ impl Figures<'_> {
     fn shown(&self) -> Vec<usize> {
         let mut motes: Vec<usize> = (0..self.n).collect();
         if MAX_ROWS < self.n {
-            let joined_s = self.of("first_joined_s");
+            let joined_s = self.values("first_joined_s");
             let [ratio, latency_s] =
-                ["delivery_ratio", "median_latency_s"].map(|name| self.of(name));
+                ["delivery_ratio", "median_latency_s"].map(|name| self.values(name));
             let badness = |mote: usize| {
                 let ratio = ratio[mote].unwrap_or(2.0);
                 (joined_s[mote].is_some(), ratio, -latency_s[mote].unwrap_or(0.0))
@@ -155,20 +155,20 @@ impl Figures<'_> {
         (0..self.n).map(|mote| Some(depth(mote)? as f64)).collect()
     }
 
-    fn columns(&self) -> Vec<Column> {
+    fn columns(&self) -> Vec<MoteColumn> {
         let motes = &self.measures.kpis.motes;
-        let each = |heading, doc, cell: &dyn Fn(usize) -> String| Column {
+        let each = |heading, doc, cell: &dyn Fn(usize) -> String| MoteColumn {
             heading,
             doc,
             cells: (0..self.n).map(cell).collect(),
         };
         let figure =
-            |heading, doc, values: Vec<Option<f64>>, words: &dyn Fn(f64) -> String| Column {
+            |heading, doc, values: Vec<Option<f64>>, words: &dyn Fn(f64) -> String| MoteColumn {
                 heading,
                 doc,
                 cells: values.into_iter().map(|value| value.map_or_else(dash, words)).collect(),
             };
-        let whole = |value: f64| count(value as u64);
+        let integer = |value: f64| count(value as u64);
         let (ended, why) = self.ended();
         vec![
             each("mote", "its number", &|mote| {
@@ -179,7 +179,12 @@ impl Figures<'_> {
                 };
                 format!("{mote}{state}")
             }),
-            figure("joined (s)", "when it was first admitted", self.of("first_joined_s"), &number),
+            figure(
+                "joined (s)",
+                "when it was first admitted",
+                self.values("first_joined_s"),
+                &number,
+            ),
             each("parent", "its preferred parent", &|mote| {
                 self.parent(mote).map_or_else(dash, |parent| parent.to_string())
             }),
@@ -187,67 +192,67 @@ impl Figures<'_> {
                 let rank = motes.rank.get(mote).filter(|&&rank| rank < INFINITE_RANK);
                 rank.map_or_else(dash, u32::to_string)
             }),
-            figure("hops", "to the root, along parents", self.depth(), &whole),
-            figure("created", "packets created", self.of("created"), &whole),
-            figure("delivered", "packets delivered", self.of("delivered"), &whole),
-            figure("dropped", "packets dropped on the way", self.of("dropped"), &whole),
+            figure("hops", "to the root, along parents", self.depth(), &integer),
+            figure("created", "packets created", self.values("created"), &integer),
+            figure("delivered", "packets delivered", self.values("delivered"), &integer),
+            figure("dropped", "packets dropped on the way", self.values("dropped"), &integer),
             figure(
                 "delivery",
                 "delivered, of those delivered or dropped",
-                self.of("delivery_ratio"),
+                self.values("delivery_ratio"),
                 &percent,
             ),
             figure(
                 "latency (s)",
                 "from creation to delivery, median",
-                self.of("median_latency_s"),
+                self.values("median_latency_s"),
                 &number,
             ),
-            figure("95 %", "95 % quantile of latency (s)", self.of("p95_latency_s"), &number),
-            figure("max", "longest latency (s)", self.of("max_latency_s"), &number),
+            figure("95 %", "95 % quantile of latency (s)", self.values("p95_latency_s"), &number),
+            figure("max", "longest latency (s)", self.values("max_latency_s"), &number),
             figure(
                 "parents",
                 "changes of the preferred parent, the first choice apart",
-                self.of("parent_changes"),
-                &whole,
+                self.values("parent_changes"),
+                &integer,
             ),
             figure(
                 "radio on",
                 "time the radio sent or listened, over the time it was on",
-                self.of("duty_cycle"),
+                self.values("duty_cycle"),
                 &percent,
             ),
-            figure("charge (C)", "charge drawn", self.of("charge_uc"), &|uc| number(uc / 1e6)),
+            figure("charge (C)", "charge drawn", self.values("charge_uc"), &|uc| number(uc / 1e6)),
             figure(
                 "years",
                 "how long its battery lasts at that rate",
-                self.of("lifetime_years"),
+                self.values("lifetime_years"),
                 &number,
             ),
             figure(
                 "ended here",
                 "frames and datagrams of any kind that ended here without arriving",
                 ended,
-                &whole,
+                &integer,
             ),
-            Column { heading: "why", doc: "how many of them for which reason", cells: why },
+            MoteColumn { heading: "why", doc: "how many of them for which reason", cells: why },
         ]
     }
 
     fn keys(&self) -> Vec<Key> {
         let key = |words, values, greatest_first| Key { words, values, greatest_first };
         vec![
-            key("delivery, worst first", self.of("delivery_ratio"), false),
-            key("latency, longest first", self.of("median_latency_s"), true),
+            key("delivery, worst first", self.values("delivery_ratio"), false),
+            key("latency, longest first", self.values("median_latency_s"), true),
             key("what ended here, most first", self.ended().0, true),
             key("hops, most first", self.depth(), true),
-            key("joining, latest first", self.of("first_joined_s"), true),
-            key("radio, longest on first", self.of("duty_cycle"), true),
+            key("joining, latest first", self.values("first_joined_s"), true),
+            key("radio, longest on first", self.values("duty_cycle"), true),
         ]
     }
 }
 
-impl Column {
+impl MoteColumn {
     /// Whether any mote has something in it.
     fn says_something(&self, shown: &[usize]) -> bool {
         shown.iter().any(|&mote| !self.cells[mote].is_empty() && self.cells[mote] != dash())

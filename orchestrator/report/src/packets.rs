@@ -78,14 +78,14 @@ impl<'a> NetworkAnswer<'a> {
 }
 
 /// What goes into the page.
-struct Contents<'a> {
+struct PacketsPage<'a> {
     config: &'a str,
     command: &'a str,
     answer: NetworkAnswer<'a>,
 }
 
 /// A section of the page, or none where the answer has nothing to show in it.
-type Section = fn(&Contents<'_>) -> Option<Markup>;
+type Section = fn(&PacketsPage<'_>) -> Option<Markup>;
 
 /// The page from top to bottom.
 const SECTIONS: &[Section] =
@@ -94,12 +94,12 @@ const SECTIONS: &[Section] =
 /// The page. `command`: what makes this page again.
 #[must_use]
 pub fn page(config: &str, command: &str, answer: NetworkAnswer<'_>) -> String {
-    let contents = Contents { config, command, answer };
+    let contents = PacketsPage { config, command, answer };
     let sections = SECTIONS.iter().filter_map(|section| section(&contents));
     layout::page(&contents.title(), STYLE, &html! { @for section in sections { (section) } })
 }
 
-impl<'a> Contents<'a> {
+impl<'a> PacketsPage<'a> {
     fn title(&self) -> String {
         let kind = if self.diagnosis().is_some() { "Diagnosis" } else { "Comparison" };
         format!("{kind}: {} against {}", self.config, self.answer.account().data.file)
@@ -114,7 +114,7 @@ impl<'a> Contents<'a> {
     }
 }
 
-fn heading(contents: &Contents<'_>) -> Option<Markup> {
+fn heading(contents: &PacketsPage<'_>) -> Option<Markup> {
     let answer = contents.answer;
     let account = answer.account();
     let rows = if matches!(answer, NetworkAnswer::Task(_)) { "places" } else { "packets" };
@@ -131,11 +131,11 @@ fn heading(contents: &Contents<'_>) -> Option<Markup> {
     })
 }
 
-fn notices(contents: &Contents<'_>) -> Option<Markup> {
+fn notices(contents: &PacketsPage<'_>) -> Option<Markup> {
     words::notices_of(contents.answer.account())
 }
 
-fn candidates(contents: &Contents<'_>) -> Option<Markup> {
+fn candidates(contents: &PacketsPage<'_>) -> Option<Markup> {
     let diagnosis = contents.diagnosis()?;
     Some(html! {
         h2 { "What was tried" }
@@ -165,7 +165,7 @@ fn candidates(contents: &Contents<'_>) -> Option<Markup> {
     })
 }
 
-fn ties(contents: &Contents<'_>) -> Option<Markup> {
+fn ties(contents: &PacketsPage<'_>) -> Option<Markup> {
     let diagnosis = contents.diagnosis()?;
     let candidates = diagnosis.candidates.iter();
     let candidates =
@@ -175,7 +175,7 @@ fn ties(contents: &Contents<'_>) -> Option<Markup> {
 }
 
 /// Each figure as measured and in the model.
-fn all_figures(contents: &Contents<'_>) -> Option<Markup> {
+fn all_figures(contents: &PacketsPage<'_>) -> Option<Markup> {
     let with = contents.diagnosis().and_then(|diagnosis| diagnosis.kpis_with.as_deref());
     let with = with.unwrap_or_default();
     let range = |kpi: &Kpi| format!("{} to {}", number(kpi.model.low), number(kpi.model.high));
@@ -262,7 +262,7 @@ impl<'a> Split<'a> {
 }
 
 /// Where the error comes from, where that was asked.
-fn error_split(contents: &Contents<'_>) -> Option<Markup> {
+fn error_split(contents: &PacketsPage<'_>) -> Option<Markup> {
     let split = contents.answer.split()?;
     Some(html! {
         h2 { (split.heading) }
@@ -299,18 +299,18 @@ fn part_in_words(part: Option<PartOfFigure>) -> String {
     }
 }
 
-fn by_figure(contents: &Contents<'_>) -> Option<Markup> {
+fn by_figure(contents: &PacketsPage<'_>) -> Option<Markup> {
     let intro = "Dots are seeds of the model, from the least to the greatest; the line is what was measured. A line amid the dots is \
                  no news. One beyond them is what the model has no run for.";
     let pictures: Vec<Picture> = contents.answer.kpis().iter().filter_map(kpi).collect();
     figures("Figure by figure", intro, &pictures)
 }
 
-fn by_mote(contents: &Contents<'_>) -> Option<Markup> {
+fn by_mote(contents: &PacketsPage<'_>) -> Option<Markup> {
     figures("Mote by mote", "", &[delivery(contents.answer.motes())?])
 }
 
-fn again(contents: &Contents<'_>) -> Option<Markup> {
+fn again(contents: &PacketsPage<'_>) -> Option<Markup> {
     Some(html! { h2 { "Again" } p { code { (contents.command) } } })
 }
 
@@ -333,7 +333,7 @@ fn kpi(kpi: &Kpi) -> Option<Picture> {
     let all: Vec<f64> = seeds.iter().copied().chain([measured]).collect();
     let [low, high] = bounds(&all)?;
     let label = if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") };
-    let x = Axis::new("seeds, by this figure", -0.5, seeds.len() as f64 - 0.5).whole();
+    let x = Axis::new("seeds, by this figure", -0.5, seeds.len() as f64 - 0.5).integer_ticks();
     let mut chart = half(x, Axis::new(&label, low, high));
     chart.dots("dot", seeds.iter().enumerate().map(|(k, &value)| [k as f64, value]));
     chart.level(measured, "measured");

@@ -57,7 +57,7 @@ impl Axis {
     }
 
     /// The same with ticks at whole numbers only.
-    pub fn whole(mut self) -> Self {
+    pub fn integer_ticks(mut self) -> Self {
         self.least_step = 1.0;
         self
     }

@@ -57,7 +57,7 @@ fn summary(status: Status) -> RunSummary {
 
 fn page_of(summary: &RunSummary) -> String {
     let header = header("a<b");
-    page(&Contents { header: &header, summary, measures: None, provenance: &Value::Null })
+    page(&FinishedRun { header: &header, summary, measures: None, provenance: &Value::Null })
 }
 
 #[test]

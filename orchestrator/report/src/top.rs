@@ -7,10 +7,10 @@ use metrics::task::Goal;
 use numbers::format::{count, number, percent, shortest};
 use proto::types::Coupling;
 use record::run_summary::RunSummary;
-use record::{Contents, Status, TRUTH_BASELINE};
+use record::{FinishedRun, Status, TRUTH_BASELINE};
 
-pub(super) fn heading(contents: &Contents<'_>) -> Option<Markup> {
-    let Contents { header, summary, .. } = contents;
+pub(super) fn heading(contents: &FinishedRun<'_>) -> Option<Markup> {
+    let FinishedRun { header, summary, .. } = contents;
     let controller = contents.measures.and_then(|measures| measures.task.controller.as_deref());
     let started_s = summary.robots_started_s.filter(|started_s| 0.0 < *started_s);
     Some(html! {
@@ -45,14 +45,14 @@ pub(super) fn coupling_in_words(coupling: Coupling) -> &'static str {
     }
 }
 
-pub(super) fn notices(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn notices(contents: &FinishedRun<'_>) -> Option<Markup> {
     let RunSummary { reason, warnings, .. } = contents.summary;
     let reason = reason.iter().map(|reason| html! { strong { (reason) } });
     let warnings = warnings.iter().map(|warning| html! { (warning) });
     layout::notices(&reason.chain(warnings).collect::<Vec<_>>())
 }
 
-pub(super) fn tiles(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     let measures = contents.measures?;
     let n_agents = contents.header.agent_count;
     let kpis = contents.summary.kpis.as_ref();

@@ -115,12 +115,12 @@ impl StandingRow {
         let (columns, rows) = if self.roots == 1 { (1, 1) } else { (4, self.roots / 4) };
         let lines = self.motes.div_ceil(self.side());
         let middle = |part: u32, parts: u32, length: u32| (2 * part + 1) * length / (2 * parts);
-        let at = |row, column| {
+        let position_m = |row, column| {
             middle(row, rows, lines) * self.side() + middle(column, columns, self.side())
         };
         (0..rows)
             .flat_map(|row| (0..columns).map(move |column| (row, column)))
-            .map(|(row, column)| at(row, column).min(self.motes - 1))
+            .map(|(row, column)| position_m(row, column).min(self.motes - 1))
             .collect()
     }
 

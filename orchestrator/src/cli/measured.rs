@@ -14,13 +14,13 @@ use diagnose::answer::{self, Measurements};
 use diagnose::compare;
 use diagnose::extend::{self, extension};
 use diagnose::ladder::Search;
-use diagnose::progress::Progress;
+use diagnose::progress::SearchProgress;
 use diagnose::{held_out, scan};
 use measure::config::Compared;
 use measure::packets;
 use measure::robots::RobotSample;
 use measure::table::DataTable;
-use report::measured::{Contents, LinkRows, MeasuredAnswer, RobotRows, Rows, page};
+use report::measured::{LinkRows, MeasuredAnswer, MeasuredPage, MeasuredRows, RobotRows, page};
 use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
 use study::choices::Choices;
@@ -28,7 +28,7 @@ use study::formula::FORMULA;
 use study::links::LinkStudy;
 use study::open::{self, DataAccount, Subject};
 use study::robots::RobotStudy;
-use study::view::View;
+use study::view::RowPredictions;
 use study::{COMMON, Study};
 
 /// A configuration and measurements.
@@ -187,7 +187,7 @@ impl AnswerArgs {
         let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let verb =
             if matches!(answer, MeasuredAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
-        let contents = Contents {
+        let contents = MeasuredPage {
             config: name,
             command: self.command(verb, &self.data.words()),
             answer,
@@ -205,9 +205,9 @@ impl AnswerArgs {
 
 /// What pictures need beside an answer.
 struct Pictures {
-    rows: Rows,
-    before: View,
-    after: Option<View>,
+    rows: MeasuredRows,
+    before: RowPredictions,
+    after: Option<RowPredictions>,
     covariates: Vec<(String, Vec<f64>)>,
 }
 
@@ -228,7 +228,7 @@ impl Pictures {
             quantum_db: study.rows.links.readings.quantum_db,
         };
         Self {
-            rows: Rows::Links(rows),
+            rows: MeasuredRows::Links(rows),
             before: held_out::predictions(study, search, &[]),
             after: (!terms.is_empty()).then(|| held_out::predictions(study, search, terms)),
             covariates: study.covariates(),
@@ -259,7 +259,7 @@ impl Pictures {
             horizons,
         };
         Self {
-            rows: Rows::Robots(rows),
+            rows: MeasuredRows::Robots(rows),
             before: held_out::predictions(study, search, &[]),
             after: (!terms.is_empty()).then(|| held_out::predictions(study, search, terms)),
             covariates: study.covariates(),
@@ -327,7 +327,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
             let log = SearchLog::new();
-            let report = |progress: Progress<'_>| log.log(progress);
+            let report = |progress: SearchProgress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
             print_account(&account);
             let found = compare::links(&study, &search, &account);
@@ -339,7 +339,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             let (study, account) =
                 open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
             let log = SearchLog::new();
-            let report = |progress: Progress<'_>| log.log(progress);
+            let report = |progress: SearchProgress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
             print_account(&account);
             let found = compare::robots(&study, &search, &account);
@@ -411,7 +411,7 @@ fn extend_with<S: Study>(
 ) -> Result<(), Failure> {
     print_account(account);
     let log = SearchLog::new();
-    let report = |progress: Progress<'_>| log.log(progress);
+    let report = |progress: SearchProgress<'_>| log.log(progress);
     let search = Search::new(study, &report);
     let terms = if args.all {
         search.stepwise_selection().accepted
@@ -455,7 +455,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
             let log = SearchLog::new();
-            let report = |progress: Progress<'_>| log.log(progress);
+            let report = |progress: SearchProgress<'_>| log.log(progress);
             let search = Search::new(searched, &report).with_stop_flag(stop);
             let ladder = search.stepwise_selection();
             let left = scan::scan_residuals(searched, &search, &ladder);
@@ -483,7 +483,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
                 open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
             print_account(&account);
             let log = SearchLog::new();
-            let report = |progress: Progress<'_>| log.log(progress);
+            let report = |progress: SearchProgress<'_>| log.log(progress);
             let search = Search::new(&study, &report).with_stop_flag(stop);
             let ladder = search.stepwise_selection();
             let left = scan::scan_residuals(&study, &search, &ladder);

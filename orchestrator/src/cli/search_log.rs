@@ -1,6 +1,6 @@
 //! The log of a search for missing effects.
 
-use diagnose::progress::Progress;
+use diagnose::progress::SearchProgress;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -19,14 +19,14 @@ impl SearchLog {
         Self { times: Mutex::new((now, now)) }
     }
 
-    pub(super) fn log(&self, progress: Progress<'_>) {
+    pub(super) fn log(&self, progress: SearchProgress<'_>) {
         let mut times = self.times.lock().unwrap_or_else(PoisonError::into_inner);
         match progress {
-            Progress::Round { round } => {
+            SearchProgress::Round { round } => {
                 *times = (Instant::now(), Instant::now());
                 tracing::info!("round {round}: fitting candidate effects");
             }
-            Progress::Tried { round, done, of } => {
+            SearchProgress::Tried { round, done, of } => {
                 if times.1.elapsed() < LOG_EVERY {
                     return;
                 }
@@ -36,12 +36,12 @@ impl SearchLog {
                     "round {round}: {done} of {of} candidates fitted, about {left_s:.0} s left"
                 );
             }
-            Progress::Accepted { name } => tracing::info!("+ {name}"),
-            Progress::Exchanged { new, old } => {
+            SearchProgress::Accepted { name } => tracing::info!("+ {name}"),
+            SearchProgress::Exchanged { new, old } => {
                 tracing::info!("{new} replaces {}", old.join(", "));
             }
-            Progress::Removed { name } => tracing::info!("- {name}"),
-            Progress::Ties => tracing::info!("collecting indistinguishable candidates"),
+            SearchProgress::Removed { name } => tracing::info!("- {name}"),
+            SearchProgress::Ties => tracing::info!("collecting indistinguishable candidates"),
         }
     }
 }

@@ -155,7 +155,7 @@ fn value_at(range: &ParameterRange, share: f64) -> Value {
 mod tests {
     use super::*;
 
-    fn of(text: &str) -> (Vec<String>, Vec<String>) {
+    fn expand(text: &str) -> (Vec<String>, Vec<String>) {
         let mut problems = Vec::new();
         let sweep = spec::read(&proto::config::parse(text).unwrap(), &mut problems);
         let settings = settings(&sweep, 1).iter().map(Setting::describe).collect();
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn every_case_meets_every_combination() {
-        let (settings, problems) = of(
+        let (settings, problems) = expand(
             "[[case]]\nname = \"near\"\na.r = 1\n[[case]]\nname = \"far\"\na.r = 9\n[vary]\nb.k = [\"x\", \"y\"]\n\"c.n\" = [1, 2]",
         );
         assert!(problems.is_empty(), "{problems:?}");
@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(settings[7], "far, k y, n 2");
         // Lists of tables are told by what they hold.
         let (settings, _) =
-            of("[vary]\na.effect = [[{ kind = \"x\" }, { kind = \"y\", g = 1 }], []]");
+            expand("[vary]\na.effect = [[{ kind = \"x\" }, { kind = \"y\", g = 1 }], []]");
         assert_eq!(settings, ["effect x + y", "effect []"]);
     }
 
@@ -209,7 +209,7 @@ mod tests {
 
     #[test]
     fn ranges_are_met_from_end_to_end_and_never_left() {
-        let at = |min, max, is_log, is_whole, share: f64| match value_at(
+        let number_at = |min, max, is_log, is_whole, share: f64| match value_at(
             &ParameterRange { span: None, min, max, is_log, is_whole },
             share,
         ) {
@@ -219,13 +219,13 @@ mod tests {
         };
         let is = |got: f64, wanted: f64| assert!((got - wanted).abs() < 1e-5 * wanted, "{got}");
         let last = 1.0 - f64::EPSILON / 2.0;
-        is(at(1.0, 100.0, true, false, 0.5), 10.0);
-        is(at(2.0, 4.0, false, false, 0.25), 2.5);
+        is(number_at(1.0, 100.0, true, false, 0.5), 10.0);
+        is(number_at(2.0, 4.0, false, false, 0.25), 2.5);
         // Three whole numbers share the range evenly.
         for (share, wanted) in [(0.0, 5.0), (0.33, 5.0), (0.34, 6.0), (0.67, 7.0), (last, 7.0)] {
-            is(at(5.0, 7.0, false, true, share), wanted);
+            is(number_at(5.0, 7.0, false, true, share), wanted);
         }
-        assert!(at(0.1, 0.3, true, false, last) <= 0.3);
-        assert!(0.1 <= at(0.1, 0.3, true, false, 0.0));
+        assert!(number_at(0.1, 0.3, true, false, last) <= 0.3);
+        assert!(0.1 <= number_at(0.1, 0.3, true, false, 0.0));
     }
 }

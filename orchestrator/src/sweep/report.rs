@@ -11,14 +11,14 @@ use report::layout::{self, key_entry, listing, number_cell};
 use report::svg::{Axis, Chart};
 
 /// What goes into the page.
-struct Contents<'a> {
+struct SweepPage<'a> {
     plan: &'a SweepPlan,
     figures: &'a [SettingFigures<'a>],
     summary: &'a SweepSummary,
 }
 
 /// A section of the page, or none where there is nothing to show in it.
-type Section = fn(&Contents<'_>) -> Option<Markup>;
+type Section = fn(&SweepPage<'_>) -> Option<Markup>;
 
 /// The page from top to bottom.
 const SECTIONS: &[Section] = &[heading, notices, pictures, in_numbers, again];
@@ -29,12 +29,12 @@ pub(super) fn page(
     figures: &[SettingFigures<'_>],
     summary: &SweepSummary,
 ) -> String {
-    let contents = Contents { plan, figures, summary };
+    let contents = SweepPage { plan, figures, summary };
     let sections = SECTIONS.iter().filter_map(|section| section(&contents));
     layout::page(&plan.name, "", &html! { @for section in sections { (section) } })
 }
 
-fn heading(contents: &Contents<'_>) -> Option<Markup> {
+fn heading(contents: &SweepPage<'_>) -> Option<Markup> {
     let plan = contents.plan;
     Some(html! {
         header {
@@ -47,12 +47,12 @@ fn heading(contents: &Contents<'_>) -> Option<Markup> {
     })
 }
 
-fn notices(contents: &Contents<'_>) -> Option<Markup> {
+fn notices(contents: &SweepPage<'_>) -> Option<Markup> {
     layout::notices(&contents.summary.warnings)
 }
 
-fn pictures(contents: &Contents<'_>) -> Option<Markup> {
-    let Contents { plan, figures, .. } = contents;
+fn pictures(contents: &SweepPage<'_>) -> Option<Markup> {
+    let SweepPage { plan, figures, .. } = contents;
     let views = views(plan);
     let pairs = figures.iter().enumerate().flat_map(|(number, figures)| {
         views.iter().enumerate().map(move |(place, view)| (number, figures, place, view))
@@ -70,14 +70,14 @@ fn pictures(contents: &Contents<'_>) -> Option<Markup> {
     })
 }
 
-fn in_numbers(contents: &Contents<'_>) -> Option<Markup> {
+fn in_numbers(contents: &SweepPage<'_>) -> Option<Markup> {
     Some(html! {
         h2 { "In numbers" }
         @for figures in contents.figures { (table(contents.plan, figures)) }
     })
 }
 
-fn again(contents: &Contents<'_>) -> Option<Markup> {
+fn again(contents: &SweepPage<'_>) -> Option<Markup> {
     Some(html! {
         h2 { "To do it again" }
         p {
@@ -93,7 +93,7 @@ fn again(contents: &Contents<'_>) -> Option<Markup> {
 }
 
 /// What a picture has along its axis, and what tells its lines apart.
-struct View {
+struct PlotLayout {
     /// What the axis shows.
     label: String,
     /// Place of each setting along the axis.
@@ -111,8 +111,8 @@ struct View {
 /// More lines than this cannot be told apart.
 const MOST_LINES: usize = 8;
 
-fn views(plan: &SweepPlan) -> Vec<View> {
-    let mut views: Vec<View> =
+fn views(plan: &SweepPlan) -> Vec<PlotLayout> {
+    let mut views: Vec<PlotLayout> =
         plan.sweep.ranges.iter().filter_map(|(key, _)| along(plan, key, true)).collect();
     if views.is_empty() {
         // The list with most values; of equals the first, and numbers before words.
@@ -141,7 +141,7 @@ fn as_number(value: &Written) -> Option<f64> {
 }
 
 /// The settings along one key. `None`: the rest makes too many lines.
-fn along(plan: &SweepPlan, key: &str, is_range: bool) -> Option<View> {
+fn along(plan: &SweepPlan, key: &str, is_range: bool) -> Option<PlotLayout> {
     let is_sampled = |name: &str| plan.sweep.ranges.iter().any(|(range, _)| range == name);
     let mut names: Vec<String> = Vec::new();
     let mut lines: Vec<String> = Vec::new();
@@ -189,16 +189,16 @@ fn along(plan: &SweepPlan, key: &str, is_range: bool) -> Option<View> {
         _ => (ranks, Some(names)),
     };
     let label = key.to_owned();
-    Some(View { label, places, names, series, lines, is_joined: !is_range })
+    Some(PlotLayout { label, places, names, series, lines, is_joined: !is_range })
 }
 
 /// The settings side by side.
-fn one_by_one(plan: &SweepPlan) -> View {
+fn one_by_one(plan: &SweepPlan) -> PlotLayout {
     let n = plan.settings.len();
     let cases: Option<Vec<String>> =
         plan.settings.iter().map(|setting| setting.case.clone()).collect();
     let is_by_case = plan.sweep.lists.is_empty() && n <= 12;
-    View {
+    PlotLayout {
         label: if is_by_case { "case" } else { "setting" }.to_owned(),
         places: (0..n).map(|number| number as f64).collect(),
         names: cases.filter(|_| is_by_case),
@@ -212,7 +212,12 @@ const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 330.0;
 
 /// A figure of the trials against what varies, `None` where no trial has it.
-fn figure(plan: &SweepPlan, view: &View, figures: &SettingFigures<'_>, id: &str) -> Option<Markup> {
+fn figure(
+    plan: &SweepPlan,
+    view: &PlotLayout,
+    figures: &SettingFigures<'_>,
+    id: &str,
+) -> Option<Markup> {
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)])
     };

@@ -56,21 +56,21 @@ pub(crate) const STATUS: &str = "status";
 /// which they come up.
 pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Vec<TableColumn> {
     let trials: Vec<SweepTrial> = plan.trials().collect();
-    let of = |name: &str, kind, entry: &dyn Fn(SweepTrial) -> TableEntry| TableColumn {
+    let column_of = |name: &str, kind, entry: &dyn Fn(SweepTrial) -> TableEntry| TableColumn {
         name: name.to_owned(),
         kind,
         entries: trials.iter().map(|&trial| entry(trial)).collect(),
     };
     let mut columns =
-        vec![of(SETTING, ColumnKind::U64, &|trial| TableEntry::Count(trial.setting as u64))];
+        vec![column_of(SETTING, ColumnKind::U64, &|trial| TableEntry::Count(trial.setting as u64))];
     if !plan.sweep.cases.is_empty() {
-        columns.push(of(CASE, ColumnKind::Text, &|trial| {
+        columns.push(column_of(CASE, ColumnKind::Text, &|trial| {
             plan.settings[trial.setting].case.clone().map_or(TableEntry::Null, TableEntry::Text)
         }));
     }
     for key in plan.keys() {
         let kind = kind_of(plan, key);
-        columns.push(of(key, kind, &|trial| {
+        columns.push(column_of(key, kind, &|trial| {
             let Some(node) = plan.settings[trial.setting].get(key) else { return TableEntry::Null };
             match (&node.value, kind) {
                 (Written::Bool(is), ColumnKind::Bool) => TableEntry::Bool(*is),
@@ -81,9 +81,10 @@ pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -
             }
         }));
     }
-    columns.push(of(SEED, ColumnKind::U64, &|trial| TableEntry::Count(plan.seeds[trial.seed])));
+    columns
+        .push(column_of(SEED, ColumnKind::U64, &|trial| TableEntry::Count(plan.seeds[trial.seed])));
     let row = |trial: SweepTrial| rows.get(&trial);
-    columns.push(of(STATUS, ColumnKind::Text, &|trial| {
+    columns.push(column_of(STATUS, ColumnKind::Text, &|trial| {
         row(trial).map_or(TableEntry::Null, |row| TableEntry::Text(row.status.clone()))
     }));
     for name in figures(&trials, rows) {
@@ -91,7 +92,7 @@ pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -
         let mut values = trials.iter().filter_map(|&trial| value(trial));
         let is_bool = values.any(|value| matches!(value, FigureValue::Flag(_)));
         let kind = if is_bool { ColumnKind::Bool } else { ColumnKind::F64 };
-        columns.push(of(name, kind, &|trial| match value(trial) {
+        columns.push(column_of(name, kind, &|trial| match value(trial) {
             Some(FigureValue::Flag(is)) => TableEntry::Bool(is),
             Some(FigureValue::Count(n)) => TableEntry::Number(n as f64),
             Some(FigureValue::Number(number)) => TableEntry::Number(number),

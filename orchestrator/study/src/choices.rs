@@ -368,26 +368,29 @@ mod tests {
     #[test]
     fn a_condition_keeps_rows_by_columns_and_by_what_follows_from_them() {
         let table = table();
-        let of = |condition: &str| {
+        let selected_by = |condition: &str| {
             let choices = Choices { condition: Some(condition.to_owned()), ..Choices::default() };
             choices.select_rows(&seen(&table))
         };
-        let kept = of("pdr > 0.5").unwrap();
+        let kept = selected_by("pdr > 0.5").unwrap();
         assert_eq!(kept.rows, [true, false, false, true]);
         let told: Vec<(usize, usize)> =
             kept.rejected.iter().map(|rejected| (rejected.rows, rejected.first_line)).collect();
         assert_eq!(told, [(1, 3), (1, 4)]);
         assert!(kept.rejected[1].reason.contains("missing"), "{:?}", kept.rejected);
-        assert_eq!(of("distance_m < 2.5 or tx == 4").unwrap().rows, [true, true, false, true]);
-        let error = of("distanc_m < 2").unwrap_err().to_string();
+        assert_eq!(
+            selected_by("distance_m < 2.5 or tx == 4").unwrap().rows,
+            [true, true, false, true]
+        );
+        let error = selected_by("distanc_m < 2").unwrap_err().to_string();
         assert!(error.contains("did you mean distance_m?") && error.contains("\n    ^"), "{error}");
-        let error = of("pdr > 2").unwrap_err().to_string();
+        let error = selected_by("pdr > 2").unwrap_err().to_string();
         assert!(error.contains("no row satisfies"), "{error}");
     }
 
     #[test]
     fn campaigns_that_are_not_named_are_the_others() {
-        let of = |fit: &[u32], score: &[u32]| {
+        let selected_runs = |fit: &[u32], score: &[u32]| {
             let choices = Choices {
                 fit_runs: fit.to_vec(),
                 score_runs: score.to_vec(),
@@ -395,15 +398,15 @@ mod tests {
             };
             choices.resolved(&[1, 1, 2, 3])
         };
-        assert_eq!(of(&[1], &[]).unwrap().score_runs, [2, 3]);
-        assert_eq!(of(&[], &[3]).unwrap().fit_runs, [1, 2]);
-        let both = of(&[1], &[3]).unwrap();
+        assert_eq!(selected_runs(&[1], &[]).unwrap().score_runs, [2, 3]);
+        assert_eq!(selected_runs(&[], &[3]).unwrap().fit_runs, [1, 2]);
+        let both = selected_runs(&[1], &[3]).unwrap();
         let table = table();
         assert_eq!(both.select_rows(&seen(&table)).unwrap().rows, [true, true, false, true]);
-        assert_eq!(of(&[1], &[1]).unwrap_err(), ChoiceError::Both { run: 1 });
-        let error = of(&[1], &[9]).unwrap_err().to_string();
+        assert_eq!(selected_runs(&[1], &[1]).unwrap_err(), ChoiceError::Both { run: 1 });
+        let error = selected_runs(&[1], &[9]).unwrap_err().to_string();
         assert!(error.contains("no run 9 (nearest valid: 3); their runs are 1, 2, 3"), "{error}");
-        let error = of(&[1, 2, 3], &[]).unwrap_err().to_string();
+        let error = selected_runs(&[1, 2, 3], &[]).unwrap_err().to_string();
         assert!(error.contains("no run is left to be scored"), "{error}");
     }
 }

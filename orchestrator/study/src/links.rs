@@ -54,7 +54,7 @@ use netsim::phy::scatter::{Law, Renewal};
 use passing::PowerMixture;
 use predict::Above;
 use proto::effect::Level;
-use rows::Rows;
+use rows::ModelledLinks;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use terms::{TermSpec, TermState};
@@ -75,7 +75,7 @@ const MOST_SEARCHED: usize = 20_000;
 #[derive(Debug)]
 pub struct LinkStudy {
     /// The measurements and the model.
-    pub rows: Rows,
+    pub rows: ModelledLinks,
     candidates: Vec<Candidate>,
     specs: Vec<TermSpec>,
     time: Blocks,
@@ -108,7 +108,7 @@ impl LinkStudy {
     ///
     /// Rows cannot be left out as chosen.
     pub fn new(
-        rows: Rows,
+        rows: ModelledLinks,
         fixed_sd_db: Option<f64>,
         choices: &Choices,
         catalogue: &Catalogue,
@@ -192,7 +192,7 @@ impl LinkStudy {
         let channel = has(|spec| matches!(spec, TermSpec::Multipath(_)));
         // Channels that are near each other fade alike: what a link's channels share belongs to them.
         let link = has(|spec| matches!(spec, TermSpec::Shadowing(_))) || carried || channel;
-        let of = |configured: f64, wanted: bool, start: f64| {
+        let start_sd = |configured: f64, wanted: bool, start: f64| {
             if 0.0 < configured {
                 configured
             } else if wanted {
@@ -206,10 +206,10 @@ impl LinkStudy {
         }
         let known = self.configured;
         let sd = RandomEffectSds {
-            link_db: of(known.link_db, link, 2.0),
-            channel_db: of(known.channel_db, channel, 2.0),
-            tx_db: of(known.tx_db, nodes, 1.0),
-            rx_db: of(known.rx_db, nodes, 1.0),
+            link_db: start_sd(known.link_db, link, 2.0),
+            channel_db: start_sd(known.channel_db, channel, 2.0),
+            tx_db: start_sd(known.tx_db, nodes, 1.0),
+            rx_db: start_sd(known.rx_db, nodes, 1.0),
         };
         let free = FreeRandomEffects {
             link: known.link_db == 0.0 && link,
@@ -239,14 +239,14 @@ impl LinkStudy {
 
     /// The length over which levels of links change, in the states of a fit.
     fn decorrelation_m(specs: &[&TermSpec], states: &[TermState], level: Level) -> f64 {
-        let of = |wanted: fn(&TermSpec) -> bool| {
+        let state_where = |wanted: fn(&TermSpec) -> bool| {
             specs.iter().zip(states).find(move |(spec, _)| wanted(spec)).map(|(_, state)| state)
         };
-        if let Some(shadowing) = of(|spec| matches!(spec, TermSpec::Shadowing(_))) {
+        if let Some(shadowing) = state_where(|spec| matches!(spec, TermSpec::Shadowing(_))) {
             let length = shadowing.table.get("decorrelation_m").and_then(toml::Value::as_float);
             return length.unwrap_or(PLACE_M);
         }
-        let fades = of(|spec| matches!(spec, TermSpec::Multipath(_))).is_some();
+        let fades = state_where(|spec| matches!(spec, TermSpec::Multipath(_))).is_some();
         if fades && level != Level::Place { FINEST_M } else { PLACE_M }
     }
 
@@ -527,7 +527,7 @@ impl Study for LinkStudy {
 }
 
 /// Random levels that the configuration itself has.
-fn configured(rows: &Rows) -> RandomEffectSds {
+fn configured(rows: &ModelledLinks) -> RandomEffectSds {
     let mut known = RandomEffectSds::default();
     for scatter in rows.model.scatters().iter().filter(|scatter| scatter.renewal != Renewal::Frame)
     {

@@ -5,7 +5,7 @@ use super::choices::{ChoiceError, Choices, ConditionRows};
 use super::folds::FEWEST_BLOCKS;
 use super::links::LinkStudy;
 use super::links::covariates;
-use super::links::rows::Rows;
+use super::links::rows::ModelledLinks;
 use super::robots::{RobotStudy, RobotStudyError, StatedSettings};
 use measure::DataError;
 use measure::account::DataFile;
@@ -198,7 +198,7 @@ pub fn links(
     let number = |key: &str| effective.get(key).and_then(toml::Value::as_float);
     let fixed_sd_db = number("noise_sd_db").filter(|sd_db| 0.0 < *sd_db);
     let height_m = number("antenna_height_m").unwrap_or_default();
-    let rows = Rows::new(links, model, config.site.clone(), height_m);
+    let rows = ModelledLinks::new(links, model, config.site.clone(), height_m);
     if rows.is_empty() {
         return Err(OpenError::Useless {
             file,
@@ -240,10 +240,10 @@ fn is_outcome(name: &str, is_given: bool) -> bool {
 
 /// The rows that are used by choice, and the choices with all campaigns named.
 fn chosen(
-    rows: Rows,
+    rows: ModelledLinks,
     table: &DataTable,
     choices: &Choices,
-) -> Result<(Rows, Choices), ChoiceError> {
+) -> Result<(ModelledLinks, Choices), ChoiceError> {
     let measured = &rows.links.rows;
     let runs: Vec<u32> = measured.iter().map(|row| row.run).collect();
     let choices = choices.resolved(&runs)?;
@@ -279,7 +279,7 @@ fn chosen(
 }
 
 /// Motes that effects of a configuration name, and that never appear in the measurements.
-fn absent(config: &Compared, rows: &Rows) -> Option<String> {
+fn absent(config: &Compared, rows: &ModelledLinks) -> Option<String> {
     let motes: BTreeSet<i64> =
         rows.links.rows.iter().flat_map(|row| [row.tx, row.rx]).map(i64::from).collect();
     let effects = config.section("netsim", "phy").get("effect").map(Node::to_toml);

@@ -82,9 +82,9 @@ fn shapes(name: &str, known: &[f64], quarter: f64) -> Vec<FormulaShape> {
             libm::log(x)
         })]));
     }
-    let at = |share: f64| known[((known.len() - 1) as f64 * share) as usize];
+    let quantile_at = |share: f64| known[((known.len() - 1) as f64 * share) as usize];
     for share in [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9] {
-        let edge = at(share);
+        let edge = quantile_at(share);
         let text = format!("step({name} - ({edge:.6}))");
         all.push(FormulaShape::with_constant(vec![term(text, move |x, _| {
             f64::from(u8::from(edge < x))
@@ -289,7 +289,7 @@ mod tests {
     fn a_parabola_a_product_and_a_share_are_found() {
         let x: Vec<f64> = (0..N).map(|row| (row * 7919 % N) as f64 / N as f64).collect();
         let z: Vec<f64> = (0..N).map(|row| (row * 104_729 % N) as f64).collect();
-        let of = |value: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
+        let simulated = |value: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
             noise()
                 .iter()
                 .zip(x.iter().zip(&z))
@@ -297,9 +297,9 @@ mod tests {
                 .collect()
         };
         let others = ("other".to_owned(), z.clone());
-        let bent = found(&x, &[], &of(&|x, _| 4.0 * (x - 0.5) * (x - 0.5)), None);
-        let turned = found(&x, &[&others], &of(&|x, z| x * (z / N as f64 - 0.5)), None);
-        let share = found(&x, &[], &of(&|x, z| 1e-3 * z * x), Some(("other", &z)));
+        let bent = found(&x, &[], &simulated(&|x, _| 4.0 * (x - 0.5) * (x - 0.5)), None);
+        let turned = found(&x, &[&others], &simulated(&|x, z| x * (z / N as f64 - 0.5)), None);
+        let share = found(&x, &[], &simulated(&|x, z| 1e-3 * z * x), Some(("other", &z)));
         for (formula, part) in [(bent, "x^2"), (turned, "x * other"), (share, "other * (")] {
             assert!(formula.text.contains(part), "{formula:?}");
             // The noise has an rmse of 1 +- 0.013.

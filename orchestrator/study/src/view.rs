@@ -4,7 +4,7 @@ use super::Study;
 
 /// Predictions and measurements, a value per row. NaN where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct View {
+pub struct RowPredictions {
     /// Expected readings of received frames (dBm); of robots, the way along the predicted motion (m).
     pub predicted: Vec<f64>,
     /// What was measured of that.
@@ -19,7 +19,7 @@ pub struct View {
     pub passes: Vec<f64>,
 }
 
-impl View {
+impl RowPredictions {
     /// Measured less predicted.
     #[must_use]
     pub fn residuals(&self) -> Vec<f64> {
@@ -75,5 +75,5 @@ impl View {
 /// A study whose predictions can be looked at row by row.
 pub trait Viewed: Study {
     /// All rows under a fit.
-    fn view(&self, fit: &Self::Fit) -> View;
+    fn view(&self, fit: &Self::Fit) -> RowPredictions;
 }

@@ -65,7 +65,7 @@ impl Formula {
         known: &[&str],
         accepts: &dyn Fn(&str) -> bool,
     ) -> Result<Self, FormulaError> {
-        Self::of(text, Want::Number, known, accepts)
+        Self::parse_as(text, Want::Number, known, accepts)
     }
 
     /// Reads a condition over the names of `known`.
@@ -86,10 +86,10 @@ impl Formula {
     /// assert_eq!(formula.evaluate(&[1.0, f64::NAN]), 0.0);
     /// ```
     pub fn condition(text: &str, known: &[&str]) -> Result<Self, FormulaError> {
-        Self::of(text, Want::Truth, known, &|_| false)
+        Self::parse_as(text, Want::Truth, known, &|_| false)
     }
 
-    fn of(
+    fn parse_as(
         text: &str,
         want: Want,
         known: &[&str],

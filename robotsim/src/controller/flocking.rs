@@ -239,7 +239,7 @@ impl Flocking {
         let points = self.leader_path_m.as_ref()?;
         let [vx, vy] = self.leader_velocity_mps;
         let length_m = libm::hypot(vx, vy) * (view.time_s + view.dt_s);
-        let [x_m, y_m] = crate::path::at(points, self.leader_path_closed, length_m);
+        let [x_m, y_m] = crate::path::point_at(points, self.leader_path_closed, length_m);
         let own_m = view.states.position_m(self.leader);
         Some([(x_m - own_m[0]) / view.dt_s, (y_m - own_m[1]) / view.dt_s, 0.0])
     }

@@ -101,7 +101,7 @@ impl LineFormation {
             Law::Paper => 1.0,
         };
         // Relative to the robot, so that no digits are lost far from the origin.
-        let moments = Moments::of(|visit| {
+        let moments = Moments::accumulate(|visit| {
             visit(0.0, 0.0, own_weight);
             view.knowledge.for_each_known_to(agent, |seen| {
                 let [x, y, _] = seen.motion.position_m;

@@ -86,7 +86,7 @@ impl RandomWaypoint {
     }
 
     /// Where the point of an agent is at a time (m).
-    fn at(&self, draws: Draws, agent: usize, time_s: f64) -> [f64; 3] {
+    fn position_at(&self, draws: Draws, agent: usize, time_s: f64) -> [f64; 3] {
         let mut left_s = time_s;
         let (mut from_m, mut speed_mps) = self.leg(draws, agent, 0);
         for k in 1.. {
@@ -110,7 +110,7 @@ impl RandomWaypoint {
 impl Controller for RandomWaypoint {
     fn command(&self, view: &View<'_>, agent: usize) -> Command {
         let own_m = view.states.position_m(agent);
-        let mut goal_m = self.at(view.draws, agent, view.time_s + view.dt_s);
+        let mut goal_m = self.position_at(view.draws, agent, view.time_s + view.dt_s);
         goal_m[2] = own_m[2];
         Command::Velocity(scaled(sub(goal_m, own_m), 1.0 / view.dt_s))
     }

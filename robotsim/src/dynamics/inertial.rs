@@ -149,13 +149,13 @@ mod tests {
     /// Position, velocity and acceleration after `t_s`, by the classical Runge-Kutta method in `n` steps.
     fn runge_kutta(state: [f64; 3], asked: f64, lag_s: f64, t_s: f64, n: usize) -> [f64; 3] {
         let rate = |[_, v, a]: [f64; 3]| [v, a, (asked - a) / lag_s];
-        let at = |s: [f64; 3], k: [f64; 3], h: f64| std::array::from_fn(|i| s[i] + h * k[i]);
+        let advanced = |s: [f64; 3], k: [f64; 3], h: f64| std::array::from_fn(|i| s[i] + h * k[i]);
         let h = t_s / n as f64;
         (0..n).fold(state, |s, _| {
             let a = rate(s);
-            let b = rate(at(s, a, h / 2.0));
-            let c = rate(at(s, b, h / 2.0));
-            let d = rate(at(s, c, h));
+            let b = rate(advanced(s, a, h / 2.0));
+            let c = rate(advanced(s, b, h / 2.0));
+            let d = rate(advanced(s, c, h));
             std::array::from_fn(|i| s[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
         })
     }

@@ -137,9 +137,10 @@ impl Base {
         }
         let grid = &settings.grid;
         let map = &self.map;
-        let of = |cell: u16| map[usize::from(cell)];
+        let mapped = |cell: u16| map[usize::from(cell)];
         let is_frontier = |cell: u16| {
-            of(cell) == Cell::Free && grid.beside(cell).any(|beside| of(beside) == Cell::Unknown)
+            mapped(cell) == Cell::Free
+                && grid.beside(cell).any(|beside| mapped(beside) == Cell::Unknown)
         };
         for known in &mut self.robots {
             let is_there = known.goal.is_some() && known.cell == known.goal;
@@ -156,13 +157,13 @@ impl Base {
             let [bx_m, by_m] = grid.centre_m(cell);
             goal == cell
                 || libm::hypot(ax_m - bx_m, ay_m - by_m) <= settings.range_m
-                    && grid.sees(goal, cell, |between| of(between) == Cell::Occupied)
+                    && grid.sees(goal, cell, |between| mapped(between) == Cell::Occupied)
         };
         let mut open = frontiers.clone();
         for goal in self.robots.iter().filter_map(|known| known.goal) {
             open.retain(|&cell| !will_see(goal, cell));
         }
-        let is_free = |cell: u16| of(cell) == Cell::Free;
+        let is_free = |cell: u16| mapped(cell) == Cell::Free;
         let mut idle: Vec<(usize, u16, Costs)> = Vec::new();
         // Whoever is lost may come back, and go where the others cannot.
         let is_in_question =

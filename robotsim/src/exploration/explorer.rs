@@ -133,21 +133,21 @@ impl Explorer {
     ) -> (Vec<Report>, u64) {
         let mut reports = Vec::new();
         let mut n_again = 0;
-        let of = |part, runs| Report { part, order: self.order, cell, runs };
+        let report = |part, runs| Report { part, order: self.order, cell, runs };
         let is_due = |part: &Part| part.told_ns + settings.retry_ns <= now_ns;
         for (&number, part) in
             self.parts.iter_mut().filter(|(_, part)| is_due(part)).take(MAX_AT_A_TIME)
         {
             part.told_ns = now_ns;
             n_again += 1;
-            reports.push(of(number, part.runs.clone()));
+            reports.push(report(number, part.runs.clone()));
         }
         while reports.len() < MAX_AT_A_TIME && self.parts.len() < MAX_PARTS {
             let runs = take_runs(&mut self.fresh, &self.map, settings.runs_max());
             if runs.is_empty() {
                 break;
             }
-            reports.push(of(self.next, runs.clone()));
+            reports.push(report(self.next, runs.clone()));
             self.parts.insert(self.next, Part { runs, told_ns: now_ns });
             self.next = self.next.wrapping_add(1);
         }
@@ -155,7 +155,7 @@ impl Explorer {
             (told_cell, told_order) != (cell, self.order) || told_ns + settings.retry_ns <= now_ns
         });
         if reports.is_empty() && is_news {
-            reports.push(of(0, Vec::new()));
+            reports.push(report(0, Vec::new()));
         }
         if !reports.is_empty() {
             self.told = Some((cell, self.order, now_ns));
@@ -188,8 +188,8 @@ fn swath(grid: &Grid, from: u16, way: &[u16]) -> BTreeSet<u16> {
     let mut last = from;
     for &cell in way {
         let ((column, row), (next_column, next_row)) = (grid.place(last), grid.place(cell));
-        cells.extend(grid.at(next_column, row));
-        cells.extend(grid.at(column, next_row));
+        cells.extend(grid.cell_in(next_column, row));
+        cells.extend(grid.cell_in(column, next_row));
         cells.insert(cell);
         last = cell;
     }

@@ -62,7 +62,7 @@ impl Grid {
         let row = libm::floor((y_m - self.from_m[1]) / self.cell_m);
         let is_within = (0.0..f64::from(self.columns)).contains(&column)
             && (0.0..f64::from(self.rows)).contains(&row);
-        if is_within { self.at(column as i32, row as i32) } else { None }
+        if is_within { self.cell_in(column as i32, row as i32) } else { None }
     }
 
     /// The middle of a cell (m).
@@ -83,7 +83,7 @@ impl Grid {
 
     /// The cell in this column and row, if there is one.
     #[must_use]
-    pub fn at(&self, column: i32, row: i32) -> Option<u16> {
+    pub fn cell_in(&self, column: i32, row: i32) -> Option<u16> {
         let is_within = (0..self.columns).contains(&column) && (0..self.rows).contains(&row);
         is_within.then(|| (row * self.columns + column) as u16)
     }
@@ -94,7 +94,7 @@ impl Grid {
         let grid = *self;
         [(1, 0), (0, 1), (-1, 0), (0, -1)]
             .into_iter()
-            .filter_map(move |(right, up)| grid.at(column + right, row + up))
+            .filter_map(move |(right, up)| grid.cell_in(column + right, row + up))
     }
 
     /// Which cells are solid: those through which a wall goes, and those that an obstacle reaches into, whatever their
@@ -131,7 +131,7 @@ impl Grid {
         };
         for row in index(1, low_m[1], self.rows)..=index(1, high_m[1], self.rows) {
             for column in index(0, low_m[0], self.columns)..=index(0, high_m[0], self.columns) {
-                let Some(cell) = self.at(column, row) else { continue };
+                let Some(cell) = self.cell_in(column, row) else { continue };
                 let [x_m, y_m] = self.centre_m(cell);
                 let half_m = 0.5 * self.cell_m;
                 if is_in([x_m - half_m, y_m - half_m], [x_m + half_m, y_m + half_m]) {
@@ -148,7 +148,7 @@ impl Grid {
         let ((mut column, mut row), (to_column, to_row)) = (self.place(from), self.place(to));
         let (across, up) = ((to_column - column).abs(), (to_row - row).abs());
         let (right, north) = ((to_column - column).signum(), (to_row - row).signum());
-        let is_blocked = |column, row| self.at(column, row).is_none_or(&blocks);
+        let is_blocked = |column, row| self.cell_in(column, row).is_none_or(&blocks);
         let (mut i, mut j) = (0, 0);
         loop {
             // Which side the line leaves the cell by: exact, in whole numbers.
@@ -192,7 +192,7 @@ impl Grid {
         let (column, row) = self.place(cell);
         for up in -reach..=reach {
             for right in -reach..=reach {
-                let Some(other) = self.at(column + right, row + up) else { continue };
+                let Some(other) = self.cell_in(column + right, row + up) else { continue };
                 if f64::from(right * right + up * up) <= reach_squared
                     && (other == cell || self.sees(cell, other, &blocks))
                 {
@@ -248,7 +248,7 @@ mod tests {
     /// A picture, north above: `#` is solid.
     fn picture(grid: &Grid, is_set: impl Fn(u16) -> bool) -> Vec<String> {
         let row = |row| {
-            let cells = (0..grid.columns).map(move |column| grid.at(column, row).unwrap());
+            let cells = (0..grid.columns).map(move |column| grid.cell_in(column, row).unwrap());
             cells.map(|cell| if is_set(cell) { '#' } else { '.' }).collect()
         };
         (0..grid.rows).rev().map(row).collect()
@@ -278,7 +278,7 @@ mod tests {
     fn walls_block_sight_and_are_seen_themselves() {
         let grid = Grid::new([0.0, 0.0], [7.0, 5.0], 1.0).unwrap();
         let walls = [10, 17, 24];
-        let eye = grid.at(1, 0).unwrap();
+        let eye = grid.cell_in(1, 0).unwrap();
         let mut seen = Vec::new();
         grid.seen_from(eye, 10.0, |cell| seen.push(cell), |cell| walls.contains(&cell));
         let shown = picture(&grid, |cell| seen.contains(&cell));

@@ -33,7 +33,7 @@ impl Costs {
             }
             let (column, row) = grid.place(cell);
             let passable = |right: i32, up: i32| {
-                grid.at(column + right, row + up).filter(|&cell| is_passable(cell))
+                grid.cell_in(column + right, row + up).filter(|&cell| is_passable(cell))
             };
             for (right, up, step) in STEPS {
                 let Some(next) = passable(right, up) else { continue };
@@ -106,7 +106,7 @@ pub(super) fn straight(grid: &Grid, from: u16, corners: &[u16]) -> Vec<u16> {
         while (column, row) != (to_column, to_row) {
             column += across.signum();
             row += up.signum();
-            way.extend(grid.at(column, row));
+            way.extend(grid.cell_in(column, row));
         }
     }
     way

@@ -35,8 +35,9 @@ impl Scenario for Grid {
         let square = (1..).find(|columns| n_agents <= columns * columns).unwrap_or(1);
         let columns = self.columns.unwrap_or(square).min(n_agents);
         let rows = n_agents.div_ceil(columns);
-        let at = |index: usize, n: usize| self.spacing_m * (index as f64 - 0.5 * (n - 1) as f64);
-        let position_m = [at(agent % columns, columns), at(agent / columns, rows), 0.0];
+        let offset_m =
+            |index: usize, n: usize| self.spacing_m * (index as f64 - 0.5 * (n - 1) as f64);
+        let position_m = [offset_m(agent % columns, columns), offset_m(agent / columns, rows), 0.0];
         Place { position_m, heading_rad: None }
     }
 }

@@ -14,7 +14,7 @@ const ROOM: &str = "[[wall]]\nfrom_m = [-5, -5]\nto_m = [5, -5]\n\
                     [[wall]]\nfrom_m = [-5, 5]\nto_m = [-5, -5]\n";
 const RESOLVE: &str = "contacts.kind = 'resolve'\n";
 
-fn at(site: &str, toml: &str, n_agents: usize) -> Setup {
+fn setup_at(site: &str, toml: &str, n_agents: usize) -> Setup {
     let mut problems = Vec::new();
     let (site, _) =
         proto::site::read(&config::parse(site).expect("the text is TOML"), "site", &mut problems);
@@ -27,7 +27,7 @@ fn swarm(
     toml: &str,
     n: usize,
 ) -> Air<impl FnMut(u64, usize, usize, f64) -> bool + use<>> {
-    Air::new(&at(site, toml, n), |_, _, _, _| true)
+    Air::new(&setup_at(site, toml, n), |_, _, _, _| true)
 }
 
 fn farthest_m(states: &AgentStates) -> f64 {
@@ -180,7 +180,8 @@ fn a_restored_swarm_in_contact_goes_on_as_if_it_had_never_stopped() {
 
 fn problems_of(toml: &str) -> String {
     let site = "[[obstacle]]\nname = 'cart'\ncentre_m = [4, 0]\nradius_m = 0.5\n";
-    let problems = Swarm::default().configure(&at(site, toml, 2)).expect_err("it makes no sense");
+    let problems =
+        Swarm::default().configure(&setup_at(site, toml, 2)).expect_err("it makes no sense");
     problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 

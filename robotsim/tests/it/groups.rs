@@ -12,7 +12,7 @@ const SLOW_TO_START: &str = "kind = 'unicycle'\nspeed_cap_mps = 4.0\nyaw_rate_ca
                              [[EFFECT]]\nkind = 'actuator-lag'\ntau_s = 0.3\n";
 
 /// A table with its inner list of effects named for the place where it stands.
-fn at(place: &str, table: &str) -> String {
+fn table_at(place: &str, table: &str) -> String {
     format!("[{place}]\n{}", table.replace("[[EFFECT]]", &format!("[[{place}.effect]]")))
 }
 
@@ -33,11 +33,11 @@ fn each_group_moves_as_a_swarm_of_its_kind_does() {
     let point = "kind = 'point-mass'\n[[EFFECT]]\nkind = 'slip'\nscale = 0.8\n";
     let mixed = format!(
         "{PLACES}{NORTH}[[group]]\ncount = 3\n{}[[group]]\ncount = 2\nlocalization_sd_m = 0.5\n{}",
-        at("group.dynamics", SLOW_TO_START),
-        at("group.dynamics", point),
+        table_at("group.dynamics", SLOW_TO_START),
+        table_at("group.dynamics", point),
     );
     let mixed = trail(&mixed, 5);
-    let alone = |table: &str| trail(&format!("{PLACES}{NORTH}{}", at("dynamics", table)), 5);
+    let alone = |table: &str| trail(&format!("{PLACES}{NORTH}{}", table_at("dynamics", table)), 5);
     let (unicycles, points) = (alone(SLOW_TO_START), alone(point));
     for (step, mixed) in mixed.iter().enumerate() {
         for agent in 0..5 {
@@ -115,7 +115,7 @@ fn a_restored_swarm_of_groups_goes_on_as_if_it_had_never_stopped() {
     let toml = format!(
         "{PLACES}controller = {{ kind = 'flocking', flock_radius_m = 5, leader_velocity_mps = [2, 0] }}\n\
          [[group]]\ncount = 2\n{}[[group]]\ncount = 3\ndynamics.kind = 'quadrotor'\n",
-        at("group.dynamics", SLOW_TO_START)
+        table_at("group.dynamics", SLOW_TO_START)
     );
     let mut air = Air::new(&setup(&toml, 5, 3), |_, _, _, _| true);
     (0..10).for_each(|_| drop(air.step()));

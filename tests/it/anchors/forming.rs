@@ -95,7 +95,7 @@ fn with_botnets_behaviour_a_network_forms_in_botnets_time() {
         .unwrap();
         let measured = Measured { value: of_median, rounding: 0.5, share: 0.5, n_runs };
         group.add(&format!("{n} motes: median"), &times, n_runs, median, of_median, |values| {
-            Comparison::of(values, measured)
+            Comparison::of_mean(values, measured)
         });
         group.add(&format!("{n} motes: mean"), &times, n_runs, mean, of_mean, |values| {
             Comparison::of_means(values, of_mean, 0.5, n_runs)
@@ -173,7 +173,10 @@ fn the_shared_slot_is_what_makes_fifty_motes_slow() {
     for (runs, column) in [(shared_slot_0, 2), (shared_slot_0, 3), (eb_rule, 1)] {
         let (_, value, .., n_runs) = MEASURED[column];
         let measured = Measured { value, rounding: 0.5, share: 0.5, n_runs };
-        assert!(Comparison::of(&times(&runs[column]), measured).probability < 0.001, "{table}");
+        assert!(
+            Comparison::of_mean(&times(&runs[column]), measured).probability < 0.001,
+            "{table}"
+        );
     }
     // Why: in the slot that all share, most of what the root sends is lost, and what waits has no room.
     assert!(with_all[3].iter().all(|formed| formed.root_acked < 0.3 && 0.0 < formed.root_drops));

@@ -93,18 +93,18 @@ impl Line {
         let member = &mut self.motes[at as usize];
         member.n_received += 1;
         let mut outcome = member.lowpan.handle(mote(from), received, now_ns);
-        if let Outcome::Route(datagram) = outcome {
+        if let LowpanAction::Route(datagram) = outcome {
             let to = mote(next_hop(at, &datagram));
             outcome = member.lowpan.forward(mote(from), received, (*datagram).into(), to, now_ns);
         }
         match outcome {
-            Outcome::Wait | Outcome::Route(_) => {}
-            Outcome::Drop { packet, reason } => member.lost.push((packet, reason)),
-            Outcome::Forward { next_hop, part } => {
+            LowpanAction::Wait | LowpanAction::Route(_) => {}
+            LowpanAction::Drop { packet, reason } => member.lost.push((packet, reason)),
+            LowpanAction::Forward { next_hop, part } => {
                 let to = (0..9).find(|&n| mote(n) == next_hop).unwrap();
                 member.queue.push_back((to, part));
             }
-            Outcome::Deliver(datagram) => match step(&datagram, mote(at)) {
+            LowpanAction::Deliver(datagram) => match step(&datagram, mote(at)) {
                 Ok(Step::Here) => member.delivered.push(datagram),
                 Ok(Step::Onward(datagram)) => self.send(at, datagram),
                 Err(reason) => member.lost.push((datagram.packet, reason)),
@@ -124,10 +124,10 @@ impl Line {
 
     /// Mote and packet.
     pub(super) fn delivered(&self) -> Vec<(u32, u64)> {
-        let of = |(n, member): (u32, &Member)| -> Vec<_> {
+        let delivered_to = |(n, member): (u32, &Member)| -> Vec<_> {
             member.delivered.iter().map(|datagram| (n, datagram.packet)).collect()
         };
-        (0..).zip(&self.motes).flat_map(of).collect()
+        (0..).zip(&self.motes).flat_map(delivered_to).collect()
     }
 
     pub(super) fn lost(&self) -> Vec<(u64, DropReason)> {

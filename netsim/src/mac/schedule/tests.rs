@@ -57,7 +57,7 @@ proptest! {
         }
         for asn in 0..100 {
             prop_assert_eq!(implied.listens(asn), written.listens(asn));
-            prop_assert!(implied.at(asn).eq(written.at(asn)));
+            prop_assert!(implied.cells_at(asn).eq(written.cells_at(asn)));
         }
         prop_assert_eq!(implied.n_listening(1000), written.n_listening(1000));
     }
@@ -148,7 +148,7 @@ proptest! {
         let _ = schedule.resize(resized, 5);
         schedule.remove_where(1, |cell| cell.channel == 1);
         for asn in 0..200 {
-            let first = schedule.at(asn).find(|at| at.cell.options.rx);
+            let first = schedule.cells_at(asn).find(|at| at.cell.options.rx);
             prop_assert_eq!(schedule.listens(asn), first);
         }
     }

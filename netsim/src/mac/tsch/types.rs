@@ -129,7 +129,7 @@ impl Listening {
 
 /// What the MAC says to a frame that was received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Verdict {
+pub struct FrameHandling {
     /// It is acknowledged.
     pub acknowledge: bool,
     /// It goes to the upper layers: it is for us, and new.

@@ -6,7 +6,7 @@ use crate::phy::propagation::Reach;
 
 /// What is kept, by sender.
 #[derive(Debug, Default)]
-pub(super) struct Rows {
+pub(super) struct SenderRows {
     rows: Vec<Row>,
     /// Number of the last change of anyone's place.
     change: u32,
@@ -46,7 +46,7 @@ const FEW: usize = 64;
 /// More values than this are not kept but computed whenever they are asked for: 128 MB.
 const MOST_KEPT: usize = 1 << 24;
 
-impl Rows {
+impl SenderRows {
     /// Takes note of who has moved, come or gone.
     pub(super) fn note_moves(&mut self, before: (&[End], &[f64]), after: (&[End], &[f64])) {
         self.change += 1;

@@ -8,7 +8,7 @@ use proto::rng::{Draws, Purpose, ordered_link};
 
 /// What became of a receiver, in terms of emissions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Outcome {
+pub(super) enum ReceiverOutcome {
     Idle,
     Lost { emission: usize },
     Received { emission: usize, rssi_dbm: f64 },
@@ -63,7 +63,7 @@ impl Locker {
         emissions: &[Emission],
         ear: &Ear,
         heard: impl Iterator<Item = (usize, Arrival)>,
-    ) -> Outcome {
+    ) -> ReceiverOutcome {
         let draw = |frame: &Candidate| {
             let link = ordered_link(frame.sender, ear.receiver);
             Draws::new(seed, frame.purpose).uniform(link, asn, 0)
@@ -71,9 +71,13 @@ impl Locker {
         let begins_in_time =
             |frame: &Candidate| (ear.opens_ns..=ear.closes_ns).contains(&frame.begins_ns);
         let mut heard = heard.map(|(emission, arrival)| candidate(emissions, emission, arrival));
-        let Some(first) = heard.next() else { return Outcome::Idle };
+        let Some(first) = heard.next() else { return ReceiverOutcome::Idle };
         let Some(second) = heard.next() else {
-            return if begins_in_time(&first) { alone(&first, draw) } else { Outcome::Idle };
+            return if begins_in_time(&first) {
+                alone(&first, draw)
+            } else {
+                ReceiverOutcome::Idle
+            };
         };
         self.candidates.clear();
         self.candidates.extend([first, second].into_iter().chain(heard).map(|frame| Candidate {
@@ -89,7 +93,7 @@ impl Locker {
         rule: &dyn Rule,
         draw: impl Fn(&Candidate) -> f64,
         begins_in_time: impl Fn(&Candidate) -> bool,
-    ) -> Outcome {
+    ) -> ReceiverOutcome {
         let mut locked: Option<usize> = None;
         for i in 0..self.candidates.len() {
             let frame = self.candidates[i];
@@ -117,7 +121,7 @@ impl Locker {
                 locked = Some(i);
             }
         }
-        let Some(locked) = locked else { return Outcome::Idle };
+        let Some(locked) = locked else { return ReceiverOutcome::Idle };
         let frame = self.candidates[locked];
         let probability = frame.arrival.reception_probability;
         let u = draw(&frame);
@@ -202,7 +206,7 @@ fn candidate(emissions: &[Emission], emission: usize, arrival: Arrival) -> Candi
 
 /// Nobody interferes.
 #[inline]
-fn alone(frame: &Candidate, draw: impl Fn(&Candidate) -> f64) -> Outcome {
+fn alone(frame: &Candidate, draw: impl Fn(&Candidate) -> f64) -> ReceiverOutcome {
     let probability = frame.arrival.reception_probability;
     if 1.0 <= probability {
         return received(frame, true);
@@ -213,15 +217,15 @@ fn alone(frame: &Candidate, draw: impl Fn(&Candidate) -> f64) -> Outcome {
     } else if u < frame.header_probability() {
         received(frame, false)
     } else {
-        Outcome::Idle
+        ReceiverOutcome::Idle
     }
 }
 
-fn received(frame: &Candidate, is_received: bool) -> Outcome {
+fn received(frame: &Candidate, is_received: bool) -> ReceiverOutcome {
     let emission = frame.emission;
     if is_received {
-        Outcome::Received { emission, rssi_dbm: frame.arrival.register_rssi_dbm }
+        ReceiverOutcome::Received { emission, rssi_dbm: frame.arrival.register_rssi_dbm }
     } else {
-        Outcome::Lost { emission }
+        ReceiverOutcome::Lost { emission }
     }
 }

@@ -112,12 +112,12 @@ mod tests {
     fn half_a_decibel_an_hour_is_one_after_two_and_only_for_those_that_send() {
         let scene = Scene::default();
         let link = Link { time_ns: 7_200_000_000_000, ..along_x(10.0, 1.0, None, &scene) };
-        let of = |nodes: Option<Vec<u32>>| {
+        let contribution_db = |nodes: Option<Vec<u32>>| {
             BatterySag { db_per_hour: -0.5, nodes }.contribution_db(&link)
         };
         // The link is from node 0 to node 1.
-        assert_eq!(of(None), -1.0);
-        assert_eq!(of(Some(vec![0, 7])), -1.0);
-        assert_eq!(of(Some(vec![1])), 0.0);
+        assert_eq!(contribution_db(None), -1.0);
+        assert_eq!(contribution_db(Some(vec![0, 7])), -1.0);
+        assert_eq!(contribution_db(Some(vec![1])), 0.0);
     }
 }

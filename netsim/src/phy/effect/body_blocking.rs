@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn bodies_in_the_path_add_up_and_the_ends_are_none() {
         let effect = BodyBlocking { loss_db: 4.0, blocker_radius_m: 0.5 };
-        let at = |places: &[[f64; 2]]| {
+        let contribution_among = |places: &[[f64; 2]]| {
             let ends = [[0.0, 0.0], [10.0, 0.0]];
             let agents: Vec<End> = (0..)
                 .zip(ends.iter().chain(places))
@@ -123,16 +123,16 @@ mod tests {
             effect.prepare(&mut scene);
             effect.contribution_db(&along_x(10.0, 1.0, None, &scene))
         };
-        assert_eq!(at(&[]), 0.0);
-        assert_eq!(at(&[[5.0, 0.5]]), -4.0);
+        assert_eq!(contribution_among(&[]), 0.0);
+        assert_eq!(contribution_among(&[[5.0, 0.5]]), -4.0);
         // The zone is 0.55 m wide in the middle of 10 m, and nothing at the ends.
-        assert_eq!(at(&[[5.0, 1.03]]), -4.0);
-        assert_eq!(at(&[[5.0, 1.08], [0.5, 0.9], [10.2, 0.0]]), 0.0);
-        assert_eq!(at(&[[2.0, 0.1], [7.0, -0.3], [7.0, 3.0]]), -8.0);
+        assert_eq!(contribution_among(&[[5.0, 1.03]]), -4.0);
+        assert_eq!(contribution_among(&[[5.0, 1.08], [0.5, 0.9], [10.2, 0.0]]), 0.0);
+        assert_eq!(contribution_among(&[[2.0, 0.1], [7.0, -0.3], [7.0, 3.0]]), -8.0);
         // Enough of them for the grid.
         let many: Vec<[f64; 2]> =
             (0..40).map(|i| [f64::from(i) / 4.0 + 0.1, f64::from(i % 4)]).collect();
         // All ten on the path, and those 1 m off it where the zone is wider than half a metre: at 3.35 to 6.35 m.
-        assert_eq!(at(&many), -56.0);
+        assert_eq!(contribution_among(&many), -56.0);
     }
 }

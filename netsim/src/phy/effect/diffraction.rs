@@ -91,7 +91,7 @@ impl Effect for Diffraction {
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let Some(site) = link.scene.site else { return 0.0 };
-        let path = Path::of(link);
+        let path = Path::direct(link);
         let wavelength_m = link.wavelength_m();
         let walls = site.wall.iter().filter_map(|wall| path.edge_of_wall(wall));
         let obstacles = site.obstacle.iter().filter_map(|obstacle| path.edge_of_obstacle(obstacle));
@@ -137,20 +137,20 @@ mod tests {
     fn a_wall_half_way_loses_by_its_height_over_the_path() {
         let wall =
             |height_m| Wall { from_m: [10.0, -5.0], to_m: [10.0, 5.0], height_m, material: None };
-        let at = |walls: Vec<Wall>, scale: f64| {
+        let loss_db = |walls: Vec<Wall>, scale: f64| {
             let site = Site { wall: walls, ..Site::default() };
             let scene = Scene { site: Some(&site), ..Scene::default() };
             Diffraction { scale }.contribution_db(&along_x(20.0, 1.0, None, &scene))
         };
         // λ = 0.1228658 m, d1 = d2 = 10 m: ν = h √(2/0.1228658 · 0.2) = 1.804324 h.
-        assert!((at(vec![wall(Some(2.0))], 1.0) + knife_edge_db(1.804_324)).abs() < 1e-4);
-        assert!((at(vec![wall(Some(1.0))], 2.0) + 2.0 * knife_edge_db(0.0)).abs() < 1e-12);
+        assert!((loss_db(vec![wall(Some(2.0))], 1.0) + knife_edge_db(1.804_324)).abs() < 1e-4);
+        assert!((loss_db(vec![wall(Some(1.0))], 2.0) + 2.0 * knife_edge_db(0.0)).abs() < 1e-12);
         // The worst one counts; what has no top has no edge.
         assert_eq!(
-            at(vec![wall(Some(2.0)), wall(Some(1.0)), wall(None)], 1.0),
-            at(vec![wall(Some(2.0))], 1.0)
+            loss_db(vec![wall(Some(2.0)), wall(Some(1.0)), wall(None)], 1.0),
+            loss_db(vec![wall(Some(2.0))], 1.0)
         );
-        assert_eq!(at(vec![wall(None)], 1.0), 0.0);
-        assert_eq!(at(vec![], 1.0), 0.0);
+        assert_eq!(loss_db(vec![wall(None)], 1.0), 0.0);
+        assert_eq!(loss_db(vec![], 1.0), 0.0);
     }
 }

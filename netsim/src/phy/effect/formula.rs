@@ -124,7 +124,7 @@ fn bearing_rad(here: &End, there: &End) -> Option<f64> {
 }
 
 fn walls_crossed(link: &Link<'_>) -> f64 {
-    let path = Path::of(link);
+    let path = Path::direct(link);
     let walls = link.scene.site.map_or(&[][..], |site| &site.wall);
     walls.iter().filter(|wall| path.is_cut_by_wall(wall)).count() as f64
 }
@@ -184,8 +184,8 @@ fn covariate(link: &Link<'_>, name: &str) -> Option<f64> {
     if let Some(name) = name.strip_prefix("rx_") {
         return link.covariate(name, Side::Receiver);
     }
-    let of = |side| link.covariate(name, side);
-    match (of(Side::Sender), of(Side::Receiver)) {
+    let value_of = |side| link.covariate(name, side);
+    match (value_of(Side::Sender), value_of(Side::Receiver)) {
         (Some(sender), Some(receiver)) => Some(0.5 * (sender + receiver)),
         (one, other) => one.or(other),
     }

@@ -161,7 +161,7 @@ impl Effect for HiddenObstacle {
     }
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
-        let path = Path::of(link);
+        let path = Path::direct(link);
         let is_cut = match &self.extent {
             Extent::Piece(wall) => path.is_cut_by_wall(wall),
             Extent::Disc(obstacle) => path.is_cut_by_obstacle(obstacle),

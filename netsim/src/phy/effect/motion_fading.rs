@@ -164,8 +164,8 @@ fn relative_speed_mps(link: &Link<'_>) -> Option<f64> {
         }
     }
     link.covariate("relative_speed_mps", Side::Sender).or_else(|| {
-        let of = |side| link.covariate("speed_mps", side);
-        match (of(Side::Sender), of(Side::Receiver)) {
+        let speed_of = |side| link.covariate("speed_mps", side);
+        match (speed_of(Side::Sender), speed_of(Side::Receiver)) {
             (None, None) => None,
             (a, b) => {
                 let (a, b) = (a.unwrap_or_default(), b.unwrap_or_default());
@@ -242,14 +242,14 @@ mod tests {
     #[test]
     fn speeds_may_be_columns() {
         let effect = made("motion-fading", "rician_k_db = -20\nlaw = 'correlation'");
-        let at = |row: &[(&str, f64)]| {
+        let loss_with = |row: &[(&str, f64)]| {
             let row: Vec<_> = row.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
             let scene = Scene { covariates: Covariates::Row(&row), ..Scene::default() };
             effect.loss(&along_x(10.0, 1.0, None, &scene))
         };
-        let five = at(&[("relative_speed_mps", 5.0)]);
+        let five = loss_with(&[("relative_speed_mps", 5.0)]);
         assert!((five - 0.14).abs() < 0.005, "as documented: {five}");
-        assert_eq!(at(&[("tx_speed_mps", 3.0), ("rx_speed_mps", 4.0)]), five);
-        assert_eq!(at(&[("humidity_pct", 5.0)]), 0.0);
+        assert_eq!(loss_with(&[("tx_speed_mps", 3.0), ("rx_speed_mps", 4.0)]), five);
+        assert_eq!(loss_with(&[("humidity_pct", 5.0)]), 0.0);
     }
 }

@@ -131,7 +131,7 @@ pub struct NodeOffset {
     pub ordinal: u32,
 }
 
-fn of(values_db: &[f64], node: u32) -> f64 {
+fn offset_db(values_db: &[f64], node: u32) -> f64 {
     values_db.get(node as usize).copied().unwrap_or(0.0)
 }
 
@@ -145,7 +145,7 @@ impl Effect for NodeOffset {
     }
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
-        of(&self.tx_db, link.sender.id) + of(&self.rx_db, link.receiver.id)
+        offset_db(&self.tx_db, link.sender.id) + offset_db(&self.rx_db, link.receiver.id)
     }
 
     fn max_gain_db(&self) -> f64 {

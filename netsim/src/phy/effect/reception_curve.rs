@@ -135,16 +135,16 @@ mod tests {
     #[test]
     fn a_logistic_is_symmetric_rises_and_ends() {
         let curve = ReceptionCurve { p50_dbm: -90.0, width_db: 2.0 };
-        let at = |rssi_dbm| curve.reception_probability(rssi_dbm);
-        assert_eq!(at(-90.0), 0.5);
+        let probability = |rssi_dbm| curve.reception_probability(rssi_dbm);
+        assert_eq!(probability(-90.0), 0.5);
         // ln 3 and ln 9 widths from the middle stand 3 : 1 and 9 : 1.
-        assert!((at(-90.0 + 2.0 * 3f64.ln()) - 0.75).abs() < 1e-12);
-        assert!((at(-90.0 - 2.0 * 9f64.ln()) - 0.1).abs() < 1e-12);
-        assert_eq!(at(curve.floor_dbm() - 1e-9), 0.0);
-        assert_eq!(at(curve.ceiling_dbm()), 1.0);
+        assert!((probability(-90.0 + 2.0 * 3f64.ln()) - 0.75).abs() < 1e-12);
+        assert!((probability(-90.0 - 2.0 * 9f64.ln()) - 0.1).abs() < 1e-12);
+        assert_eq!(probability(curve.floor_dbm() - 1e-9), 0.0);
+        assert_eq!(probability(curve.ceiling_dbm()), 1.0);
         let mut before = 0.0;
         for step in 0..4000 {
-            let now = at(-130.0 + f64::from(step) / 50.0);
+            let now = probability(-130.0 + f64::from(step) / 50.0);
             assert!(before <= now);
             before = now;
         }

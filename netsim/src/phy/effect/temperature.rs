@@ -105,8 +105,8 @@ impl Effect for Temperature {
     }
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
-        let of = |side: Side| link.covariate("temperature_c", side);
-        let temperature_c = match (of(Side::Sender), of(Side::Receiver)) {
+        let celsius_of = |side: Side| link.covariate("temperature_c", side);
+        let temperature_c = match (celsius_of(Side::Sender), celsius_of(Side::Receiver)) {
             (Some(sender_c), Some(receiver_c)) => 0.5 * (sender_c + receiver_c),
             (Some(one_c), None) | (None, Some(one_c)) => one_c,
             (None, None) => return 0.0,
@@ -118,8 +118,8 @@ impl Effect for Temperature {
     }
 
     fn max_gain_db(&self) -> f64 {
-        let at = |temperature_c: f64| self.db_per_c * (temperature_c - self.reference_c);
-        at(COLDEST_C).max(at(WARMEST_C))
+        let shift_db = |temperature_c: f64| self.db_per_c * (temperature_c - self.reference_c);
+        shift_db(COLDEST_C).max(shift_db(WARMEST_C))
     }
 }
 
@@ -132,16 +132,19 @@ mod tests {
     #[test]
     fn bannister_2008_has_8_db_from_25_to_65_degrees() {
         let effect = Temperature { db_per_c: -0.2, reference_c: 25.0 };
-        let at = |row: &[(&str, f64)]| {
+        let contribution_with = |row: &[(&str, f64)]| {
             let row: Vec<_> = row.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
             let scene = Scene { covariates: Covariates::Row(&row), ..Scene::default() };
             effect.contribution_db(&along_x(10.0, 1.0, None, &scene))
         };
-        assert_eq!(at(&[("temperature_c", 65.0)]), -8.0);
-        assert_eq!(at(&[("tx_temperature_c", 65.0), ("rx_temperature_c", 25.0)]), -4.0);
-        assert_eq!(at(&[("rx_temperature_c", 65.0)]), -8.0);
-        assert_eq!(at(&[("humidity_pct", 65.0)]), 0.0);
-        assert_eq!(at(&[("temperature_c", f64::NAN)]), 0.0);
-        assert!(at(&[("temperature_c", -1000.0)]) <= effect.max_gain_db());
+        assert_eq!(contribution_with(&[("temperature_c", 65.0)]), -8.0);
+        assert_eq!(
+            contribution_with(&[("tx_temperature_c", 65.0), ("rx_temperature_c", 25.0)]),
+            -4.0
+        );
+        assert_eq!(contribution_with(&[("rx_temperature_c", 65.0)]), -8.0);
+        assert_eq!(contribution_with(&[("humidity_pct", 65.0)]), 0.0);
+        assert_eq!(contribution_with(&[("temperature_c", f64::NAN)]), 0.0);
+        assert!(contribution_with(&[("temperature_c", -1000.0)]) <= effect.max_gain_db());
     }
 }

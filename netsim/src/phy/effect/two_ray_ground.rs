@@ -163,7 +163,12 @@ mod tests {
 
     const BOTH: [Polarization; 2] = [Polarization::Vertical, Polarization::Horizontal];
 
-    fn at(relative_permittivity: f64, polarization: Polarization, d_m: f64, h_m: f64) -> f64 {
+    fn contribution_at(
+        relative_permittivity: f64,
+        polarization: Polarization,
+        d_m: f64,
+        h_m: f64,
+    ) -> f64 {
         let scene = Scene::default();
         TwoRayGround { relative_permittivity, polarization }.contribution_db(&along_x(
             d_m,
@@ -180,7 +185,7 @@ mod tests {
         for polarization in BOTH {
             for d_m in [2e5, 4e5] {
                 let expected = 20.0 * (4.0 * std::f64::consts::PI / (wavelength_m * d_m)).log10();
-                let got = at(15.0, polarization, d_m, 1.0);
+                let got = contribution_at(15.0, polarization, d_m, 1.0);
                 // 1 + Γ stands at a right angle to the phase and is, at sin θ = 10⁻⁵, 16 % of it (vertical) or
                 // 1 % (horizontal): 0.11 dB and 0.0005 dB.
                 let tolerance_db = match polarization {
@@ -197,7 +202,7 @@ mod tests {
         // tan of the angle to the ground is 1/√ε.
         for relative_permittivity in [2.0f64, 15.0] {
             let d_m = 2.0 * relative_permittivity.sqrt();
-            let got = at(relative_permittivity, Polarization::Vertical, d_m, 1.0);
+            let got = contribution_at(relative_permittivity, Polarization::Vertical, d_m, 1.0);
             assert!(got.abs() < 1e-9, "{got}");
         }
     }
@@ -206,7 +211,7 @@ mod tests {
     fn ground_of_permittivity_1_is_no_ground() {
         for polarization in BOTH {
             for d_m in [1.0, 7.0, 30.0] {
-                assert!(at(1.0, polarization, d_m, 1.5).abs() < 1e-9);
+                assert!(contribution_at(1.0, polarization, d_m, 1.5).abs() < 1e-9);
             }
         }
     }
@@ -227,6 +232,6 @@ mod tests {
 
     #[test]
     fn without_heights_nothing_is_added() {
-        assert_eq!(at(15.0, Polarization::Vertical, 10.0, 0.0), 0.0);
+        assert_eq!(contribution_at(15.0, Polarization::Vertical, 10.0, 0.0), 0.0);
     }
 }

@@ -94,7 +94,7 @@ impl Effect for Vegetation {
         if site.foliage.is_empty() {
             return 0.0;
         }
-        let path = Path::of(link);
+        let path = Path::direct(link);
         let depth_m: f64 = site.foliage.iter().map(|foliage| path.length_within_m(foliage)).sum();
         match self.db_per_m {
             Some(db_per_m) => db_per_m * depth_m,

@@ -85,7 +85,7 @@ impl Effect for WallAttenuation {
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let Some(site) = link.scene.site else { return 0.0 };
-        let path = Path::of(link);
+        let path = Path::direct(link);
         let n_cut = site
             .wall
             .iter()
@@ -123,13 +123,13 @@ mod tests {
         };
         let scene = Scene { site: Some(&site), ..Scene::default() };
         let link = along_x(10.0, 1.5, None, &scene);
-        let of = |material: Option<&str>| {
+        let attenuation_db = |material: Option<&str>| {
             WallAttenuation { loss_db: 5.0, material: material.map(str::to_owned) }
                 .contribution_db(&link)
         };
-        assert_eq!(of(None), -15.0);
-        assert_eq!(of(Some("brick")), -10.0);
-        assert_eq!(of(Some("glass")), -5.0);
-        assert_eq!(of(Some("steel")), 0.0);
+        assert_eq!(attenuation_db(None), -15.0);
+        assert_eq!(attenuation_db(Some("brick")), -10.0);
+        assert_eq!(attenuation_db(Some("glass")), -5.0);
+        assert_eq!(attenuation_db(Some("steel")), 0.0);
     }
 }

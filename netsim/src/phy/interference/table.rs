@@ -181,11 +181,11 @@ mod tests {
     #[test]
     fn sinr_needs_7_25_db_for_any_and_25_99_db_for_all() {
         let rule = ByTable::new(-105.0);
-        let at = |sinr_db: f64| rule.survival(-40.0, milliwatts(-40.0 - sinr_db), 1, 1);
-        assert_eq!(at(7.24), 0.0);
-        assert!(0.0 < at(7.26));
-        assert!(at(25.98) < 1.0);
-        assert_eq!(at(26.0), 1.0);
+        let survival = |sinr_db: f64| rule.survival(-40.0, milliwatts(-40.0 - sinr_db), 1, 1);
+        assert_eq!(survival(7.24), 0.0);
+        assert!(0.0 < survival(7.26));
+        assert!(survival(25.98) < 1.0);
+        assert_eq!(survival(26.0), 1.0);
     }
 
     #[test]

@@ -91,7 +91,7 @@ pub struct LineOfSight {
 
 impl LineOfSight {
     fn sees(&self, link: &Link<'_>) -> bool {
-        let path = Path::of(link);
+        let path = Path::direct(link);
         self.radius_m.is_none_or(|radius_m| link.distance_m <= radius_m)
             && self.field_of_view_rad.is_none_or(|angle_rad| is_in_view(link, angle_rad))
             && link.scene.site.is_none_or(|site| {

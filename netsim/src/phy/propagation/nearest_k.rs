@@ -73,6 +73,6 @@ impl Propagation for NearestK {
     }
 
     fn prepare(&self, scene: &mut Scene<'_>) {
-        scene.nearest = Some(Nearest::of(scene.agents, self.k));
+        scene.nearest = Some(Nearest::find(scene.agents, self.k));
     }
 }

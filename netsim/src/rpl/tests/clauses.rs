@@ -451,7 +451,7 @@ fn rpi(down: bool, sender_rank: u16) -> RpiRepr {
 }
 
 impl Bench {
-    fn data(&mut self, rpi: &mut RpiRepr, from: u32, to: u32) -> Verdict {
+    fn data(&mut self, rpi: &mut RpiRepr, from: u32, to: u32) -> ForwardingDecision {
         let (now_ns, to) = (self.now_ns, mote(to).global());
         self.rpl.handle_data(rpi, mote(from), to, false, now_ns, &mut self.dice)
     }
@@ -464,12 +464,12 @@ fn rfc6550_11_2_2_2_the_first_rank_error_is_marked_and_the_second_one_drops() {
         bench.pass(60 * SECOND_NS);
         bench.events();
         let mut info = rpi(down, wrong);
-        assert_eq!(bench.data(&mut info, 5, 0), Verdict::Forward);
+        assert_eq!(bench.data(&mut info, 5, 0), ForwardingDecision::Forward);
         assert!(info.rank_error);
         assert_eq!(info.sender_rank, 768);
         assert_eq!(bench.events(), []);
         info.sender_rank = wrong;
-        assert_eq!(bench.data(&mut info, 5, 0), Verdict::Drop(DropReason::RankError));
+        assert_eq!(bench.data(&mut info, 5, 0), ForwardingDecision::Drop(DropReason::RankError));
         assert_eq!(bench.events(), [Event::TrickleReset]);
     }
 }
@@ -478,9 +478,9 @@ fn rfc6550_11_2_2_2_the_first_rank_error_is_marked_and_the_second_one_drops() {
 fn rfc6550_11_2_2_2_a_parent_that_sends_up_what_was_sent_up_to_it_is_no_parent() {
     let mut bench = joined(Bench::perfect());
     let mut info = rpi(false, 512);
-    assert_eq!(bench.data(&mut info, 1, 0), Verdict::Forward);
+    assert_eq!(bench.data(&mut info, 1, 0), ForwardingDecision::Forward);
     assert_eq!(bench.rpl.parent(), Some(mote(1)));
-    assert_eq!(bench.data(&mut info, 1, 0), Verdict::Drop(DropReason::RankError));
+    assert_eq!(bench.data(&mut info, 1, 0), ForwardingDecision::Drop(DropReason::RankError));
     assert_eq!(bench.rpl.parent(), None);
     assert_eq!(dio_ranks(&bench.sent()), [INFINITE_RANK]);
 }
@@ -489,11 +489,11 @@ fn rfc6550_11_2_2_2_a_parent_that_sends_up_what_was_sent_up_to_it_is_no_parent()
 fn rfc6550_11_2_2_2_consistent_datagrams_pass_and_those_that_go_up_show_children() {
     let mut bench = joined(Bench::perfect());
     let mut up = rpi(false, 1024);
-    assert_eq!(bench.data(&mut up, 5, 0), Verdict::Forward);
+    assert_eq!(bench.data(&mut up, 5, 0), ForwardingDecision::Forward);
     assert_eq!((up.rank_error, up.sender_rank), (false, 768));
     assert_eq!(bench.events(), [Event::ChildAdded(mote(5))]);
     let mut down = rpi(true, 512);
-    assert_eq!(bench.data(&mut down, 1, 9), Verdict::Forward);
+    assert_eq!(bench.data(&mut down, 1, 9), ForwardingDecision::Forward);
     assert!(!down.rank_error);
     // Up from the parent is a loop, whatever it says.
     let mut circle = rpi(false, 0);
@@ -501,7 +501,7 @@ fn rfc6550_11_2_2_2_consistent_datagrams_pass_and_those_that_go_up_show_children
     assert!(circle.rank_error);
     assert_eq!(
         bench.data(&mut RpiRepr { instance: 3, ..up }, 5, 0),
-        Verdict::Drop(DropReason::NotInDodag)
+        ForwardingDecision::Drop(DropReason::NotInDodag)
     );
 }
 
@@ -525,18 +525,18 @@ fn a_child_that_comes_up_beside_or_is_silent_for_a_lifetime_is_none_any_more() {
 fn rfc6550_11_2_2_3_without_a_route_down_a_datagram_goes_back_and_the_route_is_removed() {
     let mut low = joined_storing(Config { dao_ack: false, ..Bench::perfect() });
     let mut info = rpi(true, 512);
-    assert_eq!(low.data(&mut info, 1, 40), Verdict::Return(mote(1)));
+    assert_eq!(low.data(&mut info, 1, 40), ForwardingDecision::Return(mote(1)));
     assert!(info.forwarding_error);
     // The router above believed in a route through it.
     let mut high = joined_storing(Config { dao_ack: false, ..Bench::perfect() });
     high.receive(20, false, &RplMessage::Dao(storing_dao(40, 240, 30)));
     high.sent();
-    assert_eq!(high.data(&mut info, 20, 40), Verdict::Return(mote(1)));
+    assert_eq!(high.data(&mut info, 20, 40), ForwardingDecision::Return(mote(1)));
     assert_eq!(high.rpl.route(mote(40).global()), Some(Route::Up(mote(1))));
     assert_eq!(daos(&high.sent()).len(), 1, "a No-Path");
     let mut root = Bench::new(Config { mode: Mode::Storing, ..Config::default() }, 0, true);
     root.receive(1, false, &RplMessage::Dao(storing_dao(40, 240, 30)));
-    assert_eq!(root.data(&mut info, 1, 40), Verdict::Drop(DropReason::ForwardingError));
+    assert_eq!(root.data(&mut info, 1, 40), ForwardingDecision::Drop(DropReason::ForwardingError));
     assert_eq!(root.rpl.route(mote(40).global()), None);
 }
 

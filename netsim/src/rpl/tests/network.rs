@@ -101,9 +101,9 @@ impl Network {
                 now_ns,
                 dice,
             ) {
-                Verdict::Forward => {}
-                Verdict::Return(back) => returns = Some(back),
-                Verdict::Drop(_) => return None,
+                ForwardingDecision::Forward => {}
+                ForwardingDecision::Return(back) => returns = Some(back),
+                ForwardingDecision::Drop(_) => return None,
             }
             rpi = Some(info);
             at = next;

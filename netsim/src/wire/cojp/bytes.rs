@@ -1,7 +1,7 @@
 //! Octets of CoJP messages: CoAP (RFC 7252, § 3) with a CBOR object as payload (RFC 9031, § 8.4).
 
 use super::CojpRepr;
-use crate::wire::sink::{Put, Reader, Sink, bytes_of, length_of, write};
+use crate::wire::sink::{ByteReader, Put, Sink, bytes_of, length_of, write};
 use crate::wire::{Eui64, Malformed};
 
 /// Version 1, non-confirmable (a stateless proxy cannot repeat), a token of 8 bytes.
@@ -56,7 +56,7 @@ impl CojpRepr {
     /// # Errors
     /// Anything but the two messages of § 8.1.
     pub fn parse(bytes: &[u8]) -> Result<Self, Malformed> {
-        let mut reader = Reader::new(bytes);
+        let mut reader = ByteReader::new(bytes);
         if reader.u8()? != HEADER {
             return Err(Malformed { what: "not a non-confirmable message of CoJP", at: 0 });
         }
@@ -161,7 +161,7 @@ fn put_number<S: Sink>(number: u32, sink: &mut S) {
     }
 }
 
-fn parse_number(reader: &mut Reader<'_>) -> Result<u32, Malformed> {
+fn parse_number(reader: &mut ByteReader<'_>) -> Result<u32, Malformed> {
     Ok(match reader.u8()? {
         small @ 0..NUMBER => small.into(),
         NUMBER => reader.u8()?.into(),
@@ -171,7 +171,7 @@ fn parse_number(reader: &mut Reader<'_>) -> Result<u32, Malformed> {
     })
 }
 
-fn expect(reader: &mut Reader<'_>, bytes: &[u8], what: &'static str) -> Result<(), Malformed> {
+fn expect(reader: &mut ByteReader<'_>, bytes: &[u8], what: &'static str) -> Result<(), Malformed> {
     let otherwise = reader.malformed(what);
     if reader.take(bytes.len())? == bytes { Ok(()) } else { Err(otherwise) }
 }

@@ -8,7 +8,7 @@ use super::compressed::{
 use super::upper::{ICMPV6, parse_rpl, parse_udp};
 use super::{Datagram, RpiRepr, SourceRoute};
 use crate::wire::address::{GLOBAL_PREFIX, LINK_LOCAL_PREFIX};
-use crate::wire::sink::Reader;
+use crate::wire::sink::ByteReader;
 use crate::wire::{Eui64, Malformed};
 use std::net::Ipv6Addr;
 
@@ -24,7 +24,7 @@ impl Datagram {
         hop_destination: Option<Eui64>,
         root: Option<Ipv6Addr>,
     ) -> Result<Self, Malformed> {
-        let mut reader = Reader::new(bytes);
+        let mut reader = ByteReader::new(bytes);
         let routing = parse_routing_headers(&mut reader)?;
         let elided = match routing.tunnel_hop_limit {
             Some(_) => (None, None),
@@ -67,12 +67,12 @@ impl Datagram {
 /// Routing headers as they stand there.
 struct Routing<'a> {
     /// Hops: type and addresses, not yet made whole.
-    route: Option<Vec<(usize, Reader<'a>)>>,
+    route: Option<Vec<(usize, ByteReader<'a>)>>,
     rpi: Option<RpiRepr>,
     tunnel_hop_limit: Option<u8>,
 }
 
-fn parse_routing_headers<'a>(reader: &mut Reader<'a>) -> Result<Routing<'a>, Malformed> {
+fn parse_routing_headers<'a>(reader: &mut ByteReader<'a>) -> Result<Routing<'a>, Malformed> {
     let mut routing = Routing { route: None, rpi: None, tunnel_hop_limit: None };
     if reader.peek() != Some(PAGE_1) {
         return Ok(routing);
@@ -86,7 +86,7 @@ fn parse_routing_headers<'a>(reader: &mut Reader<'a>) -> Result<Routing<'a>, Mal
             (CRITICAL, 0..RPI) => {
                 let kind = usize::from(kind);
                 let n = usize::from(first & 0x1f) + 1;
-                let addresses = Reader::new(reader.take(n * SRH_BYTES[kind])?);
+                let addresses = ByteReader::new(reader.take(n * SRH_BYTES[kind])?);
                 routing.route.get_or_insert_default().push((kind, addresses));
             }
             (ELECTIVE, IP_IN_IP) if first & 0x1f == 1 => {
@@ -98,7 +98,7 @@ fn parse_routing_headers<'a>(reader: &mut Reader<'a>) -> Result<Routing<'a>, Mal
     Ok(routing)
 }
 
-fn parse_rpi(first: u8, reader: &mut Reader<'_>) -> Result<RpiRepr, Malformed> {
+fn parse_rpi(first: u8, reader: &mut ByteReader<'_>) -> Result<RpiRepr, Malformed> {
     let instance = if first & NO_INSTANCE != 0 { 0 } else { reader.u8()? };
     let sender_rank =
         if first & SHORT_RANK != 0 { u16::from(reader.u8()?) << 8 } else { reader.u16()? };
@@ -112,7 +112,10 @@ fn parse_rpi(first: u8, reader: &mut Reader<'_>) -> Result<RpiRepr, Malformed> {
 }
 
 /// Makes every hop's address whole.
-fn resolve(root: Ipv6Addr, headers: &mut [(usize, Reader<'_>)]) -> Result<SourceRoute, Malformed> {
+fn resolve(
+    root: Ipv6Addr,
+    headers: &mut [(usize, ByteReader<'_>)],
+) -> Result<SourceRoute, Malformed> {
     let mut hops = Vec::new();
     let mut octets = root.octets();
     for (kind, addresses) in headers {
@@ -134,7 +137,7 @@ struct Addresses {
 }
 
 fn parse_iphc(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     (hop_source, hop_destination): (Option<Eui64>, Option<Eui64>),
 ) -> Result<Addresses, Malformed> {
     let first = reader.u8()?;
@@ -172,7 +175,7 @@ fn parse_iphc(
 }
 
 fn parse_unicast(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     context: bool,
     mode: u8,
     hop: Option<Eui64>,
@@ -188,7 +191,7 @@ fn parse_unicast(
     Ok(Ipv6Addr::from_bits(u128::from(prefix) << 64 | u128::from(interface)))
 }
 
-fn parse_multicast(reader: &mut Reader<'_>, mode: u8) -> Result<Ipv6Addr, Malformed> {
+fn parse_multicast(reader: &mut ByteReader<'_>, mode: u8) -> Result<Ipv6Addr, Malformed> {
     let mut octets = [0; 16];
     octets[0] = 0xff;
     let inline = match mode {
@@ -202,7 +205,7 @@ fn parse_multicast(reader: &mut Reader<'_>, mode: u8) -> Result<Ipv6Addr, Malfor
     Ok(Ipv6Addr::from(octets))
 }
 
-fn parse_ports(reader: &mut Reader<'_>) -> Result<(u16, u16), Malformed> {
+fn parse_ports(reader: &mut ByteReader<'_>) -> Result<(u16, u16), Malformed> {
     let otherwise = reader.malformed("not UDP with a checksum");
     match reader.u8()?.checked_sub(NHC_UDP) {
         Some(0) => Ok((reader.u16()?, reader.u16()?)),

@@ -3,7 +3,7 @@
 use super::{Datagram, UdpRepr, Upper};
 use crate::wire::Malformed;
 use crate::wire::rpl::RplMessage;
-use crate::wire::sink::{Put, Reader, Sink, checksum_of, length_of};
+use crate::wire::sink::{ByteReader, Put, Sink, checksum_of, length_of};
 use bytes::Bytes;
 
 /// Next-header values.
@@ -87,7 +87,7 @@ impl Datagram {
 }
 
 /// An ICMPv6 message with its checksum.
-pub(super) fn parse_rpl(reader: &mut Reader<'_>) -> Result<(Upper, u16), Malformed> {
+pub(super) fn parse_rpl(reader: &mut ByteReader<'_>) -> Result<(Upper, u16), Malformed> {
     let otherwise = reader.malformed("ICMPv6 but not RPL");
     let (kind, code, checksum) = (reader.u8()?, reader.u8()?, reader.u16()?);
     if kind != RPL {
@@ -97,7 +97,7 @@ pub(super) fn parse_rpl(reader: &mut Reader<'_>) -> Result<(Upper, u16), Malform
 }
 
 /// A UDP datagram whose ports are known.
-pub(super) fn parse_udp(ports: (u16, u16), reader: &mut Reader<'_>) -> Upper {
+pub(super) fn parse_udp(ports: (u16, u16), reader: &mut ByteReader<'_>) -> Upper {
     let payload = Bytes::copy_from_slice(reader.rest());
     Upper::Udp(UdpRepr { source_port: ports.0, destination_port: ports.1, payload })
 }

@@ -2,7 +2,7 @@
 
 use super::{Fragment, LowpanRepr};
 use crate::wire::datagram::{Compressed, Datagram, Headers, Hop, Tail};
-use crate::wire::sink::{Put, Reader, Sink, Window, bytes_of, length_of, write};
+use crate::wire::sink::{ByteReader, Put, Sink, Window, bytes_of, length_of, write};
 use crate::wire::{Eui64, Malformed};
 use std::net::Ipv6Addr;
 use std::sync::Arc;
@@ -132,7 +132,7 @@ impl FragmentHeader {
     /// # Errors
     /// A header that is cut off.
     pub fn parse(payload: &[u8]) -> Result<Option<(Self, &[u8])>, Malformed> {
-        let mut reader = Reader::new(payload);
+        let mut reader = ByteReader::new(payload);
         let is_first = match reader.peek().map(|first| u16::from(first & 0xf8) << 8) {
             Some(FIRST) => true,
             Some(NEXT) => false,

@@ -9,7 +9,7 @@ use super::bytes::{
 use super::{AckRepr, BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use crate::wire::datagram::Datagram;
 use crate::wire::fragment::{FragmentHeader, LowpanRepr};
-use crate::wire::sink::Reader;
+use crate::wire::sink::ByteReader;
 use crate::wire::sixp::SixpRepr;
 use crate::wire::slots::SlotsRepr;
 use crate::wire::{Eui64, Malformed};
@@ -47,7 +47,7 @@ impl<'a> Envelope<'a> {
         if psdu.len() < FCS_LEN || fcs(&psdu[..end]).to_le_bytes() != psdu[end..] {
             return Err(Malformed { what: "wrong frame check sequence", at: end });
         }
-        let mut reader = Reader::new(&psdu[..end]);
+        let mut reader = ByteReader::new(&psdu[..end]);
         let control = reader.u16_le()?;
         if control >> VERSION & 3 != 2 || control & (SECURED | NO_SEQUENCE) != 0 {
             return Err(Malformed { what: "not version 2, without security, numbered", at: 0 });
@@ -93,7 +93,7 @@ impl<'a> Envelope<'a> {
 
 /// Returns whether payload information elements follow.
 fn parse_header_elements(
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     time_correction_us: &mut Option<i16>,
 ) -> Result<bool, Malformed> {
     while !reader.is_empty() {
@@ -101,7 +101,7 @@ fn parse_header_elements(
         if descriptor >> 15 != 0 {
             return Err(reader.malformed("a payload element before the headers' end"));
         }
-        let mut content = Reader::new(reader.take(usize::from(descriptor & 0x7f))?);
+        let mut content = ByteReader::new(reader.take(usize::from(descriptor & 0x7f))?);
         match descriptor >> 7 & 0xff {
             TERMINATION_1 => return Ok(true),
             TERMINATION_2 => return Ok(false),
@@ -117,7 +117,9 @@ fn parse_header_elements(
 /// The first payload information element that is no vendor's, and the first one that is.
 type PayloadElements<'a> = (Option<(u16, &'a [u8])>, Option<&'a [u8]>);
 
-fn parse_payload_elements<'a>(reader: &mut Reader<'a>) -> Result<PayloadElements<'a>, Malformed> {
+fn parse_payload_elements<'a>(
+    reader: &mut ByteReader<'a>,
+) -> Result<PayloadElements<'a>, Malformed> {
     let (mut first, mut vendor) = (None, None);
     while !reader.is_empty() {
         let descriptor = reader.u16_le()?;
@@ -186,19 +188,19 @@ impl AckRepr {
 }
 
 fn parse_beacon(elements: &[u8]) -> Result<BeaconRepr, Malformed> {
-    let mut reader = Reader::new(elements);
+    let mut reader = ByteReader::new(elements);
     let (mut synchronization, mut slotframes) = (None, Vec::new());
     let (mut timeslot_id, mut hopping_sequence_id) = (0, 0);
     while !reader.is_empty() {
         let descriptor = reader.u16_le()?;
         if descriptor >> 15 != 0 {
-            let mut content = Reader::new(reader.take(usize::from(descriptor & 0x7ff))?);
+            let mut content = ByteReader::new(reader.take(usize::from(descriptor & 0x7ff))?);
             if descriptor >> 11 & 0xf == CHANNEL_HOPPING {
                 hopping_sequence_id = content.u8()?;
             }
             continue;
         }
-        let mut content = Reader::new(reader.take(usize::from(descriptor & 0xff))?);
+        let mut content = ByteReader::new(reader.take(usize::from(descriptor & 0xff))?);
         match descriptor >> 8 & 0x7f {
             TSCH_SYNCHRONIZATION => {
                 let mut asn = [0; 8];
@@ -218,7 +220,7 @@ fn parse_beacon(elements: &[u8]) -> Result<BeaconRepr, Malformed> {
     Ok(BeaconRepr { asn, join_metric, timeslot_id, hopping_sequence_id, slotframes })
 }
 
-fn parse_slotframe(reader: &mut Reader<'_>) -> Result<BeaconSlotframe, Malformed> {
+fn parse_slotframe(reader: &mut ByteReader<'_>) -> Result<BeaconSlotframe, Malformed> {
     let (handle, slots, n_links) = (reader.u8()?, reader.u16_le()?, reader.u8()?);
     let mut links = Vec::with_capacity(usize::from(n_links));
     for _ in 0..n_links {

@@ -2,7 +2,7 @@
 
 use super::{DaoAckRepr, DaoRepr, DioRepr, DisRepr, DodagConfiguration, RplMessage};
 use crate::wire::Malformed;
-use crate::wire::sink::{Put, Reader, Sink, bytes_of, length_of, write};
+use crate::wire::sink::{ByteReader, Put, Sink, bytes_of, length_of, write};
 use std::net::Ipv6Addr;
 
 /// Codes of ICMPv6 messages of type 155 (§ 6).
@@ -59,7 +59,7 @@ impl RplMessage {
     /// # Errors
     /// Unknown codes; messages and options that end too early.
     pub fn parse(code: u8, bytes: &[u8]) -> Result<Self, Malformed> {
-        let mut reader = Reader::new(bytes);
+        let mut reader = ByteReader::new(bytes);
         match code {
             DIS => {
                 reader.take(2)?;
@@ -129,16 +129,16 @@ fn put_dao<S: Sink>(dao: &DaoRepr, sink: &mut S) {
 }
 
 /// The next option: its type and what is in it.
-fn option<'a>(reader: &mut Reader<'a>) -> Result<(u8, Reader<'a>), Malformed> {
+fn option<'a>(reader: &mut ByteReader<'a>) -> Result<(u8, ByteReader<'a>), Malformed> {
     let kind = reader.u8()?;
     if kind == PAD1 {
-        return Ok((PAD1, Reader::new(&[])));
+        return Ok((PAD1, ByteReader::new(&[])));
     }
     let length = reader.u8()?;
-    Ok((kind, Reader::new(reader.take(usize::from(length))?)))
+    Ok((kind, ByteReader::new(reader.take(usize::from(length))?)))
 }
 
-fn parse_dio(reader: &mut Reader<'_>) -> Result<DioRepr, Malformed> {
+fn parse_dio(reader: &mut ByteReader<'_>) -> Result<DioRepr, Malformed> {
     let (instance, version, rank) = (reader.u8()?, reader.u8()?, reader.u16()?);
     let (flags, dtsn) = (reader.u8()?, reader.u8()?);
     reader.take(2)?;
@@ -172,7 +172,7 @@ fn parse_dio(reader: &mut Reader<'_>) -> Result<DioRepr, Malformed> {
     })
 }
 
-fn parse_configuration(content: &mut Reader<'_>) -> Result<DodagConfiguration, Malformed> {
+fn parse_configuration(content: &mut ByteReader<'_>) -> Result<DodagConfiguration, Malformed> {
     content.take(1)?;
     let (dio_interval_doublings, dio_interval_min) = (content.u8()?, content.u8()?);
     let dio_redundancy = content.u8()?;
@@ -191,7 +191,7 @@ fn parse_configuration(content: &mut Reader<'_>) -> Result<DodagConfiguration, M
     })
 }
 
-fn parse_dao(reader: &mut Reader<'_>) -> Result<DaoRepr, Malformed> {
+fn parse_dao(reader: &mut ByteReader<'_>) -> Result<DaoRepr, Malformed> {
     let (instance, flags) = (reader.u8()?, reader.u8()?);
     reader.take(1)?;
     let sequence = reader.u8()?;

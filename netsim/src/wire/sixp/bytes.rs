@@ -6,7 +6,7 @@ use super::{
     SixpRequest,
 };
 use crate::wire::Malformed;
-use crate::wire::sink::{Put, Reader, Sink, bytes_of, length_of, write};
+use crate::wire::sink::{ByteReader, Put, Sink, bytes_of, length_of, write};
 
 /// Types of messages (§ 6.2.2).
 const REQUEST: u8 = 0;
@@ -86,7 +86,7 @@ impl SixpRepr {
     }
 
     fn parse_with(bytes: &[u8], answered: Option<SixpCommand>) -> Result<Self, Malformed> {
-        let mut reader = Reader::new(bytes);
+        let mut reader = ByteReader::new(bytes);
         let first = reader.u8()?;
         let code = reader.u8()?;
         let (sfid, seqnum) = (reader.u8()?, reader.u8()?);
@@ -167,7 +167,7 @@ fn put_cells<S: Sink>(cells: &[SixpCell], sink: &mut S) {
     }
 }
 
-fn parse_request(code: u8, reader: &mut Reader<'_>) -> Result<SixpRequest, Malformed> {
+fn parse_request(code: u8, reader: &mut ByteReader<'_>) -> Result<SixpRequest, Malformed> {
     let unknown = Malformed { what: "unknown 6P command", at: 1 };
     if !(SixpCommand::Add as u8..=SixpCommand::Clear as u8).contains(&code) {
         return Err(unknown);
@@ -189,7 +189,8 @@ fn parse_request(code: u8, reader: &mut Reader<'_>) -> Result<SixpRequest, Malfo
         return Ok(SixpRequest::List { metadata, options, offset, max_num_cells });
     }
     if code == SixpCommand::Relocate as u8 {
-        let relocation = parse_cells(&mut Reader::new(reader.take(4 * usize::from(num_cells))?))?;
+        let relocation =
+            parse_cells(&mut ByteReader::new(reader.take(4 * usize::from(num_cells))?))?;
         let candidates = parse_cells(reader)?;
         return Ok(SixpRequest::Relocate { metadata, options, num_cells, relocation, candidates });
     }
@@ -203,10 +204,11 @@ fn parse_request(code: u8, reader: &mut Reader<'_>) -> Result<SixpRequest, Malfo
 
 fn parse_answer(
     code: u8,
-    reader: &mut Reader<'_>,
+    reader: &mut ByteReader<'_>,
     answered: Option<SixpCommand>,
 ) -> Result<SixpAnswer, Malformed> {
-    let code = ReturnCode::of(code).ok_or(Malformed { what: "unknown return code", at: 1 })?;
+    let code =
+        ReturnCode::from_number(code).ok_or(Malformed { what: "unknown return code", at: 1 })?;
     let content = match answered {
         Some(SixpCommand::Count) if !reader.is_empty() => AnswerContent::Count(reader.u16_le()?),
         Some(SixpCommand::Signal) if !reader.is_empty() => {
@@ -228,7 +230,7 @@ fn parse_answer(
     Ok(SixpAnswer { code, content })
 }
 
-fn parse_cells(reader: &mut Reader<'_>) -> Result<Vec<SixpCell>, Malformed> {
+fn parse_cells(reader: &mut ByteReader<'_>) -> Result<Vec<SixpCell>, Malformed> {
     let mut cells = Vec::with_capacity(reader.remaining() / 4);
     while !reader.is_empty() {
         cells.push(SixpCell { slot: reader.u16_le()?, channel: reader.u16_le()? });
@@ -239,7 +241,7 @@ fn parse_cells(reader: &mut Reader<'_>) -> Result<Vec<SixpCell>, Malformed> {
 impl ReturnCode {
     /// The code of this number.
     #[must_use]
-    pub fn of(number: u8) -> Option<Self> {
+    pub fn from_number(number: u8) -> Option<Self> {
         let all = [
             Self::Success,
             Self::EndOfList,

@@ -1,6 +1,6 @@
 //! A network of motes from outside: what was on the air, what became of packets, what each mote knows.
 
-use crate::harness::{at, payloads, setup, text};
+use crate::harness::{payloads, setup, standing_at, text};
 use netsim::catalogue::Catalogue;
 use netsim::mac::CellRef;
 use netsim::mesh::network::Mesh;
@@ -146,7 +146,7 @@ impl Bench {
     }
 
     pub(super) fn seeded(places: &[(f64, f64)], config: &str, seed: u64) -> Self {
-        Self::of(set_up(places.len(), config, seed), places)
+        Self::with_setup(set_up(places.len(), config, seed), places)
     }
 
     /// A network over a trace.
@@ -154,17 +154,17 @@ impl Bench {
         let text = format!("[phy]\npropagation = \"trace\"\nfile = \"links.k7\"\n{config}");
         let mut setup = set_up(n, &text, 1);
         setup.files.insert("links.k7".to_owned(), trace.into());
-        Self::of(setup, &vec![(0.0, 0.0); n])
+        Self::with_setup(setup, &vec![(0.0, 0.0); n])
     }
 
-    fn of(setup: Setup, places: &[(f64, f64)]) -> Self {
+    fn with_setup(setup: Setup, places: &[(f64, f64)]) -> Self {
         let (mut config, ..) = netsim::config::read(&setup, Catalogue::built_in())
             .unwrap_or_else(|problems| panic!("{}", text(&problems)));
         let (settings, addresses) = *config.network.take().expect("mode 6tisch has a network");
         let Setup { experiment, site, columns, records, .. } = setup;
         Self {
             mesh: Mesh::new(experiment, config, settings, addresses, site, columns, records),
-            states: at(places),
+            states: standing_at(places),
             asn: 0,
             frames: Vec::new(),
             ended: Vec::new(),

@@ -1,7 +1,7 @@
 //! C1 to C7, B1, B3, B4: who hears whom, acknowledgments, traces.
 
 use super::bench::{Bench, EAGER, LINE, What, line, own_cells, set_up, trace};
-use crate::harness::{at, network, pairs_of, period, reading_dbm, text};
+use crate::harness::{network, pairs_of, period, reading_dbm, standing_at, text};
 use netsim::catalogue::Catalogue;
 use netsim::medium::links::Links;
 use netsim::medium::slot::Sent;
@@ -162,7 +162,7 @@ fn b1_mote_i_stands_where_agent_i_stands_and_says_what_agent_i_says() {
         expected.sort_unstable();
 
         let mut plain = network(4, "[phy]\npropagation = \"unit-disk\"\nradius_m = 10.0\n");
-        let deliveries = period(&mut plain, &at(&places), 0).deliveries;
+        let deliveries = period(&mut plain, &standing_at(&places), 0).deliveries;
         assert_eq!(pairs_of(&deliveries, 4), expected, "{order:?}");
         let sent = &deliveries.transmissions;
         for (sender, payload) in sent.sender.iter().zip(sent.payloads.iter()) {
@@ -187,7 +187,7 @@ fn b1_mote_i_stands_where_agent_i_stands_and_says_what_agent_i_says() {
 fn hear_mote_0(phy: &str) -> Vec<u32> {
     let places = BOTNET_LINE_Y_M.map(|y_m| (0.0, y_m));
     let mut network = network(10, &format!("[phy]\ncarrier_hz = 2.4e9\n{phy}"));
-    let heard = pairs_of(&period(&mut network, &at(&places), 0).deliveries, 10);
+    let heard = pairs_of(&period(&mut network, &standing_at(&places), 0).deliveries, 10);
     heard.into_iter().filter(|(_, sender)| *sender == 0).map(|(receiver, _)| receiver).collect()
 }
 

@@ -94,7 +94,7 @@ impl Plain {
             let (low_ns, high_ns) = (BEACON_NS * 3 / 4, BEACON_NS * 5 / 4);
             self.beacon = (now_ns + self.dice.duration_ns(low_ns, high_ns), true);
         }
-        let cells: Vec<CellRef> = schedule.at(asn).collect();
+        let cells: Vec<CellRef> = schedule.cells_at(asn).collect();
         if let Some((at, channel, to)) = self.announced.take()
             && at == asn
             && cells.is_empty()
@@ -144,7 +144,7 @@ impl Plain {
         frame.attempts += 1;
         self.in_flight = 1;
         let follows = frame.to.is_some() && self.frames.iter().any(|other| other.to == frame.to);
-        let pending = self.pending_bit && follows && schedule.at(asn + 1).count() == 0;
+        let pending = self.pending_bit && follows && schedule.cells_at(asn + 1).count() == 0;
         let is_shared = at.is_some_and(|at| at.cell.options.shared);
         Sent { cell: at.map(name), is_shared, channel, frame: Some(frame), pending }
     }

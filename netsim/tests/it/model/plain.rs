@@ -176,7 +176,7 @@ impl Plain {
                     self.jams.add(Jam { channel, from_ns, until_ns, centre_m, radius_m });
                 }
                 MoteOrder::Send { mote, destination, payload } => {
-                    let to = self.addresses.of(destination).global();
+                    let to = self.addresses.eui64(destination).global();
                     let now_ns = asn * self.config.slot_ns;
                     let bytes = payload.len() as u32;
                     let kind = PacketKind::Ordered;

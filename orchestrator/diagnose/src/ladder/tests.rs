@@ -201,7 +201,7 @@ fn two_columns_that_are_one_are_tied() {
 fn a_search_reports_rounds_what_it_tried_and_what_it_accepted() {
     let study = Lines::new(&["a", "b"], 3, |x| 0.8 * x[1]);
     let log = Mutex::new(Vec::new());
-    let report = |progress: Progress<'_>| log.lock().unwrap().push(format!("{progress:?}"));
+    let report = |progress: SearchProgress<'_>| log.lock().unwrap().push(format!("{progress:?}"));
     Search::new(&study, &report).stepwise_selection();
     let log = log.into_inner().unwrap();
     let count = |part: &str| log.iter().filter(|line| line.starts_with(part)).count();

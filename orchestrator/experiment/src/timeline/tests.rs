@@ -1,6 +1,6 @@
 use super::*;
 
-fn of(text: &str) -> (Timeline, Vec<String>) {
+fn parse_timeline(text: &str) -> (Timeline, Vec<String>) {
     let mut problems = Vec::new();
     let tree = proto::config::parse(text).unwrap();
     let (timeline, _) = read(&tree, Some(5), Some(60.0), &mut problems);
@@ -9,7 +9,7 @@ fn of(text: &str) -> (Timeline, Vec<String>) {
 
 #[test]
 fn no_timeline_orders_nothing() {
-    assert_eq!(of(""), (Timeline::default(), Vec::new()));
+    assert_eq!(parse_timeline(""), (Timeline::default(), Vec::new()));
 }
 
 #[test]
@@ -37,17 +37,17 @@ motes = 1
 destination = \"all\"
 payload_hex = \"00fF\"
 ";
-    let (timeline, problems) = of(text);
+    let (timeline, problems) = parse_timeline(text);
     assert_eq!(problems, Vec::<String>::new());
     // The robots start at 10 s.
     let start_ns = 10 * NS_PER_S;
-    let at = |from_s: u64| {
+    let commands_from = |from_s: u64| {
         let from_ns = from_s * NS_PER_S;
         let commands = timeline.commands(start_ns, from_ns, from_ns + NS_PER_S);
         assert!(commands.iter().all(|command| command.source == SOURCE));
         commands.into_iter().map(|command| command.order).collect::<Vec<_>>()
     };
-    assert_eq!(at(10), []);
+    assert_eq!(commands_from(10), []);
     let jam = |channel| MoteOrder::Jam {
         channel,
         from_ns: 11_500_000_000,
@@ -57,14 +57,14 @@ payload_hex = \"00fF\"
     };
     let payload = vec![0, 0xff].into();
     let send = MoteOrder::Send { mote: 1, destination: u32::MAX, payload };
-    assert_eq!(at(11), [MoteOrder::Kill(3), MoteOrder::Kill(4), send, jam(11), jam(26)]);
-    assert_eq!(at(12), [MoteOrder::Revive(3)]);
-    assert_eq!(at(13), []);
+    assert_eq!(commands_from(11), [MoteOrder::Kill(3), MoteOrder::Kill(4), send, jam(11), jam(26)]);
+    assert_eq!(commands_from(12), [MoteOrder::Revive(3)]);
+    assert_eq!(commands_from(13), []);
 }
 
 #[test]
 fn noise_without_channels_is_on_all_of_them() {
-    let (timeline, _) = of("[[timeline]]\nat_s = 0\norder = \"jam\"\nuntil_s = 1\n");
+    let (timeline, _) = parse_timeline("[[timeline]]\nat_s = 0\norder = \"jam\"\nuntil_s = 1\n");
     assert_eq!(timeline.entries().len(), 16);
 }
 
@@ -103,7 +103,7 @@ order = \"add\"
 until_s = 3.0
 ";
     assert_eq!(
-        of(text).1,
+        parse_timeline(text).1,
         [
             "timeline[1].channels[0]: must be a whole number from 11 to 26, got 10 (nearest valid: 11)",
             "timeline[3].order: must be one of \"kill\", \"revive\", \"add\", \"jam\", \"send\", got \"kil\" (nearest \
@@ -126,7 +126,10 @@ until_s = 3.0
 
 #[test]
 fn something_else_than_entries_is_refused() {
-    assert_eq!(of("timeline = 3").1, ["timeline: must be an array of tables ([[...]]), got 3"]);
+    assert_eq!(
+        parse_timeline("timeline = 3").1,
+        ["timeline: must be an array of tables ([[...]]), got 3"]
+    );
 }
 
 #[test]
@@ -147,7 +150,7 @@ motes = [1, 2]
 destination = 0
 payload = \"a\"
 ";
-    let (timeline, _) = of(text);
+    let (timeline, _) = parse_timeline(text);
     let unnoticed = |netsim: &str| {
         let mut problems = Vec::new();
         let netsim = proto::config::parse(netsim).unwrap();
@@ -172,7 +175,7 @@ payload = \"a\"
 #[test]
 fn only_motes_that_are_left_out_can_be_added() {
     let text = "[[timeline]]\nat_s = 3.0\norder = \"add\"\nmotes = [4, 1]\n[[timeline]]\nat_s = 2.0\norder = \"add\"\nmotes = 2\n";
-    let (timeline, _) = of(text);
+    let (timeline, _) = parse_timeline(text);
     let refused = |netsim: &str| {
         let mut problems = Vec::new();
         let absent = netsim::config::absent(

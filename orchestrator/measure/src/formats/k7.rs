@@ -27,17 +27,18 @@ fn read(path: &Path, mut content: Content<'_>) -> Result<DataTable, DataError> {
 
 /// The rows of a K7 trace as an aggregated link table.
 fn table_of(trace: &netsim::k7::K7) -> DataTable {
-    let of = |value: &dyn Fn(&netsim::k7::Row) -> f64| trace.rows.iter().map(value).collect();
+    let column_of =
+        |value: &dyn Fn(&netsim::k7::Row) -> f64| trace.rows.iter().map(value).collect();
     let columns: [(&str, Vec<f64>); 8] = [
-        ("time_s", of(&|row| row.from_ns as f64 * 1e-9)),
+        ("time_s", column_of(&|row| row.from_ns as f64 * 1e-9)),
         // Days from the first row on, so that one can be told from another.
-        ("run", of(&|row| 1.0 + (row.from_ns / NS_PER_DAY) as f64)),
-        ("tx", of(&|row| f64::from(row.src))),
-        ("rx", of(&|row| f64::from(row.dst))),
-        ("channel", of(&|row| row.channel.map_or(f64::NAN, f64::from))),
-        ("rssi_dbm", of(&|row| row.rssi_dbm.unwrap_or(f64::NAN))),
-        ("pdr", of(&|row| row.pdr)),
-        ("frames", of(&|row| row.tx_count.map_or(100.0, f64::from))),
+        ("run", column_of(&|row| 1.0 + (row.from_ns / NS_PER_DAY) as f64)),
+        ("tx", column_of(&|row| f64::from(row.src))),
+        ("rx", column_of(&|row| f64::from(row.dst))),
+        ("channel", column_of(&|row| row.channel.map_or(f64::NAN, f64::from))),
+        ("rssi_dbm", column_of(&|row| row.rssi_dbm.unwrap_or(f64::NAN))),
+        ("pdr", column_of(&|row| row.pdr)),
+        ("frames", column_of(&|row| row.tx_count.map_or(100.0, f64::from))),
     ];
     let (names, columns) =
         columns.into_iter().map(|(name, column)| (name.to_owned(), column)).unzip();

@@ -79,25 +79,25 @@ fn links(folder: &Path) -> Result<DataTable, DataError> {
             .sum()
     };
     let back = u64::from(misfit(1) < misfit(0));
-    let of = |values: &[f64]| -> Vec<f64> { direct.iter().map(|&row| values[row]).collect() };
-    let at = |agents: &[f64], part: usize| -> Vec<f64> {
+    let picked = |values: &[f64]| -> Vec<f64> { direct.iter().map(|&row| values[row]).collect() };
+    let coordinate = |agents: &[f64], part: usize| -> Vec<f64> {
         direct.iter().map(|&row| place(back, row, agents[row], part)).collect()
     };
     let mut columns: Vec<(&str, Vec<f64>)> = vec![
         ("time_s", direct.iter().map(|&row| sent_ns[row] * 1e-9).collect()),
-        ("tx", of(&sender)),
-        ("rx", of(&receiver)),
+        ("tx", picked(&sender)),
+        ("rx", picked(&receiver)),
     ];
     for (k, [tx, rx]) in
         [["tx_x_m", "rx_x_m"], ["tx_y_m", "rx_y_m"], ["tx_z_m", "rx_z_m"]].into_iter().enumerate()
     {
-        columns.push((tx, at(&sender, k)));
-        columns.push((rx, at(&receiver, k)));
+        columns.push((tx, coordinate(&sender, k)));
+        columns.push((rx, coordinate(&receiver, k)));
     }
-    columns.push(("tx_heading_rad", at(&sender, 3)));
-    columns.push(("rx_heading_rad", at(&receiver, 3)));
-    columns.push(("rssi_dbm", of(&rssi_dbm)));
-    columns.push(("received", of(&received)));
+    columns.push(("tx_heading_rad", coordinate(&sender, 3)));
+    columns.push(("rx_heading_rad", coordinate(&receiver, 3)));
+    columns.push(("rssi_dbm", picked(&rssi_dbm)));
+    columns.push(("received", picked(&received)));
     let (names, columns) = columns.into_iter().map(|(name, c)| (name.to_owned(), c)).unzip();
     let mut table = DataTable::of_columns(names, columns);
     table.path = folder.to_owned();

@@ -320,28 +320,29 @@ fn a_network_without_protocols_has_no_indicators() {
 
 #[test]
 fn what_queues_did_not_keep_is_told_by_reason() {
-    let of = |columns: &[(&str, [f64; N])]| {
+    let queue_drops = |columns: &[(&str, [f64; N])]| {
         let step = Step { statistics: Some(statistics(columns)), ..Step::default() };
         json!(run(&[step]).summary())["queue_drops"].clone()
     };
-    let both = of(&[("queue_drops", [1.0, 0.0, 2.0]), ("payloads_superseded", [5.0, 7.0, 0.0])]);
+    let both =
+        queue_drops(&[("queue_drops", [1.0, 0.0, 2.0]), ("payloads_superseded", [5.0, 7.0, 0.0])]);
     assert_eq!(both, json!({ "txqueue_full": 3.0, "superseded": 12.0 }));
-    let unknown = of(&[("is_root", [1.0, 0.0, 0.0])]);
+    let unknown = queue_drops(&[("is_root", [1.0, 0.0, 0.0])]);
     assert_eq!(unknown, json!({ "txqueue_full": null, "superseded": null }));
 }
 
 #[test]
 fn what_ended_at_motes_is_told_by_reason_and_nothing_is_told_of_reasons_that_did_not_occur() {
-    let of = |columns: &[(&str, [f64; N])]| {
+    let drops_by_reason = |columns: &[(&str, [f64; N])]| {
         let step = Step { statistics: Some(statistics(columns)), ..Step::default() };
         json!(run(&[step]).summary())["drops_by_reason"].clone()
     };
-    let known = of(&[
+    let known = drops_by_reason(&[
         ("drops_no_route", [0.0, 1.0, 2.0]),
         ("drops_killed", [0.0; N]),
         ("queue_drops", [4.0; N]),
     ]);
     assert_eq!(known, json!({ "no_route": 3.0 }));
-    assert_eq!(of(&[("drops_killed", [0.0; N])]), json!({}));
-    assert_eq!(of(&[("queue_drops", [4.0; N])]), Value::Null);
+    assert_eq!(drops_by_reason(&[("drops_killed", [0.0; N])]), json!({}));
+    assert_eq!(drops_by_reason(&[("queue_drops", [4.0; N])]), Value::Null);
 }

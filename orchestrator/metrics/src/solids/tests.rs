@@ -127,9 +127,13 @@ fn of_robots_that_are_held_up_or_jump_only_an_overlap_that_is_left_counts() {
     let site = wall([0.0, -5.0], [0.0, 5.0], None);
     for passage in [Passage::HeldUp, Passage::Jumping] {
         let task = robots(passage);
-        let at = |x: f64| ([x, 0.0, 0.0], None);
-        assert_eq!(met(&task, &site, &[at(-1.0), at(1.0)]), 0, "{passage:?}");
-        assert_eq!(met(&task, &site, &[at(-1.0), at(0.1), at(0.2), at(1.0)]), 1, "{passage:?}");
+        let robot_at = |x: f64| ([x, 0.0, 0.0], None);
+        assert_eq!(met(&task, &site, &[robot_at(-1.0), robot_at(1.0)]), 0, "{passage:?}");
+        assert_eq!(
+            met(&task, &site, &[robot_at(-1.0), robot_at(0.1), robot_at(0.2), robot_at(1.0)]),
+            1,
+            "{passage:?}"
+        );
     }
 }
 

@@ -41,7 +41,7 @@ pub fn answer(split: &ErrorSplit) -> NetworkErrorSplit {
     let figures = KPIS.iter().enumerate().map(|(k, kpi)| {
         let [whole, with_tracks, with_tracks_and_own_links, with_tracks_and_links] =
             split.means.map(|means| means[k]);
-        let part = |SplitPart { value, interval: [low, high], z }| PartOfFigure {
+        let figure_part = |SplitPart { value, interval: [low, high], z }| PartOfFigure {
             value,
             low,
             high,
@@ -58,7 +58,7 @@ pub fn answer(split: &ErrorSplit) -> NetworkErrorSplit {
             parts: split
                 .shares
                 .iter()
-                .map(|share| (share.name, share.parts[k].map(part)))
+                .map(|share| (share.name, share.parts[k].map(figure_part)))
                 .collect(),
         }
     });

@@ -166,7 +166,7 @@ impl Sheet {
                 .map(|column| column.iter().sum::<f64>() / column.len() as f64)
         };
         let (from_m, to_m) = (centre(begin), centre(end));
-        let of = |name: &str| {
+        let figure_value = |name: &str| {
             let value = match name {
                 "mean_speed_mps" => measures.mean_speed_mps(),
                 "flock_speed_mps" => measures.flock_speed_mps(),
@@ -181,7 +181,7 @@ impl Sheet {
             };
             value.unwrap_or(f64::NAN)
         };
-        TaskFigures { values: FIGURES.map(|figure| of(figure.name)) }
+        TaskFigures { values: FIGURES.map(|figure| figure_value(figure.name)) }
     }
 
     fn line_rms_m(&self, measures: &Measures) -> Option<f64> {
@@ -235,11 +235,11 @@ mod tests {
         };
         let sheet = Sheet::new(task, 3, tracks.until_s(), tracks.spacing_s(), 0.1);
         let figures = sheet.figures(&tracks);
-        let of = |name: &str| {
+        let value_of = |name: &str| {
             figures.values[FIGURES.iter().position(|figure| figure.name == name).unwrap()]
         };
         let near = |name: &str, value: f64| {
-            assert!((of(name) - value).abs() < 1e-9, "{name}: {}", of(name))
+            assert!((value_of(name) - value).abs() < 1e-9, "{name}: {}", value_of(name))
         };
         near("mean_speed_mps", 2.0);
         near("flock_speed_mps", 2.0);
@@ -252,7 +252,7 @@ mod tests {
         near("centre_y_m", 0.0);
         // Across the line through them, which runs north: 1 m, 1 m and 2 m from their centre.
         near("line_rms_m", 2.0_f64.sqrt());
-        assert!(of("circle_rms_m").is_nan());
+        assert!(value_of("circle_rms_m").is_nan());
         let moved = tracks.measured_of(&tracks, &|_, _, axis| [3.0, 4.0, 0.0][axis as usize]);
         assert!((sheet.apart_m(&tracks, &moved) - 5.0).abs() < 1e-9);
     }

@@ -70,14 +70,14 @@ impl Receptions {
             .iter()
             .all(|name| table.column(name).is_some())
         {
-            let at = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |all| all[row]);
+            let cell = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |all| all[row]);
             (0..table.n_rows())
-                .filter(|&row| at("received", row) != 0.0)
+                .filter(|&row| cell("received", row) != 0.0)
                 .map(|row| {
                     let [sent_s, received_s] =
-                        ["sent_ns", "received_ns"].map(|name| at(name, row) * 1e-9);
-                    let [tx, rx] = ["sender", "receiver"].map(|name| at(name, row) as u32);
-                    (sent_s, received_s, tx, rx, at("rssi_dbm", row))
+                        ["sent_ns", "received_ns"].map(|name| cell(name, row) * 1e-9);
+                    let [tx, rx] = ["sender", "receiver"].map(|name| cell(name, row) as u32);
+                    (sent_s, received_s, tx, rx, cell("rssi_dbm", row))
                 })
                 .collect()
         } else if packets::has_shape(table).is_ok() {
@@ -237,9 +237,9 @@ fn is_whole(run: &Path) -> Result<(), String> {
         .map_err(|error| format!("{}: {error}", run.join("config.toml").display()))?;
     let config: toml::Table = text.parse().unwrap_or_default();
     let output = config.get("output").and_then(toml::Value::as_table);
-    let of = |key: &str| output.and_then(|output| output.get(key));
-    let links = of("links").and_then(toml::Value::as_str).unwrap_or("heard");
-    let every = of("every_steps").and_then(toml::Value::as_integer).unwrap_or(1);
+    let setting = |key: &str| output.and_then(|output| output.get(key));
+    let links = setting("links").and_then(toml::Value::as_str).unwrap_or("heard");
+    let every = setting("every_steps").and_then(toml::Value::as_integer).unwrap_or(1);
     if !["heard", "all"].contains(&links) || every != 1 {
         return Err(format!(
             "{}: the run did not record all receptions (output.links = {links:?}, every_steps = {every}); record it with \

@@ -120,7 +120,7 @@ pub fn answer(
             parts: PARTS.into_iter().zip(split.parts(k).map(|it| it.map(part))).collect(),
         });
     }
-    let part = |part: &'static str, placing: RunPlacement| ErrorPart {
+    let error_part = |part: &'static str, placing: RunPlacement| ErrorPart {
         part,
         p_value: placing.p_value,
         is_distinguishable: placing.is_found(),
@@ -143,7 +143,7 @@ pub fn answer(
             order: ["network", "robot"],
             note: NEITHER,
             sentence,
-            parts: [part("network", split.network), part("robot", split.robot)],
+            parts: [error_part("network", split.network), error_part("robot", split.robot)],
             figures,
             places_off_m: PlacesOff {
                 whole: split.whole.off_m,

@@ -49,17 +49,17 @@ fn packets_and_motes_hold_what_the_network_said() {
 
 #[test]
 fn links_are_those_asked_for() {
-    let of = |links: Links| {
+    let recorded = |links: Links| {
         let out = tempfile::tempdir().unwrap();
         let mut header = header("run");
         header.output.links = links;
         let dir = finished(out.path(), header).dir;
         dir.join("links.parquet").exists().then(|| rows(&dir, "links.parquet"))
     };
-    assert_eq!(of(Links::None), None);
+    assert_eq!(recorded(Links::None), None);
 
     // 0 and 5 hear two others, 1 and 4 three, 2 and 3 four.
-    let heard = of(Links::Heard).unwrap();
+    let heard = recorded(Links::Heard).unwrap();
     assert_eq!(heard.len(), 18 * STEPS as usize);
     let row = &heard[2];
     assert_eq!((column(row, "sender"), column(row, "receiver")), (Field::UInt(0), Field::UInt(1)));
@@ -68,7 +68,7 @@ fn links_are_those_asked_for() {
     assert_eq!(column(row, "received_ns"), Field::ULong(2_000_000));
     assert_eq!(column(row, "hops"), Field::UInt(1));
 
-    let all = of(Links::All).unwrap();
+    let all = recorded(Links::All).unwrap();
     assert_eq!(all.len(), 6 * 5 * STEPS as usize);
     let received: Vec<&Row> =
         all.iter().filter(|row| column(row, "received") == Field::Bool(true)).collect();
@@ -80,10 +80,10 @@ fn links_are_those_asked_for() {
     assert_eq!(column(missed, "rssi_dbm"), Field::Null);
 
     // 360 links, each with chance 0.5: outside 180 +- 4 standard deviations (38) once in 16,000 seeds.
-    let sample = of(Links::Sample { fraction: 0.5 }).unwrap();
+    let sample = recorded(Links::Sample { fraction: 0.5 }).unwrap();
     assert!((142..=218).contains(&sample.len()), "{}", sample.len());
     assert!(sample.iter().all(|row| all.contains(row)));
-    assert_eq!(of(Links::Sample { fraction: 1.0 }).unwrap(), all);
+    assert_eq!(recorded(Links::Sample { fraction: 1.0 }).unwrap(), all);
 }
 
 #[test]

@@ -89,12 +89,12 @@ fn routing_graph(kpis: &Kpis, places: &Places) -> Option<Figure> {
         (0..).zip(parents).filter_map(|(mote, &parent)| between(places, mote, parent)),
     );
     let has_parent = |mote: usize| parents.get(mote).is_some_and(|&parent| parent != u32::MAX);
-    let of = |wanted: bool| {
+    let places_where = |wanted: bool| {
         let chosen = places.iter().enumerate().filter(move |&(mote, _)| has_parent(mote) == wanted);
         chosen.filter_map(|(_, place)| *place)
     };
-    chart.dots("end", of(true));
-    chart.dots("start", of(false));
+    chart.dots("end", places_where(true));
+    chart.dots("start", places_where(false));
     for (mote, place) in places.iter().enumerate().filter(|&(mote, _)| kpis.is_root(mote)) {
         if let Some(place) = *place {
             chart.ring("start-leader", place, 6.0);
@@ -182,8 +182,8 @@ fn schedules(kpis: &Kpis) -> Vec<Figure> {
 
 fn slotframe(handle: u32, used: &Used) -> Figure {
     let n_channels = used.places.keys().map(|&(_, channel)| channel + 1).max().unwrap_or(1);
-    let x = Axis::new("slot offset", 0.0, f64::from(used.n_slots)).whole();
-    let y = Axis::new("channel offset", 0.0, f64::from(n_channels)).whole();
+    let x = Axis::new("slot offset", 0.0, f64::from(used.n_slots)).integer_ticks();
+    let y = Axis::new("channel offset", 0.0, f64::from(n_channels)).integer_ticks();
     let plane_height = (15.0 * f64::from(n_channels)).clamp(60.0, 240.0);
     let mut chart = Chart::new(x, y, WIDE, Chart::with_plane_height(plane_height));
     let places = |wanted: std::ops::RangeInclusive<u64>| {

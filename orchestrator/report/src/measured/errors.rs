@@ -1,6 +1,8 @@
 //! Predicted against measured, errors against covariates, reception, and whether the predicted uncertainty is right.
 
-use super::{Contents, Picture, Rows, bin, drawn, edges, figures, half, quantiles, thinned};
+use super::{
+    MeasuredPage, MeasuredRows, Picture, bin, drawn, edges, figures, half, quantiles, thinned,
+};
 
 use crate::svg::Axis;
 use maud::Markup;
@@ -8,7 +10,7 @@ use metrics::DistanceBin;
 use numbers::format::{capitalised, number, percent};
 use numbers::statistics::mean;
 use std::collections::BTreeSet;
-use study::view::View;
+use study::view::RowPredictions;
 
 /// Bins of a curve.
 const BINS: usize = 12;
@@ -65,7 +67,7 @@ fn explained(values: &[f64], errors: &[f64]) -> f64 {
 }
 
 /// Names of covariates that a verdict speaks of.
-fn spoken_of(contents: &Contents<'_>) -> BTreeSet<String> {
+fn spoken_of(contents: &MeasuredPage<'_>) -> BTreeSet<String> {
     let unexplained = contents.answer.diagnosis().map_or(&[][..], |it| &it.unexplained);
     unexplained.iter().map(|structure| structure.covariate.clone()).collect()
 }
@@ -74,14 +76,14 @@ fn spoken_of(contents: &Contents<'_>) -> BTreeSet<String> {
 type Ranked<'a> = (bool, f64, &'a (String, Vec<f64>));
 
 /// The errors against what was predicted, and over the covariates that explain most of them.
-pub(super) fn by_covariate(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn by_covariate(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let intro = "A model that is right errs alike everywhere. A bend or a slope over something is physics that the model lacks, or \
                  something that goes along with it: look for the strongest, the others may be its shadows. Bars are 90 % intervals \
                  of a mean, as if rows were independent.";
     figures("Where the model errs", intro, &over_covariates(contents))
 }
 
-fn over_covariates(contents: &Contents<'_>) -> Vec<Picture> {
+fn over_covariates(contents: &MeasuredPage<'_>) -> Vec<Picture> {
     let residuals = contents.before.residuals();
     let spoken_of = spoken_of(contents);
     let mut ranked: Vec<Ranked<'_>> = contents
@@ -103,7 +105,7 @@ fn over_covariates(contents: &Contents<'_>) -> Vec<Picture> {
 }
 
 /// Errors over a covariate.
-fn over(contents: &Contents<'_>, name: &str, values: &[f64], share: f64) -> Option<Picture> {
+fn over(contents: &MeasuredPage<'_>, name: &str, values: &[f64], share: f64) -> Option<Picture> {
     let unit = contents.unit();
     let edges = edges(values, BINS)?;
     let before = contents.before.residuals();
@@ -129,8 +131,8 @@ fn over(contents: &Contents<'_>, name: &str, values: &[f64], share: f64) -> Opti
         chart.segments(
             &whisker,
             points.iter().map(|p| {
-                let at = |y: f64| [p.x, y.clamp(-top, top)];
-                [at(p.mean - p.half), at(p.mean + p.half)]
+                let point = |y: f64| [p.x, y.clamp(-top, top)];
+                [point(p.mean - p.half), point(p.mean + p.half)]
             }),
         );
         key.push((class, format!("mean of a bin, {label}")));
@@ -152,7 +154,7 @@ fn over(contents: &Contents<'_>, name: &str, values: &[f64], share: f64) -> Opti
 }
 
 /// Predicted against measured readings.
-fn against(contents: &Contents<'_>) -> Picture {
+fn against(contents: &MeasuredPage<'_>) -> Picture {
     let all = || {
         contents.views().into_iter().flat_map(|(_, _, view)| {
             view.predicted
@@ -196,7 +198,7 @@ fn against(contents: &Contents<'_>) -> Picture {
 }
 
 /// Mean and rmse of the errors of each model, in words.
-fn biases(contents: &Contents<'_>) -> String {
+fn biases(contents: &MeasuredPage<'_>) -> String {
     let unit = contents.unit();
     let parts: Vec<String> = contents
         .views()
@@ -216,15 +218,16 @@ fn biases(contents: &Contents<'_>) -> String {
 }
 
 /// Errors of predicted places, along and across the motion.
-fn around(contents: &Contents<'_>) -> Picture {
-    let of = |view: &View| -> Vec<[f64; 2]> {
+fn around(contents: &MeasuredPage<'_>) -> Picture {
+    let standardised = |view: &RowPredictions| -> Vec<[f64; 2]> {
         view.residuals()
             .into_iter()
             .zip(&view.across)
             .map(|(along, [across, _])| [along, *across])
             .collect()
     };
-    let greatest = quantiles(of(&contents.before).into_iter().flatten().map(f64::abs), &[0.985]);
+    let greatest =
+        quantiles(standardised(&contents.before).into_iter().flatten().map(f64::abs), &[0.985]);
     let top = greatest.map_or(1.0, |list| list[0].max(1e-9));
     let mut chart = half(
         Axis::new("measured less predicted, along the motion (m)", -top, top),
@@ -233,7 +236,7 @@ fn around(contents: &Contents<'_>) -> Picture {
     let mut key = Vec::new();
     for (class, label, view) in contents.views() {
         let mark = if class == "after" { "dot after" } else { "dot" };
-        let errors = of(view);
+        let errors = standardised(view);
         chart.dots(
             mark,
             thinned(errors.len())
@@ -257,15 +260,15 @@ fn around(contents: &Contents<'_>) -> Picture {
 }
 
 /// Whether predicted distributions are right.
-pub(super) fn of_distributions(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn of_distributions(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let intro = "A model predicts a distribution, not a number: how strong, how likely to be received, how far off.";
     figures("Does it know what it does not know?", intro, &distributions(contents))
 }
 
-fn distributions(contents: &Contents<'_>) -> Vec<Picture> {
+fn distributions(contents: &MeasuredPage<'_>) -> Vec<Picture> {
     let mut pictures = vec![pit(contents)];
     match &contents.rows {
-        Rows::Links(links) => {
+        MeasuredRows::Links(links) => {
             let measured: Vec<[f64; 2]> = links.frames.clone();
             let is_known = measured.iter().any(|[sent, got]| got.is_finite() && got < sent);
             if is_known {
@@ -274,7 +277,7 @@ fn distributions(contents: &Contents<'_>) -> Vec<Picture> {
                 }
             }
         }
-        Rows::Robots(robots) => pictures.extend(horizons(&robots.horizons)),
+        MeasuredRows::Robots(robots) => pictures.extend(horizons(&robots.horizons)),
     }
     pictures
 }
@@ -318,10 +321,10 @@ fn horizons(points: &[(f64, f64, Option<f64>)]) -> Option<Picture> {
 }
 
 /// Below which part of the predicted distribution measurements lie: flat where the predicted uncertainty is right.
-fn pit(contents: &Contents<'_>) -> Picture {
+fn pit(contents: &MeasuredPage<'_>) -> Picture {
     let quantum = match &contents.rows {
-        Rows::Links(links) => links.quantum_db,
-        Rows::Robots(_) => 0.0,
+        MeasuredRows::Links(links) => links.quantum_db,
+        MeasuredRows::Robots(_) => 0.0,
     };
     let below = |z: f64| 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
     let mut histograms: Vec<(&'static str, &'static str, Vec<f64>)> = Vec::new();
@@ -360,8 +363,8 @@ fn pit(contents: &Contents<'_>) -> Picture {
         chart.rectangles(
             box_class,
             bars.iter().enumerate().map(|(k, bar)| {
-                let at = |k: usize| k as f64 / BARS as f64;
-                [[at(k), 0.0], [at(k + 1), bar.min(1.05 * top.min(6.0))]]
+                let edge_at = |k: usize| k as f64 / BARS as f64;
+                [[edge_at(k), 0.0], [edge_at(k + 1), bar.min(1.05 * top.min(6.0))]]
             }),
         );
         key.push((box_class, (*label).to_owned()));
@@ -388,7 +391,7 @@ fn pit(contents: &Contents<'_>) -> Picture {
 fn reception(
     class: &'static str,
     label: &str,
-    view: &View,
+    view: &RowPredictions,
     frames: &[[f64; 2]],
 ) -> Option<Picture> {
     let known: Vec<f64> = view

@@ -1,6 +1,6 @@
 //! The ladder of held-out error, and what each candidate gains.
 
-use super::{Contents, Picture, figures};
+use super::{MeasuredPage, Picture, figures};
 use crate::svg::Px;
 use diagnose::diagnosis::{Diagnosis, Rung, Tested};
 use maud::{Markup, html};
@@ -60,7 +60,7 @@ fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> Markup {
 }
 
 /// The ladder in pictures.
-pub(super) fn section(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn section(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let pictures = pictures(contents.answer.diagnosis()?, contents.unit());
     let intro = "Effects are added one at a time, each time the one that makes the model predict best what it has not seen, until \
                  none does beyond chance.";

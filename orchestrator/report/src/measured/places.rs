@@ -1,12 +1,12 @@
 //! The map of the site with what the model errs by in each place.
 
-use super::{Contents, LinkRows, Picture, RobotRows, Rows, figures};
+use super::{LinkRows, MeasuredPage, MeasuredRows, Picture, RobotRows, figures};
 use crate::figures::{WIDE, equal_scales};
 use crate::svg::Chart;
 use maud::Markup;
 use numbers::format::number;
 use std::collections::BTreeMap;
-use study::view::View;
+use study::view::RowPredictions;
 
 /// Classes of errors, from far too low to far too high.
 const CLASSES: [&str; 5] = ["low2", "low1", "none", "high1", "high2"];
@@ -34,7 +34,7 @@ fn class(mean: f64, scale: f64) -> usize {
 /// What was found on the map: pieces and discs.
 type Found = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], f64)>);
 
-fn found(contents: &Contents<'_>) -> Found {
+fn found(contents: &MeasuredPage<'_>) -> Found {
     let mut found = Found::default();
     let Some(diagnosis) = contents.answer.diagnosis() else { return found };
     for settings in diagnosis.accepted().filter_map(|candidate| candidate.settings.as_ref()) {
@@ -64,14 +64,16 @@ fn span(points: impl Iterator<Item = [f64; 2]>) -> Option<[[f64; 2]; 2]> {
 }
 
 /// Errors where they were made.
-pub(super) fn maps(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn maps(contents: &MeasuredPage<'_>) -> Option<Markup> {
     figures("On the map", "", &maps_of_models(contents))
 }
 
-fn maps_of_models(contents: &Contents<'_>) -> Vec<Picture> {
+fn maps_of_models(contents: &MeasuredPage<'_>) -> Vec<Picture> {
     let rows: Vec<[f64; 2]> = match &contents.rows {
-        Rows::Links(links) => links.ends.iter().flatten().map(|(place, _)| *place).collect(),
-        Rows::Robots(robots) => robots.tracks.iter().flatten().copied().collect(),
+        MeasuredRows::Links(links) => {
+            links.ends.iter().flatten().map(|(place, _)| *place).collect()
+        }
+        MeasuredRows::Robots(robots) => robots.tracks.iter().flatten().copied().collect(),
     };
     let site = contents.site;
     let walls = site.wall.iter().flat_map(|wall| [wall.from_m, wall.to_m]);
@@ -92,7 +94,7 @@ fn maps_of_models(contents: &Contents<'_>) -> Vec<Picture> {
 }
 
 /// Errors of this size are far off: as large as the noise that the model says there is.
-fn scale(view: &View) -> f64 {
+fn scale(view: &RowPredictions) -> f64 {
     super::quantiles(view.sd.iter().copied(), &[0.5]).map_or(1.0, |median| median[0].max(1e-6))
 }
 
@@ -114,10 +116,10 @@ impl<K: Ord> Means<K> {
 }
 
 fn map(
-    contents: &Contents<'_>,
+    contents: &MeasuredPage<'_>,
     class_name: &'static str,
     label: &str,
-    view: &View,
+    view: &RowPredictions,
     scale: f64,
     [x, y]: [[f64; 2]; 2],
 ) -> Picture {
@@ -131,14 +133,14 @@ fn map(
     let square = |[x, y]: [f64; 2]| ((x / side_m).floor() as i64, (y / side_m).floor() as i64);
     let mut spots = Means(BTreeMap::new());
     match &contents.rows {
-        Rows::Links(links) => {
+        MeasuredRows::Links(links) => {
             let pairs = pairs(links, &errors, &mut spots, &square);
             for (k, name) in CLASSES.iter().enumerate() {
                 let lines = pairs.iter().filter(|(_, mean)| class(*mean, scale) == k);
                 chart.segments(&format!("pair {name}"), lines.map(|(ends, _)| *ends));
             }
         }
-        Rows::Robots(robots) => tracks(&mut chart, robots, &errors, &mut spots, &square),
+        MeasuredRows::Robots(robots) => tracks(&mut chart, robots, &errors, &mut spots, &square),
     }
     for (k, name) in CLASSES.iter().enumerate() {
         let dots = spots.all().filter(|(.., mean)| class(*mean, scale) == k);
@@ -150,7 +152,7 @@ fn map(
     for &(centre, radius_m) in &round {
         chart.circle("found", centre, radius_m);
     }
-    if let Rows::Links(links) = &contents.rows {
+    if let MeasuredRows::Links(links) = &contents.rows {
         let still = links.ends.iter().flatten().filter(|(_, moves)| !moves);
         let mut places: Vec<[f64; 2]> = still.map(|(place, _)| *place).collect();
         places.retain(|place| place.iter().all(|c| c.is_finite()));

@@ -6,9 +6,9 @@ use measure::account::DataFile;
 use study::open::Subject;
 
 /// Forty rows of links, half of them lost where it is weak; `shift_db` is what the model errs by.
-fn view(shift_db: f64) -> View {
+fn view(shift_db: f64) -> RowPredictions {
     let level: Vec<f64> = (0..40).map(|row| -95.0 + f64::from(row)).collect();
-    View {
+    RowPredictions {
         predicted: level.clone(),
         measured: (0..40)
             .map(
@@ -24,7 +24,7 @@ fn view(shift_db: f64) -> View {
     }
 }
 
-fn contents(answer: MeasuredAnswer<'_>, site: &Site, after: Option<View>) -> String {
+fn contents(answer: MeasuredAnswer<'_>, site: &Site, after: Option<RowPredictions>) -> String {
     let place = |row: usize| [row as f64, (row % 7) as f64];
     let rows = LinkRows {
         ends: (0..40).map(|row| [(place(row % 4), false), (place(row), true)]).collect(),
@@ -32,12 +32,12 @@ fn contents(answer: MeasuredAnswer<'_>, site: &Site, after: Option<View>) -> Str
         frames: (0..40).map(|row| [1.0, f64::from(u8::from(10 <= row))]).collect(),
         quantum_db: 1.0,
     };
-    page(&Contents {
+    page(&MeasuredPage {
         config: "<model>.toml".to_owned(),
         command: "orchestrator compare <model>.toml".to_owned(),
         answer,
         site,
-        rows: Rows::Links(rows),
+        rows: MeasuredRows::Links(rows),
         before: view(4.0),
         after,
         covariates: vec![("height".to_owned(), (0..40).map(f64::from).collect())],

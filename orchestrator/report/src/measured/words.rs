@@ -1,6 +1,6 @@
 //! What a page says in words and tables.
 
-use super::{Contents, MeasuredAnswer};
+use super::{MeasuredAnswer, MeasuredPage};
 use crate::layout::{self, listing, number_cell, with_unit};
 use diagnose::diagnosis::{Rung, Structure};
 use maud::{Markup, html};
@@ -10,7 +10,7 @@ use proto::effect::CONSTANT;
 use study::LOSS_CURVE;
 use study::open::Subject;
 
-pub(super) fn heading(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn heading(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let account = contents.answer.account();
     let what = if contents.is_link() { "link samples" } else { "robot samples" };
     Some(html! {
@@ -27,7 +27,7 @@ pub(super) fn heading(contents: &Contents<'_>) -> Option<Markup> {
     })
 }
 
-pub(super) fn notices(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn notices(contents: &MeasuredPage<'_>) -> Option<Markup> {
     notices_of(contents.answer.account())
 }
 
@@ -42,7 +42,7 @@ pub(crate) fn notices_of(account: &DataAccount) -> Option<Markup> {
     layout::notices(&rejected.chain(account.warnings.iter().cloned()).collect::<Vec<_>>())
 }
 
-pub(super) fn tiles(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn tiles(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let unit = contents.unit();
     let mut tiles: Vec<(String, Markup)> = Vec::new();
     let error = |value: f64| with_unit(&number(known(value)), unit);
@@ -97,7 +97,7 @@ fn known(value: f64) -> f64 {
 }
 
 /// The numbers of what was accepted.
-pub(super) fn parameters(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn parameters(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let diagnosis = contents.answer.diagnosis()?;
     diagnosis.accepted().next()?;
     // An effect and what to mind about it stand in its first row alone.
@@ -153,7 +153,7 @@ fn curve_in_words(name: &str) -> &'static str {
     }
 }
 
-pub(super) fn ties(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn ties(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let diagnosis = contents.answer.diagnosis()?;
     let candidates = diagnosis.candidates.iter().map(|candidate| {
         let others = candidate.indistinguishable_from.iter().map(String::as_str);
@@ -183,7 +183,7 @@ pub(crate) fn ties_of<'a>(
 }
 
 /// Structure that no effect explains.
-pub(super) fn left_over(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn left_over(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let diagnosis = contents.answer.diagnosis()?;
     let structure = &diagnosis.unexplained;
     let is_searched = diagnosis.kind == Subject::Links && diagnosis.too_little.is_none();
@@ -217,7 +217,7 @@ fn left_over_in_words(entry: &Structure) -> Markup {
 }
 
 /// What the data lack.
-pub(super) fn untestable(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn untestable(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let candidates = contents.answer.diagnosis()?.candidates.iter();
     let lacking: Vec<(&str, &str)> = candidates
         .filter_map(|candidate| Some((&*candidate.effect, candidate.untestable.as_deref()?)))
@@ -232,7 +232,7 @@ pub(super) fn untestable(contents: &Contents<'_>) -> Option<Markup> {
 }
 
 /// Scores of a comparison.
-pub(super) fn scores(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn scores(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let MeasuredAnswer::Comparison(comparison) = contents.answer else { return None };
     Some(html! {
         h2 { "Scores" }
@@ -250,7 +250,7 @@ pub(super) fn scores(contents: &Contents<'_>) -> Option<Markup> {
     })
 }
 
-pub(super) fn again(contents: &Contents<'_>) -> Option<Markup> {
+pub(super) fn again(contents: &MeasuredPage<'_>) -> Option<Markup> {
     Some(html! {
         h2 { "To do it again" }
         (listing(&contents.command))

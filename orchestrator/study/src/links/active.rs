@@ -2,7 +2,7 @@
 
 use super::likelihood::RowPrediction;
 use super::register::{PowerRange, Register};
-use super::rows::Rows;
+use super::rows::ModelledLinks;
 use netsim::phy::effect::Effect;
 use netsim::phy::link::Link;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ pub(super) struct ActiveEffect {
 }
 
 impl ActiveEffect {
-    pub(super) fn new(effect: Box<dyn Effect>, rows: &Rows) -> Self {
+    pub(super) fn new(effect: Box<dyn Effect>, rows: &ModelledLinks) -> Self {
         let register = rows.register_of(&*effect);
         Self { effect: Arc::from(effect), register }
     }
@@ -45,7 +45,7 @@ pub(super) struct AlteredRegister<'a> {
 
 impl<'a> AlteredRegister<'a> {
     /// Selects them among the effects of a model's terms.
-    pub(super) fn from_effects(effects: &'a [Option<ActiveEffect>], rows: &Rows) -> Self {
+    pub(super) fn from_effects(effects: &'a [Option<ActiveEffect>], rows: &ModelledLinks) -> Self {
         let all = || effects.iter().flatten();
         let is_bent = rows.is_bent || all().any(|active| active.register == Register::Bent);
         let otherwise = all().filter(|active| active.register != Register::Exact);
@@ -55,7 +55,7 @@ impl<'a> AlteredRegister<'a> {
     /// What the register of a row reads of a power (dBm); none where it but shifts.
     pub(super) fn read<'b>(
         &'b self,
-        rows: &'b Rows,
+        rows: &'b ModelledLinks,
         row: usize,
     ) -> Option<impl Fn(f64) -> f64 + 'b> {
         self.is_bent.then_some(move |power_dbm: f64| {
@@ -63,7 +63,7 @@ impl<'a> AlteredRegister<'a> {
         })
     }
 
-    fn read_of(&self, rows: &Rows, link: &Link<'_>, power_dbm: f64) -> f64 {
+    fn read_of(&self, rows: &ModelledLinks, link: &Link<'_>, power_dbm: f64) -> f64 {
         let configured = rows.model.effects.iter().map(|effect| &**effect);
         configured
             .chain(self.effects.iter().copied())
@@ -73,7 +73,7 @@ impl<'a> AlteredRegister<'a> {
 
 /// What a model with terms says about a row. `added`: power, shift, logarithm of survival that the terms add.
 pub(super) fn level(
-    rows: &Rows,
+    rows: &ModelledLinks,
     row: usize,
     added: [f64; 3],
     otherwise: &AlteredRegister<'_>,

@@ -4,7 +4,7 @@
 //! is worth a fit.
 
 use super::active::ActiveEffect;
-use super::rows::Rows;
+use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
 use netsim::phy::effect::Effect;
 use std::collections::BTreeMap;
@@ -40,7 +40,7 @@ const ROUNDING: f64 = 1e-8;
 const SAMPLE: usize = 64;
 
 /// What an effect adds to rows; none where it changes more than the mean.
-fn means(rows: &Rows, effect: &dyn Effect, which: &[usize]) -> Option<Vec<f64>> {
+fn means(rows: &ModelledLinks, effect: &dyn Effect, which: &[usize]) -> Option<Vec<f64>> {
     which
         .iter()
         .map(|&row| {
@@ -50,14 +50,19 @@ fn means(rows: &Rows, effect: &dyn Effect, which: &[usize]) -> Option<Vec<f64>> 
         .collect()
 }
 
-fn added(rows: &Rows, spec: &TermSpec, state: &TermState, which: &[usize]) -> Option<Vec<f64>> {
+fn added(
+    rows: &ModelledLinks,
+    spec: &TermSpec,
+    state: &TermState,
+    which: &[usize],
+) -> Option<Vec<f64>> {
     let effect = ActiveEffect::new(state.build(spec)?, rows);
     effect.is_plain().then(|| means(rows, effect.get(), which))?
 }
 
 /// Columns by differences of `share` of each parameter's small step.
 fn columns(
-    rows: &Rows,
+    rows: &ModelledLinks,
     spec: &TermSpec,
     state: &TermState,
     which: &[usize],
@@ -89,7 +94,12 @@ fn columns(
 }
 
 /// The columns of an effect that is a sum of columns whatever its values; none where it is not.
-fn exact(rows: &Rows, spec: &TermSpec, state: &TermState, which: &[usize]) -> Option<Basis> {
+fn exact(
+    rows: &ModelledLinks,
+    spec: &TermSpec,
+    state: &TermState,
+    which: &[usize],
+) -> Option<Basis> {
     let (offset, columns) = columns(rows, spec, state, which, 1.0)?;
     let basis = Basis { offset, columns };
     for direction in [-1.0, 1.0, 0.0] {
@@ -131,7 +141,7 @@ impl Bases {
     /// asks.
     pub fn exact(
         &self,
-        rows: &Rows,
+        rows: &ModelledLinks,
         term: usize,
         spec: &TermSpec,
         state: &TermState,
@@ -156,7 +166,7 @@ impl Bases {
     /// The columns of a term near its values; none where it changes more than means.
     pub fn tangent(
         &self,
-        rows: &Rows,
+        rows: &ModelledLinks,
         term: usize,
         spec: &TermSpec,
         state: &TermState,

@@ -1,6 +1,6 @@
 //! What may be missing: every effect of the catalogue, and a smooth curve over every covariate.
 
-use super::rows::Rows;
+use super::rows::ModelledLinks;
 use super::terms::{LinkCurve, TermSpec};
 use super::{LinkStudy, testable};
 use crate::formula::{FORMULA, FormulaFitError, FormulaRequest};
@@ -21,7 +21,7 @@ const TIME: &str = "time_s";
 const READING_GIVEN: &str = "acts on RSSI readings only, which --given-rssi takes as given";
 
 /// Every term that may be added.
-pub(super) fn specs(rows: &Rows, effects: &Registry<effect::Entry>) -> Vec<TermSpec> {
+pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> Vec<TermSpec> {
     let effects = effects.iter().filter(|entry| entry.variant.name != FORMULA).map(|entry| {
         match entry.fit.role {
             Role::RandomPerNode => TermSpec::NodeOffset(entry),
@@ -33,8 +33,9 @@ pub(super) fn specs(rows: &Rows, effects: &Registry<effect::Entry>) -> Vec<TermS
     let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
     let measured = &rows.links.rows;
     let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
-        let of = |row: &measure::links::LinkRow| if end == "tx" { row.tx_m } else { row.rx_m };
-        let values: Vec<f64> = measured.iter().map(|row| of(row)[axis]).collect();
+        let place_of =
+            |row: &measure::links::LinkRow| if end == "tx" { row.tx_m } else { row.rx_m };
+        let values: Vec<f64> = measured.iter().map(|row| place_of(row)[axis]).collect();
         (format!("{end}_{}_m", ["x", "y"][axis]), values, true)
     });
     let derived = super::covariates::by_name(rows)
@@ -102,7 +103,7 @@ impl LinkStudy {
 }
 
 /// How a term stands among the others.
-pub(super) fn candidate(spec: &TermSpec, rows: &Rows, catalogue: &Catalogue) -> Candidate {
+pub(super) fn candidate(spec: &TermSpec, rows: &ModelledLinks, catalogue: &Catalogue) -> Candidate {
     match spec {
         TermSpec::Curve(curve) => Candidate {
             name: curve.name(),
@@ -157,7 +158,7 @@ fn decides_reception(spec: &TermSpec) -> bool {
 }
 
 /// At which level a curve is judged: what follows from places, on places left out.
-fn level_of(rows: &Rows, curve: &LinkCurve) -> Level {
+fn level_of(rows: &ModelledLinks, curve: &LinkCurve) -> Level {
     if curve.is_derived && ![TIME, CHANNEL].contains(&curve.covariate.as_str()) {
         return Level::Place;
     }
@@ -165,7 +166,7 @@ fn level_of(rows: &Rows, curve: &LinkCurve) -> Level {
 }
 
 /// The same in every row: of losses, those that are alike everywhere, which every other curve of losses has in it.
-fn constant(rows: &Rows) -> LinkCurve {
+fn constant(rows: &ModelledLinks) -> LinkCurve {
     LinkCurve {
         covariate: CONSTANT.to_owned(),
         values: Arc::from(vec![0.0; rows.len()]),
@@ -178,7 +179,7 @@ fn constant(rows: &Rows) -> LinkCurve {
 
 /// A curve over a covariate with knots at its quantiles, many of a fine one; none where too few values are known or differ.
 fn curve(
-    rows: &Rows,
+    rows: &ModelledLinks,
     covariate: &str,
     values: &Arc<[f64]>,
     is_derived: bool,

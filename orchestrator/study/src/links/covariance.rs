@@ -114,7 +114,7 @@ fn range(bins: &[[f64; 3]]) -> Option<(f64, f64)> {
 fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
     let (low, high) = range(bins)?;
     // The variance follows from the length; what is left says how good both are.
-    let at = |ln_length: f64| {
+    let fit_at = |ln_length: f64| {
         let length = libm::exp(ln_length);
         let (mut cross, mut squares) = (0.0, 0.0);
         for [lag, product, weight] in bins {
@@ -130,7 +130,7 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
     let mut best = low;
     for k in 1..LENGTHS {
         let there = low + k as f64 * step;
-        if at(best).0 < at(there).0 {
+        if fit_at(best).0 < fit_at(there).0 {
             best = there;
         }
     }
@@ -138,12 +138,12 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
     for _ in 0..REFINED {
         reach *= 0.7;
         for there in [best - reach, best + reach] {
-            if at(best).0 < at(there).0 {
+            if fit_at(best).0 < fit_at(there).0 {
                 best = there;
             }
         }
     }
-    let (gain, variance) = at(best);
+    let (gain, variance) = fit_at(best);
     (0.0 < gain).then(|| [best, libm::log(variance)])
 }
 

@@ -1,11 +1,11 @@
 //! What the error of a link model may depend on: the columns of the file, and what follows from them.
 
-use super::rows::Rows;
+use super::rows::ModelledLinks;
 use netsim::phy::link::{Link, channel_hz};
 
 /// Covariates by name, with a value per row; NaN where it is unknown.
 #[must_use]
-pub fn by_name(rows: &Rows) -> Vec<(String, Vec<f64>)> {
+pub fn by_name(rows: &ModelledLinks) -> Vec<(String, Vec<f64>)> {
     let mut all: Vec<(String, Vec<f64>)> = Vec::new();
     let mut add = |name: &str, value: &dyn Fn(usize) -> f64| {
         let values: Vec<f64> = (0..rows.len()).map(value).collect();

@@ -268,9 +268,9 @@ fn with_length(
 /// Widens the interval of the spread of levels to what the covariance of residuals says of it: a fit takes levels for constant
 /// within a place, and those of channels for independent.
 fn widen(spread: &mut Estimate, length: &CorrelationLength) {
-    let at = |sds: f64| length.sd_db * libm::exp(sds * length.sd_error);
-    spread.low = spread.low.min(at(-NINETY));
-    spread.high = spread.high.max(at(NINETY));
+    let sd_at = |sds: f64| length.sd_db * libm::exp(sds * length.sd_error);
+    spread.low = spread.low.min(sd_at(-NINETY));
+    spread.high = spread.high.max(sd_at(NINETY));
 }
 
 /// The share of frames like a row's that must pass for its reading to say what levels are like.

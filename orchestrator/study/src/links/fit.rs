@@ -5,7 +5,7 @@ use super::basis::Basis;
 use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Solver};
 use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
 use super::passing::{PowerMixture, SampledCurve};
-use super::rows::Rows;
+use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
 use nalgebra::{DMatrix, DVector};
 use netsim::phy::effect::Effect;
@@ -41,7 +41,7 @@ pub struct LinkFit {
 /// A fit to be made: rows, terms, and what is held fixed.
 pub struct FitProblem<'a> {
     /// The measurements and the configured model.
-    pub rows: &'a Rows,
+    pub rows: &'a ModelledLinks,
     /// The terms.
     pub specs: Vec<&'a TermSpec>,
     /// Cells of all rows.
@@ -547,14 +547,14 @@ impl<'a> FitProblem<'a> {
 
 impl LinkFit {
     /// Effects with which registers read otherwise.
-    pub(super) fn otherwise(&self, rows: &Rows) -> AlteredRegister<'_> {
+    pub(super) fn otherwise(&self, rows: &ModelledLinks) -> AlteredRegister<'_> {
         AlteredRegister::from_effects(&self.effects, rows)
     }
 
     /// What the fitted model says about any row, random levels apart.
     pub(super) fn level(
         &self,
-        (rows, specs): (&Rows, &[&TermSpec]),
+        (rows, specs): (&ModelledLinks, &[&TermSpec]),
         row: usize,
         otherwise: &AlteredRegister<'_>,
     ) -> RowPrediction {
@@ -577,7 +577,7 @@ impl LinkFit {
 }
 
 /// The spread of a base model.
-impl Rows {
+impl ModelledLinks {
     /// What varies about the base model's mean from frame to frame.
     #[must_use]
     pub fn base_spread(&self) -> PowerMixture {

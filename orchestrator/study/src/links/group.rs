@@ -1,7 +1,7 @@
 //! Which rows belong together: blocks that are left out together, and cells that share a random level.
 
 use super::cells::RowCells;
-use super::rows::Rows;
+use super::rows::ModelledLinks;
 use crate::choices::{ChoiceError, Choices, SplitBy};
 use crate::folds::{Blocks, FEWEST_BLOCKS, scramble};
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,7 +13,7 @@ pub(super) const HALF_WAVE_M: f64 = 0.0614;
 
 /// Rows by time in blocks of equal numbers; by pair where time is unknown or constant. Rows that are `scored` by a fit to the
 /// others are in blocks of their own, as many as else of all.
-fn time_blocks(rows: &Rows, scored: Option<&[bool]>) -> Blocks {
+fn time_blocks(rows: &ModelledLinks, scored: Option<&[bool]>) -> Blocks {
     if !has_times(rows) {
         return Blocks::of_keys("pairs of nodes", &pairs(rows));
     }
@@ -41,7 +41,7 @@ fn time_blocks(rows: &Rows, scored: Option<&[bool]>) -> Blocks {
 }
 
 /// Whether the rows were measured at so many times that blocks of time can be left out.
-fn has_times(rows: &Rows) -> bool {
+fn has_times(rows: &ModelledLinks) -> bool {
     let mut times: Vec<(u32, u64)> =
         rows.links.rows.iter().map(|row| (row.run, row.time_s.to_bits())).collect();
     times.sort_unstable();
@@ -51,7 +51,7 @@ fn has_times(rows: &Rows) -> bool {
 
 /// Rows of links that were measured once: a link and channel is predicted from other channels and from the other direction.
 /// Those of one pair of nodes depend on each other.
-fn link_channel_blocks(rows: &Rows) -> Blocks {
+fn link_channel_blocks(rows: &ModelledLinks) -> Blocks {
     let measured = &rows.links.rows;
     let keys: Vec<u64> = measured
         .iter()
@@ -69,17 +69,17 @@ fn pair(a: u32, b: u32) -> u64 {
 }
 
 /// The unordered pair of nodes of each row, as a key.
-fn pairs(rows: &Rows) -> Vec<u64> {
+fn pairs(rows: &ModelledLinks) -> Vec<u64> {
     rows.links.rows.iter().map(|row| pair(row.tx, row.rx)).collect()
 }
 
 /// How many unordered pairs of nodes there are.
-pub(super) fn n_pairs(rows: &Rows) -> usize {
+pub(super) fn n_pairs(rows: &ModelledLinks) -> usize {
     pairs(rows).into_iter().collect::<BTreeSet<_>>().len()
 }
 
 /// Rows by unordered pair of nodes; by place where there are too few pairs.
-fn place_blocks(rows: &Rows) -> Blocks {
+fn place_blocks(rows: &ModelledLinks) -> Blocks {
     let by_pair = Blocks::of_keys("pairs of nodes", &pairs(rows));
     if by_pair.suffices() || rows.still().values().all(|&still| still) {
         return by_pair;
@@ -89,7 +89,7 @@ fn place_blocks(rows: &Rows) -> Blocks {
 }
 
 /// Rows by the places of the nodes that move: squares as large as leaves at least 40 of them.
-fn blocks_of_squares(rows: &Rows) -> Blocks {
+fn blocks_of_squares(rows: &ModelledLinks) -> Blocks {
     let mut best: Option<Blocks> = None;
     for side_m in [8.0, 4.0, 2.0, 1.0] {
         let keys: Vec<u64> = (0..rows.len())
@@ -117,7 +117,7 @@ fn blocks_of_squares(rows: &Rows) -> Blocks {
 }
 
 /// Rows by one of their ends: with a fold, every row that one of its nodes takes part in is kept from training.
-fn node_blocks(rows: &Rows) -> Blocks {
+fn node_blocks(rows: &ModelledLinks) -> Blocks {
     let measured = &rows.links.rows;
     // One end of each pair, each as often as the other.
     let keys: Vec<u64> = measured
@@ -152,7 +152,7 @@ pub(super) struct Grouped {
 }
 
 /// Rows in blocks, as chosen or as suits them.
-pub(super) fn grouped(rows: &Rows, choices: &Choices) -> Result<Grouped, ChoiceError> {
+pub(super) fn grouped(rows: &ModelledLinks, choices: &Choices) -> Result<Grouped, ChoiceError> {
     let runs: Vec<u32> = rows.links.rows.iter().map(|row| row.run).collect();
     let scored = choices.scored_rows(&runs);
     let grouped = match choices.split {
@@ -176,7 +176,7 @@ pub(super) fn grouped(rows: &Rows, choices: &Choices) -> Result<Grouped, ChoiceE
 
 /// Rows that are left out together by choice.
 fn split_blocks(
-    rows: &Rows,
+    rows: &ModelledLinks,
     split: SplitBy,
     scored: Option<&[bool]>,
 ) -> Result<Blocks, ChoiceError> {
@@ -215,7 +215,7 @@ fn square(place_m: [f64; 3], side_m: f64) -> u64 {
 }
 
 /// Cells of random levels.
-pub(super) fn cells_of(rows: &Rows, side_m: f64) -> RowCells {
+pub(super) fn cells_of(rows: &ModelledLinks, side_m: f64) -> RowCells {
     let ids: Vec<u32> = rows.still().keys().copied().collect();
     let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
     let places = |row: usize, side_m: f64| {
@@ -264,7 +264,7 @@ fn numbered<T: Ord + Clone>(keys: &[T]) -> (Vec<u32>, usize) {
 const RUN_ROWS: u64 = 8;
 
 /// Marks about `most` of the rows: short runs of each pair's, spread evenly over everything.
-pub(super) fn spread_evenly(rows: &Rows, most: usize) -> Vec<bool> {
+pub(super) fn spread_evenly(rows: &ModelledLinks, most: usize) -> Vec<bool> {
     let mut seen: BTreeMap<u64, u64> = BTreeMap::new();
     let share = most as f64 / rows.len() as f64;
     let limit = (share * u64::MAX as f64) as u64;

@@ -543,14 +543,17 @@ pub(in crate::links) mod tests {
         let plain = [-96.0, -95.0, -91.0, -79.0].map(|rssi_dbm| (rssi_dbm, false));
         let above = [-95.0, -93.0, -91.0, -87.0].map(|rssi_dbm| (rssi_dbm, true));
         for (rssi_dbm, is_bent) in plain.into_iter().chain(above) {
-            let at = |power_dbm: f64, sd_db: f64| {
+            let likelihood_at = |power_dbm: f64, sd_db: f64| {
                 let level = if is_bent { bent(power_dbm, rssi_dbm) } else { level(power_dbm) };
                 instrument(sd_db).row_likelihood(&row(1.0, 1.0, rssi_dbm), &level, 0.0)
             };
-            let (here, h) = (at(-94.0, 2.0), 1e-3);
-            let by_level = (at(-94.0 + h, 2.0).log - at(-94.0 - h, 2.0).log) / (2.0 * h);
-            let by_sd = (at(-94.0, 2.0 + h).log - at(-94.0, 2.0 - h).log) / h;
-            let bend = (at(-94.0 + h, 2.0).over_level - at(-94.0 - h, 2.0).over_level) / (2.0 * h);
+            let (here, h) = (likelihood_at(-94.0, 2.0), 1e-3);
+            let by_level =
+                (likelihood_at(-94.0 + h, 2.0).log - likelihood_at(-94.0 - h, 2.0).log) / (2.0 * h);
+            let by_sd = (likelihood_at(-94.0, 2.0 + h).log - likelihood_at(-94.0, 2.0 - h).log) / h;
+            let bend = (likelihood_at(-94.0 + h, 2.0).over_level
+                - likelihood_at(-94.0 - h, 2.0).over_level)
+                / (2.0 * h);
             for (slope, difference) in
                 [(here.over_level, by_level), (here.over_ln_sd, by_sd), (here.weight, -bend)]
             {

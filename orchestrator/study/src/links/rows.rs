@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 /// Measured links, and the model that is held against them.
 #[derive(Clone, Debug)]
-pub struct Rows {
+pub struct ModelledLinks {
     /// The measurements. Rows that the model cannot say anything about have been taken out.
     pub links: LinkSamples,
     /// The model as configured.
@@ -56,7 +56,7 @@ const STILL_M: f64 = 0.05;
 /// More other agents than this, over all rows, are not looked at.
 const MOST_AGENTS: usize = 8_000_000;
 
-impl Rows {
+impl ModelledLinks {
     /// Holds a model against measurements.
     #[must_use]
     pub fn new(mut links: LinkSamples, model: Model, site: Site, antenna_height_m: f64) -> Self {

@@ -10,7 +10,7 @@ pub mod places;
 use super::cells::RowCells;
 use super::fit::LinkFit;
 use super::likelihood::RowLikelihood;
-use super::rows::Rows;
+use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
 use std::collections::BTreeMap;
 
@@ -30,7 +30,7 @@ const LOSSES_DB: [f64; 4] = [2.0, 4.0, 8.0, 14.0];
 /// Slopes of the rows under a fit.
 #[must_use]
 pub fn left_over(
-    rows: &Rows,
+    rows: &ModelledLinks,
     fit: &LinkFit,
     specs: &[&TermSpec],
     cells: &RowCells,
@@ -57,7 +57,7 @@ struct LinkPath {
 }
 
 /// Rows between the same places, together.
-fn ways(rows: &Rows, train: &[u32], left: &[RowLikelihood]) -> Vec<LinkPath> {
+fn ways(rows: &ModelledLinks, train: &[u32], left: &[RowLikelihood]) -> Vec<LinkPath> {
     let mut ways: BTreeMap<[u64; 4], LinkPath> = BTreeMap::new();
     for (&row, slope) in train.iter().zip(left) {
         let (tx, rx) = rows.ends(row as usize);
@@ -156,7 +156,7 @@ fn score_gain(shape: &ObstacleShape, ways: &[LinkPath]) -> (f64, f64) {
 /// States of a hidden obstacle at the places that explain most.
 #[must_use]
 pub fn obstacles(
-    rows: &Rows,
+    rows: &ModelledLinks,
     train: &[u32],
     left: &[RowLikelihood],
     start: &TermState,
@@ -279,7 +279,7 @@ fn refined(shape: ObstacleShape, ways: &[LinkPath]) -> (f64, ObstacleShape) {
 /// States of batteries that sag: all transmitters alike, or those that do so beyond doubt.
 #[must_use]
 pub fn sagging(
-    rows: &Rows,
+    rows: &ModelledLinks,
     train: &[u32],
     left: &[RowLikelihood],
     start: &TermState,

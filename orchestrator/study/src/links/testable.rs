@@ -1,6 +1,6 @@
 //! What measurements have, and so which effects can be tested on them.
 
-use super::rows::Rows;
+use super::rows::ModelledLinks;
 use proto::effect::{Level, Need};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,7 +9,7 @@ const FEWEST_VIEWS: usize = 6;
 
 /// Whether the data have what an effect needs.
 #[must_use]
-pub fn has(rows: &Rows, need: Need) -> bool {
+pub fn has(rows: &ModelledLinks, need: Need) -> bool {
     let still = rows.still();
     let measured = &rows.links.rows;
     let differs = |values: &mut dyn Iterator<Item = f64>| {
@@ -53,7 +53,7 @@ pub fn has(rows: &Rows, need: Need) -> bool {
 }
 
 /// Whether a node that stands still, whose heading can be sought, is seen from so many places that a pattern would show.
-fn has_still_views(rows: &Rows) -> bool {
+fn has_still_views(rows: &ModelledLinks) -> bool {
     let still = rows.still();
     let mut views: BTreeMap<u32, BTreeSet<[u64; 2]>> = BTreeMap::new();
     for row in 0..rows.len() {
@@ -70,7 +70,7 @@ fn has_still_views(rows: &Rows) -> bool {
 
 /// At which level a covariate varies: from place to place where it is constant for every pair of nodes, else in time.
 #[must_use]
-pub fn level_of(rows: &Rows, values: &[f64]) -> Level {
+pub fn level_of(rows: &ModelledLinks, values: &[f64]) -> Level {
     let mut first: BTreeMap<(u32, u32), f64> = BTreeMap::new();
     let mut distinct: BTreeSet<u64> = BTreeSet::new();
     for (row, &value) in rows.links.rows.iter().zip(values) {

@@ -2,11 +2,11 @@
 
 use super::LinkStudy;
 use super::fit::LinkFit;
-use crate::view::{View, Viewed};
+use crate::view::{RowPredictions, Viewed};
 
 impl Viewed for LinkStudy {
-    fn view(&self, fit: &LinkFit) -> View {
-        let mut view = View::default();
+    fn view(&self, fit: &LinkFit) -> RowPredictions {
+        let mut view = RowPredictions::default();
         for (predicted, measured) in self.predictions(fit).iter().zip(&self.rows.links.rows) {
             view.predicted.push(predicted.rssi_dbm);
             view.measured.push(measured.rssi_dbm);

@@ -19,7 +19,7 @@ impl MeasuredTracks {
         window_s: f64,
         split: SplitBy,
     ) -> Result<Blocks, ChoiceError> {
-        let whole = |unit, key: &dyn Fn(&RobotSample) -> u32| {
+        let blocks_by = |unit, key: &dyn Fn(&RobotSample) -> u32| {
             let keys = self.windows.iter().map(|window| u64::from(key(self.start(window))));
             Blocks::of_keys(unit, &keys.collect::<Vec<_>>())
         };
@@ -27,8 +27,8 @@ impl MeasuredTracks {
         let blocks = match split {
             SplitBy::Time => self.blocks_in_time(window_s),
             SplitBy::Place => self.blocks_in_place(),
-            SplitBy::Run => whole("campaigns", &|sample| sample.run),
-            SplitBy::Node => whole("robots", &|sample| sample.agent),
+            SplitBy::Run => blocks_by("campaigns", &|sample| sample.run),
+            SplitBy::Node => blocks_by("robots", &|sample| sample.agent),
             SplitBy::Pair => {
                 return refused("robot samples have no pairs".to_owned(), SplitBy::Node);
             }

@@ -14,13 +14,13 @@ const BEND_STEPS: f64 = 0.2;
 const MOST_BENT: [f64; 2] = [-0.5, 4.0];
 
 /// How the components of each residual change.
-type Column = Vec<[f64; 3]>;
+type DerivativeColumn = Vec<[f64; 3]>;
 
 /// Derivatives of residuals at a fit.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Derivatives {
     /// By each number.
-    pub(super) by: Vec<Column>,
+    pub(super) by: Vec<DerivativeColumn>,
     /// More about the first numbers, which say how much measurements count.
     bends: Vec<Bend>,
 }
@@ -30,7 +30,7 @@ pub(super) struct Derivatives {
 #[derive(Clone, Debug)]
 struct Bend {
     /// Second derivatives of residuals.
-    second: Column,
+    second: DerivativeColumn,
     /// Derivative of the spread of each.
     spread: Vec<f64>,
 }
@@ -210,13 +210,13 @@ mod tests {
 
     #[test]
     fn bends_count_within_limits_and_only_where_a_summit_is_left() {
-        let of = |beside: f64| DMatrix::from_row_slice(2, 2, &[4.0, beside, beside, 1.0]);
+        let matrix_with = |beside: f64| DMatrix::from_row_slice(2, 2, &[4.0, beside, beside, 1.0]);
         let first = |matrix: DMatrix<f64>| (matrix[(0, 0)], matrix[(1, 1)]);
-        assert_eq!(first(with_bends(of(0.5), &[-1.0])), (3.0, 1.0));
-        assert_eq!(first(with_bends(of(0.5), &[100.0])), (20.0, 1.0));
-        assert_eq!(first(with_bends(of(0.5), &[-100.0])), (2.0, 1.0));
-        assert_eq!(first(with_bends(of(0.5), &[f64::NAN])), (2.0, 1.0));
+        assert_eq!(first(with_bends(matrix_with(0.5), &[-1.0])), (3.0, 1.0));
+        assert_eq!(first(with_bends(matrix_with(0.5), &[100.0])), (20.0, 1.0));
+        assert_eq!(first(with_bends(matrix_with(0.5), &[-100.0])), (2.0, 1.0));
+        assert_eq!(first(with_bends(matrix_with(0.5), &[f64::NAN])), (2.0, 1.0));
         // 4 · 1 − 1.9² is still above 0, 3 · 1 − 1.9² is not.
-        assert_eq!(first(with_bends(of(1.9), &[-1.0])), (4.0, 1.0));
+        assert_eq!(first(with_bends(matrix_with(1.9), &[-1.0])), (4.0, 1.0));
     }
 }

@@ -75,9 +75,11 @@ impl RobotStudy {
         let east = turned(&|[cos, sin]| [cos, -sin]);
         let north = turned(&|[cos, sin]| [sin, cos]);
         let speed = over_windows(&|row, left| left.way_m / self.model.tracks.window_s(row));
-        let of = |values, target| UnexplainedResiduals { values, factor: None, target };
-        let share =
-            UnexplainedResiduals { factor: Some((SPEED, &speed)), ..of(&ahead[..], "ahead") };
+        let unexplained = |values, target| UnexplainedResiduals { values, factor: None, target };
+        let share = UnexplainedResiduals {
+            factor: Some((SPEED, &speed)),
+            ..unexplained(&ahead[..], "ahead")
+        };
         let total = mean_ignoring_nan(
             residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()),
         );
@@ -91,9 +93,10 @@ impl RobotStudy {
             }));
             Some((taken, found))
         };
-        let [east, north] = [of(&east, "east"), of(&north, "north")].map(explained);
-        let [share, ahead] = [share, of(&ahead, "ahead")].map(explained);
-        let left = explained(of(&left, "left"));
+        let [east, north] =
+            [unexplained(&east, "east"), unexplained(&north, "north")].map(explained);
+        let [share, ahead] = [share, unexplained(&ahead, "ahead")].map(explained);
+        let left = explained(unexplained(&left, "left"));
         let pairs = [(east, north), (share, left.clone()), (ahead, left)];
         let found = pairs.into_iter().filter_map(|(one, other)| {
             let (one, other) = (one?, other?);

@@ -320,10 +320,10 @@ impl MeasuredTracks {
         for i in 0..n {
             for j in 0..n {
                 for part in [0.04, 0.07, 0.11, 0.16, 0.23, 0.33] {
-                    let at = |axis: usize, k: i32| {
+                    let centre = |axis: usize, k: i32| {
                         low[axis] + (f64::from(k) + 0.5) / f64::from(n) * (high[axis] - low[axis])
                     };
-                    discs.push(vec![at(0, i), at(1, j), part * size, 1.0]);
+                    discs.push(vec![centre(0, i), centre(1, j), part * size, 1.0]);
                 }
             }
         }

@@ -3,15 +3,15 @@
 use super::motion::MeasuredTracks;
 use super::{HORIZONS_S, RobotFit, RobotStudy};
 use crate::Study;
-use crate::view::{View, Viewed};
+use crate::view::{RowPredictions, Viewed};
 use measure::robots::RobotSample;
 use numbers::power::square;
 use robotsim::dynamics::Drive;
 
 impl Viewed for RobotStudy {
-    fn view(&self, fit: &RobotFit) -> View {
+    fn view(&self, fit: &RobotFit) -> RowPredictions {
         let all: Vec<u32> = (0..self.n_rows() as u32).collect();
-        let mut view = View::default();
+        let mut view = RowPredictions::default();
         for residual in self.model.residuals(fit, &all).unwrap_or_default() {
             let sd_m = fit.density.sd_m(&residual);
             view.predicted.push(residual.way_m);

@@ -40,7 +40,7 @@ pub(super) fn read(
     if tokens.is_empty() {
         return Err((0, "is empty".to_owned()));
     }
-    let mut reader = Reader {
+    let mut reader = Parser {
         tokens: &tokens,
         next: 0,
         end: text.len(),
@@ -51,7 +51,7 @@ pub(super) fn read(
         known,
         accepts,
     };
-    let whole = reader.whole()?;
+    let whole = reader.disjunction()?;
     match reader.peek() {
         None if want == Want::Truth && !whole.is_truth => Err((
             text.len(),
@@ -146,7 +146,7 @@ fn tokens(text: &str, want: Want) -> Result<Vec<Token<'_>>, Problem> {
     Ok(tokens)
 }
 
-struct Reader<'a> {
+struct Parser<'a> {
     tokens: &'a [Token<'a>],
     next: usize,
     /// Length of the expression.
@@ -159,7 +159,7 @@ struct Reader<'a> {
     accepts: &'a dyn Fn(&str) -> bool,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> Parser<'a> {
     fn peek(&self) -> Option<&'a Token<'a>> {
         self.tokens.get(self.next)
     }
@@ -205,32 +205,32 @@ impl<'a> Reader<'a> {
     }
 
     /// Where the next token begins.
-    fn at(&self) -> usize {
+    fn position(&self) -> usize {
         self.peek().map_or(self.end, |token| token.at)
     }
 
     /// All that may stand between parentheses.
-    fn whole(&mut self) -> Result<Piece, Problem> {
-        let mut left = self.both()?;
+    fn disjunction(&mut self) -> Result<Piece, Problem> {
+        let mut left = self.conjunction()?;
         while let Some(at) = self.take_word("or") {
-            let right = self.both()?;
+            let right = self.conjunction()?;
             left = self.joined(left, operators::or, right, at)?;
         }
         Ok(left)
     }
 
-    fn both(&mut self) -> Result<Piece, Problem> {
-        let mut left = self.inverted()?;
+    fn conjunction(&mut self) -> Result<Piece, Problem> {
+        let mut left = self.negation()?;
         while let Some(at) = self.take_word("and") {
-            let right = self.inverted()?;
+            let right = self.negation()?;
             left = self.joined(left, operators::and, right, at)?;
         }
         Ok(left)
     }
 
-    fn inverted(&mut self) -> Result<Piece, Problem> {
+    fn negation(&mut self) -> Result<Piece, Problem> {
         let Some(at) = self.take_word("not") else { return self.comparison() };
-        let inner = self.nested(Self::inverted)?;
+        let inner = self.nested(Self::negation)?;
         if !inner.is_truth {
             return Err((inner.at, "expected a condition after not, got a number".to_owned()));
         }
@@ -274,7 +274,7 @@ impl<'a> Reader<'a> {
     }
 
     fn signed(&mut self) -> Result<Piece, Problem> {
-        let at = self.at();
+        let at = self.position();
         let is_negative = self.take('-');
         if !is_negative && !self.take('+') {
             return self.power();
@@ -319,7 +319,7 @@ impl<'a> Reader<'a> {
             }
             Kind::Mark('(') => {
                 self.next += 1;
-                let inner = self.nested(Self::whole)?;
+                let inner = self.nested(Self::disjunction)?;
                 self.close(token)?;
                 Ok(Piece { at, ..inner })
             }

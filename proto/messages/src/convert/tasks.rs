@@ -144,10 +144,12 @@ mod tests {
 
     #[test]
     fn a_figure_has_a_name_of_its_own_and_a_number() {
-        let of = |name: &str, value| v1::TaskFigure { name: name.to_owned(), value };
-        assert_eq!(task_figures(vec![of("mapped_ratio", 0.5)]).unwrap()[0].value, 0.5);
-        assert!(task_figures(vec![of("mapped_ratio", 0.5), of("mapped_ratio", 0.5)]).is_err());
-        assert!(task_figures(vec![of("Mapped", 0.5)]).is_err());
-        assert!(task_figures(vec![of("mapped_ratio", f64::NAN)]).is_err());
+        let figure = |name: &str, value| v1::TaskFigure { name: name.to_owned(), value };
+        assert_eq!(task_figures(vec![figure("mapped_ratio", 0.5)]).unwrap()[0].value, 0.5);
+        assert!(
+            task_figures(vec![figure("mapped_ratio", 0.5), figure("mapped_ratio", 0.5)]).is_err()
+        );
+        assert!(task_figures(vec![figure("Mapped", 0.5)]).is_err());
+        assert!(task_figures(vec![figure("mapped_ratio", f64::NAN)]).is_err());
     }
 }

@@ -30,12 +30,12 @@ fn runge_kutta<const N: usize>(
 ) -> [f64; N] {
     let n = 20_000;
     let h = t_s / f64::from(n);
-    let at = |s: [f64; N], k: [f64; N], h: f64| std::array::from_fn(|i| s[i] + h * k[i]);
+    let advanced = |s: [f64; N], k: [f64; N], h: f64| std::array::from_fn(|i| s[i] + h * k[i]);
     (0..n).fold(begin, |s, _| {
         let a = rate(s);
-        let b = rate(at(s, a, h / 2.0));
-        let c = rate(at(s, b, h / 2.0));
-        let d = rate(at(s, c, h));
+        let b = rate(advanced(s, a, h / 2.0));
+        let c = rate(advanced(s, b, h / 2.0));
+        let d = rate(advanced(s, c, h));
         std::array::from_fn(|i| s[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
     })
 }

@@ -291,7 +291,8 @@ impl Network {
         if this.queue.is_empty() {
             return None;
         }
-        let cells: Vec<CellRef> = this.schedule.at(asn).filter(|at| at.cell.options.tx).collect();
+        let cells: Vec<CellRef> =
+            this.schedule.cells_at(asn).filter(|at| at.cell.options.tx).collect();
         for at in cells {
             let fits = |frame: &Frame| Some(frame.to) == at.cell.neighbour;
             let Some(place) = this.queue.iter().position(fits) else { continue };

@@ -263,10 +263,11 @@ impl Instrument {
         if let Some(integral) = self.integral_of_reading(seen, level, mean, variance) {
             return integral;
         }
-        let at = |u: f64| self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance;
+        let exponent_at =
+            |u: f64| self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance;
         let mut top = mean;
         let mut start = |there: f64| {
-            if at(top) < at(there) {
+            if exponent_at(top) < exponent_at(there) {
                 top = there;
             }
         };
@@ -284,7 +285,8 @@ impl Instrument {
         let mut width = variance.sqrt();
         for _ in 0..TOP_STEPS {
             let h = 0.05;
-            let (below, here, above) = (at(top - h), at(top), at(top + h));
+            let (below, here, above) =
+                (exponent_at(top - h), exponent_at(top), exponent_at(top + h));
             let (slope, bend) =
                 ((above - below) / (2.0 * h), (2.0 * here - above - below) / (h * h));
             let bend = bend.max(1.0 / variance);
@@ -299,14 +301,14 @@ impl Instrument {
         // long slope on the other.
         if seen.reading_dbm.is_finite() && width < NARROW * self.sd_db {
             let few = HERMITE.map(|(z, weight)| (z * width, weight * width));
-            let logs = few.map(|(away, _)| at(top + away));
+            let logs = few.map(|(away, _)| exponent_at(top + away));
             let is_normal = |log: &f64| *log < logs[3] - OUTERMOST_NATS;
             if [&logs[0], &logs[6]].into_iter().all(is_normal) {
                 return self.sum_over(seen, level, (mean, variance), top, &few, &logs);
             }
         }
-        let points = Self::trapezia(&at, top, width, variance);
-        let logs = points.map(|(away, _)| at(top + away));
+        let points = Self::trapezia(&exponent_at, top, width, variance);
+        let logs = points.map(|(away, _)| exponent_at(top + away));
         self.sum_over(seen, level, (mean, variance), top, &points, &logs)
     }
 

@@ -167,16 +167,16 @@ mod tests {
 
     #[test]
     fn slopes_are_those_of_the_density() {
-        let at = |deviation_db: f64, sd_db: f64| {
+        let log_density = |deviation_db: f64, sd_db: f64| {
             FadingDensity::new(&fading(), sd_db * sd_db + 1.0 / 12.0, sd_db, false)
                 .log_density_at(deviation_db)
         };
         for deviation_db in [-12.0, -3.3, 0.0, 2.1, 6.0] {
-            let (here, h) = (at(deviation_db, 2.0), 1e-4);
+            let (here, h) = (log_density(deviation_db, 2.0), 1e-4);
             let apart = |f: &dyn Fn(f64) -> f64| (f(h) - f(-h)) / (2.0 * h);
-            let by_mean = apart(&|h| at(deviation_db - h, 2.0).log);
-            let bend = apart(&|h| at(deviation_db - h, 2.0).over_level);
-            let by_ln_sd = apart(&|h| at(deviation_db, 2.0 * libm::exp(h)).log);
+            let by_mean = apart(&|h| log_density(deviation_db - h, 2.0).log);
+            let bend = apart(&|h| log_density(deviation_db - h, 2.0).over_level);
+            let by_ln_sd = apart(&|h| log_density(deviation_db, 2.0 * libm::exp(h)).log);
             let weight = (-bend).max(LEAST_WEIGHT / (2.0 * 2.0 + 1.0 / 12.0));
             for (slope, difference) in
                 [(here.over_level, by_mean), (here.weight, weight), (here.over_ln_sd, by_ln_sd)]

@@ -1,7 +1,7 @@
 //! Headings of nodes that stand still and tell none: found together with the pattern of their antennas.
 
 use super::super::likelihood::RowLikelihood;
-use super::super::rows::Rows;
+use super::super::rows::ModelledLinks;
 use super::super::terms::TermState;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -32,7 +32,7 @@ struct PatternRow {
 }
 
 /// The nodes that stand still and tell no heading, in the order of their numbers.
-fn nodes_without(rows: &Rows, train: &[u32]) -> Vec<u32> {
+fn nodes_without(rows: &ModelledLinks, train: &[u32]) -> Vec<u32> {
     let still = rows.still();
     let mut known: BTreeMap<u32, bool> = BTreeMap::new();
     for &row in train {
@@ -45,7 +45,12 @@ fn nodes_without(rows: &Rows, train: &[u32]) -> Vec<u32> {
     known.into_iter().filter(|(id, known)| is_sought(id, *known)).map(|(id, _)| id).collect()
 }
 
-fn seen(rows: &Rows, train: &[u32], left: &[RowLikelihood], nodes: &[u32]) -> Vec<PatternRow> {
+fn seen(
+    rows: &ModelledLinks,
+    train: &[u32],
+    left: &[RowLikelihood],
+    nodes: &[u32],
+) -> Vec<PatternRow> {
     train
         .iter()
         .zip(left)
@@ -181,7 +186,7 @@ fn climbed(all: &[PatternRow], mut sought: Sought) -> (f64, Sought) {
 /// States of a cardioid pattern, with headings for the nodes that tell none: from each of `starts` the best.
 #[must_use]
 pub fn patterns(
-    rows: &Rows,
+    rows: &ModelledLinks,
     train: &[u32],
     left: &[RowLikelihood],
     starts: &[TermState],
@@ -229,7 +234,7 @@ struct FittedPattern {
 }
 
 fn fitted_pattern(
-    rows: &Rows,
+    rows: &ModelledLinks,
     train: &[u32],
     left: &[RowLikelihood],
     state: &TermState,
@@ -255,7 +260,7 @@ fn fitted_pattern(
 /// under the fit with the pattern. None where they are not determined.
 #[must_use]
 pub fn errors(
-    rows: &Rows,
+    rows: &ModelledLinks,
     train: &[u32],
     left: &[RowLikelihood],
     state: &TermState,
@@ -269,7 +274,12 @@ pub fn errors(
 
 /// Refines a pattern by the likelihood about the fit that includes it: the first search approximated the one without.
 #[must_use]
-pub fn refine(rows: &Rows, train: &[u32], left: &[RowLikelihood], state: &TermState) -> TermState {
+pub fn refine(
+    rows: &ModelledLinks,
+    train: &[u32],
+    left: &[RowLikelihood],
+    state: &TermState,
+) -> TermState {
     let FittedPattern { nodes, sought, all } = fitted_pattern(rows, train, left, state);
     let (_, sought) = climbed(&all, sought);
     state_of(&sought, &nodes, state)

@@ -5,7 +5,7 @@
 
 use super::{LinkPath, ObstacleShape, ways};
 use crate::links::likelihood::RowLikelihood;
-use crate::links::rows::Rows;
+use crate::links::rows::ModelledLinks;
 use crate::links::terms::TermState;
 use numbers::statistics::quantile_nearest;
 use proto::rng::{Draws, Purpose, normal, uniform};
@@ -180,7 +180,7 @@ impl FittedObstacle {
 /// lies. `left`: slopes under the fit with it.
 #[must_use]
 pub fn coordinates(
-    rows: &Rows,
+    rows: &ModelledLinks,
     train: &[u32],
     left: &[RowLikelihood],
     state: &TermState,
@@ -233,10 +233,10 @@ mod tests {
     fn a_segment_keeps_its_length_as_it_is_moved_or_turned_and_its_line_as_it_grows() {
         let walk = walk(10.0);
         let here = [1.0, 2.0, 4.0, 6.0, 3.0];
-        let of = |there: &[f64]| (there[2] - there[0], there[3] - there[1]);
+        let extent_m = |there: &[f64]| (there[2] - there[0], there[3] - there[1]);
         for what in 5..11 {
             let there = walk.moved(&here, what, (0.9, 0.3), 1.3);
-            let (east_m, north_m) = of(&there);
+            let (east_m, north_m) = extent_m(&there);
             let is_grown = what < 7;
             assert_eq!((libm::hypot(east_m, north_m) - 5.0).abs() < 1e-12, !is_grown, "{what}");
             let across_m = 4.0 * east_m - 3.0 * north_m;

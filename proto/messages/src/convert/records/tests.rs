@@ -94,16 +94,16 @@ fn refusal<M, T: std::fmt::Debug>(
 
 #[test]
 fn packets_that_make_no_sense_are_refused_by_name() {
-    let of = |change: fn(&mut v1::Packets)| refusal(sent().into(), change, packets);
+    let refusal_of = |change: fn(&mut v1::Packets)| refusal(sent().into(), change, packets);
     let said = [
-        of(|m| m.hops.truncate(1)),
-        of(|m| m.source[0] = 9),
-        of(|m| m.destination[0] = 9),
-        of(|m| m.kind[0] = 2),
-        of(|m| m.outcome[0] = 2),
-        of(|m| m.ended_ns[1] = 20),
-        of(|m| m.created_ns[0] = 21),
-        of(|m| m.kinds[1].name = "app".to_owned()),
+        refusal_of(|m| m.hops.truncate(1)),
+        refusal_of(|m| m.source[0] = 9),
+        refusal_of(|m| m.destination[0] = 9),
+        refusal_of(|m| m.kind[0] = 2),
+        refusal_of(|m| m.outcome[0] = 2),
+        refusal_of(|m| m.ended_ns[1] = 20),
+        refusal_of(|m| m.created_ns[0] = 21),
+        refusal_of(|m| m.kinds[1].name = "app".to_owned()),
     ];
     assert_eq!(
         said,

@@ -61,18 +61,20 @@ fn far_above_the_curve_it_is_the_normal_density_of_the_mean() {
 fn slopes_are_those_of_the_likelihood() {
     for (received, rssi) in [(0.0, f64::NAN), (7.0, -88.5), (35.0, -88.0), (50.0, -86.0)] {
         let seen = row(50.0, received, rssi);
-        let at = |power: f64, sd: f64, link_sd: f64| {
+        let likelihood_at = |power: f64, sd: f64, link_sd: f64| {
             instrument(sd, link_sd).aggregated_likelihood(&seen, &level(power), 0.0)
         };
         // Moments of frames that pass are taken from tables, linear between their points: an integral is off by 1e-3 nats, and
         // a difference over 0.1 by 0.02, over 0.02 by 0.06.
-        let (h, here) = (0.2, at(-89.0, 2.0, 1.5));
-        let by_level = (at(-89.0 + h, 2.0, 1.5).log - at(-89.0 - h, 2.0, 1.5).log) / (2.0 * h);
-        let h = 0.05f64;
-        let by_link = (at(-89.0, 2.0, 1.5 * libm::exp(h)).log
-            - at(-89.0, 2.0, 1.5 * libm::exp(-h)).log)
+        let (h, here) = (0.2, likelihood_at(-89.0, 2.0, 1.5));
+        let by_level = (likelihood_at(-89.0 + h, 2.0, 1.5).log
+            - likelihood_at(-89.0 - h, 2.0, 1.5).log)
             / (2.0 * h);
-        let by_sd = (at(-89.0, 2.0 * 1.02, 1.5).log - here.log) / libm::log(1.02);
+        let h = 0.05f64;
+        let by_link = (likelihood_at(-89.0, 2.0, 1.5 * libm::exp(h)).log
+            - likelihood_at(-89.0, 2.0, 1.5 * libm::exp(-h)).log)
+            / (2.0 * h);
+        let by_sd = (likelihood_at(-89.0, 2.0 * 1.02, 1.5).log - here.log) / libm::log(1.02);
         assert!(
             (here.over_level - by_level).abs() < 1e-2,
             "{received}: {} {by_level}",
