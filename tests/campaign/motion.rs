@@ -164,14 +164,14 @@ pub(crate) fn advance(
 fn delayed(commands: &[Command], sample: usize, since_s: f64, step_s: f64) -> Command {
     let begin = sample as f64 + since_s / SAMPLE_S;
     let end = begin + step_s / SAMPLE_S;
-    let at = |place: f64| commands[(place.max(0.0) as usize).min(commands.len() - 1)];
+    let command_at = |place: f64| commands[(place.max(0.0) as usize).min(commands.len() - 1)];
     // The tolerance keeps rounding from ending a step in the next sample.
     let change = (end - 1e-9).floor();
     if change <= begin {
-        return at(begin + 1e-9);
+        return command_at(begin + 1e-9);
     }
     let late = (end - change) / (end - begin);
-    let (before, after) = (at(begin), at(change));
+    let (before, after) = (command_at(begin), command_at(change));
     [0, 1].map(|k| before[k] + late * (after[k] - before[k]))
 }
 
@@ -305,8 +305,8 @@ mod tests {
     #[test]
     fn robots_repel_each_other_alike() {
         let physics = Physics { downwash: (0.5, 2.0), ..Physics::ideal(Drive::Velocity) };
-        let at = |x| Robot { at_m: [x, 0.0], heading_rad: 0.0, velocity_mps: [0.0; 2] };
-        let mut robots = [at(0.0), at(2.0)];
+        let robot_at = |x| Robot { at_m: [x, 0.0], heading_rad: 0.0, velocity_mps: [0.0; 2] };
+        let mut robots = [robot_at(0.0), robot_at(2.0)];
         let commands = [vec![[0.0; 2]], vec![[0.0; 2]]];
         advance(&physics, &mut robots, &commands, &[0.0; 2], 0);
         // A sample at 0.5 e^-1 m/s; a little less as they part.

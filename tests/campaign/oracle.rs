@@ -135,11 +135,13 @@ impl Reception {
     fn new(curve: Curve, sd_db: f64) -> Self {
         let nodes: Vec<f64> =
             (0..200).map(|k| normal_quantile((f64::from(k) + 0.5) / 200.0)).collect();
-        let at = |mean_dbm: f64| {
+        let mean_probability = |mean_dbm: f64| {
             let sum: f64 = nodes.iter().map(|z| curve.probability(mean_dbm + sd_db * z)).sum();
             sum / nodes.len() as f64
         };
-        let table = (0..3000).map(|k| at(Self::FROM_DBM + Self::STEP_DB * f64::from(k))).collect();
+        let table = (0..3000)
+            .map(|k| mean_probability(Self::FROM_DBM + Self::STEP_DB * f64::from(k)))
+            .collect();
         Self { table }
     }
 
@@ -186,12 +188,12 @@ impl Foretold {
                 let half = (high - low) / n_pieces / 2.0;
                 let pieces = (0..n_pieces as usize).map(|piece| {
                     let middle = low + (2.0 * piece as f64 + 1.0) * half;
-                    let at = |off: f64, weight: f64| {
+                    let weighted = |off: f64, weight: f64| {
                         let power_dbm = middle + off * half;
                         weight * density(power_dbm) * law.curve.probability(power_dbm)
                     };
                     let off = 0.6_f64.sqrt();
-                    half * (at(-off, 5.0) + at(0.0, 8.0) + at(off, 5.0)) / 9.0
+                    half * (weighted(-off, 5.0) + weighted(0.0, 8.0) + weighted(off, 5.0)) / 9.0
                 });
                 passes * pieces.sum::<f64>()
             })

@@ -197,10 +197,10 @@ fn lost_frames_read_nothing_and_follow_the_table() {
         assert!(row["tx"] != row["rx"] && 0.0 < row["tx_z_m"] && row["time_s"] <= 7200.0);
         let level_dbm = power_dbm + radio::friis_db(distance_m(&row), row["channel"] as u8);
         // The noise averaged over.
-        let at = |k: i32| f64::from(k) / 10.0;
-        let weights: f64 = (-60..=60).map(|k| (-0.125 * at(k).powi(2)).exp()).sum();
+        let tenths = |k: i32| f64::from(k) / 10.0;
+        let weights: f64 = (-60..=60).map(|k| (-0.125 * tenths(k).powi(2)).exp()).sum();
         let passed: f64 = (-60..=60)
-            .map(|k| (-0.125 * at(k).powi(2)).exp() * radio::table(level_dbm + at(k)))
+            .map(|k| (-0.125 * tenths(k).powi(2)).exp() * radio::table(level_dbm + tenths(k)))
             .sum();
         let delivery = passed / weights;
         n += row["received"];
@@ -244,8 +244,8 @@ fn what_is_random_is_learned_as_far_as_it_can_be() {
 
 #[test]
 fn a_campaign_of_another_seed_is_another() {
-    let of = |seed| Campaign::link(seed, &Layout::standard(), &[], 1000).csv;
-    assert_ne!(of(1), of(2));
-    assert_eq!(of(1), of(1));
+    let csv_of = |seed| Campaign::link(seed, &Layout::standard(), &[], 1000).csv;
+    assert_ne!(csv_of(1), csv_of(2));
+    assert_eq!(csv_of(1), csv_of(1));
     assert!(Layout::drawn(1) != Layout::drawn(2));
 }

@@ -27,8 +27,13 @@ fn a_lost_robot_is_left_out_of_figures_and_connects_nobody_any_more() {
     let figures = |name: &str, absence: &str| {
         let of_it = summary(&folder.path().join(name), 3, 6.0, &format!("{absence}{DISK}"));
         let task = &of_it["task"];
-        let of = |key: &str| task[key].as_f64().unwrap();
-        [of("fragments"), of("final_fragments"), of("cohesion_m"), of("final_spread_m")]
+        let number = |key: &str| task[key].as_f64().unwrap();
+        [
+            number("fragments"),
+            number("final_fragments"),
+            number("cohesion_m"),
+            number("final_spread_m"),
+        ]
     };
     let near = |got: [f64; 4], expected: [f64; 4]| {
         // Sums of sixty steps.

@@ -185,11 +185,11 @@ fn found<S: Study>(study: &S) -> Vec<(String, f64, f64)> {
     let search = Search::new(study, QUIET);
     let ladder = search.stepwise_selection();
     let fit = search.full_fit(&ladder.accepted, study::COMMON, None);
-    let of = |&term: &usize| {
+    let estimate = |&term: &usize| {
         let first = study.estimates(&fit, term).0.swap_remove(0);
         (study.candidates()[term].name.clone(), first.value, (first.high - first.low) / 3.29)
     };
-    ladder.accepted.iter().map(of).collect()
+    ladder.accepted.iter().map(estimate).collect()
 }
 
 #[test]

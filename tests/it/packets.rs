@@ -114,7 +114,7 @@ fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
 #[test]
 fn measured_places_are_where_motes_stand() {
     let model = resimulation(MODEL, None);
-    let at = |spacing_m: f64| {
+    let verdict_with = |spacing_m: f64| {
         let mut text = "time_s,agent,x_m,y_m\n".to_owned();
         for agent in 0..8 {
             writeln!(text, "0,{agent},{},0", f64::from(agent) * spacing_m).unwrap();
@@ -125,9 +125,9 @@ fn measured_places_are_where_motes_stand() {
     let made = |resimulation: &Resimulation| {
         resimulation.packets(&resimulation.network(), 0..4).unwrap().concat().len()
     };
-    assert!(0 < made(&at(0.5)));
+    assert!(0 < made(&verdict_with(0.5)));
     // Out of each other's reach nobody ever joins, so that there is nothing to send.
-    assert_eq!(made(&at(1e5)), 0);
+    assert_eq!(made(&verdict_with(1e5)), 0);
 }
 
 /// Robots that act on what they hear, without protocols, and one whose radio fails.
@@ -252,9 +252,9 @@ fn a_recorded_run_agrees_with_its_resimulations() {
     let other = [&args[..7], &["e.json", "--seed", "2"]].concat();
     assert!(orchestrator(&other, dir.path()).status.success());
     let other: Value = serde_json::from_str(&read("e.json")).unwrap();
-    let of = |answer: &Value, what: &str| answer["kpis"][0][what].clone();
-    assert_eq!(of(&other, "measured"), of(&again, "measured"));
-    assert_ne!(of(&other, "model"), of(&again, "model"));
+    let first_kpi = |answer: &Value, what: &str| answer["kpis"][0][what].clone();
+    assert_eq!(first_kpi(&other, "measured"), first_kpi(&again, "measured"));
+    assert_ne!(first_kpi(&other, "model"), first_kpi(&again, "model"));
     // With an effect that the run did not have it is another network.
     let wrong = dir.path().join("wrong.toml");
     let effect = "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 1.0";

@@ -179,17 +179,17 @@ fn answers_about_links_and_robots_satisfy_their_schemas() {
         let dir = folder();
         std::fs::write(dir.path().join("model.toml"), &campaign.config_toml).unwrap();
         std::fs::write(dir.path().join("data.csv"), &campaign.csv).unwrap();
-        let of = |name: &str, args: &[&str]| answered(dir.path(), name, args);
-        of("check", &["--data", "data.csv"]);
-        of("compare", &["model.toml", "--data", "data.csv"]);
-        let found = of("diagnose", &["model.toml", "--data", "data.csv"]);
+        let answer = |name: &str, args: &[&str]| answered(dir.path(), name, args);
+        answer("check", &["--data", "data.csv"]);
+        answer("compare", &["model.toml", "--data", "data.csv"]);
+        let found = answer("diagnose", &["model.toml", "--data", "data.csv"]);
         assert_eq!(found["missing"][0], effect, "{found:#}");
         let effect = ["--effect", effect];
         let added = ["model.toml", "--data", "data.csv", "--output", "better.toml"];
-        of("extend", &[&added[..], &effect].concat());
-        of("simulate", &["model.toml", "--like", "data.csv", "--output", "made.csv"]);
+        answer("extend", &[&added[..], &effect].concat());
+        answer("simulate", &["model.toml", "--like", "data.csv", "--output", "made.csv"]);
         let sizes = ["model.toml", "--like", "data.csv", "--campaigns", "2"];
-        of("power", &[&sizes[..], &effect].concat());
+        answer("power", &[&sizes[..], &effect].concat());
     }
 }
 
@@ -201,21 +201,21 @@ fn answers_about_runs_and_networks_satisfy_their_schemas() {
     write("sensors.toml", SENSORS);
     let varied = "[sweep]\nseeds = 2\n[sweep.vary]\nnetsim.phy.exponent = [3.0, 3.4]\n";
     write("sweep.toml", &format!("{FLOCK}\n{varied}"));
-    let of = |name: &str, args: &[&str]| answered(dir.path(), name, args);
-    of("check", &["flock.toml"]);
-    of("check", &["sweep.toml"]);
-    of("run", &["flock.toml"]);
-    let summary = of("run", &["sensors.toml"]);
+    let answer = |name: &str, args: &[&str]| answered(dir.path(), name, args);
+    answer("check", &["flock.toml"]);
+    answer("check", &["sweep.toml"]);
+    answer("run", &["flock.toml"]);
+    let summary = answer("run", &["sensors.toml"]);
     assert!(summary["kpis"]["delivery"]["ratio"].is_number(), "{summary:#}");
-    of("verify", &["runs/sensors"]);
-    of("sweep", &["sweep.toml", "--out", "sweeps"]);
-    of("compare-runs", &["runs/flock", "runs/flock"]);
+    answer("verify", &["runs/sensors"]);
+    answer("sweep", &["sweep.toml", "--out", "sweeps"]);
+    answer("compare-runs", &["runs/flock", "runs/flock"]);
     let packets = ["sensors.toml", "--data", "runs/sensors/packets.parquet", "--seeds", "19"];
-    of("compare", &packets);
+    answer("compare", &packets);
     let effect = ["--effect", "processing-delay", "--output", "more.toml"];
-    of("extend", &[&packets[..], &effect].concat());
+    answer("extend", &[&packets[..], &effect].concat());
     let task = ["flock.toml", "--data", "runs/flock", "--heard", "runs/flock", "--seeds", "99"];
-    of("compare", &task);
+    answer("compare", &task);
 }
 
 #[test]

@@ -88,19 +88,25 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     // As robots would log it: clocks began 100 s before the task.
     let (steps, links) = (table("steps.parquet"), table("links.parquet"));
     let mut robots = "time_s,agent,x_m,y_m\n".to_owned();
-    let at = |name: &str, row: usize| steps.column(name).unwrap()[row];
+    let cell = |name: &str, row: usize| steps.column(name).unwrap()[row];
     for row in 0..steps.n_rows() {
-        let time_s = 100.0 + at("time_ns", row) * 1e-9;
-        writeln!(robots, "{time_s},{},{},{}", at("agent", row), at("x_m", row), at("y_m", row))
-            .unwrap();
+        let time_s = 100.0 + cell("time_ns", row) * 1e-9;
+        writeln!(
+            robots,
+            "{time_s},{},{},{}",
+            cell("agent", row),
+            cell("x_m", row),
+            cell("y_m", row)
+        )
+        .unwrap();
     }
     write("robots.csv", &robots);
     let mut heard = "time_s,source,destination,received_s\n".to_owned();
-    let at = |name: &str, row: usize| links.column(name).unwrap()[row];
+    let cell = |name: &str, row: usize| links.column(name).unwrap()[row];
     for row in 0..links.n_rows() {
         let [sent_s, received_s] =
-            ["sent_ns", "received_ns"].map(|name| 100.0 + at(name, row) * 1e-9);
-        writeln!(heard, "{sent_s},{},{},{received_s}", at("sender", row), at("receiver", row))
+            ["sent_ns", "received_ns"].map(|name| 100.0 + cell(name, row) * 1e-9);
+        writeln!(heard, "{sent_s},{},{},{received_s}", cell("sender", row), cell("receiver", row))
             .unwrap();
     }
     write("heard.csv", &heard);
@@ -130,8 +136,8 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     let speed = &split["figures"].as_array().unwrap()[0];
     assert_eq!(speed["name"], "mean_speed_mps");
     // Wheels that slip by a fifth cost at least about that much of the speed, and it is the robots'.
-    let of = |value: &Value| value.as_f64().unwrap();
-    let share = of(&speed["parts"]["robot"]["value"]) / of(&speed["with_what_was_heard"]);
+    let number = |value: &Value| value.as_f64().unwrap();
+    let share = number(&speed["parts"]["robot"]["value"]) / number(&speed["with_what_was_heard"]);
     assert!((-0.5..-0.15).contains(&share), "{share}");
     let page = read("s.html");
     assert!(page.contains("Network or robot?") && !page.contains("NaN"));

@@ -234,8 +234,11 @@ fn orders_take_effect_in_the_step_that_contains_their_time_and_are_recorded_ther
     let alive = |step: usize, mote: usize| {
         column(&rows(&dir, "motes.parquet")[4 * step + mote], "alive") == Field::Bool(true)
     };
-    let of = |step: usize| [1, 2, 3].map(|mote| alive(step, mote));
-    assert_eq!([of(18), of(19), of(26)], [[true; 3], [false, true, false], [false, true, true]]);
+    let alive_at = |step: usize| [1, 2, 3].map(|mote| alive(step, mote));
+    assert_eq!(
+        [alive_at(18), alive_at(19), alive_at(26)],
+        [[true; 3], [false, true, false], [false, true, true]]
+    );
 }
 
 #[test]

@@ -174,8 +174,8 @@ fn frames_heard(deliveries: &proto::types::Deliveries, n: usize) -> Vec<(u64, u3
     let sent = &deliveries.transmissions;
     let mut frames: Vec<(u64, u32, u32)> = (0..n)
         .flat_map(|receiver| {
-            let of = move |f: usize| (sent.sent_ns[f], sent.sender[f], receiver as u32);
-            deliveries.heard_by(receiver).map(of)
+            let key = move |f: usize| (sent.sent_ns[f], sent.sender[f], receiver as u32);
+            deliveries.heard_by(receiver).map(key)
         })
         .collect();
     frames.sort_unstable();

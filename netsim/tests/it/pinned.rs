@@ -13,9 +13,9 @@ fn moving(n: usize, side_m: f64, k: u64) -> AgentStates {
     let draws = Draws::new(21, Purpose::Scenario);
     let mut states = AgentStates::at_origin(n);
     for i in 0..n {
-        let at = |axis: u64| side_m * draws.uniform(i as u64, 0, axis);
-        states.x_m[i] = at(0) + 0.3 * k as f64;
-        states.y_m[i] = at(1) - 0.01 * (k * i as u64) as f64;
+        let coordinate_m = |axis: u64| side_m * draws.uniform(i as u64, 0, axis);
+        states.x_m[i] = coordinate_m(0) + 0.3 * k as f64;
+        states.y_m[i] = coordinate_m(1) - 0.01 * (k * i as u64) as f64;
     }
     states
 }

@@ -216,20 +216,20 @@ fn by_mote(among: &SeedComparison) -> (Vec<MoteDelivery>, BySource) {
     let mut motes = Vec::new();
     let mut bins = Vec::new();
     for &mote in &numbers {
-        let of = among.measured.of_mote.get(&mote).copied().unwrap_or_default();
+        let counts = among.measured.of_mote.get(&mote).copied().unwrap_or_default();
         let measured = share(&among.measured, mote);
         let (mean, [low, high]) =
             spread(among.seeds.iter().map(|seed| share(seed, mote)).collect());
         motes.push(MoteDelivery {
             mote,
-            sent: of.sent,
-            arrived: of.arrived,
+            sent: counts.sent,
+            arrived: counts.arrived,
             delivery: measured,
             model: DeliveryOfModel { mean, low, high },
             is_outside: measured < low || high < measured,
         });
         let bias = measured - mean;
-        bins.push(MoteBin { from: mote, to: mote, n: of.sent, bias, rmse: bias.abs() });
+        bins.push(MoteBin { from: mote, to: mote, n: counts.sent, bias, rmse: bias.abs() });
     }
     let by_source = BySource { covariate: "source", explained: (), p_value: placed.p_value, bins };
     (motes, by_source)

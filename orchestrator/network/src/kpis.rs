@@ -77,10 +77,10 @@ impl NetworkFigures {
         let mut arrivals: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
         let (mut latencies, mut per_hop, mut hops) = (Vec::new(), Vec::new(), Vec::new());
         for packet in packets() {
-            let of = of_mote.entry(packet.source).or_default();
-            of.sent += 1;
+            let counts = of_mote.entry(packet.source).or_default();
+            counts.sent += 1;
             let Some(received_s) = packet.received_s else { continue };
-            of.arrived += 1;
+            counts.arrived += 1;
             arrivals.entry(packet.source).or_default().push(received_s);
             latencies.push(received_s - packet.time_s);
             if let Some(n) = packet.hops {

@@ -78,11 +78,11 @@ impl<F: FnMut(u64, usize, usize, f64) -> bool> Air<F> {
 
     fn broadcast(&mut self, payloads: Payloads) -> Deliveries {
         let n = self.states.len();
-        let at = |agent: usize| self.states.position_m(agent);
+        let position_m = |agent: usize| self.states.position_m(agent);
         let (mut ends, mut indices, mut rssi_dbm) = (Vec::new(), Vec::new(), Vec::new());
         for receiver in 0..n {
             for sender in (0..n).filter(|&sender| sender != receiver) {
-                let (a, b) = (at(sender), at(receiver));
+                let (a, b) = (position_m(sender), position_m(receiver));
                 let distance_m = ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)).sqrt();
                 if (self.hears)(self.step, sender, receiver, distance_m) {
                     indices.push(sender as u32);

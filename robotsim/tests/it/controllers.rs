@@ -28,11 +28,11 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 /// Distance of each to the nearest other.
 fn nearest(places: &[[f64; 2]]) -> Vec<f64> {
-    let of = |i: usize| {
+    let nearest_of = |i: usize| {
         let others = (0..places.len()).filter(|&j| j != i);
         others.map(|j| distance(places[i], places[j])).fold(f64::INFINITY, f64::min)
     };
-    (0..places.len()).map(of).collect()
+    (0..places.len()).map(nearest_of).collect()
 }
 
 #[test]

@@ -42,14 +42,15 @@ fn potential(law: &str, d: f64) -> f64 {
 
 /// The slope of a robot's potential where it stands, by a difference quotient.
 fn slope(air: &Air<Perfect>, law: &str, agent: usize) -> f64 {
-    let of = |place: [f64; 2]| -> f64 {
+    let potential_at = |place: [f64; 2]| -> f64 {
         let others = (0..N).filter(|&other| other != agent);
         others.map(|other| potential(law, distance(place, place_m(air, other)))).sum()
     };
     let [x, y] = place_m(air, agent);
     let h = 1e-5;
-    let [dx, dy] = [[h, 0.0], [0.0, h]]
-        .map(|[dx, dy]| (of([x + dx, y + dy]) - of([x - dx, y - dy])) / (2.0 * h));
+    let [dx, dy] = [[h, 0.0], [0.0, h]].map(|[dx, dy]| {
+        (potential_at([x + dx, y + dy]) - potential_at([x - dx, y - dy])) / (2.0 * h)
+    });
     dx.hypot(dy)
 }
 

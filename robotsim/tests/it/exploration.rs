@@ -231,19 +231,19 @@ fn what_cannot_be_explored_is_refused() {
         let problems = swarm.configure(&setup(toml, n, 1)).unwrap_err();
         problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
-    let of = |more: &str| {
+    let config_with = |more: &str| {
         let area = "kind = 'exploration'\nfrom_m = [-3.0, -3.0]\nto_m = [15.0, 3.0]";
         format!("scenario = {{ kind = 'square', side_m = 2 }}\n[controller]\n{area}\n{more}\n")
     };
     insta::assert_snapshot!(
         [
-            problems(&of("cell_m = 0.02\nrange_m = 3.0"), 5),
-            problems(&of("range_m = 0.6\nretry_s = 0.5\nbase = 5\nspeed_mps = 40.0"), 5),
-            problems(&of(""), 1),
-            problems(&of("").replace("15.0, 3.0", "15.0, -3.0"), 5),
-            problems(&of("").replace("15.0, 3.0", "0.0, 3.0"), 5),
-            problems(&format!("{}[contacts]\nkind = 'resolve'\n", of("cell_m = 0.2")), 5),
-            problems(&format!("{}[[group]]\ncount = 5\n", of("")), 5),
+            problems(&config_with("cell_m = 0.02\nrange_m = 3.0"), 5),
+            problems(&config_with("range_m = 0.6\nretry_s = 0.5\nbase = 5\nspeed_mps = 40.0"), 5),
+            problems(&config_with(""), 1),
+            problems(&config_with("").replace("15.0, 3.0", "15.0, -3.0"), 5),
+            problems(&config_with("").replace("15.0, 3.0", "0.0, 3.0"), 5),
+            problems(&format!("{}[contacts]\nkind = 'resolve'\n", config_with("cell_m = 0.2")), 5),
+            problems(&format!("{}[[group]]\ncount = 5\n", config_with("")), 5),
         ]
         .join("\n"),
         @r#"

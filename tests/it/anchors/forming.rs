@@ -154,8 +154,10 @@ fn the_shared_slot_is_what_makes_fifty_motes_slow() {
     );
     for (name, runs) in [("shared", &with_all), ("root's", &left_out[0])] {
         for ((n, _), runs) in COLUMNS.iter().zip(runs) {
-            let of = |read: fn(&Formed) -> f64| median(&runs.iter().map(read).collect::<Vec<_>>());
-            let (acked, drops) = (of(|formed| formed.root_acked), of(|formed| formed.root_drops));
+            let median_of =
+                |read: fn(&Formed) -> f64| median(&runs.iter().map(read).collect::<Vec<_>>());
+            let (acked, drops) =
+                (median_of(|formed| formed.root_acked), median_of(|formed| formed.root_drops));
             writeln!(table, "| {name} | {n} | {:.0} | {drops:.0} |", 100.0 * acked).unwrap();
         }
     }

@@ -42,9 +42,9 @@ fn heard(n: usize, on: &[&str]) -> ([f64; 3], [f64; 2]) {
     let config = format!("{config}{}", compat(on));
     let runs: Vec<Vec<f64>> =
         (0..N_SEEDS).into_par_iter().map(|seed| shares(n, &config, seed)).collect();
-    let of = |sender: usize| runs.iter().map(|shares| shares[sender]).collect::<Vec<f64>>();
-    let others: Vec<f64> = (1..n).map(|sender| mean(&of(sender))).collect();
-    let leader = of(0);
+    let shares_of = |sender: usize| runs.iter().map(|shares| shares[sender]).collect::<Vec<f64>>();
+    let others: Vec<f64> = (1..n).map(|sender| mean(&shares_of(sender))).collect();
+    let leader = shares_of(0);
     (
         [mean(&leader), quantile(&leader, 0.0), quantile(&leader, 1.0)],
         [quantile(&others, 0.0), quantile(&others, 1.0)],

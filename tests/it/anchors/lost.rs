@@ -113,15 +113,15 @@ fn once_all_have_joined_what_is_lost_over_random_links_is_lost_by_chance() {
             }
         }
     }
-    let of = |phase: usize, what: &str| phases[phase].get(what).copied().unwrap_or(0.0);
+    let figure = |phase: usize, what: &str| phases[phase].get(what).copied().unwrap_or(0.0);
     println!("| what | until all have joined | after that |\n|---|---|---|");
     let names: std::collections::BTreeSet<&String> =
         phases.iter().flat_map(BTreeMap::keys).collect();
     for what in names {
-        println!("| {what} | {:.0} | {:.0} |", of(0, what), of(1, what));
+        println!("| {what} | {:.0} | {:.0} |", figure(0, what), figure(1, what));
     }
     let [found, expected] =
-        ["max_retries", "max_retries, expected by chance"].map(|what| of(1, what));
+        ["max_retries", "max_retries, expected by chance"].map(|what| figure(1, what));
     assert!(10.0 < expected, "{expected}: too few to tell anything");
     // Losses by chance are of a Poisson distribution: beyond three standard deviations for one choice of seeds in 370.
     assert!((found - expected).abs() < 3.0 * expected.sqrt(), "{found}, expected {expected}");

@@ -31,11 +31,11 @@ struct Seen {
 
 /// Time on the air so far (s), acknowledgments apart: 32 us for each byte, and six before the first.
 fn airtimes_s(bench: &Bench) -> Vec<f64> {
-    let of = |usage: &netsim::energy::Usage| {
+    let airtime_s = |usage: &netsim::energy::Usage| {
         let frames = [usage.tx_acked, usage.tx_not_acked, usage.tx_broadcast];
         frames.iter().map(|frames| frames.bytes + 6 * frames.n).sum::<u64>() as f64 * 32e-6
     };
-    bench.mesh.state().motes.iter().map(|mote| of(&mote.tally.usage)).collect()
+    bench.mesh.state().motes.iter().map(|mote| airtime_s(&mote.tally.usage)).collect()
 }
 
 /// Forms a network, then sends so many packets at once, and again after so many slotframes, as often as said.

@@ -216,12 +216,12 @@ impl Plain {
         let now_ns = asn * self.config.slot_ns;
         let transport = self.settings.transport;
         for (mote, payload) in (0..).zip(scenario.payloads(period).iter()) {
-            let of = &self.motes[mote as usize];
-            if payload.is_empty() || !of.ready || !states.alive.get(mote as usize) {
+            let node = &self.motes[mote as usize];
+            if payload.is_empty() || !node.ready || !states.alive.get(mote as usize) {
                 continue;
             }
             let payload = bytes::Bytes::copy_from_slice(payload);
-            let neighbours: Vec<_> = of.mac.neighbours().addresses().collect();
+            let neighbours: Vec<_> = node.mac.neighbours().addresses().collect();
             match transport {
                 Transport::None => continue,
                 Transport::UnicastNeighbours => {
@@ -259,9 +259,9 @@ impl Plain {
         }
         let mut sending = self.ask(asn);
         let listening = self.listen(asn, &sending);
-        for of in &mut self.motes {
-            if of.mac.follows_at(asn) == Some(asn) {
-                of.mac.end_following();
+        for node in &mut self.motes {
+            if node.mac.follows_at(asn) == Some(asn) {
+                node.mac.end_following();
             }
         }
         let (emissions, outcomes) = self.resolve(asn, period_ns, &sending, &listening);
@@ -286,8 +286,8 @@ impl Plain {
         for sent in sending {
             self.finish(asn, sent);
         }
-        for (mote, of) in self.motes.iter().enumerate() {
-            if of.tally.on_since_asn.is_some() && !is_busy.contains(&(mote as u32)) {
+        for (mote, node) in self.motes.iter().enumerate() {
+            if node.tally.on_since_asn.is_some() && !is_busy.contains(&(mote as u32)) {
                 self.usages[mote].count(SlotUse::Sleep);
             }
         }
@@ -308,15 +308,15 @@ impl Plain {
     /// Everybody is asked, whether or not it is awake.
     fn ask(&mut self, asn: u64) -> Vec<Sending> {
         let mut sending = Vec::new();
-        for (mote, of) in (0..).zip(&mut self.motes) {
-            let transmission = of.mac.poll_slot(&self.settings.mac, &of.schedule, asn);
+        for (mote, node) in (0..).zip(&mut self.motes) {
+            let transmission = node.mac.poll_slot(&self.settings.mac, &node.schedule, asn);
             let Some(transmission) = transmission else { continue };
             let mut frame = match &transmission.outgoing {
-                Outgoing::Beacon => of.beacon(asn, [0, 0]),
+                Outgoing::Beacon => node.beacon(asn, [0, 0]),
                 Outgoing::Frame(queued) => queued.frame.clone(),
             };
             if let (Some(at), None) = (&transmission.at, frame.destination) {
-                of.announce(&self.settings, at, asn, &mut frame);
+                node.announce(&self.settings, at, asn, &mut frame);
             }
             sending.push(Sending {
                 sender: mote,
@@ -333,21 +333,21 @@ impl Plain {
     fn listen(&self, asn: u64, sending: &[Sending]) -> Vec<Listening> {
         let mac = &self.settings.mac;
         let mut listening = Vec::new();
-        for (mote, of) in (0..).zip(&self.motes) {
+        for (mote, node) in (0..).zip(&self.motes) {
             if sending.iter().any(|sending| sending.sender == mote) {
                 continue;
             }
-            let ours = if of.mac.is_scanning() {
+            let ours = if node.mac.is_scanning() {
                 let channel = scan_channel(mac, self.seed, mote, asn);
                 Some(Listening { mote, at: None, channel, scans: true })
-            } else if of.mac.is_synced() {
-                match first_to_receive(&of.schedule, asn) {
+            } else if node.mac.is_synced() {
+                match first_to_receive(&node.schedule, asn) {
                     Some(at) => {
                         let channel = channel_of(mac, asn, at.cell.channel);
                         Some(Listening { mote, at: Some(at), channel, scans: false })
                     }
                     // After a pending bit: what only the MAC knows.
-                    None => of.mac.listening(mac, &of.schedule, self.seed, asn).map(|after| {
+                    None => node.mac.listening(mac, &node.schedule, self.seed, asn).map(|after| {
                         Listening { mote, at: None, channel: after.channel, scans: false }
                     }),
                 }
@@ -424,11 +424,11 @@ impl Plain {
         let now_ns = asn * self.config.slot_ns;
         let source_ns = self.motes[sent.sender as usize].mac.deviation_ns(now_ns);
         if is_swarms(&sent.frame) && !listening.scans {
-            let of = &mut self.motes[mote as usize];
+            let node = &mut self.motes[mote as usize];
             let FrameRepr { source, sequence, .. } = sent.frame;
-            of.mac.handle_frame(&self.settings.mac, source, None, Some(sequence), asn, source_ns);
+            node.mac.handle_frame(&self.settings.mac, source, None, Some(sequence), asn, source_ns);
             if let Some(at) = &listening.at {
-                of.schedule.count_rx(at);
+                node.schedule.count_rx(at);
                 self.with(mote, asn, asn + 1, |mote, world| {
                     mote.handle_announcement(world, at, &sent.frame);
                 });

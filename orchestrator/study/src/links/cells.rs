@@ -180,10 +180,10 @@ impl Random {
     /// are well determined.
     #[must_use]
     pub fn suggested(&self, cells: &RowCells) -> (RandomEffectSds, [f64; 4]) {
-        let of = |levels: &[f64],
-                  variances: &dyn Fn(usize) -> f64,
-                  seen: &dyn Fn(usize) -> bool,
-                  sd: f64| {
+        let suggest = |levels: &[f64],
+                       variances: &dyn Fn(usize) -> f64,
+                       seen: &dyn Fn(usize) -> bool,
+                       sd: f64| {
             if sd == 0.0 {
                 return (0.0, 0.0);
             }
@@ -210,20 +210,22 @@ impl Random {
         };
         let n = cells.n_nodes;
         let (tx, rx) = self.node_db.split_at(n);
-        let (link_db, links) = of(
+        let (link_db, links) = suggest(
             &self.link_db,
             &link_variance,
             &|index| 0.0 < self.link_weight[index],
             self.sd.link_db,
         );
-        let (channel_db, channels) = of(
+        let (channel_db, channels) = suggest(
             &self.channel_db,
             &channel_variance,
             &|index| 0.0 < self.channel_weight[index],
             self.sd.channel_db,
         );
-        let (tx_db, txs) = of(tx, &|index| self.node_variance[index], &|_| true, self.sd.tx_db);
-        let (rx_db, rxs) = of(rx, &|index| self.node_variance[n + index], &|_| true, self.sd.rx_db);
+        let (tx_db, txs) =
+            suggest(tx, &|index| self.node_variance[index], &|_| true, self.sd.tx_db);
+        let (rx_db, rxs) =
+            suggest(rx, &|index| self.node_variance[n + index], &|_| true, self.sd.rx_db);
         (RandomEffectSds { link_db, channel_db, tx_db, rx_db }, [links, channels, txs, rxs])
     }
 

@@ -81,9 +81,9 @@ impl LinkCurve {
     /// The name of the candidate.
     #[must_use]
     pub fn name(&self) -> String {
-        let of = if self.is_loss { LOSS_CURVE } else { CURVE };
+        let kind = if self.is_loss { LOSS_CURVE } else { CURVE };
         let fine = if self.is_fine { FINE } else { "" };
-        format!("{fine}{of}{}", self.covariate)
+        format!("{fine}{kind}{}", self.covariate)
     }
 
     /// Names of what it has in it: the curve with few knots, of losses those that are the same everywhere, and effects that are
