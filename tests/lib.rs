@@ -11,6 +11,7 @@ pub mod fake;
 pub mod forming;
 pub mod in_process;
 pub mod recording;
+pub mod reporting;
 pub mod same_results;
 pub mod statistics;
 

@@ -12,44 +12,8 @@ use record::read::RunReader;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
+use tests::reporting::sensors;
 use tests::{folder, orchestrator, run, said};
-
-/// Eight sensors that report to a root for half an hour.
-pub(crate) const MODEL: &str = r#"
-[experiment]
-name = "sensors"
-seed = 1
-duration_s = 1800.0
-agents = 8
-start = "at-once"
-control_period = { rate_hz = 1.0 }
-
-[robotsim.scenario]
-kind = "disc"
-density_per_m2 = 0.003
-
-[robotsim.controller]
-kind = "hold"
-
-[netsim]
-mode = "6tisch"
-
-[netsim.phy]
-propagation = "log-distance"
-exponent = 3.2
-
-[netsim.sf]
-kind = "minimal"
-slotframe_slots = 11
-
-[netsim.swarm]
-transport = "none"
-
-[[netsim.app]]
-kind = "periodic"
-period_s = 20.0
-payload_bytes = 40
-"#;
 
 /// A model over a campaign of half an hour.
 pub(crate) fn resimulation(text: &str, tracks: Option<Tracks>) -> Resimulation {
@@ -57,13 +21,14 @@ pub(crate) fn resimulation(text: &str, tracks: Option<Tracks>) -> Resimulation {
     Resimulation::new(plan, tracks, &[]).unwrap().extended_to(1800.0)
 }
 
+/// The sensors with further tables.
 pub(crate) fn with(tables: &str) -> String {
-    format!("{MODEL}\n{tables}")
+    format!("{}\n{tables}", sensors())
 }
 
 #[test]
 fn a_run_of_the_model_itself_differs_from_it_as_often_as_said() {
-    let model = resimulation(MODEL, None);
+    let model = resimulation(&sensors(), None);
     let runs = model.packets(&model.network(), 0..39).unwrap();
     let n = 200;
     let others = model.packets(&model.network(), 1000..1000 + n).unwrap();
@@ -78,7 +43,7 @@ fn a_run_of_the_model_itself_differs_from_it_as_often_as_said() {
 
 #[test]
 fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
-    let model = resimulation(MODEL, None);
+    let model = resimulation(&sensors(), None);
     let runs = model.packets(&model.network(), 0..199).unwrap();
     for (effect, figures) in [
         (
@@ -113,7 +78,7 @@ fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
 
 #[test]
 fn measured_places_are_where_motes_stand() {
-    let model = resimulation(MODEL, None);
+    let model = resimulation(&sensors(), None);
     let verdict_with = |spacing_m: f64| {
         let mut text = "time_s,agent,x_m,y_m\n".to_owned();
         for agent in 0..8 {
@@ -161,7 +126,7 @@ motes = [3]
 #[test]
 fn a_run_and_its_resimulation_under_the_same_seed_are_the_same_bytes() {
     let coupled = |coupling: &str| {
-        MODEL
+        sensors()
             .replace("duration_s = 1800.0", "duration_s = 90.0")
             .replace("seed = 1\n", &format!("seed = 1\ncoupling = {coupling:?}\n"))
     };
@@ -222,7 +187,7 @@ fn bytes(message: &impl prost::Message) -> Vec<u8> {
 fn a_recorded_run_agrees_with_its_resimulations() {
     let dir = folder();
     let config = dir.path().join("model.toml");
-    std::fs::write(&config, MODEL).unwrap();
+    std::fs::write(&config, sensors()).unwrap();
     let out = run(&config, dir.path(), &[]);
     let data = out.join("packets.parquet");
     let (data, config) = (data.to_str().unwrap(), config.to_str().unwrap());
@@ -268,8 +233,8 @@ fn a_recorded_run_agrees_with_its_resimulations() {
 fn what_cannot_be_simulated_again_is_refused_with_the_reason() {
     let dir = folder();
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
-    write("model.toml", MODEL);
-    write("plain.toml", &MODEL.replace("mode = \"6tisch\"", ""));
+    write("model.toml", &sensors());
+    write("plain.toml", &sensors().replace("mode = \"6tisch\"", ""));
     let mut rows = "time_s,source,destination,received_s\n".to_owned();
     for k in 0..40 {
         writeln!(rows, "{k},{},0,{k}.5", 1 + k % 7).unwrap();

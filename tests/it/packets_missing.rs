@@ -2,7 +2,7 @@
 //! simulation under another seed, with an effect that the model lacks. Where something else of the configuration makes the
 //! same, that is hidden in place of the effect.
 
-use crate::packets::{MODEL, resimulation, with};
+use crate::packets::{resimulation, with};
 use experiment::{Overrides, read};
 use measure::account::DataAccount;
 use measure::packets::MeasuredPacket;
@@ -15,6 +15,7 @@ use proto::rng::{Draws, Purpose};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
+use tests::reporting::sensors;
 use tests::{folder, orchestrator, said};
 
 /// As few seeds as a diagnosis takes.
@@ -27,7 +28,7 @@ fn measured(tables: &str, number: u64) -> Vec<MeasuredPacket> {
 }
 
 fn diagnosed(packets: &[MeasuredPacket]) -> (SearchResult, Value) {
-    diagnosed_by(&resimulation(MODEL, None), packets)
+    diagnosed_by(&resimulation(&sensors(), None), packets)
 }
 
 fn diagnosed_by(model: &Resimulation, packets: &[MeasuredPacket]) -> (SearchResult, Value) {
@@ -75,7 +76,7 @@ fn nothing_is_found_where_nothing_is_hidden() {
 ///
 /// * `mac`: keys of `[netsim.mac]`; `more`: further tables.
 fn small(applications: &str, mac: &str, more: &str) -> String {
-    let short = MODEL.replace("duration_s = 1800.0", "duration_s = 900.0");
+    let short = sensors().replace("duration_s = 1800.0", "duration_s = 900.0");
     let few = short.replace("agents = 8", "agents = 6");
     let (head, _) = few.split_once("[[netsim.app]]").unwrap();
     format!("{head}{applications}\n[netsim.mac]\nbeacon_wait_s = 10.0\n{mac}\n{more}")
@@ -177,7 +178,7 @@ fn a_slow_processor_is_found_added_and_then_nothing_differs() {
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
     let json = |name: &str| -> Value { serde_json::from_str(&read(name)).unwrap() };
-    write("model.toml", MODEL);
+    write("model.toml", &sensors());
     let hidden = "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.6";
     let mut rows = "time_s,source,destination,received_s,hops\n".to_owned();
     for packet in measured(hidden, 1000) {

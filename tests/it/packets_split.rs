@@ -14,70 +14,30 @@ use network::tracks::Tracks;
 use proto::types::AgentStates;
 use serde_json::Value;
 use std::path::Path;
+use tests::reporting::rendezvous;
 use tests::{folder, orchestrator, run, said};
 
-/// Eight robots that come together within some minutes, and report to a root meanwhile.
-const MODEL: &str = r#"
-[experiment]
-name = "rendezvous"
-seed = 3
-duration_s = 1800.0
-agents = 8
-start = "at-once"
-control_period = { rate_hz = 1.0 }
-
-[output]
-links = "none"
-report = false
-
-[robotsim]
-knowledge = "truth"
-
-[robotsim.scenario]
-kind = "disc"
-density_per_m2 = 0.0004
-
-[robotsim.controller]
-kind = "consensus"
-gain_per_s = 0.001
-
-[netsim]
-mode = "6tisch"
-
-[netsim.phy]
-propagation = "log-distance"
-exponent = 3.2
-
-[netsim.sf]
-kind = "minimal"
-slotframe_slots = 11
-
-[netsim.swarm]
-transport = "none"
-
-[[netsim.app]]
-kind = "periodic"
-period_s = 10.0
-payload_bytes = 40
-
-# here
-"#;
+/// The network without a fault.
+fn model() -> String {
+    let network = rendezvous("kind = \"disc\"\ndensity_per_m2 = 0.0004\n", "");
+    format!("{network}\n[output]\nlinks = \"none\"\nreport = false\n")
+}
 
 /// What a network with a fault left, split by the model without it.
 fn parts(fault: &str) -> ErrorSplit {
     let dir = folder();
-    let text = MODEL.replace("# here", fault);
+    let text = format!("{}\n{fault}\n", model());
     let truth = dir.path().join("truth.toml");
     std::fs::write(&truth, &text).unwrap();
     // The same robots; the network under another seed.
     let out = run(&truth, dir.path(), &[]);
     let tracks = Tracks::read(&out).unwrap();
     let links = links(&tracks, &truth, text);
-    let plan = read(Path::new("model.toml"), MODEL.to_owned(), &Overrides::default()).unwrap();
+    let plan = read(Path::new("model.toml"), model(), &Overrides::default()).unwrap();
     let table = DataTable::read(&out.join("packets.parquet")).unwrap();
     let measured = packets::read(&table).unwrap().packets;
     let resimulation = Resimulation::new(plan, Some(tracks), &measured).unwrap();
-    let config = Compared::of_text(Path::new("model.toml"), MODEL.to_owned(), &[]).unwrap();
+    let config = Compared::of_text(Path::new("model.toml"), model(), &[]).unwrap();
     let asked = ComparisonOptions { seeds: 99, ..ComparisonOptions::default() };
     split(&resimulation, &measured, asked, &config, &links).unwrap()
 }
@@ -145,9 +105,9 @@ fn each_fault_goes_with_its_part_and_none_with_none() {
 fn the_command_tells_the_parts_and_refuses_what_it_cannot_split() {
     let dir = folder();
     let config = dir.path().join("model.toml");
-    std::fs::write(&config, MODEL).unwrap();
+    std::fs::write(&config, model()).unwrap();
     let out = run(&config, dir.path(), &[]);
-    let table = links(&Tracks::read(&out).unwrap(), &config, MODEL.to_owned());
+    let table = links(&Tracks::read(&out).unwrap(), &config, model());
     let mut rows = table.names().join(",");
     for row in 0..table.n_rows() {
         let cells: Vec<String> = table

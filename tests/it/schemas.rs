@@ -4,6 +4,7 @@ use serde_json::{Map, Value};
 use std::collections::BTreeSet;
 use std::path::Path;
 use tests::campaign::{Campaign, Drive, Fleet, Hidden, Layout, RobotHidden, Size};
+use tests::reporting::sensors_of;
 use tests::{folder, orchestrator, said};
 
 const FLOCK: &str = r#"
@@ -24,41 +25,6 @@ flock_radius_m = 20.0
 [netsim.phy]
 propagation = "log-distance"
 exponent = 3.2
-"#;
-const SENSORS: &str = r#"
-[experiment]
-name = "sensors"
-seed = 1
-duration_s = 900.0
-agents = 4
-start = "at-once"
-control_period = { rate_hz = 1.0 }
-
-[robotsim.scenario]
-kind = "disc"
-density_per_m2 = 0.003
-
-[robotsim.controller]
-kind = "hold"
-
-[netsim]
-mode = "6tisch"
-
-[netsim.phy]
-propagation = "log-distance"
-exponent = 3.2
-
-[netsim.sf]
-kind = "minimal"
-slotframe_slots = 11
-
-[netsim.swarm]
-transport = "none"
-
-[[netsim.app]]
-kind = "periodic"
-period_s = 10.0
-payload_bytes = 40
 "#;
 
 /// What does not satisfy a schema of the kind that is published: its forms, types, constants, keys and items.
@@ -198,7 +164,7 @@ fn answers_about_runs_and_networks_satisfy_their_schemas() {
     let dir = folder();
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     write("flock.toml", FLOCK);
-    write("sensors.toml", SENSORS);
+    write("sensors.toml", &sensors_of(4, 900.0, 10.0));
     let varied = "[sweep]\nseeds = 2\n[sweep.vary]\nnetsim.phy.exponent = [3.0, 3.4]\n";
     write("sweep.toml", &format!("{FLOCK}\n{varied}"));
     let answer = |name: &str, args: &[&str]| answered(dir.path(), name, args);

@@ -1,86 +1,8 @@
 //! Networks, swarms and tables whose measurements the executables make themselves, by running a model with something added.
 
 use super::Files;
+use crate::reporting;
 use std::fmt::Write as _;
-
-/// Eight sensors that report to a root for half an hour.
-const SENSORS: &str = r#"
-[experiment]
-name = "sensors"
-seed = 1
-duration_s = 1800.0
-agents = 8
-start = "at-once"
-control_period = { rate_hz = 1.0 }
-
-[robotsim.scenario]
-kind = "disc"
-density_per_m2 = 0.003
-
-[robotsim.controller]
-kind = "hold"
-
-[netsim]
-mode = "6tisch"
-
-[netsim.phy]
-propagation = "log-distance"
-exponent = 3.2
-
-[netsim.sf]
-kind = "minimal"
-slotframe_slots = 11
-
-[netsim.swarm]
-transport = "none"
-
-[[netsim.app]]
-kind = "periodic"
-period_s = 20.0
-payload_bytes = 40
-"#;
-
-/// Eight robots that come together within some minutes, and report to a root meanwhile.
-const RENDEZVOUS: &str = r#"
-[experiment]
-name = "rendezvous"
-seed = 3
-duration_s = 1800.0
-agents = 8
-start = "at-once"
-control_period = { rate_hz = 1.0 }
-
-[robotsim]
-knowledge = "truth"
-
-[robotsim.scenario]
-kind = "csv"
-file = "places.csv"
-
-[robotsim.controller]
-kind = "consensus"
-gain_per_s = 0.001
-
-[netsim]
-mode = "6tisch"
-
-[netsim.phy]
-propagation = "log-distance"
-exponent = 3.2
-noise_sd_db = 2.0
-
-[netsim.sf]
-kind = "minimal"
-slotframe_slots = 11
-
-[netsim.swarm]
-transport = "none"
-
-[[netsim.app]]
-kind = "periodic"
-period_s = 10.0
-payload_bytes = 40
-"#;
 
 /// Eight robots follow a leader over a radio that loses one frame in three or so.
 const FLOCK: &str = r#"
@@ -110,15 +32,15 @@ fn pair(model: &str, table: &str) -> Files {
 }
 
 pub(super) fn sensors() -> Files {
-    pair(SENSORS, "")
+    pair(&reporting::sensors(), "")
 }
 
 pub(super) fn sensors_slow() -> Files {
-    pair(SENSORS, "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.6")
+    pair(&reporting::sensors(), "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.6")
 }
 
 pub(super) fn sensors_unacknowledged() -> Files {
-    pair(SENSORS, "[[netsim.mac.effect]]\nkind = \"ack-loss\"\nprobability = 0.4")
+    pair(&reporting::sensors(), "[[netsim.mac.effect]]\nkind = \"ack-loss\"\nprobability = 0.4")
 }
 
 pub(super) fn flock() -> Files {
@@ -166,7 +88,9 @@ fn with_links(table: &str) -> Files {
         let _ =
             writeln!(links, "{},{tx},{rx},{x0},{y0},1,{x1},{y1},1,20,0.5,{rssi_dbm}", 60 * minute);
     }
-    let mut files = pair(RENDEZVOUS, table);
+    let scenario = "kind = \"csv\"\nfile = \"places.csv\"\n";
+    let model = reporting::rendezvous(scenario, "noise_sd_db = 2.0\n");
+    let mut files = pair(&model, table);
     files.extend([("places.csv", places), ("like.csv", links)]);
     files
 }
