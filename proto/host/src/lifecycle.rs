@@ -1,14 +1,16 @@
 //! What both sides' lifecycles share: counting steps and time, and running a simulator where it cannot do harm.
 
 use bytes::Bytes;
+use prost::Message;
 use proto::config::{self, Node, Problem};
 use proto::digest::{self, Digest};
-use proto::side::{MAX_AGENTS, Setup};
+use proto::side::{MAX_AGENTS, NotASnapshot, Setup};
 use proto::site::{self, Site};
 use proto::types::{AgentStates, Coupling, Experiment};
 use proto_messages::convert::{self, InvalidField};
 use proto_messages::v1;
-use serde::{Deserialize, Serialize};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -198,39 +200,111 @@ pub(super) fn refusal(problems: &[Problem]) -> Status {
     Status::with_error_details(tonic::Code::InvalidArgument, texts.join("\n"), details)
 }
 
-/// A simulator that several calls share, one at a time.
-pub(super) struct Shared<T> {
-    inner: Arc<Mutex<T>>,
+/// What a service keeps of a configured experiment besides its simulator.
+pub(super) trait Active: Serialize + DeserializeOwned + Send + 'static {
+    fn ledger(&self) -> &Ledger;
 }
 
-impl<T> Clone for Shared<T> {
+/// A simulator, and its experiment once it is configured.
+pub(super) struct Lifecycle<S, A> {
+    pub(super) simulator: S,
+    pub(super) active: Option<A>,
+}
+
+/// A whole experiment as a snapshot stores it. `active` and `simulator` are those of [`Lifecycle`].
+#[derive(Serialize, Deserialize)]
+struct Frozen<A> {
+    version: String,
+    active: A,
+    simulator: Vec<u8>,
+}
+
+impl<S, A: Active> Lifecycle<S, A> {
+    pub(super) fn active(&mut self) -> Result<&mut A, Status> {
+        self.active.as_mut().ok_or_else(not_configured)
+    }
+
+    /// The state of the experiment, for a snapshot. `version` names the simulator and its version; `simulator` is its state.
+    pub(super) fn frozen(
+        &self,
+        version: String,
+        simulator: impl FnOnce(&S) -> Vec<u8>,
+    ) -> Result<Bytes, Status> {
+        let active = self.active.as_ref().ok_or_else(not_configured)?;
+        let simulator = simulator(&self.simulator);
+        postcard::to_stdvec(&Frozen { version, active, simulator })
+            .map(Bytes::from)
+            .map_err(|error| Status::internal(format!("cannot serialise the state: {error}")))
+    }
+
+    /// Restores what [`Self::frozen`] returned for the same `version`: `restore` does so for the simulator.
+    /// Returns where the experiment stands.
+    pub(super) fn restored(
+        &mut self,
+        state: &[u8],
+        version: &str,
+        restore: impl FnOnce(&mut S, &[u8]) -> Result<(), NotASnapshot>,
+    ) -> Result<&Ledger, Status> {
+        let refuse = |error: NotASnapshot| Status::invalid_argument(error.to_string());
+        let frozen: Frozen<A> =
+            postcard::from_bytes(state).map_err(|error| refuse(NotASnapshot(error.to_string())))?;
+        if frozen.version != version {
+            return Err(refuse(NotASnapshot(format!("it is of {}", frozen.version))));
+        }
+        restore(&mut self.simulator, &frozen.simulator).map_err(refuse)?;
+        Ok(self.active.insert(frozen.active).ledger())
+    }
+
+    /// Whether a call takes so little time that it need not leave the network thread.
+    fn is_quick(&self) -> bool {
+        self.active.as_ref().is_none_or(|active| active.ledger().agent_count() <= QUICK_AGENTS)
+    }
+}
+
+/// Serialises a message of the contract as its protobuf bytes.
+pub(super) mod encoded {
+    use super::{Deserialize as _, Deserializer, Message, Serialize as _, Serializer};
+    use serde::de::Error as _;
+
+    pub(crate) fn serialize<S: Serializer>(
+        message: &impl Message,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        message.encode_to_vec().serialize(serializer)
+    }
+
+    pub(crate) fn deserialize<'a, M: Message + Default, D: Deserializer<'a>>(
+        deserializer: D,
+    ) -> Result<M, D::Error> {
+        M::decode(&Vec::deserialize(deserializer)?[..]).map_err(D::Error::custom)
+    }
+}
+
+/// A simulator that several calls share, one at a time.
+pub(super) struct Shared<S, A> {
+    inner: Arc<Mutex<Lifecycle<S, A>>>,
+}
+
+impl<S, A> Clone for Shared<S, A> {
     fn clone(&self) -> Self {
         Self { inner: Arc::clone(&self.inner) }
     }
 }
 
-/// Something that can be put back to its beginning after a panic.
-pub(super) trait Discard {
-    /// Forgets the experiment.
-    fn discard(&mut self);
-
-    /// Whether a call takes so little time that it need not leave the network thread.
-    fn is_quick(&self) -> bool;
-}
-
-impl<T: Discard + Send + 'static> Shared<T> {
-    pub(super) fn new(inner: T) -> Self {
-        Self { inner: Arc::new(Mutex::new(inner)) }
+impl<S: Send + 'static, A: Active> Shared<S, A> {
+    /// Shares a simulator that is not configured yet.
+    pub(super) fn new(simulator: S) -> Self {
+        Self { inner: Arc::new(Mutex::new(Lifecycle { simulator, active: None })) }
     }
 
     /// Runs `call` on the simulator: here if that is quick, else on a thread for blocking work. The lock is held for the
     /// call alone, never across an await. A panic ends the experiment, not the process.
     pub(super) async fn call<R: Send + 'static>(
         &self,
-        call: impl FnOnce(&mut T) -> Result<R, Status> + Send + 'static,
+        call: impl FnOnce(&mut Lifecycle<S, A>) -> Result<R, Status> + Send + 'static,
     ) -> Result<R, Status> {
         // A lock that is taken belongs to a call on a blocking thread: wait there, not here.
-        if self.inner.try_lock().is_ok_and(|simulator| simulator.is_quick()) {
+        if self.inner.try_lock().is_ok_and(|lifecycle| lifecycle.is_quick()) {
             guarded(&self.inner, call)
         } else {
             self.call_blocking(call).await
@@ -240,7 +314,7 @@ impl<T: Discard + Send + 'static> Shared<T> {
     /// As [`Self::call`], never on this thread, so that other calls are answered meanwhile.
     pub(super) async fn call_blocking<R: Send + 'static>(
         &self,
-        call: impl FnOnce(&mut T) -> Result<R, Status> + Send + 'static,
+        call: impl FnOnce(&mut Lifecycle<S, A>) -> Result<R, Status> + Send + 'static,
     ) -> Result<R, Status> {
         let inner = Arc::clone(&self.inner);
         tokio::task::spawn_blocking(move || guarded(&inner, call))
@@ -249,16 +323,16 @@ impl<T: Discard + Send + 'static> Shared<T> {
     }
 }
 
-fn guarded<T: Discard, R>(
-    inner: &Mutex<T>,
-    call: impl FnOnce(&mut T) -> Result<R, Status>,
+fn guarded<S, A: Active, R>(
+    inner: &Mutex<Lifecycle<S, A>>,
+    call: impl FnOnce(&mut Lifecycle<S, A>) -> Result<R, Status>,
 ) -> Result<R, Status> {
     // A panic never leaves the lock: catch_unwind is inside.
-    let mut simulator = inner.lock().unwrap_or_else(PoisonError::into_inner);
-    match catch_unwind(AssertUnwindSafe(|| call(&mut simulator))) {
+    let mut lifecycle = inner.lock().unwrap_or_else(PoisonError::into_inner);
+    match catch_unwind(AssertUnwindSafe(|| call(&mut lifecycle))) {
         Ok(result) => result,
         Err(panic) => {
-            simulator.discard();
+            lifecycle.active = None;
             let text = panic
                 .downcast_ref::<String>()
                 .map(String::as_str)

@@ -1,14 +1,13 @@
 //! The network's service.
 
 use super::lifecycle::{
-    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, malformed, not_configured,
+    self, Admission, ConfigureFields, Ledger, QUICK_AGENTS, Shared, malformed, not_configured,
     queue, refusal,
 };
 use crate::services::net_sim_service_server::NetSimService;
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
-use prost::Message as _;
 use proto::digest;
-use proto::side::{MAX_AGENTS, NetInput, NetOutput, NetSimulator, NotASnapshot};
+use proto::side::{MAX_AGENTS, NetInput, NetOutput, NetSimulator};
 use proto::types::{AgentStates, Deliveries, MoteCommand, NetRecord};
 use proto_messages::v1::net_sim_service_session_request::Request as SessionCall;
 use proto_messages::v1::net_sim_service_session_response::Response as SessionReply;
@@ -20,7 +19,7 @@ use tonic::{Request, Response, Status, Streaming};
 
 /// A network simulator as a service.
 pub struct NetHost<S> {
-    shared: Shared<Lifecycle<S>>,
+    shared: Shared<S, Active>,
     /// Of the simulator, which may be busy when it is asked to describe itself.
     config_schema_json: Arc<str>,
 }
@@ -38,7 +37,7 @@ impl<S: NetSimulator> NetHost<S> {
     /// A service around `simulator`, not configured yet.
     pub fn new(simulator: S) -> Self {
         let config_schema_json = simulator.config_schema_json().into();
-        let shared = Shared::new(Lifecycle { simulator, active: None });
+        let shared = Shared::new(simulator);
         Self { shared, config_schema_json }
     }
 
@@ -69,11 +68,9 @@ impl<S: NetSimulator> NetHost<S> {
     }
 }
 
-struct Lifecycle<S> {
-    simulator: S,
-    active: Option<Active>,
-}
+type Lifecycle<S> = lifecycle::Lifecycle<S, Active>;
 
+#[derive(Serialize, Deserialize)]
 struct Active {
     ledger: Ledger,
     pending: Vec<MoteCommand>,
@@ -81,36 +78,17 @@ struct Active {
     delivered: Option<Deliveries>,
     /// What is kept for the record.
     records: Vec<NetRecord>,
+    #[serde(with = "lifecycle::encoded")]
     last: v1::NetSimServiceStepResponse,
 }
 
-/// A whole experiment, frozen.
-#[derive(Serialize, Deserialize)]
-struct Frozen {
-    version: String,
-    ledger: Ledger,
-    pending: Vec<MoteCommand>,
-    delivered: Option<Deliveries>,
-    records: Vec<NetRecord>,
-    last: Vec<u8>,
-    simulator: Vec<u8>,
-}
-
-impl<S: NetSimulator> Discard for Lifecycle<S> {
-    fn discard(&mut self) {
-        self.active = None;
-    }
-
-    fn is_quick(&self) -> bool {
-        self.active.as_ref().is_none_or(|active| active.ledger.agent_count() <= QUICK_AGENTS)
+impl lifecycle::Active for Active {
+    fn ledger(&self) -> &Ledger {
+        &self.ledger
     }
 }
 
 impl<S: NetSimulator> Lifecycle<S> {
-    fn active(&mut self) -> Result<&mut Active, Status> {
-        self.active.as_mut().ok_or_else(not_configured)
-    }
-
     fn configure(
         &mut self,
         request: v1::NetSimServiceConfigureRequest,
@@ -265,44 +243,16 @@ impl<S: NetSimulator> Lifecycle<S> {
     }
 
     fn snapshot(&mut self) -> Result<v1::NetSimServiceSnapshotResponse, Status> {
-        self.active()?;
-        let simulator = self.simulator.snapshot();
-        let active = self.active()?;
-        let frozen = Frozen {
-            version: version::<S>(),
-            ledger: active.ledger.clone(),
-            pending: active.pending.clone(),
-            delivered: active.delivered.clone(),
-            records: active.records.clone(),
-            last: active.last.encode_to_vec(),
-            simulator,
-        };
-        let state = postcard::to_stdvec(&frozen)
-            .map_err(|error| Status::internal(format!("cannot serialise the state: {error}")))?;
-        Ok(v1::NetSimServiceSnapshotResponse { state: state.into() })
+        let state = self.frozen(version::<S>(), S::snapshot)?;
+        Ok(v1::NetSimServiceSnapshotResponse { state })
     }
 
     fn restore(
         &mut self,
         request: &v1::NetSimServiceRestoreRequest,
     ) -> Result<v1::NetSimServiceRestoreResponse, Status> {
-        let refuse = |error: NotASnapshot| Status::invalid_argument(error.to_string());
-        let frozen: Frozen = postcard::from_bytes(&request.state)
-            .map_err(|error| refuse(NotASnapshot(error.to_string())))?;
-        if frozen.version != version::<S>() {
-            return Err(refuse(NotASnapshot(format!("it is of {}", frozen.version))));
-        }
-        let last = v1::NetSimServiceStepResponse::decode(&frozen.last[..])
-            .map_err(|error| refuse(NotASnapshot(error.to_string())))?;
-        self.simulator.restore(&frozen.simulator).map_err(refuse)?;
-        let (step, time_ns) = (frozen.ledger.step, frozen.ledger.time_ns);
-        self.active = Some(Active {
-            ledger: frozen.ledger,
-            pending: frozen.pending,
-            delivered: frozen.delivered,
-            records: frozen.records,
-            last,
-        });
+        let &Ledger { step, time_ns, .. } =
+            self.restored(&request.state, &version::<S>(), S::restore)?;
         Ok(v1::NetSimServiceRestoreResponse { step, time_ns })
     }
 }

@@ -1,14 +1,12 @@
 //! The robots' service.
 
 use super::lifecycle::{
-    Admission, ConfigureFields, Discard, Ledger, QUICK_AGENTS, Shared, malformed, not_configured,
-    queue, refusal,
+    self, Admission, ConfigureFields, Ledger, Shared, malformed, not_configured, queue, refusal,
 };
 use crate::services::robot_sim_service_server::RobotSimService;
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
-use prost::Message as _;
 use proto::digest;
-use proto::side::{MAX_AGENTS, NotASnapshot, RobotInput, RobotOutput, RobotSimulator};
+use proto::side::{MAX_AGENTS, RobotInput, RobotOutput, RobotSimulator};
 use proto::types::{AgentCommand, Coupling};
 use proto_messages::v1::robot_sim_service_session_request::Request as SessionCall;
 use proto_messages::v1::robot_sim_service_session_response::Response as SessionReply;
@@ -20,7 +18,7 @@ use tonic::{Request, Response, Status, Streaming};
 
 /// A robot simulator as a service.
 pub struct RobotHost<S> {
-    shared: Shared<Lifecycle<S>>,
+    shared: Shared<S, Active>,
     /// Of the simulator, which may be busy when it is asked to describe itself.
     config_schema_json: Arc<str>,
 }
@@ -38,7 +36,7 @@ impl<S: RobotSimulator> RobotHost<S> {
     /// A service around `simulator`, not configured yet.
     pub fn new(simulator: S) -> Self {
         let config_schema_json = simulator.config_schema_json().into();
-        let shared = Shared::new(Lifecycle { simulator, active: None });
+        let shared = Shared::new(simulator);
         Self { shared, config_schema_json }
     }
 
@@ -61,42 +59,23 @@ impl<S: RobotSimulator> RobotHost<S> {
     }
 }
 
-struct Lifecycle<S> {
-    simulator: S,
-    active: Option<Active>,
-}
+type Lifecycle<S> = lifecycle::Lifecycle<S, Active>;
 
+#[derive(Serialize, Deserialize)]
 struct Active {
     ledger: Ledger,
     pending: Vec<AgentCommand>,
+    #[serde(with = "lifecycle::encoded")]
     last: v1::RobotSimServiceStepResponse,
 }
 
-/// A whole experiment, frozen.
-#[derive(Serialize, Deserialize)]
-struct Frozen {
-    version: String,
-    ledger: Ledger,
-    pending: Vec<AgentCommand>,
-    last: Vec<u8>,
-    simulator: Vec<u8>,
-}
-
-impl<S: RobotSimulator> Discard for Lifecycle<S> {
-    fn discard(&mut self) {
-        self.active = None;
-    }
-
-    fn is_quick(&self) -> bool {
-        self.active.as_ref().is_none_or(|active| active.ledger.agent_count() <= QUICK_AGENTS)
+impl lifecycle::Active for Active {
+    fn ledger(&self) -> &Ledger {
+        &self.ledger
     }
 }
 
 impl<S: RobotSimulator> Lifecycle<S> {
-    fn active(&mut self) -> Result<&mut Active, Status> {
-        self.active.as_mut().ok_or_else(not_configured)
-    }
-
     fn configure(
         &mut self,
         request: v1::RobotSimServiceConfigureRequest,
@@ -229,36 +208,16 @@ impl<S: RobotSimulator> Lifecycle<S> {
     }
 
     fn snapshot(&mut self) -> Result<v1::RobotSimServiceSnapshotResponse, Status> {
-        self.active()?;
-        let simulator = self.simulator.snapshot();
-        let active = self.active()?;
-        let frozen = Frozen {
-            version: version::<S>(),
-            ledger: active.ledger.clone(),
-            pending: active.pending.clone(),
-            last: active.last.encode_to_vec(),
-            simulator,
-        };
-        let state = postcard::to_stdvec(&frozen)
-            .map_err(|error| Status::internal(format!("cannot serialise the state: {error}")))?;
-        Ok(v1::RobotSimServiceSnapshotResponse { state: state.into() })
+        let state = self.frozen(version::<S>(), S::snapshot)?;
+        Ok(v1::RobotSimServiceSnapshotResponse { state })
     }
 
     fn restore(
         &mut self,
         request: &v1::RobotSimServiceRestoreRequest,
     ) -> Result<v1::RobotSimServiceRestoreResponse, Status> {
-        let refuse = |error: NotASnapshot| Status::invalid_argument(error.to_string());
-        let frozen: Frozen = postcard::from_bytes(&request.state)
-            .map_err(|error| refuse(NotASnapshot(error.to_string())))?;
-        if frozen.version != version::<S>() {
-            return Err(refuse(NotASnapshot(format!("it is of {}", frozen.version))));
-        }
-        let last = v1::RobotSimServiceStepResponse::decode(&frozen.last[..])
-            .map_err(|error| refuse(NotASnapshot(error.to_string())))?;
-        self.simulator.restore(&frozen.simulator).map_err(refuse)?;
-        let (step, time_ns) = (frozen.ledger.step, frozen.ledger.time_ns);
-        self.active = Some(Active { ledger: frozen.ledger, pending: frozen.pending, last });
+        let &Ledger { step, time_ns, .. } =
+            self.restored(&request.state, &version::<S>(), S::restore)?;
         Ok(v1::RobotSimServiceRestoreResponse { step, time_ns })
     }
 }
