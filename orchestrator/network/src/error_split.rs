@@ -56,11 +56,11 @@ pub struct NetworkFigureSplit {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub with_tracks: f64,
-    /// Mean of the runs with measured tracks and the model's own links, measured as links are and replayed.
+    /// Mean of the runs with measured tracks and a trace of the model's own links, sampled as the measured links are.
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub with_tracks_and_own_links: f64,
-    /// Mean of the runs with measured tracks and measured links, replayed.
+    /// Mean of the runs with measured tracks and a trace of the measured links.
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub with_tracks_and_links: f64,

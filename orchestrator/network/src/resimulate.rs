@@ -281,7 +281,7 @@ impl Resimulation {
 
     /// A seed for resimulation `number`: of the network, or of something else that has chances of its own.
     pub(super) fn seed(&self, number: u64, of: u64) -> u64 {
-        Draws::new(self.plan.experiment.seed, Purpose::Replay).words(number, of, 0)[0] >> 1
+        Draws::new(self.plan.experiment.seed, Purpose::Resimulation).words(number, of, 0)[0] >> 1
     }
 
     /// Runs both sides, and shows each step: the built-in network with the experiment's robots, or with those measured.

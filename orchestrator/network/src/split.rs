@@ -1,10 +1,12 @@
 //! Where the error of a network comes from: robots, radio or protocol.
 //!
-//! The model is run as a whole; with the measured tracks in place of its robots; and with the measured links in place of its
-//! radio as well. What each replacement takes of the difference goes with what was replaced, and what is left with the rest:
-//! protocols, applications, effects on motes. Measured links are counts of frames, and a replay of links is less than a radio.
-//! So the third step is set against the same replay of links that the model itself would have measured, at the same rows; and
-//! what such a replay errs by is taken off what is left.
+//! The model runs in three forms: as a whole; with the measured tracks in place of its robots; and with the measured links in place
+//! of its radio as well. The part that a step replaced accounts for the error that the step removes. The remaining error belongs
+//! to the rest: protocols, applications, effects on motes.
+//!
+//! Measured links are counts of frames, so a trace of links is less accurate than a radio. The third step is therefore compared
+//! with a trace of the links that the model itself would have measured at the same rows. The error of that trace is subtracted
+//! from the remaining error.
 
 mod words;
 
@@ -209,7 +211,7 @@ pub struct ErrorSource {
 pub struct ErrorSplit {
     /// Of the measurement.
     pub measured: NetworkFigures,
-    /// Means of the whole model, with measured tracks, with its own links replayed, with the measured links replayed.
+    /// Means of the whole model, with measured tracks, with a trace of its own links, with a trace of the measured links.
     pub means: [[f64; KPIS.len()]; 4],
     /// Robot, radio, protocol.
     pub shares: [ErrorSource; 3],
@@ -323,7 +325,7 @@ fn parted(measured: NetworkFigures, runs: [&[NetworkFigures]; 4], seeds: u64) ->
                     linked.mean - own.mean,
                     linked.variance_of_mean() + own.variance_of_mean() + between(of, k),
                 ),
-                // Less what the replay itself errs by.
+                // Without the error of the trace itself.
                 (
                     of(&measured)[k] - linked.mean - (tracked.mean - own.mean),
                     linked.variance
@@ -377,7 +379,7 @@ fn furthest(parts: &[Option<SplitPart>], freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| (2.0 * n * t.sf(z)).min(1.0))
 }
 
-/// A network's section with a replay of links for its radio.
+/// A network's section whose radio is a trace of links.
 fn traced(network: &toml::Table) -> toml::Table {
     let mut network = network.clone();
     let kept = network.get("phy").and_then(|phy| phy.get("interference")).cloned();

@@ -1,11 +1,14 @@
 //! Where the error of a swarm's task comes from: the network, or the robots.
 //!
-//! What was heard is replayed into the model's robots, which say what they have to say by themselves: who heard whom, and when,
-//! is as measured, and what it was is the simulation's. Where the robots are right they then go where the measured ones went. To
-//! tell the network by itself, the model's network is run over the measured tracks, and what it delivers there is replayed into
-//! the same robots. Both replays are alike but for the network. What robots then still differ by is theirs; and what the model's
-//! network delivers along the measured tracks, where it differs from what it delivers along the model's own, goes with neither:
-//! whoever is elsewhere hears others.
+//! The model's robots are resimulated with the measured receptions: who heard whom, and when, is as measured; the content of the
+//! messages is the simulation's. If the robots' model is right, they move as the measured robots did. Any remaining difference is
+//! the robots' error.
+//!
+//! To isolate the network, the model's network runs over the measured tracks, and the same robots receive its deliveries. The two
+//! resimulations differ only in the network, so their difference is the network's error.
+//!
+//! The model's network delivers other messages along the model's own tracks than along the measured ones, because robots
+//! elsewhere hear others. That difference belongs to neither part.
 
 pub mod comparison;
 pub mod figures;

@@ -66,8 +66,8 @@ pub enum Purpose {
     ClockDrift = 26,
     /// When a mote reboots (`node-reboots`). Entity: mote; time: which of its reboots.
     Reboot = 27,
-    /// Seeds under which measured packets are replayed. Entity: number of the seed.
-    Replay = 28,
+    /// Seeds of the runs that resimulate a measurement. Entity: number of the seed.
+    Resimulation = 28,
 }
 
 /// The draws of one purpose under one seed.
