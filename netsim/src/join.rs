@@ -43,8 +43,8 @@ pub struct Config {
     pub timeout_max_ns: u64,
     /// How often a request is repeated, each time after twice the timeout. 4: MAX_RETRANSMIT.
     pub max_retransmit: u8,
-    /// The join rate that the registrar tells motes as it admits them (§ 8.4.2): how much join traffic a proxy forwards
-    /// towards the root in the mean (CoAP bytes per second). `None`: it tells none, and a proxy forwards one request in 3 s
+    /// The join rate that the registrar sends to motes as it admits them (§ 8.4.2): how much join traffic a proxy forwards
+    /// towards the root in the mean (CoAP bytes per second). `None`: it sends none, and a proxy forwards one request in 3 s
     /// (§ 6.1, after RFC 8085, § 3.1.3).
     pub join_rate_bytes_s: Option<u32>,
     /// How much of it a proxy with a join rate forwards at once (CoAP bytes). `None`: what comes together in 10 s, over which

@@ -75,7 +75,7 @@ impl Default for Config {
 /// What a received part, or whole datagram, comes to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LowpanAction {
-    /// A datagram is complete. [`step`] tells whether it is for this mote.
+    /// A datagram is complete. [`step`] decides whether it is for this mote.
     Deliver(Arc<Datagram>),
     /// The first part of a datagram that goes on: with hop limit and source route as they are on the next hop. Routing finds
     /// that; then [`Lowpan::forward`].
@@ -139,7 +139,7 @@ pub struct Lowpan {
     vrb: BTreeMap<Key, Entry>,
     /// No time of those in `buffers` and `vrb` is earlier (ns).
     earliest_ns: u64,
-    /// What has been lost without the driver being told.
+    /// Losses that the driver has not been notified of.
     lost: Vec<(u64, DropReason)>,
 }
 
@@ -236,7 +236,7 @@ impl Lowpan {
             return LowpanAction::Drop { packet, reason: DropReason::VrbTableFull };
         }
         if self.tag == first.tag {
-            // So that a capture tells the hops apart.
+            // So that a capture distinguishes the hops.
             self.tag = self.tag.wrapping_add(1);
         }
         let tag = self.tag;

@@ -118,7 +118,7 @@ pub struct Busy(
     pub Eui64,
 );
 
-/// What 6P is told once.
+/// The settings of 6P.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Config {
     /// Whose transactions these are: the scheduling function's identifier (§ 3.4.2). MSF: 0.
@@ -161,7 +161,7 @@ impl Sixtop {
         Self { config, ..Self::default() }
     }
 
-    /// What it was told.
+    /// Its settings.
     #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
@@ -243,7 +243,7 @@ impl Sixtop {
         self.send(peer, seqnum, SixpBody::Confirmation(confirmation));
     }
 
-    /// Calls off whatever runs with a neighbour. Its messages leave the queues; it is told RC_RESET where § 3.4.5 has a
+    /// Calls off whatever runs with a neighbour. Its messages leave the queues; it receives RC_RESET where § 3.4.5 has a
     /// message for that.
     pub fn abort(&mut self, peer: Eui64) {
         let Some(state) = self.peers.get(&peer) else { return };

@@ -21,7 +21,7 @@ pub enum CompareRunsError {
         /// What is wrong with it.
         reason: String,
     },
-    /// Trials of one cannot be told apart by what the other varies.
+    /// The keys that one sweep varies do not identify the trials of the other.
     #[error(
         "{} varies {}, which {} does not vary, so its trials cannot be paired one to one; compare sweeps over the same keys",
         path.display(), keys.join(", "), other.display()

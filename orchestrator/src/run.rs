@@ -127,7 +127,7 @@ pub struct RunReport {
     pub formed_ns: Option<u64>,
 }
 
-/// Whom a run tells what happens while it lasts.
+/// Receives the progress of a run.
 pub trait Audience: ProgressObserver {
     /// Something to check before the results are trusted, said before the first step.
     fn warn(&mut self, warning: &str);

@@ -5,7 +5,7 @@
 //! | `grid` | the area in cells: which are solid, what is seen from where |
 //! | `way` | ways over the grid |
 //! | `message` | what robots and base say to each other |
-//! | `explorer` | a robot: what it has seen, what it has told, where it goes |
+//! | `explorer` | a robot: what it has seen and reported, where it goes |
 //! | `base` | the base: the map that all parts come to, and who is sent where |
 //! | `tally` | how far they are |
 //!

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 pub enum Source {
     /// From what it heard.
     Heard,
-    /// From nowhere: it is told.
+    /// From nowhere: it is given.
     Truth,
 }
 
@@ -30,7 +30,7 @@ pub struct Seen {
     pub sent_ns: u64,
     /// Where it was, and how it moved.
     pub motion: Motion,
-    /// How strong the frame was that told it (dBm), where that was asked for.
+    /// Received strength of the frame that carried it (dBm), where that was asked for.
     pub rssi_dbm: Option<f32>,
 }
 
@@ -39,7 +39,7 @@ pub struct Seen {
 pub struct Memory {
     /// For so long (s).
     pub keep_s: f64,
-    /// Who is remembered is taken to have moved on with the velocity that it told.
+    /// Who is remembered is taken to have moved on with the velocity that it reported.
     pub extrapolate: bool,
 }
 
@@ -187,7 +187,7 @@ impl<'a> Knowledge<'a> {
                 .heard_by(agent)
                 .filter_map(|index| self.seen[index].as_ref())
                 .for_each(visit_other),
-            // The order in which others are visited is the same whether strengths are told or not: sums depend on it.
+            // The order in which others are visited is the same whether strengths are reported or not: sums depend on it.
             Some(deliveries) if !self.repeated => {
                 let rssi_dbm = &deliveries.rssi_dbm[self.rssi_begins[agent]..];
                 for (index, &rssi_dbm) in deliveries.heard_by(agent).zip(rssi_dbm) {
@@ -217,7 +217,7 @@ impl<'a> Knowledge<'a> {
         }
     }
 
-    /// Whether anything at all could be known: somebody was on the air, or the truth is told.
+    /// Whether anything at all could be known: somebody was on the air, or robots know the truth.
     #[must_use]
     pub fn is_any(&self) -> bool {
         !self.seen.is_empty()

@@ -1,4 +1,4 @@
-//! The real program starts, says where it listens, and ends when it is told to.
+//! The real program starts, says where it listens, and ends on request.
 
 use std::io::{BufRead as _, BufReader};
 use std::process::{Command, Stdio};

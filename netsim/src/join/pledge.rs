@@ -47,7 +47,7 @@ pub struct Pledge {
     own: Eui64,
     state: State,
     outgoing: Option<Outgoing>,
-    /// The join rate that the registrar told.
+    /// The join rate from the registrar.
     join_rate_bytes_s: Option<u32>,
     events: VecDeque<Event>,
 }
@@ -114,7 +114,7 @@ impl Pledge {
         }
     }
 
-    /// The join rate that the registrar told when it admitted the mote (bytes per second), which binds it as a proxy.
+    /// The join rate that the registrar sent when it admitted the mote (bytes per second); it limits the mote as a proxy.
     #[must_use]
     pub fn join_rate_bytes_s(&self) -> Option<u32> {
         self.join_rate_bytes_s

@@ -15,7 +15,7 @@ use std::net::Ipv6Addr;
 pub struct Proxy {
     config: Config,
     own: Eui64,
-    /// What the registrar told.
+    /// The join rate from the registrar.
     join_rate_bytes_s: Option<u32>,
     /// When all that was forwarded would have been sent at the mean rate (ns).
     spent_until_ns: u64,
@@ -28,7 +28,7 @@ impl Proxy {
         Self { config, own, join_rate_bytes_s: None, spent_until_ns: 0 }
     }
 
-    /// The registrar has told how much to forward in the mean (bytes per second); `None`: nothing.
+    /// The registrar has sent the mean rate to forward (bytes per second); `None`: it has sent none.
     pub fn set_join_rate(&mut self, bytes_s: Option<u32>) {
         self.join_rate_bytes_s = bytes_s;
     }

@@ -35,7 +35,7 @@ impl Entry {
         part.offset != self.end
     }
 
-    /// Whether a part belongs to the same datagram, as far as its header tells.
+    /// Whether a part belongs to the same datagram, as far as its header shows.
     pub(super) fn is_of(&self, part: &Fragment) -> bool {
         part.size == self.size
     }

@@ -18,7 +18,7 @@ use proto::effect::{About, Fit};
 use serde::Deserialize;
 use std::fmt::Debug;
 
-/// What weighs on a mote beyond what the protocols expect.
+/// Impairments of a mote that the protocols do not expect.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Burden {
     /// Probability that an acknowledgment it sends is lost, beside what the radio loses.

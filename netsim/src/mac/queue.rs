@@ -90,7 +90,7 @@ impl Queue {
         self.frames.iter().any(|frame| frame.destination() == Some(neighbour))
     }
 
-    /// Whether a frame for `neighbour` waits that no ordinary frame for another goes before.
+    /// Whether a frame for `neighbour` waits before which no ordinary frame for another neighbour is sent.
     #[must_use]
     pub fn goes_soon(&self, neighbour: Eui64) -> bool {
         let mut soon = self.frames.iter().take(self.n_priority() + 1);

@@ -263,7 +263,7 @@ impl CurveGrid {
     #[must_use]
     pub fn limits(&self, steps: f64) -> Limits {
         let last = self.limits.len() - 1;
-        // The first bound makes the cast exact; the second one never acts, but tells the compiler so.
+        // The first bound makes the cast exact; the second one never acts, but lets the compiler know the range.
         let step = (steps.max(0.0).min(last as f64) as i32 as usize).min(last);
         self.limits[step]
     }

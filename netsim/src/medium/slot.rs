@@ -145,7 +145,7 @@ impl SlotMedium {
     }
 
     /// What becomes of acknowledgments of `on_air`'s frames, in their order: whether the frame's sender receives it. In
-    /// what is returned, `transmission` counts acknowledgments; [`Reception::Lost`] also tells that something else was
+    /// what is returned, `transmission` counts acknowledgments; [`Reception::Lost`] also means that something else was
     /// received instead.
     pub fn acknowledge<P: Paths + ?Sized>(
         &mut self,

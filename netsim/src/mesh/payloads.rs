@@ -27,7 +27,7 @@ impl Mesh {
             if length == 0 || !node.ready || !input.states.alive.get(mote as usize) {
                 continue;
             }
-            // Those for one neighbour each are packets, and told of as such.
+            // Payloads for one neighbour are packets, and are reported as such.
             if is_new_period && waits && self.settings.transport != Transport::UnicastNeighbours {
                 self.state.motes[mote as usize].tally.n_superseded += 1;
             }

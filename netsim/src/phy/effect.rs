@@ -115,7 +115,7 @@ pub struct Entry {
     pub fit: Fit,
     /// What its keys must be like together, beside what is asked of each: [`UNCHECKED`] for nothing.
     pub check: Check,
-    /// Makes it of its checked table. The number tells several effects of this kind apart.
+    /// Makes it of its checked table. The number distinguishes several effects of this kind.
     pub build: fn(&toml::Table, u32) -> Option<Box<dyn Effect>>,
 }
 

@@ -37,7 +37,7 @@ impl Rpl {
         }
     }
 
-    /// A neighbour's DIO tells that it cannot be below: it has left, or is no further from the root than this mote. If it
+    /// A neighbour's DIO shows that it cannot be below: it has left, or is no further from the root than this mote. If it
     /// has left, what was reached through it is not.
     pub(super) fn child_says(&mut self, from: Eui64, dio: &DioRepr, now_ns: u64) {
         let Some(dodag) = &self.dodag else { return };

@@ -15,7 +15,7 @@ pub struct Neighbour {
     pub dio: DioRepr,
     /// Transmissions it takes to reach it.
     pub etx: Etx,
-    /// Mean strength of what was heard (dBm), if the radio tells.
+    /// Mean strength of received frames (dBm), if the radio reports it.
     pub rssi_dbm: Option<f64>,
     /// When anything was last heard of it (ns).
     pub heard_ns: u64,

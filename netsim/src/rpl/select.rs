@@ -211,7 +211,7 @@ impl Rpl {
         }
     }
 
-    /// Local repair (RFC 6550, § 8.2.2.5 and 8.2.2.6): nobody can be the parent. Those below are told, and others asked.
+    /// Local repair (RFC 6550, § 8.2.2.5 and 8.2.2.6): nobody can be the parent. The motes below are notified, and others are asked.
     pub(super) fn detach(&mut self, now_ns: u64, dice: &mut Dice) {
         let Some(dodag) = &self.dodag else { return };
         let (old, rank, id) = (dodag.parent, dodag.rank, dodag.id);

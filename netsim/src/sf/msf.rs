@@ -67,7 +67,7 @@ pub struct Msf {
     n_sent: BTreeMap<SixpCell, u32>,
     /// Former parents, cleared once the new one has given as many cells (§ 5.2).
     former: Vec<Eui64>,
-    /// Neighbours to be told CLEAR, and how often that has failed.
+    /// Neighbours that must receive CLEAR, and how often that has failed.
     clears: BTreeMap<Eui64, u8>,
     /// Requests to the parent that failed in a row.
     n_failures: u8,

@@ -23,7 +23,7 @@ pub(super) struct Peer {
     pub(super) answering: Option<Answering>,
     /// Its last request: the MAC repeats frames whose acknowledgment was lost (§ 3.4.6.1).
     pub(super) last_request: Option<SixpRepr>,
-    /// Our last transactions that failed, the latest first: a late response to one tells more.
+    /// Our last transactions that failed, the latest first: a late response to one gives more information.
     pub(super) given_up: Vec<GivenUp>,
     /// Number of its last transaction of three steps that failed on our side alone.
     pub(super) lapsed: Option<u8>,

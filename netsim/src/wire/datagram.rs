@@ -5,7 +5,7 @@
 //! follows. Both IPv6 headers carry one hop limit: it is copied at both ends of the tunnel. The inner datagram has no RPL
 //! option of its own: RFC 9008, § 8.3.1, would let the one of the way up ride along "to no avail".
 //!
-//! Compressed, context 0 is fd00::/64, and interface identifiers that can be told from the MAC addresses of the hop are
+//! Compressed, context 0 is fd00::/64, and interface identifiers that follow from the MAC addresses of the hop are
 //! left out.
 
 mod compressed;

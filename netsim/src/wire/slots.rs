@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 /// Whose information element it is: nobody's, from the range of locally administered identifiers.
 pub const OUI: u32 = 0x02_0000;
 
-/// Most slots that an announcement tells of.
+/// Most slots that an announcement lists.
 pub const MAX_SLOTS: u16 = 256;
 
 /// A set of slots below [`MAX_SLOTS`].
@@ -93,7 +93,7 @@ impl SlotsRepr {
     /// Parses the content of a vendor-specific information element; `None`: it is another vendor's.
     ///
     /// # Errors
-    /// It ends too early, or tells of slots beyond its own end.
+    /// It ends too early, or lists slots beyond its own end.
     pub fn parse(content: &[u8]) -> Result<Option<Self>, Malformed> {
         let mut reader = ByteReader::new(content);
         if reader.take(3)? != &OUI.to_le_bytes()[..3] {

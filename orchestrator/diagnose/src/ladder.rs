@@ -85,7 +85,7 @@ pub struct Ladder {
     pub rungs: Vec<LadderStep>,
     /// For each candidate the test that decided: of the round in which it was accepted, else of the last.
     pub tests: Vec<CandidateTest>,
-    /// Why nothing can be told, if so.
+    /// Why the measurements are too few for a search, if they are.
     pub too_little: Option<String>,
     /// The round in which the search was stopped, if so: what was accepted before stands, nothing more was looked for.
     pub stopped: Option<usize>,
@@ -121,7 +121,7 @@ fn store<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
 }
 
 impl<'a, S: Study> Search<'a, S> {
-    /// A search; `report` is told what is being done.
+    /// A search; it calls `report` with its progress.
     pub fn new(study: &'a S, report: &'a (dyn Fn(SearchProgress<'_>) + Sync)) -> Self {
         Self {
             study,

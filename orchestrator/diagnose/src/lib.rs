@@ -8,7 +8,7 @@
 //! | [`gain`] | how much better one model predicts than another |
 //! | [`next`] | the measurement that would break a tie |
 //! | [`progress`] | what a search reports while it works |
-//! | [`scan`] | structure that is left over |
+//! | [`scan`] | structure of the residuals |
 //! | [`answer`] | from what was found to an answer |
 //! | [`diagnosis`] | the answer, as programs read it |
 //! | [`words`] | the answer, as people read it |

@@ -103,7 +103,7 @@ fn measurement<S: Study>(
     aim: &str,
 ) -> Option<NextMeasurement> {
     let difference = study.prediction_difference(one, other)?;
-    // What would be told as 0.00 is no condition to measure under.
+    // A share that is printed as 0.00 does not help to choose a condition.
     let at = greatest_difference(&difference).filter(|at| 0.005 <= at.inside)?;
     let sentence = sentence(aim, &at, difference.unit);
     Some(NextMeasurement {

@@ -1,4 +1,4 @@
-//! The part of a configuration that is held against measurements.
+//! The part of a configuration that is compared with measurements.
 
 use netsim::phy::Model;
 use proto::config::{Node, Problem, Refusal, Value};

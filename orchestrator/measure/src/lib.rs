@@ -9,7 +9,7 @@
 //! | [`warnings`] | warnings about measurements that can be used |
 //! | [`packets`] | packets from end to end |
 //! | [`robots`] | robot samples |
-//! | [`config`] | the part of a configuration that is held against them |
+//! | [`config`] | the part of a configuration that is compared with them |
 
 pub mod account;
 pub mod config;

@@ -43,16 +43,16 @@ pub struct Kpis {
     has_waited: bool,
     /// Share of motes that were joined, summed over nanoseconds, and those nanoseconds, while robots were free to move.
     joined: (f64, f64),
-    /// Formation as last told; `None`: the network has nothing to form.
+    /// Formation as last reported; `None`: the network has nothing to form.
     pub formation: Option<Formation>,
     /// Statistics when the network had formed, and the latest ones, each with its time (ns).
     formed: Option<(u64, MoteStatistics)>,
     latest: Option<(u64, MoteStatistics)>,
-    /// The motes as last told.
+    /// The motes as last reported.
     pub motes: MoteStates,
-    /// The schedules as last told.
+    /// The schedules as last reported.
     pub schedule: Option<Schedule>,
-    /// Who has heard whom, as last told.
+    /// Who has heard whom, as last reported.
     pub heard_links: Option<HeardLinks>,
 }
 
@@ -190,7 +190,7 @@ impl Kpis {
         }
     }
 
-    /// Changes of parents, from the beginning or since some statistics were told.
+    /// Changes of parents, from the beginning or since the report of `since`.
     fn routing(&self, since: Option<&MoteStatistics>, n: usize) -> Routing {
         let counted = |name: &str, with_roots: bool| -> Vec<f64> {
             let column = self.statistics().and_then(|statistics| statistics.column(name));

@@ -4,9 +4,9 @@ use proto::types::AgentStates;
 
 /// How many straight lines in the plane it takes so that every robot that is alive lies within `within_m` of one.
 ///
-/// Greedy: through the first robot that lies in none yet, and through another one of these, that line is taken which covers
-/// most of these; of equal ones that through the robot with the lowest number. So it may be more than the least number of
-/// lines, but each is one that robots stand in; a robot that is left over is one by itself.
+/// Greedy: each line goes through the first robot that lies in no line yet and through another such robot. Of these lines the
+/// one that covers most such robots is taken; of equal ones the one through the robot with the lowest number. The result may
+/// exceed the least number of lines. A single remaining robot counts as one line.
 pub(super) fn n_lines(states: &AgentStates, within_m: f64) -> usize {
     let mut left: Vec<[f64; 2]> =
         states.alive.iter_ones().map(|agent| [states.x_m[agent], states.y_m[agent]]).collect();

@@ -45,8 +45,7 @@ pub struct Measures {
     pub attempts: u64,
     /// How many of them were delivered.
     pub deliveries: u64,
-    /// Deliveries of what was for one agent alone. The network tells of these only if they arrive, so that there are no
-    /// attempts to hold them against.
+    /// Deliveries of unicast messages. The network reports these only if they arrive, so the number of attempts is unknown.
     pub unicast_deliveries: u64,
     /// Fewer than all receivers were looked at for [`Measures::by_distance`].
     pub is_distance_sampled: bool,
@@ -68,7 +67,7 @@ pub struct Measures {
     solids: Option<Solids>,
 }
 
-/// More orders than this cannot be told apart in a picture.
+/// More orders than this cannot be distinguished in a picture.
 const MOST_EVENTS: usize = 100;
 
 /// What is measured in every step.
@@ -176,7 +175,7 @@ impl Measures {
         self.speed_sum != 0.0
     }
 
-    /// Whether it tells anything where the agents went: they moved, or said where they are. Sensors do neither.
+    /// Whether the agents have a path worth showing: they moved, or reported positions. Sensors do neither.
     #[must_use]
     pub fn has_way(&self) -> bool {
         self.anybody_moved() || self.anybody_spoke() || !self.kpis.account.has_applications()
@@ -445,7 +444,7 @@ mod tests {
 
     #[test]
     fn what_is_for_one_agent_is_no_attempt_to_reach_the_others() {
-        // Of four agents the first tells everyone, and two hear it; the second tells the last alone.
+        // Of four agents the first broadcasts, and two hear it; the second sends to the last alone.
         let states = AgentStates::at_origin(4);
         let deliveries = Deliveries {
             transmissions: Transmissions {

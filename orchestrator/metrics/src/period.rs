@@ -31,7 +31,7 @@ pub struct Period<'a> {
     pub motes: &'a MoteStates,
     /// The robots regard their task as done.
     pub task_complete: bool,
-    /// The robots were told to stand still: the experiment itself has not begun.
+    /// The robots were ordered to stand still: the experiment itself has not begun.
     pub held: bool,
     /// Whether the network has formed; `None`: it has nothing to form.
     pub formation: Option<&'a Formation>,
@@ -46,7 +46,7 @@ pub struct Period<'a> {
 }
 
 impl<'a> Period<'a> {
-    /// A step of which nothing is known but where agents were, and what they heard on the way.
+    /// A step of which only the agents' positions, and what they received meanwhile, are known.
     pub fn of_places(
         step: u64,
         [(from_ns, before), (time_ns, states)]: [(u64, &'a AgentStates); 2],

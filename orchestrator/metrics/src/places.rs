@@ -1,4 +1,4 @@
-//! Measures of a swarm of which nothing is known but where its robots were.
+//! Measures of a swarm of which only the robots' positions are known.
 
 use super::counts::Counts;
 use super::kpi::Kpis;

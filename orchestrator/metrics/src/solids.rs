@@ -86,7 +86,7 @@ impl Solids {
         self.n_passed
     }
 
-    /// Where obstacles are at the end of a step; those that are not told of have not moved.
+    /// Where obstacles are at the end of a step; those that are not listed have not moved.
     fn take_up(&mut self, moved: &[MovedObstacle]) {
         for (name, solid) in &mut self.named {
             let [_, before_m] = solid.line_m;
@@ -173,7 +173,7 @@ fn segment_distance_m(one: [[f64; 2]; 2], other: [[f64; 2]; 2]) -> f64 {
     ends.chain(others).fold(f64::INFINITY, f64::min)
 }
 
-/// Solids in boxes within boxes, so that a robot is held against those near it alone.
+/// Solids in boxes within boxes, so that a robot is compared only with those near it.
 #[derive(Clone, Debug)]
 struct Tree {
     solids: Vec<Solid>,

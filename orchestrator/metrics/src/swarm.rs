@@ -120,7 +120,7 @@ impl SwarmMeasures {
                     groups.join(receiver, sender);
                 }
                 if groups.n == 1 {
-                    // Where everyone hears everyone, the first receiver tells.
+                    // Where everyone hears everyone, the first receiver stands for all.
                     break 'receivers;
                 }
             }

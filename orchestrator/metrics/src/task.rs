@@ -1,4 +1,4 @@
-//! What the robots were asked to do, as far as their effective configuration tells.
+//! What the robots were asked to do, as far as their effective configuration states it.
 
 use proto::config::Registry;
 use robotsim::catalogue::Catalogue;

@@ -1,6 +1,6 @@
 //! A figure that is compared.
 
-/// What a figure is, and on which scale `S` its differences are told.
+/// What a figure is, and on which scale `S` its differences are reported.
 #[derive(Clone, Copy, Debug)]
 pub struct FigureSpec<S> {
     /// Its name.

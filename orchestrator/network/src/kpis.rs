@@ -5,7 +5,7 @@ use measure::packets::MeasuredPacket;
 use numbers::statistics::{mean, quantile};
 use std::collections::BTreeMap;
 
-/// How a figure is spread about its middle: on which scale differences are told.
+/// How a figure is spread about its middle: on which scale differences are reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// A share: log odds.

@@ -15,8 +15,8 @@
 //! | [`search`], [`diagnosis`] | which effects are missing, and the answer |
 //! | [`extend`], [`extension`] | a configuration with them added, and the answer |
 //!
-//! A measurement is one run of a network whose chances fell in one way. So it is not held against the mean of the
-//! simulation, but asked whether it could be one more of its runs.
+//! A measurement is one random run of a network. So the question is not how far it lies from the mean of the simulation, but
+//! whether it could be one more run of it.
 
 pub mod candidate_fits;
 pub mod candidates;

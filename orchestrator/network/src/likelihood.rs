@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 pub const D: usize = KPIS.len();
 /// The figures of a run on their scales; NaN where there is nothing to tell.
 pub type ScaledFigures = [f64; D];
-/// What is told of a run for which a model has no like.
+/// The log density of a run that is unlike every run of a model (nats).
 const UNHEARD_OF: f64 = -1e4;
 /// Freedom of Student's density: what is five standard deviations out happens.
 const FREEDOM: f64 = 8.0;
@@ -445,9 +445,9 @@ mod tests {
         };
         let found: Vec<f64> = runs(0.5, 1000, 60).iter().map(best).collect();
         let mean = found.iter().sum::<f64>() / 60.0;
-        // A run tells it to 0.3, cut off at the ends of what was tried: of 60 the mean lies within 0.04 (1 sd).
+        // One run estimates it to 0.3, limited to the range that was tried: the mean of 60 has a standard error of 0.04.
         assert!((mean - 0.5).abs() < 0.12, "{mean}");
-        // Between two tried values the same is told without smoothing.
+        // Between two tried values the density is the same without smoothing.
         let run = runs(0.5, 1000, 1)[0];
         let straight = interpolate(&tried[1], &tried[3], 0.5, &USABLE).log_density(&run);
         assert!((straight - smooth.law(0.5).log_density(&run)).abs() < 0.2, "{straight}");

@@ -33,7 +33,7 @@ pub enum ResimulationError {
     /// It is no experiment of a network with packets, or has parts that cannot be simulated here.
     #[error("{0}")]
     Unfit(String),
-    /// The network refuses what it is told.
+    /// The network refuses its configuration.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Refused(Vec<Problem>),
 }

@@ -31,7 +31,7 @@ const BEHIND: (f64, f64) = (20.0, 0.5);
 const CLOSELY: usize = 4;
 /// How far behind one may lie and be chosen, if it mends what the best one does not (nats).
 const INSTEAD: f64 = 10.0;
-/// How much less probable a rival makes the measurement if it is not to be told from the best: twenty times (nats).
+/// A rival counts as indistinguishable from the best if it makes the measurement at most twenty times less probable (nats).
 const TIE: f64 = 3.0;
 
 /// The result of testing one candidate effect.
@@ -125,8 +125,8 @@ type AcceptedEffect = ((usize, CandidateFit), SearchStep);
 enum GainVerdict {
     /// Not significant.
     Nothing,
-    /// Runs of the network itself that went strangely gain as much by chance. But what is no run of it has been told from them
-    /// already: then the effect may be the one, if the measurement could be a run with it.
+    /// Unusual runs of the network itself gain as much by chance. But if the measurement is inconsistent with the network, the
+    /// effect counts, provided that the measurement is consistent with a network that has it.
     IfItMends,
     /// Significant.
     More,
@@ -179,7 +179,7 @@ impl<'a> NetworkSearch<'a> {
         Self { resimulation, measured, asked, candidates, ground, stop: None }
     }
 
-    /// Ends early when told.
+    /// Ends early once `stop` is set.
     #[must_use]
     pub fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
         Self { stop: Some(stop), ..self }
@@ -189,7 +189,7 @@ impl<'a> NetworkSearch<'a> {
         self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
-    /// A model held against the measurement, under the seeds of comparisons.
+    /// Compares a model with the measurement, under the seeds of comparisons.
     fn rung(
         &self,
         network: &toml::Table,

@@ -76,7 +76,7 @@ pub struct Campaign {
     counts: Vec<Count>,
     n_agents: usize,
     until_s: f64,
-    /// Pairs of motes, in one direction, of which nothing is known.
+    /// Pairs of motes, in one direction, without any measured row.
     pub n_unknown: usize,
 }
 

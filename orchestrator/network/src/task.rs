@@ -184,7 +184,7 @@ impl MeasuredSwarm<'_> {
     ///
     /// # Errors
     ///
-    /// A side refuses what it is told, or robots ask for what the file does not tell.
+    /// A side refuses its configuration, or robots need a column that the file does not have.
     pub fn split(&self, asked: ComparisonOptions) -> Result<TaskSplit, ResimulationError> {
         let plan = self.resimulation.plan();
         let toml = plan.robotsim.effective_toml.as_ref().unwrap_or(&plan.robotsim.toml);

@@ -71,7 +71,7 @@ pub enum RecordError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// Recording had failed before, as was told then.
+    /// Recording had failed before; that call reported it.
     #[error("the recording in {} ends early: {reason}", path.display())]
     Stopped {
         /// The directory it wrote to.

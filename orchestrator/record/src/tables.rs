@@ -32,7 +32,7 @@ pub(crate) struct Tables {
     motes: Option<Table>,
     schedule: Option<Table>,
     neighbours: Option<Table>,
-    /// What was last told of each mote's packets.
+    /// Each mote's packets as last reported.
     told: Vec<PacketCells>,
 }
 

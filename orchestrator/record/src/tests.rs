@@ -275,7 +275,7 @@ fn steps_out_of_order_are_refused() {
     // The thread finds out; the caller learns of it when it next hands something over, here after a few at most.
     let error = (0..).find_map(|_| recorder.step(skipped.clone()).err()).unwrap();
     assert!(matches!(error, RecordError::Order { got: 4, expected: 3 }), "{error}");
-    // Finishing all the same tells the same reason again.
+    // Finishing nevertheless reports the same reason again.
     let error = recorder.finish(&complete(), Value::Null, page).unwrap_err();
     assert!(matches!(&error, RecordError::Stopped { .. }), "{error}");
     assert!(error.to_string().contains("step 4 cannot be recorded: step 3 is next"), "{error}");

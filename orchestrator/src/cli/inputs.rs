@@ -7,7 +7,7 @@ use measure::table::DataTable;
 use std::path::Path;
 use study::open::DataAccount;
 
-/// The configuration that is held against measurements, with `--set` applied.
+/// The configuration that is compared with measurements, with `--set` applied.
 pub(super) fn compared(path: &Path, set: &[String]) -> Result<Compared, Failure> {
     let text = experiment::text_of(path).map_err(Failure::request)?;
     Compared::of_text(path, text, set).map_err(Failure::request)

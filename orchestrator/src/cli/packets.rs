@@ -41,7 +41,7 @@ pub(super) struct ResimulationArgs {
     until: Option<f64>,
 }
 
-/// Measured packets, and the experiment that is held against them.
+/// Measured packets, and the experiment that is compared with them.
 pub(super) struct Opened {
     pub(super) resimulation: Resimulation,
     pub(super) packets: MeasuredPackets,

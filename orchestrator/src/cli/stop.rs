@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM while measurements are searched: what is under way is finished, and what was found until then is told.
+//! Ctrl-C and SIGTERM while measurements are searched: fits under way are finished, and partial results are printed.
 
 use super::{Failure, on_runtime};
 use crate::console::warn;

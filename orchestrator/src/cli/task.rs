@@ -13,7 +13,7 @@ use network::tracks::Tracks;
 use std::path::Path;
 use study::open::{self, DataAccount};
 
-/// Files of a swarm that was measured, and the experiment that is held against it.
+/// Files of a swarm that was measured, and the experiment that is compared with it.
 pub(super) struct Files<'a> {
     pub(super) config: &'a Path,
     pub(super) set: &'a [String],

@@ -13,7 +13,7 @@ use tonic::Status;
 pub(super) trait Probe: Service {
     /// What must be remembered between steps to compute the digest.
     type Exchange: Default + Send;
-    /// The promise to stand still when told to. `None`: this side is never told to.
+    /// The promise to stand still while `hold` is set. `None`: this side has no such field.
     const HOLD: Option<&'static str> = None;
 
     fn configure_request(seed: u64, n: u32, step_ns: u64, toml: &str) -> Self::ConfigureRequest;
@@ -33,7 +33,7 @@ pub(super) trait Probe: Service {
     /// Requests that break the contract, with the promise that each tests.
     fn malformed(step: u64, until_ns: u64, n: usize) -> Vec<(&'static str, Self::StepRequest)>;
 
-    /// Whether it stands still while it is told to, as [`Probe::HOLD`] promises.
+    /// Whether it stands still while `hold` is set, as [`Probe::HOLD`] promises.
     fn holds(_: &Questions<'_, Self>) -> impl Future<Output = Result<(), String>> + Send
     where
         Self: Sized,

@@ -171,7 +171,7 @@ mod tests {
         assert_eq!(settings.len(), 8);
         assert_eq!(settings[..3], ["near, k x, n 1", "near, k x, n 2", "near, k y, n 1"]);
         assert_eq!(settings[7], "far, k y, n 2");
-        // Lists of tables are told by what they hold.
+        // Lists of tables are identified by what they contain.
         let (settings, _) =
             expand("[vary]\na.effect = [[{ kind = \"x\" }, { kind = \"y\", g = 1 }], []]");
         assert_eq!(settings, ["effect x + y", "effect []"]);

@@ -15,7 +15,7 @@ pub(crate) fn of_summary(summary: &RunSummary) -> FiguresByName {
     figures
 }
 
-/// Every number and truth value below `name`; nulls as well, so that what is missing can be told from what is not there.
+/// Every number and truth value below `name`; nulls as well, so that a missing value is distinguishable from an absent key.
 fn below(figures: &mut FiguresByName, name: &str, value: &Value) {
     let mut add = |value| figures.insert(name.to_owned(), value);
     match value {

@@ -92,7 +92,7 @@ fn again(contents: &SweepPage<'_>) -> Option<Markup> {
     })
 }
 
-/// What a picture has along its axis, and what tells its lines apart.
+/// What a picture has along its axis, and what its lines stand for.
 struct PlotLayout {
     /// What the axis shows.
     label: String,
@@ -108,7 +108,7 @@ struct PlotLayout {
     is_joined: bool,
 }
 
-/// More lines than this cannot be told apart.
+/// More lines than this cannot be distinguished.
 const MOST_LINES: usize = 8;
 
 fn views(plan: &SweepPlan) -> Vec<PlotLayout> {

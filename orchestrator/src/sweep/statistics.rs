@@ -3,7 +3,7 @@
 use numbers::statistics::{mean, quantile, standard_deviation};
 use proto::rng::{Draws, Purpose};
 
-/// What a sample tells.
+/// Statistics of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SampleSummary {
     /// How many values.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 /// Number of folds, where rows are left out in turn.
 pub const N_FOLDS: usize = 5;
-/// With fewer blocks nothing can be told.
+/// With fewer blocks no test is possible.
 pub const FEWEST_BLOCKS: usize = 20;
 
 /// Rows in blocks, blocks in folds.

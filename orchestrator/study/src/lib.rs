@@ -1,7 +1,7 @@
 //! Studies: measurements with a model of them, as the search for missing effects needs them.
 //!
 //! The search itself knows neither radio nor robots: it adds terms to a model, fits, and compares how
-//! well data that were left out are predicted. A [`Study`] is one file of measurements held against one configuration.
+//! well data that were left out are predicted. A [`Study`] compares one file of measurements with one configuration.
 
 pub mod choices;
 pub mod folds;
@@ -145,7 +145,7 @@ pub struct Component {
     pub is_of_error: bool,
 }
 
-/// Measurements held against a configuration.
+/// Measurements compared with a configuration.
 pub trait Study: Sync {
     /// A model fitted to some rows.
     type Fit: Clone + Send + Sync;

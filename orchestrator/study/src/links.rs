@@ -1,4 +1,4 @@
-//! Measured links held against a radio model.
+//! Measured links compared with a radio model.
 //!
 //! | module | what |
 //! |---|---|
@@ -15,7 +15,7 @@
 //! | [`search`] | places, nodes and times that an effect needs and that no map shows |
 //! | `group` | blocks that are left out together, cells that share a level |
 //! | `estimates` | numbers with intervals |
-//! | [`predict`] | what a fit predicts, and what is left over |
+//! | [`predict`] | what a fit predicts, and the residuals |
 //! | [`covariance`] | how far levels of links reach |
 //! | [`covariates`] | what an error may depend on, given or derived |
 //! | `view` | predictions row by row, for pictures |
@@ -71,7 +71,7 @@ const FINEST_M: f64 = group::HALF_WAVE_M / SIDE;
 /// Rows that a search looks at; of several frames each, a third.
 const MOST_SEARCHED: usize = 20_000;
 
-/// Measured links held against a radio model.
+/// Measured links compared with a radio model.
 #[derive(Debug)]
 pub struct LinkStudy {
     /// The measurements and the model.
@@ -366,7 +366,7 @@ impl<'a> From<'a> {
 
 /// Random levels start at least this wide (dB).
 const LEAST_START_DB: f64 = 0.3;
-/// Steps of a fit, and of a trial that only tells which start is best.
+/// Steps of a fit, and of a trial that only finds the best start.
 const MOST_STEPS: usize = 40;
 const TRIAL_STEPS: usize = 5;
 /// Rounds in which the spreads of random levels are found, and found again with a few rows less.

@@ -20,7 +20,7 @@ use std::collections::BTreeSet;
 
 pub use measure::account::DataAccount;
 
-/// Why measurements cannot be held against a configuration.
+/// Why measurements cannot be compared with a configuration.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The configuration is refused.
@@ -94,7 +94,7 @@ fn hinted(lacking: &[String], table: &DataTable) -> String {
     lacking.iter().map(hint).collect::<Vec<_>>().join(", ")
 }
 
-/// Robot samples, read and held against the dynamics of a configuration.
+/// Robot samples, read and compared with the dynamics of a configuration.
 ///
 /// # Errors
 ///
@@ -173,7 +173,7 @@ pub fn file_of(table: &DataTable) -> DataFile {
     DataFile { file: name.into_owned(), sha256: table.sha256.clone() }
 }
 
-/// Measured links, read and held against the radio of a configuration.
+/// Measured links, read and compared with the radio of a configuration.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Robot samples held against `[robotsim.dynamics]`.
+//! Robot samples compared with `[robotsim.dynamics]`.
 //!
 //! A row is a window of a track: from all positions and commands up to its start, and the commands within it, the model says
 //! where the robot will be at its end. Velocity is not measured: what the actuators do at the start follows from earlier
@@ -55,10 +55,10 @@ const MEMORY_S: f64 = 0.5;
 /// Blocks that a study would like to have.
 const WANTED_BLOCKS: f64 = 60.0;
 
-/// Estimates that are correlated by more than this can hardly be told apart.
+/// Estimates that are correlated by more than this count as nearly collinear.
 const CONFOUNDED: f64 = 0.95;
 
-/// Robot samples held against a configuration.
+/// Robot samples compared with a configuration.
 #[derive(Debug)]
 pub struct RobotStudy {
     model: RobotModel,
@@ -408,7 +408,7 @@ impl RobotStudy {
         self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(terms).cloned()
     }
 
-    /// Says which other term the first number of a term can hardly be told from.
+    /// Names the other term with which the first number of a term is nearly collinear.
     fn confounded(
         &self,
         fit: &RobotFit,

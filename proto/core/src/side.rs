@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 /// The largest capacity (agents) that the built-in simulators take.
 pub const MAX_AGENTS: u32 = 100_000;
 
-/// Everything a simulator is told when an experiment begins.
+/// Everything a simulator receives when an experiment begins.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// Seed, capacity, period, coupling.

@@ -401,14 +401,14 @@ pub struct MoteStates {
 }
 
 impl MoteStates {
-    /// `n` motes whose radios work, of which nothing more is known: those of a network that reports none.
+    /// `n` motes whose radios work and of which no more is known: those of a network that reports no motes.
     #[must_use]
     pub fn all_working(n: usize) -> Self {
         Self { alive: Bitmap::filled(n, true), ..Self::default() }
     }
 }
 
-/// What an agent is told to do.
+/// An order to an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum AgentOrder {
     /// Hold this velocity (m/s).
@@ -430,7 +430,7 @@ pub struct AgentCommand {
     pub order: AgentOrder,
 }
 
-/// What befalls a mote or the air.
+/// A scheduled event of a mote or of the air.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum MoteOrder {
     /// The radio of a mote fails.
@@ -542,7 +542,7 @@ pub enum Coupling {
     Event,
 }
 
-/// What both simulators are told when an experiment begins.
+/// What both simulators receive when an experiment begins.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Experiment {
     /// Seed of every draw.

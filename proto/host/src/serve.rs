@@ -92,7 +92,7 @@ pub enum ServeError {
     Transport(String),
 }
 
-/// Serves a robot simulator until the process is told to end.
+/// Serves a robot simulator until the process receives a request to end.
 ///
 /// # Errors
 ///
@@ -107,7 +107,7 @@ pub fn serve_robots<S: RobotSimulator>(simulator: S, args: &ServeArgs) -> Result
     })
 }
 
-/// Serves a network simulator until the process is told to end.
+/// Serves a network simulator until the process receives a request to end.
 ///
 /// # Errors
 ///

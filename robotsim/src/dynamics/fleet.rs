@@ -170,7 +170,7 @@ impl Fleet {
         }
     }
 
-    /// Robots that are told to stand still: nothing that was asked for has an effect any more.
+    /// Robots that are ordered to stand still: earlier commands have no effect any more.
     pub fn stand_still(&self, memory: &mut [Memory]) {
         for memory in memory {
             memory.drive = [0.0; 3];

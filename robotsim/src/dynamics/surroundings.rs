@@ -12,7 +12,7 @@ pub struct Surroundings<'a> {
     pub others: &'a [Other],
     /// When (s) the others were there.
     pub others_at_s: f64,
-    /// What was measured beside, where measurements are held against the model.
+    /// The measured covariates, where measurements are compared with the model.
     pub columns: Columns<'a>,
     /// Draws for gusts. `None`: there are no gusts.
     pub draws: Option<Draws>,

@@ -30,9 +30,9 @@ struct Known {
     /// All parts up to this number have come, and of the 16 after it these.
     received: u16,
     later: u16,
-    /// It has told a part since it was answered.
+    /// It has reported a part since it was answered.
     waits: bool,
-    /// Number of its last order, the way that it was told, and when (ns); `None`: it was not sent yet.
+    /// Number of its last order, the path that it was sent, and when (ns); `None`: it was not sent yet.
     order: u16,
     way: Vec<u16>,
     sent_ns: Option<u64>,
@@ -64,7 +64,7 @@ impl Base {
         is_new
     }
 
-    /// A robot's report has come, which it made at `said_ns`. `visit` is told the cells that are new on the map.
+    /// A robot's report has come, which it made at `said_ns`. `visit` receives the cells that are new on the map.
     pub(super) fn handle_report(
         &mut self,
         from: usize,
@@ -185,7 +185,7 @@ impl Base {
             let way = costs.way(goal);
             self.robots[robot].send_to(goal, told(settings, cell, &way));
         }
-        // Who has come to the end of what it could be told of a longer way.
+        // A robot that has come to the end of the part of a longer path that fitted into its order.
         for known in &mut self.robots {
             if let (Some(goal), Some(cell)) = (known.goal, known.cell)
                 && known.taken == known.order
@@ -241,7 +241,7 @@ impl Known {
     }
 }
 
-/// As much of a way as a message tells: where it begins, turns and ends.
+/// As much of a path as fits into a message: where it begins, turns and ends.
 fn told(settings: &Settings, from: u16, way: &[u16]) -> Vec<u16> {
     let turns = corners(&settings.grid, from, way);
     let mut told = vec![from];

@@ -1,4 +1,4 @@
-//! A robot that explores: what it has seen, what it has told, and where it goes.
+//! A robot that explores: what it has seen and reported, and where it goes.
 
 use super::Settings;
 use super::grid::{Cell, Grid};
@@ -13,9 +13,9 @@ pub(super) struct Explorer {
     map: Vec<Cell>,
     /// The cell from which it looked around last.
     looked_from: Option<u16>,
-    /// Seen, and not told yet.
+    /// Seen, and not reported yet.
     fresh: BTreeSet<u16>,
-    /// Parts told that are not known to have come, by number.
+    /// Reported parts that are not known to have arrived, by number.
     parts: BTreeMap<u16, Part>,
     /// Number of the next part.
     next: u16,
@@ -29,17 +29,17 @@ pub(super) struct Explorer {
     told: Option<(u16, u16, u64)>,
 }
 
-/// A part of the map that was told.
+/// A reported part of the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Part {
     runs: Vec<Run>,
     told_ns: u64,
 }
 
-/// Parts that may be on their way: as many as an order tells the fate of.
+/// Parts that may be on their way: as many as an order acknowledges.
 const MAX_PARTS: usize = 16;
 
-/// Parts that are told at a time.
+/// Parts in one report.
 const MAX_AT_A_TIME: usize = 2;
 
 impl Explorer {
@@ -57,7 +57,7 @@ impl Explorer {
         }
     }
 
-    /// Looks around, if it stands in another cell than before. `visit` is told the cells that are new to it.
+    /// Looks around, if it stands in another cell than before. `visit` receives the cells that are new to it.
     pub(super) fn look(
         &mut self,
         grid: &Grid,
@@ -81,7 +81,7 @@ impl Explorer {
         grid.seen_from(cell, range_m, see, |between| solid[usize::from(between)]);
     }
 
-    /// Takes an order: what has come is not told again, and a newer way is gone in place of the one before.
+    /// Takes an order: parts that have arrived are not reported again, and a newer path replaces the one before.
     pub(super) fn handle_order(&mut self, grid: &Grid, cell: u16, now_ns: u64, order: &Order) {
         let (began, _) = self.heard.unwrap_or((cell, now_ns));
         self.heard = Some((began, now_ns));
@@ -108,7 +108,7 @@ impl Explorer {
     }
 
     /// Turns back to where it began, where there was a network, over cells that it has seen, if it is too long ago that it heard
-    /// the base and it waits for a word: about what it has told, or where to go.
+    /// the base and it waits for a word: about what it has reported, or where to go.
     pub(super) fn come_back(&mut self, settings: &Settings, cell: u16, now_ns: u64) {
         let Some(return_ns) = settings.return_ns else { return };
         let &mut (back, heard_ns) = self.heard.get_or_insert((cell, now_ns));
@@ -124,7 +124,7 @@ impl Explorer {
     }
 
     /// What it has to report: parts that are new or that it has waited for in vain, or else where it stands. `None` of it if nothing
-    /// is new. The second number counts those among them that were told before.
+    /// is new. The second number counts those among them that were reported before.
     pub(super) fn poll_reports(
         &mut self,
         settings: &Settings,
@@ -196,7 +196,7 @@ fn swath(grid: &Grid, from: u16, way: &[u16]) -> BTreeSet<u16> {
     cells
 }
 
-/// Takes cells that fit so many runs out of those to be told.
+/// Takes cells that fit into so many runs out of those to report.
 fn take_runs(fresh: &mut BTreeSet<u16>, map: &[Cell], n_max: usize) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     while let Some(&cell) = fresh.first() {

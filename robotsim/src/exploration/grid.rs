@@ -24,7 +24,7 @@ pub struct Grid {
     rows: i32,
 }
 
-/// Most cells a grid may have: their numbers are told in two octets.
+/// Most cells a grid may have: their numbers have two octets.
 pub const MAX_CELLS: usize = 65_535;
 
 impl Grid {

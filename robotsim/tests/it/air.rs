@@ -34,9 +34,9 @@ pub(crate) struct Air<F> {
     pub(crate) states: AgentStates,
     pub(crate) step: u64,
     pub(crate) deliveries: Option<Deliveries>,
-    /// How strong frames are at a distance (m). `None`: that is not told.
+    /// How strong frames are at a distance (m). `None`: that is not reported.
     pub(crate) rssi_dbm: Option<fn(f64) -> f32>,
-    /// How the motes stand in the network. `None`: that is not told.
+    /// How the motes stand in the network. `None`: that is not reported.
     pub(crate) motes: Option<MoteStates>,
     period_ns: u64,
     hears: F,

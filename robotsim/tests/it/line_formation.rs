@@ -1,4 +1,4 @@
-//! Line formation over simple radios, held against an independent measurement of BotNet's.
+//! Line formation over simple radios, compared with an independent measurement by BotNet.
 
 use crate::air::{Air, median, setup};
 use proto::rng::{Draws, Purpose, ordered_link};

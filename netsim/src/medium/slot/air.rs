@@ -128,7 +128,7 @@ impl Arrival {
 
 /// What arrives where.
 pub trait Paths {
-    /// Motes, ascending, outside of which nothing of the sender's frames arrives anywhere; `None`: that may be everyone.
+    /// All motes, ascending, at which the sender's frames can arrive; `None`: they can arrive at any mote.
     fn neighbours(&mut self, sender: u32) -> Option<&[u32]>;
 
     /// Whether a frame that has the slot to itself is received by every radio that is on and listens, and nobody asks how

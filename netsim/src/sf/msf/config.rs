@@ -129,7 +129,7 @@ pub struct MsfConfig {
     pub wait_max_s: u32,
     /// Least length of lists of candidates (§ 8).
     pub candidate_cells: u8,
-    /// Requests in a row that may fail before routing is told.
+    /// Consecutive requests that may fail before routing is notified.
     pub max_failures: u8,
     /// Silence after which cells with a neighbour that is not the parent are removed (s). § 5.1 asks for such a mechanism.
     pub cleanup_s: u32,

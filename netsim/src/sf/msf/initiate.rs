@@ -293,7 +293,7 @@ impl Msf {
         }
     }
 
-    /// After too many failures in a row routing is told to look for another parent; if it keeps this one, we try again
+    /// After too many consecutive failures routing is asked to find another parent; if it keeps this one, we try again
     /// later.
     fn count_failure(&mut self, cx: &mut Context<'_>, parent: Eui64) {
         self.n_failures += 1;

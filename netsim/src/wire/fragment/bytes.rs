@@ -102,7 +102,7 @@ impl Put for Payload<'_> {
 }
 
 impl Fragment {
-    /// What compression leaves alone, within the part's range. Where that begins in the datagram is told from the size
+    /// What compression leaves alone, within the part's range. Where that begins in the datagram follows from the size
     /// as first cut: the headers of a forwarded datagram may have shrunk since (RFC 8138, § 5.5).
     fn put_tail<S: Sink>(&self, sink: &mut S) {
         let tail = self.datagram.upper.tail_len();

@@ -67,7 +67,7 @@ impl SixpRepr {
         bytes_of(self)
     }
 
-    /// The message that these bytes are. An answer does not name the command that it answers: its content is told by its
+    /// The message that these bytes are. An answer does not name the command that it answers: its content is identified by its
     /// length (4 bytes a cell, 2 a number of cells, anything else is a payload). Who knows the command asks
     /// [`Self::parse_answer`].
     ///

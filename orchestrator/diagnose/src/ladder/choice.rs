@@ -45,8 +45,8 @@ impl<S: Study> Search<'_, S> {
         let candidates = self.study.candidates();
         let is_curve = |test: &CandidateTest| self.is_curve(test);
         let effect = greatest_gain(tests, &|test| test.is_acceptable && !is_curve(test));
-        // That something is missing is beyond doubt where an effect is acceptable: a curve which is beyond chance by itself need not
-        // be so with all candidates counted, to be held against that effect.
+        // An acceptable effect already shows that something is missing. So a curve is compared with that effect if the curve is
+        // significant by itself, even if it is not after the correction for all candidates.
         let best_curve = |wanted: &dyn Fn(&CandidateTest) -> bool| {
             greatest_gain(tests, &|test| {
                 let may_compete = test.is_acceptable || effect.is_some() && test.is_plausible;
@@ -76,7 +76,7 @@ impl<S: Study> Search<'_, S> {
         if let Some(law) = self.effect_instead_of_random(best, tests, accepted) {
             best = law;
         }
-        // Of rivals that cannot be told apart, the one with fewer parameters.
+        // Of rivals that are statistically indistinguishable, the one with fewer parameters.
         let n_parameters = |index: usize| candidates[tests[index].term].n_parameters;
         for rival in 0..tests.len() {
             if rival != best
@@ -112,7 +112,7 @@ impl<S: Study> Search<'_, S> {
             } else {
                 (2.0 * over.standard_error).max(WORTH_NATS / 10.0)
             };
-            // Levels of nodes and links that explain more of the same than the curve leave it to the law that goes before them.
+            // If random effects per node or link explain more of the same error than the curve, the physical law is preferred to both.
             let own = self.study.judging_level(candidates[tests[curve].term].level);
             let is_beaten = whole != best
                 && self.gain_between_at(&tests[curve], &tests[whole], accepted, own).gain <= 0.0;

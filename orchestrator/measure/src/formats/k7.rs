@@ -31,7 +31,7 @@ fn table_of(trace: &netsim::k7::K7) -> DataTable {
         |value: &dyn Fn(&netsim::k7::Row) -> f64| trace.rows.iter().map(value).collect();
     let columns: [(&str, Vec<f64>); 8] = [
         ("time_s", column_of(&|row| row.from_ns as f64 * 1e-9)),
-        // Days from the first row on, so that one can be told from another.
+        // Days since the first row, so that each has its own number.
         ("run", column_of(&|row| 1.0 + (row.from_ns / NS_PER_DAY) as f64)),
         ("tx", column_of(&|row| f64::from(row.src))),
         ("rx", column_of(&|row| f64::from(row.dst))),

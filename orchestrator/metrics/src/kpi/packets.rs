@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// What became of all packets so far.
 #[derive(Clone, Debug, Default)]
 pub struct PacketAccount {
-    /// The kinds as last told, with how many of each were created.
+    /// The kinds as last reported, with how many of each were created.
     kinds: Vec<PacketKind>,
     /// Delivered, and dropped by reason, of each kind.
     ended: Vec<(u64, BTreeMap<String, u64>)>,
@@ -113,7 +113,7 @@ impl PacketAccount {
         }
     }
 
-    /// Whether the network tells of no packets.
+    /// Whether the network reports no packets.
     pub fn is_empty(&self) -> bool {
         self.kinds.is_empty()
     }

@@ -9,7 +9,7 @@ use metrics::{Measures, Task};
 use numbers::power::square;
 use proto::types::{AgentStates, NS_PER_S};
 
-/// On which scale differences of a figure are told.
+/// The scale on which differences of a figure are reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskScale {
     /// As it is.

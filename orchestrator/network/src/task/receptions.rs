@@ -216,7 +216,7 @@ pub fn collect(
             let rssi_dbm = deliveries.rssi_dbm.get(k).copied();
             k += 1;
             let sender = sent.sender[index];
-            // What was on its way before robots started told nothing of the task.
+            // A frame that was sent before the robots started says nothing about the task.
             let Some(sent_ns) = sent.sent_ns[index].checked_sub(since_ns) else { continue };
             if sender as usize != receiver {
                 let received_ns = received_ns.saturating_sub(since_ns);

@@ -3,7 +3,7 @@
 use crate::table::Cell;
 use metrics::kpi::{LATENCY_QUANTILES, MotePackets, PacketAccount};
 
-/// What was last told of a mote's packets: quantiles take sorting, and in most steps nothing of a mote's arrives.
+/// A mote's packets as last reported. They are kept because quantiles take sorting, and in most steps no packet of a mote arrives.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PacketCells {
     delivered: u64,

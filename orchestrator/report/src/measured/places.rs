@@ -1,4 +1,4 @@
-//! The map of the site with what the model errs by in each place.
+//! The map of the site with the model's error in each place.
 
 use super::{LinkRows, MeasuredPage, MeasuredRows, Picture, RobotRows, figures};
 use crate::figures::{WIDE, equal_scales};

@@ -5,7 +5,7 @@ use measure::Rejected;
 use measure::account::DataFile;
 use study::open::Subject;
 
-/// Forty rows of links, half of them lost where it is weak; `shift_db` is what the model errs by.
+/// Forty rows of links, half of them lost where it is weak; `shift_db` is the model's error.
 fn view(shift_db: f64) -> RowPredictions {
     let level: Vec<f64> = (0..40).map(|row| -95.0 + f64::from(row)).collect();
     RowPredictions {

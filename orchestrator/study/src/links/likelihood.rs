@@ -62,7 +62,7 @@ pub struct Instrument {
     pub wider: Option<Box<Self>>,
     /// What frames do at every level, where rows sum them up and losses are known.
     pub tabulated: Option<tables::FrameTable>,
-    /// What rows of which nothing was received say, for usual numbers of frames sent.
+    /// Likelihood of rows without a received frame, for the usual numbers of frames sent.
     pub silent: Vec<tables::SilentRowTable>,
     /// How readings lie about their mean, and strengths before they are rounded.
     of_reading: FadingDensity,

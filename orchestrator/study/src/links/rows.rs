@@ -11,7 +11,7 @@ use proto::site::Site;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Measured links, and the model that is held against them.
+/// Measured links, and the model that is compared with them.
 #[derive(Clone, Debug)]
 pub struct ModelledLinks {
     /// The measurements. Rows that the model cannot say anything about have been taken out.
@@ -48,7 +48,7 @@ pub struct BasePrediction {
     pub stated: Option<f64>,
 }
 
-/// Numbers of frames sent are usual in rows of which nothing was received, if so many have them, and the most usual count.
+/// A number of frames sent is usual if at least so many rows without a received frame have it; so many numbers count.
 const FEWEST_SILENT: usize = 500;
 const MOST_SILENT: usize = 4;
 /// A mote that stays within this (m) stands still.
@@ -131,7 +131,7 @@ impl ModelledLinks {
         &self.still
     }
 
-    /// Numbers of frames sent that are usual in rows of which nothing was received.
+    /// Numbers of frames sent that are usual in rows without a received frame.
     #[must_use]
     pub fn silent_frames(&self) -> &[f64] {
         &self.silent_frames
@@ -320,7 +320,7 @@ impl ModelledLinks {
     }
 }
 
-/// Numbers of frames sent of the most rows of which nothing was received.
+/// The most frequent numbers of frames sent in rows without a received frame.
 fn silent_frames(rows: &[LinkRow]) -> Vec<f64> {
     let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.received == 0.0) {

@@ -1,4 +1,4 @@
-//! Places, nodes and times that an effect needs and that no map shows: found by what is left over of the likelihood.
+//! Places, nodes and times that an effect needs and that no map shows: found from the residuals of the likelihood.
 //!
 //! A term with a contribution c(row) of small size raises the log likelihood by about S²/2I, S the sum of c times the
 //! slope over the level, I that of c² times the weight (the score test). So thousands of places are compared at the price

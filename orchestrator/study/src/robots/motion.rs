@@ -140,7 +140,7 @@ impl MeasuredTracks {
     ///
     /// * `sums`: room for them.
     /// * `add`: adds what happens from a sample to the next.
-    /// * `tell`: is told the sums where each window begins.
+    /// * `tell`: receives the sums where each window begins.
     pub(super) fn believed<const N: usize>(
         &self,
         gains: Gains,
@@ -221,7 +221,7 @@ impl MeasuredTracks {
         self.others.iter().any(|others| !others.is_empty())
     }
 
-    /// Goes along every track by the model alone, where that tells what it does from any estimate.
+    /// Simulates every track by the model alone. Empty if a robot's motion depends on where it begins.
     pub(super) fn paths(&self, physics: &Physics) -> ModelPaths {
         if !physics.is_alike_everywhere() {
             return ModelPaths::new();

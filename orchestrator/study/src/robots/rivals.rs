@@ -1,4 +1,4 @@
-//! Models that are held against each other: where they differ tells what to measure next.
+//! Comparison of rival models: where their predictions differ is what to measure next.
 
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};

@@ -1,4 +1,4 @@
-//! The walk over what was written, held against its description.
+//! Checks a configuration as written against its description.
 
 use super::{
     Default, Field, Kind, Lists, Node, Problem, TableSpec, Value, Variant, join, most_similar,

@@ -72,7 +72,7 @@ pub(super) const ENTRY: Entry = Entry {
 /// unicycle: ω = ω_cmd + c
 /// ```
 ///
-/// Wheels of unequal size make a robot turn that is told to go straight: Borenstein and Feng, IEEE Trans. Robotics and Automation 12
+/// Wheels of unequal size make a robot turn that is commanded to go straight: Borenstein and Feng, IEEE Trans. Robotics and Automation 12
 /// (1996) 869.
 ///
 /// # Arguments
@@ -82,7 +82,7 @@ pub(super) const ENTRY: Entry = Entry {
 ///
 /// # Validity
 ///
-/// Constant: unequal wheels turn a robot in proportion to its speed, whereas here a unicycle that is told to stand still turns all
+/// Constant: unequal wheels turn a robot in proportion to its speed, whereas here a unicycle that is commanded to stand still turns all
 /// the same. Nothing for bodies that are commanded by a velocity. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct SteeringBias {

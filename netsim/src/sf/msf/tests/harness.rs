@@ -19,7 +19,7 @@ pub(super) struct Mote {
     pub(super) unusable: Vec<Eui64>,
     /// Why requests of this mote failed.
     pub(super) failures: Vec<Failure>,
-    /// How often it was told that ends differ.
+    /// How often it was notified that both ends differ.
     pub(super) n_inconsistent: u32,
     is_root: bool,
     parent: Option<Eui64>,

@@ -43,8 +43,8 @@ const HERMITE: [(f64, f64); 7] = [
 ];
 /// Frames of levels this many standard deviations below the likeliest must pass alike for an integral in closed form.
 const ALIKE_SD: f64 = 7.0;
-/// What rows of which nothing was received say is tabulated so many standard deviations of their level beyond the curve, at about so
-/// many points.
+/// The likelihood of rows without a received frame is tabulated so many standard deviations of their level beyond the curve, at
+/// about so many points.
 const SILENT_SD: f64 = 5.0;
 const SILENT_POINTS: usize = 300;
 /// Steps to the top of an integrand.
@@ -408,8 +408,8 @@ impl Instrument {
         }
     }
 
-    /// With what many rows ask for, computed once: what frames do at every level, the same with frames that vary a little more, for
-    /// derivatives, and rows of which nothing was received, for these numbers of frames sent.
+    /// Tabulates what many rows need: the probabilities of frames at every level; the same with slightly larger noise, for
+    /// derivatives; and the likelihood of rows without a received frame, for these numbers of frames sent.
     #[must_use]
     pub fn with_tables(self, silent_frames: &[f64]) -> Self {
         let tabulated =

@@ -21,7 +21,7 @@ use measure::links::LinkRow;
 const HALF_STEP_DB: f64 = 0.01;
 const LN_TAU: f64 = 1.837_877_066_409_345_5;
 
-/// Frames pass with this probability at the least: below it a row with a reading received one, and no more can be told.
+/// Least probability that a frame passes. Below it a row with a reading received one frame, and holds no further information.
 const LEAST_PASSES: f64 = 1e-9;
 
 /// Mean and variance of the share of `frames` that are received, each with the probability `passes`, something being received.

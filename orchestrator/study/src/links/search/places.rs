@@ -53,7 +53,7 @@ struct FittedObstacle {
     /// Of each way, what the fitted obstacle takes (dB).
     taken_db: Vec<f64>,
     shape: ObstacleShape,
-    /// Least and greatest coordinates (m) between which ways lie, and what was fitted: beyond them nothing tells where an end is.
+    /// Least and greatest coordinates (m) between which ways lie, and what was fitted: beyond them an end cannot be located.
     bounds_m: [[f64; 2]; 2],
 }
 
