@@ -1,7 +1,8 @@
-//! Many experiments that differ in what `[sweep]` says: run on all cores, by simulators that stay, and put into one table.
+//! Sweeps: many experiments that differ as `[sweep]` states. They run on all cores in simulators that are reused, and end in one
+//! table.
 //!
-//! `OUT/<name>/trials.jsonl` holds a line for each trial that is done, so that a sweep that was stopped, however abruptly,
-//! goes on where it was; the table, the summary and the report are made of those lines when the last one is there.
+//! `OUT/<name>/trials.jsonl` holds a line for each finished trial, so a sweep resumes even after a crash. The table, the summary
+//! and the report are made from those lines once all trials are finished.
 
 mod design;
 pub(crate) mod figures;

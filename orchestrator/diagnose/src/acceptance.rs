@@ -1,8 +1,8 @@
-//! The acceptance rule: which of the terms that were tested are significant, and worth having.
+//! The acceptance rule: which of the tested terms are significant, and large enough to be worth adding.
 //!
-//! `diagnose` applies it to all candidates of a round, `power` to one effect. A term is accepted if what it gains on rows left out is
-//! significant at [`FAMILY_ERROR`] after Holm's correction for all candidates, and if it is worth having: by its gain per row, or by
-//! the share of the error that it removes.
+//! `diagnose` applies it to all candidates of a round, `power` to one effect. A term is accepted if its gain on held-out rows is
+//! significant at [`FAMILY_ERROR`] after Holm's correction for all candidates, and large enough. It is large enough by its gain per
+//! row, or by the share of the error that it removes.
 
 use crate::gain::{Gain, Scores};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
@@ -35,8 +35,8 @@ impl Acceptance {
 
 /// Judges terms that were each tested on top of the same model.
 ///
-/// * `gains`: of the terms, on rows left out.
-/// * `n_candidates`: how many candidates are corrected for, those that were not worth a test included.
+/// * `gains`: of the terms, on held-out rows.
+/// * `n_candidates`: the number of candidates in the correction, including those that were not worth a test.
 /// * `least_share`: the share of the error that a term must remove if its gain alone is not worth it; at least [`WORTH_SHARE`].
 /// * `share_removed`: the share of the error that the term at an index removes; asked only where the gain is significant by itself.
 #[must_use]
@@ -77,9 +77,9 @@ pub fn share_scale(configured: f64, other: f64) -> f64 {
     if scale.is_finite() { scale.max(1.0) } else { 1.0 }
 }
 
-/// Whether a term is certain by its total gain (nats), where blocks are too few or too unlike for anything to be significant after
-/// the correction: a likelihood ratio of rows left out exceeds e^g by chance with a probability of at most e^-g. Rows count as
-/// `design_effect` times fewer independent ones.
+/// Whether a term is certain by its total gain (nats). This matters if blocks are too few or too unlike for any term to be significant
+/// after the correction. A likelihood ratio of held-out rows exceeds e^g by chance with a probability of at most e^-g. The effective
+/// sample size is the number of rows divided by `design_effect`.
 #[must_use]
 pub fn is_certain_by_total(gain: &Gain, n_candidates: usize, design_effect: f64) -> bool {
     let least = libm::log(n_candidates as f64 / FAMILY_ERROR) * design_effect;

@@ -71,8 +71,8 @@ pub fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> 
     }
 }
 
-/// Fits several new terms. All at once each starts where it would by itself, one after the other where those before it have left
-/// room: of bands that may be disturbed the right one is seen only once the curve of reception is right. The likelier counts.
+/// Fits several new terms in two ways, and keeps the likelier fit. Together, each term starts where it would by itself. One after
+/// the other, each starts from the residuals of those before it: a disturbed band shows only once the reception curve is right.
 fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
     if terms.len() < 2 {
         return;
@@ -93,9 +93,9 @@ fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
 
 /// The configuration with terms added: the text as it was, then the new sections with the fit's provenance.
 ///
-/// * `section`: of an effect, `netsim.phy.effect`.
-/// * `whole`: all rows, where the search looked at some of them.
-/// * `noise_key`: where the noise of the model stands, if it is to be written: section, key, value.
+/// * `section`: the section of an effect, such as `netsim.phy.effect`.
+/// * `whole`: all rows, if the search used some of them only.
+/// * `noise_key`: section, key and value of the model's noise, if it is to be written.
 ///
 /// # Errors
 ///

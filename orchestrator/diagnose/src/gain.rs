@@ -121,8 +121,8 @@ impl Gain {
     }
 }
 
-/// Student's t of a mean above 0, of so many values that are skewed to the right: where few of them make up the mean they make up its
-/// standard error as well, and t says too little (L. Chen, Testing the mean of skewed distributions, J. Am. Stat. Assoc. 90, 1995).
+/// Student's t of a mean above 0, of `n` values that are skewed to the right. If a few of them dominate the mean, they dominate its
+/// standard error as well, so that t is too small (L. Chen, Testing the mean of skewed distributions, J. Am. Stat. Assoc. 90, 1995).
 fn skewness_corrected_t(t: f64, skewness: f64, n: f64) -> f64 {
     if t.is_nan() || t <= 0.0 || skewness.is_nan() || skewness <= 0.0 {
         return t;

@@ -17,8 +17,8 @@ use tracing::debug;
 /// with mean m has a variance of about 2 m, so that it lies √(m/2) standard errors above 0; a single candidate needs 2.58. The gain
 /// on held-out rows is smaller than on the rows of the fit.
 const HOPELESS_NATS: f64 = 12.0;
-/// A candidate that raises the log likelihood by less than this (nats) beyond a special case of it is no better than that: with three
-/// parameters more, as much comes by chance in one case of 140.
+/// A candidate must raise the log likelihood by this (nats) beyond its own special case to count as better. With three additional
+/// parameters that much occurs by chance in one case of 140.
 const NOTHING_MORE_NATS: f64 = 6.0;
 /// A rival raises the log likelihood by at least this share of what the chosen candidate does.
 const NEARLY: f64 = 0.8;

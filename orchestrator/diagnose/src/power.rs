@@ -1,9 +1,8 @@
-//! How large an effect a campaign would show: by simulated campaigns at the rows of a file, with the effect in them at several
-//! sizes, each judged by the rule by which `diagnose` accepts an effect.
+//! Power: how large an effect must be for a campaign to show it. Campaigns with the effect at several sizes are simulated at the
+//! rows of a file, and each is judged by the rule by which `diagnose` accepts an effect.
 //!
-//! The effect is tried alone on the model as configured: what it gains on data left out must be beyond chance with all
-//! candidates counted (the first step of Holm's rule), and worth having. Whether rivals would be named in its place is not
-//! asked.
+//! The effect is tested alone on the model as configured. Its gain on held-out data must be significant after the correction for
+//! all candidates (the first step of Holm's rule), and large enough. Rivals that might be named in its place are not tested.
 
 pub mod answer;
 

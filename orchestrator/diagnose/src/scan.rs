@@ -156,8 +156,9 @@ fn binned(values: &[f64], n_bins: usize) -> Option<Vec<u8>> {
     Some(values.iter().map(bin).collect())
 }
 
-/// The share of a residual's squares between bins, chance taken off, and its probability by chance: signs of whole blocks
-/// flipped at random (the wild cluster bootstrap of Cameron, Gelbach and Miller 2008), a gamma law fitted to what comes.
+/// The share of a residual's sum of squares between bins, less its expectation under the null hypothesis, and its p-value. The null
+/// distribution is a gamma law fitted to a wild cluster bootstrap (Cameron, Gelbach and Miller 2008): random sign flips of whole
+/// blocks.
 fn test_structure(
     bins: &[u8],
     residual: &[f64],

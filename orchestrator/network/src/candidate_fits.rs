@@ -1,10 +1,11 @@
 //! Fits of one candidate effect: the value of its parameter that maximises the likelihood of a measurement, with a 90 % interval.
 //!
-//! The network is run at some values under the same seeds, so that what differs between values is the effect and not luck.
-//! First roughly over the whole range, then about the best value, and at last at some values evenly over all that is
-//! plausible, under more seeds: there the figures are smoothed over the values. The interval is that of the profile of the
-//! likelihood, widened by what other seeds would do to it; and where runs with the fitted effect, fitted in their turn, come
-//! out further off than that, it is widened to there ([`FitContext::calibrate`]).
+//! The network runs at several values under the same seeds, so that differences between values come from the effect alone. The
+//! values first cover the whole range coarsely, then the neighbourhood of the best one. Finally they cover the plausible range
+//! evenly, under more seeds, and the figures are smoothed over them.
+//!
+//! The interval is the profile-likelihood interval, widened by the scatter over seeds. Runs with the fitted effect are then fitted
+//! in turn; if their errors are larger, the interval is widened to them ([`FitContext::calibrate`]).
 
 use super::candidates::CandidateEffect;
 use super::likelihood::{

@@ -22,12 +22,12 @@ pub const ACCEPT: f64 = 0.01;
 pub const FEWEST_SEEDS: u64 = 99;
 /// Fewer seeds for a fit say too little of the figures' scatter.
 const FEWEST_TO_FIT: u64 = 24;
-/// Effects that are added at most.
+/// Greatest number of added effects.
 const MOST: usize = 3;
-/// How far behind the best a candidate may lie at first to be looked at closely (nats), and as a part of the best one's gain:
-/// what goes straight between far values is not yet known to better.
+/// Greatest distance from the best candidate at which one is refined: in nats, and as a share of the best one's gain. The first
+/// gains are interpolated linearly between distant values, and so are not more accurate than this.
 const BEHIND: (f64, f64) = (20.0, 0.5);
-/// How many are looked at closely.
+/// How many candidates are refined.
 const CLOSELY: usize = 4;
 /// How far behind one may lie and be chosen, if it mends what the best one does not (nats).
 const INSTEAD: f64 = 10.0;

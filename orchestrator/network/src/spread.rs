@@ -1,9 +1,10 @@
 //! A measurement against the spread of seeds.
 //!
-//! If the model is right the measurement is one more run of it: among its figures and those of `S` seeds none is special. So
-//! the chance that it lies as far out as it does, or further, is its rank among all `S + 1`, whatever the figures'
-//! distributions. For all figures together, the one in which a run is furthest out counts, in units of the scatter of all
-//! `S + 1`: that rank is exact too, and needs no correction for several figures being looked at.
+//! If the model is right the measurement is one more run of it, exchangeable with those of `S` seeds. So the probability of a value
+//! at least as extreme is its rank among all `S + 1`, whatever the distribution of the figure.
+//!
+//! For all figures together, the most extreme figure of a run counts, in units of the scatter of all `S + 1`. That rank is exact
+//! too, and needs no correction for several figures.
 
 use super::comparison::{Kpi, KpiOfModel};
 use super::figure::FigureSpec;

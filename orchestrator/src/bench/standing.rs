@@ -69,8 +69,8 @@ const HOUR_NS: u64 = 3600 * NS_PER_S;
 const STATISTICS_NS: u64 = 600 * NS_PER_S;
 /// Slots of a step: a minute.
 const STEP_SLOTS: u32 = 6000;
-/// With headers a 6LoWPAN datagram of 90 bytes, of which the peers' is 90 bytes of payload without headers; to a root one
-/// hop away, whose address need not be said, it is one of 82 bytes.
+/// With headers this is a 6LoWPAN datagram of 90 bytes; the peers have 90 bytes of payload without headers. A datagram to a root
+/// one hop away omits the root's address, and has 82 bytes.
 const PAYLOAD_BYTES: u32 = 72;
 /// Between neighbours of the grid (m).
 const SPACING_M: f64 = 10.0;

@@ -177,8 +177,8 @@ pub trait Study: Sync {
     /// Fits the configured model, its noise, and the terms (indices of candidates) together, to convergence.
     ///
     /// * `train`: the rows.
-    /// * `level`: at which the fit will be judged. At [`Level::Place`] every model carries what is random per link or node,
-    ///   so that nothing that is fixed per link can pass for something else.
+    /// * `level`: at which the fit will be judged. At [`Level::Place`] every model has random effects per link or
+    ///   node, so that a constant of a link cannot pass for another effect.
     /// * `start`: a fit of fewer or other terms, from which the search may start.
     fn fit(
         &self,

@@ -1,7 +1,7 @@
 //! The calls of the contract and their replies, as valid values.
 //!
-//! [`crate::side`] is the same exchange as a simulator sees it; here it is as whoever drives two simulators sees it, with what
-//! a shell around a simulator adds: the number of the step, the orders that came in from outside, the texts of a configuration.
+//! [`crate::side`] is the same exchange as a simulator sees it. This is the view of the program that drives two simulators. It has
+//! what the service around a simulator adds: the number of the step, orders from outside, the texts of a configuration.
 
 use crate::config::{self, Problem};
 use crate::side::{NetOutput, RobotOutput, Setup};

@@ -71,7 +71,7 @@ pub const ENTRY: Entry = Entry {
 ///
 /// # Validity
 ///
-/// All links alike, at any power. It cannot be told from an error of `tx_power_dbm`.
+/// All links alike, at any power. It is aliased with an error of `tx_power_dbm`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct SystemGain {
     /// What is added (dB).

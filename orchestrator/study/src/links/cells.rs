@@ -1,9 +1,9 @@
-//! What is random per node, link and channel: levels with shrinkage, solved together with everything else.
+//! Random effects per node, link and channel: intercepts with shrinkage, estimated together with all other parameters.
 //!
 //! Nested cells (a link and place, and in it a channel and finer place) are eliminated one by one; offsets of nodes, which
-//! cross all links, stand in the dense system beside the parameters. So one step of Newton's method costs one pass over the
-//! rows, however many cells there are (a Schur complement: Bates et al., Fitting linear mixed-effects models using lme4,
-//! Journal of Statistical Software 67 (2015), § 3, for the Gaussian case; here the weights are those of the likelihood).
+//! cross all links, stand in the dense system with the parameters. So one step of Newton's method costs one pass over the
+//! rows, however many cells there are. This is a Schur complement, in the Gaussian case as in lme4 (Bates et al., Fitting linear
+//! mixed-effects models using lme4, Journal of Statistical Software 67 (2015), § 3); here the weights come from the likelihood.
 
 use super::likelihood::RowLikelihood;
 use nalgebra::{DMatrix, DVector};

@@ -84,8 +84,8 @@ impl LinkStudy {
         (estimates, warning)
     }
 
-    /// What a search found beside the numbers of a fit: places, with how well they are known; and numbers that were found
-    /// together with headings are known less well than the fit, which holds the headings, says.
+    /// Adds what a search found besides the parameters of a fit: places with their standard errors. Parameters that were found
+    /// together with headings get larger standard errors, because the fit holds the headings fixed.
     fn add_searched(&self, fit: &LinkFit, place: usize, estimates: &mut Vec<Estimate>) {
         let specs = self.specs_of(&fit.terms);
         let state = &fit.states[place];

@@ -18,9 +18,9 @@ const CONVERGED_NATS: f64 = 1e-4;
 const CONVERGED_TIMES: usize = 2;
 /// A step is not tried that promises less than this share of the gain at which a fit has converged.
 const PROMISING: f64 = 0.1;
-/// A fit to some of the windows, which starts where all of them lead, has converged when a step gains less (nats): what a
-/// fold's fit lacks of its optimum shows in its scores in second order only, and decisions are about tens of nats. So have
-/// thresholds and other numbers that are searched in turn.
+/// A fit to some of the windows, warm-started from the fit to all, has converged when a step gains less than this (nats). The
+/// distance of a fold's fit from its optimum affects scores in second order only, and decisions are about tens of nats. The same
+/// holds for thresholds and other numbers that are searched in turn.
 const NEAR_NATS: f64 = 1e-2;
 /// Most steps of a fit to some of the windows with the derivatives at its start, before they are computed anew.
 const CHORD_STEPS: usize = 8;
@@ -51,8 +51,8 @@ pub(super) fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -
         .collect()
 }
 
-/// The step to the optimum of a quadratic form. A number at an end of its range stays there where the step would lead beyond:
-/// cut off only afterwards, it would leave the others short of their optimum, and a fit would creep along the end.
+/// The step to the optimum of a quadratic form. A number at a bound of its range stays there if the step would lead beyond.
+/// Clipping the step afterwards would leave the others short of their optimum, and a fit would stall at the bound.
 pub(super) fn uphill(
     information: &DMatrix<f64>,
     slope: &DVector<f64>,

@@ -1,8 +1,7 @@
 //! An expression as a program: operations in postfix order, each of which takes its operands off a stack.
 //!
-//! Written here rather than taken from a library because the reader produces the operations anyway, and because the
-//! functions must be those of `libm` and the order of operations that of the expression: results are the same on every
-//! processor.
+//! No library evaluates it: the reader produces the operations anyway, and results must be the same on every processor. So the
+//! functions are those of `libm`, and operations keep the order of the expression.
 
 /// An expression that can be evaluated. Empty until the reader has pushed its operations.
 #[derive(Clone, Debug, Default)]

@@ -19,8 +19,8 @@ const LEAST_SD_DB: f64 = 0.3;
 /// The logarithm of its square.
 const LN_LEAST_VARIANCE: f64 = -2.407_945_608_651_872;
 const LN_TAU: f64 = 1.837_877_066_409_345_5;
-/// Frames of one row fare a little alike, since whatever disturbs them comes and goes: so much they are correlated, and k frames say
-/// as much as k / (1 + (k − 1) ρ) independent ones.
+/// Correlation ρ of the frames of one row, because disturbances last longer than a frame. The effective sample size of k frames is
+/// k / (1 + (k − 1) ρ).
 const ALIKE: f64 = 0.01;
 /// Points of an integral. It reaches on both sides to where the integrand has fallen by so much (nats).
 const POINTS: usize = 25;

@@ -34,9 +34,8 @@ impl SilentRowTable {
     }
 }
 
-/// What frames do by their level, tabulated at equal steps: logarithms of the probabilities that one passes and that it does
-/// not, each with its slope, how much stronger those that pass are in the mean (dB), the variance of their readings (dB²) and its
-/// logarithm.
+/// Reception of frames by their level, tabulated at equal steps: the log probabilities of reception and of loss, each with its
+/// slope; the mean excess of received frames over their level (dB); and the variance of their readings (dB²) with its logarithm.
 #[derive(Clone, Debug)]
 pub struct FrameTable {
     pub(super) from_dbm: f64,

@@ -108,8 +108,8 @@ impl FittedObstacle {
         drawn.split_off(n_steps / FORGOTTEN)
     }
 
-    /// A move that is as likely as its way back: of one number; of a segment, or of one end of it, along it or across, or about
-    /// an end; of a disc with an edge that stays. `turn`: a number in 0 to 1.
+    /// A symmetric proposal, as likely as its reverse. It moves one number; a segment or one end of it, along, across or about an
+    /// end; or a disc of which one edge stays. `turn`: a number in 0 to 1.
     fn moved(&self, here: &[f64], what: u64, (size, turn): (f64, f64), by: f64) -> Vec<f64> {
         let scaled = |(least, most): (f64, f64)| by * least * libm::pow(most / least, size);
         let mut there = here.to_vec();
