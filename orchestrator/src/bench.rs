@@ -20,7 +20,8 @@ use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::{Ending, Recorder, RunHeader};
 use report;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 use std::fmt;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -445,37 +446,43 @@ const MIN_STEPS: usize = 20;
 const MEASURED: Duration = Duration::from_secs(1);
 
 impl BenchTable {
-    /// For programs.
+    /// The answer for programs.
     #[must_use]
-    pub fn to_json(&self) -> Value {
-        let rows: Vec<Value> = self
-            .cells
-            .iter()
-            .map(|cell| {
-                let (figures, peers) = (PeerFigures::for_agents(cell.agents), cell.peers());
-                json!({
-                    "agents": cell.agents,
-                    "model": cell.model.name(),
-                    "controller": cell.robots.name(),
-                    "mode": cell.mode.name(),
-                    "steps": cell.n_steps,
-                    "median_ms": cell.median_ms,
-                    "p90_ms": cell.p90_ms,
-                    "botnet_ms": peers.and_then(|figures| figures.botnet_ms(cell.model)),
-                    "paper_ms": peers.and_then(|figures| figures.paper_ms(cell.model)),
-                    "to_reach_ms": figures.and_then(|figures| figures.goal_ms(cell.model)),
-                })
-            })
-            .collect();
-        json!({
-            "schema": "bench/1",
-            "threads": self.threads,
-            "exchange_ms": self.exchange_ms,
-            "rows": rows,
-            "swarm": self.swarm.as_ref().map(swarm::SwarmTable::to_json),
-            "standing": self.standing.as_ref().map(standing::StandingTable::to_json),
-        })
+    pub fn answer(&self) -> BenchAnswer {
+        BenchAnswer {
+            schema: "bench/1",
+            threads: self.threads,
+            exchange_ms: self.exchange_ms,
+            rows: self.cells.iter().map(BenchCell::answer).collect(),
+            swarm: self.swarm.as_ref().map(swarm::SwarmTable::answer),
+            standing: self.standing.as_ref().map(standing::StandingTable::answer),
+        }
     }
+}
+
+/// The JSON of [`BenchTable`].
+#[derive(Debug, Serialize)]
+pub struct BenchAnswer {
+    schema: &'static str,
+    threads: Option<u16>,
+    exchange_ms: Option<f64>,
+    rows: Vec<RowAnswer>,
+    swarm: Option<Vec<swarm::RowAnswer>>,
+    standing: Option<Vec<standing::RowAnswer>>,
+}
+
+#[derive(Debug, Serialize)]
+struct RowAnswer {
+    agents: u32,
+    model: &'static str,
+    controller: &'static str,
+    mode: &'static str,
+    steps: usize,
+    median_ms: f64,
+    p90_ms: f64,
+    botnet_ms: Option<f64>,
+    paper_ms: Option<f64>,
+    to_reach_ms: Option<f64>,
 }
 
 /// What stands above the rows of propagation alone.
@@ -491,6 +498,22 @@ fn heading() -> String {
 }
 
 impl BenchCell {
+    fn answer(&self) -> RowAnswer {
+        let (figures, peers) = (PeerFigures::for_agents(self.agents), self.peers());
+        RowAnswer {
+            agents: self.agents,
+            model: self.model.name(),
+            controller: self.robots.name(),
+            mode: self.mode.name(),
+            steps: self.n_steps,
+            median_ms: self.median_ms,
+            p90_ms: self.p90_ms,
+            botnet_ms: peers.and_then(|figures| figures.botnet_ms(self.model)),
+            paper_ms: peers.and_then(|figures| figures.paper_ms(self.model)),
+            to_reach_ms: figures.and_then(|figures| figures.goal_ms(self.model)),
+        }
+    }
+
     /// What the peers take, whose robots jump.
     fn peers(&self) -> Option<&'static PeerFigures> {
         PeerFigures::for_agents(self.agents).filter(|_| self.robots == RobotMotion::Jumping)

@@ -349,7 +349,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
             }
             let mut print = |text: &str| say(text);
             let table = on_runtime(bench::bench(&options, &mut print))?.map_err(Failure::work)?;
-            write_json(args.json.as_deref(), &table.to_json())
+            write_json(args.json.as_deref(), &table.answer())
         }
         Command::Netsim(_) | Command::Robotsim(_) => unreachable!("served in main"),
     }
@@ -473,13 +473,6 @@ fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {
         Some(name) => effects::find(name).map_err(Failure::request)?,
         None => effects::all(),
     };
-    let as_json = || match &args.name {
-        Some(_) => serde_json::json!({
-            "schema": "effects/1",
-            "effects": found.iter().map(effects::Listed::to_json).collect::<Vec<_>>(),
-        }),
-        None => effects::to_json(),
-    };
     if let Some(path) = &args.svg {
         let name = args.name.as_deref().unwrap_or_default();
         let picture = found.iter().find_map(effects::Listed::picture).ok_or_else(|| {
@@ -490,8 +483,10 @@ fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {
         write_whole("--svg", path, &picture.svg(name))?;
     }
     match args.json.as_deref() {
-        Some(path) if path == Path::new("-") => say(format!("{:#}", as_json())),
-        Some(path) => write_json(Some(path), &as_json())?,
+        Some(path) if path == Path::new("-") => {
+            say(record::pretty(&effects::answer(&found)).trim_end())
+        }
+        Some(path) => write_json(Some(path), &effects::answer(&found))?,
         None if args.name.is_none() => say(effects::table()),
         None => {
             let texts: Vec<String> = found.iter().map(effects::Listed::explained).collect();
@@ -540,7 +535,7 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
     }
     .map_err(Failure::request)?;
     say(&found);
-    write_json(args.json.as_deref(), &found.to_json())?;
+    write_json(args.json.as_deref(), &found.answer())?;
     if found.is_good() {
         Ok(())
     } else {

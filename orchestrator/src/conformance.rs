@@ -6,7 +6,7 @@ use drive::peer::{SideError, Standing, connect};
 use experiment::Tls;
 use probe::Probe;
 use proto::digest;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::fmt;
 use std::future::Future;
 use std::time::Duration;
@@ -63,23 +63,43 @@ impl Conformance {
         !self.findings.iter().any(|finding| matches!(finding.verdict, ContractVerdict::Broken(_)))
     }
 
-    /// For programs.
+    /// The answer for programs.
     #[must_use]
-    pub fn to_json(&self) -> Value {
-        let findings: Vec<Value> = self
-            .findings
-            .iter()
-            .map(|finding| {
-                let (verdict, reason) = match &finding.verdict {
-                    ContractVerdict::Kept => ("kept", None),
-                    ContractVerdict::Broken(reason) => ("broken", Some(reason)),
-                    ContractVerdict::Lax(reason) => ("lax", Some(reason)),
-                    ContractVerdict::NotAnnounced => ("not-announced", None),
-                };
-                json!({ "promise": finding.promise, "verdict": verdict, "reason": reason })
-            })
-            .collect();
-        json!({ "schema": "conformance/1", "name": self.name, "good": self.is_good(), "findings": findings })
+    pub fn answer(&self) -> ConformanceAnswer<'_> {
+        ConformanceAnswer {
+            schema: "conformance/1",
+            name: &self.name,
+            good: self.is_good(),
+            findings: self.findings.iter().map(FindingAnswer::new).collect(),
+        }
+    }
+}
+
+/// The JSON of [`Conformance`].
+#[derive(Debug, Serialize)]
+pub struct ConformanceAnswer<'a> {
+    schema: &'static str,
+    name: &'a str,
+    good: bool,
+    findings: Vec<FindingAnswer<'a>>,
+}
+
+#[derive(Debug, Serialize)]
+struct FindingAnswer<'a> {
+    promise: &'static str,
+    verdict: &'static str,
+    reason: Option<&'a str>,
+}
+
+impl<'a> FindingAnswer<'a> {
+    fn new(finding: &'a Finding) -> Self {
+        let (verdict, reason) = match &finding.verdict {
+            ContractVerdict::Kept => ("kept", None),
+            ContractVerdict::Broken(reason) => ("broken", Some(reason.as_str())),
+            ContractVerdict::Lax(reason) => ("lax", Some(reason.as_str())),
+            ContractVerdict::NotAnnounced => ("not-announced", None),
+        };
+        Self { promise: finding.promise, verdict, reason }
     }
 }
 

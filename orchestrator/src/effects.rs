@@ -12,7 +12,7 @@ pub use picture::Picture;
 
 use proto::config::{Default, Field, Kind, Tag, Variant, most_similar};
 use proto::effect::{About, CONSTANT, Fit, Level};
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::fmt::Write as _;
 
 /// An effect of the catalogue.
@@ -246,47 +246,82 @@ impl Listed {
         Some(format!("fitted from {min} to {max}, starting at {}", starts.join(", ")))
     }
 
-    /// All of it as JSON.
-    #[must_use]
-    pub fn to_json(&self) -> Value {
-        let parameters: Vec<Value> = self
-            .variant
-            .fields
-            .iter()
-            .map(|field| {
-                let fit = self.fit.parameters.iter().find(|parameter| parameter.key == field.key);
-                json!({
-                    "key": field.key,
-                    "doc": field.doc,
-                    "unit": self.unit(field.key),
-                    "range": self.range(field),
-                    "fit": fit.map(|parameter| json!({
-                        "min": parameter.min,
-                        "max": parameter.max,
-                        "starts": parameter.starts,
-                    })),
-                })
-            })
-            .collect();
-        json!({
-            "name": self.variant.name,
-            "of": self.of,
-            "section": self.section,
-            "doc": self.variant.doc,
-            "mechanism": self.about.mechanism,
-            "equation": self.about.equation,
-            "source": self.about.source,
-            "validity": self.about.validity,
-            "trace": self.about.trace,
-            "needs": self.needs(),
-            "judged": judged(self.fit.level),
-            "generalises": self.fit.generalises,
-            "linear_in": self.fit.linear_in,
-            "parameters": parameters,
-            "example": self.example(),
-            "picture": self.picture().map(|picture| picture.to_json()),
-        })
+    fn answer(&self) -> EffectAnswer {
+        let parameter = |field: &Field| ParameterAnswer {
+            key: field.key,
+            doc: field.doc,
+            unit: self.unit(field.key),
+            range: self.range(field),
+            fit: self.fit.parameters.iter().find(|parameter| parameter.key == field.key).map(
+                |parameter| FitAnswer {
+                    min: parameter.min,
+                    max: parameter.max,
+                    starts: parameter.starts,
+                },
+            ),
+        };
+        EffectAnswer {
+            name: self.variant.name,
+            of: self.of,
+            section: self.section,
+            doc: self.variant.doc,
+            mechanism: self.about.mechanism,
+            equation: self.about.equation,
+            source: self.about.source,
+            validity: self.about.validity,
+            trace: self.about.trace,
+            needs: self.needs(),
+            judged: judged(self.fit.level),
+            generalises: self.fit.generalises,
+            linear_in: self.fit.linear_in,
+            parameters: self.variant.fields.iter().map(parameter).collect(),
+            example: self.example(),
+            picture: self.picture(),
+        }
     }
+}
+
+/// The JSON of effects.
+#[derive(Debug, Serialize)]
+pub struct EffectsAnswer {
+    schema: &'static str,
+    effects: Vec<EffectAnswer>,
+}
+
+#[derive(Debug, Serialize)]
+struct EffectAnswer {
+    name: &'static str,
+    of: &'static str,
+    section: &'static str,
+    doc: &'static str,
+    mechanism: &'static str,
+    equation: &'static str,
+    source: &'static str,
+    validity: &'static str,
+    trace: &'static str,
+    needs: Vec<String>,
+    judged: &'static str,
+    generalises: &'static [&'static str],
+    linear_in: Option<&'static str>,
+    parameters: Vec<ParameterAnswer>,
+    example: String,
+    picture: Option<Picture>,
+}
+
+#[derive(Debug, Serialize)]
+struct ParameterAnswer {
+    key: &'static str,
+    doc: &'static str,
+    unit: Option<&'static str>,
+    range: String,
+    fit: Option<FitAnswer>,
+}
+
+#[derive(Debug, Serialize)]
+struct FitAnswer {
+    min: f64,
+    max: f64,
+    starts: &'static [f64],
 }
 
 /// On what the gain of an effect is judged.
@@ -330,11 +365,10 @@ fn keys(fields: &[Field], tag: Option<&Tag>) -> String {
     format!("table with {}", names.join(", "))
 }
 
-/// The whole catalogue as JSON.
+/// The answer for programs about some effects.
 #[must_use]
-pub fn to_json() -> Value {
-    let effects: Vec<Value> = all().iter().map(Listed::to_json).collect();
-    json!({ "schema": "effects/1", "effects": effects })
+pub fn answer(effects: &[Listed]) -> EffectsAnswer {
+    EffectsAnswer { schema: "effects/1", effects: effects.iter().map(Listed::answer).collect() }
 }
 
 #[cfg(test)]

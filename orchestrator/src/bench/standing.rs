@@ -9,7 +9,7 @@ use drive::Wanted;
 use experiment::{Overrides, Plan};
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::fmt::{self, Write as _};
 use std::path::Path;
 use std::time::Instant;
@@ -215,26 +215,41 @@ impl StandingRun<'_> {
 }
 
 impl StandingTable {
-    /// For programs.
-    pub(super) fn to_json(&self) -> Value {
-        let rows = self.cells.iter().map(|cell| {
-            json!({
-                "motes": cell.row.motes,
-                "roots": cell.row.roots,
-                "scheduling_function": cell.row.sf,
-                "app_period_s": cell.row.app_period_s,
-                "formed_s": cell.formed_ns.map(seconds),
-                "forming_wall_s": cell.forming_s,
-                "hour_wall_s": cell.hour_s,
-                "delivered": cell.n_delivered,
-                "lost": cell.n_lost,
-                "simulator_6tisch_s": cell.row.simulator_s,
-                "tsch_sim_s": cell.row.tsch_sim_s,
-                "to_reach_s": cell.row.to_reach_s,
-            })
+    /// The answer for programs.
+    pub(super) fn answer(&self) -> Vec<RowAnswer> {
+        let rows = self.cells.iter().map(|cell| RowAnswer {
+            motes: cell.row.motes,
+            roots: cell.row.roots,
+            scheduling_function: cell.row.sf,
+            app_period_s: cell.row.app_period_s,
+            formed_s: cell.formed_ns.map(seconds),
+            forming_wall_s: cell.forming_s,
+            hour_wall_s: cell.hour_s,
+            delivered: cell.n_delivered,
+            lost: cell.n_lost,
+            simulator_6tisch_s: cell.row.simulator_s,
+            tsch_sim_s: cell.row.tsch_sim_s,
+            to_reach_s: cell.row.to_reach_s,
         });
         rows.collect()
     }
+}
+
+/// A row of the answer for programs.
+#[derive(Debug, Serialize)]
+pub(super) struct RowAnswer {
+    motes: u32,
+    roots: u32,
+    scheduling_function: &'static str,
+    app_period_s: u32,
+    formed_s: Option<f64>,
+    forming_wall_s: f64,
+    hour_wall_s: f64,
+    delivered: u64,
+    lost: u64,
+    simulator_6tisch_s: Option<f64>,
+    tsch_sim_s: Option<f64>,
+    to_reach_s: Option<f64>,
 }
 
 /// What stands above the rows.

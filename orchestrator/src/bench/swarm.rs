@@ -9,7 +9,7 @@ use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::fmt;
 use std::path::Path;
 
@@ -147,22 +147,33 @@ async fn form(
 }
 
 impl SwarmTable {
-    /// For programs.
-    pub(super) fn to_json(&self) -> Value {
-        let rows = self.cells.iter().map(|cell| {
-            json!({
-                "agents": cell.row.agents,
-                "formed_s": cell.formed_ns.map(seconds),
-                "steps": cell.n_steps,
-                "median_ms": cell.median_ms,
-                "p90_ms": cell.p90_ms,
-                "botnet_ms": cell.row.botnet_ms,
-                "paper_ms": cell.row.paper_ms,
-                "to_reach_ms": cell.row.to_reach_ms,
-            })
+    /// The answer for programs.
+    pub(super) fn answer(&self) -> Vec<RowAnswer> {
+        let rows = self.cells.iter().map(|cell| RowAnswer {
+            agents: cell.row.agents,
+            formed_s: cell.formed_ns.map(seconds),
+            steps: cell.n_steps,
+            median_ms: cell.median_ms,
+            p90_ms: cell.p90_ms,
+            botnet_ms: cell.row.botnet_ms,
+            paper_ms: cell.row.paper_ms,
+            to_reach_ms: cell.row.to_reach_ms,
         });
         rows.collect()
     }
+}
+
+/// A row of the answer for programs.
+#[derive(Debug, Serialize)]
+pub(super) struct RowAnswer {
+    agents: u32,
+    formed_s: Option<f64>,
+    steps: usize,
+    median_ms: f64,
+    p90_ms: f64,
+    botnet_ms: Option<f64>,
+    paper_ms: Option<f64>,
+    to_reach_ms: f64,
 }
 
 /// What stands above the rows.

@@ -11,16 +11,17 @@ use netsim::phy::scatter::{Moment, PairBlock, Renewal};
 use numbers::format::trimmed;
 use proto::site::{Foliage, Site, Wall};
 use report::svg::{Axis, Chart};
-use serde_json::{Value, json};
+use serde::Serialize;
 
 /// One curve.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Picture {
     /// What is on the horizontal axis, with the unit.
     pub x: &'static str,
     /// What is on the vertical axis, with the unit.
     pub y: &'static str,
     /// The surroundings of the example.
+    #[serde(rename = "where")]
     pub where_: &'static str,
     /// The curve.
     pub points: Vec<[f64; 2]>,
@@ -171,12 +172,6 @@ impl Picture {
         );
         chart.line("curve", self.points.iter().map(|&point| Some(point)));
         chart.finish_file("effect", title, &self.caption(), STYLE)
-    }
-
-    /// As JSON.
-    #[must_use]
-    pub fn to_json(&self) -> Value {
-        json!({ "x": self.x, "y": self.y, "where": self.where_, "points": self.points })
     }
 }
 
