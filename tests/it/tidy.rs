@@ -320,7 +320,6 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("cli/formula.rs", "formula", "the name of an argument"),
     ("cli/measured.rs", "formula", "the name of an argument"),
     ("src/effects.rs", "table", "what a key may be is told in words"),
-    ("src/effects.rs", "trace", "a field of what is printed of an effect"),
     ("network/src/split.rs", "interference", "a key of netsim.phy"),
     ("network/src/split.rs", "trace", "the configuration that is written has measured levels"),
     ("study/src/formula.rs", "formula", "what a user's own expression is added as"),
