@@ -1,4 +1,8 @@
-//! The barrier's digest: SHA-256 over the exchanged state. `cosim/v1/common.proto` defines the byte string.
+//! The barrier's digests: SHA-256 over what was exchanged. `cosim/v1/common.proto` defines the byte strings. [`full`] covers
+//! everything, [`of_step`] positions and deliveries.
+
+pub mod full;
+mod parts;
 
 use crate::types::{AgentStates, Deliveries, Heard};
 use sha2::{Digest as _, Sha256};
