@@ -29,6 +29,8 @@ pub struct ConfigureRequest {
     pub columns: Vec<DeliveryColumn>,
     /// Records that are wanted. Empty for robots.
     pub records: Vec<NetRecord>,
+    /// The side computes the digest of the whole exchange, [`crate::digest::full`].
+    pub full_digest: bool,
 }
 
 impl ConfigureRequest {
@@ -252,6 +254,7 @@ mod tests {
             files: BTreeMap::new(),
             columns: Vec::new(),
             records: Vec::new(),
+            full_digest: false,
         };
         let problems = request.setup().unwrap_err();
         let found: Vec<&str> =

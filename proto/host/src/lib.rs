@@ -7,12 +7,14 @@
 pub mod codec;
 mod lifecycle;
 mod network;
+mod orders;
 mod robots;
 mod serve;
 
 pub use network::NetHost;
+pub use orders::{OrdersFromOutside, bearer};
 pub use robots::RobotHost;
-pub use serve::{ServeArgs, ServeError, init_logging, serve_network, serve_robots};
+pub use serve::{Listen, ServeArgs, ServeError, init_logging, serve_network, serve_robots};
 
 /// The services of `cosim/v1`: a client and a server of each. Their documentation is in the `.proto` files.
 #[allow(missing_docs, clippy::all, unreachable_pub, reason = "generated code")]
@@ -28,6 +30,10 @@ pub const STREAM_WINDOW_BYTES: u32 = 64 << 20;
 
 /// HTTP/2 flow-control window of a connection (bytes).
 pub const CONNECTION_WINDOW_BYTES: u32 = 128 << 20;
+
+/// The most that a client reads of the headers of a reply (bytes), in which the details of an error travel. By default it would be
+/// 16 KiB, and a reply with more would look like a broken connection.
+pub const HEADER_LIST_BYTES: u32 = 1 << 20;
 
 /// Largest HTTP/2 frame (bytes).
 pub const FRAME_BYTES: u32 = 1 << 20;

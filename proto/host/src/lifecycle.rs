@@ -3,6 +3,7 @@
 use bytes::Bytes;
 use prost::Message;
 use proto::config::{self, Node, Problem};
+use proto::digest::full::StartRequest;
 use proto::digest::{self, Digest};
 use proto::side::{MAX_AGENTS, NotASnapshot, Setup};
 use proto::site::{self, Site};
@@ -25,7 +26,11 @@ pub(super) struct Ledger {
     pub(super) time_ns: u64,
     /// The `until_ns` of the latest step: a repetition must ask the same.
     asked_ns: u64,
+    /// What else the latest step was given, part by part.
+    asked: Vec<Digest>,
     digest: Digest,
+    /// Digest of how the experiment began; `None`: nobody asked for full digests.
+    pub(super) start: Option<Digest>,
     /// Robots' latest states: those that the network uses next where it runs a step behind.
     pub(super) states: AgentStates,
 }
@@ -37,9 +42,14 @@ pub(super) enum Admission {
 }
 
 impl Ledger {
-    pub(super) fn new(experiment: Experiment, states: AgentStates) -> Self {
-        let digest = digest::of_step(0, 0, &states, None);
-        Self { experiment, step: 0, time_ns: 0, asked_ns: 0, digest, states }
+    pub(super) fn new(
+        experiment: Experiment,
+        states: AgentStates,
+        start: Option<Digest>,
+    ) -> Self {
+        let digest = start.unwrap_or_else(|| digest::of_step(0, 0, &states, None));
+        let asked = Vec::new();
+        Self { experiment, step: 0, time_ns: 0, asked_ns: 0, asked, digest, start, states }
     }
 
     pub(super) fn agent_count(&self) -> usize {
@@ -92,16 +102,31 @@ impl Ledger {
         Ok(Admission::New)
     }
 
-    /// Advances after a step that was admitted, with the digest of its states and deliveries.
+    /// Checks that the latest step, asked for again, is given what it was given: parts and their names.
+    pub(super) fn repeat(&self, asked: &[Digest], names: &[&str]) -> Result<(), Status> {
+        let mut parts = self.asked.iter().zip(asked).zip(names);
+        match parts.find(|((before, now), _)| before != now) {
+            None => Ok(()),
+            Some((_, name)) => Err(Status::failed_precondition(format!(
+                "{name}: step {} was taken with other content than its repetition has",
+                self.step
+            ))),
+        }
+    }
+
+    /// Advances after a step that was admitted: what it was given, and its digest.
     pub(super) fn advance(
         &mut self,
         step: u64,
         asked_ns: u64,
+        asked: &[Digest],
         time_ns: u64,
         digest: Digest,
     ) -> Bytes {
         self.step = step;
         self.asked_ns = asked_ns;
+        self.asked.clear();
+        self.asked.extend_from_slice(asked);
         self.time_ns = time_ns;
         self.digest = digest;
         self.digest()
@@ -137,8 +162,30 @@ pub(super) struct ConfigureFields {
     pub(super) records: Vec<i32>,
 }
 
+/// The texts and files of a request to configure, as they were sent.
+pub(super) struct Sent {
+    site_toml: String,
+    config_toml: String,
+    files: Vec<v1::File>,
+}
+
+impl Sent {
+    /// The request, for the digest of the start.
+    pub(super) fn request<'a>(&'a self, setup: &'a Setup) -> StartRequest<'a> {
+        let files = self.files.iter();
+        StartRequest {
+            experiment: &setup.experiment,
+            site_toml: &self.site_toml,
+            config_toml: &self.config_toml,
+            files: files.map(|file| (file.path.as_str(), &file.content[..])).collect(),
+            columns: &setup.columns,
+            records: &setup.records,
+        }
+    }
+}
+
 impl ConfigureFields {
-    pub(super) fn setup(self) -> Result<Setup, Status> {
+    pub(super) fn setup(self) -> Result<(Setup, Sent), Status> {
         if self.agent_count == 0 {
             return Err(Status::invalid_argument("agent_count: must be at least 1, got 0"));
         }
@@ -161,8 +208,9 @@ impl ConfigureFields {
         let Some(config) = config.filter(|_| problems.is_empty()) else {
             return Err(refusal(&problems));
         };
+        let files = self.files.iter();
         let files: BTreeMap<String, Bytes> =
-            self.files.into_iter().map(|file| (file.path, file.content)).collect();
+            files.map(|file| (file.path.clone(), file.content.clone())).collect();
         let experiment = Experiment {
             seed: self.seed,
             agent_count: self.agent_count as usize,
@@ -170,7 +218,12 @@ impl ConfigureFields {
             coupling,
         };
         let path = String::new();
-        Ok(Setup { experiment, site, config, path, files, columns, records })
+        let sent = Sent {
+            site_toml: self.site_toml,
+            config_toml: self.config_toml,
+            files: self.files,
+        };
+        Ok((Setup { experiment, site, config, path, files, columns, records }, sent))
     }
 }
 
@@ -189,15 +242,48 @@ pub(super) fn malformed(invalid: InvalidField) -> Status {
     Status::invalid_argument(invalid.to_string())
 }
 
-/// All problems of a configuration as one status.
+/// The problems of a configuration as one status: all of them, or the first ones and how many more there are. A status travels
+/// in HTTP/2 headers, which clients accept up to 16 KiB in all: the details encoded by 4/3, the text by up to 3.
 pub(super) fn refusal(problems: &[Problem]) -> Status {
+    const DETAILS_BYTES: usize = 7_000;
+    const TEXT_BYTES: usize = 1_200;
+    let more = |n: usize| format!("and {n} more problem{}", if n == 1 { "" } else { "s" });
     let mut details = ErrorDetails::new();
-    for problem in problems {
+    let mut n_bytes = 0;
+    for (index, problem) in problems.iter().enumerate() {
         let description = Problem { path: String::new(), ..problem.clone() }.to_string();
-        details.add_bad_request_violation(problem.path.clone(), description);
+        n_bytes += problem.path.len() + description.len() + 16;
+        if index != 0 && DETAILS_BYTES < n_bytes {
+            details.add_bad_request_violation("", more(problems.len() - index));
+            break;
+        }
+        details.add_bad_request_violation(
+            shortened(&problem.path, DETAILS_BYTES / 4),
+            shortened(&description, DETAILS_BYTES / 2),
+        );
     }
-    let texts: Vec<String> = problems.iter().map(ToString::to_string).collect();
-    Status::with_error_details(tonic::Code::InvalidArgument, texts.join("\n"), details)
+    let mut text = String::new();
+    for (index, problem) in problems.iter().enumerate() {
+        let next = problem.to_string();
+        if index != 0 {
+            text.push('\n');
+        }
+        if index != 0 && TEXT_BYTES < text.len() + next.len() {
+            text.push_str(&more(problems.len() - index));
+            break;
+        }
+        text.push_str(&shortened(&next, TEXT_BYTES));
+    }
+    Status::with_error_details(tonic::Code::InvalidArgument, text, details)
+}
+
+/// The beginning of a text that is longer than `n_bytes`.
+fn shortened(text: &str, n_bytes: usize) -> String {
+    if text.len() <= n_bytes {
+        return text.to_owned();
+    }
+    let end = (0..=n_bytes).rev().find(|&end| text.is_char_boundary(end)).unwrap_or(0);
+    format!("{} …", &text[..end])
 }
 
 /// What a service keeps of a configured experiment besides its simulator.
@@ -349,6 +435,15 @@ pub(super) const QUICK_AGENTS: usize = 256;
 /// The status of a call that came before `Configure`.
 pub(super) fn not_configured() -> Status {
     Status::failed_precondition("not configured: call Configure first")
+}
+
+/// Runs what needs the processor beside a step: on another thread where that pays.
+pub(super) fn beside<A: Send, B: Send>(
+    n_agents: usize,
+    step: impl FnOnce() -> A + Send,
+    other: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    if n_agents <= QUICK_AGENTS { (step(), other()) } else { rayon::join(step, other) }
 }
 
 /// Nominal periods that one step may span.

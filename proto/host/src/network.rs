@@ -1,12 +1,15 @@
 //! The network's service.
 
 use super::lifecycle::{
-    self, Admission, ConfigureFields, Ledger, QUICK_AGENTS, Shared, malformed, not_configured,
-    queue, refusal,
+    self, Admission, ConfigureFields, Ledger, Shared, beside, malformed, not_configured, queue,
+    refusal,
 };
+use super::orders::OrdersFromOutside;
 use crate::services::net_sim_service_server::NetSimService;
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
-use proto::digest;
+use proto::digest::full::{NetworkGiven, NetworkReply, of_network_start, of_network_step};
+use proto::digest::of_step;
+use proto::exchange::NetworkStart;
 use proto::side::{MAX_AGENTS, NetInput, NetOutput, NetSimulator};
 use proto::types::{AgentStates, Deliveries, MoteCommand, NetRecord};
 use proto_messages::v1::net_sim_service_session_request::Request as SessionCall;
@@ -22,6 +25,7 @@ pub struct NetHost<S> {
     shared: Shared<S, Active>,
     /// Of the simulator, which may be busy when it is asked to describe itself.
     config_schema_json: Arc<str>,
+    orders: Arc<OrdersFromOutside>,
 }
 
 impl<S> Clone for NetHost<S> {
@@ -29,16 +33,23 @@ impl<S> Clone for NetHost<S> {
         Self {
             shared: self.shared.clone(),
             config_schema_json: Arc::clone(&self.config_schema_json),
+            orders: Arc::clone(&self.orders),
         }
     }
 }
 
 impl<S: NetSimulator> NetHost<S> {
-    /// A service around `simulator`, not configured yet.
+    /// A service around `simulator`, not configured yet, which takes orders from anyone.
     pub fn new(simulator: S) -> Self {
         let config_schema_json = simulator.config_schema_json().into();
         let shared = Shared::new(simulator);
-        Self { shared, config_schema_json }
+        Self { shared, config_schema_json, orders: Arc::default() }
+    }
+
+    /// The same service, which takes orders from those alone.
+    #[must_use]
+    pub fn with_orders(self, orders: OrdersFromOutside) -> Self {
+        Self { orders: Arc::new(orders), ..self }
     }
 
     fn describe(&self) -> v1::NetSimServiceDescribeResponse {
@@ -64,6 +75,7 @@ impl<S: NetSimulator> NetHost<S> {
                 .collect(),
             config_schema_json: self.config_schema_json.to_string(),
             records: numbers(S::records()),
+            full_digest: true,
         }
     }
 }
@@ -74,7 +86,8 @@ type Lifecycle<S> = lifecycle::Lifecycle<S, Active>;
 struct Active {
     ledger: Ledger,
     pending: Vec<MoteCommand>,
-    /// What was delivered in the latest step: the robots are given it in the next.
+    /// What was delivered in the latest step: the robots are given it in the next, whose digest covers it, unless that is a full
+    /// one.
     delivered: Option<Deliveries>,
     /// What is kept for the record.
     records: Vec<NetRecord>,
@@ -93,7 +106,8 @@ impl<S: NetSimulator> Lifecycle<S> {
         &mut self,
         request: v1::NetSimServiceConfigureRequest,
     ) -> Result<v1::NetSimServiceConfigureResponse, Status> {
-        let setup = ConfigureFields {
+        let full_digest = request.full_digest;
+        let (setup, sent) = ConfigureFields {
             seed: request.seed,
             agent_count: request.agent_count,
             step_ns: request.step_ns,
@@ -112,22 +126,24 @@ impl<S: NetSimulator> Lifecycle<S> {
             return Err(Status::invalid_argument(format!("records: {record:?} is not announced")));
         }
         let start = self.simulator.configure(&setup).map_err(|problems| refusal(&problems))?;
+        let start = NetworkStart {
+            effective_toml: start.effective.to_string(),
+            motes: Some(start.motes),
+            warnings: start.warnings,
+            formation: start.formation,
+            records: start.records,
+            statistics: start.statistics,
+            capture_header: start.capture_header,
+        };
+        let digest = full_digest.then(|| of_network_start(&sent.request(&setup), &start));
         self.active = Some(Active {
-            ledger: Ledger::new(setup.experiment, AgentStates::default()),
+            ledger: Ledger::new(setup.experiment, AgentStates::default(), digest),
             pending: Vec::new(),
             delivered: None,
             records: start.records.clone(),
             last: v1::NetSimServiceStepResponse::default(),
         });
-        Ok(v1::NetSimServiceConfigureResponse {
-            effective_config_toml: start.effective.to_string(),
-            motes: Some(start.motes.into()),
-            warnings: start.warnings,
-            formation: start.formation.map(Into::into),
-            records: numbers(&start.records),
-            statistics: start.statistics.map(Into::into),
-            capture_header: start.capture_header,
-        })
+        Ok((&start).into())
     }
 
     fn step(
@@ -136,17 +152,14 @@ impl<S: NetSimulator> Lifecycle<S> {
     ) -> Result<v1::NetSimServiceStepResponse, Status> {
         let active = self.active.as_mut().ok_or_else(not_configured)?;
         let ledger = &mut active.ledger;
-        if let Admission::Repeated =
-            ledger.admit(request.step, request.until_ns, &request.confirmed_digest)?
-        {
-            return Ok(active.last.clone());
-        }
+        let admission = ledger.admit(request.step, request.until_ns, &request.confirmed_digest)?;
         let n = ledger.agent_count();
         let states = convert::states(request.states, n).map_err(malformed)?;
         let payloads = convert::payloads(request.payloads, n).map_err(malformed)?;
         let moved_obstacles =
             convert::moved_obstacles(request.moved_obstacles).map_err(malformed)?;
-        let mut commands = obeyed(&self.simulator, request.commands, n)?;
+        let asked = obeyed(&self.simulator, request.commands, n)?;
+        let mut commands = asked.clone();
         commands.extend_from_slice(&active.pending);
         commands.sort_by(|a, b| a.source.cmp(&b.source));
         let records = convert::records(&request.records).map_err(malformed)?;
@@ -169,19 +182,28 @@ impl<S: NetSimulator> Lifecycle<S> {
             stop_at_first_delivery: request.stop_at_first_delivery,
             records: &records,
         };
-        // What the digest covers is known before, but for where a step ends that may end early.
-        let (until_ns, may_end_early) = (request.until_ns, request.stop_at_first_delivery);
-        let digest_at =
-            |time_ns| digest::of_step(request.step, time_ns, &states, active.delivered.as_ref());
+        let given = || NetworkGiven::of_input(&input, &asked);
+        if let Admission::Repeated = admission {
+            ledger.repeat(&given().parts(), &NetworkGiven::PARTS)?;
+            return Ok(active.last.clone());
+        }
+        // What the lesser digest covers is known before, but for where a step ends that may end early.
+        let delivered = active.delivered.as_ref();
+        let digest_at = |time_ns| of_step(request.step, time_ns, &states, delivered);
+        let is_full = ledger.start.is_some();
+        let early = (!is_full && !request.stop_at_first_delivery).then_some(request.until_ns);
         let simulator = &mut self.simulator;
-        let (output, early) = if n <= QUICK_AGENTS || may_end_early {
-            (simulator.step(&input), None)
-        } else {
-            let (output, digest) = rayon::join(|| simulator.step(&input), || digest_at(until_ns));
-            let is_right = output.time_ns == until_ns;
-            (output, is_right.then_some(digest))
+        let (output, (given, early)) =
+            beside(n, || simulator.step(&input), || (given(), early.map(digest_at)));
+        let digest = match ledger.start {
+            Some(start) => {
+                let reply = NetworkReply::of_output(request.step, &output, &active.pending);
+                of_network_step(&start, &given, &reply, &output.capture)
+            }
+            None => early
+                .filter(|_| output.time_ns == request.until_ns)
+                .unwrap_or_else(|| digest_at(output.time_ns)),
         };
-        let digest = early.unwrap_or_else(|| digest_at(output.time_ns));
         let NetOutput {
             time_ns,
             deliveries,
@@ -195,12 +217,13 @@ impl<S: NetSimulator> Lifecycle<S> {
             heard_links,
         } = output;
 
-        active.delivered = Some(deliveries);
-        let digest = ledger.advance(request.step, request.until_ns, time_ns, digest);
+        active.delivered = (!is_full).then(|| deliveries.clone());
+        let digest =
+            ledger.advance(request.step, request.until_ns, &given.parts(), time_ns, digest);
         active.last = v1::NetSimServiceStepResponse {
             step: request.step,
             time_ns,
-            deliveries: active.delivered.clone().map(Into::into),
+            deliveries: Some(deliveries.into()),
             motes: Some(motes.into()),
             commands: commands.into_iter().map(Into::into).collect(),
             applied_commands: std::mem::take(&mut active.pending)
@@ -364,6 +387,7 @@ impl<S: NetSimulator> NetSimService for NetHost<S> {
         &self,
         request: Request<v1::NetSimServiceCommandRequest>,
     ) -> Result<Response<v1::NetSimServiceCommandResponse>, Status> {
+        self.orders.admit(&request)?;
         self.shared.call(|host| host.command(request.into_inner())).await.map(Response::new)
     }
 }

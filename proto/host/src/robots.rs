@@ -1,11 +1,15 @@
 //! The robots' service.
 
 use super::lifecycle::{
-    self, Admission, ConfigureFields, Ledger, Shared, malformed, not_configured, queue, refusal,
+    self, Admission, ConfigureFields, Ledger, Shared, beside, malformed, not_configured, queue,
+    refusal,
 };
+use super::orders::OrdersFromOutside;
 use crate::services::robot_sim_service_server::RobotSimService;
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
-use proto::digest;
+use proto::digest::full::{RobotsGiven, RobotsReply, of_robots_start, of_robots_step};
+use proto::digest::of_step;
+use proto::exchange::RobotsStart;
 use proto::side::{MAX_AGENTS, RobotInput, RobotOutput, RobotSimulator};
 use proto::types::{AgentCommand, Coupling};
 use proto_messages::v1::robot_sim_service_session_request::Request as SessionCall;
@@ -21,6 +25,7 @@ pub struct RobotHost<S> {
     shared: Shared<S, Active>,
     /// Of the simulator, which may be busy when it is asked to describe itself.
     config_schema_json: Arc<str>,
+    orders: Arc<OrdersFromOutside>,
 }
 
 impl<S> Clone for RobotHost<S> {
@@ -28,16 +33,23 @@ impl<S> Clone for RobotHost<S> {
         Self {
             shared: self.shared.clone(),
             config_schema_json: Arc::clone(&self.config_schema_json),
+            orders: Arc::clone(&self.orders),
         }
     }
 }
 
 impl<S: RobotSimulator> RobotHost<S> {
-    /// A service around `simulator`, not configured yet.
+    /// A service around `simulator`, not configured yet, which takes orders from anyone.
     pub fn new(simulator: S) -> Self {
         let config_schema_json = simulator.config_schema_json().into();
         let shared = Shared::new(simulator);
-        Self { shared, config_schema_json }
+        Self { shared, config_schema_json, orders: Arc::default() }
+    }
+
+    /// The same service, which takes orders from those alone.
+    #[must_use]
+    pub fn with_orders(self, orders: OrdersFromOutside) -> Self {
+        Self { orders: Arc::new(orders), ..self }
     }
 
     fn describe(&self) -> v1::RobotSimServiceDescribeResponse {
@@ -55,6 +67,7 @@ impl<S: RobotSimulator> RobotHost<S> {
             parallel: true,
             config_schema_json: self.config_schema_json.to_string(),
             hold: true,
+            full_digest: true,
         }
     }
 }
@@ -80,7 +93,8 @@ impl<S: RobotSimulator> Lifecycle<S> {
         &mut self,
         request: v1::RobotSimServiceConfigureRequest,
     ) -> Result<v1::RobotSimServiceConfigureResponse, Status> {
-        let setup = ConfigureFields {
+        let full_digest = request.full_digest;
+        let (setup, sent) = ConfigureFields {
             seed: request.seed,
             agent_count: request.agent_count,
             step_ns: request.step_ns,
@@ -93,22 +107,20 @@ impl<S: RobotSimulator> Lifecycle<S> {
         }
         .setup()?;
         let start = self.simulator.configure(&setup).map_err(|problems| refusal(&problems))?;
+        let start = RobotsStart {
+            effective_toml: start.effective.to_string(),
+            states: start.states,
+            payloads: Some(start.payloads),
+            columns: start.columns,
+            messages: start.messages,
+        };
+        let digest = full_digest.then(|| of_robots_start(&sent.request(&setup), &start));
         self.active = Some(Active {
-            ledger: Ledger::new(setup.experiment, start.states.clone()),
+            ledger: Ledger::new(setup.experiment, start.states.clone(), digest),
             pending: Vec::new(),
             last: v1::RobotSimServiceStepResponse::default(),
         });
-        Ok(v1::RobotSimServiceConfigureResponse {
-            effective_config_toml: start.effective.to_string(),
-            states: Some(start.states.into()),
-            payloads: Some(start.payloads.into()),
-            columns: start
-                .columns
-                .iter()
-                .map(|&column| v1::DeliveryColumn::from(column).into())
-                .collect(),
-            messages: start.messages,
-        })
+        Ok((&start).into())
     }
 
     fn step(
@@ -117,11 +129,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
     ) -> Result<v1::RobotSimServiceStepResponse, Status> {
         let active = self.active.as_mut().ok_or_else(not_configured)?;
         let ledger = &mut active.ledger;
-        if let Admission::Repeated =
-            ledger.admit(request.step, request.until_ns, &request.confirmed_digest)?
-        {
-            return Ok(active.last.clone());
-        }
+        let admission = ledger.admit(request.step, request.until_ns, &request.confirmed_digest)?;
         let n = ledger.agent_count();
         let deliveries = convert::deliveries(request.deliveries, n).map_err(malformed)?;
         let motes = request
@@ -129,7 +137,8 @@ impl<S: RobotSimulator> Lifecycle<S> {
             .map(|motes| convert::motes(Some(motes), n))
             .transpose()
             .map_err(malformed)?;
-        let mut commands = convert::agent_commands(request.commands, n).map_err(malformed)?;
+        let asked = convert::agent_commands(request.commands, n).map_err(malformed)?;
+        let mut commands = asked.clone();
         commands.extend_from_slice(&active.pending);
         convert::sort_agent_commands(&mut commands);
 
@@ -142,6 +151,34 @@ impl<S: RobotSimulator> Lifecycle<S> {
             commands: &commands,
             hold: request.hold,
         };
+        let given = || RobotsGiven::of_input(&input, &asked);
+        if let Admission::Repeated = admission {
+            if request.hold != active.last.held {
+                return Err(Status::failed_precondition(format!(
+                    "hold: step {} was taken with {}, but its repetition has {}",
+                    request.step, active.last.held, request.hold
+                )));
+            }
+            ledger.repeat(given().parts(), &RobotsGiven::PARTS)?;
+            return Ok(active.last.clone());
+        }
+        let simulator = &mut self.simulator;
+        let (output, given) = beside(n, || simulator.step(&input), given);
+        let until_ns = request.until_ns;
+        let digest = match ledger.start {
+            Some(start) => {
+                let reply = RobotsReply::of_output(&input, &output, &active.pending);
+                of_robots_step(&start, &given, &reply)
+            }
+            None => {
+                let used = match ledger.experiment.coupling {
+                    Coupling::Sequential => &output.states,
+                    Coupling::Parallel | Coupling::Event => &std::mem::take(&mut ledger.states),
+                };
+                of_step(request.step, until_ns, used, deliveries.as_ref())
+            }
+        };
+        let digest = ledger.advance(request.step, until_ns, given.parts(), until_ns, digest);
         let RobotOutput {
             states,
             payloads,
@@ -150,16 +187,8 @@ impl<S: RobotSimulator> Lifecycle<S> {
             task_complete,
             messages,
             figures,
-        } = self.simulator.step(&input);
-
-        let used = match ledger.experiment.coupling {
-            Coupling::Sequential => &states,
-            Coupling::Parallel | Coupling::Event => &std::mem::take(&mut ledger.states),
-        };
-        let until_ns = request.until_ns;
-        let digest = digest::of_step(request.step, until_ns, used, deliveries.as_ref());
-        let digest = ledger.advance(request.step, until_ns, until_ns, digest);
-        if ledger.experiment.coupling != Coupling::Sequential {
+        } = output;
+        if ledger.experiment.coupling != Coupling::Sequential && ledger.start.is_none() {
             ledger.states = states.clone();
         }
         active.last = v1::RobotSimServiceStepResponse {
@@ -305,6 +334,7 @@ impl<S: RobotSimulator> RobotSimService for RobotHost<S> {
         &self,
         request: Request<v1::RobotSimServiceCommandRequest>,
     ) -> Result<Response<v1::RobotSimServiceCommandResponse>, Status> {
+        self.orders.admit(&request)?;
         self.shared.call(|host| host.command(request.into_inner())).await.map(Response::new)
     }
 }

@@ -1,28 +1,65 @@
 //! Putting a service on a socket.
 
 use super::{
-    CONNECTION_WINDOW_BYTES, FRAME_BYTES, MAX_MESSAGE_BYTES, NetHost, RobotHost,
+    CONNECTION_WINDOW_BYTES, FRAME_BYTES, MAX_MESSAGE_BYTES, NetHost, OrdersFromOutside, RobotHost,
     STREAM_WINDOW_BYTES,
 };
 use crate::services::net_sim_service_server::NetSimServiceServer;
 use crate::services::robot_sim_service_server::RobotSimServiceServer;
 use proto::side::{NetSimulator, RobotSimulator};
 use proto_messages::FILE_DESCRIPTOR_SET;
+use std::fmt;
 use std::io::{IsTerminal as _, Read as _, Write as _};
 use std::net::SocketAddr;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::Duration;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, UnixListener};
+use tokio_stream::wrappers::UnixListenerStream;
 use tonic::service::{Routes, RoutesBuilder};
 use tonic::transport::server::TcpIncoming;
 use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 
+/// Where a simulator listens.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Listen {
+    /// An address and a port; with port 0 the system chooses one.
+    Tcp(SocketAddr),
+    /// A socket of this machine, at this path: whoever may open it reaches the simulator.
+    Unix(PathBuf),
+}
+
+impl FromStr for Listen {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.strip_prefix("unix:") {
+            Some("") => Err("unix: must be followed by the path of a socket".to_owned()),
+            Some(path) => Ok(Self::Unix(PathBuf::from(path))),
+            None => text
+                .parse()
+                .map(Self::Tcp)
+                .map_err(|_| "must be ADDRESS:PORT or unix:PATH".to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for Listen {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tcp(address) => address.fmt(formatter),
+            Self::Unix(path) => write!(formatter, "unix:{}", path.display()),
+        }
+    }
+}
+
 /// How a simulator is served. The same for both.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServeArgs {
-    /// Address and port to listen on; with port 0 the system chooses a free port
+    /// Address and port to listen on, or unix:PATH; with port 0 the system chooses a free port
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:0")]
-    pub listen: SocketAddr,
+    pub listen: Listen,
     /// Certificate chain of this server (PEM); required on other than loopback addresses
     #[arg(long, value_name = "FILE", requires = "tls_key")]
     pub tls_cert: Option<PathBuf>,
@@ -35,6 +72,12 @@ pub struct ServeArgs {
     /// Allow other than loopback addresses without TLS: anyone on the network can then read and control the experiment
     #[arg(long)]
     pub insecure_no_tls: bool,
+    /// Take orders from other programs (the call Command) only with the token in this file
+    #[arg(long, value_name = "FILE", conflicts_with = "refuse_orders")]
+    pub require_token: Option<PathBuf>,
+    /// Take no orders from other programs
+    #[arg(long, hide = true)]
+    pub refuse_orders: bool,
     /// Number of threads; results do not depend on it [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
@@ -56,7 +99,7 @@ pub enum ServeError {
     #[error("--listen {address}: {source}")]
     Listen {
         /// The address asked for.
-        address: SocketAddr,
+        address: Listen,
         /// What the system says.
         source: std::io::Error,
     },
@@ -65,7 +108,7 @@ pub enum ServeError {
         "--listen {0}: is not a loopback address, so TLS is required; give --tls-cert and --tls-key, or --insecure-no-tls \
          if everyone on that network may read and control the experiment"
     )]
-    TlsRequired(SocketAddr),
+    TlsRequired(Listen),
     /// A certificate or key file cannot be read.
     #[error("{option} {path}: {source}")]
     TlsFile {
@@ -76,6 +119,25 @@ pub enum ServeError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A file that only its owner may read can be read by others.
+    #[error(
+        "{option} {}: other users can read it (its mode is {mode:03o}); run: chmod 600 {}",
+        path.display(), path.display()
+    )]
+    Readable {
+        /// The option that names it.
+        option: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Its permissions.
+        mode: u32,
+    },
+    /// A token is not one.
+    #[error("--require-token {}: must hold one line of 16 to 200 letters, digits, '-', '_' or '.'", .0.display())]
+    Token(PathBuf),
+    /// TLS is not for sockets of one machine.
+    #[error("--listen {0}: a Unix socket takes no TLS; leave out --tls-cert and --tls-key")]
+    TlsOnUnix(Listen),
     /// A certificate or key is not what it should be.
     #[error("--tls-cert, --tls-key or --tls-client-ca: {0}")]
     Tls(String),
@@ -98,7 +160,8 @@ pub enum ServeError {
 ///
 /// See [`ServeError`].
 pub fn serve_robots<S: RobotSimulator>(simulator: S, args: &ServeArgs) -> Result<(), ServeError> {
-    let service = RobotSimServiceServer::new(RobotHost::new(simulator))
+    let host = RobotHost::new(simulator).with_orders(orders(args)?);
+    let service = RobotSimServiceServer::new(host)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let name = <RobotSimServiceServer<RobotHost<S>> as tonic::server::NamedService>::NAME;
@@ -113,7 +176,8 @@ pub fn serve_robots<S: RobotSimulator>(simulator: S, args: &ServeArgs) -> Result
 ///
 /// See [`ServeError`].
 pub fn serve_network<S: NetSimulator>(simulator: S, args: &ServeArgs) -> Result<(), ServeError> {
-    let service = NetSimServiceServer::new(NetHost::new(simulator))
+    let host = NetHost::new(simulator).with_orders(orders(args)?);
+    let service = NetSimServiceServer::new(host)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let name = <NetSimServiceServer<NetHost<S>> as tonic::server::NamedService>::NAME;
@@ -149,8 +213,16 @@ fn serve(
 ) -> Result<(), ServeError> {
     init_logging(&args.log, args.log_json)?;
     let tls = tls_config(args)?;
-    if !args.listen.ip().is_loopback() && tls.is_none() && !args.insecure_no_tls {
-        return Err(ServeError::TlsRequired(args.listen));
+    match &args.listen {
+        Listen::Tcp(address)
+            if !address.ip().is_loopback() && tls.is_none() && !args.insecure_no_tls =>
+        {
+            return Err(ServeError::TlsRequired(args.listen.clone()));
+        }
+        Listen::Unix(_) if tls.is_some() => {
+            return Err(ServeError::TlsOnUnix(args.listen.clone()));
+        }
+        _ => {}
     }
     if let Some(threads) = args.threads {
         // Fails only if a pool exists already, which then serves.
@@ -161,12 +233,9 @@ fn serve(
         .build()
         .map_err(|error| ServeError::Transport(error.to_string()))?;
     let result = runtime.block_on(async {
-        let listener = TcpListener::bind(args.listen)
+        let listener = Listener::bind(&args.listen)
             .await
-            .map_err(|source| ServeError::Listen { address: args.listen, source })?;
-        let address = listener
-            .local_addr()
-            .map_err(|source| ServeError::Listen { address: args.listen, source })?;
+            .map_err(|source| ServeError::Listen { address: args.listen.clone(), source })?;
         let (health, health_service) = tonic_health::server::health_reporter();
         health.set_service_status(service, tonic_health::ServingStatus::Serving).await;
         let reflection = || {
@@ -195,11 +264,20 @@ fn serve(
         } else {
             "http"
         };
-        announce(simulator, scheme, address);
-        tracing::info!(%address, scheme, "serving");
-        let serving = server
-            .add_routes(routes.routes())
-            .serve_with_incoming(TcpIncoming::from(listener).with_nodelay(Some(true)));
+        let router = server.add_routes(routes.routes());
+        let serving = async {
+            match listener {
+                Listener::Tcp(listener, address) => {
+                    announce(simulator, &format!("{scheme}://{address}"));
+                    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
+                    router.serve_with_incoming(incoming).await
+                }
+                Listener::Unix(listener, path) => {
+                    announce(simulator, &format!("unix:{}", path.display()));
+                    router.serve_with_incoming(UnixListenerStream::new(listener)).await
+                }
+            }
+        };
         tokio::select! {
             result = serving => result.map_err(|error| ServeError::Transport(chain(&error))),
             () = end(args.exit_with_parent) => Ok(()),
@@ -210,12 +288,48 @@ fn serve(
     result
 }
 
+/// A socket that listens, and where.
+enum Listener {
+    Tcp(TcpListener, SocketAddr),
+    Unix(UnixListener, PathBuf),
+}
+
+impl Listener {
+    async fn bind(listen: &Listen) -> std::io::Result<Self> {
+        match listen {
+            Listen::Tcp(address) => {
+                let listener = TcpListener::bind(address).await?;
+                let address = listener.local_addr()?;
+                Ok(Self::Tcp(listener, address))
+            }
+            Listen::Unix(path) => Ok(Self::Unix(UnixListener::bind(path)?, path.clone())),
+        }
+    }
+}
+
 /// The one line on standard output that says where to connect.
-fn announce(simulator: &str, scheme: &str, address: SocketAddr) {
+fn announce(simulator: &str, url: &str) {
     let mut out = std::io::stdout().lock();
     // Nobody may be reading: that is no reason not to serve.
-    let _ = writeln!(out, "{simulator} listening on {scheme}://{address}");
+    let _ = writeln!(out, "{simulator} listening on {url}");
     let _ = out.flush();
+    tracing::info!(url, "serving");
+}
+
+/// Who may give orders from outside.
+fn orders(args: &ServeArgs) -> Result<OrdersFromOutside, ServeError> {
+    const OPTION: &str = "--require-token";
+    if args.refuse_orders {
+        return Ok(OrdersFromOutside::Nobody);
+    }
+    let Some(path) = &args.require_token else { return Ok(OrdersFromOutside::Anyone) };
+    let text = String::from_utf8(read_secret(OPTION, path)?).unwrap_or_default();
+    let token = text.trim_end();
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    if !(16..=200).contains(&token.len()) || !token.chars().all(is_plain) {
+        return Err(ServeError::Token(path.clone()));
+    }
+    Ok(OrdersFromOutside::WithToken(token.to_owned()))
 }
 
 /// Completes when the process is told to end.
@@ -252,7 +366,7 @@ async fn end(with_parent: bool) {
 
 fn tls_config(args: &ServeArgs) -> Result<Option<ServerTlsConfig>, ServeError> {
     let (Some(cert), Some(key)) = (&args.tls_cert, &args.tls_key) else { return Ok(None) };
-    let identity = Identity::from_pem(read("--tls-cert", cert)?, read("--tls-key", key)?);
+    let identity = Identity::from_pem(read("--tls-cert", cert)?, read_secret("--tls-key", key)?);
     let mut tls = ServerTlsConfig::new().identity(identity).timeout(Duration::from_secs(10));
     if let Some(ca) = &args.tls_client_ca {
         tls = tls.client_ca_root(Certificate::from_pem(read("--tls-client-ca", ca)?));
@@ -266,6 +380,16 @@ fn read(option: &'static str, path: &Path) -> Result<Vec<u8>, ServeError> {
         path: path.to_owned(),
         source,
     })
+}
+
+/// A file that nobody but its owner may read.
+fn read_secret(option: &'static str, path: &Path) -> Result<Vec<u8>, ServeError> {
+    let content = read(option, path)?;
+    let mode = std::fs::metadata(path).map_or(0, |metadata| metadata.permissions().mode()) & 0o777;
+    if mode & 0o077 == 0 {
+        return Ok(content);
+    }
+    Err(ServeError::Readable { option, path: path.to_owned(), mode })
 }
 
 /// An error and its causes in one line.

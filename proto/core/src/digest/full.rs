@@ -4,7 +4,7 @@
 
 use super::Digest;
 use super::parts::{self, Fields, optional};
-use crate::exchange::{NetworkStart, NetworkStep, RobotsStart, RobotsStep};
+use crate::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use crate::side::{NetInput, NetOutput, RobotInput, RobotOutput};
 use crate::types::{
     AgentCommand, AgentStates, Coupling, Deliveries, DeliveryColumn, Experiment, MoteCommand,
@@ -12,7 +12,7 @@ use crate::types::{
 };
 
 /// What a side is asked to begin, as it crosses.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct StartRequest<'a> {
     /// Seed, capacity, period, coupling.
     pub experiment: &'a Experiment,
@@ -21,7 +21,25 @@ pub struct StartRequest<'a> {
     /// The side's own section as it was sent.
     pub config_toml: &'a str,
     /// Path and content of each file, in the order in which they were sent.
-    pub files: &'a [(&'a str, &'a [u8])],
+    pub files: Vec<(&'a str, &'a [u8])>,
+    /// Optional delivery columns that are wanted. Of the network alone.
+    pub columns: &'a [DeliveryColumn],
+    /// Records that are wanted. Of the network alone.
+    pub records: &'a [NetRecord],
+}
+
+impl<'a> From<&'a ConfigureRequest> for StartRequest<'a> {
+    fn from(request: &'a ConfigureRequest) -> Self {
+        let files = request.files.iter();
+        Self {
+            experiment: &request.experiment,
+            site_toml: &request.site_toml,
+            config_toml: &request.config_toml,
+            files: files.map(|(path, content)| (path.as_str(), &content[..])).collect(),
+            columns: &request.columns,
+            records: &request.records,
+        }
+    }
 }
 
 impl StartRequest<'_> {
@@ -34,7 +52,7 @@ impl StartRequest<'_> {
         };
         fields.u64(*seed).u32(*agent_count as u32).u64(*step_ns).u8(coupling);
         fields.text(self.site_toml).text(self.config_toml).length(self.files.len());
-        for (path, content) in self.files {
+        for (path, content) in &self.files {
             fields.text(path).bytes(content);
         }
     }
@@ -68,16 +86,11 @@ pub fn of_robots_start(request: &StartRequest<'_>, reply: &RobotsStart) -> Diges
 
 /// The network's start: what it was asked to begin, and its reply.
 #[must_use]
-pub fn of_network_start(
-    request: &StartRequest<'_>,
-    asked_columns: &[DeliveryColumn],
-    asked_records: &[NetRecord],
-    reply: &NetworkStart,
-) -> Digest {
+pub fn of_network_start(request: &StartRequest<'_>, reply: &NetworkStart) -> Digest {
     let mut fields = Fields::default();
     request.write(&mut fields);
-    columns(&mut fields, asked_columns);
-    fields.records(asked_records).text(&reply.effective_toml);
+    columns(&mut fields, request.columns);
+    fields.records(request.records).text(&reply.effective_toml);
     fields.parts(&[optional(reply.motes.as_ref(), parts::motes)]).length(reply.warnings.len());
     for warning in &reply.warnings {
         fields.text(warning);

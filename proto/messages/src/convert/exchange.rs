@@ -147,6 +147,7 @@ impl From<&ConfigureRequest> for v1::RobotSimServiceConfigureRequest {
             site_toml: request.site_toml.clone(),
             config_toml: request.config_toml.clone(),
             files: files(request),
+            full_digest: request.full_digest,
         }
     }
 }
@@ -163,6 +164,7 @@ impl From<&ConfigureRequest> for v1::NetSimServiceConfigureRequest {
             columns: column_numbers(&request.columns),
             files: files(request),
             records: record_numbers(&request.records),
+            full_digest: request.full_digest,
         }
     }
 }

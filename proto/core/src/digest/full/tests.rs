@@ -27,7 +27,9 @@ fn the_worked_example_of_the_full_digest_holds() {
         experiment: &experiment,
         site_toml: "",
         config_toml: "a = 1",
-        files: &[],
+        files: Vec::new(),
+        columns: &[],
+        records: &[],
     };
     let reply = RobotsStart {
         effective_toml: String::new(),
