@@ -233,9 +233,13 @@ struct BenchArgs {
 #[derive(Args)]
 struct ServeOptions {
     #[arg(long, default_value = "127.0.0.1:0")]
-    listen: std::net::SocketAddr,
+    listen: proto_host::Listen,
     #[arg(long)]
     threads: Option<u16>,
+    #[arg(long)]
+    require_token: Option<PathBuf>,
+    #[arg(long)]
+    refuse_orders: bool,
     #[arg(long)]
     exit_with_parent: bool,
 }
@@ -248,6 +252,8 @@ impl ServeOptions {
             tls_key: None,
             tls_client_ca: None,
             insecure_no_tls: false,
+            require_token: self.require_token,
+            refuse_orders: self.refuse_orders,
             threads: self.threads,
             log,
             log_json,

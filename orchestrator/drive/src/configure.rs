@@ -56,6 +56,7 @@ impl ConfigureRequests {
             files: side.files.clone(),
             columns: Vec::new(),
             records: Vec::new(),
+            full_digest: false,
         };
         let (columns, records): (&[DeliveryColumn], _) = match wanted {
             Wanted::Nothing => (&[], Vec::new()),
@@ -67,10 +68,14 @@ impl ConfigureRequests {
         let robots_toml = sent(&plan.robotsim, robots.name == BuiltInRobots::NAME);
         let network_toml = sent(&plan.netsim, network.name == BuiltInNetwork::NAME);
         Self {
-            robots: request(&plan.robotsim, robots_toml),
+            robots: ConfigureRequest {
+                full_digest: robots.full_digest,
+                ..request(&plan.robotsim, robots_toml)
+            },
             network: ConfigureRequest {
                 columns: columns.to_vec(),
                 records,
+                full_digest: network.full_digest,
                 ..request(&plan.netsim, network_toml)
             },
         }

@@ -4,7 +4,10 @@
 //! and barriers, whether the simulators are other processes or objects of this one. Every reply is checked before it is passed
 //! on, so that a side that answers nonsense is named and the other never sees it.
 
+mod payloads;
+
 use crate::peer::{NetworkSide, Peer, RobotSide, Side as _, SideError, Standing};
+use proto::digest::full::{self, NetworkGiven, NetworkReply, RobotsGiven, RobotsReply};
 use proto::digest::{self, Digest};
 use proto::exchange::{NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use proto::side::{NetInput, RobotInput};
@@ -12,6 +15,7 @@ use proto::types::{
     AgentCommand, AgentMessage, AgentStates, Coupling, Deliveries, Experiment, Formation,
     MoteCommand, MoteOrder, NetRecord, Payloads,
 };
+use payloads::SentPayloads;
 use proto_messages::convert::sort_agent_commands;
 use std::sync::Arc;
 
@@ -22,8 +26,13 @@ pub struct Coupled<R, N> {
     experiment: Experiment,
     step: u64,
     time_ns: u64,
-    /// Digest of the latest step, which both sides hold. `None` before the first, and where nobody holds values of its own.
-    agreed: Option<Digest>,
+    /// Digests of the latest step, which the robots and the network hold. `None` before the first, and of a side that holds no
+    /// values of its own.
+    agreed: [Option<Digest>; 2],
+    /// Of the latest replies, where digests of the whole exchange are computed.
+    hashed: Hashed,
+    /// What was delivered is what was sent.
+    payloads: SentPayloads,
     /// The robots' latest reply; before the first step, where they begin.
     moved: Arc<RobotsStep>,
     /// The network's latest reply; `None` before the first step.
@@ -64,19 +73,18 @@ pub struct StepOutcome {
     pub robots: Arc<RobotsStep>,
     /// The network's reply.
     pub network: Arc<NetworkStep>,
-    /// The robots' reply whose states the network was given.
-    on_air: Arc<RobotsStep>,
-    /// The network's reply whose deliveries the robots were given.
-    given: Option<Arc<NetworkStep>>,
+    /// The orders of the plan.
+    commands: Vec<MoteCommand>,
     checked: Option<Digest>,
 }
 
 impl StepOutcome {
-    /// The digest of what was exchanged. Where a side holds values of its own, it has been found to hold the same.
+    /// The digest of what was exchanged, for the record. A side that holds values of its own has been found to hold the same.
     #[must_use]
     pub fn digest(&self) -> Digest {
         self.checked.unwrap_or_else(|| {
-            digest_of(self.step, self.time_ns, &self.on_air, self.given.as_deref())
+            let robots = RobotsReply::of_step(&self.robots);
+            full::of_exchange(&robots, &NetworkReply::of_step(&self.network), &self.commands)
         })
     }
 
@@ -111,7 +119,9 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
             experiment,
             step: 0,
             time_ns: 0,
-            agreed: None,
+            agreed: [None; 2],
+            hashed: Hashed::default(),
+            payloads: SentPayloads::default(),
             moved: Arc::new(moved),
             carried: None,
             commands: Vec::new(),
@@ -168,8 +178,17 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
             commands: &orders,
             hold,
         };
-        let mut digest = None;
-        let (robots, network) = match self.experiment.coupling {
+        let ordered = plan.commands.clone();
+        let n = self.experiment.agent_count;
+        // Of what was replied before: it is given now.
+        let robots_before = Self::COMPARES
+            .then(|| self.hashed.robots.take().unwrap_or_else(|| RobotsReply::of_step(&before)));
+        let carried = self.hashed.network.take();
+        let carried = given.as_deref().filter(|_| Self::COMPARES).map(|reply| {
+            carried.unwrap_or_else(|| NetworkReply::of_step(reply))
+        });
+        let mut moved = None;
+        let (robots, network, asked) = match self.experiment.coupling {
             Coupling::Sequential => {
                 let robots = self.robots.step(&to_robots(until_ns)).await?;
                 let robots = self.take_robots_reply(step, until_ns, robots, &plan)?;
@@ -177,18 +196,19 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
                     plan.records = std::mem::take(&mut plan.records_if_complete);
                 }
                 let call = NetworkCall::new(self, &robots, plan, false);
-                let network = if N::SHARES_VALUES || self.experiment.agent_count < HASHED_BESIDES {
-                    self.network.step(&call.input()).await?
-                } else {
-                    let hashed = (Arc::clone(&robots), given.clone());
-                    let hashing = tokio::task::spawn_blocking(move || {
-                        digest_of(step, until_ns, &hashed.0, hashed.1.as_deref())
-                    });
-                    let network = self.network.step(&call.input()).await;
-                    digest = Some(hashing.await.expect("hashing numbers does not panic"));
+                let input = call.input();
+                let network = if Self::COMPARES {
+                    // The request is on its way first.
+                    let hashing = hashed(Arc::clone(&robots), n, RobotsReply::of_step);
+                    let (network, hash) = tokio::join!(self.network.step(&input), hashing);
+                    moved = Some(hash);
                     network?
+                } else {
+                    self.network.step(&input).await?
                 };
-                (robots, network)
+                let asked = moved.map(|hash| call.given(&hash));
+                self.sent(&robots, &call);
+                (robots, network, asked)
             }
             Coupling::Parallel => {
                 let call = NetworkCall::new(self, &before, plan.clone(), false);
@@ -202,7 +222,9 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
                     }
                     (Err(error), Ok(_)) | (Ok(_), Err(error)) => return Err(error),
                 };
-                (self.take_robots_reply(step, until_ns, robots, &plan)?, network)
+                let asked = robots_before.map(|hash| call.given(&hash));
+                self.sent(&before, &call);
+                (self.take_robots_reply(step, until_ns, robots, &plan)?, network, asked)
             }
             Coupling::Event => {
                 let call = NetworkCall::new(self, &before, plan.clone(), !hold);
@@ -218,7 +240,9 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
                     });
                 }
                 let robots = self.robots.step(&to_robots(reached_ns)).await?;
-                (self.take_robots_reply(step, reached_ns, robots, &plan)?, network)
+                let asked = robots_before.map(|hash| call.given(&hash));
+                self.sent(&before, &call);
+                (self.take_robots_reply(step, reached_ns, robots, &plan)?, network, asked)
             }
         };
         let reached_ns = match self.experiment.coupling {
@@ -227,26 +251,41 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
         };
         let network = self.take_network_reply(step, reached_ns, network)?;
 
-        let on_air = match self.experiment.coupling {
-            Coupling::Sequential => Arc::clone(&robots),
-            Coupling::Parallel | Coupling::Event => before,
-        };
-        if Self::COMPARES && digest.is_none() {
-            digest = Some(digest_of(step, reached_ns, &on_air, given.as_deref()));
+        let mut checked = None;
+        if let Some(asked) = asked {
+            let moved = match moved {
+                Some(moved) => moved,
+                None => hashed(Arc::clone(&robots), n, RobotsReply::of_step).await,
+            };
+            let replied = hashed(Arc::clone(&network), n, NetworkReply::of_step).await;
+            let told = RobotsGiven::of_reply(carried.as_ref(), &orders);
+            checked = Some(full::of_exchange(&moved, &replied, &ordered));
+            // Of a side that announces no digest of the whole.
+            let lesser = || {
+                let on_air = match self.experiment.coupling {
+                    Coupling::Sequential => &robots,
+                    Coupling::Parallel | Coupling::Event => &before,
+                };
+                digest_of(step, reached_ns, on_air, given.as_deref())
+            };
+            let expected_of_robots = || match self.robots.start_digest() {
+                Some(start) => full::of_robots_step(&start, &told, &moved),
+                None => lesser(),
+            };
+            let expected_of_network = || match self.network.start_digest() {
+                Some(start) => full::of_network_step(&start, &asked, &replied, &network.capture),
+                None => lesser(),
+            };
+            self.agreed = [
+                (!R::SHARES_VALUES).then(expected_of_robots),
+                (!N::SHARES_VALUES).then(expected_of_network),
+            ];
+            self.hashed = Hashed { robots: Some(moved), network: Some(replied) };
         }
-        self.agreed = digest;
         self.compare(step, reached_ns).await?;
         self.step = step;
         self.time_ns = reached_ns;
-        Ok(StepOutcome {
-            step,
-            time_ns: reached_ns,
-            robots,
-            network,
-            on_air,
-            given,
-            checked: digest,
-        })
+        Ok(StepOutcome { step, time_ns: reached_ns, robots, network, commands: ordered, checked })
     }
 
     /// A last barrier, so that a session's last step is confirmed like all others, and then the end of both sides.
@@ -282,12 +321,20 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
 
     /// Asks both sides where they stand, and whether they hold what was exchanged.
     async fn compare(&mut self, step: u64, time_ns: u64) -> Result<(), SideError> {
-        let agreed = |shares_values: bool| self.agreed.filter(|_| !shares_values);
-        let expected = [agreed(R::SHARES_VALUES), agreed(N::SHARES_VALUES)];
         let robots = self.robots.barrier(step, time_ns).await?;
-        check(RobotSide::SIDE, &robots, step, time_ns, expected[0].as_ref())?;
+        check(RobotSide::SIDE, &robots, step, time_ns, self.agreed[0].as_ref())?;
         let network = self.network.barrier(step, time_ns).await?;
-        check(NetworkSide::SIDE, &network, step, time_ns, expected[1].as_ref())
+        check(NetworkSide::SIDE, &network, step, time_ns, self.agreed[1].as_ref())
+    }
+
+    /// Notes what the network was given to carry, where what it delivers is compared with it.
+    fn sent(&mut self, on_air: &Arc<RobotsStep>, call: &NetworkCall<'_>) {
+        if !N::SHARES_VALUES {
+            if call.silence.is_none() {
+                self.payloads.broadcast(on_air);
+            }
+            self.payloads.ordered(&call.commands);
+        }
     }
 
     /// The orders to agents that wait. They are lost on robots that obey none.
@@ -349,6 +396,10 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
                           Configure";
             return Err(garbage(NetworkSide::SIDE, step, reason.to_owned()));
         }
+        if !N::SHARES_VALUES {
+            let checked = self.payloads.check(&reply);
+            checked.map_err(|reason| garbage(NetworkSide::SIDE, step, reason))?;
+        }
         self.commands.extend_from_slice(&reply.commands);
         sort_agent_commands(&mut self.commands);
         let reply = Arc::new(reply);
@@ -392,6 +443,11 @@ impl<'a> NetworkCall<'a> {
         }
     }
 
+    /// What the network is given with it, beside the robots' reply of that digest.
+    fn given(&self, robots: &RobotsReply) -> NetworkGiven {
+        NetworkGiven::of_reply(robots, &self.input(), self.silence.is_some())
+    }
+
     fn input(&self) -> NetInput<'_> {
         NetInput {
             step: self.step,
@@ -407,8 +463,28 @@ impl<'a> NetworkCall<'a> {
     }
 }
 
-/// Agents from which on the digest is computed on another thread while the network takes its step.
+/// Digests of the latest replies, where they are known already.
+#[derive(Debug, Default)]
+struct Hashed {
+    robots: Option<RobotsReply>,
+    network: Option<NetworkReply>,
+}
+
+/// Agents from which on a digest is computed on another thread, while the network takes its step.
 const HASHED_BESIDES: usize = 1000;
+
+/// The digest of a reply.
+async fn hashed<T: Send + Sync + 'static, D: Send + 'static>(
+    reply: Arc<T>,
+    n_agents: usize,
+    digest: fn(&T) -> D,
+) -> D {
+    if n_agents < HASHED_BESIDES {
+        return digest(&reply);
+    }
+    let hashing = tokio::task::spawn_blocking(move || digest(&reply));
+    hashing.await.expect("hashing numbers does not panic")
+}
 
 fn digest_of(step: u64, time_ns: u64, on_air: &RobotsStep, given: Option<&NetworkStep>) -> Digest {
     let deliveries: Option<&Deliveries> = given.map(|reply| &reply.deliveries);

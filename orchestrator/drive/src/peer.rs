@@ -16,7 +16,7 @@ mod side;
 
 pub use error::SideError;
 pub use in_process::{InProcess, ready};
-pub use process::Launch;
+pub use process::{Launch, Orders};
 pub use service::Service;
 pub use side::{Described, NetworkSide, Peer, RobotSide, Side, Standing};
 
@@ -26,14 +26,18 @@ use experiment::{Tls, Transport};
 use process::ChildProcess;
 use proto::config::Problem;
 use proto::exchange::ConfigureRequest;
-use proto_host::{CONNECTION_WINDOW_BYTES, STREAM_WINDOW_BYTES};
+use proto::digest::Digest;
+use proto_host::{CONNECTION_WINDOW_BYTES, HEADER_LIST_BYTES, STREAM_WINDOW_BYTES};
 use proto_messages::convert::InvalidField;
 use std::future::Future;
+use std::os::unix::fs::PermissionsExt as _;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 use tonic::{Code, Status, Streaming};
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_client::HealthClient;
 use tonic_types::StatusExt as _;
 
 /// After how long without an answer a side is asked for a sign of life.
@@ -47,6 +51,8 @@ const SETUP: Duration = Duration::from_secs(10);
 pub struct Remote<S: Service> {
     url: String,
     client: S::Client,
+    /// Serves signs of life, until a side turns out to serve none.
+    health: Option<HealthClient<Channel>>,
     child: Option<ChildProcess>,
     described: Described,
     session: Option<Session<S>>,
@@ -54,6 +60,8 @@ pub struct Remote<S: Service> {
     step_deadline: Duration,
     awake: Awake,
     n_agents: usize,
+    /// See [`Peer::start_digest`].
+    start: Option<Digest>,
     /// In a session: the digest that rode on the latest reply, which the next step confirms.
     digest: Bytes,
     /// The same until the barrier has asked for it.
@@ -91,7 +99,17 @@ pub async fn connect<S: Service>(
     url: &str,
     tls: Option<&Tls>,
 ) -> Result<(S::Client, Described), SideError> {
-    let client = S::client(channel(S::SIDE, url, tls).await?);
+    let (_, client, described) = open::<S>(url, tls).await?;
+    Ok((client, described))
+}
+
+/// As [`connect`], with the channel.
+async fn open<S: Service>(
+    url: &str,
+    tls: Option<&Tls>,
+) -> Result<(Channel, S::Client, Described), SideError> {
+    let channel = channel(S::SIDE, url, tls).await?;
+    let client = S::client(channel.clone());
     let described = tokio::time::timeout(SETUP, S::describe(client.clone()))
         .await
         .map_err(|_| SideError::Unreachable {
@@ -103,7 +121,7 @@ pub async fn connect<S: Service>(
             ),
         })?
         .map_err(|status| not_a_simulator(S::SIDE, url, tls, &status))?;
-    Ok((client, described))
+    Ok((channel, client, described))
 }
 
 impl<S: Service> Remote<S> {
@@ -120,8 +138,8 @@ impl<S: Service> Remote<S> {
                 (url, Some(child))
             }
         };
-        let connected = connect::<S>(&url, reach.tls.as_ref()).await;
-        let (client, described) = match (connected, &mut child) {
+        let connected = open::<S>(&url, reach.tls.as_ref()).await;
+        let (channel, client, described) = match (connected, &mut child) {
             (Ok(connected), _) => connected,
             (Err(error), Some(child)) => {
                 return Err(child.explain(S::SIDE, "starting", error).await);
@@ -154,6 +172,7 @@ impl<S: Service> Remote<S> {
         Ok(Self {
             url,
             client,
+            health: Some(HealthClient::new(channel)),
             child,
             described,
             session: None,
@@ -161,6 +180,7 @@ impl<S: Service> Remote<S> {
             step_deadline,
             awake,
             n_agents: 0,
+            start: None,
             digest: Bytes::new(),
             riding: None,
         })
@@ -182,6 +202,12 @@ impl<S: Service> Remote<S> {
     #[must_use]
     pub fn streams(&self) -> bool {
         self.streams
+    }
+
+    /// Where and how other programs may give orders to it; `None`: it was not started here, or takes none.
+    #[must_use]
+    pub fn orders(&self) -> Option<&Orders> {
+        self.child.as_ref().and_then(ChildProcess::orders)
     }
 
     /// Process number of the child.
@@ -243,12 +269,12 @@ impl<S: Service> Remote<S> {
         }
         let begun = Instant::now();
         loop {
-            let alive = tokio::time::timeout(SIGN_OF_LIFE, S::describe(self.client.clone()));
+            let alive = tokio::time::timeout(SIGN_OF_LIFE, self.sign_of_life());
             tokio::select! {
                 biased;
                 result = &mut call => return self.explain(doing, result).await,
                 answer = alive => match answer {
-                    Ok(Ok(_)) => {}
+                    Ok(Ok(())) => {}
                     Ok(Err(status)) => return self.explain(doing, Err(status)).await,
                     Err(_) => {
                         let waited = PATIENCE + begun.elapsed();
@@ -268,6 +294,19 @@ impl<S: Service> Remote<S> {
                 return self.explain(doing, result).await;
             }
         }
+    }
+
+    /// Asks whether the side lives: its health service, or where it has none, what it is.
+    async fn sign_of_life(&mut self) -> Result<(), Status> {
+        if let Some(health) = &mut self.health {
+            match health.check(HealthCheckRequest::default()).await {
+                Err(status) if matches!(status.code(), Code::Unimplemented | Code::NotFound) => {
+                    self.health = None;
+                }
+                answer => return answer.map(|_| ()),
+            }
+        }
+        S::describe(self.client.clone()).await.map(|_| ())
     }
 
     async fn explain<T>(
@@ -325,9 +364,17 @@ impl<S: Service> Peer<S> for Remote<S> {
         self.digest = Bytes::new();
         self.riding = None;
         self.n_agents = request.experiment.agent_count;
+        self.start = None;
         let call = S::configure(self.client.clone(), S::configuration(request));
         let reply = self.wait(DOING.to_owned(), call).await.map_err(unacceptable::<S>)?;
-        S::start(reply, self.n_agents).map_err(|invalid| garbage::<S>(DOING.to_owned(), &invalid))
+        let start = S::start(reply, self.n_agents)
+            .map_err(|invalid| garbage::<S>(DOING.to_owned(), &invalid))?;
+        self.start = request.full_digest.then(|| S::start_digest(request, &start));
+        Ok(start)
+    }
+
+    fn start_digest(&self) -> Option<Digest> {
+        self.start
     }
 
     async fn step(&mut self, input: &S::Input<'_>) -> Result<S::Reply, SideError> {
@@ -454,7 +501,8 @@ async fn channel(side: &'static str, url: &str, tls: Option<&Tls>) -> Result<Cha
         .connect_timeout(SETUP)
         .tcp_nodelay(true)
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
-        .initial_connection_window_size(CONNECTION_WINDOW_BYTES);
+        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+        .http2_max_header_list_size(HEADER_LIST_BYTES);
     if url.starts_with("https://") {
         let tls = tls.ok_or_else(|| {
             unreachable(
@@ -471,6 +519,7 @@ async fn channel(side: &'static str, url: &str, tls: Option<&Tls>) -> Result<Cha
         let mut config =
             ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(&tls.ca)?));
         if let Some((cert, key)) = &tls.identity {
+            private(key)?;
             config = config.identity(Identity::from_pem(read(cert)?, read(key)?));
         }
         endpoint = endpoint.tls_config(config).map_err(|error| unreachable(innermost(&error)))?;
@@ -480,6 +529,23 @@ async fn channel(side: &'static str, url: &str, tls: Option<&Tls>) -> Result<Cha
         .await
         .map_err(|_| unreachable(format!("no connection within {} s", SETUP.as_secs())))?
         .map_err(|error| unreachable(innermost(&error)))
+}
+
+/// A key that other users can read is no secret.
+fn private(key: &std::path::Path) -> Result<(), SideError> {
+    // One that is missing is named when it is read.
+    let Ok(metadata) = std::fs::metadata(key) else { return Ok(()) };
+    let mode = metadata.permissions().mode() & 0o777;
+    if mode & 0o077 == 0 {
+        return Ok(());
+    }
+    Err(SideError::Certificate {
+        path: key.to_owned(),
+        reason: format!(
+            "other users can read this private key (its mode is {mode:03o}); run: chmod 600 {}",
+            key.display()
+        ),
+    })
 }
 
 fn innermost(error: &dyn std::error::Error) -> String {

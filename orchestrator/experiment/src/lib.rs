@@ -139,6 +139,12 @@ pub const EXPERIMENT: TableSpec = TableSpec {
             default: Default::Number(60.0),
         },
         Field {
+            key: "accept_commands",
+            doc: "Whether other programs may give orders to the simulators that the run starts; it prints where, and a token.",
+            kind: Kind::Bool,
+            default: Default::Absent,
+        },
+        Field {
             key: "tls",
             doc: "Certificates for simulators on other hosts.",
             kind: Kind::Table(&TLS),
@@ -243,6 +249,8 @@ pub struct Plan {
     pub transport: Transport,
     /// Longest wait for a step that shows signs of life (s).
     pub step_deadline_s: f64,
+    /// Simulators that are started take orders from other programs.
+    pub accept_commands: bool,
     /// Certificates.
     pub tls: Option<Tls>,
     /// `[site]` as TOML text.
@@ -511,6 +519,8 @@ fn plan(
             _ => Transport::Auto,
         },
         step_deadline_s: number("step_deadline_s")?,
+        accept_commands: experiment_table.get("accept_commands").and_then(toml::Value::as_bool)
+            == Some(true),
         tls,
         site_toml: site_table.to_string(),
         warnings: [robotsim.1, netsim.1].concat(),

@@ -108,6 +108,7 @@ pub(super) async fn connect(
             threads: options.threads,
             log: options.log.clone(),
             log_json: options.log_json,
+            accept_commands: plan.accept_commands,
         },
     };
     let (robots_reach, network_reach) = (reach(&plan.robotsim.url), reach(&plan.netsim.url));

@@ -27,6 +27,7 @@ struct Connection {
     tls: Option<Tls>,
     transport: Transport,
     step_deadline_s: f64,
+    accept_commands: bool,
 }
 
 impl Connection {
@@ -36,6 +37,7 @@ impl Connection {
             tls: plan.tls.clone(),
             transport: plan.transport,
             step_deadline_s: plan.step_deadline_s,
+            accept_commands: plan.accept_commands,
         }
     }
 }

@@ -198,7 +198,7 @@ fn identity(plan: &Plan) -> String {
     experiment.remove("output");
     if let Some(table) = experiment.get_mut("experiment").and_then(toml::Value::as_table_mut) {
         // Results do not depend on these.
-        for key in ["name", "seed", "transport", "tls", "step_deadline_s"] {
+        for key in ["name", "seed", "transport", "tls", "step_deadline_s", "accept_commands"] {
             table.remove(key);
         }
     }

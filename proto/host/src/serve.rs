@@ -274,6 +274,7 @@ fn serve(
                 }
                 Listener::Unix(listener, path) => {
                     announce(simulator, &format!("unix:{}", path.display()));
+                    let _left = Left { path, with_folder: args.exit_with_parent };
                     router.serve_with_incoming(UnixListenerStream::new(listener)).await
                 }
             }
@@ -292,6 +293,22 @@ fn serve(
 enum Listener {
     Tcp(TcpListener, SocketAddr),
     Unix(UnixListener, PathBuf),
+}
+
+/// A socket's file, removed at the end; with the folder, if nothing else is in it, where the parent process made one and may have
+/// ended without removing it.
+struct Left {
+    path: PathBuf,
+    with_folder: bool,
+}
+
+impl Drop for Left {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+        if let Some(folder) = self.path.parent().filter(|_| self.with_folder) {
+            let _ = std::fs::remove_dir(folder);
+        }
+    }
 }
 
 impl Listener {

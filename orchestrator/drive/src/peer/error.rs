@@ -165,8 +165,8 @@ pub enum SideError {
     },
     /// It holds other state than was exchanged.
     #[error(
-        "{side}: its digest of step {step} is {got}, but the exchanged data have {expected}; its positions or deliveries \
-         differ from those it sent or received"
+        "{side}: its digest of step {step} is {got}, but the exchanged data have {expected}; what it sent or received was \
+         changed on its way, or is not what it holds"
     )]
     WrongDigest {
         /// Which side.

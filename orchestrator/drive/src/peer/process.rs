@@ -1,10 +1,14 @@
 //! A side that runs as a child process of this one.
 
 use super::SideError;
+use std::fs::Permissions;
+use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::ExitStatusExt as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
+use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt as _, BufReader};
 use tokio::process::{Child, ChildStdin, Command};
 
@@ -24,6 +28,24 @@ pub struct Launch {
     pub log: String,
     /// Log as JSON.
     pub log_json: bool,
+    /// Children take orders from other programs that know the token made for them.
+    pub accept_commands: bool,
+}
+
+/// Where and how other programs may give orders to a child.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Orders {
+    /// Where it listens.
+    pub url: String,
+    /// The token that a call of `Command` carries.
+    pub token: String,
+}
+
+/// Without the token.
+impl std::fmt::Debug for Orders {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("Orders").field("url", &self.url).finish_non_exhaustive()
+    }
 }
 
 /// A running child. Killed if dropped.
@@ -31,6 +53,9 @@ pub(super) struct ChildProcess {
     child: Child,
     /// Closing it ends the child. Held here, since waiting for a [`Child`] closes what that holds.
     stdin: Option<ChildStdin>,
+    orders: Option<Orders>,
+    /// Where its socket is: nobody else may enter.
+    _folder: TempDir,
 }
 
 impl ChildProcess {
@@ -40,8 +65,20 @@ impl ChildProcess {
         launch: &Launch,
     ) -> Result<(String, Self), SideError> {
         let failed = |reason: String| SideError::Start { side, reason };
+        let cannot = |error: std::io::Error| failed(format!("no folder for its socket: {error}"));
+        let folder = private_folder().map_err(cannot)?;
+        let socket = folder.path().join(side);
         let mut command = Command::new(&launch.executable);
-        command.args([side, "--listen", "127.0.0.1:0", "--exit-with-parent", "--log", &launch.log]);
+        command.arg(side).arg("--listen").arg(format!("unix:{}", socket.display()));
+        command.args(["--exit-with-parent", "--log", &launch.log]);
+        let token_file = folder.path().join("token");
+        let token = if launch.accept_commands {
+            command.arg("--require-token").arg(&token_file);
+            Some(new_token(&token_file).map_err(cannot)?)
+        } else {
+            command.arg("--refuse-orders");
+            None
+        };
         if launch.log_json {
             command.arg("--log-json");
         }
@@ -66,7 +103,7 @@ impl ChildProcess {
             })?
             .map_err(|error| failed(error.to_string()))?;
         let stdin = child.stdin.take();
-        let mut process = Self { child, stdin };
+        let mut process = Self { child, stdin, orders: None, _folder: folder };
         let Some(line) = line else {
             let ended = failed("it ended before it listened".to_owned());
             return Err(process.explain(side, "starting", ended).await);
@@ -75,7 +112,16 @@ impl ChildProcess {
             .rsplit_once(" listening on ")
             .map(|(_, url)| url.to_owned())
             .ok_or_else(|| failed(format!("it printed {line:?} instead of its address")))?;
+        if let Some(token) = token {
+            // Read before it listened.
+            let _ = std::fs::remove_file(token_file);
+            process.orders = Some(Orders { url: url.clone(), token });
+        }
         Ok((url, process))
+    }
+
+    pub(super) fn orders(&self) -> Option<&Orders> {
+        self.orders.as_ref()
     }
 
     pub(super) fn id(&self) -> Option<u32> {
@@ -107,6 +153,39 @@ impl ChildProcess {
     }
 }
 
+/// A folder that only this user may enter, for a socket. Removed when dropped.
+fn private_folder() -> std::io::Result<TempDir> {
+    /// A socket's path, with the name of the folder and of the socket, has fewer than 108 bytes.
+    const LONGEST: usize = 70;
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    let mut places: Vec<PathBuf> = runtime.into_iter().collect();
+    places.extend([std::env::temp_dir(), PathBuf::from("/tmp")]);
+    let mut last = std::io::Error::from(std::io::ErrorKind::NotFound);
+    let is_usable = |place: &&PathBuf| place.is_absolute() && place.as_os_str().len() <= LONGEST;
+    for place in places.iter().filter(is_usable) {
+        let mut builder = tempfile::Builder::new();
+        builder.prefix("murmuration-").permissions(Permissions::from_mode(0o700));
+        match builder.tempdir_in(place) {
+            Ok(folder) => return Ok(folder),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
+}
+
+/// A token that nobody can guess, in a file that only this user may read.
+fn new_token(path: &Path) -> std::io::Result<String> {
+    use std::io::Read as _;
+    use std::os::unix::fs::OpenOptionsExt as _;
+    let mut random = [0; 16];
+    std::fs::File::open("/dev/urandom")?.read_exact(&mut random)?;
+    let token = proto::digest::hex(&random);
+    let mut options = std::fs::OpenOptions::new();
+    let mut file = options.write(true).create_new(true).mode(0o600).open(path)?;
+    writeln!(file, "{token}")?;
+    Ok(token)
+}
+
 fn how(status: ExitStatus) -> String {
     match (status.code(), status.signal()) {
         (Some(code), _) => format!("exit status {code}"),
@@ -121,7 +200,6 @@ fn how(status: ExitStatus) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::PermissionsExt as _;
 
     #[tokio::test]
     async fn a_child_that_lives_is_not_ended_by_asking_whether_it_does() {
@@ -131,7 +209,13 @@ mod tests {
         let script = "#!/bin/sh\necho side listening on http://127.0.0.1:1\nexec cat >/dev/null\n";
         std::fs::write(&executable, script).unwrap();
         std::fs::set_permissions(&executable, std::fs::Permissions::from_mode(0o755)).unwrap();
-        let launch = Launch { executable, threads: None, log: "warn".to_owned(), log_json: false };
+        let launch = Launch {
+            executable,
+            threads: None,
+            log: "warn".to_owned(),
+            log_json: false,
+            accept_commands: false,
+        };
         let (url, mut child) = ChildProcess::start("netsim", &launch).await.unwrap();
         assert_eq!(url, "http://127.0.0.1:1");
         let said = SideError::Cannot { side: "netsim", what: "its own words".to_owned() };

@@ -2,6 +2,7 @@
 
 use super::{Described, NetworkSide, RobotSide, Side, Standing};
 use bytes::Bytes;
+use proto::digest::{Digest, full};
 use proto::exchange::ConfigureRequest;
 use proto::types::MoteCommandKind;
 use proto::types::{DeliveryColumn, NetRecord};
@@ -76,6 +77,8 @@ pub trait Service: Side {
     ///
     /// The first thing that is malformed in it.
     fn start(reply: Self::ConfigureResponse, n_agents: usize) -> Result<Self::Start, InvalidField>;
+    /// Digest of how an experiment begins.
+    fn start_digest(request: &ConfigureRequest, start: &Self::Start) -> Digest;
     /// Number of the step that an input asks for.
     fn number(input: &Self::Input<'_>) -> u64;
     /// An input as its message, with the digest that it confirms.
@@ -95,6 +98,7 @@ pub trait Service: Side {
 macro_rules! service {
     (
         $side:ty, $client:ident, $call:path, $reply:path, $start_of:path, $step_of:path,
+        $digest_of:path,
         $describe:ident, $configure:ident, $configured:ident, $step:ident, $stepped:ident,
         $barrier:ident, $session:ident, $sessioned:ident, |$d:ident| $described:expr
     ) => {
@@ -185,6 +189,10 @@ macro_rules! service {
                 $start_of(reply, n_agents)
             }
 
+            fn start_digest(request: &ConfigureRequest, start: &Self::Start) -> Digest {
+                $digest_of(&request.into(), start)
+            }
+
             fn number(input: &Self::Input<'_>) -> u64 {
                 input.step
             }
@@ -210,6 +218,7 @@ service!(
     v1::robot_sim_service_session_response::Response,
     convert::robots_start,
     convert::robots_step,
+    full::of_robots_start,
     RobotSimServiceDescribeRequest,
     RobotSimServiceConfigureRequest,
     RobotSimServiceConfigureResponse,
@@ -230,6 +239,7 @@ service!(
         mote_commands: Vec::new(),
         columns: Vec::new(),
         records: Vec::new(),
+        full_digest: d.full_digest,
         max_agents: d.limits.unwrap_or_default().max_agents,
     }
 );
@@ -241,6 +251,7 @@ service!(
     v1::net_sim_service_session_response::Response,
     convert::network_start,
     convert::network_step,
+    full::of_network_start,
     NetSimServiceDescribeRequest,
     NetSimServiceConfigureRequest,
     NetSimServiceConfigureResponse,
@@ -261,6 +272,7 @@ service!(
         mote_commands: kinds(&d.commands),
         columns: columns(&d.columns),
         records: records(&d.records),
+        full_digest: d.full_digest,
         max_agents: d.limits.unwrap_or_default().max_agents,
     }
 );

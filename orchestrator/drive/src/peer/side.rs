@@ -2,6 +2,7 @@
 
 use super::SideError;
 use bytes::Bytes;
+use proto::digest::Digest;
 use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use proto::side::{NetInput, RobotInput};
 use proto::types::MoteCommandKind;
@@ -66,6 +67,12 @@ pub trait Peer<S: Side> {
     /// It fails, hangs, refuses, or breaks the protocol.
     fn step(&mut self, input: &S::Input<'_>) -> impl Future<Output = Result<S::Reply, SideError>>;
 
+    /// Digest of how the experiment began on this side, if its digests of steps are full ones; `None`: they are of positions and
+    /// deliveries alone, or there are none.
+    fn start_digest(&self) -> Option<Digest> {
+        None
+    }
+
     /// Says where it stands after step `step`, which ended at `time_ns`.
     ///
     /// # Errors
@@ -107,6 +114,8 @@ pub struct Described {
     pub columns: Vec<DeliveryColumn>,
     /// Records that can be asked for, as far as they are known here. Network only.
     pub records: Vec<NetRecord>,
+    /// Digests of the whole exchange can be asked for.
+    pub full_digest: bool,
     /// The largest capacity; 0: no limit.
     pub max_agents: u32,
 }
