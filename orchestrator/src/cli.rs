@@ -1,5 +1,6 @@
 //! The command line.
 
+mod answers;
 mod check;
 mod choice;
 mod formula;
@@ -16,17 +17,17 @@ mod task;
 
 use crate::bench::{self, BenchOptions};
 use crate::conformance::{self, ConformanceOptions};
-use crate::console::{Screen, complain, say};
+use crate::console::{Screen, complain, leave_stdout_to_answers, say};
 use crate::effects;
 use crate::run::{self, RunOptions, RunReport, StartOptions};
+use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use clap::{Args, Parser, Subcommand};
 use experiment::{Overrides, Tls};
 use metrics::kpi::kpi_summary::KpiSummary;
 use proto::types::seconds;
 use proto_host::{ServeArgs, init_logging, serve_network, serve_robots};
 use record::run_summary::{RunSummary, TaskSummary};
-use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Simulate robot swarms that communicate over a radio mesh, and find missing physics from measurements
@@ -90,7 +91,7 @@ struct FileArgs {
     config: PathBuf,
     #[command(flatten)]
     change: OverrideArgs,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -166,7 +167,7 @@ struct EffectsArgs {
     /// Write the list or the explanation as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Plot the effect to this file (SVG)
+    /// Plot the effect to this file (SVG); - for standard output
     #[arg(long, value_name = "FILE", requires = "name")]
     svg: Option<PathBuf>,
 }
@@ -175,7 +176,7 @@ struct EffectsArgs {
 struct VerifyArgs {
     /// Folder of the run
     run: PathBuf,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -194,7 +195,7 @@ struct ConformanceArgs {
     agents: u32,
     #[command(flatten)]
     tls: TlsArgs,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -224,7 +225,7 @@ struct BenchArgs {
     /// Number of threads per simulator [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -281,6 +282,7 @@ impl Failure {
 /// Runs the program.
 #[must_use]
 pub fn main() -> ExitCode {
+    leave_stdout_to_answers(std::env::args_os().skip(1));
     let cli = Cli::parse();
     let result = match cli.command {
         Command::Netsim(options) => {
@@ -373,7 +375,7 @@ fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
 fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     // A place that cannot be written is found before the work, not after it.
     if let Some(path) = &args.file.json {
-        place_for("--json", path).map_err(Failure::request)?;
+        check_place("--json", path)?;
     }
     let options = RunOptions {
         config: args.file.config.clone(),
@@ -489,9 +491,6 @@ fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {
         write_whole("--svg", path, &picture.svg(name))?;
     }
     match args.json.as_deref() {
-        Some(path) if path == Path::new("-") => {
-            say(record::pretty(&effects::answer(&found)).trim_end())
-        }
         Some(path) => write_json(Some(path), &effects::answer(&found))?,
         None if args.name.is_none() => say(effects::table()),
         None => {
@@ -550,29 +549,4 @@ fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
             found.name
         )))
     }
-}
-
-fn write_json(path: Option<&Path>, answer: &impl Serialize) -> Result<(), Failure> {
-    path.map_or(Ok(()), |path| write_whole("--json", path, &record::pretty(answer)))
-}
-
-/// Writes a file in one piece: under another name first.
-fn write_whole(option: &str, path: &Path, text: &str) -> Result<(), Failure> {
-    let failed =
-        |error: std::io::Error| Failure::work(format!("{option} {}: {error}", path.display()));
-    let file = place_for(option, path).map_err(Failure::work)?;
-    std::fs::write(file.path(), text).map_err(failed)?;
-    file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
-}
-
-/// A file beside the one that is to be written, to become it.
-fn place_for(option: &str, path: &Path) -> Result<tempfile::NamedTempFile, String> {
-    let folder =
-        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if path.is_dir() {
-        return Err(format!("{option} {}: is a folder; give the path of a file", path.display()));
-    }
-    tempfile::NamedTempFile::new_in(folder).map_err(|error| {
-        format!("{option} {}: {}", path.display(), std::io::Error::from(error.kind()))
-    })
 }

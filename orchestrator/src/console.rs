@@ -4,13 +4,37 @@ use crate::run::Audience;
 use drive;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::types::{Formation, seconds};
+use std::ffi::OsString;
 use std::fmt::{Display, Write as _};
 use std::io::{IsTerminal as _, Write as _};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// A line on standard output. That nobody reads it is no failure.
+/// Standard output belongs to an answer: what people read goes to standard error.
+static IS_ANSWER_ON_STDOUT: AtomicBool = AtomicBool::new(false);
+
+/// Leaves standard output to the answer of a command, if an option says so.
+pub fn leave_stdout_to_answers(arguments: impl Iterator<Item = OsString>) {
+    const OPTIONS: [&str; 4] = ["--json", "--report", "--output", "--svg"];
+    let mut value_is_next = false;
+    for argument in arguments {
+        let text = argument.to_string_lossy();
+        let is_dash = value_is_next && text == "-"
+            || OPTIONS.iter().any(|option| text.strip_prefix(option) == Some("=-"));
+        if is_dash {
+            IS_ANSWER_ON_STDOUT.store(true, Ordering::Relaxed);
+        }
+        value_is_next = OPTIONS.contains(&&*text);
+    }
+}
+
+/// A line on standard output, or on standard error where that holds an answer. That nobody reads it is no failure.
 pub fn say(line: impl Display) {
-    let _ = writeln!(std::io::stdout(), "{line}");
+    let _ = if IS_ANSWER_ON_STDOUT.load(Ordering::Relaxed) {
+        writeln!(std::io::stderr(), "{line}")
+    } else {
+        writeln!(std::io::stdout(), "{line}")
+    };
 }
 
 /// An error on standard error.
@@ -32,6 +56,10 @@ pub struct Screen {
 impl Audience for Screen {
     fn warn(&mut self, warning: &str) {
         warn(warning);
+    }
+
+    fn note(&mut self, note: &str) {
+        let _ = writeln!(std::io::stderr(), "{note}");
     }
 }
 

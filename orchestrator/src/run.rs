@@ -131,6 +131,9 @@ pub struct RunReport {
 pub trait Audience: ProgressObserver {
     /// Something to check before the results are trusted, said before the first step.
     fn warn(&mut self, warning: &str);
+
+    /// Something to know while the run lasts, said before the first step.
+    fn note(&mut self, note: &str);
 }
 
 /// Runs an experiment.
@@ -167,6 +170,10 @@ pub async fn run(
     // Before the work: whoever sees them may wish to stop it.
     for warning in &started.warnings {
         audience.warn(warning);
+    }
+    for (side, orders) in &started.orders {
+        let (url, token) = (&orders.url, &orders.token);
+        audience.note(&format!("{side} takes orders at {url} with authorization: Bearer {token}"));
     }
     let provenance = provenance::Provenance::gather(&plan, &started, options);
     let mut coupled = started.coupled;

@@ -51,10 +51,49 @@ pub struct RunSummary {
     pub network: Option<NetworkSummary>,
     /// The figures of a network with protocols; null without.
     pub kpis: Option<KpiSummary>,
+    /// Orders from other programs that took effect; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orders_from_outside: Option<OrdersFromOutside>,
     /// How much each table, log or capture holds, by name of the file.
     pub files: IndexMap<String, FileCount>,
     /// What to check before the results are trusted, a sentence each.
     pub warnings: Vec<String>,
+}
+
+/// Orders that other programs gave through `Command`, as far as the simulators list them: with them, the same configuration and
+/// seed need not give the same results.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct OrdersFromOutside {
+    /// Orders to robots, by source.
+    pub robots: BTreeMap<String, u64>,
+    /// Orders to the network, by source.
+    pub network: BTreeMap<String, u64>,
+}
+
+impl OrdersFromOutside {
+    /// Whether there were none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.robots.is_empty() && self.network.is_empty()
+    }
+}
+
+/// The orders in words: how many, and who gave them.
+impl std::fmt::Display for OrdersFromOutside {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let sides = [("robots", &self.robots), ("the network", &self.network)];
+        let sides = sides.into_iter().filter(|(_, by_source)| !by_source.is_empty());
+        let words = sides.map(|(side, by_source)| {
+            let n: u64 = by_source.values().sum();
+            let sources: Vec<String> = by_source
+                .iter()
+                .map(|(source, n)| format!("{} {n}", if source.is_empty() { "unnamed" } else { source }))
+                .collect();
+            let orders = if n == 1 { "order" } else { "orders" };
+            format!("{n} {orders} to {side} ({})", sources.join(", "))
+        });
+        formatter.write_str(&words.collect::<Vec<_>>().join(" and "))
+    }
 }
 
 /// How much a file of a run holds.

@@ -41,6 +41,7 @@ pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> 
         task: measures.map(|measures| task(measures, ending)),
         network: measures.map(network),
         kpis: measures.and_then(|measures| measures.kpis.summary()),
+        orders_from_outside: Some(&written.orders).filter(|orders| !orders.is_empty()).cloned(),
         files: files.collect(),
         warnings: warnings(header, ending, written),
     }
@@ -182,6 +183,9 @@ fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<Strin
         warnings.push(format!(
             "{TRUTH_BASELINE}: the robots knew the true state of all others, whatever the network delivered"
         ));
+    }
+    if !written.orders.is_empty() {
+        warnings.push(format!("other programs gave {} during the run", written.orders));
     }
     let n_steps = measures.map_or(0, |measures| measures.n_steps);
     match ending.status {

@@ -6,8 +6,9 @@ use super::pcap::{self, Counter};
 use super::read::{ReadError, RunReader};
 use super::run_summary::{FileCount, RunSummary};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
-use proto::digest::{hex, of_step};
-use proto::types::{Coupling, Deliveries};
+use proto::digest::full::{NetworkReply, RobotsReply, of_exchange};
+use proto::digest::{Digest, hex, of_step};
+use proto::types::{AgentStates, Coupling, Deliveries};
 use proto_messages::convert::{self, InvalidField};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -203,21 +204,33 @@ fn read_steps(
     let Some(configured) = reader.configured() else { return Ok(()) };
     let n = configured.robot_request.agent_count as usize;
     let coupling = convert::coupling(configured.robot_request.coupling).map_err(field_error(0))?;
-    let mut states_before =
-        convert::states(configured.robot_response.states.clone(), n).map_err(field_error(0))?;
-    let mut given: Option<Deliveries> = None;
+    let mut lesser = Lesser {
+        coupling,
+        states_before: convert::states(configured.robot_response.states.clone(), n)
+            .map_err(field_error(0))?,
+        given: None,
+    };
+    // Recordings of older versions hold digests of positions and deliveries alone.
+    let mut is_full = true;
     while let Some(recorded) = reader.next_step().map_err(read_error)? {
         let step = report.steps + 1;
         let numbers = [recorded.robots.step, recorded.net.step, recorded.barrier.step];
         if numbers != [step; 3] {
             return Err(format!("run.mcap: step {step} is missing: found {numbers:?}"));
         }
-        let states = convert::states(recorded.robots.states, n).map_err(field_error(step))?;
-        let on_air = match coupling {
-            Coupling::Sequential => &states,
-            Coupling::Parallel | Coupling::Event => &states_before,
+        let commands =
+            convert::mote_commands(recorded.commands, n).map_err(field_error(step))?;
+        let (robots, _) = convert::robots_step(recorded.robots, n).map_err(field_error(step))?;
+        let (network, _) = convert::network_step(recorded.net, n).map_err(field_error(step))?;
+        let whole = || {
+            let (robots, network) = (RobotsReply::of_step(&robots), NetworkReply::of_step(&network));
+            of_exchange(&robots, &network, &commands)
         };
-        let digest = of_step(step, recorded.barrier.time_ns, on_air, given.as_ref());
+        let of_positions = || lesser.digest(step, recorded.barrier.time_ns, &robots.states);
+        if step == 1 {
+            is_full = recorded.barrier.digest[..] != of_positions();
+        }
+        let digest = if is_full { whole() } else { of_positions() };
         if recorded.barrier.digest[..] == digest {
             report.digests += 1;
         } else {
@@ -227,10 +240,27 @@ fn read_steps(
                 hex(&recorded.barrier.digest)
             ));
         }
-        given = convert::deliveries(recorded.net.deliveries, n).map_err(field_error(step))?;
-        states_before = states;
+        lesser.states_before = robots.states;
+        lesser.given = Some(network.deliveries);
         report.steps = step;
         *last_digest = Some(hex(&recorded.barrier.digest));
     }
     Ok(())
+}
+
+/// What the digest of positions and deliveries depends on besides a step's own states.
+struct Lesser {
+    coupling: Coupling,
+    states_before: AgentStates,
+    given: Option<Deliveries>,
+}
+
+impl Lesser {
+    fn digest(&self, step: u64, time_ns: u64, states: &AgentStates) -> Digest {
+        let on_air = match self.coupling {
+            Coupling::Sequential => states,
+            Coupling::Parallel | Coupling::Event => &self.states_before,
+        };
+        of_step(step, time_ns, on_air, self.given.as_ref())
+    }
 }

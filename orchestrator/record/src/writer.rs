@@ -4,6 +4,7 @@
 use super::hashed_file::Fingerprint;
 use super::log::{MessageLog, Topic};
 use super::pcap::{self, Capture};
+use super::run_summary::OrdersFromOutside;
 use super::tables::Tables;
 use super::{RecordError, RunHeader, StepRecord};
 use metrics::counts::Counts;
@@ -49,6 +50,7 @@ struct Run {
     n_steps: u64,
     /// Steps with orders, each with a message of its own.
     n_ordered: u64,
+    orders: OrdersFromOutside,
     digest: Option<Digest>,
 }
 
@@ -58,6 +60,8 @@ pub(crate) struct Written {
     pub measures: Option<Measures>,
     /// What the network warned of.
     pub net_warnings: Vec<String>,
+    /// Orders from other programs that took effect.
+    pub orders: OrdersFromOutside,
     /// Digest of the last step.
     pub digest: Option<Digest>,
     /// Files, each with how many rows or messages it holds.
@@ -107,12 +111,19 @@ impl RunWriter {
         }
         files.extend(self.tables.finish()?);
         Ok(match self.run {
-            None => Written { measures: None, net_warnings: Vec::new(), digest: None, files },
+            None => Written {
+                measures: None,
+                net_warnings: Vec::new(),
+                orders: OrdersFromOutside::default(),
+                digest: None,
+                files,
+            },
             Some(mut run) => {
                 run.measures.end();
                 Written {
                     measures: Some(run.measures),
                     net_warnings: run.net_warnings,
+                    orders: run.orders,
                     digest: run.digest,
                     files,
                 }
@@ -162,6 +173,7 @@ impl RunWriter {
             time_ns: 0,
             n_steps: 0,
             n_ordered: 0,
+            orders: OrdersFromOutside::default(),
             digest: None,
         });
         Ok(())
@@ -175,6 +187,12 @@ impl RunWriter {
         };
         if let Some(capture) = &mut self.capture {
             capture.write(&network.capture)?;
+        }
+        for command in &robots.applied_commands {
+            *run.orders.robots.entry(command.source.clone()).or_default() += 1;
+        }
+        for command in &network.applied_commands {
+            *run.orders.network.entry(command.source.clone()).or_default() += 1;
         }
         for command in &commands {
             run.measures.note_event(run.time_ns, word(&command.order));

@@ -23,7 +23,7 @@ pub(super) struct CheckArgs {
     choices: ChoiceArgs,
     #[command(flatten)]
     change: OverrideArgs,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -7,7 +7,7 @@ use super::packets::{Adding, Opened, ResimulationArgs};
 use super::search_log::SearchLog;
 use super::stop::require_complete;
 use super::task::{self, Files};
-use super::{Failure, inputs, place_for, stop, write_json, write_whole};
+use super::{Failure, check_place, inputs, is_stdout, stop, write_json, write_whole};
 use crate::console::say;
 use clap::Args;
 use diagnose::answer::{self, Measurements};
@@ -53,7 +53,7 @@ pub(super) struct DataArgs {
     /// on reception are then tried and scored
     #[arg(long)]
     given_rssi: bool,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -108,7 +108,7 @@ impl DataArgs {
 pub(super) struct AnswerArgs {
     #[command(flatten)]
     data: DataArgs,
-    /// Write the results as a page with plots (one HTML file, which needs no internet connection)
+    /// Write the results as a page with plots (one HTML file, which needs no internet connection); - for standard output
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -135,7 +135,7 @@ impl AnswerArgs {
     fn check_places(&self) -> Result<(), Failure> {
         for (option, path) in [("--json", &self.data.json), ("--report", &self.report)] {
             if let Some(path) = path {
-                place_for(option, path).map_err(Failure::request)?;
+                check_place(option, path)?;
             }
         }
         if let (true, Some(report)) = (self.data.given_rssi, &self.report) {
@@ -171,7 +171,9 @@ impl AnswerArgs {
             if matches!(found, NetworkAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
         let page = report::packets::page(&name, &self.command(verb, &words), found);
         write_whole("--report", path, &page)?;
-        say(format!("open {}", path.display()));
+        if !is_stdout(path) {
+            say(format!("open {}", path.display()));
+        }
         Ok(())
     }
 
@@ -198,7 +200,9 @@ impl AnswerArgs {
             covariates,
         };
         write_whole("--report", path, &page(&contents))?;
-        say(format!("open {}", path.display()));
+        if !is_stdout(path) {
+            say(format!("open {}", path.display()));
+        }
         Ok(())
     }
 }
@@ -279,7 +283,7 @@ pub(super) struct ExtendArgs {
     all: bool,
     #[command(flatten)]
     formula: FormulaArgs,
-    /// Write the extended configuration to this file (TOML)
+    /// Write the extended configuration to this file (TOML); - for standard output
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]

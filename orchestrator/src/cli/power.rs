@@ -1,7 +1,7 @@
 //! `orchestrator power`: how large an effect a campaign would show.
 
 use super::choice::ChoiceArgs;
-use super::{Failure, inputs, place_for, write_json};
+use super::{Failure, check_place, inputs, write_json};
 use crate::console::say;
 use clap::Args;
 use diagnose::power::{self, PowerError, Question};
@@ -34,7 +34,7 @@ pub(super) struct PowerArgs {
     set: Vec<String>,
     #[command(flatten)]
     choices: ChoiceArgs,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -42,7 +42,7 @@ pub(super) struct PowerArgs {
 /// `orchestrator power`.
 pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
     if let Some(path) = &args.json {
-        place_for("--json", path).map_err(Failure::request)?;
+        check_place("--json", path)?;
     }
     let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
     let question = Question {

@@ -1,6 +1,6 @@
 //! `orchestrator simulate`: the campaign that a model would have measured.
 
-use super::{Failure, inputs, place_for, write_json};
+use super::{Failure, check_place, inputs, is_stdout, on_stdout, place_for, write_json};
 use crate::console::{say, warn};
 use clap::Args;
 use diagnose::simulate::simulation::Simulation;
@@ -17,7 +17,7 @@ pub(super) struct SimulateArgs {
     /// Measurements to use as a template: times, positions, channels, commands and covariates are taken from them
     #[arg(long, value_name = "FILE")]
     like: PathBuf,
-    /// Write the simulated campaign to this file (CSV; gzipped if the name ends in .gz)
+    /// Write the simulated campaign to this file (CSV; gzipped if the name ends in .gz; - for standard output)
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
     /// Seed of all random draws
@@ -26,7 +26,7 @@ pub(super) struct SimulateArgs {
     /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Write a summary as JSON to this file
+    /// Write a summary as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -34,14 +34,14 @@ pub(super) struct SimulateArgs {
 /// `orchestrator simulate`.
 pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
     let ending = args.output.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-    if !["csv", "gz"].contains(&ending) {
+    if !["csv", "gz"].contains(&ending) && !is_stdout(&args.output) {
         return Err(Failure::request(format!(
             "--output {}: the file name must end in .csv or .csv.gz; use {}.csv",
             args.output.display(),
             args.output.with_extension("").display()
         )));
     }
-    place_for("--output", &args.output).map_err(Failure::request)?;
+    check_place("--output", &args.output)?;
     let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
     let simulated =
         simulate::simulate(&config, &table, args.seed, None).map_err(Failure::request)?;
@@ -78,6 +78,9 @@ fn write(path: &Path, ending: &str, simulated: &Simulated) -> Result<(), Failure
     let failed =
         |error: std::io::Error| Failure::work(format!("--output {}: {error}", path.display()));
     let csv = simulated.to_csv();
+    if is_stdout(path) {
+        return on_stdout(csv.as_bytes()).map_err(failed);
+    }
     let mut file = place_for("--output", path).map_err(Failure::work)?;
     if ending == "gz" {
         let mut encoder = GzEncoder::new(&mut file, Compression::default());

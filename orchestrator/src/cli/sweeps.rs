@@ -1,6 +1,6 @@
 //! The commands that run many experiments.
 
-use super::{Failure, FileArgs, place_for, write_json};
+use super::{Failure, check_place, FileArgs, write_json};
 use crate::compare_runs;
 use crate::console::{say, warn};
 use crate::run::StartOptions;
@@ -31,7 +31,7 @@ pub(super) struct SweepArgs {
 /// `orchestrator sweep`.
 pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure> {
     if let Some(path) = &args.file.json {
-        place_for("--json", path).map_err(Failure::request)?;
+        check_place("--json", path)?;
     }
     let options = SweepOptions {
         config: args.file.config.clone(),
@@ -69,7 +69,7 @@ pub(super) struct CompareRunsArgs {
     a: PathBuf,
     /// Folder of the second run or sweep
     b: PathBuf,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

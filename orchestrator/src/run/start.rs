@@ -3,7 +3,7 @@
 use super::RunError;
 use drive::coupling::Coupled;
 use drive::peer::{
-    Launch, NetworkSide, Peer, Reach, Remote, RobotSide, Service, Side as _, SideError,
+    Launch, NetworkSide, Orders, Peer, Reach, Remote, RobotSide, Service, Side as _, SideError,
 };
 use drive::{self, ConfigureRequests, Unfit, Wanted};
 use experiment::{EXPERIMENT, Plan, SideConfig, Start};
@@ -51,6 +51,8 @@ pub struct Started {
     pub network: SideIdentity,
     /// What should be checked before the results are trusted.
     pub warnings: Vec<String>,
+    /// Where and how other programs may give orders, by side.
+    pub orders: Vec<(&'static str, Orders)>,
 }
 
 /// Who a side is: for provenance.
@@ -66,6 +68,8 @@ pub struct SideIdentity {
     pub is_child: bool,
     /// Steps cross in one stream.
     pub streams: bool,
+    /// Its digests cover the whole exchange.
+    pub is_compared_whole: bool,
 }
 
 fn identity<S: Service>(peer: &Remote<S>) -> SideIdentity {
@@ -75,6 +79,7 @@ fn identity<S: Service>(peer: &Remote<S>) -> SideIdentity {
         url: peer.url().to_owned(),
         is_child: peer.is_child(),
         streams: peer.streams(),
+        is_compared_whole: peer.start_digest().is_some(),
     }
 }
 
@@ -142,7 +147,12 @@ pub(super) async fn ready(
     match configure(plan, &mut robots, &mut network, wanted).await {
         Ok((exchange, start)) => {
             let identities = (identity(&robots), identity(&network));
-            let warnings = warnings(plan, &exchange, wanted);
+            let mut warnings = warnings(plan, &exchange, wanted);
+            warnings.extend(not_compared(RobotSide::SIDE, &identities.0));
+            warnings.extend(not_compared(NetworkSide::SIDE, &identities.1));
+            let orders = [(RobotSide::SIDE, robots.orders()), (NetworkSide::SIDE, network.orders())];
+            let orders = orders.into_iter().filter_map(|(side, orders)| Some((side, orders?.clone())));
+            let orders = orders.collect();
             let header = header(plan, &exchange, start);
             let records = header.records.clone();
             let coupled = Coupled::new(
@@ -161,6 +171,7 @@ pub(super) async fn ready(
                 robots: identities.0,
                 network: identities.1,
                 warnings,
+                orders,
             })
         }
         Err(error) => {
@@ -220,6 +231,17 @@ fn warnings(plan: &Plan, exchange: &Configured, wanted: Wanted) -> Vec<String> {
         );
     }
     warnings
+}
+
+/// What the digests of a side leave out.
+fn not_compared(side: &str, identity: &SideIdentity) -> Option<String> {
+    (!identity.is_compared_whole).then(|| {
+        format!(
+            "{side}: {} does not announce full_digest: only positions and deliveries are compared after each step. A change on the \
+             way of velocities, headings, received times, RSSI, hops, motes, orders or records would not be noticed",
+            identity.name
+        )
+    })
 }
 
 fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHeader {

@@ -1,0 +1,57 @@
+//! Where answers go: to files, written in one piece, or with `-` to standard output.
+
+use super::Failure;
+use serde::Serialize;
+use std::io::Write as _;
+use std::path::Path;
+
+/// The answer of a command as JSON, if an option asks for it.
+pub(super) fn write_json(path: Option<&Path>, answer: &impl Serialize) -> Result<(), Failure> {
+    path.map_or(Ok(()), |path| write_whole("--json", path, &record::pretty(answer)))
+}
+
+/// Writes a file in one piece: under another name first.
+pub(super) fn write_whole(option: &str, path: &Path, text: &str) -> Result<(), Failure> {
+    let failed =
+        |error: std::io::Error| Failure::work(format!("{option} {}: {error}", path.display()));
+    if is_stdout(path) {
+        return on_stdout(text.as_bytes()).map_err(failed);
+    }
+    let file = place_for(option, path).map_err(Failure::work)?;
+    std::fs::write(file.path(), text).map_err(failed)?;
+    file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
+}
+
+/// Whether an option that names a file asks for standard output instead.
+pub(super) fn is_stdout(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
+/// Writes an answer to standard output. That nobody reads it is no failure.
+pub(super) fn on_stdout(content: &[u8]) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(content).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
+    }
+}
+
+/// Finds out before the work whether an answer can be written there.
+pub(super) fn check_place(option: &str, path: &Path) -> Result<(), Failure> {
+    if is_stdout(path) {
+        return Ok(());
+    }
+    place_for(option, path).map(|_| ()).map_err(Failure::request)
+}
+
+/// A file beside the one that is to be written, to become it.
+pub(super) fn place_for(option: &str, path: &Path) -> Result<tempfile::NamedTempFile, String> {
+    let folder =
+        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if path.is_dir() {
+        return Err(format!("{option} {}: is a folder; give the path of a file", path.display()));
+    }
+    tempfile::NamedTempFile::new_in(folder).map_err(|error| {
+        format!("{option} {}: {}", path.display(), std::io::Error::from(error.kind()))
+    })
+}
