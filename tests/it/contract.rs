@@ -111,11 +111,27 @@ async fn the_latest_step_may_be_repeated_and_no_other() {
     let mut other = network_step(2);
     other.until_ns += 1;
     assert_refused(network.step(other).await, Code::FailedPrecondition, "until_ns");
+    let mut other = network_step(2);
+    states(&mut other).vx_mps[3] = 1.0;
+    assert_refused(
+        network.step(other).await,
+        Code::FailedPrecondition,
+        "states: step 2 was taken with other content than its repetition has",
+    );
+    let mut other = network_step(2);
+    other.commands.push(kill(1));
+    assert_refused(network.step(other).await, Code::FailedPrecondition, "commands: step 2");
+    assert_eq!(network.step(network_step(2)).await.unwrap().into_inner(), second);
 
     let (_robotsim, mut robots) = robots().await;
     robots.configure(robots_setup(1)).await.unwrap();
     let first = robots.step(robots_step(1)).await.unwrap().into_inner();
     assert_eq!(robots.step(robots_step(1)).await.unwrap().into_inner(), first);
+    let held = v1::RobotSimServiceStepRequest { hold: true, ..robots_step(1) };
+    assert_refused(robots.step(held).await, Code::FailedPrecondition, "hold: step 1");
+    let mut given = robots_step(1);
+    given.motes = Some(v1::MoteStates { alive: vec![0b11_1111].into(), ..Default::default() });
+    assert_refused(robots.step(given).await, Code::FailedPrecondition, "motes: step 1");
     assert_refused(
         robots.step(robots_step(3)).await,
         Code::FailedPrecondition,
@@ -224,6 +240,16 @@ async fn configure_lists_every_problem_with_its_path() {
         "{}",
         status.message()
     );
+
+    let mut request = network_setup(1);
+    request.config_toml = (0..500).map(|key| format!("unknown_key_{key} = 1\n")).collect();
+    let status = network.configure(request).await.unwrap_err();
+    let problems = fields(&status);
+    assert!((20..500).contains(&problems.len()), "{} problems", problems.len());
+    assert_eq!(problems[0], "unknown_key_0");
+    let last = status.get_details_bad_request().unwrap().field_violations.pop().unwrap();
+    let rest = 500 - (problems.len() - 1);
+    assert_eq!(last.description, format!("and {rest} more problems"));
 
     let mut request = network_setup(1);
     request.agent_count = 0;

@@ -222,6 +222,7 @@ fn robots_that_lie_are_named() {
                 "robotsim: malformed reply to step 3: states.y_m[0]: must be finite and at most 1e12 in magnitude, got NaN",
             ],
         ),
+        (Fault::OtherNumber, &["robotsim: its digest of step 3 is"]),
         (Fault::Silent, &["robotsim: does not respond: no reply to step 3"]),
         (Fault::Slow, &["robotsim: no reply to step 3", "it is alive"]),
     ] {
@@ -246,6 +247,14 @@ fn a_network_that_lies_is_named() {
             Fault::NotANumber,
             &["netsim: malformed reply to step 3: deliveries.rssi_dbm: must be finite"],
         ),
+        (Fault::OtherNumber, &["netsim: its digest of step 3 is"]),
+        (
+            Fault::OtherPayload,
+            &[
+                "netsim: malformed reply to step 3: deliveries.transmissions.payloads: entry 0 is not a payload that robot",
+            ],
+        ),
+        (Fault::Healthy, &["netsim: no reply to step 3", "it is alive"]),
         (Fault::Silent, &["netsim: does not respond: no reply to step 3"]),
         (Fault::Slow, &["netsim: no reply to step 3", "it is alive"]),
     ] {

@@ -273,3 +273,32 @@ fn an_address_that_is_taken_or_open_to_all() {
         );
     }
 }
+
+#[test]
+fn many_problems_found_by_a_simulator_elsewhere_are_listed_and_counted() {
+    let netsim = tests::Server::start("netsim", &[]).unwrap();
+    let keys: String = (0..300).map(|key| format!("unknown_key_{key} = 1\n")).collect();
+    let text = format!("{}[netsim]\n{keys}", good());
+    let text = refused("x.toml", &text, &["--netsim", &netsim.url]);
+    assert!(text.contains("unknown_key_0"), "{text}");
+    assert!(text.contains("unknown_key_15"), "{text}");
+    assert!(text.contains(" more problems"), "{text}");
+}
+
+#[test]
+fn an_answer_on_standard_output_is_alone_there() {
+    let folder = tests::folder();
+    let config = tests::repository().join("configs/flocking.toml");
+    let config = config.to_str().unwrap();
+    let short = ["--set", "experiment.duration_s=1.0", "--json", "-"];
+    for args in [&["run", config][..], &["check", config]] {
+        let output = tests::orchestrator(&[args, &short].concat(), folder.path());
+        assert!(output.status.success(), "{}", tests::said(&output));
+        let answer: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(answer.get("schema").is_some(), "{answer}");
+    }
+    let output = tests::orchestrator(&["verify", "runs/flocking", "--json=-"], folder.path());
+    let answer: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(answer["schema"], "verify/1");
+    assert!(!folder.path().join("-").exists());
+}

@@ -28,7 +28,9 @@ impl Certificates {
             params.extended_key_usages = vec![purpose];
             let certificate = params.signed_by(&key, &authority).unwrap();
             std::fs::write(made.path(&format!("{name}.pem")), certificate.pem()).unwrap();
-            std::fs::write(made.path(&format!("{name}-key.pem")), key.serialize_pem()).unwrap();
+            let path = made.path(&format!("{name}-key.pem"));
+            std::fs::write(&path, key.serialize_pem()).unwrap();
+            permit(&path, 0o600);
         }
         made
     }
@@ -47,6 +49,12 @@ impl Certificates {
         let args = ["--tls-cert", &cert, "--tls-key", &key, "--tls-client-ca", &ca];
         Server::start(simulator, &args).unwrap()
     }
+}
+
+/// Sets who may read a file.
+fn permit(path: &Path, mode: u32) {
+    use std::os::unix::fs::PermissionsExt as _;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
 }
 
 fn config() -> PathBuf {
@@ -108,4 +116,38 @@ fn mutual_tls_gives_the_same_recording_and_strangers_are_refused() {
             tests::said(&output)
         );
     }
+}
+
+#[test]
+fn a_key_that_others_can_read_is_refused_on_both_ends() {
+    let certificates = Certificates::make();
+    let netsim = certificates.serve("netsim");
+    for name in ["server-key.pem", "client-key.pem"] {
+        permit(&certificates.path(name), 0o640);
+    }
+    let (cert, key) = (certificates.text("server.pem"), certificates.text("server-key.pem"));
+    let output = std::process::Command::new(tests::executable("netsim"))
+        .args(["--tls-cert", &cert, "--tls-key", &key])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", tests::said(&output));
+    let expected = format!(
+        "error: --tls-key {key}: other users can read it (its mode is 640); run: chmod 600 {key}\n"
+    );
+    assert_eq!(String::from_utf8_lossy(&output.stderr), expected);
+
+    let folder = tests::folder();
+    let (ca, cert, key) = (
+        certificates.text("ca.pem"),
+        certificates.text("client.pem"),
+        certificates.text("client-key.pem"),
+    );
+    let args = ["--tls-ca", &ca, "--tls-cert", &cert, "--tls-key", &key, "--netsim", &netsim.url];
+    let output = run(folder.path(), &args);
+    assert_eq!(output.status.code(), Some(2), "{}", tests::said(&output));
+    assert!(
+        tests::said(&output).contains("other users can read this private key (its mode is 640)"),
+        "{}",
+        tests::said(&output)
+    );
 }
