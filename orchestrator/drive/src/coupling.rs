@@ -7,6 +7,7 @@
 mod payloads;
 
 use crate::peer::{NetworkSide, Peer, RobotSide, Side as _, SideError, Standing};
+use payloads::SentPayloads;
 use proto::digest::full::{self, NetworkGiven, NetworkReply, RobotsGiven, RobotsReply};
 use proto::digest::{self, Digest};
 use proto::exchange::{NetworkStart, NetworkStep, RobotsStart, RobotsStep};
@@ -15,7 +16,6 @@ use proto::types::{
     AgentCommand, AgentMessage, AgentStates, Coupling, Deliveries, Experiment, Formation,
     MoteCommand, MoteOrder, NetRecord, Payloads,
 };
-use payloads::SentPayloads;
 use proto_messages::convert::sort_agent_commands;
 use std::sync::Arc;
 
@@ -184,9 +184,10 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
         let robots_before = Self::COMPARES
             .then(|| self.hashed.robots.take().unwrap_or_else(|| RobotsReply::of_step(&before)));
         let carried = self.hashed.network.take();
-        let carried = given.as_deref().filter(|_| Self::COMPARES).map(|reply| {
-            carried.unwrap_or_else(|| NetworkReply::of_step(reply))
-        });
+        let carried = given
+            .as_deref()
+            .filter(|_| Self::COMPARES)
+            .map(|reply| carried.unwrap_or_else(|| NetworkReply::of_step(reply)));
         let mut moved = None;
         let (robots, network, asked) = match self.experiment.coupling {
             Coupling::Sequential => {
@@ -198,8 +199,12 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
                 let call = NetworkCall::new(self, &robots, plan, false);
                 let input = call.input();
                 let network = if Self::COMPARES {
-                    // The request is on its way first.
-                    let hashing = hashed(Arc::clone(&robots), n, RobotsReply::of_step);
+                    let hashing = async {
+                        for _ in 0..TURNS_TO_SEND {
+                            tokio::task::yield_now().await;
+                        }
+                        hashed(Arc::clone(&robots), n, RobotsReply::of_step).await
+                    };
                     let (network, hash) = tokio::join!(self.network.step(&input), hashing);
                     moved = Some(hash);
                     network?
@@ -472,6 +477,9 @@ struct Hashed {
 
 /// Agents from which on a digest is computed on another thread, while the network takes its step.
 const HASHED_BESIDES: usize = 1000;
+
+/// Turns of the runtime until a request is on its way, so that what is hashed meanwhile does not delay it.
+const TURNS_TO_SEND: usize = 4;
 
 /// The digest of a reply.
 async fn hashed<T: Send + Sync + 'static, D: Send + 'static>(

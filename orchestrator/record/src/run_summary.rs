@@ -87,7 +87,9 @@ impl std::fmt::Display for OrdersFromOutside {
             let n: u64 = by_source.values().sum();
             let sources: Vec<String> = by_source
                 .iter()
-                .map(|(source, n)| format!("{} {n}", if source.is_empty() { "unnamed" } else { source }))
+                .map(|(source, n)| {
+                    format!("{} {n}", if source.is_empty() { "unnamed" } else { source })
+                })
                 .collect();
             let orders = if n == 1 { "order" } else { "orders" };
             format!("{n} {orders} to {side} ({})", sources.join(", "))

@@ -218,12 +218,12 @@ fn read_steps(
         if numbers != [step; 3] {
             return Err(format!("run.mcap: step {step} is missing: found {numbers:?}"));
         }
-        let commands =
-            convert::mote_commands(recorded.commands, n).map_err(field_error(step))?;
+        let commands = convert::mote_commands(recorded.commands, n).map_err(field_error(step))?;
         let (robots, _) = convert::robots_step(recorded.robots, n).map_err(field_error(step))?;
         let (network, _) = convert::network_step(recorded.net, n).map_err(field_error(step))?;
         let whole = || {
-            let (robots, network) = (RobotsReply::of_step(&robots), NetworkReply::of_step(&network));
+            let (robots, network) =
+                (RobotsReply::of_step(&robots), NetworkReply::of_step(&network));
             of_exchange(&robots, &network, &commands)
         };
         let of_positions = || lesser.digest(step, recorded.barrier.time_ns, &robots.states);

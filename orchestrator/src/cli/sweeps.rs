@@ -1,6 +1,6 @@
 //! The commands that run many experiments.
 
-use super::{Failure, check_place, FileArgs, write_json};
+use super::{Failure, FileArgs, check_place, write_json};
 use crate::compare_runs;
 use crate::console::{say, warn};
 use crate::run::StartOptions;

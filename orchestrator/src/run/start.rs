@@ -150,8 +150,10 @@ pub(super) async fn ready(
             let mut warnings = warnings(plan, &exchange, wanted);
             warnings.extend(not_compared(RobotSide::SIDE, &identities.0));
             warnings.extend(not_compared(NetworkSide::SIDE, &identities.1));
-            let orders = [(RobotSide::SIDE, robots.orders()), (NetworkSide::SIDE, network.orders())];
-            let orders = orders.into_iter().filter_map(|(side, orders)| Some((side, orders?.clone())));
+            let orders =
+                [(RobotSide::SIDE, robots.orders()), (NetworkSide::SIDE, network.orders())];
+            let orders =
+                orders.into_iter().filter_map(|(side, orders)| Some((side, orders?.clone())));
             let orders = orders.collect();
             let header = header(plan, &exchange, start);
             let records = header.records.clone();

@@ -42,11 +42,7 @@ pub(super) enum Admission {
 }
 
 impl Ledger {
-    pub(super) fn new(
-        experiment: Experiment,
-        states: AgentStates,
-        start: Option<Digest>,
-    ) -> Self {
+    pub(super) fn new(experiment: Experiment, states: AgentStates, start: Option<Digest>) -> Self {
         let digest = start.unwrap_or_else(|| digest::of_step(0, 0, &states, None));
         let asked = Vec::new();
         Self { experiment, step: 0, time_ns: 0, asked_ns: 0, asked, digest, start, states }
@@ -218,11 +214,8 @@ impl ConfigureFields {
             coupling,
         };
         let path = String::new();
-        let sent = Sent {
-            site_toml: self.site_toml,
-            config_toml: self.config_toml,
-            files: self.files,
-        };
+        let sent =
+            Sent { site_toml: self.site_toml, config_toml: self.config_toml, files: self.files };
         Ok((Setup { experiment, site, config, path, files, columns, records }, sent))
     }
 }

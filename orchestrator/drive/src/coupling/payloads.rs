@@ -1,15 +1,15 @@
 //! What is delivered is what was sent: the payloads that the network was given, for as long as they may still arrive.
 
+use bytes::Bytes;
 use proto::exchange::{NetworkStep, RobotsStep};
 use proto::types::{Deliveries, MoteCommand, MoteOrder, Payloads};
-use bytes::Bytes;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// What all payloads that are remembered may take (bytes).
-const MAX_BYTES: usize = 64 << 20;
+const MAX_BYTES: usize = 32 << 20;
 /// Periods whose payloads are remembered, at most.
-const MAX_PERIODS: usize = 4096;
+const MAX_PERIODS: usize = 256;
 /// Packets of orders that are remembered, at most.
 const MAX_PACKETS: usize = 65_536;
 
@@ -107,8 +107,7 @@ impl SentPayloads {
     fn is_known(&self, sender: u32, payload: &[u8]) -> bool {
         let was_broadcast = |period: &Period| period.payload(sender) == payload;
         let was_ordered = |(mote, ordered): &(u32, Bytes)| *mote == sender && ordered == payload;
-        self.periods.iter().rev().any(was_broadcast)
-            || self.packets.iter().rev().any(was_ordered)
+        self.periods.iter().rev().any(was_broadcast) || self.packets.iter().rev().any(was_ordered)
     }
 
     /// Checks the network's reply.

@@ -75,10 +75,9 @@ fn columns(fields: &mut Fields, columns: &[DeliveryColumn]) {
 pub fn of_robots_start(request: &StartRequest<'_>, reply: &RobotsStart) -> Digest {
     let mut fields = Fields::default();
     request.write(&mut fields);
-    fields.text(&reply.effective_toml).parts(&[
-        parts::states(&reply.states),
-        optional(reply.payloads.as_ref(), parts::payloads),
-    ]);
+    fields
+        .text(&reply.effective_toml)
+        .parts(&[parts::states(&reply.states), optional(reply.payloads.as_ref(), parts::payloads)]);
     columns(&mut fields, &reply.columns);
     fields.flag(reply.messages);
     fields.end()
@@ -142,13 +141,8 @@ pub struct NetworkGiven {
 
 impl NetworkGiven {
     /// The name of each part in the request.
-    pub const PARTS: [&'static str; 5] = [
-        "states",
-        "payloads",
-        "moved_obstacles",
-        "commands",
-        "stop_at_first_delivery or records",
-    ];
+    pub const PARTS: [&'static str; 5] =
+        ["states", "payloads", "moved_obstacles", "commands", "stop_at_first_delivery or records"];
 
     /// What a simulator is given, with the orders that the request itself brought.
     #[must_use]
@@ -172,10 +166,7 @@ impl NetworkGiven {
         let [states, payloads, moved] = shared;
         let mut rest = Fields::default();
         rest.u64(input.until_ns).flag(input.stop_at_first_delivery).records(input.records);
-        Self {
-            parts: [states, payloads, moved, parts::mote_commands(commands)],
-            rest: rest.end(),
-        }
+        Self { parts: [states, payloads, moved, parts::mote_commands(commands)], rest: rest.end() }
     }
 
     /// The parts' digests, in the order of [`Self::PARTS`].

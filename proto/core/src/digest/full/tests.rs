@@ -21,8 +21,12 @@ fn robots_of_the_example() -> AgentStates {
 #[test]
 fn the_worked_example_of_the_full_digest_holds() {
     let states = robots_of_the_example();
-    let experiment =
-        Experiment { seed: 7, agent_count: 2, step_ns: 100_000_000, coupling: Coupling::Sequential };
+    let experiment = Experiment {
+        seed: 7,
+        agent_count: 2,
+        step_ns: 100_000_000,
+        coupling: Coupling::Sequential,
+    };
     let request = StartRequest {
         experiment: &experiment,
         site_toml: "",
