@@ -8,7 +8,8 @@ use super::read::{ReadError, RunReader};
 use super::*;
 use bytes::Bytes;
 use experiment::output::Links;
-use made_up::{N, STEP_NS, STEPS, digest, header, record, states, taken};
+use made_up::{N, STEP_NS, STEPS, configured, deliveries, header, record, states, taken};
+use proto::digest::of_step;
 use proto_messages::v1;
 use std::fs;
 
@@ -133,13 +134,48 @@ fn files_that_were_cut_off_or_changed_are_found() {
 fn a_wrong_digest_is_found_with_its_step() {
     let out = tempfile::tempdir().unwrap();
     let mut recorder = record(out.path(), header("run"), 3);
-    let digest = digest(3, Coupling::Sequential);
-    let wrong = StepRecord { digest, ..taken(4, Coupling::Sequential) };
+    let wrong = StepRecord { digest: taken(3).digest, ..taken(4) };
     recorder.step(wrong).unwrap();
     let dir = recorder.finish(&complete(), Value::Null, page).unwrap().dir;
     let report = verify(&dir).unwrap();
     assert_eq!((report.steps, report.digests), (4, 3));
     assert!(report.problems[0].contains("step 4: the digest"), "{:?}", report.problems);
+}
+
+#[test]
+fn a_changed_velocity_is_found_with_its_step() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder = record(out.path(), header("run"), 3);
+    let mut changed = taken(4);
+    let mut robots = (*changed.robots).clone();
+    robots.states.vx_mps = vec![1.0; N];
+    changed.robots = Arc::new(robots);
+    recorder.step(changed).unwrap();
+    let dir = recorder.finish(&complete(), Value::Null, page).unwrap().dir;
+    let report = verify(&dir).unwrap();
+    assert_eq!((report.steps, report.digests), (4, 3));
+    assert!(report.problems[0].contains("step 4: the digest"), "{:?}", report.problems);
+}
+
+#[test]
+fn a_record_of_an_older_version_is_verified_by_its_lesser_digests() {
+    for coupling in [Coupling::Sequential, Coupling::Parallel, Coupling::Event] {
+        let out = tempfile::tempdir().unwrap();
+        let header = RunHeader { coupling, ..header("run") };
+        let configured = configured(&header);
+        let mut recorder = Recorder::create(out.path(), header).unwrap();
+        recorder.configured(configured).unwrap();
+        for step in 1..=STEPS {
+            let on_air = states(if coupling == Coupling::Sequential { step } else { step - 1 });
+            let given = (1 < step).then(|| deliveries(step - 1));
+            let digest = of_step(step, step * STEP_NS, &on_air, given.as_ref());
+            recorder.step(StepRecord { digest, ..taken(step) }).unwrap();
+        }
+        let dir = recorder.finish(&complete(), Value::Null, page).unwrap().dir;
+        let report = verify(&dir).unwrap();
+        assert_eq!(report.problems, Vec::<String>::new());
+        assert_eq!(report.digests, STEPS);
+    }
 }
 
 #[test]
@@ -161,7 +197,7 @@ fn messages_come_back_as_they_were_but_for_what_has_a_file_of_its_own() {
     assert_eq!(configured.net_response.warnings, ["made up"]);
     for step in 1..=STEPS {
         let recorded = reader.next_step().unwrap().unwrap();
-        let taken = taken(step, Coupling::Sequential);
+        let taken = taken(step);
         assert_eq!(recorded.robots, v1::RobotSimServiceStepResponse::from(&*taken.robots));
         let network = NetworkStep { capture: Bytes::new(), ..(*taken.network).clone() };
         assert_eq!(recorded.net, v1::NetSimServiceStepResponse::from(&network));
@@ -271,7 +307,7 @@ fn a_log_that_is_cut_off_gives_the_steps_before_the_cut() {
 fn steps_out_of_order_are_refused() {
     let out = tempfile::tempdir().unwrap();
     let mut recorder = record(out.path(), header("run"), 2);
-    let skipped = taken(4, Coupling::Sequential);
+    let skipped = taken(4);
     // The thread finds out; the caller learns of it when it next hands something over, here after a few at most.
     let error = (0..).find_map(|_| recorder.step(skipped.clone()).err()).unwrap();
     assert!(matches!(error, RecordError::Order { got: 4, expected: 3 }), "{error}");
@@ -329,7 +365,7 @@ fn speeds_are_means_over_time_not_over_steps() {
     let out = tempfile::tempdir().unwrap();
     let mut recorder = record(out.path(), header("run"), 1);
     // A second step three times as long, over which nobody moves: 2 m/s become 0.5 m/s.
-    let two = taken(2, Coupling::Sequential);
+    let two = taken(2);
     let time_ns = 4 * STEP_NS;
     let robots = RobotsStep { time_ns, states: states(1), ..(*two.robots).clone() };
     let network = NetworkStep { time_ns, ..(*two.network).clone() };

@@ -3,7 +3,7 @@
 use super::{Recorder, RunHeader, StepRecord};
 use bytes::Bytes;
 use experiment::{OutputConfig, Start};
-use proto::digest::{Digest, of_step};
+use proto::digest::full::{NetworkReply, RobotsReply, of_exchange};
 use proto::exchange::{
     ConfigureRequest, Configured, NetworkStart, NetworkStep, RobotsStart, RobotsStep,
 };
@@ -85,6 +85,7 @@ pub(super) fn configured(header: &RunHeader) -> Configured {
         files: BTreeMap::new(),
         columns: Vec::new(),
         records: Vec::new(),
+        full_digest: true,
     };
     Configured {
         robots_request: request(""),
@@ -104,44 +105,33 @@ pub(super) fn configured(header: &RunHeader) -> Configured {
 }
 
 /// Both replies, as made up, and the digest.
-pub(super) fn taken(step: u64, coupling: Coupling) -> StepRecord {
+pub(super) fn taken(step: u64) -> StepRecord {
     let time_ns = step * STEP_NS;
-    StepRecord {
+    let robots = RobotsStep {
         step,
         time_ns,
-        robots: Arc::new(RobotsStep {
-            step,
-            time_ns,
-            states: states(step),
-            payloads: Payloads::silence(N),
-            ..RobotsStep::default()
-        }),
-        network: Arc::new(NetworkStep {
-            step,
-            time_ns,
-            deliveries: deliveries(step),
-            capture: Bytes::from_static(b"in a file of its own"),
-            ..NetworkStep::default()
-        }),
-        commands: Vec::new(),
-        digest: digest(step, coupling),
-    }
-}
-
-pub(super) fn digest(step: u64, coupling: Coupling) -> Digest {
-    let on_air = if coupling == Coupling::Sequential { step } else { step - 1 };
-    let on_air = states(on_air);
-    let given = (1 < step).then(|| deliveries(step - 1));
-    of_step(step, step * STEP_NS, &on_air, given.as_ref())
+        states: states(step),
+        payloads: Payloads::silence(N),
+        ..RobotsStep::default()
+    };
+    let network = NetworkStep {
+        step,
+        time_ns,
+        deliveries: deliveries(step),
+        capture: Bytes::from_static(b"in a file of its own"),
+        ..NetworkStep::default()
+    };
+    let digest = of_exchange(&RobotsReply::of_step(&robots), &NetworkReply::of_step(&network), &[]);
+    let (robots, network) = (Arc::new(robots), Arc::new(network));
+    StepRecord { step, time_ns, robots, network, commands: Vec::new(), digest }
 }
 
 pub(super) fn record(out: &Path, header: RunHeader, steps: u64) -> Recorder {
-    let coupling = header.coupling;
     let configured = configured(&header);
     let mut recorder = Recorder::create(out, header).unwrap();
     recorder.configured(configured).unwrap();
     for step in 1..=steps {
-        recorder.step(taken(step, coupling)).unwrap();
+        recorder.step(taken(step)).unwrap();
     }
     recorder
 }
