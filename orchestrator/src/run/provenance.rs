@@ -27,7 +27,7 @@ impl Provenance {
                 "url": side.url,
                 "started_here": side.is_child,
                 "transport": if side.streams { "stream" } else { "unary" },
-                "digest": if side.is_compared_whole { "full" } else { "positions and deliveries" },
+                "digest": if side.is_compared_whole { "whole exchange" } else { "positions and deliveries" },
             })
         };
         let files: Vec<Value> = plan
