@@ -12,6 +12,7 @@ mod configs;
 mod conformance;
 mod contract;
 mod corruption;
+mod dependencies;
 mod determinism;
 mod diagnosis;
 mod exploration;
