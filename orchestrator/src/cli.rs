@@ -8,6 +8,7 @@ mod inputs;
 mod measured;
 mod packets;
 mod power;
+mod run;
 mod schema;
 mod search_log;
 mod simulate;
@@ -17,16 +18,13 @@ mod task;
 
 use crate::bench::{self, BenchOptions};
 use crate::conformance::{self, ConformanceOptions};
-use crate::console::{Screen, complain, leave_stdout_to_answers, say};
+use crate::console::{LoggedStderr, complain, leave_stdout_to_answers, run_log, say};
 use crate::effects;
-use crate::run::{self, RunOptions, RunReport, StartOptions};
+use crate::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use clap::{Args, Parser, Subcommand};
 use experiment::{Overrides, Tls};
-use metrics::kpi::kpi_summary::KpiSummary;
-use proto::types::seconds;
-use proto_host::{ServeArgs, init_logging, serve_network, serve_robots};
-use record::run_summary::{RunSummary, TaskSummary};
+use proto_host::{ServeArgs, init_logging_to, serve_network, serve_robots};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -50,7 +48,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Run an experiment and record it
-    Run(RunArgs),
+    Run(run::RunArgs),
     /// Run one experiment under many settings and seeds, as the section [sweep] of the file says
     Sweep(sweeps::SweepArgs),
     /// Compare the results of two runs or of two sweeps
@@ -146,18 +144,6 @@ impl OverrideArgs {
             tls: self.tls.tls(),
         }
     }
-}
-
-#[derive(Args)]
-struct RunArgs {
-    #[command(flatten)]
-    file: FileArgs,
-    /// Folder for results; the run is recorded in a subfolder with the experiment's name
-    #[arg(long, value_name = "DIR", default_value = "runs")]
-    out: PathBuf,
-    /// Number of threads per simulator; results do not depend on it [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
 }
 
 #[derive(Args)]
@@ -297,7 +283,7 @@ pub fn main() -> ExitCode {
                 &options.args(cli.log, cli.log_json),
             ));
         }
-        command => init_logging(&cli.log, cli.log_json)
+        command => init_logging_to(&cli.log, cli.log_json, || LoggedStderr)
             .map_err(Failure::request)
             .and_then(|()| dispatch(command, &cli.log, cli.log_json)),
     };
@@ -323,10 +309,17 @@ fn served(result: Result<(), proto_host::ServeError>) -> ExitCode {
 fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> {
     let start = |threads| -> Result<StartOptions, Failure> {
         let executable = std::env::current_exe().map_err(Failure::work)?;
-        Ok(StartOptions { executable, threads, log: log.to_owned(), log_json, is_busy: false })
+        Ok(StartOptions {
+            executable,
+            threads,
+            log: log.to_owned(),
+            log_json,
+            is_busy: false,
+            run_log: run_log().clone(),
+        })
     };
     match command {
-        Command::Run(args) => run_command(&args, start(args.threads)?),
+        Command::Run(args) => run::run(&args, start(args.threads)?),
         Command::Sweep(args) => sweeps::sweep(&args, start(Some(args.threads))?),
         Command::CompareRuns(args) => sweeps::compare_runs(&args),
         Command::Check(args) => check::check(&args),
@@ -370,110 +363,6 @@ fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
         .build()
         .map_err(Failure::work)?;
     Ok(runtime.block_on(work))
-}
-
-fn run_command(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
-    // A place that cannot be written is found before the work, not after it.
-    if let Some(path) = &args.file.json {
-        check_place("--json", path)?;
-    }
-    let options = RunOptions {
-        config: args.file.config.clone(),
-        overrides: args.file.change.overrides(),
-        out: args.out.clone(),
-        start,
-    };
-    let report = on_runtime(run::run(&options, &mut Screen::default()))?
-        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
-    describe(&report);
-    write_json(args.file.json.as_deref(), &report.finished.summary)?;
-    if report.interrupted {
-        return Err(Failure::work(format!(
-            "interrupted after step {}; the recording up to this step is kept",
-            report.n_steps
-        )));
-    }
-    Ok(())
-}
-
-fn describe(report: &RunReport) {
-    let summary = &report.finished.summary;
-    let rate = if report.wall_s > 0.0 { report.n_steps as f64 / report.wall_s } else { 0.0 };
-    say(format!(
-        "{}: {} steps, {:.1} s simulated in {:.2} s ({rate:.0} steps/s)",
-        summary.name,
-        report.n_steps,
-        seconds(report.time_ns),
-        report.wall_s,
-    ));
-    for line in highlights(summary) {
-        say(format!("  {line}"));
-    }
-    say(format!("results in {}", report.finished.dir.display()));
-    if let Some(page) = &report.finished.report {
-        say(format!("open {}", page.display()));
-    }
-}
-
-/// The few numbers of a summary that a person looks for first.
-fn highlights(summary: &RunSummary) -> Vec<String> {
-    let mut lines = Vec::new();
-    if let Some(baseline) = &summary.baseline {
-        lines.push(format!("{baseline}: each robot knew the true state of all others"));
-    }
-    lines.extend(summary.kpis.iter().flat_map(of_packets));
-    lines.extend(summary.task.iter().flat_map(of_task));
-    if let Some(network) = &summary.network
-        && let (Some(ratio), Some(heard)) = (network.delivery_ratio, network.mean_neighbours_heard)
-    {
-        lines.push(format!(
-            "{:.1} % of frames delivered, {heard:.1} neighbours heard on average",
-            ratio * 100.0
-        ));
-    }
-    lines
-}
-
-/// What a network with protocols did.
-fn of_packets(kpis: &KpiSummary) -> Vec<String> {
-    let mut lines = Vec::new();
-    if let Some(formed_s) = kpis.formation.as_ref().and_then(|formation| formation.formed_s) {
-        lines.push(format!("the network had formed after {formed_s:.1} s"));
-    }
-    if let Some(delivery) = &kpis.delivery {
-        let latency_s = delivery.latency_s.as_ref().and_then(|latency| latency.median);
-        let latency = latency_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default();
-        lines.push(format!(
-            "{:.1} % of packets delivered, {} in all{latency}",
-            delivery.ratio * 100.0,
-            delivery.delivered
-        ));
-    }
-    lines
-}
-
-/// What the robots did.
-fn of_task(task: &TaskSummary) -> Vec<String> {
-    let mut lines = Vec::new();
-    let mapped = task.number("mapped_ratio");
-    if let Some(ratio) = mapped {
-        let mapped_90_s = task.number("mapped_90_s");
-        let when = mapped_90_s.map(|s| format!(", 90 % after {s:.1} s")).unwrap_or_default();
-        lines.push(format!("{:.1} % of the reachable area mapped{when}", ratio * 100.0));
-    }
-    let stood = mapped.is_some() || task.number("mean_speed_mps") == Some(0.0);
-    if let Some(speed_mps) = task.number("flock_speed_mps").filter(|_| !stood) {
-        let leader = task.number("leader_speed_mps");
-        let leader = leader.map(|leader| format!(" (the leader's: {leader:.2})"));
-        lines.push(format!("flock speed {speed_mps:.2} m/s{}", leader.unwrap_or_default()));
-    }
-    if let Some(step) = task.completed_at_step {
-        lines.push(format!("task complete at step {step}"));
-    }
-    if let Some(residual) = task.number("line_residual_log10") {
-        lines.push(format!("line residual 10^{residual:.1} m²"));
-    }
-    lines
 }
 
 fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {

@@ -4,11 +4,34 @@ use crate::run::Audience;
 use drive;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::types::{Formation, seconds};
+use record::run_log::RunLog;
 use std::ffi::OsString;
 use std::fmt::{Display, Write as _};
 use std::io::{IsTerminal as _, Write as _};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+/// The log of the run or sweep that this program makes.
+pub fn run_log() -> &'static RunLog {
+    static LOG: OnceLock<RunLog> = OnceLock::new();
+    LOG.get_or_init(RunLog::default)
+}
+
+/// Standard error, whose lines go to the log of the run, too.
+pub(crate) struct LoggedStderr;
+
+impl std::io::Write for LoggedStderr {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        // The logger hands over whole lines.
+        run_log().add("orchestrator", String::from_utf8_lossy(bytes).trim_end());
+        std::io::stderr().write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        std::io::stderr().flush()
+    }
+}
 
 /// Standard output belongs to an answer: what people read goes to standard error.
 static IS_ANSWER_ON_STDOUT: AtomicBool = AtomicBool::new(false);
@@ -44,6 +67,7 @@ pub fn complain(error: impl Display) {
 
 /// A warning on standard error: something to check before the results are trusted.
 pub fn warn(warning: impl Display) {
+    run_log().add("orchestrator", &format!("warning: {warning}"));
     let _ = writeln!(std::io::stderr(), "warning: {warning}");
 }
 

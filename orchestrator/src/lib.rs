@@ -9,6 +9,7 @@
 //! | [`mod@sweep`] | many experiments that differ in what a sweep says |
 //! | [`mod@compare_runs`] | what changed from one run, or one sweep, to another |
 //! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
+//! | [`mod@dry_run`] | what a run or a sweep would take |
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`mod@bench`] | speed through the real processes |
@@ -20,6 +21,7 @@ pub mod cli;
 pub mod compare_runs;
 pub mod conformance;
 pub mod console;
+pub mod dry_run;
 pub mod effects;
 pub mod run;
 pub mod sweep;

@@ -1,19 +1,26 @@
 //! One experiment, from file to results.
 
 pub(crate) mod interrupt;
+mod milestones;
 mod provenance;
+pub mod run_answer;
 mod start;
 mod trial;
 
 pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 
+use crate::dry_run;
 use drive::peer::SideError;
 use drive::{Driver, Failure, Observer, ProgressObserver, Schedule, Stopped, Taken, Wanted};
 use experiment::Overrides;
 use interrupt::Interrupt;
+use milestones::Milestones;
 use proto::config::Refusal;
-use record::{Ending, Finished, RecordError, Recorder, Status, StepRecord};
+use record::{
+    Ending, Finished, KeptReason, RecordError, Recorder, ReplacePolicy, Reservation, Status,
+    StepRecord,
+};
 use report;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -27,6 +34,8 @@ pub struct RunOptions {
     pub overrides: Overrides,
     /// Folder of results; the run gets a folder of its name in it.
     pub out: PathBuf,
+    /// Which earlier results the result replaces.
+    pub replace: ReplacePolicy,
     /// How the sides are started.
     pub start: StartOptions,
 }
@@ -37,6 +46,9 @@ pub enum RunError {
     /// The file cannot be run. Nothing was started.
     #[error(transparent)]
     Refused(#[from] Refusal),
+    /// The results do not fit where they are to go. Nothing was started.
+    #[error("{0}")]
+    Space(String),
     /// A side cannot be started or reached, or failed.
     #[error("{error}{}", kept_text(.kept))]
     Side {
@@ -75,12 +87,28 @@ fn kept_text(kept: &Option<Box<Finished>>) -> String {
     })
 }
 
+/// What to say if an earlier result kept the place of a new one.
+fn next_to(finished: &Finished) -> Option<String> {
+    let kept = finished.kept.as_ref()?;
+    Some(format!(
+        "{} keeps its result, since {}; the result of this run is in {}{}",
+        kept.dir.display(),
+        kept.reason,
+        finished.dir.display(),
+        if kept.reason == KeptReason::Incomplete {
+            ""
+        } else {
+            " (--replace would replace the former)"
+        }
+    ))
+}
+
 impl RunError {
     /// 2: the request was wrong; 1: the work failed.
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Refused(_) => 2,
+            Self::Refused(_) | Self::Space(_) => 2,
             Self::Record { before_start: true, .. } => 2,
             Self::Side { error, .. } => side_status(error),
             Self::Record { .. } | Self::Interrupted { .. } | Self::NotFormed { .. } => 1,
@@ -146,27 +174,26 @@ pub async fn run(
     audience: &mut impl Audience,
 ) -> Result<RunReport, RunError> {
     let plan = experiment::load(&options.config, &options.overrides)?;
+    dry_run::fits(dry_run::least_bytes(&plan), &options.out).map_err(RunError::Space)?;
     let mut interrupt = Interrupt::listen();
     // A place for the results first: what cannot be written is not worth computing.
-    let out_existed = options.out.exists();
-    record::probe(&options.out, &plan.name)
+    let reservation = Reservation::new(&options.out, &plan.name)
         .map_err(|error| RunError::Record { error, before_start: true })?;
+    for leftover in reservation.leftovers() {
+        let leftover = leftover.display();
+        audience.warn(&format!(
+            "{leftover} is left by an earlier run that did not end; orchestrator recover {leftover} makes results of it"
+        ));
+    }
+    let log = &options.start.run_log;
+    log.add("orchestrator", &provenance::opening(&plan));
     let started = tokio::select! {
         biased;
         started = start(&plan, &options.start, Wanted::Record) => started,
         // What was started ends with the future that holds it.
         signal = interrupt.first() => Err(RunError::Interrupted { signal }),
     };
-    let started = match started {
-        Ok(started) => started,
-        Err(error) => {
-            if !out_existed {
-                // Removes nothing but an empty folder.
-                let _ = std::fs::remove_dir(&options.out);
-            }
-            return Err(error);
-        }
-    };
+    let started = started?;
     // Before the work: whoever sees them may wish to stop it.
     for warning in &started.warnings {
         audience.warn(warning);
@@ -178,7 +205,9 @@ pub async fn run(
     let provenance = provenance::Provenance::gather(&plan, &started, options);
     let mut coupled = started.coupled;
     let begun = Instant::now();
-    let recorder = Recorder::create(&options.out, started.header).and_then(|mut recorder| {
+    let recorder = Recorder::create_in(reservation, options.replace, started.header);
+    let recorder = recorder.and_then(|mut recorder| {
+        log.open(&recorder.path())?;
         recorder.configured(started.exchange)?;
         Ok(recorder)
     });
@@ -191,7 +220,8 @@ pub async fn run(
     };
     let schedule = Schedule::from_plan(&plan, started.waits);
     let driver = Driver::new(schedule, &started.records, &mut coupled);
-    let result = driver.drive(&mut Recording(&mut recorder), &mut interrupt, audience).await;
+    let mut milestones = Milestones::new(audience, log.clone(), recorder.path());
+    let result = driver.drive(&mut Recording(&mut recorder), &mut interrupt, &mut milestones).await;
     let (n_steps, time_ns) = (coupled.step_number(), coupled.time_ns());
     let formed_ns = coupled.formation().and_then(|formation| formation.formed_ns);
     let wall_s = begun.elapsed().as_secs_f64();
@@ -212,9 +242,14 @@ pub async fn run(
         }
     };
     let interrupted = ending.status == Status::Interrupted;
+    let reason = ending.reason.iter().map(|reason| format!(": {reason}")).collect::<String>();
+    log.end(&format!("{} after step {n_steps}{reason}", ending.status.name()));
     let finished = recorder
         .finish(&ending, provenance.finish(n_steps, time_ns, wall_s), report::page)
         .map_err(|error| RunError::Record { error, before_start: false })?;
+    if let Some(warning) = next_to(&finished) {
+        audience.warn(&warning);
+    }
     match failure {
         None => Ok(RunReport { finished, n_steps, time_ns, wall_s, interrupted, formed_ns }),
         Some(Failure::Side(error)) => Err(RunError::Side { error, kept: Some(Box::new(finished)) }),

@@ -19,6 +19,7 @@ mod worker;
 pub use journal::JournalError;
 
 use crate::console::{self, ProgressDisplay};
+use crate::dry_run::{self, DryRun, JOURNAL_LINE_BYTES};
 use crate::run::{RunError, StartOptions};
 use experiment::Overrides;
 use journal::{Journal, TrialRow};
@@ -27,7 +28,7 @@ use proto::config::Refusal;
 use record::RecordError;
 use results::FinishedSweep;
 use sha2::{Digest as _, Sha256};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
@@ -65,6 +66,9 @@ pub enum SweepError {
         /// Where it runs.
         url: String,
     },
+    /// The results do not fit where they are to go. No trial was started.
+    #[error("{0}")]
+    Space(String),
     /// The folder holds something else.
     #[error("{} exists and is not the folder of a sweep; choose another folder with --out, or another experiment.name", .0.display())]
     Foreign(PathBuf),
@@ -92,14 +96,6 @@ pub enum SweepError {
         /// Trials in all.
         n: usize,
     },
-    /// Some trials failed, twice each.
-    #[error("{} of {n} trials failed; run the same command again to retry them. {}: {}", failed.len(), failed[0].0, failed[0].1)]
-    Failed {
-        /// Which, and why.
-        failed: Vec<(String, String)>,
-        /// Trials in all.
-        n: usize,
-    },
 }
 
 impl SweepError {
@@ -107,12 +103,10 @@ impl SweepError {
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Refused(_) | Self::Foreign(_) | Self::Jobs { .. } => 2,
-            Self::Journal(JournalError::Busy(_) | JournalError::Damaged { .. }) => 2,
+            Self::Refused(_) | Self::Foreign(_) | Self::Space(_) | Self::Jobs { .. } => 2,
+            Self::Journal(JournalError::Lock(RecordError::Locked { .. })) => 2,
             Self::Run { error, .. } => error.exit_status(),
-            Self::Journal(_) | Self::Record(_) | Self::Interrupted { .. } | Self::Failed { .. } => {
-                1
-            }
+            Self::Journal(_) | Self::Record(_) | Self::Interrupted { .. } => 1,
         }
     }
 }
@@ -130,6 +124,8 @@ pub struct SweepReport {
     pub n_trials: usize,
     /// Trials that were done before.
     pub n_before: usize,
+    /// Trials that failed, twice each, and why. They are rows without figures.
+    pub failed: Vec<(String, String)>,
     /// How often a pair of simulators was started.
     pub n_starts: u64,
     /// Real time (s).
@@ -180,12 +176,19 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
     }
     std::fs::create_dir_all(&dir)
         .map_err(|source| RecordError::Create { path: dir.clone(), source })?;
-    let (mut journal, known) = Journal::open(&dir.join(JOURNAL_FILE), options.restart)?;
+    let (mut journal, known) = Journal::open(&dir, JOURNAL_FILE, options.restart)?;
     results::begin(&dir, &plan)?;
+    let log = &options.start.run_log;
+    log.open(&dir)?;
+    log.add("orchestrator", &format!("sweep of {} trials, {jobs} at a time", plan.n_trials()));
+    for warning in &known.warnings {
+        console::warn(warning);
+    }
     let program = program(&options.start.executable)?;
     let mut rows: BTreeMap<SweepTrial, TrialRow> = BTreeMap::new();
     for trial in plan.trials() {
-        if let Some(row) = known.get(&plan.key(trial))
+        // One that failed is tried again.
+        if let Some(row) = known.rows.get(&plan.key(trial)).filter(|row| !row.has_failed())
             && (!plan.keeps(trial) || results::is_kept(&dir, &plan, trial, row))
         {
             rows.insert(trial, row.clone());
@@ -198,7 +201,9 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
             "{n_other} trials were run by another build of this program; --restart runs them again"
         ));
     }
-    let queue = TrialQueue::new(&plan, plan.trials().filter(|trial| !rows.contains_key(trial)));
+    let left: Vec<SweepTrial> = plan.trials().filter(|t| !rows.contains_key(t)).collect();
+    dry_run::fits(least_bytes(&plan, &left)?, &options.out).map_err(SweepError::Space)?;
+    let queue = TrialQueue::new(&plan, left.into_iter());
     let mut account = WorkSummary::default();
     if !queue.is_empty() {
         let work = Work { plan: &plan, dir: &dir, start: &options.start, program: &program };
@@ -214,16 +219,84 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
         })?;
     }
     if let Some(signal) = account.interrupted {
+        log.end(&format!("stopped by {signal} after {} trials", rows.len()));
         return Err(SweepError::Interrupted { signal, done: rows.len(), n: plan.n_trials() });
-    }
-    if !account.failed.is_empty() {
-        return Err(SweepError::Failed { failed: account.failed, n: plan.n_trials() });
     }
     let wall_s = begun.elapsed().as_secs_f64();
     let (n_now, n_starts) = (rows.len() - n_before, account.n_starts);
     let done = FinishedSweep { plan: &plan, rows: &rows, jobs, n_now, n_starts, wall_s };
     let (summary, text) = results::write(&dir, &done)?;
-    Ok(SweepReport { dir, summary, text, n_trials: plan.n_trials(), n_before, n_starts, wall_s })
+    let (n_trials, failed) = (plan.n_trials(), account.failed);
+    log.end(&format!("{n_trials} trials, {} of them failed, {n_now} run now", failed.len()));
+    Ok(SweepReport { dir, summary, text, n_trials, n_before, failed, n_starts, wall_s })
+}
+
+/// What a sweep, or what is left of it, would take.
+///
+/// # Errors
+///
+/// The sweep cannot be run, or its longest trial fails in its first steps.
+pub async fn dry_run(options: &SweepOptions) -> Result<DryRun, SweepError> {
+    let plan = plan::load(&options.config, &options.overrides)?;
+    let jobs = jobs(options, &plan)?;
+    let done = if options.restart {
+        BTreeSet::new()
+    } else {
+        journal::keys(&options.out.join(&plan.name).join(JOURNAL_FILE))
+    };
+    let trials: Vec<SweepTrial> =
+        plan.trials().filter(|trial| !done.contains(&plan.key(*trial))).collect();
+    // The longest trial is measured, the others are taken to be shorter in proportion.
+    let longest = trials.iter().copied().max_by(|&a, &b| plan.effort(a).total_cmp(&plan.effort(b)));
+    let longest = longest.or_else(|| plan.trials().next());
+    let Some(longest) = longest else { unreachable!("a sweep has a setting and a seed") };
+    let failed = |error: RunError| SweepError::Run {
+        trial: plan.trial_name(longest),
+        error: Box::new(error),
+    };
+    let trial = plan.plan(longest)?;
+    let dry = DryRun::of_run(&trial, &options.start, &options.out).await.map_err(failed)?;
+    let share = |trial: SweepTrial| plan.effort(trial) / plan.effort(longest);
+    let shares: f64 = trials.iter().map(|&trial| share(trial)).sum();
+    let kept: Vec<SweepTrial> = trials.iter().copied().filter(|&t| plan.keeps(t)).collect();
+    let kept_shares: f64 = kept.iter().map(|&trial| share(trial)).sum();
+    let n_trials = trials.len() as u64;
+    let lines = JOURNAL_LINE_BYTES.saturating_mul(n_trials);
+    let n_jobs = jobs.min(trials.len().max(1)) as u64;
+    let mut dry = DryRun {
+        name: plan.name.clone(),
+        trials: n_trials,
+        wall_s: dry.wall_s.map(|wall_s| wall_s * shares / n_jobs as f64),
+        memory_bytes: dry.memory_bytes.map(|bytes| bytes.saturating_mul(n_jobs)),
+        disk_bytes: dry.disk_bytes.map(|bytes| (bytes as f64 * kept_shares) as u64 + lines),
+        least_disk_bytes: least_bytes(&plan, &trials)?,
+        folder: options.out.join(&plan.name).display().to_string(),
+        basis: format!(
+            "of its longest trial, {}, {}; shorter trials in proportion, {n_jobs} at a time",
+            plan.trial_name(longest),
+            dry.basis
+        ),
+        warnings: plan.warnings.clone(),
+        ..dry
+    };
+    dry.check_space();
+    Ok(dry)
+}
+
+/// The least that trials take on the disk.
+fn least_bytes(plan: &SweepPlan, trials: &[SweepTrial]) -> Result<u64, Refusal> {
+    // Trials of a setting differ in their seeds alone.
+    let mut by_setting: BTreeMap<usize, u64> = BTreeMap::new();
+    let mut least = 0u64;
+    for trial in trials.iter().filter(|&&trial| plan.keeps(trial)) {
+        let of_setting = match by_setting.get(&trial.setting) {
+            Some(of_setting) => *of_setting,
+            None => dry_run::least_bytes(&plan.plan(*trial)?),
+        };
+        by_setting.insert(trial.setting, of_setting);
+        least = least.saturating_add(of_setting);
+    }
+    Ok(least)
 }
 
 /// What all workers share.
@@ -257,6 +330,11 @@ fn collect(
     for said in inbox {
         match said {
             Said::Done(trial, row) => {
+                if let (true, Some(reason)) = (row.has_failed(), &row.reason) {
+                    let name = plan.trial_name(trial);
+                    console::warn(format!("trial {name} failed twice: {reason}"));
+                    account.failed.push((name, reason.clone()));
+                }
                 if let Err(error) = journal.add(&row) {
                     queue.close();
                     result = Err(error.into());
@@ -266,9 +344,6 @@ fn collect(
                 let done = rows.len();
                 let (n, n_now) = (plan.n_trials(), done - n_before);
                 progress.trials(done as u64, n as u64, n_now as u64);
-            }
-            Said::Failed(trial, reason) => {
-                account.failed.push((plan.trial_name(trial), reason));
             }
             Said::Fatal(trial, error) => {
                 queue.close();

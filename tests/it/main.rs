@@ -32,6 +32,7 @@ mod power;
 mod reference;
 mod refusals;
 mod reports;
+mod results;
 mod schemas;
 mod simulate;
 mod solids;

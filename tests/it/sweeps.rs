@@ -33,7 +33,7 @@ fn left_by(dir: &Path) -> BTreeMap<&'static str, Vec<u8>> {
 }
 
 /// The rows of a table, each by name of the column.
-fn rows(table: &Path) -> Vec<BTreeMap<String, Field>> {
+pub(super) fn rows(table: &Path) -> Vec<BTreeMap<String, Field>> {
     let file = std::fs::File::open(table).unwrap();
     let reader = SerializedFileReader::new(file).unwrap();
     let rows = reader.get_row_iter(None).unwrap();

@@ -50,7 +50,7 @@ impl fmt::Display for Difference {
 }
 
 /// When, where and how something ran: outside the promise.
-const UNPROMISED: [&str; 3] = ["provenance.json", "trials.jsonl", super::MANIFEST];
+const UNPROMISED: [&str; 4] = ["provenance.json", "run.log", "trials.jsonl", super::MANIFEST];
 
 /// Lines on standard output with one of these tell how long something took.
 const TIMED: [&str; 2] = ["steps/s", "of simulators started"];

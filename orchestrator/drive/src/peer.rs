@@ -16,7 +16,7 @@ mod side;
 
 pub use error::SideError;
 pub use in_process::{InProcess, ready};
-pub use process::{Launch, Orders};
+pub use process::{Launch, LineSink, Orders};
 pub use service::Service;
 pub use side::{Described, NetworkSide, Peer, RobotSide, Side, Standing};
 

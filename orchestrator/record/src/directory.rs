@@ -1,38 +1,187 @@
-//! Where a record grows and where it goes: `OUT/.<name>.partial-<pid>/` until it is whole, then `OUT/<name>/`.
+//! Where a record grows and where it goes: `OUT/.<name>.partial-<pid>/` until it is whole, then `OUT/<name>/`, or
+//! `OUT/<name>-2/` where it may not replace what stands there.
 
-use super::RecordError;
+use super::lock::ResultLock;
+use super::run_summary::RunSummary;
+use super::{RecordError, Status, TABLES};
 use serde::Deserialize;
+use std::collections::BTreeSet;
+use std::fmt;
 use std::fs::{self, File};
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
-/// The directory of one record, under its temporary name.
-#[derive(Debug)]
-pub(crate) struct Directory {
-    partial: PathBuf,
-    target: PathBuf,
+/// Which earlier results a new one replaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReplacePolicy {
+    /// A complete result replaces one of the same effective configuration and seed. Nothing else is replaced.
+    SameExperiment,
+    /// A complete result replaces whatever result there is, an incomplete one only results that are incomplete.
+    AnyExperiment,
+    /// A result replaces whatever result there is: in a folder whose results are remade.
+    Always,
 }
 
-impl Directory {
-    /// Makes the temporary directory, having made sure that the result may go where it is to go.
-    pub(crate) fn create(out: &Path, name: &str) -> Result<Self, RecordError> {
+/// The place of a result, locked until the result stands there or this is dropped.
+#[derive(Debug)]
+pub struct Reservation {
+    out: PathBuf,
+    name: String,
+    lock: ResultLock,
+    leftovers: Vec<PathBuf>,
+    /// After the lock: fields are dropped in this order.
+    _made: MadeFolder,
+}
+
+/// A folder that did not exist. Removed when dropped, if it is empty.
+#[derive(Debug)]
+struct MadeFolder(Option<PathBuf>);
+
+impl Drop for MadeFolder {
+    fn drop(&mut self) {
+        if let Some(path) = &self.0 {
+            // Fails if there is anything in it.
+            let _ = fs::remove_dir(path);
+        }
+    }
+}
+
+impl Reservation {
+    /// Locks the place of the result `name` in the folder `out`, which is made if need be. Leaves nothing when dropped.
+    ///
+    /// # Errors
+    ///
+    /// A name that cannot be a directory's, a result directory that no run left, another run that writes the result, no
+    /// permission, no space.
+    pub fn new(out: &Path, name: &str) -> Result<Self, RecordError> {
         let valid = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
         if name.is_empty() || 100 < name.len() || name.starts_with('.') || !name.chars().all(valid)
         {
             return Err(RecordError::Name { name: name.to_owned() });
         }
-        fs::create_dir_all(out)
-            .map_err(|source| RecordError::Create { path: out.to_owned(), source })?;
-        let target = out.join(name);
-        refuse_foreign(&target)?;
+        let made = MadeFolder((!out.exists()).then(|| out.to_owned()));
+        let mut attempt = 0;
+        let lock = loop {
+            fs::create_dir_all(out)
+                .map_err(|source| RecordError::Create { path: out.to_owned(), source })?;
+            match ResultLock::take(out, name) {
+                Ok(lock) => break lock,
+                // Another run that failed has just removed the empty folder.
+                Err(RecordError::Create { source, .. })
+                    if source.kind() == ErrorKind::NotFound && attempt < 10 =>
+                {
+                    attempt += 1;
+                }
+                Err(error) => return Err(error),
+            }
+        };
+        put_back(out, name)?;
+        refuse_foreign(&out.join(name))?;
+        let leftovers = hidden(out, &format!(".{name}.partial-"));
+        Ok(Self { out: out.to_owned(), name: name.to_owned(), lock, leftovers, _made: made })
+    }
+
+    /// What runs of that name left that ended before their records were whole: nobody writes there any more.
+    #[must_use]
+    pub fn leftovers(&self) -> &[PathBuf] {
+        &self.leftovers
+    }
+
+    /// The folder of results.
+    #[must_use]
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+}
+
+/// Entries of a folder whose names begin like this, sorted.
+fn hidden(out: &Path, prefix: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(out).into_iter().flatten().flatten();
+    let mut found: Vec<PathBuf> = entries
+        .filter(|entry| entry.file_name().to_string_lossy().starts_with(prefix))
+        .map(|entry| entry.path())
+        .filter(|path| path.is_dir())
+        .collect();
+    found.sort();
+    found
+}
+
+/// Finishes the replacement of a result in which a program was killed: nothing of the earlier result is lost.
+fn put_back(out: &Path, name: &str) -> Result<(), RecordError> {
+    let target = out.join(name);
+    for aside in hidden(out, &format!(".{name}.replaced-")) {
+        if target.exists() {
+            keep_foreign(&aside, &target)?;
+            fs::remove_dir_all(&aside)
+                .map_err(|source| RecordError::Write { path: aside, source })?;
+        } else {
+            rename(&aside, &target)?;
+        }
+    }
+    Ok(())
+}
+
+/// The directory of one record, under its temporary name.
+#[derive(Debug)]
+pub(crate) struct Directory {
+    partial: PathBuf,
+    reservation: Reservation,
+    policy: ReplacePolicy,
+}
+
+/// Where a record has gone.
+#[derive(Debug)]
+pub(crate) struct Published {
+    /// The directory.
+    pub(crate) dir: PathBuf,
+    /// The earlier result that kept the place, if one did.
+    pub(crate) kept: Option<KeptResult>,
+}
+
+/// An earlier result that a new one did not replace, and why not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeptResult {
+    /// Its directory.
+    pub dir: PathBuf,
+    /// Why it was not replaced.
+    pub reason: KeptReason,
+}
+
+/// Why an earlier result was not replaced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KeptReason {
+    /// The new result is not complete.
+    Incomplete,
+    /// The earlier result has another seed.
+    OtherSeed(u64),
+    /// The earlier result has another effective configuration.
+    OtherConfiguration,
+}
+
+impl fmt::Display for KeptReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Incomplete => f.write_str("this run is not complete"),
+            Self::OtherSeed(seed) => write!(f, "it is the result of seed {seed}"),
+            Self::OtherConfiguration => f.write_str("it is the result of another configuration"),
+        }
+    }
+}
+
+impl Directory {
+    /// Makes the temporary directory.
+    pub(crate) fn create(
+        reservation: Reservation,
+        policy: ReplacePolicy,
+    ) -> Result<Self, RecordError> {
+        let Reservation { out, name, .. } = &reservation;
         let pid = std::process::id();
         for attempt in 0u32.. {
             let suffix = if attempt == 0 { String::new() } else { format!("-{attempt}") };
             let partial = out.join(format!(".{name}.partial-{pid}{suffix}"));
             match fs::create_dir(&partial) {
-                Ok(()) => return Ok(Self { partial, target }),
-                Err(source)
-                    if source.kind() == std::io::ErrorKind::AlreadyExists && attempt < 1000 => {}
+                Ok(()) => return Ok(Self { partial, reservation, policy }),
+                Err(source) if source.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {}
                 Err(source) => return Err(RecordError::Create { path: partial, source }),
             }
         }
@@ -52,36 +201,182 @@ impl Directory {
         file.write_all(content).map_err(|source| RecordError::Write { path, source })
     }
 
-    /// Gives the record its name. An earlier result of that name is put aside first and removed afterwards.
-    pub(crate) fn publish(self) -> Result<PathBuf, RecordError> {
-        let Self { partial, target } = self;
-        refuse_foreign(&target)?;
-        let rename = |from: &Path, to: &Path| {
-            fs::rename(from, to).map_err(|source| RecordError::Rename {
-                from: from.to_owned(),
-                to: to.to_owned(),
-                source,
-            })
-        };
-        if !target.exists() {
-            rename(&partial, &target)?;
-            return Ok(target);
+    /// Brings the record to the disk and gives it its name: that of the experiment, or the first of `<name>-2`, `<name>-3`, …
+    /// that is free or holds what the record may replace.
+    pub(crate) fn publish(self, summary: &RunSummary) -> Result<Published, RecordError> {
+        let Self { partial, reservation, policy } = self;
+        let Reservation { out, name, lock, .. } = &reservation;
+        sync_tree(&partial)?;
+        let target = out.join(name);
+        if !lock.is_held() {
+            return Err(RecordError::LockLost { target, partial });
         }
-        let aside = partial.with_extension(format!("replaced-{}", std::process::id()));
-        rename(&target, &aside)?;
-        if let Err(error) = rename(&partial, &target) {
-            // Back to where it was: the earlier result must not be lost as well.
-            rename(&aside, &target)?;
-            return Err(error);
+        let config = fs::read(partial.join(CONFIG_FILE)).ok();
+        let mut kept = None;
+        for n in 1u32.. {
+            let dir = if n == 1 { target.clone() } else { out.join(format!("{name}-{n}")) };
+            if 1 < n {
+                put_back(out, &format!("{name}-{n}"))?;
+            }
+            let earlier = EarlierResult::read(&dir);
+            let keeps = match (&earlier, n) {
+                (Some(earlier), _) => earlier.keeps(policy, summary, config.as_deref()),
+                (None, 1) => {
+                    refuse_foreign(&dir)?;
+                    None
+                }
+                // What is not a result is not ours. A folder of this name that appears meanwhile keeps it.
+                (None, _) => match fs::create_dir(&dir) {
+                    Ok(()) => None,
+                    Err(source) if source.kind() == ErrorKind::AlreadyExists => continue,
+                    Err(source) => return Err(RecordError::Create { path: dir, source }),
+                },
+            };
+            if let Some(reason) = keeps {
+                kept.get_or_insert(KeptResult { dir, reason });
+                continue;
+            }
+            if earlier.is_some() {
+                replace(&partial, &dir)?
+            } else {
+                rename(&partial, &dir)?
+            }
+            sync_dir(out)?;
+            return Ok(Published { dir, kept });
         }
-        fs::remove_dir_all(&aside).map_err(|source| RecordError::Write { path: aside, source })?;
-        Ok(target)
+        unreachable!("some number is free")
+    }
+}
+
+/// A result that stands where another one is to go.
+struct EarlierResult {
+    summary: Option<RunSummary>,
+    config: Option<Vec<u8>>,
+}
+
+impl EarlierResult {
+    fn read(dir: &Path) -> Option<Self> {
+        is_record(dir).then(|| Self {
+            summary: RunSummary::read(dir).ok(),
+            config: fs::read(dir.join(CONFIG_FILE)).ok(),
+        })
+    }
+
+    /// Why it keeps its place from a new result; `None`: it is replaced.
+    fn keeps(
+        &self,
+        policy: ReplacePolicy,
+        new: &RunSummary,
+        config: Option<&[u8]>,
+    ) -> Option<KeptReason> {
+        let is_new_complete = new.status == Status::Complete;
+        // One that cannot be read may be complete.
+        let is_complete = self.summary.as_ref().is_none_or(|s| s.status == Status::Complete);
+        match policy {
+            ReplacePolicy::Always => return None,
+            ReplacePolicy::AnyExperiment if is_new_complete || !is_complete => return None,
+            ReplacePolicy::AnyExperiment => return Some(KeptReason::Incomplete),
+            ReplacePolicy::SameExperiment => {}
+        }
+        match &self.summary {
+            _ if !is_new_complete => Some(KeptReason::Incomplete),
+            Some(summary) if summary.seed != new.seed => Some(KeptReason::OtherSeed(summary.seed)),
+            _ if self.config.as_deref() == config => None,
+            _ => Some(KeptReason::OtherConfiguration),
+        }
+    }
+}
+
+/// Puts a record in the place of an earlier one. Files in the earlier one that no run wrote move into the new one.
+fn replace(partial: &Path, target: &Path) -> Result<(), RecordError> {
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    let aside = target.with_file_name(format!(".{name}.replaced-{}", std::process::id()));
+    rename(target, &aside)?;
+    if let Err(error) = rename(partial, target) {
+        // Back to where it was: the earlier result must not be lost as well.
+        rename(&aside, target)?;
+        return Err(error);
+    }
+    keep_foreign(&aside, target)?;
+    fs::remove_dir_all(&aside).map_err(|source| RecordError::Write { path: aside, source })
+}
+
+/// Moves everything in `from` that no run wrote into `to`. What has a name there already gets another one.
+fn keep_foreign(from: &Path, to: &Path) -> Result<(), RecordError> {
+    let ours = files_of_run(from);
+    let read = |source| RecordError::Write { path: from.to_owned(), source };
+    for entry in fs::read_dir(from).map_err(read)? {
+        let entry = entry.map_err(read)?;
+        let name = entry.file_name();
+        if name.to_str().is_some_and(|name| ours.contains(name)) {
+            continue;
+        }
+        let mut to = to.join(&name);
+        let mut n = 2;
+        while fs::symlink_metadata(&to).is_ok() {
+            to.set_file_name(format!("{}-{n}", name.to_string_lossy()));
+            n += 1;
+        }
+        rename(&entry.path(), &to)?;
+    }
+    sync_dir(to)
+}
+
+/// The names of files in a result that runs write.
+fn files_of_run(dir: &Path) -> BTreeSet<String> {
+    #[derive(Deserialize)]
+    struct Provenance {
+        files: serde_json::Map<String, serde_json::Value>,
+    }
+    let always = [CONFIG_FILE, "provenance.json", "report.html", RunSummary::FILE, "run.log"];
+    let mut names: BTreeSet<String> = always.map(str::to_owned).into();
+    names.extend(TABLES.iter().map(|table| table.file.to_owned()));
+    let provenance = fs::read(dir.join("provenance.json")).ok();
+    let provenance: Option<Provenance> =
+        provenance.and_then(|content| serde_json::from_slice(&content).ok());
+    names.extend(provenance.into_iter().flat_map(|provenance| provenance.files).map(|(n, _)| n));
+    names
+}
+
+fn rename(from: &Path, to: &Path) -> Result<(), RecordError> {
+    fs::rename(from, to).map_err(|source| RecordError::Rename {
+        from: from.to_owned(),
+        to: to.to_owned(),
+        source,
+    })
+}
+
+/// Brings a directory and all files in it to the disk.
+fn sync_tree(dir: &Path) -> Result<(), RecordError> {
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |source| RecordError::Write { path, source }
+    };
+    for entry in fs::read_dir(dir).map_err(failed(dir))? {
+        let path = entry.map_err(failed(dir))?.path();
+        if path.is_dir() {
+            sync_tree(&path)?;
+        } else {
+            File::open(&path).and_then(|file| file.sync_all()).map_err(failed(&path))?;
+        }
+    }
+    sync_dir(dir)
+}
+
+/// Brings the names in a directory to the disk, where the file system can.
+fn sync_dir(dir: &Path) -> Result<(), RecordError> {
+    let synced = File::open(dir).and_then(|dir| dir.sync_all());
+    match synced {
+        Err(error) if !matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {
+            Err(RecordError::Write { path: dir.to_owned(), source: error })
+        }
+        _ => Ok(()),
     }
 }
 
 /// Whether `dir` holds what a run left.
 pub(crate) fn is_record(dir: &Path) -> bool {
-    fs::read(dir.join("summary.json"))
+    fs::read(dir.join(RunSummary::FILE))
         .ok()
         .and_then(|text| serde_json::from_slice::<Tagged>(&text).ok())
         .is_some_and(|tagged| tagged.schema.starts_with(SCHEMA_PREFIX))
@@ -96,6 +391,8 @@ pub struct Tagged {
 
 /// What the `schema` of every `summary.json` begins with.
 pub const SCHEMA_PREFIX: &str = "murmuration/summary/";
+/// The effective configuration.
+const CONFIG_FILE: &str = "config.toml";
 
 fn refuse_foreign(target: &Path) -> Result<(), RecordError> {
     let exists = fs::symlink_metadata(target).is_ok();

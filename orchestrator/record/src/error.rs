@@ -1,5 +1,6 @@
 //! What can go wrong while recording.
 
+use super::lock::LockHolder;
 use parquet::errors::ParquetError;
 use std::path::PathBuf;
 
@@ -20,6 +21,26 @@ pub enum RecordError {
     Foreign {
         /// What stands there.
         path: PathBuf,
+    },
+    /// Another program writes the result.
+    #[error("{} is being written by {holder}; wait for it, or choose another experiment.name or --out", path.display())]
+    Locked {
+        /// The result.
+        path: PathBuf,
+        /// Who writes it.
+        holder: Box<LockHolder>,
+    },
+    /// Another program took the lock over while this one stood still. The record stands whole under its temporary name.
+    #[error(
+        "this program stood still for so long that another one took over the lock of {}; the record stays in {}",
+        target.display(),
+        partial.display()
+    )]
+    LockLost {
+        /// Where the record was to go.
+        target: PathBuf,
+        /// Where the record stands.
+        partial: PathBuf,
     },
     /// A directory or file could not be made. Likely no permission, or the disk is full.
     #[error("cannot create {}: {source}", path.display())]

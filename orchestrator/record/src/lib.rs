@@ -3,7 +3,7 @@
 //!
 //! [`Recorder`] takes what the sides replied, as values, and hands it to a thread that writes, so that the disk does not hold up the
 //! coupling until it is several steps behind. Files grow in `OUT/.<name>.partial-<pid>/`; when all are whole the directory
-//! becomes `OUT/<name>/`. [`read`] opens a record again, [`verify()`] checks one.
+//! becomes `OUT/<name>/`, or `OUT/<name>-2/` where it may not replace the result that stands there. [`read`] opens a record again, [`verify()`] checks one.
 //!
 //! The same configuration and seed leave the same messages, tables and summary, byte for byte. What depends on when, where
 //! and how a run was made is in `provenance.json` alone.
@@ -11,10 +11,12 @@
 mod directory;
 mod error;
 mod hashed_file;
+pub mod lock;
 mod log;
 mod measurer;
 mod pcap;
 pub mod read;
+pub mod run_log;
 pub mod run_summary;
 mod summary;
 pub mod table;
@@ -28,11 +30,11 @@ pub use table::{ColumnKind, ColumnShape, TableShape};
 pub use tables::TABLES;
 pub use verify::verify;
 
-pub use directory::{SCHEMA_PREFIX, Tagged};
+pub use directory::{KeptReason, KeptResult, ReplacePolicy, Reservation, SCHEMA_PREFIX, Tagged};
 pub use summary::TRUTH_BASELINE;
 pub use tables::is_column_of_motes;
 
-use directory::Directory;
+use directory::{Directory, Published};
 use experiment::{OutputConfig, Start};
 use hashed_file::Fingerprint;
 use metrics::Measures;
@@ -167,18 +169,8 @@ pub struct Finished {
     pub summary: RunSummary,
     /// Its report, if one was asked for.
     pub report: Option<PathBuf>,
-}
-
-/// Makes sure that a run of that name can be recorded in `out`, without leaving anything but `out` itself.
-///
-/// # Errors
-///
-/// As [`Recorder::create`].
-pub fn probe(out: &Path, name: &str) -> Result<(), RecordError> {
-    let directory = Directory::create(out, name)?;
-    let path = directory.path().to_owned();
-    directory.write("probe", b"probe")?;
-    std::fs::remove_dir_all(&path).map_err(|source| RecordError::Write { path, source })
+    /// The earlier result that was not replaced: `dir` is then a folder next to it.
+    pub kept: Option<KeptResult>,
 }
 
 /// Records a run.
@@ -196,14 +188,29 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Makes the directory under its temporary name and begins all files, so that whatever stands in the way is found
-    /// before anything runs.
+    /// As [`Recorder::create_in`], in a place of `out` that is reserved for it, with a result that replaces one of the same
+    /// experiment alone.
     ///
     /// # Errors
     ///
-    /// A name that cannot be a directory's, a result directory that no run left, no permission, no space.
+    /// As [`Reservation::new`] and [`Recorder::create_in`].
     pub fn create(out: &Path, header: RunHeader) -> Result<Self, RecordError> {
-        let directory = Directory::create(out, &header.name)?;
+        let reservation = Reservation::new(out, &header.name)?;
+        Self::create_in(reservation, ReplacePolicy::SameExperiment, header)
+    }
+
+    /// Makes the directory under its temporary name and begins all files, so that whatever stands in the way is found
+    /// before anything runs. The place stays locked until the result stands there, or the recorder is dropped.
+    ///
+    /// # Errors
+    ///
+    /// No permission, no space.
+    pub fn create_in(
+        reservation: Reservation,
+        policy: ReplacePolicy,
+        header: RunHeader,
+    ) -> Result<Self, RecordError> {
+        let directory = Directory::create(reservation, policy)?;
         directory.write("config.toml", header.config_toml.as_bytes())?;
         let writer = RunWriter::create(directory.path(), &header)?;
         let (events, inbox) = sync_channel(MAX_BEHIND);
@@ -305,9 +312,9 @@ impl Recorder {
         };
         provenance.insert("files".to_owned(), Value::Object(files));
         directory.write("provenance.json", pretty(&provenance).as_bytes())?;
-        let dir = directory.publish()?;
+        let Published { dir, kept } = directory.publish(&summary)?;
         let report = self.header.output.report.then(|| dir.join(REPORT_FILE));
-        Ok(Finished { dir, summary, report })
+        Ok(Finished { dir, summary, report, kept })
     }
 
     fn send(&mut self, event: Event) -> Result<(), RecordError> {
@@ -334,7 +341,9 @@ impl Recorder {
         }
     }
 
-    fn path(&self) -> PathBuf {
+    /// The directory under its temporary name.
+    #[must_use]
+    pub fn path(&self) -> PathBuf {
         self.directory.as_ref().map(|directory| directory.path().to_owned()).unwrap_or_default()
     }
 }

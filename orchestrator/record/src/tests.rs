@@ -1,6 +1,7 @@
 //! A run made up of messages, recorded and read again.
 
 mod made_up;
+mod replacing;
 mod tables;
 
 use super::log::Topic;
@@ -63,11 +64,9 @@ fn two_recordings_of_the_same_run_are_the_same_bytes() {
 fn nothing_but_the_result_is_left_behind_and_a_second_run_replaces_it() {
     let out = tempfile::tempdir().unwrap();
     let first = finished(out.path(), header("run"));
-    fs::write(first.dir.join("note.txt"), "mine").unwrap();
     let second = finished(out.path(), header("run"));
     assert_eq!(first.dir, second.dir);
     assert_eq!(names(out.path()), ["run"]);
-    assert!(!second.dir.join("note.txt").exists());
 }
 
 #[test]
@@ -282,6 +281,8 @@ fn a_recorder_that_is_dropped_leaves_messages_that_can_be_read() {
     let partial = names(out.path());
     assert_eq!(partial.len(), 1);
     assert!(partial[0].starts_with(".run.partial-"), "{partial:?}");
+    let next = Reservation::new(out.path(), "run").unwrap();
+    assert_eq!(next.leftovers(), [out.path().join(&partial[0])]);
     let mut reader = RunReader::open(&out.path().join(&partial[0])).unwrap();
     for _ in 0..5 {
         assert!(reader.next_step().unwrap().is_some());
@@ -318,15 +319,18 @@ fn steps_out_of_order_are_refused() {
 }
 
 #[test]
-fn probing_leaves_nothing_and_finds_what_recording_would_find() {
+fn reserving_leaves_nothing_and_finds_what_recording_would_find() {
     let out = tempfile::tempdir().unwrap();
     let runs = out.path().join("runs");
-    probe(&runs, "run").unwrap();
-    assert_eq!(names(&runs), Vec::<String>::new());
-    fs::create_dir(runs.join("run")).unwrap();
-    probe(&runs, "run").unwrap();
+    drop(Reservation::new(&runs, "run").unwrap());
+    assert_eq!(names(out.path()), Vec::<String>::new());
+    fs::create_dir_all(runs.join("run")).unwrap();
+    drop(Reservation::new(&runs, "run").unwrap());
+    assert_eq!(names(&runs), ["run"]);
     fs::write(runs.join("run/thesis.tex"), "years of work").unwrap();
-    assert!(matches!(probe(&runs, "run"), Err(RecordError::Foreign { .. })));
+    let error = Reservation::new(&runs, "run").unwrap_err();
+    assert!(matches!(error, RecordError::Foreign { .. }), "{error}");
+    assert_eq!(names(&runs), ["run"]);
 }
 
 #[test]

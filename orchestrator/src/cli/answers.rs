@@ -3,6 +3,7 @@
 use super::Failure;
 use serde::Serialize;
 use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
 /// The answer of a command as JSON, if an option asks for it.
@@ -51,7 +52,9 @@ pub(super) fn place_for(option: &str, path: &Path) -> Result<tempfile::NamedTemp
     if path.is_dir() {
         return Err(format!("{option} {}: is a folder; give the path of a file", path.display()));
     }
-    tempfile::NamedTempFile::new_in(folder).map_err(|error| {
+    // As any other file, but for what the user's umask takes away; a temporary file would be the user's alone.
+    let permissions = std::fs::Permissions::from_mode(0o666);
+    tempfile::Builder::new().permissions(permissions).tempfile_in(folder).map_err(|error| {
         format!("{option} {}: {}", path.display(), std::io::Error::from(error.kind()))
     })
 }

@@ -5,6 +5,8 @@ use crate::check::data_check::DataCheck;
 use crate::check::{ExperimentCheck, SweepCheck};
 use crate::compare_runs::runs_comparison::RunsComparison;
 use crate::console::say;
+use crate::dry_run::DryRun;
+use crate::run::run_answer::RunAnswer;
 use crate::sweep::sweep_summary::SweepSummary;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -26,8 +28,7 @@ use serde_json::{Value, json};
 /// What has a schema: the experiment file, and each answer by the command that gives it.
 #[derive(Args)]
 pub(super) struct SchemaArgs {
-    /// The answer whose schema is printed, by the command that gives it: `run` and `sweep` write it as summary.json, the others
-    /// with --json
+    /// The answer whose schema is printed, by the command that gives it: `run` and `sweep` also write it as summary.json
     #[arg(
         long,
         value_name = "NAME",
@@ -77,9 +78,19 @@ const ANSWERS: [(&str, &[OfType]); 10] = [
         ],
     ),
     ("power", &[SchemaGenerator::subschema_for::<Power>]),
-    ("run", &[SchemaGenerator::subschema_for::<RunSummary>]),
+    (
+        "run",
+        &[
+            SchemaGenerator::subschema_for::<RunAnswer>,
+            SchemaGenerator::subschema_for::<RunSummary>,
+            SchemaGenerator::subschema_for::<DryRun>,
+        ],
+    ),
     ("simulate", &[SchemaGenerator::subschema_for::<Simulation>]),
-    ("sweep", &[SchemaGenerator::subschema_for::<SweepSummary>]),
+    (
+        "sweep",
+        &[SchemaGenerator::subschema_for::<SweepSummary>, SchemaGenerator::subschema_for::<DryRun>],
+    ),
     ("verify", &[SchemaGenerator::subschema_for::<VerifyReport>]),
 ];
 

@@ -1,10 +1,10 @@
 //! The commands that run many experiments.
 
-use super::{Failure, FileArgs, check_place, write_json};
+use super::{Failure, FileArgs, check_place, on_runtime, write_json};
 use crate::compare_runs;
 use crate::console::{say, warn};
 use crate::run::StartOptions;
-use crate::sweep::{self, SweepOptions};
+use crate::sweep::{self, SweepError, SweepOptions};
 use clap::Args;
 use numbers::format::count_of;
 use std::path::PathBuf;
@@ -26,6 +26,9 @@ pub(super) struct SweepArgs {
     /// Discard finished trials and run all of them again
     #[arg(long)]
     restart: bool,
+    /// Estimate time, memory and disk space of the trials that are left, and leave nothing
+    #[arg(long)]
+    dry_run: bool,
 }
 
 /// `orchestrator sweep`.
@@ -41,8 +44,17 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         jobs: args.jobs.map(usize::from),
         restart: args.restart,
     };
-    let report = sweep::sweep(&options)
-        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+    let failed =
+        |error: SweepError| Failure { status: error.exit_status(), text: error.to_string() };
+    if args.dry_run {
+        let dry = on_runtime(sweep::dry_run(&options))?.map_err(failed)?;
+        for warning in &dry.warnings {
+            warn(warning);
+        }
+        say(dry.text());
+        return write_json(args.file.json.as_deref(), &dry);
+    }
+    let report = sweep::sweep(&options).map_err(failed)?;
     for warning in &report.summary.warnings {
         warn(warning);
     }
@@ -60,7 +72,15 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
     say(&report.text);
     say(format!("results in {}", report.dir.display()));
     say(format!("open {}", report.dir.join("report.html").display()));
-    write_json(args.file.json.as_deref(), &report.summary)
+    write_json(args.file.json.as_deref(), &report.summary)?;
+    if report.failed.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::work(format!(
+        "{} of {} trials failed; the table has all others. Run the same command again to retry them",
+        report.failed.len(),
+        report.n_trials
+    )))
 }
 
 #[derive(Args)]

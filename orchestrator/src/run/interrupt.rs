@@ -1,33 +1,46 @@
-//! Ctrl-C and SIGTERM: the step under way is finished, what was recorded is kept.
+//! Ctrl-C, SIGTERM and SIGHUP: the step under way is finished, what was recorded is kept.
 
 use drive::Interrupts;
+use proto_host::ignores_hangup;
 use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// How long the step under way may still take after someone said stop.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Listens for both signals.
+/// Listens for these signals; for SIGHUP unless the process was started to ignore it.
 pub(crate) struct Interrupt {
     interrupt: Option<Signal>,
     terminate: Option<Signal>,
+    hang_up: Option<Signal>,
     seen: Option<&'static str>,
 }
 
 impl Interrupt {
     pub(crate) fn listen() -> Self {
+        // With nohup a run outlives the session that started it.
+        let hang_up = if ignores_hangup() { None } else { signal(SignalKind::hangup()).ok() };
         Self {
             interrupt: signal(SignalKind::interrupt()).ok(),
             terminate: signal(SignalKind::terminate()).ok(),
+            hang_up,
             seen: None,
         }
     }
 
     /// Completes when a signal comes.
     pub(crate) async fn first(&mut self) -> &'static str {
-        let name = next(&mut self.interrupt, &mut self.terminate).await;
+        let name = self.next().await;
         self.seen = Some(name);
         name
+    }
+
+    async fn next(&mut self) -> &'static str {
+        tokio::select! {
+            () = recv(&mut self.interrupt) => "SIGINT",
+            () = recv(&mut self.terminate) => "SIGTERM",
+            () = recv(&mut self.hang_up) => "SIGHUP",
+        }
     }
 }
 
@@ -41,16 +54,8 @@ impl Interrupts for Interrupt {
         if self.seen.is_none() {
             self.first().await;
         }
-        let second = next(&mut self.interrupt, &mut self.terminate);
-        let _ = tokio::time::timeout(PATIENCE, second).await;
+        let _ = tokio::time::timeout(PATIENCE, self.next()).await;
         self.seen.unwrap_or("a signal")
-    }
-}
-
-async fn next(interrupt: &mut Option<Signal>, terminate: &mut Option<Signal>) -> &'static str {
-    tokio::select! {
-        () = recv(interrupt) => "SIGINT",
-        () = recv(terminate) => "SIGTERM",
     }
 }
 

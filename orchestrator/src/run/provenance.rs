@@ -65,6 +65,19 @@ impl Provenance {
     }
 }
 
+/// How the log of a run begins.
+pub(super) fn opening(plan: &Plan) -> String {
+    let command: Vec<String> = std::env::args().collect();
+    format!(
+        "orchestrator {} runs {} with seed {}, process {}: {}",
+        env!("CARGO_PKG_VERSION"),
+        plan.name,
+        plan.experiment.seed,
+        std::process::id(),
+        command.join(" ")
+    )
+}
+
 fn sha256(bytes: &[u8]) -> String {
     proto::digest::hex(&Sha256::digest(bytes))
 }

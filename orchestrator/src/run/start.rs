@@ -3,13 +3,15 @@
 use super::RunError;
 use drive::coupling::Coupled;
 use drive::peer::{
-    Launch, NetworkSide, Orders, Peer, Reach, Remote, RobotSide, Service, Side as _, SideError,
+    Launch, LineSink, NetworkSide, Orders, Peer, Reach, Remote, RobotSide, Service, Side as _,
+    SideError,
 };
 use drive::{self, ConfigureRequests, Unfit, Wanted};
 use experiment::{EXPERIMENT, Plan, SideConfig, Start};
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::exchange::Configured;
 use proto::types::NetRecord;
+use record::run_log::RunLog;
 use record::{RunHeader, is_column_of_motes};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -28,6 +30,8 @@ pub struct StartOptions {
     pub log_json: bool,
     /// Other work waits for the processors: answers are waited for asleep.
     pub is_busy: bool,
+    /// Where what the sides log goes, beside standard error.
+    pub run_log: RunLog,
 }
 
 /// Two simulators in other processes, in step.
@@ -102,6 +106,8 @@ pub(super) async fn connect(
     plan: &Plan,
     options: &StartOptions,
 ) -> Result<(Remote<RobotSide>, Remote<NetworkSide>), RunError> {
+    let run_log = options.run_log.clone();
+    let lines = LineSink::new(move |side, line| run_log.add(side, line));
     let reach = |url: &Option<String>| Reach {
         url: url.clone(),
         tls: plan.tls.clone(),
@@ -114,6 +120,7 @@ pub(super) async fn connect(
             log: options.log.clone(),
             log_json: options.log_json,
             accept_commands: plan.accept_commands,
+            lines: Some(lines.clone()),
         },
     };
     let (robots_reach, network_reach) = (reach(&plan.robotsim.url), reach(&plan.netsim.url));

@@ -1,13 +1,14 @@
 //! One trial after another on the same two simulators.
 
 use super::interrupt::Interrupt;
+use super::provenance::opening;
 use super::start::{Processes, StartOptions, Started, connect, ready};
 use super::{RunError, ended_by, record_of};
 use drive::peer::{NetworkSide, Peer as _, Remote, RobotSide};
 use drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
 use experiment::{Plan, Tls, Transport};
 use record::run_summary::RunSummary;
-use record::{Ending, Measurer, RecordError, Recorder};
+use record::{Ending, Measurer, RecordError, Recorder, ReplacePolicy, Reservation};
 use report;
 use serde_json::Value;
 use std::path::Path;
@@ -64,6 +65,9 @@ impl Sides {
     /// Nothing is started yet. Within a runtime only: signals are listened for from here on.
     #[must_use]
     pub fn new(options: StartOptions) -> Self {
+        // The simulators of each have a log of their own: of the trial that they are in.
+        let run_log = options.run_log.within();
+        let options = StartOptions { run_log, ..options };
         Self { options, interrupt: Interrupt::listen(), peers: None, n_starts: 0 }
     }
 
@@ -80,6 +84,9 @@ impl Sides {
     /// See [`RunError`]; that the network has not formed is an outcome. Simulators that failed are started anew for the
     /// next trial.
     pub async fn run(&mut self, trial: &TrialPlan<'_>) -> Result<TrialResult, RunError> {
+        let log = self.options.run_log.clone();
+        log.close();
+        log.add("orchestrator", &opening(trial.plan));
         let reached = Connection::from_plan(trial.plan);
         let (robots, network) = match self.peers.take() {
             Some((now, robots, network)) if now == reached => (robots, network),
@@ -95,10 +102,14 @@ impl Sides {
         let Started { mut coupled, exchange, header, waits, records, .. } =
             ready(trial.plan, robots, network, wanted).await?;
         let sink = match trial.keep_in {
-            Some(out) => Recorder::create(out, header).and_then(|mut recorder| {
-                recorder.configured(exchange)?;
-                Ok(Sink::Record(Box::new(recorder)))
-            }),
+            Some(out) => Reservation::new(out, &header.name)
+                // What a trial left before is of an earlier form of the sweep.
+                .and_then(|place| Recorder::create_in(place, ReplacePolicy::Always, header))
+                .and_then(|mut recorder| {
+                    log.open(&recorder.path())?;
+                    recorder.configured(exchange)?;
+                    Ok(Sink::Record(Box::new(recorder)))
+                }),
             None => {
                 Measurer::new(header, exchange).map(|measurer| Sink::Measure(Box::new(measurer)))
             }
@@ -133,6 +144,9 @@ impl Sides {
                 return Err(abandoned(coupled, unrecorded(error)).await);
             }
         };
+        let reason = ending.reason.iter().map(|reason| format!(": {reason}")).collect::<String>();
+        log.end(&format!("{}{reason}", ending.status.name()));
+        log.close();
         let (robots, network) = coupled.into_peers();
         self.peers = Some((reached, robots, network));
         Ok(TrialResult { summary: sink.finish(&ending).map_err(unrecorded)?, not_formed })

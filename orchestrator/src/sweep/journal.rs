@@ -1,23 +1,29 @@
 //! What has been run so far: one line per trial, written when it is done, read again when the sweep goes on.
 //!
 //! A line is written in one piece and brought to the disk before the next; what a program that was killed has left of its
-//! last line is no line, and is cut off.
+//! last line is no line, and is cut off. Each line ends with a checksum of what is before it. A line that cannot be read, or
+//! was changed, is moved to a file of its own, and its trial is run again.
 
 use metrics::figures::FiguresByName;
+use proto::digest::hex;
+use record::RecordError;
+use record::lock::ResultLock;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
+use sha2::{Digest as _, Sha256};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File, OpenOptions};
+use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 /// What came of a trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct TrialRow {
     /// What identifies the trial.
     pub(crate) key: String,
     /// Digest of the program that ran it.
     pub(crate) program: String,
-    /// `complete` or `not-formed`.
+    /// `complete`, `not-formed` or `failed`.
     pub(crate) status: String,
     /// Why not complete.
     pub(crate) reason: Option<String>,
@@ -34,20 +40,38 @@ impl TrialRow {
     pub(super) fn has_formed(&self) -> bool {
         self.reason.is_none()
     }
+
+    /// Whether it failed, twice: there are no figures.
+    pub(super) fn has_failed(&self) -> bool {
+        self.status == FAILED
+    }
 }
 
-/// The file.
+/// The status of a trial that failed.
+pub(super) const FAILED: &str = "failed";
+
+/// The file, and the lock of the folder that it is in.
 pub(crate) struct Journal {
     path: PathBuf,
     file: File,
+    _lock: ResultLock,
+}
+
+/// What a journal holds.
+#[derive(Debug, Default)]
+pub(crate) struct JournalContent {
+    /// The rows by key; of several with the same the last.
+    pub(crate) rows: BTreeMap<String, TrialRow>,
+    /// What the user should know about it, a sentence each.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Why it cannot be kept.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// Another sweep writes it.
-    #[error("{} is locked: another sweep is running in this folder; wait for it, or choose another --out", .0.display())]
-    Busy(PathBuf),
+    /// Another program writes the folder, or it cannot be locked.
+    #[error(transparent)]
+    Lock(#[from] RecordError),
     /// The file cannot be read or written.
     #[error("{}: {source}", path.display())]
     File {
@@ -56,63 +80,129 @@ pub enum JournalError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// A line is not one that a sweep writes.
-    #[error("{}:{line}: not a valid entry of a sweep's journal ({reason}); use --restart to run all trials again", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// The line, from 1.
-        line: usize,
-        /// What is wrong with it.
-        reason: String,
-    },
+}
+
+/// A line of the journal.
+enum Line {
+    Row(TrialRow),
+    /// Without a checksum, as earlier versions wrote them.
+    Unchecked(TrialRow),
+    Damaged(String),
+}
+
+/// What stands before and after the checksum of a line.
+const SUM: (&str, &str) = (",\"checksum\":\"", "\"}");
+/// Hexadecimal digits of a checksum.
+const SUM_DIGITS: usize = 16;
+
+fn checksum(text: &[u8]) -> String {
+    hex(&Sha256::digest(text))[..SUM_DIGITS].to_owned()
+}
+
+/// A row as its line, without the newline.
+fn written(row: &TrialRow) -> Result<String, serde_json::Error> {
+    let mut text = serde_json::to_string(row)?;
+    let sum = checksum(text.as_bytes());
+    text.pop();
+    Ok(format!("{text}{}{sum}{}", SUM.0, SUM.1))
+}
+
+fn read(line: &[u8]) -> Line {
+    let Ok(text) = std::str::from_utf8(line) else {
+        return Line::Damaged("it is no text".to_owned());
+    };
+    let parsed = |text: &str, line: fn(TrialRow) -> Line| match serde_json::from_str(text) {
+        Ok(row) => line(row),
+        Err(error) => Line::Damaged(error.to_string()),
+    };
+    let Some((row, sum)) = text.strip_suffix(SUM.1).and_then(|text| text.rsplit_once(SUM.0)) else {
+        return parsed(text, Line::Unchecked);
+    };
+    let row = format!("{row}}}");
+    if checksum(row.as_bytes()) == sum {
+        parsed(&row, Line::Row)
+    } else {
+        Line::Damaged("its checksum is not that of its content".to_owned())
+    }
 }
 
 impl Journal {
-    /// Opens the journal, or begins one, and returns the rows that it holds by key; of several the last. `anew`: what it
-    /// holds is forgotten.
+    /// Locks the folder of the sweep, `dir`, and opens the journal of this name in it, or begins one. `anew`: what it holds is
+    /// forgotten.
     ///
     /// # Errors
     ///
     /// See [`JournalError`].
     pub(crate) fn open(
-        path: &Path,
+        dir: &Path,
+        name: &str,
         anew: bool,
-    ) -> Result<(Self, BTreeMap<String, TrialRow>), JournalError> {
-        let failed = |source| JournalError::File { path: path.to_owned(), source };
+    ) -> Result<(Self, JournalContent), JournalError> {
+        let parent = dir.parent().filter(|parent| !parent.as_os_str().is_empty());
+        let folder = dir.file_name().unwrap_or_default().to_string_lossy();
+        let lock = ResultLock::take(parent.unwrap_or(Path::new(".")), &folder)?;
+        let path = dir.join(name);
+        let failed = |source| JournalError::File { path: path.clone(), source };
         let mut file = OpenOptions::new()
             .read(true)
-            .write(true)
+            .append(true)
             .create(true)
             .truncate(false)
-            .open(path)
+            .open(&path)
             .map_err(failed)?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(JournalError::Busy(path.to_owned())),
-            Err(TryLockError::Error(source)) => return Err(failed(source)),
-        }
         let mut bytes = Vec::new();
-        if !anew {
-            file.read_to_end(&mut bytes).map_err(failed)?;
+        if anew {
+            file.set_len(0).map_err(failed)?;
         }
+        file.read_to_end(&mut bytes).map_err(failed)?;
         let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
         file.set_len(whole as u64).map_err(failed)?;
-        file.seek(SeekFrom::Start(whole as u64)).map_err(failed)?;
-        let mut rows = BTreeMap::new();
+        let mut content = JournalContent::default();
+        let (mut good, mut damaged): (Vec<&[u8]>, Vec<&[u8]>) = (Vec::new(), Vec::new());
+        let mut n_unchecked = 0;
         for (index, line) in bytes[..whole].split(|&byte| byte == b'\n').enumerate() {
             if line.is_empty() {
                 continue;
             }
-            let row: TrialRow =
-                serde_json::from_slice(line).map_err(|error| JournalError::Damaged {
-                    path: path.to_owned(),
-                    line: index + 1,
-                    reason: error.to_string(),
-                })?;
-            rows.insert(row.key.clone(), row);
+            let row = match read(line) {
+                Line::Row(row) => row,
+                Line::Unchecked(row) => {
+                    n_unchecked += 1;
+                    row
+                }
+                Line::Damaged(reason) => {
+                    content.warnings.push(format!(
+                        "{}:{}: is damaged ({reason}); its trial is run again, the line is in {DAMAGED_FILE}",
+                        path.display(),
+                        index + 1
+                    ));
+                    damaged.push(line);
+                    continue;
+                }
+            };
+            good.push(line);
+            content.rows.insert(row.key.clone(), row);
         }
-        Ok((Self { path: path.to_owned(), file }, rows))
+        if n_unchecked != 0 {
+            content.warnings.push(format!(
+                "{}: {n_unchecked} trials have no checksum, since an earlier version of this program wrote them; they are used \
+                 unchecked, --restart runs them again",
+                path.display()
+            ));
+        }
+        if !damaged.is_empty() {
+            set_apart(&dir.join(DAMAGED_FILE), &damaged).map_err(failed)?;
+            // The journal without them, whole at any moment.
+            let draft = dir.join(format!(".{name}"));
+            let lines = good.iter().flat_map(|line| [line, &b"\n"[..]].concat());
+            let lines: Vec<u8> = lines.collect();
+            let replaced = fs::write(&draft, lines)
+                .and_then(|()| File::open(&draft)?.sync_all())
+                .and_then(|()| fs::rename(&draft, &path))
+                .and_then(|()| OpenOptions::new().append(true).open(&path));
+            file = replaced.map_err(failed)?;
+        }
+        Ok((Self { path: path.clone(), file, _lock: lock }, content))
     }
 
     /// Adds a row.
@@ -122,11 +212,31 @@ impl Journal {
     /// The disk is full, or the like.
     pub(crate) fn add(&mut self, row: &TrialRow) -> Result<(), JournalError> {
         let failed = |source| JournalError::File { path: self.path.clone(), source };
-        let mut line = serde_json::to_vec(row).map_err(|error| failed(error.into()))?;
-        line.push(b'\n');
-        self.file.write_all(&line).map_err(failed)?;
+        let line = written(row).map_err(|error| failed(error.into()))?;
+        self.file.write_all(format!("{line}\n").as_bytes()).map_err(failed)?;
         self.file.sync_data().map_err(failed)
     }
+}
+
+/// The keys of trials in a journal that need not be run again, without a look at who writes it; none where it cannot be read.
+pub(super) fn keys(path: &Path) -> BTreeSet<String> {
+    let bytes = fs::read(path).unwrap_or_default();
+    let rows = bytes.split(|&byte| byte == b'\n').filter_map(|line| match read(line) {
+        Line::Row(row) | Line::Unchecked(row) if !row.has_failed() => Some(row.key),
+        _ => None,
+    });
+    rows.collect()
+}
+
+/// Lines of a journal that cannot be read, beside it.
+const DAMAGED_FILE: &str = "trials.damaged";
+
+fn set_apart(path: &Path, lines: &[&[u8]]) -> std::io::Result<()> {
+    let mut file = OpenOptions::new().append(true).create(true).open(path)?;
+    for line in lines {
+        file.write_all(&[line, &b"\n"[..]].concat())?;
+    }
+    file.sync_all()
 }
 
 #[cfg(test)]
@@ -152,8 +262,9 @@ mod tests {
     fn whatever_is_cut_off_costs_the_last_line_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trials.jsonl");
-        let (mut journal, rows) = Journal::open(&path, false).unwrap();
-        assert!(rows.is_empty());
+        let open = |anew| Journal::open(folder.path(), "trials.jsonl", anew);
+        let (mut journal, content) = open(false).unwrap();
+        assert!(content.rows.is_empty());
         let mut ends = vec![0];
         for key in ["a", "b", "c"] {
             journal.add(&row(key)).unwrap();
@@ -163,33 +274,82 @@ mod tests {
         let whole = std::fs::read(&path).unwrap();
         for length in 0..=whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let (mut journal, rows) = Journal::open(&path, false).unwrap();
+            let (mut journal, content) = open(false).unwrap();
             let n = ends.iter().filter(|&&end| 0 < end && end <= length as u64).count();
-            assert_eq!(rows.len(), n, "{length} bytes");
-            assert!(rows.iter().all(|(key, found)| *found == row(key)));
+            assert_eq!(content.rows.len(), n, "{length} bytes");
+            assert!(content.rows.iter().all(|(key, found)| *found == row(key)));
             journal.add(&row("d")).unwrap();
             drop(journal);
-            let (_, rows) = Journal::open(&path, false).unwrap();
-            assert_eq!(rows.len(), n + 1, "{length} bytes");
+            let (_, content) = open(false).unwrap();
+            assert_eq!(content.rows.len(), n + 1, "{length} bytes");
         }
     }
 
     #[test]
-    fn two_do_not_write_at_once_and_a_damaged_line_is_named() {
+    fn two_do_not_write_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = || Journal::open(folder.path(), "trials.jsonl", false);
+        let journal = open().unwrap();
+        let Err(error) = open() else { panic!("it is locked") };
+        let process = format!("is being written by process {} on host ", std::process::id());
+        assert!(error.to_string().contains(&process), "{error}");
+        drop(journal);
+        assert!(open().is_ok());
+    }
+
+    #[test]
+    fn an_edited_line_costs_its_trial_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trials.jsonl");
-        let (mut journal, _) = Journal::open(&path, false).unwrap();
-        journal.add(&row("a")).unwrap();
-        assert!(matches!(Journal::open(&path, false), Err(JournalError::Busy(_))));
+        let open = |anew| Journal::open(folder.path(), "trials.jsonl", anew).unwrap();
+        let (mut journal, _) = open(false);
+        for key in ["a", "b", "c", "d"] {
+            journal.add(&row(key)).unwrap();
+        }
         drop(journal);
-        let mut text = std::fs::read_to_string(&path).unwrap();
-        text.push_str("{\"key\": 3}\n");
-        std::fs::write(&path, text).unwrap();
-        let error = Journal::open(&path, false).map(|_| ()).unwrap_err().to_string();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        assert!(lines[1].contains("0.30000000000000004"), "{}", lines[1]);
+        lines[1] = lines[1].replace("0.30000000000000004", "0.40000000000000004");
+        lines[2] = "{\"key\": 3}".to_owned();
+        std::fs::write(&path, lines.join("\n") + "\n").unwrap();
+        let (mut journal, content) = open(false);
+        assert_eq!(content.rows.keys().collect::<Vec<_>>(), ["a", "d"]);
+        assert!(content.warnings[0].contains("trials.jsonl:2: is damaged (its checksum is not"));
+        assert!(content.warnings[1].contains("trials.jsonl:3: is damaged (invalid type"));
+        journal.add(&row("b")).unwrap();
+        drop(journal);
+        // The journal holds good lines alone, so that the next one has nothing to say.
+        let (_, content) = open(false);
+        assert_eq!(content.rows.keys().collect::<Vec<_>>(), ["a", "b", "d"]);
+        assert!(content.warnings.is_empty(), "{:?}", content.warnings);
+        let apart = std::fs::read_to_string(folder.path().join(DAMAGED_FILE)).unwrap();
+        assert_eq!(apart.lines().collect::<Vec<_>>(), lines[1..3]);
+        assert!(open(true).1.rows.is_empty());
+    }
+
+    #[test]
+    fn every_changed_byte_of_a_line_is_found() {
+        let line = written(&row("a")).unwrap().into_bytes();
+        assert!(matches!(read(&line), Line::Row(found) if found == row("a")));
+        for place in 0..line.len() {
+            let mut line = line.clone();
+            line[place] ^= 1;
+            assert!(matches!(read(&line), Line::Damaged(_)), "byte {place}");
+        }
+    }
+
+    #[test]
+    fn lines_without_a_checksum_are_read_and_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let old = serde_json::to_string(&row("a")).unwrap();
+        std::fs::write(folder.path().join("trials.jsonl"), format!("{old}\n")).unwrap();
+        let (_, content) = Journal::open(folder.path(), "trials.jsonl", false).unwrap();
+        assert_eq!(content.rows["a"], row("a"));
         assert!(
-            error.contains("trials.jsonl:2: not a valid entry of a sweep's journal"),
-            "{error}"
+            content.warnings[0].contains("1 trials have no checksum"),
+            "{:?}",
+            content.warnings
         );
-        assert!(Journal::open(&path, true).unwrap().1.is_empty());
     }
 }

@@ -48,7 +48,9 @@ pub(super) fn begin(dir: &Path, plan: &SweepPlan) -> Result<(), RecordError> {
         let is_partial = entry.file_name().to_string_lossy().starts_with('.');
         if is_partial {
             let path = entry.path();
-            fs::remove_dir_all(&path).map_err(|source| RecordError::Write { path, source })?;
+            let removed =
+                if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            removed.map_err(|source| RecordError::Write { path, source })?;
         }
     }
     Ok(())
@@ -68,8 +70,10 @@ pub(super) fn write(
     rename(&partial, &dir.join(TABLE_FILE))?;
     let (shown, mut warnings) = shown(plan, &columns);
     let has_formed: Vec<bool> = rows.values().map(TrialRow::has_formed).collect();
-    let unformed = not_formed(plan, &has_formed);
+    let unformed = not_formed(plan, rows);
     warnings.extend(unformed.clone());
+    let failed = failed(plan, rows);
+    warnings.extend(failed);
     let figures: Vec<SettingFigures<'_>> =
         shown.iter().map(|column| SettingFigures::from_trials(plan, column, &has_formed)).collect();
     let summary = summary(done, &figures, warnings);
@@ -85,8 +89,24 @@ pub(super) fn write(
     Ok((summary, told))
 }
 
+/// That some trials failed; none: none did.
+fn failed(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Option<String> {
+    let mut failed = rows.iter().filter(|(_, row)| row.has_failed());
+    let (first, row) = failed.next()?;
+    Some(format!(
+        "{} of {} trials failed and have no figures; {TABLE_FILE} says why in column {}. {}: {}",
+        1 + failed.count(),
+        rows.len(),
+        table::ERROR,
+        plan.trial_name(*first),
+        row.reason.as_deref().unwrap_or_default()
+    ))
+}
+
 /// Which settings have trials whose network did not form; none: all have formed.
-fn not_formed(plan: &SweepPlan, has_formed: &[bool]) -> Option<String> {
+fn not_formed(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Option<String> {
+    let has_formed: Vec<bool> =
+        rows.values().map(|row| row.has_formed() || row.has_failed()).collect();
     const MOST_NAMED: usize = 5;
     let n_seeds = plan.seeds.len();
     let by_setting: Vec<String> = plan
@@ -116,8 +136,10 @@ fn not_formed(plan: &SweepPlan, has_formed: &[bool]) -> Option<String> {
 
 /// The columns that the report shows.
 fn shown<'a>(plan: &SweepPlan, columns: &'a [TableColumn]) -> (Vec<&'a TableColumn>, Vec<String>) {
-    let first_figure =
-        columns.iter().position(|column| column.name == table::STATUS).map_or(0, |i| i + 1);
+    let first_figure = columns
+        .iter()
+        .rposition(|column| [table::STATUS, table::ERROR].contains(&&*column.name))
+        .map_or(0, |i| i + 1);
     let figures = &columns[first_figure..];
     let mut warnings = Vec::new();
     let shown = match &plan.sweep.metrics {
@@ -173,7 +195,7 @@ fn summary(
 ) -> SweepSummary {
     let FinishedSweep { plan, rows, .. } = done;
     let settings = plan.settings.iter().enumerate().map(|(number, setting)| {
-        let of_setting = rows.iter().filter(|(trial, _)| trial.setting == number);
+        let rows = || rows.iter().filter(|(trial, _)| trial.setting == number).map(|(_, row)| row);
         let metrics = figures.iter().map(|figures| {
             let spread = figures.spreads[number].as_ref();
             (
@@ -189,7 +211,8 @@ fn summary(
                 .iter()
                 .map(|(key, node)| (key.clone(), node.to_toml()))
                 .collect(),
-            not_formed: of_setting.filter(|(_, row)| !row.has_formed()).count(),
+            not_formed: rows().filter(|row| !row.has_formed() && !row.has_failed()).count(),
+            failed: rows().filter(|row| row.has_failed()).count(),
             metrics: metrics.collect(),
         }
     });

@@ -42,8 +42,15 @@ pub struct SettingSummary {
     pub values: IndexMap<String, toml::Value>,
     /// Trials whose network did not form in time; their figures are left out.
     pub not_formed: usize,
+    /// Trials that failed, and have no figures; absent if none did.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub failed: usize,
     /// What the trials came to, by figure.
     pub metrics: IndexMap<String, MetricSummary>,
+}
+
+fn is_none(n: &usize) -> bool {
+    *n == 0
 }
 
 /// A figure over the trials of a setting. Only `n` is present if no trial has it.

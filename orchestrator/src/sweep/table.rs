@@ -51,8 +51,10 @@ pub(crate) const CASE: &str = "case";
 pub(crate) const SEED: &str = "experiment.seed";
 /// Whether it ran to its end.
 pub(crate) const STATUS: &str = "status";
+/// Why a trial failed; the column is there if some trial did.
+pub(crate) const ERROR: &str = "error";
 
-/// The columns, in order: number of the setting, case, keys that vary, seed, status; then the figures, in the order in
+/// The columns, in order: number of the setting, case, keys that vary, seed, status, error if a trial failed; then the figures, in the order in
 /// which they come up.
 pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Vec<TableColumn> {
     let trials: Vec<SweepTrial> = plan.trials().collect();
@@ -87,6 +89,12 @@ pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -
     columns.push(column_of(STATUS, ColumnKind::Text, &|trial| {
         row(trial).map_or(TableEntry::Null, |row| TableEntry::Text(row.status.clone()))
     }));
+    if rows.values().any(TrialRow::has_failed) {
+        columns.push(column_of(ERROR, ColumnKind::Text, &|trial| {
+            let failed = row(trial).filter(|row| row.has_failed());
+            failed.and_then(|row| row.reason.clone()).map_or(TableEntry::Null, TableEntry::Text)
+        }));
+    }
     for name in figures(&trials, rows) {
         let value = |trial: SweepTrial| row(trial)?.values.get(name).copied().flatten();
         let mut values = trials.iter().filter_map(|&trial| value(trial));

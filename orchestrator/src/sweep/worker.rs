@@ -1,21 +1,20 @@
 //! A thread that runs trials one after another, on two simulators of its own.
 
-use super::journal::TrialRow;
+use super::journal::{FAILED, TrialRow};
 use super::plan::{SweepPlan, SweepTrial};
 use super::results;
 use super::{Work, figures};
 use crate::run::{self, RunError, Sides, TrialResult};
 use drive::peer::SideError;
+use metrics::figures::FiguresByName;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
 use std::time::Instant;
 
 /// What a worker says.
 pub(super) enum Said {
-    /// A trial is done.
+    /// A trial is done, or failed twice, each time with its simulators.
     Done(SweepTrial, Box<TrialRow>),
-    /// A trial failed twice, each time with its simulators.
-    Failed(SweepTrial, String),
     /// A trial cannot be run, and no other could.
     Fatal(SweepTrial, Box<RunError>),
     /// Someone said stop.
@@ -91,10 +90,13 @@ async fn trials(work: &Work<'_>, queue: &TrialQueue, said: &Sender<Said>) -> u64
                 Said::Done(trial, Box::new(row))
             }
             Err(RunError::Interrupted { signal }) => Said::Interrupted(signal),
-            Err(error) if is_worth_another(&error) => Said::Failed(trial, error.to_string()),
+            Err(error) if is_worth_another(&error) => {
+                let row = failed_row(work, trial, error.to_string(), begun.elapsed().as_secs_f64());
+                Said::Done(trial, Box::new(row))
+            }
             Err(error) => Said::Fatal(trial, Box::new(error)),
         };
-        let goes_on = matches!(message, Said::Done(..) | Said::Failed(..));
+        let goes_on = matches!(message, Said::Done(..));
         if said.send(message).is_err() || !goes_on {
             break;
         }
@@ -115,23 +117,43 @@ async fn one(
     sides.run(&run::TrialPlan { plan: &plan, keep_in }).await
 }
 
-/// A simulator died or hung: that may have had a reason outside the trial.
+/// A simulator died, hung or erred while it ran the trial. That may have had a reason outside the trial; if not, it says
+/// nothing about other trials. What keeps simulators from being started or reached does.
 fn is_worth_another(error: &RunError) -> bool {
     let RunError::Side { error, .. } = error else { return false };
     match error {
-        SideError::Both(robots, network) => [robots, network].iter().any(|error| is_outside(error)),
-        error => is_outside(error),
+        SideError::Both(robots, network) => {
+            [robots, network].iter().all(|error| is_of_trial(error))
+        }
+        error => is_of_trial(error),
     }
 }
 
-fn is_outside(error: &SideError) -> bool {
+fn is_of_trial(error: &SideError) -> bool {
     matches!(
         error,
         SideError::Exited { .. }
             | SideError::Lost { .. }
             | SideError::Hangs { .. }
             | SideError::TooSlow { .. }
+            | SideError::Refused { .. }
+            | SideError::Garbage { .. }
+            | SideError::WrongStep { .. }
+            | SideError::WrongTime { .. }
+            | SideError::WrongDigest { .. }
     )
+}
+
+fn failed_row(work: &Work<'_>, trial: SweepTrial, reason: String, wall_s: f64) -> TrialRow {
+    TrialRow {
+        key: work.plan.key(trial),
+        program: work.program.to_owned(),
+        status: FAILED.to_owned(),
+        reason: Some(reason),
+        digest: None,
+        wall_s,
+        values: FiguresByName::new(),
+    }
 }
 
 fn row(work: &Work<'_>, trial: SweepTrial, outcome: TrialResult, wall_s: f64) -> TrialRow {

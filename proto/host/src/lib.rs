@@ -14,7 +14,10 @@ mod serve;
 pub use network::NetHost;
 pub use orders::{OrdersFromOutside, bearer};
 pub use robots::RobotHost;
-pub use serve::{Listen, ServeArgs, ServeError, init_logging, serve_network, serve_robots};
+pub use serve::{
+    Listen, ServeArgs, ServeError, ignores_hangup, init_logging, init_logging_to, serve_network,
+    serve_robots,
+};
 
 /// The services of `cosim/v1`: a client and a server of each. Their documentation is in the `.proto` files.
 #[allow(missing_docs, clippy::all, unreachable_pub, reason = "generated code")]

@@ -192,12 +192,25 @@ pub fn serve_network<S: NetSimulator>(simulator: S, args: &ServeArgs) -> Result<
 ///
 /// A filter that cannot be read.
 pub fn init_logging(filter: &str, json: bool) -> Result<(), ServeError> {
+    init_logging_to(filter, json, std::io::stderr)
+}
+
+/// As [`init_logging`], to writers that `writer` makes.
+///
+/// # Errors
+///
+/// A filter that cannot be read.
+pub fn init_logging_to<W: std::io::Write + 'static>(
+    filter: &str,
+    json: bool,
+    writer: impl Fn() -> W + Send + Sync + 'static,
+) -> Result<(), ServeError> {
     let parsed = tracing_subscriber::EnvFilter::builder().parse(filter).map_err(|error| {
         ServeError::Log { filter: filter.to_owned(), reason: error.to_string() }
     })?;
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(parsed)
-        .with_writer(std::io::stderr)
+        .with_writer(writer)
         .with_ansi(std::io::stderr().is_terminal())
         .without_time();
     // A second start within one process (tests) keeps the first.
@@ -366,19 +379,35 @@ async fn end(with_parent: bool) {
     let parent = async {
         let _ = parent_ended.await;
     };
-    let terminate = async {
-        match signal(SignalKind::terminate()) {
-            Ok(mut terminate) => {
-                terminate.recv().await;
-            }
-            Err(_) => std::future::pending().await,
+    let come = async |kind| match signal(kind) {
+        Ok(mut signal) => {
+            signal.recv().await;
+        }
+        Err(_) => std::future::pending().await,
+    };
+    let hang_up = async {
+        if ignores_hangup() {
+            std::future::pending().await
+        } else {
+            come(SignalKind::hangup()).await
         }
     };
     tokio::select! {
         () = parent => {}
-        () = terminate => {}
+        () = come(SignalKind::terminate()) => {}
+        () = hang_up => {}
         _ = tokio::signal::ctrl_c() => {}
     }
+}
+
+/// Whether this process was started to ignore SIGHUP, as `nohup` starts it. To be asked before anyone listens for that signal.
+/// Always false where the system has no `/proc`.
+#[must_use]
+pub fn ignores_hangup() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    // A bit for each signal; SIGHUP is the first.
+    ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|m| m & 1 == 1)
 }
 
 fn tls_config(args: &ServeArgs) -> Result<Option<ServerTlsConfig>, ServeError> {

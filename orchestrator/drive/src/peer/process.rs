@@ -1,16 +1,19 @@
 //! A side that runs as a child process of this one.
 
 use super::SideError;
-use std::fs::Permissions;
-use std::io::Write as _;
+use std::fmt;
+use std::fs::{File, Permissions};
+use std::io::{BufRead as _, Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
+use std::sync::Arc;
+use std::thread::JoinHandle;
 use std::time::Duration;
 use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt as _, BufReader};
-use tokio::process::{Child, ChildStdin, Command};
+use tokio::process::{Child, ChildStderr, ChildStdin, Command};
 
 /// How long a child may take until it listens.
 const START: Duration = Duration::from_secs(10);
@@ -30,6 +33,8 @@ pub struct Launch {
     pub log_json: bool,
     /// Children take orders from other programs that know the token made for them.
     pub accept_commands: bool,
+    /// Who is given each line that the child writes to standard error, beside this program's standard error.
+    pub lines: Option<LineSink>,
 }
 
 /// Where and how other programs may give orders to a child.
@@ -42,9 +47,29 @@ pub struct Orders {
 }
 
 /// Without the token.
-impl std::fmt::Debug for Orders {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Debug for Orders {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.debug_struct("Orders").field("url", &self.url).finish_non_exhaustive()
+    }
+}
+
+/// Takes the name of a side and a line that it wrote.
+#[derive(Clone)]
+pub struct LineSink(Arc<TakeLine>);
+
+/// Called with a side and a line.
+type TakeLine = dyn Fn(&str, &str) + Send + Sync;
+
+impl LineSink {
+    /// Calls this with each line.
+    pub fn new(take: impl Fn(&str, &str) + Send + Sync + 'static) -> Self {
+        Self(Arc::new(take))
+    }
+}
+
+impl fmt::Debug for LineSink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("LineSink")
     }
 }
 
@@ -56,6 +81,8 @@ pub(super) struct ChildProcess {
     orders: Option<Orders>,
     /// Where its socket is: nobody else may enter.
     _folder: TempDir,
+    /// Passes its lines on until it has ended.
+    lines: Option<JoinHandle<()>>,
 }
 
 impl ChildProcess {
@@ -88,11 +115,14 @@ impl ChildProcess {
         let mut child = command
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
+            .stderr(if launch.lines.is_some() { Stdio::piped() } else { Stdio::inherit() })
             // A group of its own: Ctrl-C on the terminal reaches the orchestrator alone, which then ends its children.
             .process_group(0)
             .kill_on_drop(true)
             .spawn()
             .map_err(|error| failed(format!("{}: {error}", launch.executable.display())))?;
+        let stderr = launch.lines.clone().zip(child.stderr.take());
+        let passing_on = stderr.and_then(|(sink, stderr)| pass_on(side, stderr, sink).ok());
         let stdout =
             child.stdout.take().ok_or_else(|| failed("it has no standard output".to_owned()))?;
         let mut lines = BufReader::new(stdout).lines();
@@ -103,7 +133,7 @@ impl ChildProcess {
             })?
             .map_err(|error| failed(error.to_string()))?;
         let stdin = child.stdin.take();
-        let mut process = Self { child, stdin, orders: None, _folder: folder };
+        let mut process = Self { child, stdin, orders: None, _folder: folder, lines: passing_on };
         let Some(line) = line else {
             let ended = failed("it ended before it listened".to_owned());
             return Err(process.explain(side, "starting", ended).await);
@@ -137,7 +167,10 @@ impl ChildProcess {
     ) -> SideError {
         // The connection breaks a moment before the process can be reaped.
         match tokio::time::timeout(Duration::from_millis(500), self.child.wait()).await {
-            Ok(Ok(status)) => SideError::Exited { side, doing: doing.to_owned(), how: how(status) },
+            Ok(Ok(status)) => {
+                self.read_to_end();
+                SideError::Exited { side, doing: doing.to_owned(), how: how(status) }
+            }
             _ => error,
         }
     }
@@ -149,6 +182,15 @@ impl ChildProcess {
             && let Err(error) = self.child.kill().await
         {
             tracing::warn!(%error, "cannot kill a child process");
+            return;
+        }
+        self.read_to_end();
+    }
+
+    /// Waits for the last lines of a child that has ended.
+    fn read_to_end(&mut self) {
+        if let Some(lines) = self.lines.take() {
+            let _ = lines.join();
         }
     }
 }
@@ -175,15 +217,40 @@ fn private_folder() -> std::io::Result<TempDir> {
 
 /// A token that nobody can guess, in a file that only this user may read.
 fn new_token(path: &Path) -> std::io::Result<String> {
-    use std::io::Read as _;
     use std::os::unix::fs::OpenOptionsExt as _;
     let mut random = [0; 16];
-    std::fs::File::open("/dev/urandom")?.read_exact(&mut random)?;
+    File::open("/dev/urandom")?.read_exact(&mut random)?;
     let token = proto::digest::hex(&random);
     let mut options = std::fs::OpenOptions::new();
     let mut file = options.write(true).create_new(true).mode(0o600).open(path)?;
     writeln!(file, "{token}")?;
     Ok(token)
+}
+
+/// A line is passed on in pieces of at most so many bytes.
+const MOST_LINE_BYTES: u64 = 1 << 16;
+
+/// Passes on what a child writes to standard error: to this program's, and line by line to `sink`.
+fn pass_on(
+    side: &'static str,
+    stderr: ChildStderr,
+    sink: LineSink,
+) -> std::io::Result<JoinHandle<()>> {
+    let mut stderr = std::io::BufReader::new(File::from(stderr.into_owned_fd()?));
+    let work = move || {
+        let mut line = Vec::new();
+        loop {
+            line.clear();
+            let mut reader = stderr.by_ref().take(MOST_LINE_BYTES);
+            if matches!(reader.read_until(b'\n', &mut line), Ok(0) | Err(_)) {
+                return;
+            }
+            // That nobody reads it is no reason to stop.
+            let _ = std::io::stderr().write_all(&line);
+            (sink.0)(side, String::from_utf8_lossy(&line).trim_end());
+        }
+    };
+    std::thread::Builder::new().name(format!("{side}: lines")).spawn(work)
 }
 
 fn how(status: ExitStatus) -> String {
@@ -215,6 +282,7 @@ mod tests {
             log: "warn".to_owned(),
             log_json: false,
             accept_commands: false,
+            lines: None,
         };
         let (url, mut child) = ChildProcess::start("netsim", &launch).await.unwrap();
         assert_eq!(url, "http://127.0.0.1:1");

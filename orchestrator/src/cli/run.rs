@@ -1,0 +1,157 @@
+//! `orchestrator run`.
+
+use super::{Failure, FileArgs, check_place, on_runtime, write_json};
+use crate::console::{Screen, say, warn};
+use crate::dry_run::DryRun;
+use crate::run::run_answer::RunAnswer;
+use crate::run::{self, RunOptions, RunReport, StartOptions};
+use clap::Args;
+use metrics::kpi::kpi_summary::KpiSummary;
+use proto::types::seconds;
+use record::ReplacePolicy;
+use record::run_summary::{RunSummary, TaskSummary};
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub(super) struct RunArgs {
+    #[command(flatten)]
+    file: FileArgs,
+    /// Folder for results; the run is recorded in a subfolder with the experiment's name
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    out: PathBuf,
+    /// Number of threads per simulator; results do not depend on it [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
+    /// Replace an earlier result of another configuration or seed. Without it the result gets a folder of its own next to
+    /// that one. A run that does not complete never replaces a complete result
+    #[arg(long)]
+    replace: bool,
+    /// Estimate time, memory and disk space from the first steps, and leave nothing
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// `orchestrator run`.
+pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
+    // A place that cannot be written is found before the work, not after it.
+    if let Some(path) = &args.file.json {
+        check_place("--json", path)?;
+    }
+    if args.dry_run {
+        return dry_run(args, &start);
+    }
+    let options = RunOptions {
+        config: args.file.config.clone(),
+        overrides: args.file.change.overrides(),
+        out: args.out.clone(),
+        replace: if args.replace {
+            ReplacePolicy::AnyExperiment
+        } else {
+            ReplacePolicy::SameExperiment
+        },
+        start,
+    };
+    let report = on_runtime(run::run(&options, &mut Screen::default()))?
+        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+    describe(&report);
+    write_json(args.file.json.as_deref(), &RunAnswer::from_report(&report))?;
+    if report.interrupted {
+        return Err(Failure::work(format!(
+            "interrupted after step {}; the recording up to this step is kept",
+            report.n_steps
+        )));
+    }
+    Ok(())
+}
+
+fn dry_run(args: &RunArgs, start: &StartOptions) -> Result<(), Failure> {
+    let plan = experiment::load(&args.file.config, &args.file.change.overrides());
+    let plan = plan.map_err(Failure::request)?;
+    let dry = on_runtime(DryRun::of_run(&plan, start, &args.out))?
+        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+    for warning in &dry.warnings {
+        warn(warning);
+    }
+    say(dry.text());
+    write_json(args.file.json.as_deref(), &dry)
+}
+
+fn describe(report: &RunReport) {
+    let summary = &report.finished.summary;
+    let rate = if report.wall_s > 0.0 { report.n_steps as f64 / report.wall_s } else { 0.0 };
+    say(format!(
+        "{}: {} steps, {:.1} s simulated in {:.2} s ({rate:.0} steps/s)",
+        summary.name,
+        report.n_steps,
+        seconds(report.time_ns),
+        report.wall_s,
+    ));
+    for line in highlights(summary) {
+        say(format!("  {line}"));
+    }
+    say(format!("results in {}", report.finished.dir.display()));
+    if let Some(page) = &report.finished.report {
+        say(format!("open {}", page.display()));
+    }
+}
+
+/// The few numbers of a summary that a person looks for first.
+fn highlights(summary: &RunSummary) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(baseline) = &summary.baseline {
+        lines.push(format!("{baseline}: each robot knew the true state of all others"));
+    }
+    lines.extend(summary.kpis.iter().flat_map(of_packets));
+    lines.extend(summary.task.iter().flat_map(of_task));
+    if let Some(network) = &summary.network
+        && let (Some(ratio), Some(heard)) = (network.delivery_ratio, network.mean_neighbours_heard)
+    {
+        lines.push(format!(
+            "{:.1} % of frames delivered, {heard:.1} neighbours heard on average",
+            ratio * 100.0
+        ));
+    }
+    lines
+}
+
+/// What a network with protocols did.
+fn of_packets(kpis: &KpiSummary) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(formed_s) = kpis.formation.as_ref().and_then(|formation| formation.formed_s) {
+        lines.push(format!("the network had formed after {formed_s:.1} s"));
+    }
+    if let Some(delivery) = &kpis.delivery {
+        let latency_s = delivery.latency_s.as_ref().and_then(|latency| latency.median);
+        let latency = latency_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default();
+        lines.push(format!(
+            "{:.1} % of packets delivered, {} in all{latency}",
+            delivery.ratio * 100.0,
+            delivery.delivered
+        ));
+    }
+    lines
+}
+
+/// What the robots did.
+fn of_task(task: &TaskSummary) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mapped = task.number("mapped_ratio");
+    if let Some(ratio) = mapped {
+        let mapped_90_s = task.number("mapped_90_s");
+        let when = mapped_90_s.map(|s| format!(", 90 % after {s:.1} s")).unwrap_or_default();
+        lines.push(format!("{:.1} % of the reachable area mapped{when}", ratio * 100.0));
+    }
+    let stood = mapped.is_some() || task.number("mean_speed_mps") == Some(0.0);
+    if let Some(speed_mps) = task.number("flock_speed_mps").filter(|_| !stood) {
+        let leader = task.number("leader_speed_mps");
+        let leader = leader.map(|leader| format!(" (the leader's: {leader:.2})"));
+        lines.push(format!("flock speed {speed_mps:.2} m/s{}", leader.unwrap_or_default()));
+    }
+    if let Some(step) = task.completed_at_step {
+        lines.push(format!("task complete at step {step}"));
+    }
+    if let Some(residual) = task.number("line_residual_log10") {
+        lines.push(format!("line residual 10^{residual:.1} m²"));
+    }
+    lines
+}
