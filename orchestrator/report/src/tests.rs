@@ -48,6 +48,7 @@ fn summary(status: Status) -> RunSummary {
         simulated_s: 0.0,
         final_digest: None,
         task: None,
+        orders_from_outside: None,
         network: None,
         kpis: None,
         files: IndexMap::new(),
