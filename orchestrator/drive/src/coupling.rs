@@ -7,6 +7,7 @@
 mod payloads;
 
 use crate::peer::{NetworkSide, Peer, RobotSide, Side as _, SideError, Standing};
+use bytes::Bytes;
 use payloads::SentPayloads;
 use proto::digest::full::{self, NetworkGiven, NetworkReply, RobotsGiven, RobotsReply};
 use proto::digest::{self, Digest};
@@ -44,6 +45,19 @@ pub struct Coupled<R, N> {
     sends_messages: bool,
     /// Formation before the first step; `None`: there is nothing to form.
     formation_at_start: Option<Formation>,
+}
+
+/// Where two sides stand after a step, as it was recorded.
+#[derive(Clone, Debug)]
+pub struct Position {
+    /// The step, from 1.
+    pub step: u64,
+    /// The time reached (ns).
+    pub time_ns: u64,
+    /// The robots' reply.
+    pub robots: Arc<RobotsStep>,
+    /// The network's reply.
+    pub network: Arc<NetworkStep>,
 }
 
 /// What a step is to be.
@@ -129,6 +143,29 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
             sends_messages: start.messages,
             formation_at_start: network_start.formation.clone(),
         }
+    }
+
+    /// Takes over two peers that stand where they stood after a recorded step: as [`Self::new`], and then all steps up to it.
+    #[must_use]
+    pub fn after(mut self, last: &Position) -> Self {
+        let Position { step, time_ns, robots, network } = last;
+        (self.step, self.time_ns) = (*step, *time_ns);
+        self.moved = Arc::clone(robots);
+        self.carried = Some(Arc::clone(network));
+        self.commands = [&robots.commands[..], &network.commands].concat();
+        sort_agent_commands(&mut self.commands);
+        self.messages = messages_of(robots);
+        self.payloads.forget();
+        self
+    }
+
+    /// Both sides' states, if both keep snapshots. Called between two steps.
+    ///
+    /// # Errors
+    ///
+    /// A side fails, hangs or refuses.
+    pub async fn snapshots(&mut self) -> Result<[Option<Bytes>; 2], SideError> {
+        Ok([self.robots.snapshot().await?, self.network.snapshot().await?])
     }
 
     /// The network's formation after the latest step; `None`: it has nothing to form.
@@ -383,8 +420,7 @@ impl<R: Peer<RobotSide>, N: Peer<NetworkSide>> Coupled<R, N> {
             );
         }
         self.commands.extend_from_slice(&reply.commands);
-        self.messages =
-            if hold { Vec::new() } else { reply.messages.iter().cloned().map(sent).collect() };
+        self.messages = messages_of(&reply);
         self.moved = Arc::new(reply);
         Ok(Arc::clone(&self.moved))
     }
@@ -505,6 +541,11 @@ fn are_in_the_same_places(a: &AgentStates, b: &AgentStates) -> bool {
 
 fn garbage(side: &'static str, step: u64, reason: String) -> SideError {
     SideError::Garbage { side, doing: format!("step {step}"), reason }
+}
+
+/// What robots say to single ones of them, as orders to the network. Robots that stand still say nothing.
+fn messages_of(reply: &RobotsStep) -> Vec<MoteCommand> {
+    if reply.held { Vec::new() } else { reply.messages.iter().cloned().map(sent).collect() }
 }
 
 /// A message of the robots as the network is given it.

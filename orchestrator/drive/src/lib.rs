@@ -10,6 +10,7 @@ pub mod peer;
 pub use configure::{ConfigureRequests, Unfit, Wanted, announced, configure, starts};
 
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
+use bytes::Bytes;
 use crate::peer::{NetworkSide, Peer, RobotSide, SideError};
 use experiment::Plan;
 use proto::types::{Formation, MoteCommand, NetRecord, seconds};
@@ -32,6 +33,24 @@ pub trait Observer {
     ///
     /// The experiment ends with it.
     fn step(&mut self, taken: Taken) -> Result<(), Self::Error>;
+
+    /// Whether both sides' states are wanted, after the step just taken.
+    fn wants_checkpoint(&mut self) -> bool {
+        false
+    }
+
+    /// Takes both sides' states after the latest step; `None` of a side that keeps no snapshots.
+    ///
+    /// # Errors
+    ///
+    /// The experiment ends with it.
+    fn checkpoint(
+        &mut self,
+        _robots: Option<Bytes>,
+        _network: Option<Bytes>,
+    ) -> Result<(), Self::Error> {
+        Ok(())
+    }
 }
 
 /// A step that both sides have answered and agree on.
@@ -163,6 +182,23 @@ impl<'a> Schedule<'a> {
     }
 }
 
+/// What a driver that goes on after some step has to know of the steps up to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Past {
+    /// When the robots started (ns), and after which step; `None`: they stand still until the network has formed.
+    pub started: Option<(u64, u64)>,
+    /// The network had formed after the latest step, and not after the one before.
+    pub has_just_formed: bool,
+}
+
+impl Past {
+    /// Of robots that wait for the network if `waits`, before the first step.
+    #[must_use]
+    pub fn begin(waits: bool) -> Self {
+        Self { started: (!waits).then_some((0, 0)), has_just_formed: false }
+    }
+}
+
 /// Takes the steps of an experiment.
 pub struct Driver<'a, R, N> {
     schedule: Schedule<'a>,
@@ -173,6 +209,8 @@ pub struct Driver<'a, R, N> {
     has_formed: bool,
     /// It had not after the one before: how it formed is not recorded yet.
     has_just_formed: bool,
+    /// When the robots started (ns), and after which step.
+    started: Option<(u64, u64)>,
 }
 
 /// What a step came to.
@@ -197,7 +235,15 @@ impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
     ) -> Self {
         let states = records.iter().copied().filter(|record| record.is_state()).collect();
         let has_formed = is_formed(coupled);
-        Self { schedule, coupled, states, has_formed, has_just_formed: false }
+        Self { schedule, coupled, states, has_formed, has_just_formed: false, started: None }
+    }
+
+    /// The same after the steps that the sides have taken already.
+    #[must_use]
+    pub fn after(mut self, past: Past) -> Self {
+        self.started = past.started;
+        self.has_just_formed = past.has_just_formed;
+        self
     }
 
     /// Steps until the time is up, the robots are done, or a signal comes.
@@ -212,7 +258,7 @@ impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
         progress: &mut dyn ProgressObserver,
     ) -> Result<Stopped, Failure<O::Error>> {
         let mut audience = Audience { observer, interrupts, progress };
-        if self.schedule.waits {
+        if self.schedule.waits && self.started.is_none() {
             let stopped = self.form(&mut audience).await;
             audience.progress.end();
             if let Some(signal) = stopped? {
@@ -253,13 +299,13 @@ impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
         &mut self,
         audience: &mut Audience<'_, O, I>,
     ) -> Result<Stopped, Failure<O::Error>> {
-        let start_ns = self.coupled.time_ns();
+        let here = (self.coupled.time_ns(), self.coupled.step_number());
+        let (start_ns, first_step) = self.started.unwrap_or(here);
         let end_ns = match self.schedule.end {
             End::AfterStart(duration_ns) => start_ns.saturating_add(duration_ns),
             End::At(end_ns) => end_ns,
         };
         let step_ns = self.schedule.plan.experiment.step_ns;
-        let first_step = self.coupled.step_number();
         audience.progress.begin(end_ns.saturating_sub(start_ns).div_ceil(step_ns));
         while self.coupled.time_ns() < end_ns {
             match self.step(Some(start_ns), end_ns, audience).await? {
@@ -285,6 +331,14 @@ impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
     ) -> Result<Stepped, Failure<O::Error>> {
         if let Some(signal) = audience.interrupts.seen() {
             return Ok(Stepped::Interrupted(signal));
+        }
+        if 0 < self.coupled.step_number() && audience.observer.wants_checkpoint() {
+            let [robots, network] = tokio::select! {
+                biased;
+                states = self.coupled.snapshots() => states?,
+                signal = audience.interrupts.lasting() => return Ok(Stepped::Interrupted(signal)),
+            };
+            audience.observer.checkpoint(robots, network).map_err(Failure::Observer)?;
         }
         let plan = self.schedule.plan;
         let from_ns = self.coupled.time_ns();

@@ -216,6 +216,38 @@ impl<S: Service> Remote<S> {
         self.child.as_ref().and_then(ChildProcess::id)
     }
 
+    /// Puts back a state that it gave as a snapshot after step `after`, which ended at `time_ns`, in place of configuring it.
+    /// `request` and `start` are what configured the experiment.
+    ///
+    /// # Errors
+    ///
+    /// It fails, hangs or refuses, or then stands elsewhere than after that step.
+    pub async fn restore(
+        &mut self,
+        state: Bytes,
+        request: &ConfigureRequest,
+        start: &S::Start,
+        (after, time_ns): (u64, u64),
+    ) -> Result<(), SideError> {
+        const DOING: &str = "Restore";
+        self.session = None;
+        self.riding = None;
+        // The first step confirms none: the record does not hold each side's own.
+        self.digest = Bytes::new();
+        self.n_agents = request.experiment.agent_count;
+        self.start = request.full_digest.then(|| S::start_digest(request, start));
+        let call = S::restore(self.client.clone(), state);
+        let (step, got_ns) = self.wait(DOING.to_owned(), call).await?;
+        if step != after {
+            return Err(SideError::WrongStep { side: S::SIDE, expected: after, got: step });
+        }
+        if got_ns != time_ns {
+            let expected = time_ns;
+            return Err(SideError::WrongTime { side: S::SIDE, step, expected, got: got_ns });
+        }
+        Ok(())
+    }
+
     async fn exchange(
         &mut self,
         doing: String,
@@ -416,6 +448,14 @@ impl<S: Service> Peer<S> for Remote<S> {
             doing,
             reason: "its reply to a barrier is of another kind".to_owned(),
         })
+    }
+
+    async fn snapshot(&mut self) -> Result<Option<Bytes>, SideError> {
+        if !self.described.snapshots {
+            return Ok(None);
+        }
+        let call = S::snapshot(self.client.clone());
+        self.wait("Snapshot".to_owned(), call).await.map(Some)
     }
 
     /// Ends the side if it was started here: what does not end is killed.

@@ -43,6 +43,12 @@ pub fn of_step(
     hash.finalize().into()
 }
 
+/// SHA-256 of some bytes: the checksum of what is stored.
+#[must_use]
+pub fn of_bytes(bytes: &[u8]) -> Digest {
+    Sha256::digest(bytes).into()
+}
+
 /// Lower-case hexadecimal.
 #[must_use]
 pub fn hex(digest: &[u8]) -> String {

@@ -10,6 +10,7 @@ mod network;
 mod orders;
 mod robots;
 mod serve;
+mod snapshot;
 
 pub use network::NetHost;
 pub use orders::{OrdersFromOutside, bearer};

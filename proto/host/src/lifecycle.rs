@@ -1,5 +1,6 @@
 //! What both sides' lifecycles share: counting steps and time, and running a simulator where it cannot do harm.
 
+use crate::snapshot;
 use bytes::Bytes;
 use prost::Message;
 use proto::config::{self, Node, Problem};
@@ -293,7 +294,6 @@ pub(super) struct Lifecycle<S, A> {
 /// A whole experiment as a snapshot stores it. `active` and `simulator` are those of [`Lifecycle`].
 #[derive(Serialize, Deserialize)]
 struct Frozen<A> {
-    version: String,
     active: A,
     simulator: Vec<u8>,
 }
@@ -311,8 +311,8 @@ impl<S, A: Active> Lifecycle<S, A> {
     ) -> Result<Bytes, Status> {
         let active = self.active.as_ref().ok_or_else(not_configured)?;
         let simulator = simulator(&self.simulator);
-        postcard::to_stdvec(&Frozen { version, active, simulator })
-            .map(Bytes::from)
+        postcard::to_stdvec(&Frozen { active, simulator })
+            .map(|state| Bytes::from(snapshot::seal(&version, &state)))
             .map_err(|error| Status::internal(format!("cannot serialise the state: {error}")))
     }
 
@@ -325,11 +325,9 @@ impl<S, A: Active> Lifecycle<S, A> {
         restore: impl FnOnce(&mut S, &[u8]) -> Result<(), NotASnapshot>,
     ) -> Result<&Ledger, Status> {
         let refuse = |error: NotASnapshot| Status::invalid_argument(error.to_string());
+        let state = snapshot::open(version, state).map_err(refuse)?;
         let frozen: Frozen<A> =
             postcard::from_bytes(state).map_err(|error| refuse(NotASnapshot(error.to_string())))?;
-        if frozen.version != version {
-            return Err(refuse(NotASnapshot(format!("it is of {}", frozen.version))));
-        }
         restore(&mut self.simulator, &frozen.simulator).map_err(refuse)?;
         Ok(self.active.insert(frozen.active).ledger())
     }

@@ -64,6 +64,11 @@ impl Period {
 }
 
 impl SentPayloads {
+    /// The network was given what is not known here: the steps before were taken by others.
+    pub(super) fn forget(&mut self) {
+        self.is_incomplete = true;
+    }
+
     /// The network is given what the robots of `robots` say.
     pub(super) fn broadcast(&mut self, robots: &Arc<RobotsStep>) {
         if self.periods.back().is_some_and(|last| *last.payloads() == robots.payloads) {

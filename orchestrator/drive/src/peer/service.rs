@@ -60,6 +60,13 @@ pub trait Service: Side {
         client: Self::Client,
         calls: ReceiverStream<Self::SessionRequest>,
     ) -> impl Future<Output = Reply<Streaming<Self::SessionResponse>>> + Send;
+    /// `Snapshot`.
+    fn snapshot(client: Self::Client) -> impl Future<Output = Reply<Bytes>> + Send;
+    /// `Restore`. Returns the step and the time (ns) that it says to stand at.
+    fn restore(
+        client: Self::Client,
+        state: Bytes,
+    ) -> impl Future<Output = Reply<(u64, u64)>> + Send;
     /// A step as a call within a session.
     fn session_step(request: Self::StepRequest) -> Self::SessionRequest;
     /// A barrier as a call within a session.
@@ -100,7 +107,7 @@ macro_rules! service {
         $side:ty, $client:ident, $call:path, $reply:path, $start_of:path, $step_of:path,
         $digest_of:path,
         $describe:ident, $configure:ident, $configured:ident, $step:ident, $stepped:ident,
-        $barrier:ident, $session:ident, $sessioned:ident, |$d:ident| $described:expr
+        $barrier:ident, $session:ident, $sessioned:ident, $snapshot:ident, $restore:ident, |$d:ident| $described:expr
     ) => {
         impl Service for $side {
             type Client = $client<Channel>;
@@ -146,6 +153,15 @@ macro_rules! service {
                 calls: ReceiverStream<Self::SessionRequest>,
             ) -> Reply<Streaming<Self::SessionResponse>> {
                 Ok(client.session(calls).await?.into_inner())
+            }
+
+            async fn snapshot(mut client: Self::Client) -> Reply<Bytes> {
+                Ok(client.snapshot(v1::$snapshot {}).await?.into_inner().state)
+            }
+
+            async fn restore(mut client: Self::Client, state: Bytes) -> Reply<(u64, u64)> {
+                let reply = client.restore(v1::$restore { state }).await?.into_inner();
+                Ok((reply.step, reply.time_ns))
             }
 
             fn session_step(request: Self::StepRequest) -> Self::SessionRequest {
@@ -227,11 +243,14 @@ service!(
     RobotSimServiceBarrierRequest,
     RobotSimServiceSessionRequest,
     RobotSimServiceSessionResponse,
+    RobotSimServiceSnapshotRequest,
+    RobotSimServiceRestoreRequest,
     |d| Described {
         name: d.name,
         version: d.version,
         contract_version: d.contract_version,
         session: d.session,
+        snapshots: d.snapshots,
         parallel: d.parallel,
         stop_at_first_delivery: false,
         commands: d.commands,
@@ -260,11 +279,14 @@ service!(
     NetSimServiceBarrierRequest,
     NetSimServiceSessionRequest,
     NetSimServiceSessionResponse,
+    NetSimServiceSnapshotRequest,
+    NetSimServiceRestoreRequest,
     |d| Described {
         name: d.name,
         version: d.version,
         contract_version: d.contract_version,
         session: d.session,
+        snapshots: d.snapshots,
         parallel: d.parallel,
         stop_at_first_delivery: d.stop_at_first_delivery,
         commands: false,

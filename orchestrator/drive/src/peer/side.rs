@@ -84,6 +84,15 @@ pub trait Peer<S: Side> {
         time_ns: u64,
     ) -> impl Future<Output = Result<Standing, SideError>>;
 
+    /// Its whole state between two steps; `None` if it keeps no snapshots.
+    ///
+    /// # Errors
+    ///
+    /// It fails, hangs, refuses, or breaks the protocol.
+    fn snapshot(&mut self) -> impl Future<Output = Result<Option<Bytes>, SideError>> {
+        std::future::ready(Ok(None))
+    }
+
     /// Ends it. Never fails.
     fn stop(self) -> impl Future<Output = ()>;
 }
@@ -99,6 +108,8 @@ pub struct Described {
     pub contract_version: u32,
     /// Sessions are served.
     pub session: bool,
+    /// Snapshots are served.
+    pub snapshots: bool,
     /// Parallel and event coupling are understood.
     pub parallel: bool,
     /// Steps can end at the first delivery. Network only.
