@@ -50,6 +50,14 @@ pub enum RecordError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// What an earlier attempt at the run left cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// Writing failed. Likely the disk is full.
     #[error("cannot write {}: {source}", path.display())]
     Write {

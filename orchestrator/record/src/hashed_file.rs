@@ -45,6 +45,18 @@ impl WholeFile {
         }
     }
 
+    /// Makes sure that what was written so far is on the disk. Returns how much that is (bytes).
+    pub(crate) fn sync(&mut self) -> Result<u64, RecordError> {
+        let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_data());
+        synced.map_err(|source| RecordError::Write { path: self.path.clone(), source })?;
+        Ok(self.n_bytes)
+    }
+
+    /// How much was written so far (bytes), whether it is on the disk or not.
+    pub(crate) fn n_bytes(&self) -> u64 {
+        self.n_bytes
+    }
+
     /// Writes out what is buffered.
     pub(crate) fn finish(mut self) -> Result<Fingerprint, RecordError> {
         self.file.flush().map_err(|source| RecordError::Write { path: self.path, source })?;

@@ -8,9 +8,11 @@
 //! The same configuration and seed leave the same messages, tables and summary, byte for byte. What depends on when, where
 //! and how a run was made is in `provenance.json` alone.
 
+pub mod checkpoint;
 mod directory;
 mod error;
 mod hashed_file;
+pub mod leftover;
 pub mod lock;
 mod log;
 mod measurer;
@@ -21,11 +23,13 @@ pub mod run_summary;
 mod summary;
 pub mod table;
 mod tables;
+mod values;
 pub mod verify;
 mod writer;
 
 pub use error::RecordError;
 pub use measurer::Measurer;
+pub use pcap::CapturePart;
 pub use table::{ColumnKind, ColumnShape, TableShape};
 pub use tables::TABLES;
 pub use verify::verify;
@@ -51,6 +55,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use writer::{Event, RunWriter, Written};
+pub use writer::States;
 
 /// What a finished run hands to whoever makes its report.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +97,8 @@ pub struct RunHeader {
     pub statistics: Vec<(String, String)>,
     /// What should be checked before the results are trusted, a sentence each.
     pub warnings: Vec<String>,
+    /// [`Recorder::checkpoint`] may be called.
+    pub keeps_checkpoints: bool,
 }
 
 /// A step that both sides have answered and agree on. The replies are shared with whoever took the step.
@@ -248,6 +255,26 @@ impl Recorder {
         if agents < AGENTS_PER_HANDOVER { Ok(()) } else { self.hand_over() }
     }
 
+    /// Stores both sides' states after the latest step in the folder, so that the run can go on from here after a failure. What is
+    /// stored is removed when the record is finished.
+    ///
+    /// # Errors
+    ///
+    /// What went wrong with this or anything recorded before.
+    pub fn checkpoint(&mut self, states: States) -> Result<(), RecordError> {
+        self.hand_over()?;
+        self.send(Event::Checkpoint(Box::new(states)))
+    }
+
+    /// Records the radio's traffic of steps that are recorded again and come without it. Called before any of them.
+    ///
+    /// # Errors
+    ///
+    /// What went wrong with this or anything recorded before.
+    pub fn capture(&mut self, part: CapturePart) -> Result<(), RecordError> {
+        self.send(Event::Capture(part))
+    }
+
     /// Hands the steps that wait to the thread. Each time wakes it, which costs as much as a step of few robots: these go
     /// many at a time.
     fn hand_over(&mut self) -> Result<(), RecordError> {
@@ -278,6 +305,7 @@ impl Recorder {
     ) -> Result<Finished, RecordError> {
         self.hand_over()?;
         let written = self.join()?;
+        self.forget_checkpoint()?;
         let Some(directory) = self.directory.take() else {
             unreachable!("only this function takes it, and it consumes the recorder")
         };
@@ -339,6 +367,20 @@ impl Recorder {
                 Err(RecordError::Stopped { path: self.path(), reason })
             }
         }
+    }
+
+    /// A record that is finished needs none.
+    fn forget_checkpoint(&self) -> Result<(), RecordError> {
+        for file in [checkpoint::FILE, checkpoint::UNFINISHED] {
+            let path = self.path().join(file);
+            match std::fs::remove_file(&path) {
+                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(RecordError::Write { path, source });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
     /// The directory under its temporary name.

@@ -4,13 +4,16 @@
 //! in one thread, and transport-dependent fields are cleared before a message comes here.
 
 use super::RecordError;
+use super::checkpoint::StoredMessage;
 use super::hashed_file::{Fingerprint, WholeFile};
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, WriteOptions, Writer};
 use prost::Message;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A stream of messages of one type within the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -69,18 +72,43 @@ impl Topic {
 /// The log being written.
 pub(crate) struct MessageLog {
     path: PathBuf,
-    writer: Writer<NoSeek<WholeFile>>,
+    writer: Writer<NoSeek<SharedFile>>,
+    file: SharedFile,
     channels: BTreeMap<Topic, u16>,
     buffer: Vec<u8>,
+    /// For checkpoints: the messages that the file may not hold yet, by step.
+    latest: Option<Vec<(u64, Vec<StoredMessage>)>>,
+}
+
+/// The file, which the writer fills and a checkpoint makes sure of.
+#[derive(Clone)]
+struct SharedFile(Arc<Mutex<WholeFile>>);
+
+impl SharedFile {
+    fn lock(&self) -> MutexGuard<'_, WholeFile> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Write for SharedFile {
+    fn write(&mut self, buf: &[u8]) -> std::io::Result<usize> {
+        self.lock().write(buf)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.lock().flush()
+    }
 }
 
 impl MessageLog {
-    /// Begins the log, with all schemas and channels and a few words about the run.
+    /// Begins the log, with all schemas and channels and a few words about the run. If it `keeps_latest` messages, a checkpoint can
+    /// be written at any time.
     pub(crate) fn create(
         path: &Path,
         about: BTreeMap<String, String>,
+        keeps_latest: bool,
     ) -> Result<Self, RecordError> {
-        let file = WholeFile::create(path.to_owned())?;
+        let file = SharedFile(Arc::new(Mutex::new(WholeFile::create(path.to_owned())?)));
         let failed = |source| failed(path, source);
         let mut writer = WriteOptions::new()
             .compression(Some(Compression::Zstd))
@@ -89,7 +117,7 @@ impl MessageLog {
             .profile("murmuration")
             .library("murmuration")
             .disable_seeking(true)
-            .create(NoSeek::new(file))
+            .create(NoSeek::new(file.clone()))
             .map_err(failed)?;
         writer
             .write_metadata(&mcap::records::Metadata {
@@ -108,7 +136,8 @@ impl MessageLog {
                 writer.add_channel(schema, name, "protobuf", &BTreeMap::new()).map_err(failed)?;
             channels.insert(topic, channel);
         }
-        Ok(Self { path: path.to_owned(), writer, channels, buffer: Vec::new() })
+        let latest = keeps_latest.then(Vec::new);
+        Ok(Self { path: path.to_owned(), writer, file, channels, buffer: Vec::new(), latest })
     }
 
     /// Adds a message. `step` becomes its sequence number.
@@ -128,15 +157,37 @@ impl MessageLog {
             log_time: time_ns,
             publish_time: time_ns,
         };
+        let n_bytes = self.latest.as_ref().map(|_| self.file.lock().n_bytes());
         self.writer
             .write_to_known_channel(&header, &self.buffer)
-            .map_err(|source| failed(&self.path, source))
+            .map_err(|source| failed(&self.path, source))?;
+        if let Some(latest) = &mut self.latest {
+            if n_bytes != Some(self.file.lock().n_bytes()) {
+                // A chunk was written, with all messages before this one. A step is stored as a whole, or not at all.
+                latest.retain(|(number, _)| *number == step);
+            }
+            if latest.last().is_none_or(|(number, _)| *number != step) {
+                latest.push((step, Vec::new()));
+            }
+            if let Some((_, messages)) = latest.last_mut() {
+                messages.push((topic as u8, self.buffer.clone()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes sure that whole chunks are on the disk. Returns the messages that may not be among them, by step.
+    pub(crate) fn sync(&mut self) -> Result<Vec<(u64, Vec<StoredMessage>)>, RecordError> {
+        self.file.lock().sync()?;
+        Ok(self.latest.clone().unwrap_or_default())
     }
 
     /// Ends the log.
     pub(crate) fn finish(mut self) -> Result<Fingerprint, RecordError> {
         self.writer.finish().map_err(|source| failed(&self.path, source))?;
-        self.writer.into_inner().into_inner().finish()
+        drop(self.writer);
+        let file = Arc::into_inner(self.file.0).expect("the writer, which shared it, is gone");
+        file.into_inner().unwrap_or_else(PoisonError::into_inner).finish()
     }
 }
 

@@ -2,7 +2,8 @@
 
 use super::RecordError;
 use super::hashed_file::{Fingerprint, WholeFile};
-use std::io::Write as _;
+use std::fs::File;
+use std::io::{BufReader, ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 /// The capture.
@@ -30,9 +31,69 @@ impl Capture {
             .map_err(|source| RecordError::Write { path: self.path.clone(), source })
     }
 
+    /// Adds what an earlier capture of the same run holds, after its header, which was written already.
+    pub(crate) fn copy(&mut self, part: &CapturePart, header_bytes: usize) -> Result<(), RecordError> {
+        let read = |source| RecordError::Read { path: part.path.clone(), source };
+        let mut file = File::open(&part.path).map_err(read)?;
+        std::io::copy(&mut (&mut file).take(header_bytes as u64), &mut std::io::sink())
+            .map_err(read)?;
+        let mut left = part.n_bytes.saturating_sub(header_bytes as u64);
+        let mut block = vec![0; 1 << 16];
+        while left != 0 {
+            let n = block.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+            file.read_exact(&mut block[..n]).map_err(read)?;
+            self.write(&block[..n])?;
+            left -= n as u64;
+        }
+        Ok(())
+    }
+
+    /// Makes sure that all of it is on the disk. Returns its length so far (bytes).
+    pub(crate) fn sync(&mut self) -> Result<u64, RecordError> {
+        self.file.sync()
+    }
+
     /// Ends the file. Returns how many frames it holds.
     pub(crate) fn finish(self) -> Result<(u64, Fingerprint), RecordError> {
         Ok((self.counter.frames(), self.file.finish()?))
+    }
+}
+
+/// The beginning of the capture of an unfinished run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CapturePart {
+    /// The file.
+    pub(crate) path: PathBuf,
+    /// How much of it (bytes), its header included.
+    pub(crate) n_bytes: u64,
+}
+
+/// How much of a capture are whole frames up to `time_ns` (bytes). Times in captures are simulated, with nanoseconds.
+pub(crate) fn length_until(path: &Path, time_ns: u64) -> std::io::Result<u64> {
+    let mut file = BufReader::new(File::open(path)?);
+    let mut header = [0; FILE_HEADER];
+    let mut length = 0;
+    let whole = |read: std::io::Result<()>| match read {
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => Ok(false),
+        other => other.map(|()| true),
+    };
+    if !whole(file.read_exact(&mut header))? {
+        return Ok(0);
+    }
+    length += FILE_HEADER as u64;
+    loop {
+        let mut record = [0; RECORD_HEADER];
+        if !whole(file.read_exact(&mut record))? {
+            return Ok(length);
+        }
+        let [s, ns, n_bytes, _] = [0, 4, 8, 12].map(|at| {
+            u64::from(u32::from_le_bytes([0, 1, 2, 3].map(|i| record[at + i])))
+        });
+        let read = std::io::copy(&mut (&mut file).take(n_bytes), &mut std::io::sink())?;
+        if read < n_bytes || time_ns < s * 1_000_000_000 + ns {
+            return Ok(length);
+        }
+        length += RECORD_HEADER as u64 + n_bytes;
     }
 }
 

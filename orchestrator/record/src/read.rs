@@ -13,8 +13,14 @@ use std::path::{Path, PathBuf};
 /// A recorded run, read step by step: memory does not grow with its length.
 pub struct RunReader {
     path: PathBuf,
-    messages: MessageReader<BufReader<File>>,
+    messages: Source,
     configured: Option<RecordedConfiguration>,
+}
+
+/// Where messages come from.
+enum Source {
+    File(Box<MessageReader<BufReader<File>>>),
+    Stored(std::vec::IntoIter<Found>),
 }
 
 /// How both sides were configured, as it was recorded.
@@ -103,7 +109,26 @@ impl RunReader {
             .with_validate_summary_section_crc(true)
             .with_check_finishes_after_end_magic(true);
         let messages = MessageReader::new_with_options(BufReader::new(file), options);
-        let mut reader = Self { path, messages, configured: None };
+        Self { path, messages: Source::File(Box::new(messages)), configured: None }.begun()
+    }
+
+    /// Reads messages that a checkpoint has stored beside the file at `path`: from the beginning of the run, or from the beginning
+    /// of a step.
+    pub(crate) fn stored(
+        path: PathBuf,
+        messages: Vec<(Topic, Vec<u8>)>,
+    ) -> Result<Self, ReadError> {
+        let begins = messages.first().is_some_and(|(topic, _)| *topic == Topic::RobotConfigureRequest);
+        let messages: Vec<Found> =
+            messages.into_iter().map(|(topic, data)| (Some(topic), data)).collect();
+        let reader =
+            Self { path, messages: Source::Stored(messages.into_iter()), configured: None };
+        if begins { reader.begun() } else { Ok(reader) }
+    }
+
+    /// Reads how both sides were configured, which every recording begins with.
+    fn begun(self) -> Result<Self, ReadError> {
+        let mut reader = self;
         if let Some(robot_request) = reader.next_or_end(Topic::RobotConfigureRequest)? {
             reader.configured = Some(RecordedConfiguration {
                 robot_request,
@@ -159,7 +184,11 @@ impl RunReader {
 
     /// The next message.
     fn next_message(&mut self) -> Result<Option<Found>, ReadError> {
-        let Some(message) = self.messages.next() else { return Ok(None) };
+        let messages = match &mut self.messages {
+            Source::Stored(messages) => return Ok(messages.next()),
+            Source::File(messages) => messages,
+        };
+        let Some(message) = messages.next() else { return Ok(None) };
         let message = message.map_err(|source| ReadError::Damaged {
             path: self.path.clone(),
             source: Box::new(source),

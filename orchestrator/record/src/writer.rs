@@ -1,12 +1,14 @@
 //! Turns replies into files, step by step, in the order they come. For `run.mcap` they become messages again, here and nowhere
 //! else.
 
+use super::checkpoint::Checkpoint;
 use super::hashed_file::Fingerprint;
 use super::log::{MessageLog, Topic};
-use super::pcap::{self, Capture};
+use super::pcap::{self, Capture, CapturePart};
 use super::run_summary::OrdersFromOutside;
 use super::tables::Tables;
 use super::{RecordError, RunHeader, StepRecord};
+use bytes::Bytes;
 use metrics::counts::Counts;
 use metrics::kpi::Kpis;
 use metrics::measures::Measures;
@@ -19,7 +21,7 @@ use proto::site;
 use proto::types::{Coupling, MoteOrder, MoteStates, NetRecord};
 use proto_messages::v1;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What comes to be recorded.
@@ -28,14 +30,31 @@ pub(crate) enum Event {
     Configured(Box<Configured>),
     /// Both sides have answered these steps and agree on their digests.
     Steps(Vec<StepRecord>),
+    /// The radio's traffic of steps that were recorded before, and come without it.
+    Capture(CapturePart),
+    /// Both sides' states after the latest step.
+    Checkpoint(Box<States>),
+}
+
+/// Both sides' states after the latest step, and where sides run that were not started here.
+#[derive(Clone, Debug, Default)]
+pub struct States {
+    /// The robots' state; `None`: they keep no snapshots.
+    pub robots: Option<Bytes>,
+    /// The network's state; `None`: it keeps no snapshots.
+    pub network: Option<Bytes>,
+    /// URLs: robots, network.
+    pub urls: [Option<String>; 2],
 }
 
 /// The files being written, and the measures of the run so far.
 pub(crate) struct RunWriter {
     n_agents: usize,
     coupling: Coupling,
+    dir: PathBuf,
     log: Option<MessageLog>,
     capture: Option<Capture>,
+    capture_header_bytes: usize,
     tables: Tables,
     run: Option<Run>,
 }
@@ -74,12 +93,16 @@ impl RunWriter {
         let log = header
             .output
             .mcap
-            .then(|| MessageLog::create(&dir.join(LOG_FILE), about(header)))
+            .then(|| {
+                MessageLog::create(&dir.join(LOG_FILE), about(header), header.keeps_checkpoints)
+            })
             .transpose()?;
         Ok(Self {
             n_agents: header.agent_count as usize,
             coupling: header.coupling,
+            dir: dir.to_owned(),
             log,
+            capture_header_bytes: 0,
             capture: (header.output.pcap && header.records.contains(&NetRecord::Capture))
                 .then(|| Capture::create(dir))
                 .transpose()?,
@@ -93,6 +116,11 @@ impl RunWriter {
         match event {
             Event::Configured(configured) => self.configured(*configured),
             Event::Steps(steps) => steps.into_iter().try_for_each(|step| self.step(step)),
+            Event::Capture(part) => match &mut self.capture {
+                Some(capture) => capture.copy(&part, self.capture_header_bytes),
+                None => Ok(()),
+            },
+            Event::Checkpoint(states) => self.checkpoint(*states),
         }
     }
 
@@ -154,6 +182,7 @@ impl RunWriter {
         self.tables.begin(&robots_start.states, &motes, columns.unwrap_or_default())?;
         if let Some(capture) = &mut self.capture {
             capture.write(&network_start.capture_header)?;
+            self.capture_header_bytes = network_start.capture_header.len();
         }
         let kpis = Kpis::new(network_start.formation, statistics);
         let effective = if robots_start.effective_toml.is_empty() {
@@ -177,6 +206,26 @@ impl RunWriter {
             digest: None,
         });
         Ok(())
+    }
+
+    /// Stores both sides' states with all that is needed to record the run again up to here. Without a log there is nothing to
+    /// record it again from.
+    fn checkpoint(&mut self, states: States) -> Result<(), RecordError> {
+        let (Some(log), Some(run)) = (&mut self.log, &self.run) else { return Ok(()) };
+        let latest = log.sync()?;
+        let capture_bytes = self.capture.as_mut().map_or(Ok(0), Capture::sync)?;
+        let States { robots, network, urls } = states;
+        let checkpoint = Checkpoint {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            step: run.n_steps,
+            time_ns: run.time_ns,
+            robots,
+            network,
+            urls,
+            capture_bytes,
+            latest,
+        };
+        checkpoint.write(&self.dir)
     }
 
     fn step(&mut self, record: StepRecord) -> Result<(), RecordError> {

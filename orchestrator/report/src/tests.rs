@@ -27,6 +27,8 @@ fn header(name: &str) -> RunHeader {
         records: Vec::new(),
         statistics: Vec::new(),
         warnings: Vec::new(),
+        keeps_checkpoints: false,
+        keeps_checkpoints: false,
     }
 }
 

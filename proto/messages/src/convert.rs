@@ -8,7 +8,9 @@ mod messages;
 mod records;
 mod tasks;
 
-pub use exchange::{network_start, network_step, robots_start, robots_step};
+pub use exchange::{
+    network_request, network_start, network_step, robots_request, robots_start, robots_step,
+};
 pub use records::{formation, heard_links, packets, records, schedule, statistics};
 pub use tasks::{agent_messages, task_figures};
 

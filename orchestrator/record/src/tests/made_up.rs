@@ -32,6 +32,8 @@ pub(super) fn header(name: &str) -> RunHeader {
         records: Vec::new(),
         statistics: Vec::new(),
         warnings: Vec::new(),
+        keeps_checkpoints: false,
+        keeps_checkpoints: false,
     }
 }
 

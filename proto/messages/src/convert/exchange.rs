@@ -1,7 +1,7 @@
 //! Whole requests and replies, from messages to values and back.
 
 use super::{
-    InvalidField, Result, agent_commands, agent_messages, columns, deliveries, formation,
+    InvalidField, Result, agent_commands, agent_messages, columns, coupling, deliveries, formation,
     heard_links, mote_commands, motes, moved_obstacles, packets, payloads, records, schedule,
     states, statistics, task_figures,
 };
@@ -9,7 +9,54 @@ use crate::v1;
 use bytes::Bytes;
 use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use proto::side::{NetInput, RobotInput};
-use proto::types::{DeliveryColumn, MoteStates, NetRecord};
+use proto::types::{DeliveryColumn, Experiment, MoteStates, NetRecord};
+use std::collections::BTreeMap;
+
+/// A request to configure the robots from its message.
+///
+/// # Errors
+///
+/// A coupling that does not exist.
+pub fn robots_request(message: v1::RobotSimServiceConfigureRequest) -> Result<ConfigureRequest> {
+    Ok(ConfigureRequest {
+        experiment: Experiment {
+            seed: message.seed,
+            agent_count: message.agent_count as usize,
+            step_ns: message.step_ns,
+            coupling: coupling(message.coupling)?,
+        },
+        site_toml: message.site_toml,
+        config_toml: message.config_toml,
+        files: by_path(message.files),
+        columns: Vec::new(),
+        records: Vec::new(),
+    })
+}
+
+/// A request to configure the network from its message.
+///
+/// # Errors
+///
+/// A coupling, a column or a record that does not exist.
+pub fn network_request(message: v1::NetSimServiceConfigureRequest) -> Result<ConfigureRequest> {
+    Ok(ConfigureRequest {
+        experiment: Experiment {
+            seed: message.seed,
+            agent_count: message.agent_count as usize,
+            step_ns: message.step_ns,
+            coupling: coupling(message.coupling)?,
+        },
+        site_toml: message.site_toml,
+        config_toml: message.config_toml,
+        files: by_path(message.files),
+        columns: columns(&message.columns)?,
+        records: records(&message.records)?,
+    })
+}
+
+fn by_path(files: Vec<v1::File>) -> BTreeMap<String, Bytes> {
+    files.into_iter().map(|file| (file.path, file.content)).collect()
+}
 
 /// The robots' reply to `Configure` from its message. Columns that this version of the contract does not know are left out: no
 /// network could be asked for them.

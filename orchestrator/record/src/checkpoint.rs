@@ -1,0 +1,123 @@
+//! `checkpoint` in the folder of a run that is not finished: both sides' states after a step, and what of the record up to that
+//! step is not in its files yet.
+//!
+//! The file is replaced as a whole. It begins with [`MAGIC`] and the SHA-256 of what follows, which is [`Checkpoint`] in postcard.
+
+use super::RecordError;
+use super::log::Topic;
+use bytes::Bytes;
+use proto::digest;
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::Path;
+
+/// Both sides' states after a step, and where the record stood.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    /// The version that wrote it.
+    pub version: String,
+    /// The latest step, from 1.
+    pub step: u64,
+    /// The time reached (ns).
+    pub time_ns: u64,
+    /// The robots' state; `None`: they keep no snapshots.
+    pub robots: Option<Bytes>,
+    /// The network's state; `None`: it keeps no snapshots.
+    pub network: Option<Bytes>,
+    /// Where sides run that were not started here: robots, network.
+    pub urls: [Option<String>; 2],
+    /// Bytes of `radio.pcap` up to here.
+    pub(crate) capture_bytes: u64,
+    /// The latest messages, by step: what `run.mcap` may not hold yet.
+    pub(crate) latest: Vec<(u64, Vec<StoredMessage>)>,
+}
+
+/// A message as it was recorded: its topic, as an index into [`Topic::ALL`], and its bytes.
+pub(crate) type StoredMessage = (u8, Vec<u8>);
+
+/// Why there is no checkpoint to go on from.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// The file cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is not a checkpoint, or not a whole one.
+    #[error("{path}: {reason}")]
+    Damaged {
+        /// The file.
+        path: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+/// What every checkpoint begins with; the last byte is the format.
+const MAGIC: [u8; 8] = *b"murmchk\x01";
+/// The file.
+pub(crate) const FILE: &str = "checkpoint";
+/// The file while it is being written.
+pub(crate) const UNFINISHED: &str = "checkpoint.new";
+
+impl Checkpoint {
+    /// Replaces the checkpoint in `dir`.
+    pub(crate) fn write(&self, dir: &Path) -> Result<(), RecordError> {
+        let content = postcard::to_stdvec(self).expect("plain data in memory");
+        let path = dir.join(UNFINISHED);
+        let write = || -> std::io::Result<()> {
+            let mut file = File::create(&path)?;
+            file.write_all(&MAGIC)?;
+            file.write_all(&digest::of_bytes(&content))?;
+            file.write_all(&content)?;
+            file.sync_all()
+        };
+        write().map_err(|source| RecordError::Write { path: path.clone(), source })?;
+        let to = dir.join(FILE);
+        fs::rename(&path, &to).map_err(|source| RecordError::Rename { from: path, to, source })
+    }
+
+    /// The checkpoint in `dir`; `None`: there is none.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read, or is damaged.
+    pub fn read(dir: &Path) -> Result<Option<Self>, CheckpointError> {
+        let path = dir.join(FILE);
+        let shown = path.display().to_string();
+        let content = match fs::read(&path) {
+            Ok(content) => content,
+            Err(source) if source.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(source) => return Err(CheckpointError::Read { path: shown, source }),
+        };
+        let damaged = |reason: &str| {
+            Err(CheckpointError::Damaged { path: shown.clone(), reason: reason.to_owned() })
+        };
+        let Some(rest) = content.strip_prefix(&MAGIC) else {
+            return damaged("is not a checkpoint of this version of the program");
+        };
+        match rest.split_at_checked(32) {
+            Some((checksum, rest)) if checksum == digest::of_bytes(rest) => {
+                match postcard::from_bytes(rest) {
+                    Ok(checkpoint) => Ok(Some(checkpoint)),
+                    Err(error) => damaged(&error.to_string()),
+                }
+            }
+            _ => damaged("is damaged: its checksum is wrong"),
+        }
+    }
+
+    /// The messages of steps after `step`, and all of them if `step` is none.
+    pub(crate) fn messages_after(&self, step: Option<u64>) -> Vec<(Topic, Vec<u8>)> {
+        self.latest
+            .iter()
+            .filter(|(number, _)| step.is_none_or(|step| step < *number))
+            .flat_map(|(_, messages)| messages)
+            .filter_map(|(topic, data)| Some((*Topic::ALL.get(usize::from(*topic))?, data.clone())))
+            .collect()
+    }
+}
