@@ -8,6 +8,7 @@ mod inputs;
 mod measured;
 mod packets;
 mod power;
+mod recover;
 mod run;
 mod schema;
 mod search_log;
@@ -49,6 +50,10 @@ struct Cli {
 enum Command {
     /// Run an experiment and record it
     Run(run::RunArgs),
+    /// Make a result of a run that was killed, from what it had recorded
+    Recover(recover::RecoverArgs),
+    /// Run a recorded experiment again, from its own folder, and compare all files
+    Reproduce(recover::ReproduceArgs),
     /// Run one experiment under many settings and seeds, as the section [sweep] of the file says
     Sweep(sweeps::SweepArgs),
     /// Compare the results of two runs or of two sweeps
@@ -142,6 +147,7 @@ impl OverrideArgs {
             netsim_url: self.netsim.clone(),
             robotsim_url: self.robotsim.clone(),
             tls: self.tls.tls(),
+            ..Overrides::default()
         }
     }
 }
@@ -320,6 +326,8 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
     };
     match command {
         Command::Run(args) => run::run(&args, start(args.threads)?),
+        Command::Recover(args) => recover::recover(&args),
+        Command::Reproduce(args) => recover::reproduce(&args, start(args.threads)?),
         Command::Sweep(args) => sweeps::sweep(&args, start(Some(args.threads))?),
         Command::CompareRuns(args) => sweeps::compare_runs(&args),
         Command::Check(args) => check::check(&args),

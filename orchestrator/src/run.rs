@@ -1,29 +1,32 @@
 //! One experiment, from file to results.
 
+mod attempt;
+mod course;
 pub(crate) mod interrupt;
 mod milestones;
 mod provenance;
+mod recover;
 pub mod run_answer;
 mod start;
 mod trial;
 
+pub use recover::{Reproduction, ResumeOptions, recover, reproduce, resume};
 pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 
 use crate::dry_run;
+use attempt::{Attempt, Begun};
+use course::{Origin, carry_out};
 use drive::peer::SideError;
-use drive::{Driver, Failure, Observer, ProgressObserver, Schedule, Stopped, Taken, Wanted};
+use drive::{Failure, ProgressObserver, Taken, Wanted};
 use experiment::Overrides;
 use interrupt::Interrupt;
-use milestones::Milestones;
 use proto::config::Refusal;
+use record::leftover::LeftoverError;
 use record::{
-    Ending, Finished, KeptReason, RecordError, Recorder, ReplacePolicy, Reservation, Status,
-    StepRecord,
+    Ending, Finished, KeptReason, RecordError, ReplacePolicy, Reservation, Status, StepRecord,
 };
-use report;
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// What to run and where to put it.
 #[derive(Clone, Debug)]
@@ -71,6 +74,40 @@ pub enum RunError {
         /// The signal.
         signal: &'static str,
     },
+    /// The folder of a killed run cannot be used.
+    #[error("{error}")]
+    Leftover {
+        /// What is wrong with it.
+        error: LeftoverError,
+    },
+    /// A killed run left no checkpoint.
+    #[error(
+        "{} holds no checkpoint, so the run cannot go on from there: run the experiment again, or keep what was recorded \
+         with orchestrator recover {}", dir.display(), dir.display()
+    )]
+    NoCheckpoint {
+        /// Its folder.
+        dir: PathBuf,
+    },
+    /// A recorded run cannot be run again.
+    #[error("{} cannot be reproduced: {reason}", dir.display())]
+    NotReproducible {
+        /// Its folder.
+        dir: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A run that lost a side could not go on.
+    #[error(
+        "{error}\nwhat was recorded is in {}; go on from its checkpoint with orchestrator run --resume {}, or keep what \
+         was recorded with orchestrator recover {}", dir.display(), dir.display(), dir.display()
+    )]
+    NotResumed {
+        /// Why not.
+        error: Box<Self>,
+        /// The folder of what was recorded.
+        dir: PathBuf,
+    },
     /// Results cannot be written.
     #[error("{error}")]
     Record {
@@ -108,10 +145,17 @@ impl RunError {
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Refused(_) | Self::Space(_) => 2,
+            Self::Refused(_)
+            | Self::Space(_)
+            | Self::Leftover { .. }
+            | Self::NoCheckpoint { .. }
+            | Self::NotReproducible { .. } => 2,
             Self::Record { before_start: true, .. } => 2,
             Self::Side { error, .. } => side_status(error),
-            Self::Record { .. } | Self::Interrupted { .. } | Self::NotFormed { .. } => 1,
+            Self::Record { .. }
+            | Self::Interrupted { .. }
+            | Self::NotFormed { .. }
+            | Self::NotResumed { .. } => 1,
         }
     }
 }
@@ -182,7 +226,8 @@ pub async fn run(
     for leftover in reservation.leftovers() {
         let leftover = leftover.display();
         audience.warn(&format!(
-            "{leftover} is left by an earlier run that did not end; orchestrator recover {leftover} makes results of it"
+            "{leftover} is left by an earlier run that did not end; orchestrator run --resume {leftover} goes on with it, \
+             orchestrator recover {leftover} makes results of it"
         ));
     }
     let log = &options.start.run_log;
@@ -193,75 +238,10 @@ pub async fn run(
         // What was started ends with the future that holds it.
         signal = interrupt.first() => Err(RunError::Interrupted { signal }),
     };
-    let started = started?;
-    // Before the work: whoever sees them may wish to stop it.
-    for warning in &started.warnings {
-        audience.warn(warning);
-    }
-    for (side, orders) in &started.orders {
-        let (url, token) = (&orders.url, &orders.token);
-        audience.note(&format!("{side} takes orders at {url} with authorization: Bearer {token}"));
-    }
-    let provenance = provenance::Provenance::gather(&plan, &started, options);
-    let mut coupled = started.coupled;
-    let begun = Instant::now();
-    let recorder = Recorder::create_in(reservation, options.replace, started.header);
-    let recorder = recorder.and_then(|mut recorder| {
-        log.open(&recorder.path())?;
-        recorder.configured(started.exchange)?;
-        Ok(recorder)
-    });
-    let mut recorder = match recorder {
-        Ok(recorder) => recorder,
-        Err(error) => {
-            coupled.stop().await;
-            return Err(RunError::Record { error, before_start: true });
-        }
-    };
-    let schedule = Schedule::from_plan(&plan, started.waits);
-    let driver = Driver::new(schedule, &started.records, &mut coupled);
-    let mut milestones = Milestones::new(audience, log.clone(), recorder.path());
-    let result = driver.drive(&mut Recording(&mut recorder), &mut interrupt, &mut milestones).await;
-    let (n_steps, time_ns) = (coupled.step_number(), coupled.time_ns());
-    let formed_ns = coupled.formation().and_then(|formation| formation.formed_ns);
-    let wall_s = begun.elapsed().as_secs_f64();
-
-    let (ending, failure) = match result {
-        Ok(Stopped::Complete) => match coupled.close().await {
-            Ok(()) => (Ending::complete(), None),
-            Err(error) => (failed(&error), Some(Failure::Side(error))),
-        },
-        Ok(Stopped::Interrupted(signal)) => {
-            coupled.stop().await;
-            let reason = format!("stopped by {signal} after step {n_steps}");
-            (Ending::early(Status::Interrupted, reason), None)
-        }
-        Err(failure) => {
-            coupled.stop().await;
-            (ended_by(&failure), Some(failure))
-        }
-    };
-    let interrupted = ending.status == Status::Interrupted;
-    let reason = ending.reason.iter().map(|reason| format!(": {reason}")).collect::<String>();
-    log.end(&format!("{} after step {n_steps}{reason}", ending.status.name()));
-    let finished = recorder
-        .finish(&ending, provenance.finish(n_steps, time_ns, wall_s), report::page)
-        .map_err(|error| RunError::Record { error, before_start: false })?;
-    if let Some(warning) = next_to(&finished) {
-        audience.warn(&warning);
-    }
-    match failure {
-        None => Ok(RunReport { finished, n_steps, time_ns, wall_s, interrupted, formed_ns }),
-        Some(Failure::Side(error)) => Err(RunError::Side { error, kept: Some(Box::new(finished)) }),
-        Some(Failure::NotFormed(mut account)) => {
-            for warning in &started.warnings {
-                account.push_str("\n  before it began: ");
-                account.push_str(warning);
-            }
-            Err(RunError::NotFormed { account, kept: Box::new(finished) })
-        }
-        Some(Failure::Observer(error)) => Err(RunError::Record { error, before_start: false }),
-    }
+    let begun = Begun { reservation, replace: options.replace, log: log.clone() };
+    let attempt = Attempt::begin(&plan, begun, started?).await?;
+    let origin = Origin::new(options.out.clone(), options.replace);
+    carry_out(&plan, &options.start, attempt, origin, interrupt, audience).await
 }
 
 /// How an experiment ends that is not driven to its end.
@@ -271,17 +251,6 @@ fn ended_by(failure: &Failure<RecordError>) -> Ending {
 
 fn failed(error: &dyn std::error::Error) -> Ending {
     Ending::early(Status::Failed, error.to_string())
-}
-
-/// Records the steps that it is given.
-struct Recording<'a>(&'a mut Recorder);
-
-impl Observer for Recording<'_> {
-    type Error = RecordError;
-
-    fn step(&mut self, taken: Taken) -> Result<(), RecordError> {
-        self.0.step(record_of(taken))
-    }
 }
 
 /// A step as it is recorded.

@@ -33,6 +33,7 @@ mod reference;
 mod refusals;
 mod reports;
 mod results;
+mod resuming;
 mod schemas;
 mod simulate;
 mod solids;

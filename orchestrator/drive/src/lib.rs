@@ -10,8 +10,8 @@ pub mod peer;
 pub use configure::{ConfigureRequests, Unfit, Wanted, announced, configure, starts};
 
 use crate::coupling::{Coupled, StepOutcome, StepPlan};
-use bytes::Bytes;
 use crate::peer::{NetworkSide, Peer, RobotSide, SideError};
+use bytes::Bytes;
 use experiment::Plan;
 use proto::types::{Formation, MoteCommand, NetRecord, seconds};
 use std::fmt::Write as _;

@@ -1,6 +1,7 @@
 //! An experiment file: from text to something that can be run, or to every problem it has.
 
 mod control;
+mod keys;
 pub mod output;
 mod overrides;
 mod sides;
@@ -8,176 +9,20 @@ pub mod sweep;
 pub mod timeline;
 
 pub use control::ControlPeriod;
+pub use keys::EXPERIMENT;
 pub use output::OutputConfig;
 pub use overrides::Overrides;
 pub use overrides::opened;
 pub use sides::{SideConfig, URL};
 pub use timeline::Timeline;
 
-use proto::config::{
-    self, Choice, Default, Field, Kind, Lists, Node, Problem, Range, Refusal, TableSpec, Value,
-};
+use proto::config::{self, Lists, Node, Problem, Refusal, TableSpec, Value};
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sides::{Sides, missing_file};
 use std::path::{Path, PathBuf};
-
-/// Description of `[experiment]`.
-pub const EXPERIMENT: TableSpec = TableSpec {
-    doc: "The experiment: its name, seed, duration and number of robots, and how the two simulators are coupled.",
-    fields: &[
-        Field {
-            key: "name",
-            doc: "Name of the experiment and of the folder with its results: letters, digits, '-', '_' and '.'.",
-            kind: Kind::Text,
-            default: Default::Required,
-        },
-        Field {
-            key: "seed",
-            doc: "Seed of all random draws. The same seed and configuration give the same recording.",
-            kind: Kind::Integer { min: 0, max: i64::MAX },
-            default: Default::Required,
-        },
-        Field {
-            key: "duration_s",
-            doc: "Simulated time (s), from when the robots start. Rounded up to whole control periods.",
-            kind: Kind::Number(Range::above(0.0, 1e9)),
-            default: Default::Required,
-        },
-        Field {
-            key: "agents",
-            doc: "Number of robots, each with a radio.",
-            kind: Kind::Integer { min: 1, max: proto::side::MAX_AGENTS as i64 },
-            default: Default::Required,
-        },
-        Field {
-            key: "coupling",
-            doc: "How the two simulators are coupled.",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: "sequential",
-                    doc: "Robots act on the messages received and move, then the network runs with their new positions.",
-                },
-                Choice {
-                    name: "parallel",
-                    doc: "Both simulators run at the same time, and robots receive messages one control period later.",
-                },
-            ]),
-            default: Default::Text("sequential"),
-        },
-        Field {
-            key: "control_period",
-            doc: "The control period, in which robots act once: a slotframe, up to each delivered packet, { slots = n } or \
-                  { rate_hz = r }.",
-            kind: Kind::Either(&[
-                Kind::Choice(&[
-                    Choice {
-                        name: "slotframe",
-                        doc: "One slotframe of the network. Without protocols it has one slot per agent; with them it is \
-                              that of the scheduling function, or the broadcast slotframe of the payloads.",
-                    },
-                    Choice {
-                        name: "packet",
-                        doc: "Until a packet is delivered, at most one slotframe.",
-                    },
-                ]),
-                Kind::Table(&control::SPEC),
-            ]),
-            default: Default::Text("slotframe"),
-        },
-        Field {
-            key: "start",
-            doc: "When the robots start. Absent: when the network has formed, or at once if there is no network formation.",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: "when-formed",
-                    doc: "They stand still until the network has formed; this time does not count towards duration_s.",
-                },
-                Choice {
-                    name: "at-once",
-                    doc: "At time 0, whether the network has formed or not.",
-                },
-            ]),
-            default: Default::Absent,
-        },
-        Field {
-            key: "formation_limit_s",
-            doc: "Timeout of network formation (s of simulated time). If the network has not formed by then, the run fails \
-                  and lists the missing motes with the reason.",
-            kind: Kind::Number(Range::above(0.0, 1e9)),
-            default: Default::Number(3600.0),
-        },
-        Field {
-            key: "stop_when_complete",
-            doc: "Whether to end the run when the robots report their task complete.",
-            kind: Kind::Bool,
-            default: Default::Bool(true),
-        },
-        Field {
-            key: "transport",
-            doc: "Transport of the step requests. Results do not depend on it.",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: "auto",
-                    doc: "One gRPC stream if the simulator supports sessions, otherwise single calls.",
-                },
-                Choice {
-                    name: "stream",
-                    doc: "One gRPC stream; refused if a simulator does not support sessions.",
-                },
-                Choice { name: "unary", doc: "Single calls." },
-            ]),
-            default: Default::Text("auto"),
-        },
-        Field {
-            key: "step_deadline_s",
-            doc: "Timeout of one step (s of real time) for a simulator that is alive. A simulator that shows no sign of \
-                  life is abandoned after about five seconds.",
-            kind: Kind::Number(Range::closed(1.0, 86_400.0)),
-            default: Default::Number(60.0),
-        },
-        Field {
-            key: "accept_commands",
-            doc: "Whether other programs may give orders to the simulators that the run starts; it prints where, and a token.",
-            kind: Kind::Bool,
-            default: Default::Absent,
-        },
-        Field {
-            key: "tls",
-            doc: "Certificates for simulators on other hosts.",
-            kind: Kind::Table(&TLS),
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
-
-const TLS: TableSpec = TableSpec {
-    doc: "Certificates, as paths of PEM files.",
-    fields: &[
-        Field {
-            key: "ca",
-            doc: "Certificate authority that signed the simulators' certificates.",
-            kind: Kind::Text,
-            default: Default::Required,
-        },
-        Field {
-            key: "cert",
-            doc: "Client certificate, for simulators that require one.",
-            kind: Kind::Text,
-            default: Default::Absent,
-        },
-        Field {
-            key: "key",
-            doc: "Private key of the client certificate.",
-            kind: Kind::Text,
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
 
 /// Certificates to talk to simulators with.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -251,6 +96,12 @@ pub struct Plan {
     pub step_deadline_s: f64,
     /// Simulators that are started take orders from other programs.
     pub accept_commands: bool,
+    /// Real time between checkpoints (s); 0: none.
+    pub checkpoint_every_s: f64,
+    /// How often the run may go on from a checkpoint.
+    pub restarts: u64,
+    /// How long a lost side that was not started here is waited for (s).
+    pub reconnect_limit_s: f64,
     /// Certificates.
     pub tls: Option<Tls>,
     /// `[site]` as TOML text.
@@ -459,8 +310,14 @@ fn plan(
         },
     };
     let duration_s = number("duration_s").filter(|_| duration_known);
-    let mut sides =
-        Sides { base, site: &site, experiment: &experiment, known: agents_known, problems };
+    let mut sides = Sides {
+        base,
+        site: &site,
+        experiment: &experiment,
+        known: agents_known,
+        files: &overrides.files,
+        problems,
+    };
     let robotsim = sides.read(
         section("robotsim"),
         "robotsim",
@@ -521,6 +378,9 @@ fn plan(
         step_deadline_s: number("step_deadline_s")?,
         accept_commands: experiment_table.get("accept_commands").and_then(toml::Value::as_bool)
             == Some(true),
+        checkpoint_every_s: number("checkpoint_every_s")?,
+        restarts: integer("restarts")?.unsigned_abs(),
+        reconnect_limit_s: number("reconnect_limit_s")?,
         tls,
         site_toml: site_table.to_string(),
         warnings: [robotsim.1, netsim.1].concat(),

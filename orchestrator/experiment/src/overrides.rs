@@ -1,7 +1,9 @@
 //! What the command line puts over an experiment file.
 
 use super::Tls;
+use bytes::Bytes;
 use proto::config::{self, Node, Problem, Refusal, Value, set};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// What the command line puts over the file.
@@ -17,6 +19,9 @@ pub struct Overrides {
     pub robotsim_url: Option<String>,
     /// `--tls-ca`, `--tls-cert`, `--tls-key`.
     pub tls: Option<Tls>,
+    /// Files that a section names, by the section and the file's name, in place of those on the disk: of an experiment that was
+    /// recorded with them.
+    pub files: BTreeMap<(String, String), Bytes>,
 }
 
 /// Parses the text of an experiment file and puts the overrides over it. Returns it with what is wrong with those.

@@ -42,6 +42,8 @@ pub(super) struct Sides<'a> {
     pub(super) experiment: &'a Experiment,
     /// The number of agents is known: without it, nothing that counts agents can be judged.
     pub(super) known: bool,
+    /// Files in place of those on the disk, by section and name.
+    pub(super) files: &'a BTreeMap<(String, String), Bytes>,
     pub(super) problems: &'a mut Vec<Problem>,
 }
 
@@ -82,11 +84,16 @@ impl Sides<'_> {
         let mut places = Vec::new();
         for reference in files(&own, path) {
             let file = self.base.join(&reference.path);
-            match std::fs::read(&file) {
+            let place = std::path::absolute(&file).unwrap_or_else(|_| file.clone());
+            // The side is sent a name, not a place: the same wherever the file lies.
+            let name = file_name(&place);
+            let known = self.files.get(&(path.to_owned(), name.clone()));
+            let content = match known {
+                Some(content) => Ok(content.clone()),
+                None => std::fs::read(&file).map(Bytes::from),
+            };
+            match content {
                 Ok(content) => {
-                    let place = std::path::absolute(&file).unwrap_or(file);
-                    // The side is sent a name, not a place: the same wherever the file lies.
-                    let name = file_name(&place);
                     let key = reference
                         .key
                         .strip_prefix(path)
@@ -95,7 +102,7 @@ impl Sides<'_> {
                         node.value = Value::Text(name.clone());
                     }
                     places.push((reference.key, place.display().to_string()));
-                    contents.insert(name, Bytes::from(content));
+                    contents.insert(name, content);
                 }
                 Err(error) => {
                     let reason = if error.kind() == std::io::ErrorKind::NotFound {

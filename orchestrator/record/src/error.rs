@@ -50,6 +50,15 @@ pub enum RecordError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A run that began anew after a failure came to something else.
+    #[error(
+        "step {step} differs from the one recorded before the failure, so the run cannot go on: a simulator without \
+             snapshots is not deterministic"
+    )]
+    NotRepeated {
+        /// The step.
+        step: u64,
+    },
     /// What an earlier attempt at the run left cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Read {

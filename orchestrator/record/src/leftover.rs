@@ -2,9 +2,9 @@
 
 use super::checkpoint::{self, Checkpoint, CheckpointError};
 use super::pcap::{self, CapturePart};
-use super::read::{ReadError, Reader};
+use super::read::{ReadError, RunReader};
 use super::writer::LOG_FILE;
-use super::{StepRecord, values};
+use super::{RecordError, StepRecord, values};
 use proto::exchange::Configured;
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub struct Leftover {
     dir: PathBuf,
     checkpoint: Option<Checkpoint>,
-    reader: Option<Reader>,
+    reader: Option<RunReader>,
     /// The reader is of the messages that the checkpoint stored.
     is_stored: bool,
     n_agents: usize,
@@ -23,7 +23,7 @@ pub struct Leftover {
 #[derive(Debug, thiserror::Error)]
 pub enum LeftoverError {
     /// There is nothing in it.
-    #[error("{} holds no step of a run that could be read: {reason}", path.display())]
+    #[error("{} holds no run that can be read: {reason}", path.display())]
     Empty {
         /// The folder.
         path: PathBuf,
@@ -52,7 +52,7 @@ impl Leftover {
             n_steps: 0,
         };
         // What is not readable to its end is read as far as it goes.
-        this.reader = Reader::open(&dir.join(LOG_FILE)).ok();
+        this.reader = RunReader::open(&dir.join(LOG_FILE)).ok();
         Ok(this)
     }
 
@@ -71,7 +71,7 @@ impl Leftover {
         if self.reader.as_ref().is_none_or(|reader| reader.configured().is_none()) {
             self.turn_to_checkpoint(None).map_err(|reason| self.empty(reason))?;
         }
-        let recorded = self.reader.as_ref().and_then(Reader::configured).cloned();
+        let recorded = self.reader.as_ref().and_then(RunReader::configured).cloned();
         let Some(recorded) = recorded else {
             return Err(self.empty("the configuration of both sides was not recorded".to_owned()));
         };
@@ -101,16 +101,24 @@ impl Leftover {
     /// # Errors
     ///
     /// The file cannot be read.
-    pub fn capture(&self, time_ns: u64) -> std::io::Result<Option<CapturePart>> {
+    pub fn capture(&self, time_ns: u64) -> Result<Option<CapturePart>, RecordError> {
         let path = self.dir.join(pcap::FILE);
         if !path.exists() {
             return Ok(None);
         }
         let n_bytes = match &self.checkpoint {
             Some(checkpoint) if checkpoint.time_ns == time_ns => checkpoint.capture_bytes,
-            _ => pcap::length_until(&path, time_ns)?,
+            _ => pcap::length_until(&path, time_ns)
+                .map_err(|source| RecordError::Read { path: path.clone(), source })?,
         };
         Ok(Some(CapturePart { path, n_bytes }))
+    }
+
+    /// What is wrong with a record that does not reach the step of its checkpoint.
+    #[must_use]
+    pub fn ends_before(&self, step: u64) -> LeftoverError {
+        let n_steps = self.n_steps;
+        self.empty(format!("it ends after step {n_steps}, and its checkpoint is of step {step}"))
     }
 
     /// Reads on from the messages of steps after `step` that the checkpoint stored.
@@ -120,7 +128,8 @@ impl Leftover {
         };
         self.is_stored = true;
         let messages = checkpoint.messages_after(step);
-        let reader: Result<Reader, ReadError> = Reader::stored(self.dir.join(LOG_FILE), messages);
+        let reader: Result<RunReader, ReadError> =
+            RunReader::stored(self.dir.join(LOG_FILE), messages);
         self.reader = Some(reader.map_err(|error| error.to_string())?);
         Ok(())
     }

@@ -54,8 +54,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
-use writer::{Event, RunWriter, Written};
 pub use writer::States;
+use writer::{Event, RunWriter, Written};
 
 /// What a finished run hands to whoever makes its report.
 #[derive(Clone, Copy, Debug)]

@@ -32,7 +32,11 @@ impl Capture {
     }
 
     /// Adds what an earlier capture of the same run holds, after its header, which was written already.
-    pub(crate) fn copy(&mut self, part: &CapturePart, header_bytes: usize) -> Result<(), RecordError> {
+    pub(crate) fn copy(
+        &mut self,
+        part: &CapturePart,
+        header_bytes: usize,
+    ) -> Result<(), RecordError> {
         let read = |source| RecordError::Read { path: part.path.clone(), source };
         let mut file = File::open(&part.path).map_err(read)?;
         std::io::copy(&mut (&mut file).take(header_bytes as u64), &mut std::io::sink())
@@ -86,9 +90,8 @@ pub(crate) fn length_until(path: &Path, time_ns: u64) -> std::io::Result<u64> {
         if !whole(file.read_exact(&mut record))? {
             return Ok(length);
         }
-        let [s, ns, n_bytes, _] = [0, 4, 8, 12].map(|at| {
-            u64::from(u32::from_le_bytes([0, 1, 2, 3].map(|i| record[at + i])))
-        });
+        let [s, ns, n_bytes, _] = [0, 4, 8, 12]
+            .map(|at| u64::from(u32::from_le_bytes([0, 1, 2, 3].map(|i| record[at + i]))));
         let read = std::io::copy(&mut (&mut file).take(n_bytes), &mut std::io::sink())?;
         if read < n_bytes || time_ns < s * 1_000_000_000 + ns {
             return Ok(length);

@@ -1,10 +1,13 @@
 //! Opens `run.mcap` again.
 
 use super::log::Topic;
+use super::values;
 use super::writer::LOG_FILE;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use prost::Message;
+use proto::exchange::Configured;
+use proto_messages::convert::InvalidField;
 use proto_messages::v1;
 use std::fs::File;
 use std::io::BufReader;
@@ -118,7 +121,8 @@ impl RunReader {
         path: PathBuf,
         messages: Vec<(Topic, Vec<u8>)>,
     ) -> Result<Self, ReadError> {
-        let begins = messages.first().is_some_and(|(topic, _)| *topic == Topic::RobotConfigureRequest);
+        let begins =
+            messages.first().is_some_and(|(topic, _)| *topic == Topic::RobotConfigureRequest);
         let messages: Vec<Found> =
             messages.into_iter().map(|(topic, data)| (Some(topic), data)).collect();
         let reader =
@@ -144,6 +148,15 @@ impl RunReader {
     #[must_use]
     pub fn configured(&self) -> Option<&RecordedConfiguration> {
         self.configured.as_ref()
+    }
+
+    /// The same as values; `None` of a run that ended before that.
+    ///
+    /// # Errors
+    ///
+    /// A field that no run records.
+    pub fn exchange(&self) -> Result<Option<Configured>, InvalidField> {
+        self.configured.clone().map(values::configured).transpose()
     }
 
     /// The next step; `None` after the last.

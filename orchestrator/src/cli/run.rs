@@ -1,21 +1,30 @@
 //! `orchestrator run`.
 
-use super::{Failure, FileArgs, check_place, on_runtime, write_json};
+use super::{Failure, OverrideArgs, check_place, on_runtime, write_json};
 use crate::console::{Screen, say, warn};
 use crate::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
-use crate::run::{self, RunOptions, RunReport, StartOptions};
+use crate::run::{self, ResumeOptions, RunOptions, RunReport, StartOptions};
 use clap::Args;
 use metrics::kpi::kpi_summary::KpiSummary;
 use proto::types::seconds;
 use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub(super) struct RunArgs {
+    /// The experiment file (TOML)
+    #[arg(required_unless_present = "resume")]
+    config: Option<PathBuf>,
     #[command(flatten)]
-    file: FileArgs,
+    change: OverrideArgs,
+    /// Go on with a run that was killed, from its latest checkpoint: give its folder, OUT/.NAME.partial-PID
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["config", "set", "seed", "out", "dry_run"])]
+    resume: Option<PathBuf>,
+    /// Write the results as JSON to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
     /// Folder for results; the run is recorded in a subfolder with the experiment's name
     #[arg(long, value_name = "DIR", default_value = "runs")]
     out: PathBuf,
@@ -34,27 +43,32 @@ pub(super) struct RunArgs {
 /// `orchestrator run`.
 pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     // A place that cannot be written is found before the work, not after it.
-    if let Some(path) = &args.file.json {
+    if let Some(path) = &args.json {
         check_place("--json", path)?;
     }
+    let config = args.config.clone().unwrap_or_default();
     if args.dry_run {
-        return dry_run(args, &start);
+        return dry_run(args, &config, &start);
     }
-    let options = RunOptions {
-        config: args.file.config.clone(),
-        overrides: args.file.change.overrides(),
-        out: args.out.clone(),
-        replace: if args.replace {
-            ReplacePolicy::AnyExperiment
-        } else {
-            ReplacePolicy::SameExperiment
-        },
-        start,
+    let overrides = args.change.overrides();
+    let replace =
+        if args.replace { ReplacePolicy::AnyExperiment } else { ReplacePolicy::SameExperiment };
+    let screen = &mut Screen::default();
+    let report = match &args.resume {
+        Some(dir) => {
+            let options = ResumeOptions { dir: dir.clone(), overrides, replace, start };
+            on_runtime(run::resume(&options, screen))?
+        }
+        None => {
+            let out = args.out.clone();
+            let options = RunOptions { config, overrides, out, replace, start };
+            on_runtime(run::run(&options, screen))?
+        }
     };
-    let report = on_runtime(run::run(&options, &mut Screen::default()))?
-        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+    let report =
+        report.map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
     describe(&report);
-    write_json(args.file.json.as_deref(), &RunAnswer::from_report(&report))?;
+    write_json(args.json.as_deref(), &RunAnswer::from_report(&report))?;
     if report.interrupted {
         return Err(Failure::work(format!(
             "interrupted after step {}; the recording up to this step is kept",
@@ -64,8 +78,8 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     Ok(())
 }
 
-fn dry_run(args: &RunArgs, start: &StartOptions) -> Result<(), Failure> {
-    let plan = experiment::load(&args.file.config, &args.file.change.overrides());
+fn dry_run(args: &RunArgs, config: &Path, start: &StartOptions) -> Result<(), Failure> {
+    let plan = experiment::load(config, &args.change.overrides());
     let plan = plan.map_err(Failure::request)?;
     let dry = on_runtime(DryRun::of_run(&plan, start, &args.out))?
         .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
@@ -73,7 +87,7 @@ fn dry_run(args: &RunArgs, start: &StartOptions) -> Result<(), Failure> {
         warn(warning);
     }
     say(dry.text());
-    write_json(args.file.json.as_deref(), &dry)
+    write_json(args.json.as_deref(), &dry)
 }
 
 fn describe(report: &RunReport) {

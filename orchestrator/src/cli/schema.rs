@@ -6,6 +6,7 @@ use crate::check::{ExperimentCheck, SweepCheck};
 use crate::compare_runs::runs_comparison::RunsComparison;
 use crate::console::say;
 use crate::dry_run::DryRun;
+use crate::run::Reproduction;
 use crate::run::run_answer::RunAnswer;
 use crate::sweep::sweep_summary::SweepSummary;
 use clap::Args;
@@ -45,7 +46,7 @@ const EXPERIMENT: &str = "experiment";
 type OfType = fn(&mut SchemaGenerator) -> Schema;
 
 /// The answers: the command that gives it, and the types that it may have.
-const ANSWERS: [(&str, &[OfType]); 10] = [
+const ANSWERS: [(&str, &[OfType]); 11] = [
     (
         "check",
         &[
@@ -78,6 +79,7 @@ const ANSWERS: [(&str, &[OfType]); 10] = [
         ],
     ),
     ("power", &[SchemaGenerator::subschema_for::<Power>]),
+    ("reproduce", &[SchemaGenerator::subschema_for::<Reproduction>]),
     (
         "run",
         &[

@@ -1,7 +1,6 @@
 //! Where a result comes from: everything that is outside the promise of identical bytes.
 
-use super::RunOptions;
-use super::start::{SideIdentity, Started};
+use super::start::{SideIdentity, StartOptions};
 use experiment::Plan;
 use proto::types::seconds;
 use serde_json::{Value, json};
@@ -13,7 +12,7 @@ pub(super) struct Provenance {
 }
 
 impl Provenance {
-    pub(super) fn gather(plan: &Plan, started: &Started, options: &RunOptions) -> Self {
+    pub(super) fn gather(plan: &Plan, sides: [&SideIdentity; 2], start: &StartOptions) -> Self {
         #[expect(
             clippy::disallowed_methods,
             reason = "when an experiment was run is not part of it"
@@ -40,8 +39,8 @@ impl Provenance {
         let value = json!({
             "schema": "provenance/1",
             "orchestrator": { "version": env!("CARGO_PKG_VERSION"), "contract_version": proto_messages::CONTRACT_VERSION },
-            "robotsim": side(&started.robots),
-            "netsim": side(&started.network),
+            "robotsim": side(sides[0]),
+            "netsim": side(sides[1]),
             "command_line": std::env::args().collect::<Vec<_>>(),
             "config_file": { "path": plan.path, "sha256": sha256(plan.text.as_bytes()) },
             "files": files,
@@ -49,10 +48,17 @@ impl Provenance {
             "os": std::env::consts::OS,
             "architecture": std::env::consts::ARCH,
             "cores": std::thread::available_parallelism().map_or(1, usize::from),
-            "threads": options.start.threads,
+            "threads": start.threads,
             "started_unix_s": unix_s,
         });
         Self { value }
+    }
+
+    /// Adds the steps after which the run went on from a checkpoint.
+    pub(super) fn resumed(&mut self, steps: &[u64]) {
+        if !steps.is_empty() {
+            self.value["resumed_after_steps"] = json!(steps);
+        }
     }
 
     /// Adds what only the end knows.

@@ -76,7 +76,7 @@ pub struct SideIdentity {
     pub is_compared_whole: bool,
 }
 
-fn identity<S: Service>(peer: &Remote<S>) -> SideIdentity {
+pub(super) fn identity<S: Service>(peer: &Remote<S>) -> SideIdentity {
     SideIdentity {
         name: peer.described().name.clone(),
         version: peer.described().version.clone(),
@@ -147,21 +147,28 @@ pub(super) async fn connect(
 /// Configures both sides, whatever they ran before. If that fails they are stopped.
 pub(super) async fn ready(
     plan: &Plan,
+    robots: Remote<RobotSide>,
+    network: Remote<NetworkSide>,
+    wanted: Wanted,
+) -> Result<Started, RunError> {
+    ready_with(plan, robots, network, wanted, None).await
+}
+
+/// As [`ready`], asking both sides what is given, if it is, instead of what the plan says.
+pub(super) async fn ready_with(
+    plan: &Plan,
     mut robots: Remote<RobotSide>,
     mut network: Remote<NetworkSide>,
     wanted: Wanted,
+    asked: Option<ConfigureRequests>,
 ) -> Result<Started, RunError> {
-    match configure(plan, &mut robots, &mut network, wanted).await {
+    match configure(plan, &mut robots, &mut network, wanted, asked).await {
         Ok((exchange, start)) => {
             let identities = (identity(&robots), identity(&network));
             let mut warnings = warnings(plan, &exchange, wanted);
             warnings.extend(not_compared(RobotSide::SIDE, &identities.0));
             warnings.extend(not_compared(NetworkSide::SIDE, &identities.1));
-            let orders =
-                [(RobotSide::SIDE, robots.orders()), (NetworkSide::SIDE, network.orders())];
-            let orders =
-                orders.into_iter().filter_map(|(side, orders)| Some((side, orders?.clone())));
-            let orders = orders.collect();
+            let orders = orders(&robots, &network);
             let header = header(plan, &exchange, start);
             let records = header.records.clone();
             let coupled = Coupled::new(
@@ -190,12 +197,22 @@ pub(super) async fn ready(
     }
 }
 
+/// Where and how other programs may give orders, by side.
+pub(super) fn orders(
+    robots: &Remote<RobotSide>,
+    network: &Remote<NetworkSide>,
+) -> Vec<(&'static str, Orders)> {
+    let orders = [(RobotSide::SIDE, robots.orders()), (NetworkSide::SIDE, network.orders())];
+    orders.into_iter().filter_map(|(side, orders)| Some((side, orders?.clone()))).collect()
+}
+
 /// Configures both sides with the plan.
 async fn configure(
     plan: &Plan,
     robots: &mut Remote<RobotSide>,
     network: &mut Remote<NetworkSide>,
     wanted: Wanted,
+    asked: Option<ConfigureRequests>,
 ) -> Result<(Configured, Start), RunError> {
     drive::announced(plan, robots.described(), network.described(), wanted).map_err(|unfit| {
         match unfit {
@@ -203,7 +220,9 @@ async fn configure(
             Unfit::Side(error) => side(error),
         }
     })?;
-    let asked = ConfigureRequests::from_plan(plan, robots.described(), network.described(), wanted);
+    let asked = asked.unwrap_or_else(|| {
+        ConfigureRequests::from_plan(plan, robots.described(), network.described(), wanted)
+    });
     let exchange =
         drive::configure(asked, robots, network).await.map_err(|error| refused(plan, error))?;
     let forms = exchange.network_start.formation.is_some();
@@ -253,7 +272,8 @@ fn not_compared(side: &str, identity: &SideIdentity) -> Option<String> {
     })
 }
 
-fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHeader {
+/// What a record of the plan begins with.
+pub(super) fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHeader {
     let robotsim = effective(&exchange.robots_start.effective_toml, &plan.robotsim);
     let netsim = effective(&exchange.network_start.effective_toml, &plan.netsim);
     let mut labels = BTreeMap::new();
@@ -300,6 +320,7 @@ fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHeader {
             .collect(),
         // The network's own are recorded with its reply.
         warnings: Vec::new(),
+        keeps_checkpoints: 0.0 < plan.checkpoint_every_s,
     }
 }
 
@@ -312,7 +333,7 @@ fn effective(reply: &str, side: &SideConfig) -> toml::Table {
     table
 }
 
-fn side(error: SideError) -> RunError {
+pub(super) fn side(error: SideError) -> RunError {
     RunError::Side { error, kept: None }
 }
 

@@ -30,6 +30,7 @@ pub fn robots_request(message: v1::RobotSimServiceConfigureRequest) -> Result<Co
         files: by_path(message.files),
         columns: Vec::new(),
         records: Vec::new(),
+        full_digest: message.full_digest,
     })
 }
 
@@ -51,6 +52,7 @@ pub fn network_request(message: v1::NetSimServiceConfigureRequest) -> Result<Con
         files: by_path(message.files),
         columns: columns(&message.columns)?,
         records: records(&message.records)?,
+        full_digest: message.full_digest,
     })
 }
 

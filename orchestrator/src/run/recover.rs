@@ -1,0 +1,226 @@
+//! What a run that was killed had recorded, as a result; and a recorded run once more, to compare.
+
+use super::attempt::{Attempt, Begun, plan_of, recorded_plan};
+use super::course::{Origin, carry_out};
+use super::interrupt::Interrupt;
+use super::start::{StartOptions, connect, header, ready_with};
+use super::{Audience, RunError, RunReport, provenance};
+use drive::{ConfigureRequests, Wanted};
+use experiment::{Overrides, Start};
+use record::leftover::Leftover;
+use record::read::RunReader;
+use record::run_summary::RunSummary;
+use record::{Ending, Finished, RecordError, Recorder, ReplacePolicy, Reservation, Status};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// What to go on with.
+#[derive(Clone, Debug)]
+pub struct ResumeOptions {
+    /// The folder of a run that was killed.
+    pub dir: PathBuf,
+    /// What the command line puts over its configuration.
+    pub overrides: Overrides,
+    /// Which earlier results the result replaces.
+    pub replace: ReplacePolicy,
+    /// How the sides are started.
+    pub start: StartOptions,
+}
+
+/// Goes on with a run that was killed, from its latest checkpoint.
+///
+/// # Errors
+///
+/// See [`RunError`]. The folder of the killed run is then as it was.
+pub async fn resume(
+    options: &ResumeOptions,
+    audience: &mut impl Audience,
+) -> Result<RunReport, RunError> {
+    let dir = &options.dir;
+    let mut interrupt = Interrupt::listen();
+    let mut leftover = Leftover::open(dir).map_err(|error| RunError::Leftover { error })?;
+    let mut overrides = options.overrides.clone();
+    let Some(checkpoint) = leftover.checkpoint() else {
+        return Err(RunError::NoCheckpoint { dir: dir.clone() });
+    };
+    let [robots_url, network_url] = checkpoint.urls.clone();
+    overrides.robotsim_url = overrides.robotsim_url.or(robots_url);
+    overrides.netsim_url = overrides.netsim_url.or(network_url);
+    let step = checkpoint.step;
+    let (plan, _) = plan_of(dir, &mut leftover, &overrides)?;
+    options.start.run_log.add("orchestrator", &provenance::opening(&plan));
+    let mut origin = Origin::new(out_of(dir), options.replace);
+    let attempt = Attempt::go_on(&plan, &options.start, &origin, dir, &mut interrupt).await?;
+    origin.left.push(dir.clone());
+    origin.resumed.push(step);
+    carry_out(&plan, &options.start, attempt, origin, interrupt, audience).await
+}
+
+/// The folder of results that an unfinished run stands in.
+fn out_of(dir: &Path) -> PathBuf {
+    match std::path::absolute(dir).ok().as_deref().and_then(Path::parent) {
+        Some(parent) => parent.to_owned(),
+        None => PathBuf::from("."),
+    }
+}
+
+/// Makes a result of what a run that was killed had recorded, up to its last whole step, and removes its folder.
+///
+/// # Errors
+///
+/// See [`RunError`]. The folder is then as it was.
+pub fn recover(dir: &Path) -> Result<Finished, RunError> {
+    let unusable = |error| RunError::Leftover { error };
+    let mut leftover = Leftover::open(dir).map_err(unusable)?;
+    let (plan, exchange) = plan_of(dir, &mut leftover, &Overrides::default())?;
+    let unwritten = |error: RecordError| RunError::Record { error, before_start: false };
+    // A record of a network that forms says when its robots started.
+    let start = plan.start.unwrap_or(Start::AtOnce);
+    let mut recorder =
+        Recorder::create(&out_of(dir), header(&plan, &exchange, start)).map_err(unwritten)?;
+    recorder.configured(exchange).map_err(unwritten)?;
+    // Twice: the radio's traffic is cut where the last step ends, which only reading to the end tells.
+    let mut last = (0, 0);
+    while let Some(step) = leftover.next_step() {
+        last = (step.step, step.time_ns);
+        recorder.step(step).map_err(unwritten)?;
+    }
+    if let Some(part) = leftover.capture(last.1).map_err(unwritten)? {
+        recorder.capture(part).map_err(unwritten)?;
+    }
+    let reason = format!("the run was killed; recovered up to step {}", last.0);
+    let ending = Ending::early(Status::Interrupted, reason);
+    let provenance = json!({
+        "schema": "provenance/1",
+        "orchestrator": { "version": env!("CARGO_PKG_VERSION") },
+        "recovered_from": dir,
+        "command_line": std::env::args().collect::<Vec<_>>(),
+    });
+    let finished = recorder.finish(&ending, provenance, report::page).map_err(unwritten)?;
+    if let Err(source) = std::fs::remove_dir_all(dir) {
+        let error = RecordError::Write { path: dir.to_owned(), source };
+        return Err(RunError::Record { error, before_start: false });
+    }
+    Ok(finished)
+}
+
+/// Whether a recorded run comes out the same when it is run again.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Reproduction {
+    /// The format of this answer.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: &'static str,
+    /// Files that came out the same, byte for byte.
+    pub equal: Vec<String>,
+    /// Files that did not.
+    pub different: Vec<String>,
+    /// The first step whose messages differ, if any do; 0: the configuration.
+    pub first_different_step: Option<u64>,
+    /// The version that recorded the run, and the one that ran it again.
+    pub versions: [String; 2],
+}
+
+/// What the schema of the answer is called.
+pub(super) const SCHEMA: &str = "reproduce/1";
+
+/// Runs a recorded experiment again, from its own folder, into `out`, and compares the files of both.
+///
+/// # Errors
+///
+/// See [`RunError`]; a run that is not complete cannot be run again.
+pub async fn reproduce(
+    run: &Path,
+    out: &Path,
+    start: &StartOptions,
+    overrides: &Overrides,
+    audience: &mut impl Audience,
+) -> Result<Reproduction, RunError> {
+    let not_complete = |reason: String| RunError::NotReproducible { dir: run.to_owned(), reason };
+    let text = std::fs::read(run.join(RunSummary::FILE)).map_err(|error| {
+        not_complete(format!("its {} cannot be read: {error}", RunSummary::FILE))
+    })?;
+    let summary: RunSummary = serde_json::from_slice(&text)
+        .map_err(|error| not_complete(format!("{} is not a summary: {error}", RunSummary::FILE)))?;
+    if summary.status != Status::Complete {
+        return Err(not_complete(format!("the run is {}, not complete", summary.status.name())));
+    }
+    let reader = RunReader::open(run).map_err(|error| not_complete(error.to_string()))?;
+    let exchange = reader.exchange().map_err(|error| not_complete(error.to_string()))?;
+    let Some(exchange) = exchange else {
+        return Err(not_complete("it ended before both sides were configured".to_owned()));
+    };
+    let plan = recorded_plan(&run.join("config.toml"), &exchange, overrides)?;
+    let interrupt = Interrupt::listen();
+    let (robots, network) = connect(&plan, start).await?;
+    let asked =
+        ConfigureRequests { robots: exchange.robots_request, network: exchange.network_request };
+    let started = ready_with(&plan, robots, network, Wanted::Record, Some(asked)).await?;
+    let reservation = Reservation::new(out, &plan.name)
+        .map_err(|error| RunError::Record { error, before_start: true })?;
+    let replace = ReplacePolicy::SameExperiment;
+    let begun = Begun { reservation, replace, log: start.run_log.clone() };
+    let attempt = Attempt::begin(&plan, begun, started).await?;
+    let origin = Origin::new(out.to_owned(), replace);
+    let again = carry_out(&plan, start, attempt, origin, interrupt, audience).await?;
+    if again.interrupted {
+        return Err(RunError::Interrupted { signal: "a signal" });
+    }
+    compare(run, &again.finished.dir).map_err(&not_complete)
+}
+
+/// Compares the files of two runs whose content depends on the experiment alone.
+fn compare(run: &Path, again: &Path) -> Result<Reproduction, String> {
+    let list = |dir: &Path| -> Result<(Map<String, Value>, String), String> {
+        let path = dir.join("provenance.json");
+        let text = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let value: Value = serde_json::from_slice(&text)
+            .map_err(|error| format!("{}: {error}", path.display()))?;
+        let files = value["files"].as_object().cloned().unwrap_or_default();
+        let version = value["orchestrator"]["version"].as_str().unwrap_or("unknown").to_owned();
+        Ok((files, version))
+    };
+    let ((before, version), (after, now)) = (list(run)?, list(again)?);
+    let names: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
+    let (mut equal, mut different) = (Vec::new(), Vec::new());
+    for name in names {
+        // The page shows when, where and how long.
+        if name == "report.html" {
+            continue;
+        }
+        // What stands there counts, not what was listed when it was written.
+        let read = |dir: &Path| std::fs::read(dir.join(name)).ok();
+        let is_equal = match (read(run), read(again)) {
+            (Some(before), Some(after)) => before == after,
+            _ => false,
+        };
+        if is_equal { &mut equal } else { &mut different }.push(name.clone());
+    }
+    let is_same_log = !different.iter().any(|name| name == "run.mcap");
+    let first_different_step = if is_same_log { None } else { first_difference(run, again) };
+    Ok(Reproduction {
+        schema: SCHEMA,
+        equal,
+        different,
+        first_different_step,
+        versions: [version, now],
+    })
+}
+
+/// The first step whose messages differ, as far as both recordings can be read.
+fn first_difference(run: &Path, again: &Path) -> Option<u64> {
+    let (mut before, mut after) = (RunReader::open(run).ok()?, RunReader::open(again).ok()?);
+    if before.configured() != after.configured() {
+        return Some(0);
+    }
+    for step in 1.. {
+        match (before.next_step(), after.next_step()) {
+            (Ok(None), Ok(None)) => return None,
+            (Ok(before), Ok(after)) if before == after => {}
+            _ => return Some(step),
+        }
+    }
+    None
+}

@@ -1,0 +1,253 @@
+//! Runs that are killed, or lose a simulator, end with the recording of a run to which nothing happened.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::Server;
+use tests::fake::{Fault, Faulty};
+use tests::recording::assert_same;
+
+/// A propagation-only run and one with all protocols and a capture, each of some thousand steps.
+const EXPERIMENTS: [(&str, &[&str]); 2] = [
+    ("flocking", &["experiment.duration_s=150"]),
+    ("sensors-msf", &["experiment.duration_s=900", "output.pcap=true"]),
+];
+
+/// The command line of a run with frequent checkpoints.
+fn arguments(name: &str, sets: &[&str], out: &str, more: &[&str]) -> Vec<String> {
+    let config = tests::repository().join(format!("configs/{name}.toml"));
+    let mut arguments = vec!["run".to_owned(), config.to_str().unwrap().to_owned()];
+    for set in sets.iter().chain(&["experiment.checkpoint_every_s=0.05"]) {
+        arguments.extend(["--set".to_owned(), (*set).to_owned()]);
+    }
+    arguments.extend(["--out".to_owned(), out.to_owned()]);
+    arguments.extend(more.iter().map(|&argument| argument.to_owned()));
+    arguments
+}
+
+fn finished(arguments: &[String], folder: &Path) -> String {
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let output = tests::orchestrator(&arguments, folder);
+    assert!(output.status.success(), "{}", tests::said(&output));
+    tests::said(&output)
+}
+
+fn started(arguments: &[String], folder: &Path) -> Child {
+    Command::new(tests::executable("orchestrator"))
+        .args(arguments)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Folders of unfinished runs.
+fn unfinished(out: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(out) else { return Vec::new() };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths.filter(|path| path.to_str().unwrap().contains(".partial-")).collect()
+}
+
+/// Waits until a run has stored a checkpoint. Returns its folder.
+fn with_checkpoint(out: &Path) -> PathBuf {
+    let begun = Instant::now();
+    loop {
+        let stored = unfinished(out).into_iter().find(|path| path.join("checkpoint").exists());
+        if let Some(path) = stored {
+            return path;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(20), "no checkpoint was stored");
+        std::thread::park_timeout(Duration::from_millis(5));
+    }
+}
+
+/// A run killed with SIGKILL after its first checkpoint. Returns the folder that it left.
+fn killed(arguments: &[String], folder: &Path, out: &str) -> PathBuf {
+    let mut run = started(arguments, folder);
+    let left = with_checkpoint(&folder.join(out));
+    run.kill().unwrap();
+    run.wait().unwrap();
+    assert!(left.exists(), "the run was complete before it was killed");
+    left
+}
+
+#[test]
+fn a_run_killed_hard_is_resumed_to_the_same_bytes() {
+    for (name, sets) in EXPERIMENTS {
+        let folder = tests::folder();
+        finished(&arguments(name, sets, "whole", &[]), folder.path());
+        let left = killed(&arguments(name, sets, "killed", &[]), folder.path(), "killed");
+        let resume = ["run", "--resume", left.to_str().unwrap()].map(str::to_owned);
+        finished(&resume, folder.path());
+        let [whole, resumed] = ["whole", "killed"].map(|out| folder.path().join(out).join(name));
+        assert_same(&whole, &resumed);
+        assert_eq!(
+            std::fs::read(whole.join("config.toml")).unwrap(),
+            std::fs::read(resumed.join("config.toml")).unwrap()
+        );
+        assert_eq!(unfinished(&folder.path().join("killed")), Vec::<PathBuf>::new());
+        let verified = tests::orchestrator(&["verify", resumed.to_str().unwrap()], folder.path());
+        assert!(verified.status.success(), "{}", tests::said(&verified));
+    }
+}
+
+/// Processes that `parent` has started, with the simulator that each is.
+fn children(parent: u32) -> Vec<(String, String)> {
+    let listed = Command::new("ps")
+        .args(["-o", "pid=,args=", "--ppid", &parent.to_string()])
+        .output()
+        .unwrap();
+    let text = String::from_utf8(listed.stdout).unwrap();
+    text.lines()
+        .filter_map(|line| {
+            let mut words = line.split_whitespace();
+            Some((words.next()?.to_owned(), words.nth(1)?.to_owned()))
+        })
+        .collect()
+}
+
+#[test]
+fn a_simulator_that_dies_is_restarted_from_the_last_checkpoint() {
+    for ((name, sets), side) in EXPERIMENTS.into_iter().zip(["robotsim", "netsim"]) {
+        let folder = tests::folder();
+        finished(&arguments(name, sets, "whole", &[]), folder.path());
+        let run = started(&arguments(name, sets, "killed", &[]), folder.path());
+        with_checkpoint(&folder.path().join("killed"));
+        let children = children(run.id());
+        let (pid, _) = children.iter().find(|(_, args)| args == side).unwrap();
+        assert!(Command::new("kill").args(["-KILL", pid]).status().unwrap().success());
+        let output = run.wait_with_output().unwrap();
+        let said = tests::said(&output);
+        assert!(output.status.success(), "{said}");
+        assert!(said.contains("goes on from its checkpoint after step"), "{said}");
+        assert_same(
+            &folder.path().join("whole").join(name),
+            &folder.path().join("killed").join(name),
+        );
+        assert_eq!(unfinished(&folder.path().join("killed")), Vec::<PathBuf>::new());
+    }
+}
+
+#[test]
+fn a_simulator_elsewhere_that_is_lost_is_waited_for_and_restored() {
+    let (name, sets) = EXPERIMENTS[1];
+    let folder = tests::folder();
+    finished(&arguments(name, sets, "whole", &[]), folder.path());
+    let server = Server::start("netsim", &[]).unwrap();
+    let url = server.url.clone();
+    let arguments = arguments(name, sets, "killed", &["--netsim", &url]);
+    let run = started(&arguments, folder.path());
+    with_checkpoint(&folder.path().join("killed"));
+    drop(server);
+    std::thread::park_timeout(Duration::from_millis(500));
+    let address = url.trim_start_matches("http://");
+    let _server = Server::start("netsim", &["--listen", address]).unwrap();
+    let output = run.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", tests::said(&output));
+    assert_same(&folder.path().join("whole").join(name), &folder.path().join("killed").join(name));
+}
+
+#[test]
+fn restarts_0_ends_a_run_that_loses_a_simulator() {
+    let (name, sets) = EXPERIMENTS[0];
+    let sets = [sets, &["experiment.restarts=0"]].concat();
+    let folder = tests::folder();
+    let run = started(&arguments(name, &sets, "killed", &[]), folder.path());
+    with_checkpoint(&folder.path().join("killed"));
+    for (pid, _) in children(run.id()) {
+        assert!(Command::new("kill").args(["-KILL", &pid]).status().unwrap().success());
+    }
+    let output = run.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));
+    assert!(tests::said(&output).contains("killed by SIGKILL"), "{}", tests::said(&output));
+}
+
+#[test]
+fn a_simulator_without_snapshots_begins_anew_and_is_compared_with_the_record() {
+    let (name, sets) = EXPERIMENTS[0];
+    let folder = tests::folder();
+    let network = Faulty::network(Fault::NoSnapshots);
+    let more = ["--netsim", network.url.as_str()];
+    finished(&arguments(name, sets, "whole", &more), folder.path());
+    let left = killed(&arguments(name, sets, "killed", &more), folder.path(), "killed");
+    finished(&["run", "--resume", left.to_str().unwrap()].map(str::to_owned), folder.path());
+    assert_same(&folder.path().join("whole").join(name), &folder.path().join("killed").join(name));
+}
+
+#[test]
+fn a_run_killed_hard_is_recovered_up_to_its_last_whole_step() {
+    for (name, sets) in EXPERIMENTS {
+        let folder = tests::folder();
+        let left = killed(&arguments(name, sets, "killed", &[]), folder.path(), "killed");
+        finished(&["recover", left.to_str().unwrap()].map(str::to_owned), folder.path());
+        let recovered = folder.path().join("killed").join(name);
+        let verified = tests::orchestrator(&["verify", recovered.to_str().unwrap()], folder.path());
+        assert!(verified.status.success(), "{}", tests::said(&verified));
+        let summary: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(recovered.join("summary.json")).unwrap())
+                .unwrap();
+        assert_eq!(summary["status"], "interrupted");
+        assert!(summary["reason"].as_str().unwrap().contains("was killed"), "{summary}");
+        assert!(0 < summary["steps"].as_u64().unwrap());
+        assert!(recovered.join("report.html").exists());
+        assert_eq!(unfinished(&folder.path().join("killed")), Vec::<PathBuf>::new());
+    }
+}
+
+#[test]
+fn a_folder_without_a_usable_checkpoint_is_refused_and_stays() {
+    let (name, sets) = EXPERIMENTS[0];
+    let folder = tests::folder();
+    let left = killed(&arguments(name, sets, "killed", &[]), folder.path(), "killed");
+    let resume = ["run", "--resume", left.to_str().unwrap()];
+    let file = left.join("checkpoint");
+    let mut bytes = std::fs::read(&file).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&file, bytes).unwrap();
+    let refused = tests::orchestrator(&resume, folder.path());
+    assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
+    assert!(tests::said(&refused).contains("its checksum is wrong"), "{}", tests::said(&refused));
+    std::fs::remove_file(&file).unwrap();
+    let refused = tests::orchestrator(&resume, folder.path());
+    assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
+    assert!(tests::said(&refused).contains("orchestrator recover"), "{}", tests::said(&refused));
+    assert!(left.join("run.mcap").exists());
+}
+
+#[test]
+fn a_recorded_run_is_reproduced_from_its_own_folder() {
+    let folder = tests::folder();
+    // The record holds the trace, which is gone afterwards.
+    let configs = tests::repository().join("configs");
+    let config = folder.path().join("k7-replay.toml");
+    std::fs::copy(configs.join("k7-replay.toml"), &config).unwrap();
+    let traces = folder.path().join("traces");
+    std::fs::create_dir(&traces).unwrap();
+    for entry in std::fs::read_dir(configs.join("traces")).unwrap() {
+        let path = entry.unwrap().path();
+        std::fs::copy(&path, traces.join(path.file_name().unwrap())).unwrap();
+    }
+    let run = tests::run(&config, folder.path(), &["--set", "experiment.duration_s=20"]);
+    std::fs::remove_dir_all(&traces).unwrap();
+    let moved = folder.path().join("elsewhere");
+    std::fs::rename(&run, &moved).unwrap();
+    let run = moved.to_str().unwrap();
+    let again = tests::orchestrator(&["reproduce", run, "--json", "answer.json"], folder.path());
+    assert!(again.status.success(), "{}", tests::said(&again));
+    let answer: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("answer.json")).unwrap()).unwrap();
+    assert_eq!(answer["different"], serde_json::json!([]));
+    assert!(5 <= answer["equal"].as_array().unwrap().len(), "{answer}");
+    // A record that does not say what was run.
+    let config = moved.join("config.toml");
+    let text = std::fs::read_to_string(&config).unwrap();
+    assert!(text.contains("duration_s = 20.0"), "{text}");
+    std::fs::write(&config, text.replace("duration_s = 20.0", "duration_s = 10.0")).unwrap();
+    let other = tests::orchestrator(&["reproduce", run], folder.path());
+    assert_eq!(other.status.code(), Some(1), "{}", tests::said(&other));
+    assert!(tests::said(&other).contains("run.mcap"), "{}", tests::said(&other));
+    assert!(tests::said(&other).contains("the first difference is in step"));
+}
