@@ -29,6 +29,14 @@ pub enum Fault {
     Silent,
     /// In step 3 it never answers, but it lives.
     Slow,
+    /// In step 3 it never answers, and neither does `Describe`, but its health service does.
+    Healthy,
+    /// From step 3 on it sends another velocity or signal strength than the one it has hashed.
+    OtherNumber,
+    /// From step 3 on it delivers payloads that nobody sent.
+    OtherPayload,
+    /// Its digests are of positions and deliveries alone.
+    LesserDigest,
     /// It speaks another version of the contract.
     OtherVersion,
     /// It keeps no snapshots, which is no fault.
@@ -73,7 +81,14 @@ impl Faulty {
             fault,
             silent: Silence::default(),
         };
-        Self::serve(move |server| server.add_service(NetSimServiceServer::new(host)))
+        Self::serve(move |server| {
+            let router = server.add_service(NetSimServiceServer::new(host));
+            if fault == Fault::Healthy {
+                router.add_service(tonic_health::server::health_reporter().1)
+            } else {
+                router
+            }
+        })
     }
 
     pub(crate) fn serve(
@@ -142,6 +157,7 @@ macro_rules! faulty {
         $step:ident, $stepped:ident, $barrier:ident, $barriered:ident, $session:ident, $sessioned:ident,
         $snapshot:ident, $snapped:ident, $restore:ident, $restored:ident, $command:ident, $commanded:ident,
         short: |$short:ident| $shorten:expr, nan: |$nan:ident| $poison:expr,
+        number: |$number:ident| $other_number:expr, payload: |$payload:ident| $other_payload:expr,
         hold: |$describe_hold:ident| $no_hold:expr, restless: |$restless:ident| $move:expr,
         asked: |$asked:ident| $is_held:expr
     ) => {
@@ -155,6 +171,9 @@ macro_rules! faulty {
                 let mut reply = self.inner.describe(request).await?;
                 // Single calls only: the barrier is then a call of its own.
                 reply.get_mut().session = false;
+                if self.fault == Fault::LesserDigest {
+                    reply.get_mut().full_digest = false;
+                }
                 if self.fault == Fault::OtherVersion {
                     reply.get_mut().contract_version = 7;
                 }
@@ -198,7 +217,15 @@ macro_rules! faulty {
                         let $nan = reply;
                         $poison;
                     }
-                    Fault::Silent => {
+                    Fault::OtherNumber => {
+                        let $number = reply;
+                        $other_number;
+                    }
+                    Fault::OtherPayload => {
+                        let $payload = reply;
+                        $other_payload;
+                    }
+                    Fault::Silent | Fault::Healthy => {
                         self.silent.fall();
                         self.silent.keep().await;
                     }
@@ -210,6 +237,7 @@ macro_rules! faulty {
                     Fault::WrongDigest
                     | Fault::OtherVersion
                     | Fault::NoSnapshots
+                    | Fault::LesserDigest
                     | Fault::CannotHold
                     | Fault::Restless => {}
                 }
@@ -270,6 +298,9 @@ faulty!(
     RobotSimServiceCommandRequest, RobotSimServiceCommandResponse,
     short: |reply| reply.states.as_mut().expect("states").x_m.truncate(1),
     nan: |reply| reply.states.as_mut().expect("states").y_m[0] = f64::NAN,
+    number: |reply| reply.states.as_mut().expect("states").vx_mps[0] += 1.0,
+    // Whatever robots say is theirs.
+    payload: |_reply| {},
     hold: |reply| reply.hold = false,
     restless: |reply| reply.states.as_mut().expect("states").x_m[0] += 1.0,
     asked: |request| request.hold
@@ -287,6 +318,14 @@ faulty!(
         .transmissions.as_mut().expect("transmissions")
         .sent_ns.truncate(1),
     nan: |reply| reply.deliveries.as_mut().expect("deliveries").rssi_dbm[0] = f32::NAN,
+    number: |reply| reply.deliveries.as_mut().expect("deliveries").rssi_dbm[0] += 1.0,
+    payload: |reply| {
+        let sent = reply.deliveries.as_mut().expect("deliveries").transmissions.as_mut();
+        let payloads = sent.expect("transmissions").payloads.as_mut().expect("payloads");
+        let mut data = payloads.data.to_vec();
+        data[0] ^= 1;
+        payloads.data = data.into();
+    },
     // Networks have nothing of the kind.
     hold: |_reply| {},
     restless: |_reply| {},

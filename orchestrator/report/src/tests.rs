@@ -28,7 +28,6 @@ fn header(name: &str) -> RunHeader {
         statistics: Vec::new(),
         warnings: Vec::new(),
         keeps_checkpoints: false,
-        keeps_checkpoints: false,
     }
 }
 

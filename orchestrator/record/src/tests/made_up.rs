@@ -33,7 +33,6 @@ pub(super) fn header(name: &str) -> RunHeader {
         statistics: Vec::new(),
         warnings: Vec::new(),
         keeps_checkpoints: false,
-        keeps_checkpoints: false,
     }
 }
 
