@@ -8,6 +8,7 @@ use tempfile::TempDir;
 
 pub mod campaign;
 pub mod fake;
+pub mod fault_campaign;
 pub mod forming;
 pub mod in_process;
 pub mod recording;
@@ -29,10 +30,11 @@ pub fn repository() -> PathBuf {
 #[must_use]
 pub fn executable(name: &str) -> PathBuf {
     let test = std::env::current_exe().expect("a test has an executable");
-    let target = test.ancestors().nth(2).expect("tests are in target/PROFILE/deps");
-    let path = target.join(name);
-    assert!(path.exists(), "{} is missing: build it with cargo test --workspace", path.display());
-    path
+    // Tests are in target/PROFILE/deps, other programs in target/PROFILE.
+    let mut paths = test.ancestors().skip(1).take(2).map(|folder| folder.join(name));
+    let found = paths.find(|path| path.exists());
+    assert!(found.is_some(), "{name} is missing: build it with cargo test --workspace");
+    found.unwrap_or_default()
 }
 
 /// A folder for one test, removed at its end.
