@@ -62,8 +62,8 @@ fn the_shortest_of_each_kind_is_what_the_simulators_tests_add_and_has_under_40_l
         test
     });
     let blocks = blocks(guide);
-    // The call that adds one, then an effect, a scheduling function, a controller and a scenario.
-    assert_eq!(blocks.len(), 5);
+    // The call that adds one, then a radio effect, a robot effect, a scheduling function, a controller and a scenario.
+    assert_eq!(blocks.len(), 6);
     for block in &blocks[1..] {
         let block = block.trim();
         assert!(tests.iter().any(|test| test.contains(block)), "in no test:\n{block}");

@@ -20,18 +20,20 @@ const fn number(key: &'static str) -> Field {
     Field { key, doc: "A number.", kind, default: Default::Number(1.0) }
 }
 
+const ABOUT: About = About {
+    mechanism: "",
+    equation: "",
+    source: "",
+    validity: "",
+    trace: "",
+    needs: &[],
+    example: "",
+};
+
 /// A drift to the east.
 static DRIFT: effect::Entry = effect::Entry {
     variant: Variant { name: "east-drift", doc: "A drift.", fields: &[number("east_mps")] },
-    about: About {
-        mechanism: "",
-        equation: "",
-        source: "",
-        validity: "",
-        trace: "",
-        needs: &[],
-        example: "",
-    },
+    about: ABOUT,
     fit: FIT,
     check: effect::UNCHECKED,
     build: |table| Some(Box::new(typed::<Drift>(table))),
