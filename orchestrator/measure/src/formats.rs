@@ -117,41 +117,53 @@ mod tests {
     use super::*;
     use std::io::Write as _;
 
-    /// A format from outside: a number a line, under one name.
-    const LINES: Format = Format {
-        name: "numbers",
-        recognises: |path, begin| {
-            path.extension().is_some_and(|extension| extension == "numbers") && !begin.is_empty()
-        },
-        read: |path, content| {
-            let values: Vec<f64> = content
-                .lines()
-                .map_while(Result::ok)
-                .map(|line| line.parse().unwrap_or(f64::NAN))
-                .collect();
-            let table = DataTable::of_columns(vec!["value".to_owned()], vec![values]);
-            Ok(DataTable { path: path.to_owned(), ..table })
-        },
+    /// A format from outside, as CONTRIBUTING.md shows it: one reading a line.
+    const READINGS: Format = Format {
+        name: "readings",
+        recognises: |path, _| path.extension().is_some_and(|extension| extension == "readings"),
+        read: read_readings,
     };
+
+    fn read_readings(path: &Path, content: Content<'_>) -> Result<DataTable, DataError> {
+        let names = ["tx", "rx", "rssi_dbm"];
+        let mut columns = vec![Vec::new(); names.len()];
+        for (line, text) in (1..).zip(content.lines()) {
+            let text = text.map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+            let fields: Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
+            let fields = fields.ok().filter(|fields| fields.len() == names.len());
+            let fields = fields.ok_or_else(|| DataError::Format {
+                path: path.to_owned(),
+                message: format!("line {line}: expected the numbers tx rx rssi_dbm, got {text:?}"),
+            })?;
+            for (column, value) in columns.iter_mut().zip(fields) {
+                column.push(value);
+            }
+        }
+        let table = DataTable::of_columns(names.map(str::to_owned).into(), columns);
+        Ok(DataTable { path: path.to_owned(), first_line: 1, ..table })
+    }
 
     #[test]
     fn a_format_from_outside_reads_what_it_recognises_compressed_or_not() {
         let folder = tempfile::tempdir().unwrap();
-        let formats: Vec<Format> = [LINES].iter().chain(BUILT_IN).copied().collect();
-        let plain = folder.path().join("plain.numbers");
-        std::fs::write(&plain, "1\n2.5\n").unwrap();
-        let compressed = folder.path().join("compressed.numbers");
+        let formats: Vec<Format> = [READINGS].iter().chain(BUILT_IN).copied().collect();
+        let plain = folder.path().join("plain.readings");
+        std::fs::write(&plain, "1 2 -70.5\n2 1 -71\n").unwrap();
+        let compressed = folder.path().join("compressed.readings");
         let file = File::create(&compressed).unwrap();
         let mut encoder = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
-        encoder.write_all(b"1\n2.5\n").unwrap();
+        encoder.write_all(b"1 2 -70.5\n2 1 -71\n").unwrap();
         encoder.finish().unwrap();
         for path in [&plain, &compressed] {
             let table = read(path, &formats).unwrap();
-            assert_eq!(table.column("value"), Some(&[1.0, 2.5][..]));
+            assert_eq!(table.column("rssi_dbm"), Some(&[-70.5, -71.0][..]));
             assert_eq!((table.path.as_path(), table.sha256.len()), (path.as_path(), 64));
-            // Without it, the first line is a bad header.
-            assert!(read(path, BUILT_IN).unwrap_err().to_string().contains("name the columns"));
+            assert!(read(path, BUILT_IN).unwrap().column("rssi_dbm").is_none());
         }
+        std::fs::write(&plain, "1 2 -70.5\n2 1\n").unwrap();
+        let error = read(&plain, &formats).unwrap_err().to_string();
+        let expected = "plain.readings: line 2: expected the numbers tx rx rssi_dbm, got \"2 1\"";
+        assert!(error.ends_with(expected), "{error}");
     }
 
     #[test]
