@@ -20,6 +20,7 @@ use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::{Ending, Recorder, RunHeader};
 use report;
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 use std::fmt;
@@ -461,27 +462,45 @@ impl BenchTable {
 }
 
 /// The JSON of [`BenchTable`].
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct BenchAnswer {
+    /// The format of this answer.
+    #[schemars(extend("const" = "bench/1"))]
     schema: &'static str,
+    /// Worker threads of the simulators as given by --threads; null: their default.
     threads: Option<u16>,
+    /// Median time of an exchange with two empty peers (ms); null if it was not timed.
     exchange_ms: Option<f64>,
+    /// Cells of the tables of propagation models and of controllers.
     rows: Vec<RowAnswer>,
+    /// Swarms over a whole network; null if that table was not asked for.
     swarm: Option<Vec<swarm::RowAnswer>>,
+    /// Networks of motes that stand still; null if that table was not asked for.
     standing: Option<Vec<standing::RowAnswer>>,
 }
 
-#[derive(Debug, Serialize)]
+/// A cell of the table of propagation models or controllers.
+#[derive(Debug, Serialize, JsonSchema)]
 struct RowAnswer {
+    /// Number of robots.
     agents: u32,
+    /// The propagation model.
     model: &'static str,
+    /// The controller of the robots.
     controller: &'static str,
+    /// How the processes are coupled.
     mode: &'static str,
+    /// Steps that were timed.
     steps: usize,
+    /// Median time of a step (ms).
     median_ms: f64,
+    /// Time (ms) that 90 % of the steps do not exceed.
     p90_ms: f64,
+    /// Time of BotNet's step on the same task (ms); null where there is none.
     botnet_ms: Option<f64>,
+    /// Time in BotNet's paper (ms); null where there is none.
     paper_ms: Option<f64>,
+    /// The goal for the median (ms); null where there is none.
     to_reach_ms: Option<f64>,
 }
 

@@ -6,6 +6,7 @@ use drive::peer::{SideError, Standing, connect};
 use experiment::Tls;
 use probe::Probe;
 use proto::digest;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt;
 use std::future::Future;
@@ -25,10 +26,10 @@ pub struct ConformanceOptions {
     pub agents: u32,
 }
 
-/// One promise and what became of it.
+/// One promise of the contract, and whether the simulator keeps it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// The promise.
+    /// What the contract demands, as a sentence.
     pub promise: &'static str,
     /// Whether it was kept.
     pub verdict: ContractVerdict,
@@ -37,13 +38,13 @@ pub struct Finding {
 /// Whether a promise was kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ContractVerdict {
-    /// It was.
+    /// The simulator keeps it.
     Kept,
-    /// It was not: an experiment with this simulator will fail or cannot be trusted.
+    /// The simulator breaks it: an experiment with this simulator will fail or cannot be trusted.
     Broken(String),
-    /// It was not, but the orchestrator never gives cause: a mistake of its users would go unnoticed.
+    /// The simulator accepts what it should refuse. The orchestrator never sends that, but a mistake of users would go unnoticed.
     Lax(String),
-    /// The simulator does not make it.
+    /// The promise is optional, and the simulator does not announce it.
     NotAnnounced,
 }
 
@@ -76,18 +77,27 @@ impl Conformance {
 }
 
 /// The JSON of [`Conformance`].
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct ConformanceAnswer<'a> {
+    /// The format of this answer.
+    #[schemars(extend("const" = "conformance/1"))]
     schema: &'static str,
+    /// What the simulator calls itself.
     name: &'a str,
+    /// Whether no promise is broken.
     good: bool,
+    /// Each promise of the contract that was tested.
     findings: Vec<FindingAnswer<'a>>,
 }
 
-#[derive(Debug, Serialize)]
+/// A promise of the contract, and whether the simulator keeps it.
+#[derive(Debug, Serialize, JsonSchema)]
 struct FindingAnswer<'a> {
+    /// The promise.
     promise: &'static str,
+    /// `kept`, `broken`, `lax` (accepted what should be refused) or `not-announced` (an option that the simulator does not offer).
     verdict: &'static str,
+    /// What happened instead; null where the promise is kept.
     reason: Option<&'a str>,
 }
 

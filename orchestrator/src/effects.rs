@@ -12,6 +12,7 @@ pub use picture::Picture;
 
 use proto::config::{Default, Field, Kind, Tag, Variant, most_similar};
 use proto::effect::{About, CONSTANT, Fit, Level};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write as _;
 
@@ -282,45 +283,75 @@ impl Listed {
 }
 
 /// The JSON of effects.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct EffectsAnswer {
+    /// The format of this answer.
+    #[schemars(extend("const" = "effects/1"))]
     schema: &'static str,
+    /// The effects, in the order of the catalogue.
     effects: Vec<EffectAnswer>,
 }
 
-#[derive(Debug, Serialize)]
+/// An effect of the catalogue.
+#[derive(Debug, Serialize, JsonSchema)]
 struct EffectAnswer {
+    /// Its name: the `kind` in a configuration.
     name: &'static str,
+    /// What it acts on: `radio`, `robots` or `network`.
     of: &'static str,
+    /// The section of the configuration that it stands in.
     section: &'static str,
+    /// What it is, in a sentence.
     doc: &'static str,
+    /// What happens physically.
     mechanism: &'static str,
+    /// What it computes.
     equation: &'static str,
+    /// Where the equation is from.
     source: &'static str,
+    /// Where it holds, and what it leaves out.
     validity: &'static str,
+    /// How it is seen in measurements.
     trace: &'static str,
+    /// What measurements must have so that it can be fitted.
     needs: Vec<String>,
+    /// On which data, left out of the fit, its gain is judged.
     judged: &'static str,
+    /// Names of effects that are special cases of it.
     generalises: &'static [&'static str],
+    /// The covariate that it is a straight line over; null if it is none.
     linear_in: Option<&'static str>,
+    /// Its keys.
     parameters: Vec<ParameterAnswer>,
+    /// A section of a configuration with it (TOML).
     example: String,
+    /// A curve of it with the keys of the example; null if there is none.
     picture: Option<Picture>,
 }
 
-#[derive(Debug, Serialize)]
+/// A key of an effect.
+#[derive(Debug, Serialize, JsonSchema)]
 struct ParameterAnswer {
+    /// The key in the configuration.
     key: &'static str,
+    /// What it means.
     doc: &'static str,
+    /// Its unit; null if it has none.
     unit: Option<&'static str>,
+    /// Which values are allowed, in words.
     range: String,
+    /// How it is fitted to measurements; null if it is not.
     fit: Option<FitAnswer>,
 }
 
-#[derive(Debug, Serialize)]
+/// How a key is fitted to measurements.
+#[derive(Debug, Serialize, JsonSchema)]
 struct FitAnswer {
+    /// Least value of the fit.
     min: f64,
+    /// Greatest value of the fit.
     max: f64,
+    /// Values at which the fit starts.
     starts: &'static [f64],
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use tests::campaign::{Campaign, Drive, Fleet, Hidden, Layout, RobotHidden, Size};
 use tests::reporting::sensors_of;
-use tests::{folder, orchestrator, said};
+use tests::{Server, folder, orchestrator, said};
 
 const FLOCK: &str = r#"
 [experiment]
@@ -182,6 +182,22 @@ fn answers_about_runs_and_networks_satisfy_their_schemas() {
     answer("extend", &[&packets[..], &effect].concat());
     let task = ["flock.toml", "--data", "runs/flock", "--heard", "runs/flock", "--seeds", "99"];
     answer("compare", &task);
+}
+
+#[test]
+fn answers_about_effects_speed_and_the_contract_satisfy_their_schemas() {
+    let dir = folder();
+    let answer = |name: &str, args: &[&str]| answered(dir.path(), name, args);
+    answer("effects", &[]);
+    answer("effects", &["two-ray-ground"]);
+    answer("bench", &["--table", "propagation", "--agents", "5", "--steps", "20"]);
+    let server = Server::start("netsim", &[]).unwrap();
+    std::fs::write(
+        dir.path().join("side.toml"),
+        "[phy]\npropagation = \"experimental-randomness\"\n",
+    )
+    .unwrap();
+    answer("conformance", &["netsim", &server.url, "--config", "side.toml"]);
 }
 
 #[test]

@@ -9,6 +9,7 @@ use drive::Wanted;
 use experiment::{Overrides, Plan};
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::{self, Write as _};
 use std::path::Path;
@@ -236,19 +237,31 @@ impl StandingTable {
 }
 
 /// A row of the answer for programs.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RowAnswer {
+    /// Number of motes, roots included.
     motes: u32,
+    /// Number of roots.
     roots: u32,
+    /// The scheduling function.
     scheduling_function: &'static str,
+    /// Period of the application of each mote (s).
     app_period_s: u32,
+    /// Simulated time until the network had formed (s); null if it did not.
     formed_s: Option<f64>,
+    /// Wall time of forming (s).
     forming_wall_s: f64,
+    /// Wall time of a simulated hour after that (s).
     hour_wall_s: f64,
+    /// Packets delivered in that hour.
     delivered: u64,
+    /// Packets lost in that hour.
     lost: u64,
+    /// Wall time that the 6TiSCH simulator takes (s); null where it is unknown.
     simulator_6tisch_s: Option<f64>,
+    /// Wall time that TSCH-Sim takes (s); null where it is unknown.
     tsch_sim_s: Option<f64>,
+    /// The goal for the wall time (s); null where there is none.
     to_reach_s: Option<f64>,
 }
 

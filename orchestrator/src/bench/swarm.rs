@@ -9,6 +9,7 @@ use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
@@ -164,15 +165,23 @@ impl SwarmTable {
 }
 
 /// A row of the answer for programs.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RowAnswer {
+    /// Number of robots.
     agents: u32,
+    /// Simulated time until the network had formed (s); null if it did not.
     formed_s: Option<f64>,
+    /// Steps that were timed.
     steps: usize,
+    /// Median time of a step (ms).
     median_ms: f64,
+    /// Time (ms) that 90 % of the steps do not exceed.
     p90_ms: f64,
+    /// Time of BotNet's step on the same task (ms); null where there is none.
     botnet_ms: Option<f64>,
+    /// Time in BotNet's paper (ms); null where there is none.
     paper_ms: Option<f64>,
+    /// The goal for the median (ms).
     to_reach_ms: f64,
 }
 

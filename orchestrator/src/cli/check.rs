@@ -15,8 +15,8 @@ pub(super) struct CheckArgs {
     /// The experiment file (TOML); with --data, the sections that describe the measured part suffice
     #[arg(required_unless_present = "data")]
     config: Option<PathBuf>,
-    /// Check measurements instead (CSV, gzipped CSV or Parquet): list their contents, anomalies, and the effects that they
-    /// can reveal
+    /// Check measurements instead (CSV, Parquet, K7 or the folder of a run; CSV and K7 may be gzipped): list their
+    /// contents, anomalies, and the effects that they can reveal
     #[arg(long, value_name = "FILE")]
     data: Option<PathBuf>,
     #[command(flatten)]

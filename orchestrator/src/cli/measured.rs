@@ -37,7 +37,8 @@ pub(super) struct DataArgs {
     /// The configuration (TOML): a complete experiment for packets; for links and robots, the sections that describe them
     /// suffice
     config: PathBuf,
-    /// The measurements: link samples, robot samples or packets (CSV, gzipped CSV or Parquet)
+    /// The measurements: link samples, robot samples or packets (CSV, Parquet, K7 or the folder of a run; CSV and K7 may be
+    /// gzipped)
     #[arg(long, value_name = "FILE")]
     data: PathBuf,
     /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable

@@ -1,11 +1,14 @@
 //! `orchestrator schema`: the JSON Schema of experiment files, and of the answers that `--json` and `summary.json` hold.
 
 use super::Failure;
+use crate::bench::BenchAnswer;
 use crate::check::data_check::DataCheck;
 use crate::check::{ExperimentCheck, SweepCheck};
 use crate::compare_runs::runs_comparison::RunsComparison;
+use crate::conformance::ConformanceAnswer;
 use crate::console::say;
 use crate::dry_run::DryRun;
+use crate::effects::EffectsAnswer;
 use crate::run::Reproduction;
 use crate::run::run_answer::RunAnswer;
 use crate::sweep::sweep_summary::SweepSummary;
@@ -46,7 +49,8 @@ const EXPERIMENT: &str = "experiment";
 type OfType = fn(&mut SchemaGenerator) -> Schema;
 
 /// The answers: the command that gives it, and the types that it may have.
-const ANSWERS: [(&str, &[OfType]); 11] = [
+const ANSWERS: [(&str, &[OfType]); 14] = [
+    ("bench", &[SchemaGenerator::subschema_for::<BenchAnswer>]),
     (
         "check",
         &[
@@ -64,6 +68,7 @@ const ANSWERS: [(&str, &[OfType]); 11] = [
         ],
     ),
     ("compare-runs", &[SchemaGenerator::subschema_for::<RunsComparison>]),
+    ("conformance", &[SchemaGenerator::subschema_for::<ConformanceAnswer<'static>>]),
     (
         "diagnose",
         &[
@@ -71,6 +76,7 @@ const ANSWERS: [(&str, &[OfType]); 11] = [
             SchemaGenerator::subschema_for::<NetworkDiagnosis>,
         ],
     ),
+    ("effects", &[SchemaGenerator::subschema_for::<EffectsAnswer>]),
     (
         "extend",
         &[

@@ -11,10 +11,11 @@ use netsim::phy::scatter::{Moment, PairBlock, Renewal};
 use numbers::format::trimmed;
 use proto::site::{Foliage, Site, Wall};
 use report::svg::{Axis, Chart};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// One curve.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Picture {
     /// What is on the horizontal axis, with the unit.
     pub x: &'static str,

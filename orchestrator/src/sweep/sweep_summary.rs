@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// What the schema of the summary is called.
 pub const SCHEMA: &str = "murmuration/sweep/1";
 
-/// The summary of a sweep.
+/// The summary of a sweep: its trials, and figures of each setting over the seeds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SweepSummary {
     /// The format of this file: `murmuration/sweep/1`.
@@ -19,7 +19,7 @@ pub struct SweepSummary {
     pub trials: usize,
     /// The seeds with which every setting was run.
     pub seeds: Vec<u64>,
-    /// The settings.
+    /// Figures of each setting, in the order of the sweep.
     pub settings: Vec<SettingSummary>,
     /// What to check before the results are trusted, a sentence each.
     pub warnings: Vec<String>,
