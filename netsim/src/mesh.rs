@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`network`] | the network as a whole: what a step brings in, and what it reports |
 //! | `slot`, `scratch` | one slot: ask, resolve, tell; and its buffers |
-//! | `hush` | who is known not to listen |
+//! | `hush` | in which slots motes listen, cached |
 //! | [`calendar`] | in which slot which mote has something to do |
 //! | [`settings`] | what all motes have in common |
 //! | [`addresses`] | which mote has which address |

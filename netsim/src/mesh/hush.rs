@@ -1,42 +1,42 @@
-//! Who is known not to listen, or to listen where everybody does: a few bits of each mote in one place, so that most need
-//! not be looked at.
+//! In which slots each mote listens, cached as bits in one array, so that most motes of a slot need not be asked.
 
 use crate::mac::{Cell, CellOptions, CellRef, Schedule, Tsch};
 
-/// By mote, the slots of its slotframes in which it listens. Derived from motes whenever they are rescheduled, and
-/// forgotten while they act; no part of the state.
+/// By mote, the slots of its slotframe in which it listens. Computed from the motes' schedules when they change, and invalid
+/// for a mote while it acts; not part of the saved state.
 #[derive(Debug)]
-pub(super) struct Hush {
-    /// By mote: number of changes of its schedule for which its bits hold, plus one; 0: nothing is known.
+pub(super) struct ListeningCache {
+    /// By mote: the number of changes of its schedule at which its bits were computed, plus one; 0: never.
     holds_for: Vec<u64>,
-    /// By mote: whether its bits may be used.
+    /// By mote: whether its bits are valid.
     is_known: Vec<bool>,
-    /// By mote: handle and channel offset of its background, if that is in force in any slot.
+    /// By mote: slotframe handle and channel offset of its background cell, if it has one.
     background: Vec<Option<(u8, u16)>>,
-    /// Length of all motes' slotframes (slots); those with another are not known. 0: that of the first mote noted.
+    /// Length (slots) of the slotframes that are cached: that of the first mote noted; 0 before. Motes with another length are
+    /// not cached.
     slots: u16,
-    /// `words` for each mote: two bits for each slot, that it listens, and that it does so by its background.
+    /// `words` entries per mote, in each 64 slots: a bit per slot for listening, and one for listening in the background cell.
     bits: Vec<[u64; 2]>,
     words: usize,
-    /// The slot asked for last, and its place in the slotframe.
+    /// The absolute slot number asked for last, and its offset in the slotframe.
     latest: (u64, usize),
 }
 
-/// What is known of a mote in a slot.
+/// What the cache says of a mote in a slot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Known {
-    /// Nothing.
-    Nothing,
+    /// Not cached: ask the mote.
+    Unknown,
     /// It does not listen.
     Silent,
-    /// It listens in its background.
+    /// It listens in its background cell.
     Background(CellRef),
 }
 
-/// Longer slotframes are not kept (slots): two kilobytes for each mote.
+/// Longest slotframe that is cached (slots): two kilobytes for each mote.
 const LONGEST: u16 = 8192;
 
-impl Hush {
+impl ListeningCache {
     pub(super) fn new(n: usize) -> Self {
         Self {
             holds_for: vec![0; n],
@@ -49,12 +49,12 @@ impl Hush {
         }
     }
 
-    /// The mote may change from now on.
+    /// Makes the bits of a mote invalid, since it may change from now on.
     pub(super) fn forget(&mut self, mote: u32) {
         self.is_known[mote as usize] = false;
     }
 
-    /// The mote stays as it is until something happens to it.
+    /// Computes the bits of a mote, which stays as it is until [`ListeningCache::forget`].
     pub(super) fn note(&mut self, mote: u32, mac: &Tsch, schedule: &Schedule) {
         let place = mote as usize;
         self.is_known[place] = false;
@@ -89,12 +89,12 @@ impl Hush {
         self.is_known[place] = true;
     }
 
-    /// What is known of a mote in a slot.
+    /// What the cache says of a mote in an absolute slot.
     #[inline]
     pub(super) fn known(&mut self, mote: u32, asn: u64) -> Known {
         let place = mote as usize;
         if !self.is_known[place] {
-            return Known::Nothing;
+            return Known::Unknown;
         }
         if self.latest.0 != asn {
             self.latest = (asn, (asn % u64::from(self.slots)) as usize);
@@ -109,7 +109,7 @@ impl Hush {
                 let cell = Cell::new(slot as u16, channel, CellOptions::RX, None);
                 Known::Background(CellRef { handle, cell })
             }
-            _ => Known::Nothing,
+            _ => Known::Unknown,
         }
     }
 }
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn what_is_known_is_true_and_of_those_noted_it_is_known_who_is_silent_or_in_the_background() {
         let config = config();
-        let mut hush = Hush::new(5);
+        let mut cache = ListeningCache::new(5);
         let mut motes: Vec<(Tsch, Schedule)> = (0..5)
             .map(|mote| {
                 let mac = Tsch::new(&config, Eui64::of_mote(mote), mote, true, 1);
@@ -165,24 +165,24 @@ mod tests {
                 let slot = (mote as u16 * 37 + u16::from(handle) * 50) % slots;
                 schedule.add(handle, Cell::new(slot, 0, CellOptions::RX, None)).unwrap();
             }
-            hush.note(mote, mac, schedule);
+            cache.note(mote, mac, schedule);
         }
         motes[1].1.remove_where(2, |_| true);
-        hush.note(1, &motes[1].0, &motes[1].1);
+        cache.note(1, &motes[1].0, &motes[1].1);
         // Mote 0 has a background that gives way to a cell in one slot.
         let schedule = &mut motes[0].1;
         schedule.remove_slotframe(1);
         schedule.remove_slotframe(2);
         schedule.set_background(0, Some(3)).unwrap();
         schedule.add(0, Cell::new(70, 0, CellOptions::TX, None)).unwrap();
-        hush.note(0, &motes[0].0, &motes[0].1);
-        hush.forget(2);
+        cache.note(0, &motes[0].0, &motes[0].1);
+        cache.forget(2);
         let mut n_background = 0;
         for asn in 0..1010 {
             for (mote, (mac, schedule)) in (0..).zip(&motes) {
                 let listening = mac.listening(&config, schedule, 1, asn);
-                let known = match hush.known(mote, asn) {
-                    Known::Nothing => {
+                let known = match cache.known(mote, asn) {
+                    Known::Unknown => {
                         assert!(2 <= mote || listening.is_some(), "{mote} in {asn}");
                         continue;
                     }

@@ -17,13 +17,13 @@ pub struct Inbox {
 /// A payload on the air.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sent {
-    /// Who sent it.
+    /// Number of the mote that sent it.
     pub sender: u32,
     /// When (ns).
     pub sent_ns: u64,
     /// When the slot of its first frame ended (ns).
     pub end_ns: u64,
-    /// What.
+    /// The payload as the robot gave it.
     pub payload: Bytes,
     /// For whom alone; `None`: everyone in reach.
     pub destination: Option<u32>,
@@ -39,7 +39,7 @@ struct HeardOne {
 }
 
 impl Inbox {
-    /// Nothing was sent.
+    /// Removes all that was received.
     pub fn clear(&mut self) {
         self.sent.clear();
         self.heard.clear();

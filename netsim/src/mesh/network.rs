@@ -3,7 +3,7 @@
 use super::addresses::Addresses;
 use super::calendar::Calendar;
 use super::capture::Capture;
-use super::hush::Hush;
+use super::hush::ListeningCache;
 use super::inbox::Inbox;
 use super::packets::Packets;
 use super::scratch::Scratch;
@@ -21,18 +21,18 @@ use proto::types::{DeliveryColumn, Experiment, NetRecord};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// What changes as time goes on.
+/// The state of the network: all that changes with time, and that a snapshot saves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// Where things are.
+    /// Positions of the motes.
     pub place: Place,
-    /// All motes.
+    /// The motes, by number.
     pub motes: Vec<Mote>,
-    /// Who acts when.
+    /// For each mote, the next slot in which it acts.
     pub calendar: Calendar,
     /// Packets from end to end.
     pub packets: Packets<DropReason>,
-    /// Noise on channels.
+    /// Jamming of channels that is in force.
     pub jams: Jams,
     /// Frames heard, by receiver; empty if nobody wants to know.
     pub heard: Vec<Vec<HeardOf>>,
@@ -74,7 +74,7 @@ pub struct Mesh {
     pub(super) scratch: Scratch,
     /// By mote: when a timer wants to be looked at (ns), as last rescheduled; 0: not known.
     pub(super) due_ns: Vec<u64>,
-    pub(super) hush: Hush,
+    pub(super) listening_cache: ListeningCache,
     /// Somebody has become ready, or is no longer, since it was last looked whether all are.
     pub(super) readiness_changed: bool,
 }
@@ -159,7 +159,7 @@ impl Mesh {
             capture,
             scratch: Scratch::new(n),
             due_ns: vec![0; n],
-            hush: Hush::new(n),
+            listening_cache: ListeningCache::new(n),
             readiness_changed: true,
         }
     }
@@ -265,7 +265,7 @@ impl Mesh {
         let timeout = node.poll_timeout(&self.settings.mac);
         self.due_ns[mote as usize] = timeout.unwrap_or(u64::MAX);
         let timer_asn = timeout.map(|due_ns| due_ns.div_ceil(slot_ns).max(from_asn));
-        self.hush.note(mote, &node.mac, &node.schedule);
+        self.listening_cache.note(mote, &node.mac, &node.schedule);
         let tx_asn = node.mac.next_tx_asn(&self.settings.mac, &node.schedule, from_asn);
         let next = [timer_asn, tx_asn, node.mac.follows_at(from_asn)].into_iter().flatten().min();
         self.state.calendar.set(mote, next);

@@ -65,7 +65,7 @@ impl Mesh {
             node.switch_off(&mut world);
             // It may have been the last one that was missing.
             self.readiness_changed = true;
-            self.hush.forget(mote);
+            self.listening_cache.forget(mote);
             self.state.calendar.set(mote, None);
         }
     }

@@ -39,9 +39,9 @@ pub struct Packet {
     pub id: u64,
     /// What it is for.
     pub kind: PacketKind,
-    /// Who made it.
+    /// Number of the mote that made it.
     pub source: u32,
-    /// For whom.
+    /// Number of the mote that it is for.
     pub destination: u32,
     /// When it was made (ns).
     pub created_ns: u64,

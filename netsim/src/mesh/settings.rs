@@ -15,30 +15,30 @@ use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU, payload_room};
 
-/// Settings of the network.
+/// Settings of the network, the same for all motes, as checked from the configuration.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Motes that are roots, ascending.
     pub roots: Vec<u32>,
-    /// The MAC.
+    /// Settings of the MAC layer (TSCH).
     pub mac: tsch::Config,
     /// What effects lay on each mote; empty without effects.
     pub burdens: Vec<Burden>,
-    /// The scheduling function.
+    /// The scheduling function and its settings.
     pub sf: sf::Config,
-    /// 6P.
+    /// Settings of 6P (RFC 8480): timeouts and retries.
     pub sixtop: sixtop::Config,
-    /// Routing.
+    /// Settings of routing (RPL).
     pub rpl: rpl::Config,
-    /// Fragments.
+    /// Settings of 6LoWPAN fragmentation.
     pub lowpan: lowpan::Config,
-    /// Admission.
+    /// Settings of the join protocol, by which motes are admitted.
     pub join: join::Config,
-    /// Applications.
+    /// Applications, each with the motes that run it.
     pub apps: Vec<app::Spec>,
     /// How the swarm's payloads travel.
     pub transport: Transport,
-    /// From uses of the radio to charge.
+    /// How charge is computed from uses of the radio.
     pub energy: energy::Model,
     /// Charge of a new battery (mAh).
     pub battery_mah: f64,

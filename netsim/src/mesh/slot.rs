@@ -65,7 +65,7 @@ impl Mesh {
     }
 
     fn let_time_pass(&mut self, mote: u32, asn: u64) {
-        self.hush.forget(mote);
+        self.listening_cache.forget(mote);
         let is_due = self.due_ns[mote as usize] <= asn * self.config.slot_ns;
         let (node, mut world) = self.mote_and_world(mote, asn);
         if is_due
@@ -148,7 +148,7 @@ impl Mesh {
     fn find_listeners(&mut self, asn: u64) {
         let stamp = asn + 1;
         let now_ns = asn * self.config.slot_ns;
-        let Self { scratch, state, links, settings, experiment, hush, .. } = self;
+        let Self { scratch, state, links, settings, experiment, listening_cache, .. } = self;
         let Scratch { sending, on_air, seen, listeners, heard, .. } = scratch;
         on_air.clear();
         listeners.clear();
@@ -176,14 +176,14 @@ impl Mesh {
                 if seen[mote as usize] == stamp {
                     continue;
                 }
-                let listening = match hush.known(mote, asn) {
+                let listening = match listening_cache.known(mote, asn) {
                     Known::Silent => continue,
                     Known::Background(at) => {
                         let channel = channel_of(&settings.mac, asn, at.cell.channel);
                         let listening = Listening::synchronised(Some(at), channel);
                         Listening { is_background: true, ..listening }
                     }
-                    Known::Nothing => {
+                    Known::Unknown => {
                         let node = &state.motes[mote as usize];
                         let mac = &settings.mac;
                         match node.mac.listening(mac, &node.schedule, experiment.seed, asn) {

@@ -28,29 +28,31 @@ pub struct Measurements<'a> {
     pub account: &'a DataAccount,
 }
 
-/// The study and the fit of some terms that numbers are taken from: all rows, where the search looked at some of them.
+/// The study and the fit of some terms that numbers are taken from: of `all_rows`, where the search used some rows only.
+/// `None`: the search used all.
 pub fn numbers<'a, S: Study>(
     search: &Search<'a, S>,
     study: &'a S,
-    whole: Option<&'a S>,
+    all_rows: Option<&'a S>,
     terms: &[usize],
 ) -> (&'a S, Arc<S::Fit>) {
     let found = search.full_fit(terms, COMMON, None);
-    let Some(whole) = whole else { return (study, found) };
-    (whole, Arc::new(whole.fit(terms, &whole.fitted_rows(), COMMON, Some(&found))))
+    let Some(all_rows) = all_rows else { return (study, found) };
+    (all_rows, Arc::new(all_rows.fit(terms, &all_rows.fitted_rows(), COMMON, Some(&found))))
 }
 
-/// The answer of a search. `whole`: all rows, where the search looked at some of them.
+/// The answer of a search. `residuals`: structure that is left in the residuals. `all_rows`: the study of all rows, where the
+/// search used some of them only.
 pub fn answer<S: Study>(
     study: &S,
     search: &Search<'_, S>,
     ladder: &Ladder,
     measurements: Measurements<'_>,
-    left_over: &Unexplained,
-    whole: Option<&S>,
+    residuals: &Unexplained,
+    all_rows: Option<&S>,
 ) -> Diagnosis {
-    let (numbers_of, fit) = numbers(search, study, whole, &ladder.accepted);
-    let unexplained = unexplained(study, ladder, left_over);
+    let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
+    let unexplained = unexplained(study, ladder, residuals);
     let missing: Vec<String> = ladder
         .accepted
         .iter()
@@ -103,11 +105,11 @@ fn rung<S: Study>(study: &S, rung: &ladder::LadderStep) -> Rung {
 }
 
 /// Structure that no effect explains: the curves that were accepted, and what a scan of the residuals found.
-fn unexplained<S: Study>(study: &S, ladder: &Ladder, left_over: &Unexplained) -> Vec<Structure> {
+fn unexplained<S: Study>(study: &S, ladder: &Ladder, residuals: &Unexplained) -> Vec<Structure> {
     let curves = ladder.accepted.iter().enumerate();
     let mut structure: Vec<Structure> =
-        curves.filter_map(|(step, &term)| curve(study, ladder, left_over, (step, term))).collect();
-    if let Some(left) = &left_over.structure {
+        curves.filter_map(|(step, &term)| curve(study, ladder, residuals, (step, term))).collect();
+    if let Some(left) = &residuals.structure {
         let formula = left.formula.as_ref();
         structure.push(Structure {
             covariate: left.covariate.clone(),
@@ -128,7 +130,7 @@ fn unexplained<S: Study>(study: &S, ladder: &Ladder, left_over: &Unexplained) ->
 fn curve<S: Study>(
     study: &S,
     ladder: &Ladder,
-    left_over: &Unexplained,
+    residuals: &Unexplained,
     (step, term): (usize, usize),
 ) -> Option<Structure> {
     let candidate = &study.candidates()[term];
@@ -142,7 +144,7 @@ fn curve<S: Study>(
     };
     // A curve over the same with other knots is not another cause.
     let others = test.ties.iter().filter_map(|&tie| study.candidates()[tie].curve_over());
-    let formula: Option<&FittedFormula> = left_over.formulas.get(&candidate.name);
+    let formula: Option<&FittedFormula> = residuals.formulas.get(&candidate.name);
     Some(Structure {
         covariate: covariate.to_owned(),
         affects: Some(affects),

@@ -94,7 +94,7 @@ fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
 /// The configuration with terms added: the text as it was, then the new sections with the fit's provenance.
 ///
 /// * `section`: the section of an effect, such as `netsim.phy.effect`.
-/// * `whole`: all rows, if the search used some of them only.
+/// * `all_rows`: the study of all rows, if the search used some of them only.
 /// * `noise_key`: section, key and value of the model's noise, if it is to be written.
 ///
 /// # Errors
@@ -107,7 +107,7 @@ pub fn extend<S: Study>(
     search: &Search<'_, S>,
     terms: &[usize],
     section: &str,
-    whole: Option<&S>,
+    all_rows: Option<&S>,
 ) -> Result<ExtendedConfig, ExtendError> {
     let candidates = study.candidates();
     let terms: Vec<usize> =
@@ -116,7 +116,7 @@ pub fn extend<S: Study>(
         return Err(ExtendError::Nothing);
     }
     fit_together(study, search, &terms);
-    let (measured, fit) = numbers(search, study, whole, &terms);
+    let (measured, fit) = numbers(search, study, all_rows, &terms);
     let before = Scores::mean(&search.held_out_scores(&[], COMMON));
     let after = Scores::mean(&search.held_out_scores(&terms, COMMON));
     let mut text = config.text.trim_end().to_owned();

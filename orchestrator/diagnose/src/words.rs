@@ -49,7 +49,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
     }
     for structure in &diagnosis.unexplained {
-        left_over(&mut text, structure);
+        unexplained(&mut text, structure);
     }
     for next in &diagnosis.next_measurement {
         let _ = writeln!(text, "{}", next.sentence);
@@ -110,7 +110,7 @@ fn accepted(text: &mut String, candidate: &Tested) {
     }
 }
 
-fn left_over(text: &mut String, structure: &Structure) {
+fn unexplained(text: &mut String, structure: &Structure) {
     let error = if structure.is_of_losses() { "log loss of reception" } else { "squared error" };
     let formulas: Vec<String> = structure
         .formulas()

@@ -101,11 +101,11 @@ pub struct MeasuredPage<'a> {
     pub config: String,
     /// The command that makes this page again.
     pub command: String,
-    /// The answer.
+    /// The comparison or diagnosis that the page shows.
     pub answer: MeasuredAnswer<'a>,
     /// The site of the configuration.
     pub site: &'a Site,
-    /// The rows.
+    /// The measured rows with the model's predictions, for the pictures.
     pub rows: MeasuredRows,
     /// The model as configured, held out.
     pub before: RowPredictions,
@@ -153,7 +153,7 @@ const SECTIONS: &[Section] = &[
     ladder::section,
     words::parameters,
     words::ties,
-    words::left_over,
+    words::unexplained,
     errors::by_covariate,
     places::maps,
     errors::of_distributions,

@@ -31,7 +31,7 @@ fn class(mean: f64, scale: f64) -> usize {
     }
 }
 
-/// What was found on the map: pieces and discs.
+/// Obstacles that the diagnosis located: screens as pairs of end points (m), discs as centre and radius (m).
 type Found = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], f64)>);
 
 fn found(contents: &MeasuredPage<'_>) -> Found {
@@ -93,7 +93,7 @@ fn maps_of_models(contents: &MeasuredPage<'_>) -> Vec<Picture> {
         .collect()
 }
 
-/// Errors of this size are far off: as large as the noise that the model says there is.
+/// The error at which the colour scale is extreme: the median noise of the model, in the unit of the errors.
 fn scale(view: &RowPredictions) -> f64 {
     super::quantiles(view.sd.iter().copied(), &[0.5]).map_or(1.0, |median| median[0].max(1e-6))
 }

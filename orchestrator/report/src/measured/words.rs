@@ -183,14 +183,14 @@ pub(crate) fn ties_of<'a>(
 }
 
 /// Structure that no effect explains.
-pub(super) fn left_over(contents: &MeasuredPage<'_>) -> Option<Markup> {
+pub(super) fn unexplained(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let diagnosis = contents.answer.diagnosis()?;
     let structure = &diagnosis.unexplained;
     let is_searched = diagnosis.kind == Subject::Links && diagnosis.too_little.is_none();
     Some(html! {
         h2 { "Unexplained structure" }
         @if !structure.is_empty() {
-            ul { @for entry in structure { li { (left_over_in_words(entry)) } } }
+            ul { @for entry in structure { li { (unexplained_in_words(entry)) } } }
         } @else if is_searched {
             p { "No covariate explains a significant part of the residuals." }
         } @else {
@@ -199,7 +199,7 @@ pub(super) fn left_over(contents: &MeasuredPage<'_>) -> Option<Markup> {
     })
 }
 
-fn left_over_in_words(entry: &Structure) -> Markup {
+fn unexplained_in_words(entry: &Structure) -> Markup {
     let [what, error] = if entry.is_of_losses() {
         ["the share of frames lost", "the log loss of reception"]
     } else {

@@ -27,9 +27,9 @@ const FINALISTS: usize = 3;
 /// Losses that are tried (dB).
 const LOSSES_DB: [f64; 4] = [2.0, 4.0, 8.0, 14.0];
 
-/// Slopes of the rows under a fit.
+/// The log likelihood of each training row under a fit, with its derivatives by the row's level (per dB), in the order of `train`.
 #[must_use]
-pub fn left_over(
+pub fn row_likelihoods(
     rows: &ModelledLinks,
     fit: &LinkFit,
     specs: &[&TermSpec],
@@ -47,7 +47,7 @@ pub fn left_over(
         .collect()
 }
 
-/// A way between two places in the plane, with what the rows on it say.
+/// A path between two places in the plane, with the derivatives of the rows on it, summed.
 #[derive(Clone, Copy, Debug)]
 struct LinkPath {
     from_m: [f64; 2],
@@ -56,10 +56,10 @@ struct LinkPath {
     weight: f64,
 }
 
-/// Rows between the same places, together.
-fn ways(rows: &ModelledLinks, train: &[u32], left: &[RowLikelihood]) -> Vec<LinkPath> {
+/// Paths of the training rows, those between the same two places summed.
+fn ways(rows: &ModelledLinks, train: &[u32], likelihoods: &[RowLikelihood]) -> Vec<LinkPath> {
     let mut ways: BTreeMap<[u64; 4], LinkPath> = BTreeMap::new();
-    for (&row, slope) in train.iter().zip(left) {
+    for (&row, slope) in train.iter().zip(likelihoods) {
         let (tx, rx) = rows.ends(row as usize);
         let (mut a, mut b) =
             ([tx.position_m[0], tx.position_m[1]], [rx.position_m[0], rx.position_m[1]]);
@@ -158,10 +158,10 @@ fn score_gain(shape: &ObstacleShape, ways: &[LinkPath]) -> (f64, f64) {
 pub fn obstacles(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     start: &TermState,
 ) -> Vec<TermState> {
-    let ways = ways(rows, train, left);
+    let ways = ways(rows, train, likelihoods);
     let mut low = [f64::INFINITY; 2];
     let mut high = [f64::NEG_INFINITY; 2];
     for way in &ways {
@@ -281,12 +281,12 @@ fn refined(shape: ObstacleShape, ways: &[LinkPath]) -> (f64, ObstacleShape) {
 pub fn sagging(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     start: &TermState,
 ) -> Vec<TermState> {
     // Slope of each transmitter over time, by the score test, its mean level taken out.
     let mut sums: BTreeMap<u32, [f64; 5]> = BTreeMap::new();
-    for (&row, slope) in train.iter().zip(left) {
+    for (&row, slope) in train.iter().zip(likelihoods) {
         let measured = &rows.links.rows[row as usize];
         let hours = measured.time_s / 3600.0;
         if hours.is_finite() {

@@ -64,7 +64,7 @@ impl LinkStudy {
     /// What the rows say about their levels under a fit.
     pub(super) fn slopes_left(&self, fit: &LinkFit, train: &[u32]) -> Vec<RowLikelihood> {
         let specs = self.specs_of(&fit.terms);
-        search::left_over(&self.rows, fit, &specs, self.cells(fit.decorrelation_m), train)
+        search::row_likelihoods(&self.rows, fit, &specs, self.cells(fit.decorrelation_m), train)
     }
 
     /// A pattern with headings of still nodes, on top of `parent`: pattern and headings are found in turn.
