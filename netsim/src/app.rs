@@ -27,7 +27,7 @@ pub enum Destination {
 /// A packet to be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Packet {
-    /// For whom.
+    /// Destination of the packet.
     pub destination: Destination,
     /// Length of its UDP payload (bytes).
     pub payload_bytes: u16,

@@ -167,7 +167,7 @@ pub struct Config {
     pub absent: Vec<u32>,
     /// Height of antennas above planar positions (m).
     pub antenna_height_m: f64,
-    /// The radio.
+    /// The radio model, shared with the network that uses it.
     pub model: Arc<Model>,
     /// What frames that are on the air together do to each other.
     pub interference: Option<Interference>,

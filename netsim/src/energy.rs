@@ -48,7 +48,7 @@ pub enum SlotUse {
     },
 }
 
-/// How charge is reckoned.
+/// How charge is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Model {
@@ -136,7 +136,7 @@ impl Model {
 /// Frames of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Frames {
-    /// How many.
+    /// Number of such slots.
     pub n: u64,
     /// Their lengths together (PSDU, bytes).
     pub bytes: u64,
@@ -161,7 +161,7 @@ impl Frames {
 /// from the schedule instead of counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Usage {
-    /// Slots off.
+    /// Slots in which the radio was off.
     pub sleep: u64,
     /// Slots in which nothing came.
     pub idle_listen: u64,
@@ -200,7 +200,7 @@ pub mod on_time {
 }
 
 impl Usage {
-    /// Counts a slot.
+    /// Counts one slot by how the radio was used in it.
     pub fn count(&mut self, slot: SlotUse) {
         match slot {
             SlotUse::Sleep => self.sleep += 1,

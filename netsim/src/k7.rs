@@ -37,9 +37,9 @@ pub struct Header {
 pub struct Row {
     /// From when it holds (ns since the beginning). 0 for all rows before the first whose link and channel came before.
     pub from_ns: u64,
-    /// Who sent.
+    /// Number of the node that sent.
     pub src: u32,
-    /// Who listened.
+    /// Number of the node that listened.
     pub dst: u32,
     /// On which channel; `None`: on all.
     pub channel: Option<u8>,
@@ -55,7 +55,7 @@ pub struct Row {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {reason}")]
 pub struct Complaint {
-    /// The line.
+    /// Line of the file, from 1.
     pub line: u64,
     /// What is wrong and what is allowed.
     pub reason: String,

@@ -49,7 +49,7 @@ pub struct World<'a> {
     pub packets: &'a mut Packets<DropReason>,
     /// Seed of the experiment.
     pub seed: u64,
-    /// The current slot.
+    /// Absolute number of the current slot.
     pub asn: u64,
     /// When it begins (ns).
     pub now_ns: u64,
@@ -64,40 +64,40 @@ pub struct World<'a> {
 /// A payload of the swarm that came in a frame for one mote alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Brought {
-    /// Who received it.
+    /// Number of the mote that received it.
     pub receiver: u32,
-    /// Who sent it.
+    /// Number of the mote that sent it first.
     pub sender: u32,
     /// When its sender made it (ns).
     pub sent_ns: u64,
-    /// Hops it took.
+    /// Number of hops from sender to receiver.
     pub hops: u32,
     /// Strength of its last hop (dBm).
     pub rssi_dbm: f32,
-    /// What it is.
+    /// The payload as the robot gave it.
     pub payload: Bytes,
 }
 
-/// A mote.
+/// A mote: its layers, its applications, and what is counted of it. It is saved whole in a snapshot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mote {
-    /// Its number.
+    /// Number of the mote, which is that of its agent.
     pub id: u32,
-    /// Its address.
+    /// Its link-layer address, derived from its number.
     pub address: Eui64,
     /// Whether it is a root.
     pub is_root: bool,
-    /// The MAC.
+    /// The MAC layer (TSCH): queue, clock and synchronisation.
     pub mac: Tsch,
-    /// Slotframes and cells.
+    /// Slotframes and cells in which it sends and listens.
     pub schedule: Schedule,
-    /// 6P.
+    /// 6P transactions with neighbours (RFC 8480).
     pub sixtop: Sixtop,
-    /// The scheduling function.
+    /// State of the scheduling function, which fills the schedule.
     pub sf: AnySf,
-    /// Routing.
+    /// Routing (RPL, RFC 6550): rank, parents and routes.
     pub rpl: Rpl,
-    /// Fragments.
+    /// 6LoWPAN: fragments and their reassembly.
     pub lowpan: Lowpan,
     /// The way into the network, for a mote that is not in it yet.
     pub pledge: Pledge,
@@ -113,9 +113,9 @@ pub struct Mote {
     pub invites: bool,
     /// What it sends of its own accord.
     pub apps: Vec<App>,
-    /// What is counted.
+    /// Counters of frames, packets and losses since the start.
     pub tally: Tally,
-    /// Random choices.
+    /// Random draws of the mote, one stream for each layer.
     pub dice: MoteDice,
     /// A neighbour whose time it wants to keep.
     pub wants_sync: Option<Eui64>,
@@ -129,18 +129,18 @@ pub struct Mote {
     n_reboots_drawn: u64,
 }
 
-/// Random choices, by layer.
+/// Random draws of a mote, one stream for each layer, so that draws of one do not move those of another.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MoteDice {
-    /// Of the scheduling function.
+    /// Draws of the scheduling function.
     pub scheduling: Dice,
-    /// Of routing.
+    /// Draws of routing.
     pub routing: Dice,
-    /// Of the join protocol.
+    /// Draws of the join protocol.
     pub join: Dice,
-    /// Of applications.
+    /// Draws of applications.
     pub application: Dice,
-    /// Of the 6LoWPAN layer.
+    /// Draws of the 6LoWPAN layer.
     pub lowpan: Dice,
 }
 
@@ -400,7 +400,7 @@ impl Lack {
     pub const ALL: [Self; 5] =
         [Self::Beacon, Self::Time, Self::Admission, Self::Parent, Self::Cells];
 
-    /// In words.
+    /// What the mote lacks, as the end of a sentence that begins with the mote.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {

@@ -57,7 +57,7 @@ pub struct Outgoing {
     pub destination: Ipv6Addr,
     /// Through whom; `None`: everyone for multicast, otherwise as [`Rpl::route`] says.
     pub next_hop: Option<Eui64>,
-    /// The message.
+    /// The RPL message to send.
     pub message: RplMessage,
 }
 
@@ -309,7 +309,7 @@ impl Rpl {
         self.outgoing.pop_front()
     }
 
-    /// The next event.
+    /// The next event for the layers above, removed from the queue; `None`: there is none.
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }

@@ -43,7 +43,7 @@ pub struct Context<'a> {
     pub own: Eui64,
     /// Whether it is a root.
     pub is_root: bool,
-    /// The current slot.
+    /// Absolute number of the current slot.
     pub asn: u64,
     /// When that begins (ns).
     pub now_ns: u64,
@@ -53,11 +53,11 @@ pub struct Context<'a> {
     pub n_channels: u16,
     /// The preferred parent, if there is one.
     pub parent: Option<Eui64>,
-    /// Slotframes and cells.
+    /// The mote's slotframes and cells, which the scheduling function changes.
     pub schedule: &'a mut Schedule,
-    /// 6P.
+    /// 6P, through which cells are negotiated with neighbours.
     pub sixtop: &'a mut Sixtop,
-    /// Random choices.
+    /// Random draws of the scheduling function.
     pub dice: &'a mut Dice,
     /// Neighbours with whom negotiation has failed for good: routing shall look for others. Appended to.
     pub unusable: &'a mut Vec<Eui64>,
@@ -286,7 +286,7 @@ pub struct Formation<'a> {
     pub path: &'a str,
     /// Motes, roots among them.
     pub n_motes: usize,
-    /// Roots.
+    /// Number of roots in the network.
     pub n_roots: usize,
     /// Frames that a root sends for each mote that joins: the answer of the registrar, the acknowledgment of its routes.
     pub frames_per_mote: u32,

@@ -35,7 +35,7 @@ pub use address::Eui64;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what} at byte {at}")]
 pub struct Malformed {
-    /// What is wrong.
+    /// What is malformed, in words.
     pub what: &'static str,
     /// Where, from the beginning of the part that was parsed.
     pub at: usize,

@@ -128,7 +128,7 @@ const MEMORY: TableSpec = TableSpec {
 pub struct Config {
     /// How robots behave once they stand where they begin.
     pub behaviour: Behaviour,
-    /// Where they begin.
+    /// The scenario: where robots begin.
     pub scenario: Box<dyn Scenario>,
 }
 
@@ -139,9 +139,9 @@ pub struct Behaviour {
     pub knowledge: Source,
     /// What they remember of each other; `None`: nothing.
     pub memory: Option<Memory>,
-    /// How they move.
+    /// The bodies of the robots: how they follow commands.
     pub fleet: Fleet,
-    /// What they want.
+    /// The controllers of the groups.
     pub team: Team,
     /// How obstacles of the place move.
     pub courses: Vec<Course>,

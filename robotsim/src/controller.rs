@@ -162,7 +162,7 @@ impl<'a> Links<'a> {
         self.motes?.joined.as_ref().map(|joined| joined.get(agent))
     }
 
-    /// Its rank in routing.
+    /// Rank of the mote in routing (RPL); `None` without a network.
     #[must_use]
     pub fn rank(&self, agent: usize) -> Option<u32> {
         self.motes?.rank.get(agent).copied()
@@ -190,12 +190,13 @@ impl View<'_> {
     }
 }
 
-/// A controller.
+/// The program that every robot of a group runs: it computes one command per robot and control period from what the robot
+/// sees, and keeps no state between steps.
 pub trait Controller: std::fmt::Debug + Send + Sync {
-    /// The command for one robot.
+    /// The command for one robot, for the period that begins.
     fn command(&self, view: &View<'_>, agent: usize) -> Command;
 
-    /// Whether it asks how strong frames were.
+    /// Whether it uses the received signal strength of frames.
     fn wants_rssi(&self) -> bool {
         false
     }

@@ -24,7 +24,7 @@ pub enum Source {
 /// A robot as another knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Seen {
-    /// Which robot.
+    /// Number of the robot that is known of.
     pub agent: u32,
     /// Of when the knowledge is (ns).
     pub sent_ns: u64,

@@ -130,9 +130,9 @@ pub enum Peer {
 /// An application as configured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Spec {
-    /// When.
+    /// When packets are made: the pattern in time.
     pub pattern: Pattern,
-    /// To whom.
+    /// Destination of the packets.
     pub peer: Peer,
     /// UDP payload (bytes).
     pub payload_bytes: u16,

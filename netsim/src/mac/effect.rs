@@ -45,19 +45,19 @@ pub const NO_BURDEN: Burden = Burden {
     queue_frames: None,
 };
 
-/// A limit of the airtime.
+/// A limit of the time on air.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Duty {
-    /// Part of the time in which it may send.
+    /// Fraction of the time for which the mote may transmit, 0 to 1.
     pub fraction: f64,
-    /// Over which time that is reckoned (ns).
+    /// Length of the window over which the fraction is computed (ns).
     pub window_ns: u64,
 }
 
 /// A mote as an effect sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node {
-    /// Its number.
+    /// Number of the mote.
     pub mote: u32,
     /// Whether it is a root.
     pub is_root: bool,

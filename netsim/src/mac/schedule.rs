@@ -13,9 +13,9 @@ use silence::Silence;
 /// What a cell may be used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CellOptions {
-    /// To transmit.
+    /// The mote may transmit in it.
     pub tx: bool,
-    /// To receive.
+    /// The mote listens in it when it does not transmit.
     pub rx: bool,
     /// Others may transmit in it as well: failures back off.
     pub shared: bool,
@@ -24,7 +24,7 @@ pub struct CellOptions {
 impl CellOptions {
     /// Transmit, nobody else does.
     pub const TX: Self = Self { tx: true, rx: false, shared: false };
-    /// Receive.
+    /// Receive only.
     pub const RX: Self = Self { tx: false, rx: true, shared: false };
     /// Transmit, as others may.
     pub const TX_SHARED: Self = Self { tx: true, rx: false, shared: true };
@@ -48,7 +48,7 @@ pub enum CellKind {
 pub struct Cell {
     /// Slot offset within the slotframe.
     pub slot: u16,
-    /// Channel offset.
+    /// Channel offset: with the absolute slot number it selects the channel.
     pub channel: u16,
     /// What it may be used for.
     pub options: CellOptions,
@@ -60,7 +60,7 @@ pub struct Cell {
     pub num_tx: u16,
     /// Frames sent and acknowledged.
     pub num_tx_ack: u16,
-    /// Frames received.
+    /// Frames received in the cell.
     pub num_rx: u16,
 }
 
@@ -101,7 +101,7 @@ impl Cell {
 pub struct CellRef {
     /// Handle of the slotframe.
     pub handle: u8,
-    /// The cell.
+    /// The cell as it is in that slotframe.
     pub cell: Cell,
 }
 

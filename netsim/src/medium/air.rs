@@ -53,15 +53,15 @@ impl Radios {
 /// All that decides who hears what at a moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Air<'a> {
-    /// The radio physics.
+    /// The radio model that predicts power and reception.
     pub model: &'a Model,
-    /// Its shortcuts.
+    /// Bounds computed from the model that exclude links without evaluating it.
     pub filters: &'a Filters,
     /// Seed of the experiment.
     pub seed: u64,
     /// Begin of the control period (ns).
     pub period_ns: u64,
-    /// Radios and frames.
+    /// The motes' radios, and the frames on the air.
     pub radios: &'a Radios,
     /// What stands around; its agents are the radios' ends.
     pub scene: &'a Scene<'a>,

@@ -42,7 +42,7 @@ pub struct Jams {
 }
 
 impl Jams {
-    /// Adds a jam.
+    /// Adds a jam, in force from its beginning to its end.
     pub fn add(&mut self, jam: Jam) {
         self.list.push(jam);
     }

@@ -16,9 +16,9 @@ pub struct Tally {
     pub n_tx_unicast: u64,
     /// Those that got it.
     pub n_tx_acked: u64,
-    /// Frames sent again.
+    /// Transmissions that repeat a frame that was not acknowledged.
     pub n_retransmissions: u64,
-    /// Frames received.
+    /// Frames received, whether new or repeated.
     pub n_rx: u64,
     /// Packets dropped because the queue was full.
     pub n_queue_drops: u64,
@@ -28,7 +28,7 @@ pub struct Tally {
     pub n_parent_changes: u64,
     /// Application packets created.
     pub n_created: u64,
-    /// Losses of synchronisation.
+    /// How often the mote lost synchronisation.
     pub n_desynchronised: u64,
     /// When it was first synchronised (ns).
     pub first_synced_ns: Option<u64>,

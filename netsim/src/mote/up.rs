@@ -18,11 +18,11 @@ use std::sync::Arc;
 /// A frame as it reached a mote.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrived<'a> {
-    /// The frame.
+    /// The frame as received, addresses and contents.
     pub frame: &'a FrameRepr,
     /// The cell in which it was received; `None`: while scanning, or after a pending bit.
     pub at: Option<CellRef>,
-    /// On which channel.
+    /// IEEE 802.15.4 channel on which it came.
     pub channel: u8,
     /// How far the sender's clock is off (ns).
     pub source_ns: i64,

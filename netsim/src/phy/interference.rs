@@ -48,7 +48,7 @@ pub trait Rule: Send + Sync + std::fmt::Debug {
 /// Interference as configured.
 #[derive(Debug)]
 pub struct Interference {
-    /// The rule.
+    /// The rule by which simultaneous frames affect each other.
     pub rule: Box<dyn Rule>,
     /// Frames received with less power (dBm) do not disturb others; `None`: those too weak to be received do not.
     pub horizon_dbm: Option<f64>,

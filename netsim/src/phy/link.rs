@@ -74,16 +74,16 @@ pub struct Scene<'a> {
     pub nearest: Option<Nearest>,
     /// The agents by place, where a model asked for it.
     pub grid: Option<Grid>,
-    /// Further numbers.
+    /// Values of further columns of measurements, or of numbers that robots bring, by name.
     pub covariates: Covariates<'a>,
 }
 
 /// A link at a moment: everything that a physical effect may depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct Link<'a> {
-    /// Who sends.
+    /// The sender: position, heading and motion.
     pub sender: End,
-    /// Who may receive.
+    /// The receiver: position, heading and motion.
     pub receiver: End,
     /// Distance between the antennas (m), at least `min_distance_m`.
     pub distance_m: f64,
@@ -93,7 +93,7 @@ pub struct Link<'a> {
     pub frequency_hz: f64,
     /// When the frame begins (ns).
     pub time_ns: u64,
-    /// What stands around.
+    /// Surroundings of the link: walls, foliage, terrain and other nodes.
     pub scene: &'a Scene<'a>,
 }
 

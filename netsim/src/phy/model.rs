@@ -25,13 +25,13 @@ pub struct LinkBudget {
 /// The radio as configured.
 #[derive(Debug)]
 pub struct Model {
-    /// The base model.
+    /// The propagation model, to which effects are added.
     pub propagation: Box<dyn Propagation>,
     /// Effects, in the order of the configuration.
     pub effects: Vec<Box<dyn Effect>>,
     /// From power to reception.
     pub curve: Box<dyn Curve>,
-    /// Shared settings.
+    /// Settings that all propagation models share: power, frequency, noise.
     pub radio: Radio,
     /// Distances below this (m) count as this.
     pub min_distance_m: f64,

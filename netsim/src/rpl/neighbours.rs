@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 /// A neighbour: what its last DIO said, and what the link to it is like.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Neighbour {
-    /// Its address.
+    /// Link-layer address of the neighbour.
     pub address: Eui64,
-    /// Its last DIO.
+    /// The DIO that it sent last.
     pub dio: DioRepr,
     /// Transmissions it takes to reach it.
     pub etx: Etx,

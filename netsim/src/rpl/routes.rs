@@ -119,7 +119,7 @@ impl Routes {
         }
     }
 
-    /// Forgets one target.
+    /// Removes the route to a target, and returns it.
     pub fn remove(&mut self, target: Ipv6Addr) -> Option<Entry> {
         self.entries.remove(&target)
     }
@@ -136,7 +136,7 @@ impl Routes {
         gone
     }
 
-    /// Forgets everything.
+    /// Removes all routes.
     pub fn clear(&mut self) {
         self.entries.clear();
         self.check_ns = None;

@@ -128,24 +128,24 @@ impl EndKey {
 /// A mote at one end of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct End {
-    /// Its number.
+    /// Number of the mote.
     pub mote: u32,
-    /// Its address.
+    /// Link-layer address of the mote.
     pub address: Eui64,
 }
 
 /// A cell as seen from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StaticCell {
-    /// Slot offset.
+    /// Slot offset within the slotframe.
     pub slot: u16,
-    /// Channel offset.
+    /// Channel offset, before hopping.
     pub channel: u16,
     /// Who transmits; `None`: anyone.
     pub from: Option<End>,
     /// Who receives; `None`: everyone.
     pub to: Option<End>,
-    /// Several may transmit.
+    /// Whether several motes may transmit in it: failures back off.
     pub shared: bool,
     /// Beacons are sent in it.
     pub advertising: bool,
@@ -181,7 +181,7 @@ pub struct StaticConfig {
     pub slotframe_slots: u16,
     /// Length of slotframe 0, if there is one with the minimal cell (slots).
     pub minimal_cell_slots: Option<u16>,
-    /// The cells.
+    /// The cells of all motes, as configured.
     pub cells: Vec<StaticCell>,
 }
 

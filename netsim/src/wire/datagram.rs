@@ -25,19 +25,19 @@ use std::net::Ipv6Addr;
 pub struct Datagram {
     /// Identity in the simulation, for records; not on the air. 0: none.
     pub packet: u64,
-    /// Source.
+    /// Address of the mote that made it.
     pub source: Ipv6Addr,
-    /// Final destination.
+    /// Address of the mote that it is for, at the end of its route.
     pub destination: Ipv6Addr,
     /// Differentiated services code point (RFC 2474), 0 to 63; 0: best effort.
     pub dscp: u8,
-    /// Hops left.
+    /// Hop limit: hops that it may still take.
     pub hop_limit: u8,
     /// RPL packet information, on datagrams within a DODAG (RFC 6550, § 11.2; RFC 6553).
     pub rpi: Option<RpiRepr>,
     /// Source route, on datagrams down a non-storing DODAG (RFC 6554).
     pub route: Option<SourceRoute>,
-    /// What it carries.
+    /// The message of the layer above: RPL or UDP.
     pub upper: Upper,
 }
 
@@ -58,7 +58,7 @@ pub struct RpiRepr {
     pub rank_error: bool,
     /// The 'F' flag: no route further down.
     pub forwarding_error: bool,
-    /// RPL instance.
+    /// RPL instance whose route it follows (RFC 6550, § 5.1).
     pub instance: u8,
     /// Rank of the sender.
     pub sender_rank: u16,
@@ -88,11 +88,11 @@ pub enum Upper {
 /// A UDP datagram.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UdpRepr {
-    /// Source port.
+    /// UDP port of the sender.
     pub source_port: u16,
-    /// Destination port.
+    /// UDP port of the receiver, which selects the protocol.
     pub destination_port: u16,
-    /// Payload.
+    /// The bytes behind the UDP header.
     pub payload: Bytes,
 }
 

@@ -18,20 +18,20 @@ pub enum RplMessage {
     DaoAck(DaoAckRepr),
 }
 
-/// DODAG information solicitation.
+/// DODAG information solicitation (RFC 6550, § 6.2): asks neighbours for a DIO.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DisRepr {}
 
-/// DODAG information object.
+/// DODAG information object (RFC 6550, § 6.3): the root's parameters and the sender's rank, from which neighbours choose parents.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DioRepr {
-    /// RPL instance.
+    /// RPL instance that the DODAG belongs to (§ 5.1).
     pub instance: u8,
     /// DODAG version, a lollipop counter (§ 7.2).
     pub version: u8,
     /// Rank of the sender; 0xffff: infinite.
     pub rank: u16,
-    /// Grounded.
+    /// Whether the DODAG is grounded: its root satisfies the goal of the application (the 'G' flag).
     pub grounded: bool,
     /// Mode of operation: 1 non-storing, 2 storing without multicast.
     pub mode: u8,
@@ -47,7 +47,7 @@ pub struct DioRepr {
     pub prefix: Option<u64>,
 }
 
-/// DODAG configuration option.
+/// DODAG configuration option (RFC 6550, § 6.7.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DodagConfiguration {
     /// Doublings of the Trickle interval.
@@ -62,7 +62,7 @@ pub struct DodagConfiguration {
     pub min_hop_rank_increase: u16,
     /// Objective code point: 0 OF0 (RFC 6552), 1 MRHOF (RFC 6719).
     pub objective: u16,
-    /// Default lifetime of routes, in units.
+    /// Default lifetime of routes, in units of `lifetime_unit_s`.
     pub default_lifetime: u8,
     /// Unit of lifetimes (s).
     pub lifetime_unit_s: u16,
@@ -71,17 +71,17 @@ pub struct DodagConfiguration {
 /// Destination advertisement object: one target with its transit information (§ 6.7.7, 6.7.8).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DaoRepr {
-    /// RPL instance.
+    /// RPL instance of the routes (§ 5.1).
     pub instance: u8,
     /// Asks for an acknowledgment (the 'K' flag).
     pub ack_request: bool,
-    /// Sequence number.
+    /// Sequence number, which the acknowledgment repeats.
     pub sequence: u8,
-    /// Whom routes lead to.
+    /// Addresses that can be reached through the sender.
     pub targets: Vec<Ipv6Addr>,
     /// Path sequence, a lollipop counter.
     pub path_sequence: u8,
-    /// Path lifetime in units; 0: a No-Path.
+    /// Lifetime of the routes, in units of [`DodagConfiguration::lifetime_unit_s`]; 0: the routes end (a No-Path).
     pub path_lifetime: u8,
     /// The parent, in non-storing mode.
     pub parent: Option<Ipv6Addr>,
@@ -90,7 +90,7 @@ pub struct DaoRepr {
 /// Acknowledgment of a DAO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DaoAckRepr {
-    /// RPL instance.
+    /// RPL instance of the DAO (§ 5.1).
     pub instance: u8,
     /// Sequence number of the DAO.
     pub sequence: u8,

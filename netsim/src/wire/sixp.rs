@@ -15,7 +15,7 @@ pub struct SixpRepr {
     pub sfid: u8,
     /// Sequence number of the transaction.
     pub seqnum: u8,
-    /// What it says.
+    /// Request, response or confirmation, with its contents.
     pub body: SixpBody,
 }
 
@@ -43,7 +43,7 @@ pub enum SixpRequest {
         metadata: u16,
         /// Options of the cells.
         options: CellOptions,
-        /// How many.
+        /// Number of cells to move.
         num_cells: u8,
         /// Cells to be moved.
         relocation: Vec<SixpCell>,
@@ -63,9 +63,9 @@ pub enum SixpRequest {
         metadata: u16,
         /// Cells with these options.
         options: CellOptions,
-        /// From this one on.
+        /// Number of the first cell to be listed.
         offset: u16,
-        /// At most so many.
+        /// Most cells in the answer.
         max_num_cells: u16,
     },
     /// Forget all cells with me (§ 3.3.6).
@@ -89,7 +89,7 @@ pub struct CellRequest {
     pub metadata: u16,
     /// Options of the cells, as the requester sees them.
     pub options: CellOptions,
-    /// How many.
+    /// Number of cells to add or delete.
     pub num_cells: u8,
     /// From among these. Empty: the responder proposes, in three steps.
     pub cells: Vec<SixpCell>,
@@ -102,16 +102,16 @@ pub struct CellOptions(pub u8);
 /// A cell: slot offset and channel offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct SixpCell {
-    /// Slot offset.
+    /// Slot offset within the slotframe.
     pub slot: u16,
-    /// Channel offset.
+    /// Channel offset, before hopping.
     pub channel: u16,
 }
 
 /// A response or confirmation.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SixpAnswer {
-    /// How it went.
+    /// Success, or why the request was not carried out.
     pub code: ReturnCode,
     /// What else it carries.
     pub content: AnswerContent,

@@ -70,7 +70,7 @@ impl SlotSet {
 pub struct SlotsRepr {
     /// Slots that can be taken, at most [`MAX_SLOTS`]: those before this one.
     pub n_slots: u16,
-    /// Those that are.
+    /// Slots that are taken.
     pub taken: SlotSet,
     /// Number among them, from 0, of the slot that the first tag is for.
     pub first: u8,

@@ -18,17 +18,17 @@ pub struct Diagnosis {
     /// The format of this answer.
     #[schemars(extend("const" = SCHEMA))]
     pub schema: &'static str,
-    /// What was measured.
+    /// What the measurements are of: links or robots.
     pub kind: Subject,
-    /// What came out, in a word.
+    /// The verdict.
     pub verdict: Verdict,
-    /// What came out, in a sentence.
+    /// The verdict in a sentence.
     pub sentence: String,
     /// Names of the effects that were accepted, in the order in which they were added.
     pub missing: Vec<String>,
     /// Held-out scores of the model as configured, then with each effect or curve added.
     pub ladder: Vec<Rung>,
-    /// What was tried, in the order of the catalogue.
+    /// Candidates tested, in the order of the catalogue.
     pub candidates: Vec<Tested>,
     /// Structure that no effect of the catalogue explains.
     pub unexplained: Vec<Structure>,
@@ -51,7 +51,7 @@ pub struct Diagnosis {
     pub error_unit: &'static str,
 }
 
-/// What a diagnosis came to.
+/// The verdict of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -86,7 +86,7 @@ pub struct Rung {
     pub reception_log_loss: f64,
 }
 
-/// A candidate, and what became of it.
+/// A candidate, and the result of its test.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Tested {
     /// Its name: an effect of the catalogue, or a curve over a covariate (`curve:humidity_pct`).
@@ -153,9 +153,9 @@ pub enum Affects {
 /// Structure over a covariate that no effect of the catalogue explains.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Structure {
-    /// The covariate.
+    /// The covariate: a column of the measurements, or a quantity computed from them.
     pub covariate: String,
-    /// What follows it; absent where a scan of the residuals found it rather than a fitted curve.
+    /// What depends on it; absent where a scan of the residuals found it rather than a fitted curve.
     #[serde(rename = "of", skip_serializing_if = "Option::is_none")]
     pub affects: Option<Affects>,
     /// The share of the squared error, or of the log loss of reception, that it explains.
@@ -183,9 +183,9 @@ pub struct Structure {
 /// A formula along a second direction.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct AlsoAlong {
-    /// The formula.
+    /// The formula (m/s), as `extend --formula` takes it.
     pub formula: String,
-    /// The direction.
+    /// The direction, as `extend --target` takes it: `ahead`, `left`, `east`, `north` or `up`.
     pub target: String,
 }
 

@@ -13,13 +13,13 @@ const FEWEST_ROWS: usize = 20;
 /// Conditions under which models differ: a range of one covariate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Condition {
-    /// The covariate.
+    /// Name of the covariate by which rows are selected.
     pub covariate: String,
-    /// Least value.
+    /// Least value of the covariate, in its own unit.
     pub from: f64,
-    /// Greatest value.
+    /// Greatest value of the covariate, in its own unit.
     pub to: f64,
-    /// Mean difference there.
+    /// Mean difference of the two predictions in that range (dB, m or a share of frames).
     pub inside: f64,
     /// Mean difference of all other rows.
     pub outside: f64,

@@ -13,18 +13,18 @@ use proto_messages::v1;
 use robotsim::sim::Swarm as BuiltInRobots;
 use std::collections::BTreeSet;
 
-/// What is asked of the network beside what the robots need.
+/// Which records the network is asked for, beside those that the robots need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// Nothing.
+    /// None: for timing, and where only the robots matter.
     Nothing,
-    /// What the summary is made of.
+    /// Those that the summary is computed from: packets and statistics.
     Measures,
-    /// What `[output]` says.
+    /// Those that `[output]` of the experiment names.
     Record,
 }
 
-/// The records that the summary is made of.
+/// The records that the summary is computed from.
 const MEASURED: [NetRecord; 2] = [NetRecord::Packets, NetRecord::Statistics];
 
 /// What a plan asks and a side does not announce.

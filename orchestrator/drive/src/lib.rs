@@ -162,14 +162,14 @@ pub struct Schedule<'a> {
     pub waits: bool,
     /// By when it must have (ns).
     pub formation_limit_ns: u64,
-    /// When it ends.
+    /// When the run ends.
     pub end: End,
-    /// It ends before that when the robots are done.
+    /// Whether the run ends earlier once the robots have completed their task.
     pub stop_when_complete: bool,
 }
 
 impl<'a> Schedule<'a> {
-    /// That of the plan.
+    /// The schedule that a plan asks for. `waits`: whether the robots wait until the network has formed.
     #[must_use]
     pub fn from_plan(plan: &'a Plan, waits: bool) -> Self {
         Self {

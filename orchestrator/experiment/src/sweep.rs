@@ -146,12 +146,12 @@ pub struct Sweep {
     pub metrics: Option<Vec<String>>,
 }
 
-/// Which seeds.
+/// The seeds under which every setting is run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Seeds {
-    /// So many, from that of the experiment on.
+    /// This many consecutive seeds, the first being that of the experiment.
     Count(u64),
-    /// These.
+    /// A list of seeds, each used once per setting.
     These(Vec<u64>),
 }
 

@@ -12,7 +12,7 @@ pub struct DataAccount {
     pub data: DataFile,
     /// Rows in the file, its header apart.
     pub rows: usize,
-    /// Rows used.
+    /// Number of rows that are used.
     pub used: usize,
     /// Rows that could not be used, by reason.
     pub rejected: Vec<Rejected>,

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 /// there, and is not read.
 #[derive(Clone, Debug)]
 pub struct Compared {
-    /// The file.
+    /// Path of the configuration file.
     pub path: PathBuf,
-    /// Its text.
+    /// Text of the file (TOML), as written.
     pub text: String,
     /// What it says, with what the command line put over it.
     pub tree: Node,

@@ -23,7 +23,7 @@ pub type Content<'a> = Box<dyn BufRead + 'a>;
 /// A file format.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
-    /// Its name.
+    /// Its name, for messages that list the formats.
     pub name: &'static str,
     /// Whether it reads a file, by its path and its first bytes: up to 64 KiB of it, none of a folder.
     pub recognises: fn(&Path, &[u8]) -> bool,

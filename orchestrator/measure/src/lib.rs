@@ -48,9 +48,9 @@ pub enum DataError {
 /// Rows that could not be used, for one reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Rejected {
-    /// The reason.
+    /// Why the rows could not be used, in words.
     pub reason: String,
-    /// How many rows.
+    /// Number of rows rejected for this reason.
     pub rows: usize,
     /// Line of the first in the file, the header being line 1.
     pub first_line: usize,
@@ -64,7 +64,7 @@ pub const TWICE: &str = "duplicate of an earlier row";
 pub struct Rejections(Vec<Rejected>);
 
 impl Rejections {
-    /// One more row.
+    /// Counts a row that is rejected for this reason; `line`: where it stands in the file.
     pub fn add(&mut self, reason: &str, line: usize) {
         match self.0.iter_mut().find(|rejected| rejected.reason == reason) {
             Some(rejected) => rejected.rows += 1,

@@ -19,9 +19,9 @@ pub struct LinkSamples {
     pub rejected: Vec<Rejected>,
     /// What was seen in the file, and what it does to an answer.
     pub warnings: Vec<String>,
-    /// Rows in the file.
+    /// Number of rows in the file, used or not.
     pub n_rows: usize,
-    /// What rows are.
+    /// What a row is: one frame, or several that are summed up.
     pub readings: Readings,
 }
 
@@ -41,15 +41,15 @@ pub struct Readings {
 /// A row: a frame, or several of one link and channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkRow {
-    /// Line of the file.
+    /// Line of the file that the row stands on, for messages.
     pub line: usize,
     /// From the start of the campaign (s); NaN where unknown.
     pub time_s: f64,
-    /// Number of the campaign.
+    /// Number of the campaign that it belongs to; time starts anew in each.
     pub run: u32,
-    /// Who sends.
+    /// Number of the node that sends.
     pub tx: u32,
-    /// Who may receive.
+    /// Number of the node that may receive.
     pub rx: u32,
     /// IEEE 802.15.4 channel, if it is known.
     pub channel: Option<u8>,
@@ -63,7 +63,7 @@ pub struct LinkRow {
     pub rx_heading_rad: f64,
     /// Reading, or mean of the readings (dBm); NaN where no frame was received.
     pub rssi_dbm: f64,
-    /// Frames sent.
+    /// Number of frames that were sent.
     pub frames: f64,
     /// Frames received; NaN where unknown.
     pub received: f64,

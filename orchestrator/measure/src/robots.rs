@@ -28,18 +28,18 @@ pub struct RobotSamples {
     pub rejected: Vec<Rejected>,
     /// What was seen in the file, and what it does to an answer.
     pub warnings: Vec<String>,
-    /// Rows in the file.
+    /// Number of rows in the file, used or not.
     pub n_rows: usize,
 }
 
 /// A row: a robot at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotSample {
-    /// Line of the file.
+    /// Line of the file that the row stands on, for messages.
     pub line: usize,
-    /// Number of the campaign.
+    /// Number of the campaign that it belongs to; time starts anew in each.
     pub run: u32,
-    /// Which robot.
+    /// Number of the robot.
     pub agent: u32,
     /// From the start of the campaign (s).
     pub time_s: f64,

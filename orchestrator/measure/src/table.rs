@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// A table of numbers. A missing value is NaN.
 #[derive(Clone, Debug)]
 pub struct DataTable {
-    /// The file.
+    /// Path of the file that it was read from; empty if from none.
     pub path: PathBuf,
     /// SHA-256 of the file, in hexadecimal digits.
     pub sha256: String,
@@ -55,13 +55,13 @@ impl DataTable {
         self.n_rows
     }
 
-    /// Names of the columns.
+    /// Names of the columns, in their order in the file.
     #[must_use]
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// A column by name.
+    /// The values of a column by its name, a value per row, NaN where missing; `None`: there is no such column.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<&[f64]> {
         self.names.iter().position(|other| other == name).map(|index| &self.columns[index][..])

@@ -63,7 +63,7 @@ impl Kpis {
         Self { formation, latest, ..Self::default() }
     }
 
-    /// Adds a step.
+    /// Adds what happened in one control period. Periods are added in order.
     pub fn add(&mut self, period: &Period<'_>) {
         if let Some(packets) = period.packets {
             self.account.add(packets);

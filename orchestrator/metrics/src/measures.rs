@@ -23,9 +23,9 @@ pub struct Measures {
     pub site: Site,
     /// Time series, one entry per step.
     pub series: Vec<Sample>,
-    /// Where agents went.
+    /// Positions of agents over time, thinned out for pictures.
     pub trajectories: Trajectories,
-    /// Steps recorded.
+    /// Number of steps that were added.
     pub n_steps: u64,
     /// Simulated time reached (ns).
     pub time_ns: u64,
@@ -37,7 +37,7 @@ pub struct Measures {
     pub completed_at_step: Option<u64>,
     /// What the robots say of how far their task is, after the latest step.
     pub task_figures: Vec<TaskFigure>,
-    /// Transmissions.
+    /// Number of payloads that agents sent.
     pub transmissions: u64,
     /// Bytes of payload sent.
     pub sent_bytes: u64,
@@ -117,7 +117,7 @@ impl Measures {
         }
     }
 
-    /// Adds a step.
+    /// Adds what happened in one control period. Periods are added in order.
     pub fn add(&mut self, period: &Period<'_>) {
         self.n_steps = period.step;
         self.time_ns = period.time_ns;

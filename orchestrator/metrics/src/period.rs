@@ -23,7 +23,7 @@ pub struct Period<'a> {
     pub states_on_air: &'a AgentStates,
     /// Obstacles that moved, where they ended up.
     pub moved_obstacles: &'a [MovedObstacle],
-    /// What was delivered.
+    /// Payloads that were delivered in the period.
     pub deliveries: &'a Deliveries,
     /// How many heard and were heard.
     pub counts: &'a Counts,

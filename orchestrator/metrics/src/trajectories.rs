@@ -36,7 +36,7 @@ impl Trajectories {
         paths
     }
 
-    /// Adds a step.
+    /// Adds positions after a step; steps beyond the memory's size are thinned out.
     pub fn add(&mut self, step: u64, states: &AgentStates) {
         if !step.is_multiple_of(self.every_steps) {
             return;

@@ -38,11 +38,11 @@ const SAME: f64 = 1e-6;
 /// What candidates are fitted to: an experiment, and the figures of the measurement.
 #[derive(Clone, Debug)]
 pub struct FitContext<'a> {
-    /// The experiment.
+    /// The experiment, which is simulated again for each value.
     pub resimulation: &'a Resimulation,
     /// The figures that were measured, on their scales.
     pub measured: ScaledFigures,
-    /// Those that are known.
+    /// Indices of the figures that are known in the measurement.
     pub usable: Vec<usize>,
     /// Packets made before do not count (s).
     pub from_s: f64,
@@ -67,7 +67,7 @@ pub struct CandidateScan<'a> {
 /// A fitted effect, and what it takes to see how far off fits are.
 #[derive(Clone, Debug)]
 pub struct CandidateFit {
-    /// The effect.
+    /// The effect with its fitted parameter.
     pub fitted: FittedEffect,
     /// Laws near the best value, and where that is; none of whole numbers.
     laws: Option<(SmoothDensity, [f64; 2])>,
@@ -436,7 +436,7 @@ impl CandidateScan<'_> {
         tried.map(moments_of).collect()
     }
 
-    /// What was tried within a window under as many seeds.
+    /// Values tested within a window under as many seeds.
     fn within(&self, window: [f64; 2], seeds: u64) -> Vec<&RunsAtValue> {
         let is_in = |tried: &&RunsAtValue| {
             let inside = (window[0] - SAME..=window[1] + SAME).contains(&tried.at);

@@ -8,7 +8,7 @@ use proto::effect::{About, Parameter};
 /// An effect that is tried by simulation: one number of it is fitted.
 #[derive(Clone, Debug)]
 pub struct CandidateEffect {
-    /// Its name.
+    /// Name of the effect in the catalogue.
     pub name: &'static str,
     /// The layer of the network that has it: `mac` or `phy`.
     pub layer: &'static str,

@@ -19,9 +19,9 @@ use std::collections::BTreeSet;
 /// Options of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct ComparisonOptions {
-    /// How many seeds the network is run under.
+    /// Number of seeds under which the network is simulated, at least 19.
     pub seeds: u64,
-    /// Packets made before (s) are not compared.
+    /// Simulated time (s) before which packets that were created are not compared.
     pub from_s: f64,
 }
 
@@ -126,7 +126,7 @@ fn shown(value: f64, unit: &str) -> String {
     }
 }
 
-/// What came out, in a sentence.
+/// The result in a sentence.
 pub(super) fn sentence(among: &SeedComparison) -> (NetworkVerdict, String) {
     let n = among.seeds.len();
     let p_value = among.placed.p_value;

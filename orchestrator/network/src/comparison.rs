@@ -22,9 +22,9 @@ pub struct NetworkComparison {
     /// The measurement among the runs of the model.
     #[serde(flatten)]
     pub among: AmongSeeds,
-    /// What came out, in a word.
+    /// The verdict.
     pub verdict: NetworkVerdict,
-    /// What came out, in a sentence.
+    /// The result in a sentence.
     pub sentence: String,
     /// The measurements.
     #[serde(flatten)]
@@ -67,7 +67,7 @@ pub struct AmongSeeds {
     pub intervals: IndexMap<String, [f64; 2]>,
     /// The figures that are compared.
     pub kpis: Vec<Kpi>,
-    /// Delivery by mote.
+    /// Delivery ratio of each mote, measured and simulated.
     pub motes: Vec<MoteDelivery>,
     /// Whether the error goes with the mote that sends: one entry.
     #[serde(rename = "where")]
@@ -81,11 +81,11 @@ pub struct AmongSeeds {
 /// A figure of a measurement among those of seeds.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Kpi {
-    /// Its name.
+    /// Name of the figure, as in the summary of a run.
     pub name: &'static str,
     /// Its unit; empty for a number without.
     pub unit: &'static str,
-    /// What it is.
+    /// What the figure is, in a sentence.
     pub doc: &'static str,
     /// Its measured value; null where it is unknown.
     #[serde(serialize_with = "json_number::serialize")]
@@ -127,7 +127,7 @@ pub struct KpiOfModel {
 /// What became of a mote's packets, measured and in the model.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MoteDelivery {
-    /// The mote.
+    /// Number of the mote that made the packets.
     pub mote: u32,
     /// Packets that it made, as measured.
     pub sent: u32,
@@ -172,16 +172,16 @@ pub struct BySource {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub p_value: f64,
-    /// By mote.
+    /// The error of each mote, a bin per mote.
     pub bins: Vec<MoteBin>,
 }
 
 /// The error of a mote's delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MoteBin {
-    /// The mote.
+    /// Number of the mote.
     pub from: u32,
-    /// The same mote.
+    /// Number of the mote again: a bin has two ends.
     pub to: u32,
     /// Packets that it made, as measured.
     pub n: u32,

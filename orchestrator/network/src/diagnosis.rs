@@ -22,15 +22,15 @@ pub struct NetworkDiagnosis {
     /// The measurement among the runs of the model as configured.
     #[serde(flatten)]
     pub among: AmongSeeds,
-    /// What came out, in a word.
+    /// The verdict.
     pub verdict: Verdict,
-    /// What came out, in a sentence.
+    /// The verdict in a sentence.
     pub sentence: String,
     /// Names of the effects that were accepted, in the order in which they were added.
     pub missing: Vec<&'static str>,
     /// The model as configured, then with each effect added.
     pub ladder: Vec<NetworkRung>,
-    /// What was tried, in the order of the catalogue.
+    /// Candidates tested, in the order of the catalogue.
     pub candidates: Vec<NetworkCandidate>,
     /// What no effect explains: the figure in which the packets are furthest from the last model.
     pub unexplained: Vec<UnexplainedFigure>,
@@ -122,7 +122,7 @@ pub struct UnexplainedFigure {
 /// Campaigns that would distinguish two effects.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct NextCampaign {
-    /// The effects.
+    /// Names of the two effects.
     pub effects: [&'static str; 2],
     /// The figure in which they differ most.
     pub figure: &'static str,

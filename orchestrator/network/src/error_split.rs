@@ -18,14 +18,14 @@ pub struct NetworkErrorSplit {
     pub parts: Vec<ErrorPart>,
     /// The parts of the error in each figure.
     pub figures: Vec<NetworkFigureSplit>,
-    /// What came out, in a sentence.
+    /// The result in a sentence.
     pub sentence: String,
 }
 
 /// A part of an error.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ErrorPart {
-    /// Its name.
+    /// Name of the part: robot, radio or protocol.
     pub part: &'static str,
     /// Chance of as much in any figure if nothing is wrong with this part.
     #[serde(serialize_with = "json_number::serialize")]
@@ -42,7 +42,7 @@ pub struct ErrorPart {
 pub struct NetworkFigureSplit {
     /// Name of the figure.
     pub name: &'static str,
-    /// Its unit; empty for a number without.
+    /// Unit of the figure; empty for a number without.
     pub unit: &'static str,
     /// Its measured value.
     #[serde(serialize_with = "json_number::serialize")]

@@ -31,7 +31,7 @@ pub enum NetworkExtendError {
 pub struct ExtendedNetwork {
     /// The new file's text.
     pub text: String,
-    /// What was added.
+    /// The effects that were added, each with its fit.
     pub added: Vec<(CandidateEffect, FittedEffect)>,
     /// The models before and after.
     pub rungs: [SearchStep; 2],

@@ -3,13 +3,13 @@
 /// What a figure is, and on which scale `S` its differences are reported.
 #[derive(Clone, Copy, Debug)]
 pub struct FigureSpec<S> {
-    /// Its name.
+    /// Name of the figure, as in the summary of a run.
     pub name: &'static str,
     /// Its unit; empty for a number without.
     pub unit: &'static str,
-    /// What it is.
+    /// What the figure is, in a sentence.
     pub doc: &'static str,
-    /// Its scale.
+    /// The scale on which differences of it are compared.
     pub scale: S,
 }
 

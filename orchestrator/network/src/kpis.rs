@@ -59,13 +59,13 @@ impl MoteCounts {
 /// The figures of one campaign, or of one seed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkFigures {
-    /// Those of [`KPIS`]; NaN where there is nothing to tell.
+    /// Those of [`KPIS`]; NaN where a figure is undefined.
     pub values: [f64; KPIS.len()],
     /// Counts of each mote that sent packets.
     pub of_mote: BTreeMap<u32, MoteCounts>,
 }
 
-/// A mote with fewer packets is no judge of delivery by itself.
+/// Fewest packets of a mote by which its delivery is judged.
 const FEWEST_OF_MOTE: u32 = 5;
 
 impl NetworkFigures {
@@ -134,7 +134,7 @@ impl NetworkFigures {
                     let share = (*value * n + 0.5) / (n + 1.0);
                     libm::log(share / (1.0 - share))
                 }
-                // A hundredth of a second is a slot: finer differences are none.
+                // A slot lasts a hundredth of a second: smaller differences mean nothing.
                 Scale::Ratio => libm::log(*value + 0.01),
             };
         }

@@ -37,7 +37,7 @@ const TIE: f64 = 3.0;
 /// The result of testing one candidate effect.
 #[derive(Clone, Debug)]
 pub struct EffectTest {
-    /// The candidate.
+    /// The effect that was tested.
     pub candidate: CandidateEffect,
     /// Why it cannot be tested; `None`: it can.
     pub untestable: Option<String>,
@@ -86,7 +86,7 @@ pub struct SearchResult {
     pub tests: Vec<EffectTest>,
     /// What was added, as indices of candidates, in the order of adding.
     pub accepted: Vec<usize>,
-    /// Ties.
+    /// Effects that explain the packets as well as an accepted one.
     pub rivals: Vec<TiedEffects>,
     /// The round in which it was stopped.
     pub stopped: Option<usize>,

@@ -209,7 +209,7 @@ pub struct ErrorSource {
 /// Attribution of the error of a network model to robots, radio and protocol.
 #[derive(Clone, Debug)]
 pub struct ErrorSplit {
-    /// Of the measurement.
+    /// Figures of the measurement.
     pub measured: NetworkFigures,
     /// Means of the whole model, with measured tracks, with a trace of its own links, with a trace of the measured links.
     pub means: [[f64; KPIS.len()]; 4],

@@ -127,9 +127,9 @@ impl RunPlacement {
 /// The error of a task split.
 #[derive(Clone, Debug)]
 pub struct TaskSplit {
-    /// Of the measurement.
+    /// Figures of the measurement.
     pub measured: TaskFigures,
-    /// The whole model.
+    /// Runs of the model as configured, nothing replaced by measurements.
     pub whole: TaskRuns,
     /// The model's robots, who hear what the model's network delivers along the measured tracks.
     pub own: TaskRuns,

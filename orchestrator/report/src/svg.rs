@@ -24,7 +24,7 @@ impl Render for Px {
 pub struct Axis {
     /// What it shows, with the unit.
     pub label: String,
-    /// Lower end.
+    /// Value at the lower end of the axis, in its unit.
     pub min: f64,
     /// Upper end, greater than `min`.
     pub max: f64,

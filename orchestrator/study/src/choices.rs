@@ -182,7 +182,7 @@ fn listed(runs: &[u32]) -> String {
 
 /// The columns and covariates of a study's rows, over which a condition is evaluated.
 pub struct ConditionRows<'a> {
-    /// The file.
+    /// The table of measurements that the choices are of.
     pub table: &'a DataTable,
     /// The line of each row in it.
     pub lines: Vec<usize>,

@@ -10,7 +10,7 @@ pub const FORMULA: &str = "formula";
 /// A formula as the user writes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FormulaRequest {
-    /// The expression.
+    /// The expression, in the language of [`proto::formula`].
     pub expression: String,
     /// Its parameters: each with its start, least and greatest value.
     pub parameters: Vec<(String, [f64; 3])>,
@@ -23,7 +23,7 @@ pub struct FormulaRequest {
 pub struct FormulaCandidate {
     /// Its checked table, parameters at their starts.
     pub table: toml::Table,
-    /// What is fitted.
+    /// Its parameters that are fitted, with ranges and starts, in the order in which the user gave them.
     pub parameters: Vec<Parameter>,
 }
 

@@ -99,7 +99,7 @@ pub struct StatedSettings {
     pub is_wheelbase_given: bool,
     /// Standard deviation of the noise of measured positions (m), where it says that.
     pub sd_m: Option<f64>,
-    /// The ground.
+    /// Heights of the ground, from `[site]`.
     pub terrain: Terrain,
     /// The effects that may be missing.
     pub catalogue: Catalogue,

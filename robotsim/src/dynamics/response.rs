@@ -20,7 +20,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// At once.
+    /// Actuators that follow commands at once: no lag, no limit.
     pub const INSTANT: Self = Self { lag_s: 0.0, limit: f64::INFINITY };
 
     /// What remains, of a distance `e`, after `t_s`, and its integral over that time.

@@ -23,7 +23,7 @@ pub struct Surroundings<'a> {
 pub struct Columns<'a> {
     /// Names, and the values row by row; NaN where there is none.
     pub all: &'a [(String, Vec<f64>)],
-    /// The row.
+    /// Index of the row of measurements.
     pub row: usize,
 }
 

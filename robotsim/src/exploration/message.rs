@@ -16,38 +16,38 @@ use serde::{Deserialize, Serialize};
 /// Cells of one kind, one after the other by number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
-    /// The first.
+    /// Number of the first cell.
     pub first: u16,
-    /// How many: 1 to [`MAX_RUN`].
+    /// Number of cells: 1 to [`MAX_RUN`].
     pub n: u8,
-    /// They are occupied; else free.
+    /// Whether the cells are occupied; else they are free.
     pub is_occupied: bool,
 }
 
-/// The longest run.
+/// Most cells in a run: seven bits hold the number.
 pub const MAX_RUN: u8 = 127;
 
 impl Run {
-    /// Its cells.
+    /// Numbers of its cells, ascending.
     pub fn cells(self) -> impl Iterator<Item = u16> {
         (0..u16::from(self.n)).map(move |place| self.first.saturating_add(place))
     }
 }
 
-/// A robot's report.
+/// What a robot reports to the base: a part of its map, and where it stands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
     /// Number of the part of the map, from 1; 0: none.
     pub part: u16,
     /// Number of the last order that the robot has taken.
     pub order: u16,
-    /// Where it stands.
+    /// Number of the cell in which the robot stands.
     pub cell: u16,
-    /// What it has seen.
+    /// Cells that it has seen, free or occupied.
     pub runs: Vec<Run>,
 }
 
-/// The base's order.
+/// What the base sends to a robot: an order to go somewhere, and which parts of its map have arrived.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order {
     /// All parts up to this number have come.

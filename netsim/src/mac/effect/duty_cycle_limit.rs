@@ -84,9 +84,9 @@ pub const ENTRY: Entry = Entry {
 pub struct DutyCycleLimit {
     /// Fraction of the time for which a mote may transmit.
     pub fraction: f64,
-    /// Over which time that is reckoned (s).
+    /// Length of the window over which the fraction is computed (s).
     pub window_s: f64,
-    /// Whose; none: everybody's.
+    /// The motes it applies to; `None`: all.
     pub motes: Motes,
 }
 

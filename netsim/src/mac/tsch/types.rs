@@ -16,9 +16,9 @@ pub struct Config {
     pub queue_capacity: Option<u16>,
     /// Attempts after the first (macMaxFrameRetries); `None`: any number.
     pub max_retries: Option<u16>,
-    /// macMinBe.
+    /// Least back-off exponent in shared cells (macMinBe).
     pub min_exponent: u8,
-    /// macMaxBe.
+    /// Greatest back-off exponent in shared cells (macMaxBe).
     pub max_exponent: u8,
     /// Mean time between beacons of a mote (ns), where few are in reach.
     pub beacon_period_ns: u64,
@@ -61,7 +61,7 @@ impl Config {
     }
 }
 
-/// Where a mote stands.
+/// Synchronisation of a mote.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
     /// Its radio is off.
@@ -98,9 +98,9 @@ pub enum Outgoing {
 pub struct Transmission {
     /// In which cell; `None`: the slot after one with the pending bit.
     pub at: Option<CellRef>,
-    /// On which channel.
+    /// IEEE 802.15.4 channel, after hopping.
     pub channel: u8,
-    /// What.
+    /// A beacon, or a frame from the queue.
     pub outgoing: Outgoing,
     /// Another frame for the same neighbour follows in the next slot.
     pub pending: bool,
@@ -111,7 +111,7 @@ pub struct Transmission {
 pub struct Listening {
     /// In which cell; `None`: it scans, or the slot follows one with the pending bit.
     pub at: Option<CellRef>,
-    /// On which channel.
+    /// IEEE 802.15.4 channel, after hopping.
     pub channel: u8,
     /// It does not keep time: it listens all the time.
     pub scans: bool,
@@ -130,7 +130,7 @@ impl Listening {
 /// What the MAC says to a frame that was received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameHandling {
-    /// It is acknowledged.
+    /// Whether the receiver acknowledges the frame.
     pub acknowledge: bool,
     /// It goes to the upper layers: it is for us, and new.
     pub deliver: bool,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Which slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Slot {
-    /// Absolute slot number.
+    /// Absolute number of the slot.
     pub asn: u64,
     /// When it begins (ns).
     pub begins_ns: u64,
@@ -126,7 +126,7 @@ impl Arrival {
     }
 }
 
-/// What arrives where.
+/// The power at which each sender's frame arrives at each receiver.
 pub trait Paths {
     /// All motes, ascending, at which the sender's frames can arrive; `None`: they can arrive at any mote.
     fn neighbours(&mut self, sender: u32) -> Option<&[u32]>;

@@ -77,7 +77,7 @@ pub enum Redraw {
 /// clamp is the lower bound it was meant to be, `min_distance_m`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExperimentalRandomness {
-    /// Radio settings.
+    /// Settings of the radio: power, frequency, antenna gains.
     pub radio: Radio,
     /// When levels change.
     pub redraw: Redraw,

@@ -70,7 +70,7 @@ pub(super) fn within(distance_m: f64) -> Reach {
 /// Free space: [`friis_dbm`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friis {
-    /// Radio settings.
+    /// Settings of the radio: power, frequency, antenna gains.
     pub radio: Radio,
 }
 

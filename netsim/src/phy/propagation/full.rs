@@ -31,7 +31,7 @@ struct Keys {
 /// Every frame arrives, over any distance: the ideal radio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Full {
-    /// What frames read.
+    /// RSSI that is assigned to received frames (dBm).
     pub rssi: AssignedRssi,
 }
 

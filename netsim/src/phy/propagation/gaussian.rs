@@ -53,7 +53,7 @@ const CUT_SIGMAS: f64 = 6.0;
 pub struct Gaussian {
     /// Width σ (m).
     pub sigma_m: f64,
-    /// What frames read.
+    /// RSSI that is assigned to received frames (dBm).
     pub rssi: AssignedRssi,
 }
 

@@ -85,7 +85,7 @@ pub struct LineOfSight {
     pub field_of_view_rad: Option<f64>,
     /// Radius of the bodies that block (m).
     pub body_radius_m: Option<f64>,
-    /// What frames read.
+    /// RSSI that is assigned to received frames (dBm).
     pub rssi: AssignedRssi,
 }
 

@@ -58,9 +58,9 @@ struct Keys {
 /// A mean over places: add `shadowing` for what varies between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogDistance {
-    /// Radio settings.
+    /// Settings of the radio: power, frequency, antenna gains.
     pub radio: Radio,
-    /// Exponent n.
+    /// Path loss exponent n: power falls with distance to the power of −n.
     pub exponent: f64,
     /// Reference distance d0 (m).
     pub reference_distance_m: f64,

@@ -48,9 +48,9 @@ struct Keys {
 /// measurements), it says that nothing arrives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestK {
-    /// How many.
+    /// Number of nearest neighbours that receive each frame.
     pub k: usize,
-    /// What frames read.
+    /// RSSI that is assigned to received frames (dBm).
     pub rssi: AssignedRssi,
 }
 

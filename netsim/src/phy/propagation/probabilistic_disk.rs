@@ -35,7 +35,7 @@ const BELOW_FRIIS_DB: f64 = 40.0;
 /// A bound, not a description of any place: the lower end of the levels seen by Municio et al. (2019).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProbabilisticDisk {
-    /// Radio settings.
+    /// Settings of the radio: power, frequency, antenna gains.
     pub radio: Radio,
 }
 

@@ -48,7 +48,7 @@ struct Keys {
 pub struct UnitDisk {
     /// The radius (m).
     pub radius_m: f64,
-    /// What frames read.
+    /// RSSI that is assigned to received frames (dBm).
     pub rssi: AssignedRssi,
 }
 

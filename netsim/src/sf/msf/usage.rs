@@ -21,7 +21,7 @@ pub(super) struct Usage {
 }
 
 impl Usage {
-    /// The cells are others now.
+    /// Replaces the cells, and keeps both counters.
     pub(super) fn set_cells(&mut self, mut slots: Vec<u16>, length: u16, asn: u64, most: u16) {
         slots.sort_unstable();
         if (&slots, length) == (&self.slots, self.length) {

@@ -16,7 +16,7 @@ pub struct Comparison {
     /// The format of this answer.
     #[schemars(extend("const" = SCHEMA))]
     pub schema: &'static str,
-    /// What was measured.
+    /// What the measurements are of: links or robots.
     pub kind: Subject,
     /// What the blocks of data are that were left out together.
     pub unit: String,
@@ -39,7 +39,7 @@ pub struct Comparison {
 /// A covariate, and the error over it.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Place {
-    /// The covariate.
+    /// Name of the covariate: a column, or a quantity computed from the rows.
     pub covariate: String,
     /// The share of the squared error that the means of its bins explain, less what as many bins of noise would.
     #[serde(serialize_with = "json_number::serialize")]
@@ -75,7 +75,7 @@ pub struct Bin {
     pub from: f64,
     /// Greatest value of the covariate.
     pub to: f64,
-    /// Rows.
+    /// Number of rows in the bin.
     pub n: usize,
     /// Mean of measured less predicted (dB, m or a share of frames).
     #[serde(serialize_with = "json_number::serialize")]

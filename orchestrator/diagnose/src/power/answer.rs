@@ -14,7 +14,7 @@ pub struct Power {
     /// The format of this answer.
     #[schemars(extend("const" = SCHEMA))]
     pub schema: &'static str,
-    /// The effect.
+    /// Name of the effect in the catalogue.
     pub effect: String,
     /// The key of the effect that is its size.
     pub parameter: String,
@@ -28,7 +28,7 @@ pub struct Power {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub value: Option<f64>,
-    /// What came out, in a sentence.
+    /// The result in a sentence.
     pub sentence: String,
     /// Standard deviation of the noise of all campaigns (dB or m).
     #[serde(serialize_with = "json_number::serialize")]
@@ -36,7 +36,7 @@ pub struct Power {
     pub noise: f64,
     /// Candidates for which the level of significance is corrected.
     pub candidates: usize,
-    /// The sizes that were tried.
+    /// The sizes that were simulated, the smallest first.
     pub tried: Vec<Size>,
     /// How the answer was found.
     #[schemars(extend("const" = "simulation"))]
@@ -51,9 +51,9 @@ pub struct Power {
 pub struct Size {
     /// The value of the key.
     pub value: f64,
-    /// Campaigns in which the effect was found.
+    /// Campaigns, of those simulated, in which the diagnosis found the effect.
     pub found: usize,
-    /// Campaigns simulated.
+    /// Campaigns simulated at this size.
     pub campaigns: u64,
     /// Held-out root mean squared error without and with the effect, mean of the campaigns (dB or m).
     #[serde(serialize_with = "json_number::serialize")]
@@ -61,7 +61,7 @@ pub struct Size {
     pub rmse: [f64; 2],
 }
 
-/// What came out, in a sentence.
+/// The result in a sentence.
 #[must_use]
 pub fn sentence(power: &Power) -> String {
     let Power { effect, parameter, unit, neutral, .. } = power;

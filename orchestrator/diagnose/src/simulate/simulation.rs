@@ -14,7 +14,7 @@ pub struct Simulation {
     /// The format of this answer.
     #[schemars(extend("const" = SCHEMA))]
     pub schema: &'static str,
-    /// Rows written.
+    /// Number of rows written to the file.
     pub rows: usize,
     /// Rows of the file that cannot be used, and are not written.
     pub left_out: usize,

@@ -10,13 +10,13 @@ use std::collections::BTreeMap;
 pub struct KpiSummary {
     /// Whether and when the network formed; null of a network that has nothing to form.
     pub formation: Option<FormationSummary>,
-    /// When motes joined.
+    /// How many motes joined the network, and when.
     pub joining: Joining,
     /// Application packets to one destination.
     pub delivery: Option<Delivery>,
     /// Application packets to roots.
     pub delivery_upward: Option<Delivery>,
-    /// Packets by kind.
+    /// Counts of packets by kind, such as an application or routing; null: the network does not record packets.
     pub packets: Option<IndexMap<String, PacketsOfKind>>,
     /// Changes of preferred parents.
     pub routing: Routing,
@@ -61,24 +61,24 @@ pub struct Joining {
 pub struct JoinTimes {
     /// How many motes reached it.
     pub motes: u64,
-    /// The first mote.
+    /// When the first mote joined (s).
     pub first_s: Option<f64>,
-    /// Mean.
+    /// Mean over the motes that joined (s).
     pub mean_s: Option<f64>,
-    /// Median.
+    /// Median over the motes that joined (s).
     pub median_s: Option<f64>,
     /// 99 % quantile.
     pub p99_s: Option<f64>,
-    /// The last mote.
+    /// When the last of them joined (s).
     pub last_s: Option<f64>,
 }
 
 /// Application packets that ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Delivery {
-    /// Packets delivered.
+    /// Packets that reached their destination.
     pub delivered: u64,
-    /// Packets dropped.
+    /// Packets that were dropped on the way.
     pub dropped: u64,
     /// Delivered / (delivered + dropped).
     pub ratio: f64,
@@ -114,11 +114,11 @@ pub struct Latency {
 pub struct PacketsOfKind {
     /// Whether applications sent them.
     pub is_application: bool,
-    /// Packets created.
+    /// Packets that were created at their source.
     pub created: u64,
-    /// Packets delivered.
+    /// Packets that reached their destination, of this kind.
     pub delivered: u64,
-    /// Packets dropped.
+    /// Packets that were dropped on the way, of this kind.
     pub dropped: u64,
     /// Packets that were still on their way at the end.
     pub in_flight: u64,
@@ -129,7 +129,7 @@ pub struct PacketsOfKind {
 /// Changes of preferred parents; null where unknown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Routing {
-    /// Changes of all motes.
+    /// Changes of preferred parents, all motes together.
     pub parent_changes: Option<f64>,
     /// Changes per mote and hour of being on.
     pub churn_per_mote_hour: Option<f64>,

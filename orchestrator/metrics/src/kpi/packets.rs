@@ -46,7 +46,7 @@ pub struct MotePackets {
 }
 
 impl MotePackets {
-    /// Delivered over ended.
+    /// Packets delivered divided by packets delivered or dropped; `None` if there are none of either.
     pub fn ratio(&self) -> Option<f64> {
         let ended = self.delivered + self.dropped;
         (ended != 0).then(|| self.delivered as f64 / ended as f64)

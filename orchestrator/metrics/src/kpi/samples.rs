@@ -21,7 +21,7 @@ impl Default for Samples {
 }
 
 impl Samples {
-    /// All of these.
+    /// Samples of all finite values; others are left out.
     pub fn from_values(values: impl IntoIterator<Item = f64>) -> Self {
         let mut samples = Self::default();
         values.into_iter().for_each(|value| samples.add(value));
@@ -48,12 +48,12 @@ impl Samples {
         self.ends = [self.ends[0].min(value), self.ends[1].max(value)];
     }
 
-    /// How many were added.
+    /// Number of samples.
     pub fn len(&self) -> u64 {
         self.n
     }
 
-    /// Whether none was.
+    /// Whether there is no sample.
     pub fn is_empty(&self) -> bool {
         self.n == 0
     }
@@ -65,7 +65,7 @@ impl Samples {
         values
     }
 
-    /// Their mean.
+    /// Mean of the samples; `None` without samples.
     pub fn mean(&self) -> Option<f64> {
         ratio(self.sum, self.n as f64)
     }
@@ -75,7 +75,7 @@ impl Samples {
         self.quantiles([share])[0]
     }
 
-    /// Several quantiles.
+    /// Quantiles of the samples at these shares (0 to 1), in the same order; `None` without samples.
     pub fn quantiles<const N: usize>(&self, shares: [f64; N]) -> [Option<f64>; N] {
         let values = self.ascending();
         shares.map(|share| {

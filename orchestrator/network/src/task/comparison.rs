@@ -43,9 +43,9 @@ pub struct TaskComparison {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub p_value: f64,
-    /// What came out, in a word.
+    /// The verdict.
     pub verdict: TaskVerdict,
-    /// What came out, in a sentence.
+    /// The result in a sentence.
     pub sentence: String,
     /// Where the error comes from.
     pub error_split: TaskErrorSplit,
@@ -79,7 +79,7 @@ pub struct TaskErrorSplit {
     pub order: [&'static str; 2],
     /// What belongs to neither.
     pub note: &'static str,
-    /// What came out, in a sentence.
+    /// The result in a sentence.
     pub sentence: String,
     /// The parts, each with its significance.
     pub parts: [ErrorPart; 2],

@@ -14,9 +14,9 @@ pub struct ReceivedMessage {
     pub sent_ns: u64,
     /// When it was received (ns).
     pub received_ns: u64,
-    /// Who sent it.
+    /// Number of the robot that sent it.
     pub sender: u32,
-    /// Who received it.
+    /// Number of the robot that received it.
     pub receiver: u32,
     /// How strong it was (dBm), where that is known.
     pub rssi_dbm: Option<f32>,

@@ -37,7 +37,7 @@ fn placement_text(placing: RunPlacement, value: &dyn Fn(usize) -> f64, runs: &Ta
     format!("p = {:.3}{most}", placing.p_value)
 }
 
-/// What came out, in a word and in a sentence.
+/// The verdict, and the result in a sentence.
 fn sentence(split: &TaskSplit) -> (TaskVerdict, String) {
     let network = placement_text(split.network, &|k| split.heard.mean(k), &split.own);
     let robot = placement_text(split.robot, &|k| split.measured.values[k], &split.heard);

@@ -24,24 +24,24 @@ pub struct RandomEffectSds {
 /// The groups of every row for random effects: link, nodes and channel, by number.
 #[derive(Clone, Debug)]
 pub struct RowCells {
-    /// Link and place.
+    /// By row: the number of its cell of link and place, below `n_links`.
     pub link: Vec<u32>,
-    /// Link, place, channel and finer place: each lies in one cell of `link`.
+    /// By row: the number of its cell of link, place, channel and finer place. Each lies in one cell of `link`.
     pub channel: Vec<u32>,
     /// The link cell of each channel cell.
     pub link_of_channel: Vec<u32>,
-    /// How many cells of links there are.
+    /// Number of cells of links and places.
     pub n_links: usize,
-    /// Sender and receiver, as places in the list of nodes.
+    /// By row: sender and receiver, as indices below `n_nodes`.
     pub nodes: Vec<(u32, u32)>,
-    /// How many nodes there are.
+    /// Number of nodes.
     pub n_nodes: usize,
 }
 
 /// The random levels of a fit: their modes, and how much is known of each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Random {
-    /// Standard deviations.
+    /// Standard deviations of the levels, by kind (dB).
     pub sd: RandomEffectSds,
     link_db: Vec<f64>,
     link_weight: Vec<f64>,
@@ -54,9 +54,9 @@ pub struct Random {
 /// A step of Newton's method.
 #[derive(Clone, Debug)]
 pub struct NewtonStep {
-    /// Of the parameters.
+    /// Change of the parameters, in the order of the fit; each in its own unit.
     pub parameters: DVector<f64>,
-    /// Of the random levels.
+    /// The random levels after the step.
     pub random: Random,
     /// Information about the parameters, random levels eliminated.
     pub information: DMatrix<f64>,
@@ -245,9 +245,9 @@ pub struct Solver<'a> {
     pub train: &'a [u32],
     /// Their slopes, in the same order.
     pub slopes: &'a [RowLikelihood],
-    /// Derivatives of their levels over the parameters.
+    /// Derivatives of their levels (dB) by the parameters: a row of `n_parameters` values for each of `train`.
     pub jacobian: &'a [f64],
-    /// Number of parameters.
+    /// Number of parameters: columns of `jacobian`.
     pub n_parameters: usize,
 }
 

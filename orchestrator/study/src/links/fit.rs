@@ -24,7 +24,7 @@ pub struct LinkFit {
     pub states: Vec<TermState>,
     /// How frames vary about the mean level, and which pass.
     pub instrument: Instrument,
-    /// Random levels.
+    /// Random levels of nodes, links and channels (dB).
     pub random: Random,
     /// The length over which levels of links change (m).
     pub decorrelation_m: f64,
@@ -42,17 +42,17 @@ pub struct LinkFit {
 pub struct FitProblem<'a> {
     /// The measurements and the configured model.
     pub rows: &'a ModelledLinks,
-    /// The terms.
+    /// The terms of the model, in the order of their parameters.
     pub specs: Vec<&'a TermSpec>,
-    /// Cells of all rows.
+    /// The groups of all rows for random levels.
     pub cells: &'a RowCells,
     /// The length over which levels of links change in them (m).
     pub decorrelation_m: f64,
     /// The level at which the fit will be judged.
     pub level: effect::Level,
-    /// Rows to fit to.
+    /// Indices of the rows to fit to.
     pub train: &'a [u32],
-    /// The noise, where the configuration gives it.
+    /// Standard deviation of the noise (dB), where the configuration gives it; `None`: it is fitted.
     pub fixed_sd_db: Option<f64>,
     /// Which standard deviations of random levels the fit may change.
     pub free: FreeRandomEffects,
@@ -67,11 +67,11 @@ pub struct FitProblem<'a> {
 /// The random effects whose standard deviations a fit estimates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FreeRandomEffects {
-    /// Of links.
+    /// Whether that of links is estimated.
     pub link: bool,
-    /// Of channels.
+    /// Whether that of channels is estimated.
     pub channel: bool,
-    /// Of nodes.
+    /// Whether those of nodes, as senders and as receivers, are estimated.
     pub nodes: bool,
 }
 

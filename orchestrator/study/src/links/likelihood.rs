@@ -46,13 +46,13 @@ pub struct RowLikelihood {
 pub struct Instrument {
     /// Standard deviation of the noise (dB).
     pub sd_db: f64,
-    /// What varies beside.
+    /// The spread of the power about its mean level.
     pub spread: PowerMixture,
-    /// The reception curve.
+    /// Probability of reception over received power.
     pub curve: SampledCurve,
     /// It averaged over the noise.
     pub averaged: AveragedCurve,
-    /// What rows are.
+    /// What a row is: one frame, or several that are summed up.
     pub readings: Readings,
     /// Standard deviation (dB) of the level that such frames share; without meaning for single frames.
     pub link_sd_db: f64,

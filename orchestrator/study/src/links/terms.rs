@@ -58,7 +58,7 @@ impl TermSpec {
 /// A linear spline over a covariate: of the mean power (dB), or of the loss rate.
 #[derive(Clone, Debug)]
 pub struct LinkCurve {
-    /// The covariate.
+    /// Name of the covariate that the curve is over.
     pub covariate: String,
     /// Its value in every row; NaN where it is unknown: there the curve adds nothing.
     pub values: Arc<[f64]>,

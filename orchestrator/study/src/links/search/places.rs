@@ -27,11 +27,11 @@ const MOST_DB: f64 = 60.0;
 pub struct Coordinate {
     /// `from_x_m`, `centre_y_m`, `radius_m`, …, `loss_db`.
     pub name: &'static str,
-    /// What was found.
+    /// The estimate, in the unit of the parameter.
     pub value: f64,
-    /// Lower end.
+    /// Lower end of its interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of its interval.
     pub high: f64,
 }
 
