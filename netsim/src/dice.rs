@@ -20,7 +20,7 @@ impl Dice {
         Self { seed, purpose, mote, n_drawn: 0 }
     }
 
-    /// 64 random bits.
+    /// The next 64 random bits of the stream.
     pub fn word(&mut self) -> u64 {
         let k = self.n_drawn;
         self.n_drawn += 1;

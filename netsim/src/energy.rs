@@ -136,7 +136,7 @@ impl Model {
 /// Frames of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Frames {
-    /// Number of such slots.
+    /// Number of frames.
     pub n: u64,
     /// Their lengths together (PSDU, bytes).
     pub bytes: u64,
@@ -243,7 +243,7 @@ impl Usage {
         self.slots() - self.sleep
     }
 
-    /// All frames sent.
+    /// Frames sent, of all kinds together.
     #[must_use]
     pub fn sent(&self) -> Frames {
         self.tx_acked.and(self.tx_not_acked).and(self.tx_broadcast)

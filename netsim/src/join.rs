@@ -24,7 +24,7 @@ use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 
-/// UDP ports.
+/// UDP ports of the join protocol.
 pub mod ports {
     /// CoAP (RFC 7252, § 6.1).
     pub const COAP: u16 = 5683;
@@ -75,7 +75,7 @@ pub struct Outgoing {
     pub destination: Ipv6Addr,
     /// Its class: requests that a proxy forwards and responses to proxies are marked (§ 6.1.1 and 6.1.2).
     pub dscp: u8,
-    /// The message.
+    /// The join message (CoJP, RFC 9031) to send.
     pub message: CojpRepr,
 }
 

@@ -12,7 +12,7 @@ use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::io::{BufRead as _, BufReader, Read as _};
 
-/// A trace.
+/// A measured trace in the K7 format: its header and its rows in order of time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct K7 {
     /// What it says about itself.
@@ -32,7 +32,7 @@ pub struct Header {
     pub duration_ns: u64,
 }
 
-/// One row.
+/// One row: what was measured of a link on a channel from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// From when it holds (ns since the beginning). 0 for all rows before the first whose link and channel came before.

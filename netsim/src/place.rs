@@ -50,7 +50,7 @@ impl Place {
         self.present.get(mote) && self.working.get(mote)
     }
 
-    /// All of them.
+    /// By mote: whether it is present and works.
     #[must_use]
     pub fn alive(&self) -> Bitmap {
         let mut alive = self.working.clone();

@@ -335,7 +335,7 @@ impl Rpl {
         .min()
     }
 
-    /// Time has passed.
+    /// Does what is due by `now_ns`: messages, and neighbours and routes that have expired.
     pub fn handle_timeout(&mut self, now_ns: u64, dice: &mut Dice) {
         if !self.is_running {
             return;
@@ -387,7 +387,7 @@ impl Rpl {
         self.is_root || !self.config.advertises || self.dao.is_advertised
     }
 
-    /// The preferred parent.
+    /// The preferred parent; `None`: the mote is a root, or has none.
     #[must_use]
     pub fn parent(&self) -> Option<Eui64> {
         self.dodag.as_ref().and_then(|dodag| dodag.parent)
@@ -399,7 +399,7 @@ impl Rpl {
         self.dodag.as_ref().map(|dodag| dodag.id)
     }
 
-    /// The DODAG's version.
+    /// Version of the DODAG that the mote is part of; `None`: of none.
     #[must_use]
     pub fn version(&self) -> Option<u8> {
         self.dodag.as_ref().map(|dodag| dodag.version)
@@ -411,7 +411,7 @@ impl Rpl {
         self.dodag.as_ref().and_then(|dodag| dodag.prefix)
     }
 
-    /// Own global address.
+    /// The mote's own global address, once it knows the prefix.
     #[must_use]
     pub fn address(&self) -> Option<Ipv6Addr> {
         self.prefix().map(|prefix| self.own.under(prefix))
@@ -440,7 +440,7 @@ impl Rpl {
         self.children.keys().copied()
     }
 
-    /// Routes down.
+    /// Routes down the DODAG, to the motes below this one.
     #[must_use]
     pub fn routes(&self) -> &Routes {
         &self.routes

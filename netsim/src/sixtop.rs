@@ -114,7 +114,7 @@ pub enum Failure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a transaction with {0} is open")]
 pub struct Busy(
-    /// The neighbour.
+    /// Address of the neighbour with which the transaction is open.
     pub Eui64,
 );
 

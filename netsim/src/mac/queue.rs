@@ -61,13 +61,13 @@ impl Queue {
         Self { capacity: Some(self.capacity.map_or(frames, |most| most.min(frames))), ..self }
     }
 
-    /// How many wait.
+    /// Number of frames that wait.
     #[must_use]
     pub fn len(&self) -> usize {
         self.frames.len()
     }
 
-    /// Whether none waits.
+    /// Whether no frame waits.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty()

@@ -17,7 +17,7 @@ pub struct Ration {
 }
 
 impl Ration {
-    /// A full ration.
+    /// The full ration of a mote: time on air for a whole window.
     #[must_use]
     pub fn new(duty: Duty) -> Self {
         let most_ns = duty.fraction * duty.window_ns as f64;

@@ -24,7 +24,7 @@ pub struct CellOptions {
 impl CellOptions {
     /// Transmit, nobody else does.
     pub const TX: Self = Self { tx: true, rx: false, shared: false };
-    /// Receive only.
+    /// A cell in which the mote only listens.
     pub const RX: Self = Self { tx: false, rx: true, shared: false };
     /// Transmit, as others may.
     pub const TX_SHARED: Self = Self { tx: true, rx: false, shared: true };
@@ -142,7 +142,7 @@ impl Slotframe {
         frame
     }
 
-    /// Length in slots.
+    /// Length of the slotframe (slots).
     #[must_use]
     pub fn slots(&self) -> u16 {
         self.slots
@@ -286,7 +286,7 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// No slotframes.
+    /// A schedule without slotframes, in which the mote sleeps.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -309,7 +309,7 @@ impl Schedule {
         &self.frames
     }
 
-    /// A slotframe.
+    /// The slotframe with this handle; `None`: there is none.
     #[must_use]
     pub fn slotframe(&self, handle: u8) -> Option<&Slotframe> {
         self.frames.iter().find(|frame| frame.handle == handle)

@@ -87,7 +87,7 @@ impl Tsch {
         }
     }
 
-    /// Where it stands.
+    /// Synchronisation of the mote.
     #[must_use]
     pub fn state(&self) -> &State {
         &self.state

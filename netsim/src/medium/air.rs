@@ -55,7 +55,7 @@ impl Radios {
 pub struct Air<'a> {
     /// The radio model that predicts power and reception.
     pub model: &'a Model,
-    /// Bounds computed from the model that exclude links without evaluating it.
+    /// Filters of the model, which decide many links without computing their power.
     pub filters: &'a Filters,
     /// Seed of the experiment.
     pub seed: u64,

@@ -13,9 +13,9 @@ pub struct Addresses {
 /// Two motes with one address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Twice {
-    /// The address.
+    /// The address that both have.
     pub address: Eui64,
-    /// The motes.
+    /// Numbers of the two motes.
     pub motes: [u32; 2],
 }
 

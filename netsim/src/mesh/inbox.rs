@@ -39,7 +39,7 @@ struct HeardOne {
 }
 
 impl Inbox {
-    /// Removes all that was received.
+    /// Removes all payloads, sent and heard.
     pub fn clear(&mut self) {
         self.sent.clear();
         self.heard.clear();

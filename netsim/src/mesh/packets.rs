@@ -17,7 +17,7 @@ pub enum PacketKind {
 }
 
 impl PacketKind {
-    /// All of them.
+    /// All kinds of packets.
     pub const ALL: [Self; 4] = [Self::Application, Self::Swarm, Self::Ordered, Self::Join];
 
     /// Its name in records.
@@ -54,7 +54,7 @@ pub struct Packet {
 /// A packet that has come to an end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ended<R> {
-    /// Which.
+    /// The packet that ended.
     pub packet: Packet,
     /// When (ns).
     pub ended_ns: u64,
@@ -64,7 +64,7 @@ pub struct Ended<R> {
     pub lost: Option<R>,
 }
 
-/// All packets.
+/// The account of packets from end to end: those on their way, and those that have ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Packets<R> {
     next_id: u64,

@@ -26,7 +26,7 @@ pub struct Tally {
     pub n_superseded: u64,
     /// Changes of the preferred parent, the first choice apart.
     pub n_parent_changes: u64,
-    /// Application packets created.
+    /// Packets that the mote's applications created.
     pub n_created: u64,
     /// How often the mote lost synchronisation.
     pub n_desynchronised: u64,

@@ -110,7 +110,7 @@ impl Radio {
 pub struct BuildContext<'a> {
     /// Path of `[netsim.phy]`, for problems.
     pub path: &'a str,
-    /// Shared radio settings.
+    /// Radio settings that all models share.
     pub radio: Radio,
     /// Capacity of the experiment.
     pub agent_count: usize,
@@ -154,7 +154,7 @@ pub enum Family {
 /// How long (ns) the recording of a checked table of `[netsim.phy]` lasts, the files given. `None`: a run may be longer.
 pub type Replay = fn(&toml::Table, &BTreeMap<String, Bytes>) -> Option<u64>;
 
-/// Nothing is replayed.
+/// The model replays no trace.
 pub const NOT_REPLAYED: Replay = |_, _| None;
 
 impl Registered for Entry {

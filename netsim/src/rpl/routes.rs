@@ -69,7 +69,7 @@ impl Routes {
         self.entries.iter()
     }
 
-    /// How many.
+    /// Number of routes.
     #[must_use]
     pub fn len(&self) -> usize {
         self.entries.len()

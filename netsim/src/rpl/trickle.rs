@@ -50,7 +50,7 @@ impl Trickle {
         self.begin(self.interval_min_ns, now_ns, dice);
     }
 
-    /// Stops the timer: no DIO is due until it is started again.
+    /// Stops the timer: nothing is due until it is started again.
     pub fn stop(&mut self) {
         self.running = None;
     }

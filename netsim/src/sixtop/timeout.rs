@@ -4,7 +4,7 @@
 
 use super::Config;
 
-/// Who waits.
+/// Which side of a transaction waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Who asks.

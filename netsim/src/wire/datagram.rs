@@ -20,7 +20,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 
-/// An IPv6 datagram.
+/// An IPv6 datagram: header fields, RPL options and payload.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Datagram {
     /// Identity in the simulation, for records; not on the air. 0: none.
@@ -49,7 +49,7 @@ pub mod code_points {
     pub const AF43: u8 = 38;
 }
 
-/// RPL packet information.
+/// RPL packet information, by which loops are detected (RFC 6550, § 11.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RpiRepr {
     /// The 'O' flag: goes down.

@@ -12,14 +12,14 @@ use super::sixp::SixpRepr;
 use super::slots::SlotsRepr;
 use serde::{Deserialize, Serialize};
 
-/// A MAC frame.
+/// A MAC frame of IEEE 802.15.4, the fields that the simulation uses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameRepr {
-    /// Who sends it.
+    /// Link-layer address of the sender.
     pub source: Eui64,
     /// For whom; `None`: everyone.
     pub destination: Option<Eui64>,
-    /// Sequence number.
+    /// Sequence number, by which repetitions are recognised.
     pub sequence: u8,
     /// Whether the receiver shall acknowledge it.
     pub ack_request: bool,
@@ -27,7 +27,7 @@ pub struct FrameRepr {
     pub pending: bool,
     /// What it announces of slots, in an information element.
     pub slots: Option<Box<SlotsRepr>>,
-    /// What it carries.
+    /// Contents of the frame, by kind.
     pub content: Content,
 }
 
@@ -73,9 +73,9 @@ pub struct BeaconRepr {
 /// A slotframe as a beacon announces it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BeaconSlotframe {
-    /// Handle.
+    /// Handle of the slotframe.
     pub handle: u8,
-    /// Length in slots.
+    /// Length of the slotframe (slots).
     pub slots: u16,
     /// Its links: slot offset, channel offset, options (bit 0 TX, 1 RX, 2 shared, 3 timekeeping).
     pub links: Vec<(u16, u16, u8)>,
@@ -84,7 +84,7 @@ pub struct BeaconSlotframe {
 /// An enhanced acknowledgment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AckRepr {
-    /// For whom.
+    /// Link-layer address of the mote whose frame is acknowledged.
     pub destination: Eui64,
     /// Sequence number of the frame it answers.
     pub sequence: u8,

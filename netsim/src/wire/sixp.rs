@@ -6,7 +6,7 @@ pub use bytes::SixpCommand;
 
 use serde::{Deserialize, Serialize};
 
-/// A 6P message.
+/// A 6P message (RFC 8480, § 3.2).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SixpRepr {
     /// Version: 0.
@@ -30,7 +30,7 @@ pub enum SixpBody {
     Confirmation(SixpAnswer),
 }
 
-/// A request.
+/// A 6P request, by command.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SixpRequest {
     /// Add cells (§ 3.3.1).

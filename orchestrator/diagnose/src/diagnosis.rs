@@ -43,7 +43,7 @@ pub struct Diagnosis {
     /// Of links: rows that were searched; of large files some of those used, spread evenly.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub searched: Option<usize>,
-    /// The measurements.
+    /// The file of measurements, and how much of it was used.
     #[serde(flatten)]
     pub account: DataAccount,
     /// Unit of errors in words: dB, m, or pdr where only reception is predicted.
@@ -121,10 +121,10 @@ pub struct Tested {
     pub untestable: Option<String>,
 }
 
-/// A fitted number.
+/// A fitted parameter with its interval.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Parameter {
-    /// The estimate.
+    /// The estimate, in `unit`.
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub value: f64,

@@ -31,7 +31,7 @@ const MOST_LOOKS: usize = 8;
 /// Sizes at which detections are counted, relative to the first estimate.
 const SIZES: [f64; 4] = [0.7, 0.9, 1.1, 1.4];
 
-/// What is asked.
+/// Which effect is to be found, and how often campaigns are simulated for it.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
     /// Name of the effect.

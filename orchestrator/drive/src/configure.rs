@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 /// Which records the network is asked for, beside those that the robots need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// None: for timing, and where only the robots matter.
+    /// None; the caller may ask for records of its own.
     Nothing,
     /// Those that the summary is computed from: packets and statistics.
     Measures,

@@ -65,7 +65,7 @@ impl Start {
     }
 }
 
-/// A valid experiment.
+/// A valid experiment: the checked file, from which everything else is configured.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The file it came from.

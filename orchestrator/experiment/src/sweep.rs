@@ -128,19 +128,19 @@ pub const MOST_TRIALS: i64 = 1_000_000;
 /// What varies, and how often.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// Seeds, in order.
+    /// Seeds under which every setting is run, in order.
     pub seeds: Seeds,
     /// Cases; none: one without a name.
     pub cases: Vec<Case>,
-    /// Keys with lists.
+    /// Keys that take each value of a list.
     pub lists: Vec<(String, Vec<Node>)>,
-    /// Keys with ranges.
+    /// Keys whose values are sampled from a range.
     pub ranges: Vec<(String, ParameterRange)>,
-    /// Points of the ranges.
+    /// Number of points sampled from the ranges.
     pub samples: usize,
     /// How they are taken.
     pub sampling: Sampling,
-    /// What is kept.
+    /// Which files of each trial are kept.
     pub keep: Keep,
     /// What the report shows, if it is said.
     pub metrics: Option<Vec<String>>,
@@ -169,13 +169,13 @@ pub struct Case {
 pub struct ParameterRange {
     /// Where it stands in the file.
     pub span: Option<std::ops::Range<usize>>,
-    /// Lower end.
+    /// Least value of the range.
     pub min: f64,
-    /// Upper end.
+    /// Greatest value of the range.
     pub max: f64,
-    /// The logarithm is uniform.
+    /// Whether the logarithm of the value is sampled uniformly, rather than the value.
     pub is_log: bool,
-    /// Whole numbers.
+    /// Whether values are whole numbers.
     pub is_whole: bool,
 }
 

@@ -20,7 +20,7 @@ use std::path::Path;
 /// What a file holds, from its beginning on.
 pub type Content<'a> = Box<dyn BufRead + 'a>;
 
-/// A file format.
+/// A file format of measurements: how it is recognised, and how it is read.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
     /// Its name, for messages that list the formats.

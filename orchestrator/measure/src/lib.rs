@@ -74,7 +74,7 @@ impl Rejections {
         }
     }
 
-    /// By reason.
+    /// The counts, in the order in which the reasons first occurred.
     #[must_use]
     pub fn into_list(self) -> Vec<Rejected> {
         self.0

@@ -8,7 +8,7 @@ use super::{Rejected, Rejections, TWICE};
 use proto::effect::CONSTANT;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Measured links.
+/// Measurements of links: a row per frame and possible receiver, or per several frames.
 #[derive(Clone, Debug)]
 pub struct LinkSamples {
     /// What could be used, in the order of the file.

@@ -11,7 +11,7 @@ use robotsim::dynamics::{Drive, Shape};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Measured robots.
+/// Measurements of robots: positions and commands over time.
 #[derive(Clone, Debug)]
 pub struct RobotSamples {
     /// What could be used: by campaign, robot and time.

@@ -81,7 +81,7 @@ pub struct AmongSeeds {
 /// A figure of a measurement among those of seeds.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Kpi {
-    /// Name of the figure, as in the summary of a run.
+    /// Name of the figure, as answers and pages show it.
     pub name: &'static str,
     /// Its unit; empty for a number without.
     pub unit: &'static str,

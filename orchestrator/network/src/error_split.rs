@@ -25,7 +25,7 @@ pub struct NetworkErrorSplit {
 /// A part of an error.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ErrorPart {
-    /// Name of the part: robot, radio or protocol.
+    /// Name of the part: `robot`, `radio` or `protocol`; of a task's error `network` or `robot`.
     pub part: &'static str,
     /// Chance of as much in any figure if nothing is wrong with this part.
     #[serde(serialize_with = "json_number::serialize")]

@@ -3,7 +3,7 @@
 /// What a figure is, and on which scale `S` its differences are reported.
 #[derive(Clone, Copy, Debug)]
 pub struct FigureSpec<S> {
-    /// Name of the figure, as in the summary of a run.
+    /// Name of the figure, as answers and pages show it.
     pub name: &'static str,
     /// Its unit; empty for a number without.
     pub unit: &'static str,

@@ -31,7 +31,7 @@ const SECTIONS: &[Section] = &[
     details::provenance,
 ];
 
-/// The page.
+/// The page of a run: one HTML file that needs no other.
 #[must_use]
 pub fn page(contents: &FinishedRun<'_>) -> String {
     let name = &contents.header.name;

@@ -165,7 +165,7 @@ const SECTIONS: &[Section] = &[
 /// The style of pages about measurements, beside that of all pages.
 pub(super) const STYLE: &str = include_str!("measured/style.css");
 
-/// The page.
+/// The page of a comparison or diagnosis of links or robots: one HTML file that needs no other.
 #[must_use]
 pub fn page(contents: &MeasuredPage<'_>) -> String {
     let sections = SECTIONS.iter().filter_map(|section| section(contents));

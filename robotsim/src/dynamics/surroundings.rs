@@ -36,7 +36,7 @@ impl Columns<'_> {
     }
 }
 
-/// Another robot.
+/// Another robot as an effect sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Other {
     /// Where it was (m).

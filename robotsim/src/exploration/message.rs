@@ -73,7 +73,7 @@ const REPORT: u8 = b'M';
 const ORDER: u8 = b'W';
 
 impl Report {
-    /// As octets.
+    /// The message as octets, as the table above lays them out.
     #[must_use]
     pub fn encode(&self) -> Bytes {
         let mut bytes = BytesMut::with_capacity(HEADER_BYTES + RUN_BYTES * self.runs.len());
@@ -108,7 +108,7 @@ impl Report {
 }
 
 impl Order {
-    /// As octets.
+    /// The message as octets, as the table above lays them out.
     #[must_use]
     pub fn encode(&self) -> Bytes {
         let mut bytes = BytesMut::with_capacity(HEADER_BYTES + CORNER_BYTES * self.corners.len());

@@ -93,7 +93,7 @@ pub enum Outgoing {
     Frame(Queued),
 }
 
-/// A transmission.
+/// A transmission in a slot: what is sent, in which cell, on which channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transmission {
     /// In which cell; `None`: the slot after one with the pending bit.
@@ -154,7 +154,7 @@ pub enum Done {
     GivenUp(Queued),
 }
 
-/// What time brings.
+/// What is due because time has passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Due {
     /// The wait for beacons is over: synchronise to this neighbour.

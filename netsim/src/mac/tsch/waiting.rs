@@ -4,7 +4,7 @@ use super::Tsch;
 use crate::mac::queue::{N_NEWER_MOST, Queue, Queued};
 
 impl Tsch {
-    /// Frames that wait.
+    /// The queue of frames that wait for a cell.
     #[must_use]
     pub fn queue(&self) -> &Queue {
         &self.queue

@@ -126,7 +126,7 @@ impl Arrival {
     }
 }
 
-/// The power at which each sender's frame arrives at each receiver.
+/// Which motes each sender's frames can reach, and at which power.
 pub trait Paths {
     /// All motes, ascending, at which the sender's frames can arrive; `None`: they can arrive at any mote.
     fn neighbours(&mut self, sender: u32) -> Option<&[u32]>;

@@ -74,7 +74,7 @@ pub const ENTRY: Entry = Entry {
 /// An average over many links of one environment, on a base model with exponent 2.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct PathLossExponent {
-    /// The exponent n.
+    /// Path loss exponent n: power falls with distance to the power of −n.
     pub exponent: f64,
     /// Up to here nothing is added (m).
     pub reference_distance_m: f64,

@@ -76,7 +76,7 @@ pub const ENTRY: Entry = Entry {
     },
 };
 
-/// How antennas stand.
+/// Polarisation of the antennas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Polarization {

@@ -111,7 +111,7 @@ pub const ENTRY: Entry = Entry {
 pub struct MsfConfig {
     /// SLOTFRAME_LENGTH (slots), of all three slotframes.
     pub slotframe_slots: u16,
-    /// MAX_NUM_CELLS.
+    /// MAX_NUM_CELLS: cells that elapse before their use is judged.
     pub max_num_cells: u16,
     /// LIM_NUMCELLSUSED_HIGH, of `max_num_cells`.
     pub lim_numcellsused_high: u16,

@@ -31,7 +31,7 @@ pub struct Comparison {
     /// Covariates, by how much of the squared error their bins explain, most first.
     #[serde(rename = "where")]
     pub places: Vec<Place>,
-    /// The measurements.
+    /// The file of measurements, and how much of it was used.
     #[serde(flatten)]
     pub account: DataAccount,
 }

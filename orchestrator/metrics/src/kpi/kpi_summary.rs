@@ -16,7 +16,7 @@ pub struct KpiSummary {
     pub delivery: Option<Delivery>,
     /// Application packets to roots.
     pub delivery_upward: Option<Delivery>,
-    /// Counts of packets by kind, such as an application or routing; null: the network does not record packets.
+    /// Counts of packets by kind, for instance those of applications; null where they are not recorded.
     pub packets: Option<IndexMap<String, PacketsOfKind>>,
     /// Changes of preferred parents.
     pub routing: Routing,
@@ -95,17 +95,17 @@ pub struct Delivery {
 /// Latencies of packets (s).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Latency {
-    /// Least.
+    /// Least latency (s).
     pub min: Option<f64>,
-    /// Mean.
+    /// Mean latency (s).
     pub mean: f64,
-    /// Median.
+    /// Median latency (s).
     pub median: Option<f64>,
     /// 95 % quantile.
     pub p95: Option<f64>,
     /// 99 % quantile.
     pub p99: Option<f64>,
-    /// Greatest.
+    /// Greatest latency (s).
     pub max: f64,
 }
 
@@ -179,12 +179,12 @@ pub struct EnergySummary {
 /// A figure over motes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MoteSpread {
-    /// Mean.
+    /// Mean over motes, in the unit of the figure.
     pub mean: Option<f64>,
-    /// Median.
+    /// Median over motes.
     pub median: Option<f64>,
     /// 99 % quantile.
     pub p99: Option<f64>,
-    /// Greatest.
+    /// The greatest of all motes.
     pub max: Option<f64>,
 }

@@ -21,7 +21,7 @@ impl Default for Samples {
 }
 
 impl Samples {
-    /// Samples of all finite values; others are left out.
+    /// Samples of all values, which are finite.
     pub fn from_values(values: impl IntoIterator<Item = f64>) -> Self {
         let mut samples = Self::default();
         values.into_iter().for_each(|value| samples.add(value));
@@ -48,12 +48,12 @@ impl Samples {
         self.ends = [self.ends[0].min(value), self.ends[1].max(value)];
     }
 
-    /// Number of samples.
+    /// Number of values that were added, including those not kept.
     pub fn len(&self) -> u64 {
         self.n
     }
 
-    /// Whether there is no sample.
+    /// Whether no value was added.
     pub fn is_empty(&self) -> bool {
         self.n == 0
     }
@@ -65,7 +65,7 @@ impl Samples {
         values
     }
 
-    /// Mean of the samples; `None` without samples.
+    /// Mean of all values that were added; `None` if there are none.
     pub fn mean(&self) -> Option<f64> {
         ratio(self.sum, self.n as f64)
     }
@@ -75,7 +75,7 @@ impl Samples {
         self.quantiles([share])[0]
     }
 
-    /// Quantiles of the samples at these shares (0 to 1), in the same order; `None` without samples.
+    /// Quantiles of the values that were kept, at these shares (0 to 1) and in their order; `None` without values.
     pub fn quantiles<const N: usize>(&self, shares: [f64; N]) -> [Option<f64>; N] {
         let values = self.ascending();
         shares.map(|share| {

@@ -138,6 +138,6 @@ pub struct PlacesOff {
 pub struct HeardFile {
     /// Path of the file, as given.
     pub file: String,
-    /// Deliveries in it.
+    /// Number of receptions in the file.
     pub deliveries: usize,
 }

@@ -65,7 +65,7 @@ pub struct NewtonStep {
 }
 
 impl Random {
-    /// None known yet.
+    /// Levels of 0 dB about which nothing is known yet.
     #[must_use]
     pub fn new(sd: RandomEffectSds, cells: &RowCells) -> Self {
         Self {

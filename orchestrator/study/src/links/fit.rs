@@ -15,7 +15,7 @@ use proto::effect;
 use proto::rng::Purpose;
 use std::sync::Arc;
 
-/// A fitted model.
+/// A model of links fitted to measurements: terms with their states, noise and random levels.
 #[derive(Clone, Debug)]
 pub struct LinkFit {
     /// Terms, as indices of candidates.

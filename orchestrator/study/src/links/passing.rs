@@ -18,7 +18,7 @@ const KERNEL_REACH_SD: f64 = 5.0;
 pub struct PowerMixture(pub Vec<(f64, f64)>);
 
 impl PowerMixture {
-    /// Nothing.
+    /// No spread: the deviation is 0 dB with certainty.
     #[must_use]
     pub fn none() -> Self {
         Self(vec![(0.0, 1.0)])
