@@ -106,7 +106,7 @@ impl Faulty {
                 let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
                 tell.send(listener.local_addr().expect("an address")).expect("the test waits");
                 add(&mut tonic::transport::Server::builder())
-                    .serve_with_incoming(TcpIncoming::from(listener))
+                    .serve_with_incoming(TcpIncoming::from(listener).with_nodelay(Some(true)))
                     .await
                     .expect("serving");
             });
