@@ -10,6 +10,7 @@ pub mod campaign;
 pub mod fake;
 pub mod fault_campaign;
 pub mod forming;
+pub mod fuzz;
 pub mod in_process;
 pub mod recording;
 pub mod reporting;

@@ -111,7 +111,7 @@ pub const PHY: TableSpec = TableSpec {
         Field {
             key: "antenna_height_m",
             doc: "Height of antennas above positions (m), if all positions are planar (z = 0).",
-            kind: Kind::Number(Range::NOT_NEGATIVE),
+            kind: Kind::Number(Range::closed(0.0, 1000.0)),
             default: Default::Absent,
         },
         Field {

@@ -8,6 +8,7 @@
 //! 2018-01-11T16:32:22.0,0,18,11,-69.9,1.0,100
 //! ```
 
+use proto::bounds::{K7_BYTES, LINE_BYTES};
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::io::{BufRead as _, BufReader, Read as _};
@@ -61,8 +62,6 @@ pub struct Complaint {
     pub reason: String,
 }
 
-/// A file is read up to this size (bytes, unpacked).
-const LARGEST_BYTES: u64 = 1 << 30;
 /// That many complaints are listed; how many more there are is said.
 const MOST_COMPLAINTS: usize = 8;
 
@@ -71,13 +70,12 @@ const COLUMNS: &str = "datetime,src,dst,channel,mean_rssi,pdr,tx_count";
 /// What a K7 file, gzipped or plain, says about itself in its first line; `None` if that is none.
 #[must_use]
 pub fn header(content: &[u8]) -> Option<Header> {
-    let content = content.take(LARGEST_BYTES);
     let mut line = String::new();
-    if content.get_ref().starts_with(&[0x1f, 0x8b]) {
+    if content.starts_with(&[0x1f, 0x8b]) {
         let unpacked = flate2::read::MultiGzDecoder::new(content);
-        BufReader::new(unpacked.take(LARGEST_BYTES)).read_line(&mut line).ok()?;
+        BufReader::new(unpacked.take(LINE_BYTES.most)).read_line(&mut line).ok()?;
     } else {
-        BufReader::new(content).read_line(&mut line).ok()?;
+        content.take(LINE_BYTES.most).read_line(&mut line).ok()?;
     }
     Some(read_header(&line).ok()?.0)
 }
@@ -89,13 +87,12 @@ pub fn header(content: &[u8]) -> Option<Header> {
 /// Everything that is wrong with it, the first few lines of it.
 pub fn read(content: &[u8]) -> Result<K7, Vec<Complaint>> {
     let complain = |line: u64, reason: String| vec![Complaint { line, reason }];
-    let mut text = String::new();
     let unpacked = if content.starts_with(&[0x1f, 0x8b]) {
-        flate2::read::MultiGzDecoder::new(content).take(LARGEST_BYTES).read_to_string(&mut text)
+        K7_BYTES.read_text(flate2::read::MultiGzDecoder::new(content))
     } else {
-        content.take(LARGEST_BYTES).read_to_string(&mut text)
+        K7_BYTES.read_text(content)
     };
-    unpacked.map_err(|error| complain(1, format!("cannot be unpacked as text: {error}")))?;
+    let text = unpacked.map_err(|error| complain(1, format!("cannot be unpacked as text: {error}")))?;
     let (first, rest) = text.split_once('\n').unwrap_or((&text, ""));
     let (header, start_ns) = read_header(first).map_err(|reason| complain(1, reason))?;
     let (names, rest) = rest.split_once('\n').unwrap_or((rest, ""));
@@ -107,6 +104,7 @@ pub fn read(content: &[u8]) -> Result<K7, Vec<Complaint>> {
     let mut complaints = Vec::new();
     let mut n_more = 0;
     for (line, text) in (3..).zip(rest.lines()) {
+        LINE_BYTES.check(text.len() as u64).map_err(|refusal| complain(line, refusal))?;
         if text.trim().is_empty() {
             continue;
         }

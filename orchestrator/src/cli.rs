@@ -421,8 +421,8 @@ fn verify_command(args: &VerifyArgs) -> Result<(), Failure> {
 
 fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
     let config_toml = match &args.config {
-        Some(path) => std::fs::read_to_string(path)
-            .map_err(|error| Failure::request(format!("--config {}: {error}", path.display())))?,
+        Some(path) => experiment::text_of(path)
+            .map_err(|error| Failure::request(format!("--config {error}")))?,
         None => String::new(),
     };
     let options = ConformanceOptions {

@@ -140,7 +140,7 @@ const JOURNAL_FILE: &str = "trials.jsonl";
 /// Whether a file says that it is a sweep.
 #[must_use]
 pub fn is_sweep(path: &Path) -> bool {
-    std::fs::read_to_string(path)
+    experiment::text_of(path)
         .ok()
         .and_then(|text| proto::config::parse(&text).ok())
         .is_some_and(|tree| tree.get(experiment::sweep::KEY).is_some())

@@ -8,7 +8,7 @@ use proto::site::Site;
 use proto::types::MovedObstacle;
 use serde::Deserialize;
 
-const POINT: Kind = Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 };
+const POINT: Kind = Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 };
 
 /// Description of `[[robotsim.obstacle]]`.
 pub(crate) const SPEC: TableSpec = TableSpec {

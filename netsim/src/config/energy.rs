@@ -26,7 +26,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         Field {
             key: "battery_mah",
             doc: "Charge of a new battery (mAh). 2821.5: two AA cells, as in the 6TiSCH simulator.",
-            kind: Kind::Number(Range::POSITIVE),
+            kind: Kind::Number(Range::above(0.0, 1e9)),
             default: Default::Number(BATTERY_AA_MAH),
         },
     ],

@@ -16,6 +16,7 @@ pub use overrides::opened;
 pub use sides::{SideConfig, URL};
 pub use timeline::Timeline;
 
+use proto::bounds::CONFIGURATION_BYTES;
 use proto::config::{self, Lists, Node, Problem, Refusal, TableSpec, Value};
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
@@ -134,7 +135,8 @@ pub fn load(path: &Path, overrides: &Overrides) -> Result<Plan, Refusal> {
 ///
 /// The file does not exist, cannot be read, or is not UTF-8 text.
 pub fn text_of(path: &Path) -> Result<String, Refusal> {
-    std::fs::read_to_string(path).map_err(|error| {
+    let file = std::fs::File::open(path);
+    file.and_then(|file| CONFIGURATION_BYTES.read_text(file)).map_err(|error| {
         let reason = match error.kind() {
             std::io::ErrorKind::NotFound => missing_file(path),
             std::io::ErrorKind::InvalidData => "is not UTF-8 text".to_owned(),

@@ -1,11 +1,12 @@
 //! The sections of the two simulators: read here, judged by the simulator itself if it is ours to start.
 
 use bytes::Bytes;
+use proto::bounds::NAMED_FILE_BYTES;
 use proto::config::{self, Default, Field, FileReference, Kind, Node, Problem, Value};
 use proto::side::Setup;
 use proto::site::Site;
 use proto::types::Experiment;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// The key of `[netsim]` and `[robotsim]` that is the orchestrator's.
@@ -90,7 +91,7 @@ impl Sides<'_> {
             let known = self.files.get(&(path.to_owned(), name.clone()));
             let content = match known {
                 Some(content) => Ok(content.clone()),
-                None => std::fs::read(&file).map(Bytes::from),
+                None => read_file(&file).map(Bytes::from),
             };
             match content {
                 Ok(content) => {
@@ -142,7 +143,7 @@ impl Sides<'_> {
                 Err(_) if url.is_some() => {}
                 Err(found) => {
                     // A file that is missing was reported above; what its stand-in lacks is no news.
-                    let reported: Vec<String> =
+                    let reported: BTreeSet<String> =
                         self.problems.iter().map(|p| p.path.clone()).collect();
                     self.problems.extend(found.into_iter().filter(|p| !reported.contains(&p.path)));
                 }
@@ -204,6 +205,10 @@ pub(super) fn check_messages(
         );
         problems.push(Problem::new("netsim.rpl.routes_down", message).value(false).nearest(true));
     }
+}
+
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    NAMED_FILE_BYTES.read(std::fs::File::open(path)?)
 }
 
 /// The last part of a path.

@@ -12,6 +12,7 @@ pub mod run;
 use crate::DataError;
 use crate::table::DataTable;
 use flate2::read::MultiGzDecoder;
+use proto::bounds::TABLE_BYTES;
 use sha2::{Digest as _, Sha256};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -72,7 +73,8 @@ pub fn read(path: &Path, formats: &[Format]) -> Result<DataTable, DataError> {
     let mut content = BufReader::new(File::open(path).map_err(failed)?);
     let is_gzip = content.fill_buf().map_err(failed)?.starts_with(&GZIP);
     let content: Content<'_> = if is_gzip {
-        Box::new(BufReader::new(MultiGzDecoder::new(content)))
+        let bounded = BoundedSize { content: MultiGzDecoder::new(content), n_read: 0 };
+        Box::new(BufReader::new(bounded))
     } else {
         Box::new(content)
     };
@@ -96,6 +98,21 @@ fn read_content(
                 message: format!("is in no known format: these are {}", names.join(", ")),
             })
         }
+    }
+}
+
+/// Stops a compressed file that decompresses to more than any table has.
+struct BoundedSize<R> {
+    content: R,
+    n_read: u64,
+}
+
+impl<R: Read> Read for BoundedSize<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.content.read(buffer)?;
+        self.n_read += n as u64;
+        TABLE_BYTES.check(self.n_read).map_err(std::io::Error::other)?;
+        Ok(n)
     }
 }
 

@@ -6,6 +6,7 @@
 //! | [`table`] | a file as named columns of numbers |
 //! | [`formats`] | file formats: CSV, Parquet, K7, the folder of a run |
 //! | [`links`] | link samples and aggregated link tables |
+//! | [`ranges`] | plausible ranges of measured quantities |
 //! | [`warnings`] | warnings about measurements that can be used |
 //! | [`packets`] | packets from end to end |
 //! | [`robots`] | robot samples |
@@ -16,6 +17,7 @@ pub mod config;
 pub mod formats;
 pub mod links;
 pub mod packets;
+pub mod ranges;
 pub mod robots;
 pub mod table;
 pub mod warnings;

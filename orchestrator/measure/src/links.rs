@@ -2,6 +2,7 @@
 
 mod warnings;
 
+use super::ranges::RangeCheck;
 use super::table::DataTable;
 use super::warnings::rejection_warnings;
 use super::{Rejected, Rejections, TWICE};
@@ -156,6 +157,8 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     let tx_heading = headings("tx_heading_rad", &mut warnings);
     let rx_heading = headings("rx_heading_rad", &mut warnings);
 
+    // Readings have a range of their own; headings are refused as a whole.
+    let mut ranges = RangeCheck::new(table, &["rssi_dbm", "tx_heading_rad", "rx_heading_rad"]);
     let mut rejections = Rejections::default();
     let mut rows: Vec<LinkRow> = Vec::with_capacity(n_rows);
     let mut kept: Vec<usize> = Vec::with_capacity(n_rows);
@@ -165,6 +168,10 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         if let Some(&column) = strange.get(&index) {
             let name = &table.names()[column];
             rejections.add(&format!("{name} is not a finite number"), line);
+            continue;
+        }
+        if let Some(reason) = ranges.refusal(index, line) {
+            rejections.add(&reason, line);
             continue;
         }
         let number = |name: &str| cell(column(name), index);
@@ -241,6 +248,7 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
                 .to_owned(),
         );
     }
+    warnings.extend(ranges.warnings());
     warnings.extend(warnings::link_warnings(&rows));
     warnings.extend(rejection_warnings(&rejections.clone().into_list(), n_rows));
     if let Some(reason) = warnings::stuck_register(&rows) {

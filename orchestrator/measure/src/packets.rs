@@ -2,6 +2,7 @@
 
 use super::table::DataTable;
 use super::{Rejected, Rejections, TWICE};
+use proto::bounds::{LATENCY_S, PACKET_TIME_S};
 use std::collections::BTreeSet;
 
 /// A packet from end to end.
@@ -85,6 +86,10 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
         .iter()
         .map(|(row, column, _)| (*row, table.names()[*column].as_str()))
         .collect();
+    let late = format!(
+        "received_s is more than {} s after time_s, the longest latency that is read",
+        LATENCY_S.most
+    );
     let mut rejections = Rejections::default();
     let mut seen = BTreeSet::new();
     let mut packets = Vec::with_capacity(table.n_rows());
@@ -113,6 +118,13 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
             let is_whole = number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number);
             is_whole.then_some(number as u32)
         };
+        if (PACKET_TIME_S.most as f64) < time_s && time_s.is_finite() {
+            return Err(format!(
+                "line {line}: {} (7 days). Times count from when the network was switched on: if they are Unix times, \
+                 subtract the time at which it was; if they are milliseconds, divide them by 1000",
+                PACKET_TIME_S.refusal(&time_s.to_string())
+            ));
+        }
         let why = match (mote("source"), mote("destination")) {
             _ if !time_s.is_finite() || time_s < 0.0 => {
                 "time_s is not a finite number of at least 0"
@@ -128,6 +140,7 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
                 n_early += 1;
                 "received_s is earlier than time_s"
             }
+            _ if LATENCY_S.most as f64 + time_s < received_s => &late,
             (Some(source), Some(destination)) => {
                 let key = (time_s.to_bits(), received_s.to_bits(), source, destination);
                 // A run numbers its packets: two alike are two.
@@ -236,6 +249,29 @@ mod tests {
                 (TWICE, 10),
                 ("received_s is not a finite number", 11),
             ]
+        );
+    }
+
+    #[test]
+    fn one_arrival_far_in_the_future_is_rejected_with_its_line() {
+        for received_s in [1e6, 1.7e9] {
+            let read = read(&table(|row| {
+                let at_s = if row == 4 { received_s } else { row as f64 + 0.5 };
+                format!("{row},1,0,{at_s},2")
+            }))
+            .unwrap();
+            assert_eq!((read.packets.len(), read.rejected[0].first_line), (29, 6));
+            assert!(read.rejected[0].reason.contains("more than 3600 s"), "{:?}", read.rejected);
+        }
+    }
+
+    #[test]
+    fn a_campaign_of_unix_times_is_refused() {
+        let start_s = 1_700_000_000;
+        let error = read(&table(|row| format!("{},1,0,,", start_s + row))).unwrap_err();
+        assert!(
+            error.contains("line 2: the time of a packet (s) is 1700000000; at most 604800"),
+            "{error}"
         );
     }
 

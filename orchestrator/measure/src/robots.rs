@@ -2,6 +2,7 @@
 
 mod warnings;
 
+use super::ranges::RangeCheck;
 use super::table::DataTable;
 use super::warnings::rejection_warnings;
 use super::{Rejected, Rejections, TWICE};
@@ -140,6 +141,7 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
 
     let strange: BTreeMap<usize, usize> =
         table.strange.iter().rev().map(|&(row, column, _)| (row, column)).collect();
+    let mut ranges = RangeCheck::new(table, &[]);
     let mut rejections = Rejections::default();
     let mut warnings = Vec::new();
     let mut kept: Vec<(RobotSample, usize)> = Vec::with_capacity(table.n_rows());
@@ -148,6 +150,10 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
         if let Some(&column) = strange.get(&row) {
             let name = &table.names()[column];
             rejections.add(&format!("{name} is not a finite number"), line);
+            continue;
+        }
+        if let Some(reason) = ranges.refusal(row, line) {
+            rejections.add(&reason, line);
             continue;
         }
         let required = ["time_s", "agent", "x_m", "y_m"].iter().chain(commands);
@@ -176,6 +182,7 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
         };
         kept.push((sample, row));
     }
+    warnings.extend(ranges.warnings());
     warnings.extend(backwards(&kept));
     // Of equal times the first in the file.
     kept.sort_by(|(a, _), (b, _)| {

@@ -1,5 +1,7 @@
 //! A file as named columns of numbers.
 
+use proto::bounds::{CELLS, COLUMNS, ROWS};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// A table of numbers. A missing value is NaN.
@@ -9,7 +11,9 @@ pub struct DataTable {
     pub path: PathBuf,
     /// SHA-256 of the file, in hexadecimal digits.
     pub sha256: String,
-    pub(crate) names: Vec<String>,
+    names: Vec<String>,
+    /// Number of each column by its name.
+    index: BTreeMap<String, usize>,
     pub(crate) columns: Vec<Vec<f64>>,
     /// Rows with a field that is not a finite number: row, column, what stands there. In order of rows.
     pub strange: Vec<(usize, usize, String)>,
@@ -22,15 +26,42 @@ impl DataTable {
     #[must_use]
     pub fn of_columns(names: Vec<String>, columns: Vec<Vec<f64>>) -> Self {
         let n_rows = columns.first().map_or(0, Vec::len);
+        // Of equal names the first.
+        let numbered = names.iter().enumerate().rev();
+        let index = numbered.map(|(number, name)| (name.clone(), number)).collect();
         Self {
             path: PathBuf::new(),
             sha256: String::new(),
             names,
+            index,
             columns,
             strange: Vec::new(),
             n_rows,
             first_line: 2,
         }
+    }
+
+    /// A table without rows, to be filled.
+    ///
+    /// # Errors
+    ///
+    /// It has more columns than are read.
+    pub(crate) fn with_columns(names: Vec<String>) -> Result<Self, String> {
+        COLUMNS.check(names.len() as u64)?;
+        let columns = vec![Vec::new(); names.len()];
+        Ok(Self::of_columns(names, columns))
+    }
+
+    /// Counts a row whose fields were all appended.
+    ///
+    /// # Errors
+    ///
+    /// It is one more than are read.
+    pub(crate) fn end_row(&mut self) -> Result<(), String> {
+        self.n_rows += 1;
+        let rows = self.n_rows as u64;
+        ROWS.check(rows)?;
+        CELLS.check(rows * self.names.len() as u64)
     }
 
     /// Appends a field to a column. What is no finite number is noted as strange.
@@ -64,7 +95,7 @@ impl DataTable {
     /// The values of a column by its name, a value per row, NaN where missing; `None`: there is no such column.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        self.names.iter().position(|other| other == name).map(|index| &self.columns[index][..])
+        self.index.get(name).map(|&number| &self.columns[number][..])
     }
 
     /// The line of the file on which a row stands; in Parquet the number of the row, from 1.

@@ -14,6 +14,7 @@ use drive::{
 use experiment::{Plan, Start};
 use measure::packets::{MeasuredPacket, OWN};
 use netsim::sim::Network as BuiltInNetwork;
+use proto::bounds::{LATENCY_S, PACKET_TIME_S};
 use proto::config::Problem;
 use proto::exchange::{Configured, NetworkStep};
 use proto::rng::{Draws, Purpose};
@@ -59,6 +60,18 @@ const BEGIN: &str = "measured-begin.csv";
 /// The payload of a packet whose length is not known (bytes).
 const PAYLOAD_BYTES: u32 = 30;
 
+/// Refuses a campaign that would be simulated without end.
+fn is_short_enough(until_s: f64) -> Result<(), ResimulationError> {
+    if until_s <= (PACKET_TIME_S.most + LATENCY_S.most) as f64 {
+        return Ok(());
+    }
+    let most_s = PACKET_TIME_S.most;
+    Err(ResimulationError::Unfit(format!(
+        "the campaign lasts {until_s} s; at most {most_s} s (7 days) can be simulated again. Check that times count from the \
+         start of the campaign, in s"
+    )))
+}
+
 impl Resimulation {
     /// An experiment over measured packets, and over measured places where there are any. Motes send what the
     /// experiment's applications say; where it has none, the measured packets are sent again.
@@ -97,7 +110,9 @@ impl Resimulation {
             None => {}
         }
         let ends = packets.iter().map(|packet| packet.received_s.unwrap_or(packet.time_s));
-        let until_ns = (ends.fold(0.0, f64::max) * NS_PER_S as f64).ceil() as u64;
+        let until_s = ends.fold(0.0, f64::max);
+        is_short_enough(until_s)?;
+        let until_ns = (until_s * NS_PER_S as f64).ceil() as u64;
         let has_apps = network.get("app").and_then(toml::Value::as_array).is_some();
         let resent = if has_apps { Vec::new() } else { packets.to_vec() };
         Ok(Self { plan, tracks, resent, until_ns: until_ns.max(1) })
@@ -123,6 +138,7 @@ impl Resimulation {
         if plan.experiment.coupling != Coupling::Sequential {
             return Err(ResimulationError::Unfit(OWN_ROBOTS.to_owned()));
         }
+        is_short_enough(tracks.until_s())?;
         let until_ns = ((tracks.until_s() * NS_PER_S as f64).round() as u64).max(1);
         Ok(Self { plan, tracks: Some(tracks), resent: Vec::new(), until_ns })
     }

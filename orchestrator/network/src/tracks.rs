@@ -1,5 +1,6 @@
 //! Where robots were measured: places over time, straight between them.
 
+use measure::ranges::of_column;
 use measure::table::DataTable;
 use numbers::statistics::median_high;
 use proto::types::AgentStates;
@@ -60,6 +61,18 @@ impl Tracks {
             let z_m = z_m.map_or(0.0, |z_m| if z_m[row].is_nan() { 0.0 } else { z_m[row] });
             let place = [x_m[row], y_m[row], z_m];
             let agent = agents[row];
+            for (name, value) in ["time_s", "x_m", "y_m", "z_m"].iter().zip(
+                [time_s, place[0], place[1], place[2]],
+            ) {
+                let range = of_column(name);
+                if value.is_finite() && !range.contains(value) {
+                    return Err(format!(
+                        "line {}: {name} is {value}, but must be {}",
+                        table.line(row),
+                        range.describe()
+                    ));
+                }
+            }
             let is_agent = agent.fract() == 0.0 && (0.0..1e6).contains(&agent);
             if is_agent && time_s.is_finite() && place.iter().all(|part| part.is_finite()) {
                 let agent = agent as usize;

@@ -6,6 +6,7 @@ use super::writer::LOG_FILE;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use prost::Message;
+use proto::bounds::RECORDING_BYTES;
 use proto::exchange::Configured;
 use proto_messages::convert::InvalidField;
 use proto_messages::v1;
@@ -110,7 +111,8 @@ impl RunReader {
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true)
-            .with_check_finishes_after_end_magic(true);
+            .with_check_finishes_after_end_magic(true)
+            .with_record_length_limit(RECORDING_BYTES.most as usize);
         let messages = MessageReader::new_with_options(BufReader::new(file), options);
         Self { path, messages: Source::File(Box::new(messages)), configured: None }.begun()
     }

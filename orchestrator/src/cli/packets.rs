@@ -18,6 +18,7 @@ use network::resimulate::Resimulation;
 use network::search::{self, ACCEPT, FEWEST_SEEDS, NetworkSearch};
 use network::split;
 use network::tracks::Tracks;
+use proto::bounds::PACKET_TIME_S;
 use std::path::{Path, PathBuf};
 use study::open::{self, DataAccount};
 
@@ -97,6 +98,12 @@ impl ResimulationArgs {
             .map_err(|error| Failure::request(format!("{}: {error}", config.display())))?;
         let resimulation = match self.until {
             None => resimulation,
+            Some(until_s) if PACKET_TIME_S.most as f64 < until_s => {
+                return Err(Failure::request(format!(
+                    "--until {until_s}: must be at most {} s (7 days)",
+                    PACKET_TIME_S.most
+                )));
+            }
             Some(until_s) if until_s.is_finite() && resimulation.duration_s() <= until_s => {
                 resimulation.extended_to(until_s)
             }

@@ -18,6 +18,17 @@ pub struct FormulaRequest {
     pub target: Option<String>,
 }
 
+/// So many rows suffice to see whether an expression varies.
+const MOST_ROWS: usize = 500;
+
+/// Values of names in the rows of measurements.
+pub struct RowValues<'a> {
+    /// Number of rows.
+    pub n_rows: usize,
+    /// The value of a name in a row; none where it is not known.
+    pub of: &'a dyn Fn(&str, usize) -> Option<f64>,
+}
+
 /// A formula that suits the measurements: an effect whose parameters are to be fitted.
 #[derive(Clone, Debug)]
 pub struct FormulaCandidate {
@@ -61,6 +72,7 @@ impl FormulaRequest {
     /// * `spec`, `lists`, `rest`: what is asked of the table of an effect, key by key and together.
     /// * `known`: names that every formula may use.
     /// * `columns`: further names that have values in these measurements.
+    /// * `value`: a name's value in a row, where it is known. The expression must vary with them.
     ///
     /// # Errors
     ///
@@ -72,6 +84,7 @@ impl FormulaRequest {
         rest: fn(&toml::Table, &str, &mut Vec<Problem>),
         known: &[&str],
         columns: &[&str],
+        value: &RowValues<'_>,
     ) -> Result<FormulaCandidate, FormulaFitError> {
         let mut problems = Vec::new();
         let node =
@@ -80,6 +93,10 @@ impl FormulaRequest {
         rest(&table, FORMULA, &mut problems);
         let mut wrong: Vec<String> = problems.iter().map(ToString::to_string).collect();
         wrong.extend(self.strangers(known, columns));
+        wrong.extend(self.shadows(columns));
+        if wrong.is_empty() {
+            wrong.extend(self.says_nothing(value));
+        }
         if !wrong.is_empty() {
             return Err(FormulaFitError(wrong.join("\n")));
         }
@@ -132,6 +149,92 @@ impl FormulaRequest {
         formula.names().iter().filter(|name| !is_known(name)).cloned().collect()
     }
 
+    /// What is said of parameters with the name of a column.
+    fn shadows(&self, columns: &[&str]) -> Vec<String> {
+        let both = self.parameters.iter().filter(|(name, _)| columns.contains(&name.as_str()));
+        both.map(|(name, _)| {
+            format!("the parameter {name} has the name of a column of these data; rename the parameter")
+        })
+        .collect()
+    }
+
+    /// Why the expression says nothing about these measurements, if that is so: its value is never a finite number, or it names
+    /// columns and is nevertheless the same in every row, whatever its parameters are.
+    fn says_nothing(&self, value: &RowValues<'_>) -> Option<String> {
+        let formula = Formula::parse(&self.expression, &[], &|_| true).ok()?;
+        let names = formula.names();
+        let of_parameter =
+            |name: &String| self.parameters.iter().position(|(own, _)| own == name);
+        let step = value.n_rows / MOST_ROWS + 1;
+        let rows: Vec<Vec<f64>> = (0..value.n_rows)
+            .step_by(step)
+            .filter_map(|row| {
+                let of_name = |name: &String| match of_parameter(name) {
+                    Some(_) => Some(0.0),
+                    None => (value.of)(name, row).filter(|value| value.is_finite()),
+                };
+                names.iter().map(of_name).collect()
+            })
+            .collect();
+        if rows.is_empty() {
+            // Not one row has all names: nothing can be said of the expression.
+            return None;
+        }
+        let mut is_finite = false;
+        for parameters in self.settings() {
+            let mut first = None;
+            for row in &rows {
+                let values: Vec<f64> = names
+                    .iter()
+                    .zip(row)
+                    .map(|(name, value)| of_parameter(name).map_or(*value, |at| parameters[at]))
+                    .collect();
+                let result = formula.evaluate(&values);
+                if !result.is_finite() {
+                    continue;
+                }
+                is_finite = true;
+                if *first.get_or_insert(result) != result {
+                    return None;
+                }
+            }
+        }
+        if !is_finite {
+            return Some(format!(
+                "the expression {} is not a finite number in any of the {} rows looked at, at the start of its parameters \
+                 or elsewhere in their ranges",
+                self.expression,
+                rows.len()
+            ));
+        }
+        let must_vary = names.iter().any(|name| of_parameter(name).is_none());
+        (must_vary || self.parameters.is_empty()).then(|| {
+            format!(
+                "the expression {} has the same value in every row, so there is nothing to fit; use a column that varies, or \
+                 fit system-gain for an offset",
+                self.expression
+            )
+        })
+    }
+
+    /// Settings of the parameters at which the expression is looked at: the starts, the ends and the middle of each range.
+    fn settings(&self) -> Vec<Vec<f64>> {
+        let starts: Vec<f64> = self.parameters.iter().map(|(_, [start, ..])| *start).collect();
+        let mut settings = vec![starts.clone()];
+        for (at, (_, [_, min, max])) in self.parameters.iter().enumerate() {
+            for value in [*min, 0.5 * min + 0.5 * max, *max] {
+                let mut setting = starts.clone();
+                setting[at] = value;
+                settings.push(setting);
+            }
+        }
+        for share in [0.31, 0.77] {
+            let inside = |(_, [_, min, max]): &(String, [f64; 3])| min + share * (max - min);
+            settings.push(self.parameters.iter().map(inside).collect());
+        }
+        settings
+    }
+
     /// What is said of columns that are not there.
     fn strangers(&self, known: &[&str], columns: &[&str]) -> Vec<String> {
         let used = self.columns_used(known);
@@ -154,5 +257,56 @@ impl FormulaCandidate {
     #[must_use]
     pub fn starts(&self) -> Vec<f64> {
         self.parameters.iter().map(|parameter| parameter.starts[0]).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn says_nothing(expression: &str, parameters: &[(&str, [f64; 3])]) -> Option<String> {
+        let parameters =
+            parameters.iter().map(|(name, range)| ((*name).to_owned(), *range)).collect();
+        let expression = expression.to_owned();
+        let of = |name: &str, row: usize| match name {
+            "x" => Some(row as f64),
+            "still" => Some(3.0),
+            _ => None,
+        };
+        FormulaRequest { expression, parameters, target: None }
+            .says_nothing(&RowValues { n_rows: 1200, of: &of })
+    }
+
+    #[test]
+    fn an_expression_that_is_never_finite_or_never_varies_says_nothing() {
+        let a = [("a", [0.0, 0.0, 1.0])];
+        for (expression, parameters, part) in [
+            ("1/0", &[][..], "is not a finite number in any of the 400 rows"),
+            ("a / (x - x)", &a, "is not a finite number"),
+            ("ln(-1 - x) * a", &a, "is not a finite number"),
+            ("3", &[], "the same value in every row"),
+            ("a * still", &a, "the same value in every row"),
+            ("x - x", &[], "the same value in every row"),
+        ] {
+            let said = says_nothing(expression, parameters).unwrap();
+            assert!(said.contains(part), "{expression}: {said}");
+        }
+        // At the start of a it is 0 in every row, and elsewhere it varies; an offset is a parameter alone; of a name without
+        // values nothing is known.
+        for (expression, parameters) in [("a * x", &a[..]), ("a", &a), ("sqrt(x - 5)", &[]), ("x / y", &[])] {
+            assert_eq!(says_nothing(expression, parameters), None, "{expression}");
+        }
+    }
+
+    #[test]
+    fn a_parameter_may_not_shadow_a_column() {
+        let request = FormulaRequest {
+            expression: "air_c * 2".to_owned(),
+            parameters: vec![("air_c".to_owned(), [0.0, 0.0, 1.0])],
+            target: None,
+        };
+        assert_eq!(request.shadows(&["air_c"]).len(), 1);
+        assert!(request.shadows(&["air_c"])[0].contains("the parameter air_c has the name of a column"));
+        assert_eq!(request.shadows(&["load_kg"]), [""; 0]);
     }
 }

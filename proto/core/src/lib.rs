@@ -8,6 +8,7 @@
 //! | [`effect`] | what a physical effect says about itself, for readers and for the fit |
 //! | [`formula`] | expressions that users write in place of a number |
 //! | [`rng`] | keyed random draws, and the one list of purposes |
+//! | [`bounds`] | bounds on what is read, each once |
 //! | [`config`] | configuration as data: one description gives checks, defaults, effective values and JSON Schema |
 //! | [`site`] | walls, obstacles and ground: the place both simulators share |
 //! | [`side`] | what a simulator is to the shell around it: a plain object |
@@ -22,6 +23,7 @@
     )
 )]
 
+pub mod bounds;
 pub mod config;
 pub mod digest;
 pub mod effect;

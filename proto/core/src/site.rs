@@ -9,7 +9,7 @@ pub use terrain::{Grid, Hill, Terrain};
 use crate::config::{self, Default, Field, Kind, Node, Problem, Range, TableSpec};
 use serde::{Deserialize, Serialize};
 
-const POINT: Kind = Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 };
+const POINT: Kind = Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 };
 
 /// Description of `[site]`.
 pub const SPEC: TableSpec = TableSpec {
@@ -61,7 +61,7 @@ const WALL: TableSpec = TableSpec {
         Field {
             key: "height_m",
             doc: "Height above ground (m). Absent: unlimited.",
-            kind: Kind::Number(Range::POSITIVE),
+            kind: Kind::Number(Range::LENGTH),
             default: Default::Absent,
         },
         Field {
@@ -92,13 +92,13 @@ const OBSTACLE: TableSpec = TableSpec {
         Field {
             key: "radius_m",
             doc: "Its radius (m).",
-            kind: Kind::Number(Range::POSITIVE),
+            kind: Kind::Number(Range::LENGTH),
             default: Default::Required,
         },
         Field {
             key: "height_m",
             doc: "Height above ground (m). Absent: unlimited.",
-            kind: Kind::Number(Range::POSITIVE),
+            kind: Kind::Number(Range::LENGTH),
             default: Default::Absent,
         },
         Field {

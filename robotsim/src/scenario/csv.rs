@@ -49,6 +49,9 @@ struct Keys {
 /// Of the problems within a file, at most this many are shown.
 const SHOWN: usize = 20;
 
+/// After so many problems the rest of the file is not read.
+const MOST_WRONG: usize = 1000;
+
 /// Coordinates must lie within this of the origin (m): a quarter of the Earth's circumference.
 const FARTHEST_M: f64 = 1e7;
 
@@ -85,6 +88,10 @@ fn read(content: &[u8], n_agents: usize) -> Result<Vec<Place>, Vec<String>> {
     let mut wrong = Vec::new();
     let mut rows: Vec<Option<(u64, Place)>> = vec![None; n_agents];
     for record in reader.records() {
+        if MOST_WRONG <= wrong.len() {
+            wrong.push("no further lines are read".to_owned());
+            return Err(wrong);
+        }
         let record = match record {
             Ok(record) => record,
             Err(error) => {

@@ -8,7 +8,7 @@ use proto::effect::{About, Fit, Level, Need, Parameter, Search};
 use proto::site::{Obstacle, Wall};
 use serde::Deserialize;
 
-const POINT: Kind = Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 };
+const POINT: Kind = Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 };
 
 /// `kind = "hidden-obstacle"`.
 pub const ENTRY: Entry = Entry {
@@ -44,7 +44,7 @@ pub const ENTRY: Entry = Entry {
             Field {
                 key: "radius_m",
                 doc: "Radius of the disc (m).",
-                kind: Kind::Number(Range::POSITIVE),
+                kind: Kind::Number(Range::LENGTH),
                 default: Default::Absent,
             },
         ],

@@ -33,13 +33,13 @@ pub const ENTRY: Entry = Entry {
             Field {
                 key: "from_s",
                 doc: "Start (s). Absent: the beginning.",
-                kind: Kind::Number(Range::NOT_NEGATIVE),
+                kind: Kind::Number(Range::closed(0.0, 1e9)),
                 default: Default::Absent,
             },
             Field {
                 key: "to_s",
                 doc: "End (s). Absent: never.",
-                kind: Kind::Number(Range::POSITIVE),
+                kind: Kind::Number(Range::above(0.0, 1e9)),
                 default: Default::Absent,
             },
             Field {

@@ -18,7 +18,7 @@ pub const ENTRY: Entry = Entry {
             Field {
                 key: "sigma_m",
                 doc: "Width sigma (m): half of the frames arrive over 1.18 sigma.",
-                kind: Kind::Number(Range::POSITIVE),
+                kind: Kind::Number(Range::LENGTH),
                 default: Default::Required,
             },
             RSSI_FIELD,

@@ -19,7 +19,7 @@ pub const ENTRY: Entry = Entry {
             Field {
                 key: "radius_m",
                 doc: "Maximum distance (m), itself included. Absent: unlimited.",
-                kind: Kind::Number(Range::POSITIVE),
+                kind: Kind::Number(Range::LENGTH),
                 default: Default::Absent,
             },
             Field {
@@ -39,7 +39,7 @@ pub const ENTRY: Entry = Entry {
             Field {
                 key: "body_radius_m",
                 doc: "Radius of a robot's body, a ball around its antenna (m). Used with robots_block only.",
-                kind: Kind::Number(Range::POSITIVE),
+                kind: Kind::Number(Range::LENGTH),
                 default: Default::Number(0.1),
             },
             RSSI_FIELD,

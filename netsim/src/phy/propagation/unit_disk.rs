@@ -18,7 +18,7 @@ pub const ENTRY: Entry = Entry {
             Field {
                 key: "radius_m",
                 doc: "The radius (m), itself included. BotNet uses 3 without and 10 with its network.",
-                kind: Kind::Number(Range::POSITIVE),
+                kind: Kind::Number(Range::LENGTH),
                 default: Default::Required,
             },
             RSSI_FIELD,

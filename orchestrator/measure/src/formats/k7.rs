@@ -3,7 +3,7 @@
 use super::{Content, Format};
 use crate::DataError;
 use crate::table::DataTable;
-use std::io::Read as _;
+use proto::bounds::K7_BYTES;
 use std::path::Path;
 
 /// The format.
@@ -13,10 +13,9 @@ pub const FORMAT: Format =
 /// Nanoseconds of a day: runs of a K7 trace.
 const NS_PER_DAY: u64 = 86_400_000_000_000;
 
-fn read(path: &Path, mut content: Content<'_>) -> Result<DataTable, DataError> {
-    let mut bytes = Vec::new();
-    content
-        .read_to_end(&mut bytes)
+fn read(path: &Path, content: Content<'_>) -> Result<DataTable, DataError> {
+    let bytes = K7_BYTES
+        .read(content)
         .map_err(|source| DataError::Read { path: path.to_owned(), source })?;
     let trace = netsim::k7::read(&bytes).map_err(|complaints| DataError::Format {
         path: path.to_owned(),

@@ -5,6 +5,7 @@ use crate::DataError;
 use crate::table::DataTable;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
+use proto::bounds::{CELLS, ROWS, TABLE_BYTES};
 use std::fs::File;
 use std::path::Path;
 
@@ -28,8 +29,21 @@ fn read(path: &Path, file: File) -> Result<DataTable, DataError> {
     let reader = SerializedFileReader::new(file).map_err(format)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
-    let mut table = DataTable::of_columns(names, Vec::new());
-    table.columns = vec![Vec::new(); table.names.len()];
+    let refused = |message: String| DataError::Format { path: path.to_owned(), message };
+    let n_rows = u64::try_from(reader.metadata().file_metadata().num_rows());
+    let n_rows = n_rows.map_err(|_| refused("has less than 0 rows: it is damaged".to_owned()))?;
+    ROWS.check(n_rows).map_err(refused)?;
+    CELLS.check(n_rows.saturating_mul(names.len() as u64)).map_err(refused)?;
+    let sizes = reader.metadata().row_groups().iter().flat_map(|group| group.columns());
+    let size = sizes.map(|column| column.uncompressed_size().unsigned_abs());
+    TABLE_BYTES.check(size.fold(0, u64::saturating_add)).map_err(refused)?;
+    if let Some(nested) = schema.columns().iter().find(|column| {
+        1 < column.path().parts().len() || 0 < column.max_rep_level()
+    }) {
+        let message = format!("the column {} is nested; columns must hold numbers", nested.path());
+        return Err(refused(message));
+    }
+    let mut table = DataTable::with_columns(names).map_err(refused)?;
     table.path = path.to_owned();
     table.first_line = 1;
     for row in reader.get_row_iter(None).map_err(format)? {
@@ -62,7 +76,7 @@ fn read(path: &Path, file: File) -> Result<DataTable, DataError> {
                 }
             }
         }
-        table.n_rows += 1;
+        table.end_row().map_err(refused)?;
     }
     Ok(table)
 }

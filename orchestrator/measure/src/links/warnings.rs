@@ -45,6 +45,7 @@ pub(super) fn link_warnings(rows: &[LinkRow]) -> Vec<String> {
     warnings.extend(exchanged(rows, &tracks));
     warnings.extend(motes(rows));
     warnings.extend(one_channel(rows));
+    warnings.extend(below_ground(rows));
     warnings
 }
 
@@ -57,6 +58,22 @@ fn one_channel(rows: &[LinkRow]) -> Option<String> {
         )),
         _ => None,
     }
+}
+
+fn below_ground(rows: &[LinkRow]) -> Option<String> {
+    let low = |row: &LinkRow| row.tx_m[2] < 0.0 || row.rx_m[2] < 0.0;
+    let mut below = rows.iter().filter(|row| low(row));
+    let first = below.next()?;
+    let (name, height_m) = match first.tx_m[2] < 0.0 {
+        true => ("tx_z_m", first.tx_m[2]),
+        false => ("rx_z_m", first.rx_m[2]),
+    };
+    Some(format!(
+        "antennas are below the ground (z = 0) in {} rows: {name} is {height_m} on line {}, but must be at least 0; effects \
+         of the ground and of heights cannot be trusted",
+        1 + below.count(),
+        first.line
+    ))
 }
 
 fn noun(motes: &BTreeSet<u32>) -> &'static str {

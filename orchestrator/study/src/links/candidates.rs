@@ -3,7 +3,7 @@
 use super::rows::ModelledLinks;
 use super::terms::{LinkCurve, TermSpec};
 use super::{LinkStudy, testable};
-use crate::formula::{FORMULA, FormulaFitError, FormulaRequest};
+use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues};
 use crate::{Candidate, knots};
 use netsim::catalogue::Catalogue;
 use netsim::phy::effect;
@@ -88,17 +88,36 @@ impl LinkStudy {
             .flatten()
             .collect();
         let known = effect::formula::NAMES.map(|(name, _)| name);
+        let value = |name: &str, row: usize| self.value_of(name, row);
+        let values = RowValues { n_rows: self.rows.len(), of: &value };
         let asked = wanted.checked(
             &effect::SPEC,
             &self.catalogue.lists(),
             entry.check,
             &known,
             &columns,
+            &values,
         )?;
         let spec = TermSpec::Formula(entry, asked);
         self.candidates.push(candidate(&spec, &self.rows, &self.catalogue));
         self.specs.push(spec);
         Ok(())
+    }
+
+    /// What a name of a formula is in a row.
+    fn value_of(&self, name: &str, row: usize) -> Option<f64> {
+        if let Some((_, read)) = effect::formula::NAMES.iter().find(|(known, _)| *known == name) {
+            return self.rows.link(row, |link| read(link));
+        }
+        let column = |name: &str| {
+            let mut covariates = self.rows.links.covariates.iter();
+            covariates.find(|(column, _)| column == name).map(|(_, values)| values[row])
+        };
+        let ends = ["tx_", "rx_"].map(|end| column(&format!("{end}{name}")));
+        column(name).or_else(|| match ends {
+            [Some(sender), Some(receiver)] => Some(0.5 * (sender + receiver)),
+            [sender, receiver] => sender.or(receiver),
+        })
     }
 }
 

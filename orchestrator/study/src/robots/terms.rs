@@ -3,7 +3,7 @@
 use super::RobotStudy;
 use super::curve::RobotCurve;
 use super::motion::MeasuredTracks;
-use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, set};
+use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues, set};
 use crate::{CURVE, Candidate, FINE, knots};
 use measure::robots::RobotSample;
 use proto::config::{Node, Value, check};
@@ -164,8 +164,16 @@ impl RobotStudy {
         let covariates = &self.model.tracks.robots.covariates;
         let columns: Vec<&str> = covariates.iter().map(|(name, _)| name.as_str()).collect();
         let known = effect::NAMES.map(|(name, _)| name);
-        let asked =
-            wanted.checked(&effect::SPEC, &catalogue.lists(), entry.check, &known, &columns)?;
+        let value = |name: &str, row: usize| self.value_of(name, row);
+        let n_rows = self.model.tracks.robots.samples.len();
+        let asked = wanted.checked(
+            &effect::SPEC,
+            &catalogue.lists(),
+            entry.check,
+            &known,
+            &columns,
+            &RowValues { n_rows, of: &value },
+        )?;
         self.candidates.push(Candidate {
             name: FORMULA.to_owned(),
             about: Some(&entry.about),
@@ -184,6 +192,36 @@ impl RobotStudy {
             search: entry.fit.search,
         }));
         Ok(())
+    }
+}
+
+impl RobotStudy {
+    /// What a name of a formula is in a sample, velocities taken as commanded.
+    fn value_of(&self, name: &str, row: usize) -> Option<f64> {
+        let robots = &self.model.tracks.robots;
+        let sample = &robots.samples[row];
+        let [first, second, third] = sample.command;
+        let velocity_mps = if robots.shape.is_turning() {
+            let heading_rad = sample.heading_rad;
+            [first * libm::cos(heading_rad), first * libm::sin(heading_rad), 0.0]
+        } else {
+            [first, second, third]
+        };
+        match name {
+            "time_s" => Some(sample.time_s),
+            "x_m" => Some(sample.position_m[0]),
+            "y_m" => Some(sample.position_m[1]),
+            "z_m" => Some(sample.position_m[2]),
+            "vx_mps" => Some(velocity_mps[0]),
+            "vy_mps" => Some(velocity_mps[1]),
+            "vz_mps" => Some(velocity_mps[2]),
+            "speed_mps" => Some(velocity_mps.iter().map(|part| part * part).sum::<f64>().sqrt()),
+            "heading_rad" => Some(sample.heading_rad),
+            _ => {
+                let column = robots.covariates.iter().find(|(column, _)| column == name);
+                column.map(|(_, values)| values[row])
+            }
+        }
     }
 }
 

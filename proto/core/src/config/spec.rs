@@ -159,6 +159,10 @@ impl Range {
     pub const POSITIVE: Self = Self::above(0.0, f64::INFINITY);
     /// 0 or greater.
     pub const NOT_NEGATIVE: Self = Self::closed(0.0, f64::INFINITY);
+    /// A coordinate in space (m).
+    pub const PLACE: Self = Self::closed(-1e7, 1e7);
+    /// A length or a height in space (m).
+    pub const LENGTH: Self = Self::above(0.0, 1e7);
     /// 0 to 1.
     pub const FRACTION: Self = Self::closed(0.0, 1.0);
 

@@ -1,6 +1,7 @@
 //! A configuration as it was written: values with the places they stand at.
 
 use super::{Problem, join};
+use crate::bounds::{Bound, CONFIGURATION_BYTES, CONFIGURATION_VALUES, NESTING, TABLE_KEYS};
 use std::borrow::Cow;
 use std::ops::Range;
 use toml::Spanned;
@@ -38,12 +39,14 @@ pub enum Value {
 ///
 /// # Errors
 ///
-/// Every syntax error, with its place.
+/// Every syntax error, with its place; or the [bound](crate::bounds) that the text exceeds.
 pub fn parse(text: &str) -> Result<Node, Vec<Problem>> {
+    bounded(text).map_err(|problem| vec![problem])?;
     let (table, errors) = DeTable::parse_recoverable(text);
     if errors.is_empty() {
         let span = table.span();
-        Ok(Node { value: table_value(table.get_ref()), span: Some(span) })
+        let value = table_value(table.get_ref(), span.clone(), 0).map_err(|problem| vec![problem])?;
+        Ok(Node { value, span: Some(span) })
     } else {
         Err(errors
             .into_iter()
@@ -248,16 +251,48 @@ impl From<&toml::Value> for Value {
     }
 }
 
-fn table_value(table: &DeTable<'_>) -> Value {
-    let mut entries: Vec<_> = table
-        .iter()
-        .map(|(key, value)| (key.get_ref().to_string(), Some(key.span()), node_of(value)))
-        .collect();
-    entries.sort_by_key(|(_, span, _)| span.as_ref().map(|span| span.start));
-    Value::Table(entries)
+/// Refuses a text that would take too much memory, or too deep a recursion, to be parsed.
+fn bounded(text: &str) -> Result<(), Problem> {
+    let refused = |refusal: String| Problem::new("", refusal);
+    CONFIGURATION_BYTES.check(text.len() as u64).map_err(refused)?;
+    // Entries are separated by commas, keys stand on lines.
+    let values = text.bytes().filter(|byte| matches!(byte, b',' | b'\n')).count() as u64;
+    CONFIGURATION_VALUES.check(values).map_err(refused)?;
+    let (mut parts, mut before) = (0, b'\n');
+    for (at, byte) in text.bytes().enumerate() {
+        match byte {
+            b'.' if before != b'.' => parts += 1,
+            b'.' | b'_' | b'-' | b' ' | b'\t' | b'"' | b'\'' => {}
+            byte if byte.is_ascii_alphanumeric() => {}
+            _ => parts = 0,
+        }
+        before = byte;
+        if MOST_PARTS.most < parts {
+            let refusal = MOST_PARTS.refusal(&format!("more than {}", MOST_PARTS.most));
+            return Err(Problem { span: Some(at..at + 1), ..Problem::new("", refusal) });
+        }
+    }
+    Ok(())
 }
 
-fn node_of(value: &Spanned<DeValue<'_>>) -> Node {
+/// Parts of a dotted key. Each is a table within the one before.
+const MOST_PARTS: Bound = Bound { what: "number of dots in a key", most: 16 };
+
+fn table_value(table: &DeTable<'_>, span: Range<usize>, depth: u64) -> Result<Value, Problem> {
+    let refused = |refusal: String| Problem { span: Some(span.clone()), ..Problem::new("", refusal) };
+    NESTING.check(depth).map_err(refused)?;
+    TABLE_KEYS.check(table.len() as u64).map_err(refused)?;
+    let mut entries = table
+        .iter()
+        .map(|(key, value)| {
+            Ok((key.get_ref().to_string(), Some(key.span()), node_of(value, depth + 1)?))
+        })
+        .collect::<Result<Vec<_>, Problem>>()?;
+    entries.sort_by_key(|(_, span, _)| span.as_ref().map(|span| span.start));
+    Ok(Value::Table(entries))
+}
+
+fn node_of(value: &Spanned<DeValue<'_>>, depth: u64) -> Result<Node, Problem> {
     let converted = match value.get_ref() {
         DeValue::Boolean(value) => Value::Bool(*value),
         DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
@@ -268,10 +303,12 @@ fn node_of(value: &Spanned<DeValue<'_>>) -> Node {
             .map_or_else(|_| Value::Other(number.as_str().to_owned()), Value::Number),
         DeValue::String(text) => Value::Text(text.to_string()),
         DeValue::Datetime(datetime) => Value::Other(datetime.to_string()),
-        DeValue::Array(list) => Value::List(list.iter().map(node_of).collect()),
-        DeValue::Table(table) => table_value(table),
+        DeValue::Array(list) => Value::List(
+            list.iter().map(|entry| node_of(entry, depth + 1)).collect::<Result<_, _>>()?,
+        ),
+        DeValue::Table(table) => table_value(table, value.span(), depth)?,
     };
-    Node { value: converted, span: Some(value.span()) }
+    Ok(Node { value: converted, span: Some(value.span()) })
 }
 
 /// `effect[0][1]` → `effect`, 0, 1.
@@ -299,6 +336,27 @@ mod tests {
         assert_eq!(node.get("x").unwrap().get("y").unwrap().value, Value::Bool(true));
         assert_eq!(node.set("a.c.d", Value::Integer(0)).unwrap_err().path, "a.c");
         assert_eq!(node.set("a.b.e", Value::Integer(0)).unwrap_err().path, "a.b");
+    }
+
+    #[test]
+    fn a_text_beyond_a_bound_is_refused_before_it_takes_memory_or_stack() {
+        let problem = |text: String| parse(&text).unwrap_err()[0].to_string();
+        let heights = format!("h = [{}]", "1,".repeat(2_000_001));
+        assert_eq!(
+            problem(heights),
+            "the number of values in a configuration is 2000001; at most 2000000 is read"
+        );
+        let keys: String = (0..40_000).map(|key| format!("k{key} = 1\n")).collect();
+        assert_eq!(
+            problem(format!("[netsim]\n{keys}")),
+            "the number of keys in one table is 40000; at most 2000 is read"
+        );
+        let deep = format!("{}x = 1", "a.".repeat(100_000));
+        assert!(problem(deep).contains("number of dots in a key is more than 16"));
+        let dotted = "{".to_owned() + &"a.a.a.a = {".repeat(40) + &"}".repeat(41);
+        assert!(problem(format!("t = {dotted}")).contains("depth of tables and lists is 65"));
+        assert!(problem("[".repeat(100_000)).contains("is not TOML"));
+        assert!(parse(&format!("# {}\na = [1.5, 2.5]", ".".repeat(100))).is_ok());
     }
 
     #[test]

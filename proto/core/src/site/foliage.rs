@@ -17,7 +17,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         Field {
             key: "height_m",
             doc: "Height above ground (m). Absent: unlimited.",
-            kind: Kind::Number(Range::POSITIVE),
+            kind: Kind::Number(Range::LENGTH),
             default: Default::Absent,
         },
     ],

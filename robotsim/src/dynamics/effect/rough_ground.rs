@@ -14,13 +14,13 @@ pub(super) const ENTRY: Entry = Entry {
             Field {
                 key: "centre_m",
                 doc: "Centre of the disc (x, y in m).",
-                kind: Kind::List { of: &Kind::Number(Range::ANY), min: 2, max: 2 },
+                kind: Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 },
                 default: Default::Required,
             },
             Field {
                 key: "radius_m",
                 doc: "Radius of the disc (m).",
-                kind: Kind::Number(Range::POSITIVE),
+                kind: Kind::Number(Range::LENGTH),
                 default: Default::Required,
             },
             Field {

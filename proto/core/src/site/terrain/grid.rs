@@ -21,7 +21,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         Field {
             key: "spacing_m",
             doc: "Spacing of the grid points (m), the same towards east and north.",
-            kind: Kind::Number(Range::POSITIVE),
+            kind: Kind::Number(Range::LENGTH),
             default: Default::Required,
         },
         Field {

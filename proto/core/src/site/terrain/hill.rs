@@ -24,7 +24,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         Field {
             key: "radius_m",
             doc: "Distance from the top at which it is steepest (m).",
-            kind: Kind::Number(Range::POSITIVE),
+            kind: Kind::Number(Range::LENGTH),
             default: Default::Required,
         },
     ],
