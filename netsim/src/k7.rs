@@ -92,7 +92,8 @@ pub fn read(content: &[u8]) -> Result<K7, Vec<Complaint>> {
     } else {
         K7_BYTES.read_text(content)
     };
-    let text = unpacked.map_err(|error| complain(1, format!("cannot be unpacked as text: {error}")))?;
+    let text =
+        unpacked.map_err(|error| complain(1, format!("cannot be unpacked as text: {error}")))?;
     let (first, rest) = text.split_once('\n').unwrap_or((&text, ""));
     let (header, start_ns) = read_header(first).map_err(|reason| complain(1, reason))?;
     let (names, rest) = rest.split_once('\n').unwrap_or((rest, ""));

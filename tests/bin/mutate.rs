@@ -94,7 +94,11 @@ fn parent(args: &Args, target: &Target) -> anyhow::Result<u64> {
     while begin.elapsed().as_secs_f64() < 60.0 * args.minutes {
         let left_min = args.minutes - begin.elapsed().as_secs_f64() / 60.0;
         let status = Command::new("sh")
-            .args(["-c", &format!("ulimit -v {}; ulimit -c 0; exec \"$@\"", args.memory_mib << 10), "sh"])
+            .args([
+                "-c",
+                &format!("ulimit -v {}; ulimit -c 0; exec \"$@\"", args.memory_mib << 10),
+                "sh",
+            ])
             .arg(std::env::current_exe()?)
             .args(["--target", target.name, "--minutes", &left_min.to_string()])
             .args(["--seed", &args.seed.to_string(), "--from", &number.to_string()])

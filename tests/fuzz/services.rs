@@ -122,13 +122,16 @@ pub(super) fn robots(bytes: &[u8]) {
         for (call, message) in frames(bytes) {
             match call {
                 Call::Configure => {
-                    judged(message, async |request: Request<v1::RobotSimServiceConfigureRequest>| {
-                        let asked = request.get_ref();
-                        if !is_short(asked.agent_count, asked.step_ns) {
-                            return Err(Status::cancelled("long"));
-                        }
-                        host.configure(request).await
-                    })
+                    judged(
+                        message,
+                        async |request: Request<v1::RobotSimServiceConfigureRequest>| {
+                            let asked = request.get_ref();
+                            if !is_short(asked.agent_count, asked.step_ns) {
+                                return Err(Status::cancelled("long"));
+                            }
+                            host.configure(request).await
+                        },
+                    )
                     .await;
                 }
                 Call::Step => {

@@ -72,7 +72,10 @@ fn warnings(table: &DataTable) -> String {
 fn a_temperature_of_1e308_and_an_antenna_below_the_ground_are_warned_of() {
     let warned = warnings(&links_with("temperature_c", 7, "1e308"));
     assert!(warned.contains("temperature_c is 1"), "{warned}");
-    assert!(warned.contains("on line 8, but must be from -273.15 to 2000; 1 such rows"), "{warned}");
+    assert!(
+        warned.contains("on line 8, but must be from -273.15 to 2000; 1 such rows"),
+        "{warned}"
+    );
     let warned = warnings(&links_with("tx_z_m", 7, "-5"));
     assert!(warned.contains("tx_z_m is -5 on line 8, but must be at least 0"), "{warned}");
 }
@@ -150,7 +153,15 @@ fn a_formula_that_is_never_finite_and_a_parameter_with_the_name_of_a_column_are_
     };
     let never = extend(&["--formula", "1/0"]);
     assert!(never.contains("is not a finite number in any of"), "{never}");
-    let shadow =
-        extend(&["--formula", "temperature_c * 2", "--parameter", "temperature_c=1:0:2"]);
+    let shadow = extend(&["--formula", "temperature_c * 2", "--parameter", "temperature_c=1:0:2"]);
     assert!(shadow.contains("the parameter temperature_c has the name of a column"), "{shadow}");
+}
+
+#[test]
+fn the_documentation_lists_every_bound() {
+    let page = std::fs::read_to_string(repository().join("docs/outputs.md")).unwrap();
+    for bound in proto::bounds::ALL {
+        let row = format!("| {} | {} |", bound.what, bound.most);
+        assert!(page.contains(&row), "docs/outputs.md has no row {row}");
+    }
 }

@@ -31,10 +31,7 @@ const ANY_UNIT: Range = Range::closed(-1e15, 1e15);
 /// The plausible range of a column of measurements, by the unit in its name.
 #[must_use]
 pub fn of_column(name: &str) -> Range {
-    BY_UNIT
-        .iter()
-        .find(|(unit, _)| name.ends_with(unit))
-        .map_or(ANY_UNIT, |&(_, range)| range)
+    BY_UNIT.iter().find(|(unit, _)| name.ends_with(unit)).map_or(ANY_UNIT, |&(_, range)| range)
 }
 
 /// Finds values of a table outside their ranges, and keeps account of them.
@@ -67,7 +64,8 @@ impl<'a> RangeCheck<'a> {
 
     /// Why a row cannot be used, if a value of it is outside its range.
     pub(crate) fn refusal(&mut self, row: usize, line: usize) -> Option<String> {
-        let column = self.columns.iter_mut().find(|column| column.is_outside(column.values[row]))?;
+        let column =
+            self.columns.iter_mut().find(|column| column.is_outside(column.values[row]))?;
         let (rows, ..) = column.outside.get_or_insert((0, column.values[row], line));
         *rows += 1;
         Some(format!("{} is not {}", column.name, column.range.describe()))

@@ -11,9 +11,9 @@ pub struct DataTable {
     pub path: PathBuf,
     /// SHA-256 of the file, in hexadecimal digits.
     pub sha256: String,
-    names: Vec<String>,
+    pub(crate) names: Vec<String>,
     /// Number of each column by its name.
-    index: BTreeMap<String, usize>,
+    pub(crate) index: BTreeMap<String, usize>,
     pub(crate) columns: Vec<Vec<f64>>,
     /// Rows with a field that is not a finite number: row, column, what stands there. In order of rows.
     pub strange: Vec<(usize, usize, String)>,

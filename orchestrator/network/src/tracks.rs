@@ -61,9 +61,9 @@ impl Tracks {
             let z_m = z_m.map_or(0.0, |z_m| if z_m[row].is_nan() { 0.0 } else { z_m[row] });
             let place = [x_m[row], y_m[row], z_m];
             let agent = agents[row];
-            for (name, value) in ["time_s", "x_m", "y_m", "z_m"].iter().zip(
-                [time_s, place[0], place[1], place[2]],
-            ) {
+            for (name, value) in
+                ["time_s", "x_m", "y_m", "z_m"].iter().zip([time_s, place[0], place[1], place[2]])
+            {
                 let range = of_column(name);
                 if value.is_finite() && !range.contains(value) {
                     return Err(format!(

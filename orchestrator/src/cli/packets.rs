@@ -98,7 +98,7 @@ impl ResimulationArgs {
             .map_err(|error| Failure::request(format!("{}: {error}", config.display())))?;
         let resimulation = match self.until {
             None => resimulation,
-            Some(until_s) if PACKET_TIME_S.most as f64 < until_s => {
+            Some(until_s) if (PACKET_TIME_S.most as f64) < until_s => {
                 return Err(Failure::request(format!(
                     "--until {until_s}: must be at most {} s (7 days)",
                     PACKET_TIME_S.most

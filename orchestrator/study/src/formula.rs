@@ -153,7 +153,9 @@ impl FormulaRequest {
     fn shadows(&self, columns: &[&str]) -> Vec<String> {
         let both = self.parameters.iter().filter(|(name, _)| columns.contains(&name.as_str()));
         both.map(|(name, _)| {
-            format!("the parameter {name} has the name of a column of these data; rename the parameter")
+            format!(
+                "the parameter {name} has the name of a column of these data; rename the parameter"
+            )
         })
         .collect()
     }
@@ -163,8 +165,7 @@ impl FormulaRequest {
     fn says_nothing(&self, value: &RowValues<'_>) -> Option<String> {
         let formula = Formula::parse(&self.expression, &[], &|_| true).ok()?;
         let names = formula.names();
-        let of_parameter =
-            |name: &String| self.parameters.iter().position(|(own, _)| own == name);
+        let of_parameter = |name: &String| self.parameters.iter().position(|(own, _)| own == name);
         let step = value.n_rows / MOST_ROWS + 1;
         let rows: Vec<Vec<f64>> = (0..value.n_rows)
             .step_by(step)
@@ -293,7 +294,9 @@ mod tests {
         }
         // At the start of a it is 0 in every row, and elsewhere it varies; an offset is a parameter alone; of a name without
         // values nothing is known.
-        for (expression, parameters) in [("a * x", &a[..]), ("a", &a), ("sqrt(x - 5)", &[]), ("x / y", &[])] {
+        for (expression, parameters) in
+            [("a * x", &a[..]), ("a", &a), ("sqrt(x - 5)", &[]), ("x / y", &[])]
+        {
             assert_eq!(says_nothing(expression, parameters), None, "{expression}");
         }
     }
@@ -306,7 +309,9 @@ mod tests {
             target: None,
         };
         assert_eq!(request.shadows(&["air_c"]).len(), 1);
-        assert!(request.shadows(&["air_c"])[0].contains("the parameter air_c has the name of a column"));
+        assert!(
+            request.shadows(&["air_c"])[0].contains("the parameter air_c has the name of a column")
+        );
         assert_eq!(request.shadows(&["load_kg"]), [""; 0]);
     }
 }

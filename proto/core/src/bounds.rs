@@ -30,9 +30,11 @@ pub const LISTED_PROBLEMS: Bound = Bound { what: "number of problems listed", mo
 pub const NAMED_FILE_BYTES: Bound =
     Bound { what: "size of a file that a configuration names (bytes)", most: 512 << 20 };
 /// Size of a K7 trace, decompressed.
-pub const K7_BYTES: Bound = Bound { what: "decompressed size of a K7 trace (bytes)", most: 512 << 20 };
+pub const K7_BYTES: Bound =
+    Bound { what: "decompressed size of a K7 trace (bytes)", most: 512 << 20 };
 /// Size of a table of measurements, decompressed.
-pub const TABLE_BYTES: Bound = Bound { what: "decompressed size of a table (bytes)", most: 8 << 30 };
+pub const TABLE_BYTES: Bound =
+    Bound { what: "decompressed size of a table (bytes)", most: 8 << 30 };
 /// Length of a line of a table, line breaks within quotation marks included.
 pub const LINE_BYTES: Bound = Bound { what: "length of a line (bytes)", most: 1 << 20 };
 /// Columns of a table.
@@ -48,6 +50,25 @@ pub const RECORDING_BYTES: Bound =
 pub const PACKET_TIME_S: Bound = Bound { what: "time of a packet (s)", most: 604_800 };
 /// Time that a packet takes from its source to its destination.
 pub const LATENCY_S: Bound = Bound { what: "latency of a packet (s)", most: 3600 };
+
+/// All of them.
+pub const ALL: [Bound; 15] = [
+    CONFIGURATION_BYTES,
+    CONFIGURATION_VALUES,
+    TABLE_KEYS,
+    NESTING,
+    LISTED_PROBLEMS,
+    NAMED_FILE_BYTES,
+    K7_BYTES,
+    TABLE_BYTES,
+    LINE_BYTES,
+    COLUMNS,
+    ROWS,
+    CELLS,
+    RECORDING_BYTES,
+    PACKET_TIME_S,
+    LATENCY_S,
+];
 
 impl Bound {
     /// Checks a value.

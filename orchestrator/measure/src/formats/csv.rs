@@ -43,9 +43,7 @@ pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataErr
     }
     let names: Vec<String> =
         record.iter().map(|name| name.trim_start_matches('\u{feff}').trim().to_owned()).collect();
-    COLUMNS
-        .check(names.len() as u64)
-        .map_err(|refusal| format(format!("line 1: {refusal}")))?;
+    COLUMNS.check(names.len() as u64).map_err(|refusal| format(format!("line 1: {refusal}")))?;
     let mut seen = BTreeSet::new();
     for (index, name) in names.iter().enumerate() {
         if name.is_empty() {
@@ -121,7 +119,9 @@ mod tests {
         let unclosed = "a,b\n1,\"2\n".as_bytes().chain(Cursor::new("3,4\n".repeat(600_000)));
         assert_eq!(refusal(unclosed), format!("data.csv: line 2: {bound}"));
         let long = format!("a,b\n1,{}\n", "2".repeat(LINE_BYTES.most as usize));
-        assert!(refusal(long.as_bytes()).contains("line 2: the length of a line (bytes) is 1048579"));
+        assert!(
+            refusal(long.as_bytes()).contains("line 2: the length of a line (bytes) is 1048579")
+        );
     }
 
     #[test]

@@ -37,9 +37,11 @@ fn read(path: &Path, file: File) -> Result<DataTable, DataError> {
     let sizes = reader.metadata().row_groups().iter().flat_map(|group| group.columns());
     let size = sizes.map(|column| column.uncompressed_size().unsigned_abs());
     TABLE_BYTES.check(size.fold(0, u64::saturating_add)).map_err(refused)?;
-    if let Some(nested) = schema.columns().iter().find(|column| {
-        1 < column.path().parts().len() || 0 < column.max_rep_level()
-    }) {
+    if let Some(nested) = schema
+        .columns()
+        .iter()
+        .find(|column| 1 < column.path().parts().len() || 0 < column.max_rep_level())
+    {
         let message = format!("the column {} is nested; columns must hold numbers", nested.path());
         return Err(refused(message));
     }

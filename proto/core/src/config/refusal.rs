@@ -25,7 +25,11 @@ impl Refusal {
     /// A file that cannot be read at all, and why.
     #[must_use]
     pub fn of_file(path: &Path, reason: String) -> Self {
-        Self { path: path.to_owned(), problems: vec![Placed { line: None, text: reason }], n_more: 0 }
+        Self {
+            path: path.to_owned(),
+            problems: vec![Placed { line: None, text: reason }],
+            n_more: 0,
+        }
     }
 
     /// Places each problem on its line: `text` is the file's content, `tree` what was parsed of it and set over it.
@@ -147,7 +151,10 @@ mod tests {
         let mut refusal = Refusal::new(Path::new("x.toml"), &text, &tree, problems);
         assert_eq!(refusal.n_problems(), 40_000);
         let said = refusal.to_string();
-        assert!(said.starts_with("x.toml: 40000 problems\nx.toml:2: e[0].k0: is unknown"), "{said}");
+        assert!(
+            said.starts_with("x.toml: 40000 problems\nx.toml:2: e[0].k0: is unknown"),
+            "{said}"
+        );
         assert!(said.ends_with("39900 further problems are not listed"), "{said}");
         refusal.merge(refusal.clone());
         assert_eq!(refusal.n_problems(), 40_000);

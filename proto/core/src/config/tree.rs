@@ -45,7 +45,8 @@ pub fn parse(text: &str) -> Result<Node, Vec<Problem>> {
     let (table, errors) = DeTable::parse_recoverable(text);
     if errors.is_empty() {
         let span = table.span();
-        let value = table_value(table.get_ref(), span.clone(), 0).map_err(|problem| vec![problem])?;
+        let value =
+            table_value(table.get_ref(), span.clone(), 0).map_err(|problem| vec![problem])?;
         Ok(Node { value, span: Some(span) })
     } else {
         Err(errors
@@ -279,7 +280,8 @@ fn bounded(text: &str) -> Result<(), Problem> {
 const MOST_PARTS: Bound = Bound { what: "number of dots in a key", most: 16 };
 
 fn table_value(table: &DeTable<'_>, span: Range<usize>, depth: u64) -> Result<Value, Problem> {
-    let refused = |refusal: String| Problem { span: Some(span.clone()), ..Problem::new("", refusal) };
+    let refused =
+        |refusal: String| Problem { span: Some(span.clone()), ..Problem::new("", refusal) };
     NESTING.check(depth).map_err(refused)?;
     TABLE_KEYS.check(table.len() as u64).map_err(refused)?;
     let mut entries = table
