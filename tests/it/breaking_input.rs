@@ -71,9 +71,10 @@ fn warnings(table: &DataTable) -> String {
 #[test]
 fn a_temperature_of_1e308_and_an_antenna_below_the_ground_are_warned_of() {
     let warned = warnings(&links_with("temperature_c", 7, "1e308"));
-    assert!(warned.contains("temperature_c is 1"), "{warned}");
     assert!(
-        warned.contains("on line 8, but must be from -273.15 to 2000; 1 such rows"),
+        warned.contains(
+            "temperature_c is 1e308 on line 8, but must be from -273.15 to 2000; 1 such rows"
+        ),
         "{warned}"
     );
     let warned = warnings(&links_with("tx_z_m", 7, "-5"));

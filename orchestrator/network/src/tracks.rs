@@ -67,7 +67,7 @@ impl Tracks {
                 let range = of_column(name);
                 if value.is_finite() && !range.contains(value) {
                     return Err(format!(
-                        "line {}: {name} is {value}, but must be {}",
+                        "line {}: {name} is {value:?}, but must be {}",
                         table.line(row),
                         range.describe()
                     ));
