@@ -26,6 +26,7 @@ fn read(path: &Path, file: File) -> Result<DataTable, DataError> {
         path: path.to_owned(),
         message: error.to_string(),
     };
+    let length = file.metadata().map_or(0, |about| about.len());
     let reader = SerializedFileReader::new(file).map_err(format)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
@@ -34,6 +35,18 @@ fn read(path: &Path, file: File) -> Result<DataTable, DataError> {
     let n_rows = n_rows.map_err(|_| refused("has less than 0 rows: it is damaged".to_owned()))?;
     ROWS.check(n_rows).map_err(refused)?;
     CELLS.check(n_rows.saturating_mul(names.len() as u64)).map_err(refused)?;
+    for column in reader.metadata().row_groups().iter().flat_map(|group| group.columns()) {
+        let start = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
+        let place = [start, column.data_page_offset(), column.compressed_size()].map(u64::try_from);
+        let is_inside = match place {
+            [Ok(start), Ok(_), Ok(size)] => start.saturating_add(size) <= length,
+            _ => false,
+        };
+        if !is_inside {
+            let message = format!("the column {} lies outside the file", column.column_path());
+            return Err(refused(format!("{message}: it is damaged")));
+        }
+    }
     let sizes = reader.metadata().row_groups().iter().flat_map(|group| group.columns());
     let size = sizes.map(|column| column.uncompressed_size().unsigned_abs());
     TABLE_BYTES.check(size.fold(0, u64::saturating_add)).map_err(refused)?;
