@@ -102,7 +102,7 @@ impl Refusal {
         }
         if 0 < self.n_more {
             let n = self.n_more;
-            let _ = writeln!(text, "{path}: {n} further problems are not listed");
+            let _ = writeln!(text, "{path}: {n} more problems are not listed");
         }
         text.truncate(text.trim_end().len());
         text
@@ -155,7 +155,7 @@ mod tests {
             said.starts_with("x.toml: 40000 problems\nx.toml:2: e[0].k0: is unknown"),
             "{said}"
         );
-        assert!(said.ends_with("39900 further problems are not listed"), "{said}");
+        assert!(said.ends_with("39900 more problems are not listed"), "{said}");
         refusal.merge(refusal.clone());
         assert_eq!(refusal.n_problems(), 40_000);
     }
