@@ -107,7 +107,7 @@ impl LinkStudy {
     /// What a name of a formula is in a row.
     fn value_of(&self, name: &str, row: usize) -> Option<f64> {
         if let Some((_, read)) = effect::formula::NAMES.iter().find(|(known, _)| *known == name) {
-            return self.rows.link(row, |link| read(link));
+            return self.rows.link(row, read);
         }
         let column = |name: &str| {
             let mut covariates = self.rows.links.covariates.iter();
