@@ -7,6 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use tempfile::TempDir;
 
 pub mod campaign;
+pub mod documented;
 pub mod fake;
 pub mod fault_campaign;
 pub mod forming;

@@ -304,6 +304,9 @@ pub fn mean_current_ua(charge_uc: f64, elapsed_ns: u64) -> Option<f64> {
 /// A pair of AA cells (mAh), as the 6TiSCH simulator has it.
 pub const BATTERY_AA_MAH: f64 = 2821.5;
 
+/// A milliampere-hour (µC).
+pub const UC_PER_MAH: f64 = 3.6e6;
+
 /// How long a battery of `battery_mah` lasts (years of 365 days) at the mean current of a span. `None` if no charge was
 /// taken or no time has passed.
 #[must_use]

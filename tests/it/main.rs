@@ -16,6 +16,7 @@ mod corruption;
 mod dependencies;
 mod determinism;
 mod diagnosis;
+mod documented;
 mod exploration;
 mod extension;
 mod faults;

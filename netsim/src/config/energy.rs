@@ -29,6 +29,13 @@ pub(super) const SPEC: TableSpec = TableSpec {
             kind: Kind::Number(Range::above(0.0, 1e9)),
             default: Default::Number(BATTERY_AA_MAH),
         },
+        Field {
+            key: "deaths",
+            doc: "Whether a mote whose battery is empty fails. Batteries are checked at the start of each control period. Roots \
+                  have no battery. Absent or false: batteries are only reported, and motes run on.",
+            kind: Kind::Bool,
+            default: Default::Absent,
+        },
     ],
     tag: None,
 };
@@ -38,6 +45,8 @@ pub(super) const SPEC: TableSpec = TableSpec {
 struct Keys {
     model: ModelKey,
     battery_mah: f64,
+    #[serde(default)]
+    deaths: bool,
 }
 
 /// The values of `model`.
@@ -48,12 +57,12 @@ enum ModelKey {
     ByLength,
 }
 
-/// Makes the model and the battery (mAh) of the checked table.
-pub(super) fn build(table: &toml::Table) -> (Model, f64) {
+/// Makes the model, the battery (mAh) and whether an empty one kills, of the checked table.
+pub(super) fn build(table: &toml::Table) -> (Model, f64, bool) {
     let keys: Keys = typed(table);
     let model = match keys.model {
         ModelKey::PerSlot => Model::PerSlot,
         ModelKey::ByLength => Model::ByLength,
     };
-    (model, keys.battery_mah)
+    (model, keys.battery_mah, keys.deaths)
 }

@@ -172,7 +172,7 @@ pub(super) fn build(
         let path = key_path(&format!("app[{index}]"));
         apps.extend(app::Spec::read(table, &path, given.agent_count as u32, problems));
     }
-    let (energy, battery_mah) = energy::build(&keys.energy);
+    let (energy, battery_mah, battery_deaths) = energy::build(&keys.energy);
     let rpl = rpl::build(&keys.rpl, compat);
     let join = admission::build(&keys.join);
     if join.secure && !rpl.advertises && roots.len() + 1 < given.agent_count {
@@ -215,6 +215,7 @@ pub(super) fn build(
         transport,
         energy,
         battery_mah,
+        battery_deaths,
         compat,
     };
     Some((settings, addresses))

@@ -197,8 +197,12 @@ impl Mesh {
         let mut time_ns = input.until_ns;
         let mut asn = from_asn;
         while asn < until_asn {
-            self.hand_over_payloads(input, asn);
             let period_ns = asn * slot_ns / step_ns * step_ns;
+            // Steps may be shorter than a control period: batteries are looked at when one begins, whatever the steps.
+            if asn == period_ns.div_ceil(slot_ns) {
+                self.fail_empty_motes(asn);
+            }
+            self.hand_over_payloads(input, asn);
             let period_end_ns = period_ns + step_ns;
             // Steps may be shorter than a control period, or longer: what is redrawn with each must not depend on it.
             self.links.set_period(period_ns);

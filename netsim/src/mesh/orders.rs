@@ -2,6 +2,7 @@
 
 use super::network::Mesh;
 use super::packets::PacketKind;
+use crate::energy;
 use crate::medium::jam::Jam;
 use crate::wire::address::ALL_NODES;
 use proto::types::{AgentStates, EVERYONE, MoteCommand, MoteOrder};
@@ -16,6 +17,10 @@ impl Mesh {
                     self.switch_off(*mote, asn);
                 }
                 MoteOrder::Revive(mote) | MoteOrder::Add(mote) => {
+                    // A mote that works again has the battery that it had.
+                    if self.settings.battery_deaths && self.is_empty(*mote, asn) {
+                        self.state.place.working.set(*mote as usize, false);
+                    }
                     if self.state.place.is_alive(*mote as usize) {
                         self.switch_on(*mote, asn);
                     }
@@ -35,6 +40,27 @@ impl Mesh {
             }
         }
         self.state.jams.forget_before(asn * self.config.slot_ns);
+    }
+
+    /// Motes whose batteries are empty fail, where the configuration wants that.
+    pub(super) fn fail_empty_motes(&mut self, asn: u64) {
+        if !self.settings.battery_deaths {
+            return;
+        }
+        for mote in 0..self.experiment.agent_count as u32 {
+            if self.state.motes[mote as usize].is_on() && self.is_empty(mote, asn) {
+                self.state.place.working.set(mote as usize, false);
+                self.switch_off(mote, asn);
+            }
+        }
+    }
+
+    /// Whether the mote has drawn what its battery held, until slot `asn`. Roots have none.
+    pub(super) fn is_empty(&self, mote: u32, asn: u64) -> bool {
+        let node = &self.state.motes[mote as usize];
+        let usage = node.tally.usage_until(asn, node.schedule.n_listening(asn));
+        let drawn_uc = usage.charge_uc(self.settings.energy, self.config.slot_ns);
+        !node.is_root && self.settings.battery_mah * energy::UC_PER_MAH <= drawn_uc
     }
 
     /// A mote whose robot is gone is off, and on again when the robot is back.

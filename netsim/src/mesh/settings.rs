@@ -42,6 +42,8 @@ pub struct Settings {
     pub energy: energy::Model,
     /// Charge of a new battery (mAh).
     pub battery_mah: f64,
+    /// Whether a mote other than a root fails once its battery is empty.
+    pub battery_deaths: bool,
     /// What is done as the peers do it.
     pub compat: Compat,
 }

@@ -5,6 +5,7 @@
     reason = "tests hold results against the platform's own functions, and read files and the environment"
 )]
 
+mod batteries;
 mod broadcast;
 mod conformance;
 mod delivery;

@@ -193,42 +193,12 @@ fn ranked(covariates: &[(String, Vec<f64>)], deviation: &[f64], surprise: &[f64]
 
 /// What the bins of a covariate explain of the error of readings, and of the surprise of reception.
 fn place(name: &str, values: &[f64], deviation: &[f64], surprise: &[f64]) -> Option<Place> {
-    let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    known.sort_by(f64::total_cmp);
-    if known.len() < 10 * BINS {
-        return None;
-    }
-    let mut edges: Vec<f64> = (0..=BINS).map(|k| nth_quantile(&known, k, BINS)).collect();
-    edges.dedup();
-    if edges.len() < 2 {
-        return None;
-    }
-    let n_bins = edges.len() - 1;
-    let bin = |value: f64| edges[1..n_bins].partition_point(|&edge| edge <= value);
-    let explained = |errors: &[f64]| -> (f64, f64, Vec<(usize, f64, f64)>) {
-        let mut sums = vec![(0usize, 0.0, 0.0); n_bins];
-        for (&value, &error) in values.iter().zip(errors) {
-            if value.is_finite() && error.is_finite() {
-                let sum = &mut sums[bin(value)];
-                *sum = (sum.0 + 1, sum.1 + error, sum.2 + error * error);
-            }
-        }
-        let n: f64 = sums.iter().map(|sum| sum.0 as f64).sum();
-        let squares: f64 = sums.iter().map(|sum| sum.2).sum();
-        let between: f64 =
-            sums.iter().filter(|sum| 0 < sum.0).map(|sum| sum.1 * sum.1 / sum.0 as f64).sum();
-        let free = n_bins as f64;
-        let f = between / free / ((squares - between) / (n - free));
-        let p = statrs::distribution::FisherSnedecor::new(free, n - free)
-            .map_or(1.0, |f_law| statrs::distribution::ContinuousCDF::sf(&f_law, f));
-        // What as many bins of nothing would explain is taken off.
-        (((between / squares) - free / n).max(0.0), p, sums)
-    };
-    let (share, p_value, sums) = explained(deviation);
-    let reception = surprise.iter().any(|value| value.is_finite()).then(|| {
-        let (explained, p_value, _) = explained(surprise);
-        Explained { explained, p_value }
-    });
+    let edges = edges(values)?;
+    let (Explained { explained, p_value }, sums) = explained_in(&edges, values, deviation);
+    let reception = surprise
+        .iter()
+        .any(|value| value.is_finite())
+        .then(|| explained_in(&edges, values, surprise).0);
     let bins: Vec<Bin> = sums
         .iter()
         .enumerate()
@@ -239,5 +209,79 @@ fn place(name: &str, values: &[f64], deviation: &[f64], surprise: &[f64]) -> Opt
             Bin { from: edges[k], to: edges[k + 1], n: sum.0, bias, rmse }
         })
         .collect();
-    Some(Place { covariate: name.to_owned(), explained: share, p_value, reception, bins })
+    Some(Place { covariate: name.to_owned(), explained, p_value, reception, bins })
+}
+
+/// How much of the variance of errors a covariate explains: the share that the means of its bins take away, less what the
+/// means of as many bins of noise would. An offset that all rows share is not counted: no covariate explains it.
+///
+/// `None` if too few values are known, or all are equal.
+#[must_use]
+pub fn explained(values: &[f64], errors: &[f64]) -> Option<Explained> {
+    Some(explained_in(&edges(values)?, values, errors).0)
+}
+
+/// Edges of bins with about as many values each.
+fn edges(values: &[f64]) -> Option<Vec<f64>> {
+    let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    known.sort_by(f64::total_cmp);
+    if known.len() < 10 * BINS {
+        return None;
+    }
+    let mut edges: Vec<f64> = (0..=BINS).map(|k| nth_quantile(&known, k, BINS)).collect();
+    edges.dedup();
+    (2 <= edges.len()).then_some(edges)
+}
+
+/// Of a bin: how many errors, their sum, the sum of their squares.
+type BinSum = (usize, f64, f64);
+
+/// [`explained`] for given edges, and the sums of the bins.
+fn explained_in(edges: &[f64], values: &[f64], errors: &[f64]) -> (Explained, Vec<BinSum>) {
+    let n_bins = edges.len() - 1;
+    let bin = |value: f64| edges[1..n_bins].partition_point(|&edge| edge <= value);
+    let mut sums: Vec<BinSum> = vec![(0, 0.0, 0.0); n_bins];
+    for (&value, &error) in values.iter().zip(errors) {
+        if value.is_finite() && error.is_finite() {
+            let sum = &mut sums[bin(value)];
+            *sum = (sum.0 + 1, sum.1 + error, sum.2 + error * error);
+        }
+    }
+    let n: f64 = sums.iter().map(|sum| sum.0 as f64).sum();
+    let total: f64 = sums.iter().map(|sum| sum.1).sum();
+    let offset = total * total / n;
+    let squares: f64 = sums.iter().map(|sum| sum.2).sum::<f64>() - offset;
+    let filled = || sums.iter().filter(|sum| 0 < sum.0);
+    let between: f64 = filled().map(|sum| sum.1 * sum.1 / sum.0 as f64).sum::<f64>() - offset;
+    // One mean less than there are bins: that of all rows.
+    let free = (filled().count() as f64 - 1.0).max(1.0);
+    let left = n - free - 1.0;
+    let f = between / free / ((squares - between) / left);
+    let p_value = statrs::distribution::FisherSnedecor::new(free, left)
+        .map_or(1.0, |f_law| statrs::distribution::ContinuousCDF::sf(&f_law, f));
+    let explained = ((between / squares) - free / n).max(0.0);
+    (Explained { explained, p_value }, sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_offset_of_all_rows_is_not_explained_by_a_covariate() {
+        let values: Vec<f64> = (0..800).map(f64::from).collect();
+        // Noise that knows nothing of the row, with and without an offset, and a step half way.
+        let noise = |row: usize| [1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0][row % 8];
+        let errors = |offset: f64, step: f64| -> Vec<f64> {
+            (0..800).map(|row| noise(row) + offset + if row < 400 { -step } else { step }).collect()
+        };
+        let share = |offset, step| explained(&values, &errors(offset, step)).unwrap();
+        assert_eq!(share(5.0, 0.0).explained, 0.0);
+        assert!(0.9 < share(5.0, 0.0).p_value);
+        let [with, without] = [share(5.0, 1.0), share(0.0, 1.0)];
+        assert!((with.explained - without.explained).abs() < 1e-9, "{with:?}, {without:?}");
+        // The step has the variance of the noise.
+        assert!((with.explained - 0.5).abs() < 0.01 && with.p_value < 1e-50, "{with:?}");
+        assert_eq!(explained(&values[..79], &errors(0.0, 1.0)[..79]), None);
+    }
 }

@@ -3,6 +3,7 @@
 //! | indicator | definition |
 //! |---|---|
 //! | delivery ratio | delivered / (delivered + dropped), application packets to one destination; those still on their way at the end count for neither |
+//! | delivered of expected | delivered / packets that every mote should have sent in the time it was alive, joined or not: its time on over the period of each application, and bursts whose time had come; never less than it created. Those on their way count as not delivered |
 //! | latency | from when a packet was created to when it was delivered |
 //! | in flight | created less delivered and dropped: nothing is lost from the account |
 //! | first join, last join | among motes that joined, roots apart |
@@ -14,19 +15,22 @@
 //!
 //! Units are in the names. Quantiles are interpolated between neighbours.
 
+mod applications;
 mod energy;
 pub mod kpi_summary;
 mod packets;
 mod samples;
 
+pub use applications::Applications;
 pub use packets::{MotePackets, PacketAccount};
 pub use samples::Samples;
 
 use super::period::Period;
 use indexmap::IndexMap;
 use kpi_summary::{
-    FormationSummary, JoinTimes, Joining, KpiSummary, QueueDrops, Routing, SinceStart,
+    DeliveredOfExpected, FormationSummary, JoinTimes, Joining, KpiSummary, QueueDrops, Routing, SinceStart,
 };
+use numbers::format::count_of;
 use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};
 
 /// Charge of two AA cells (mAh), as the 6TiSCH simulator has it: where the network says nothing else in `battery_mah`.
@@ -37,6 +41,8 @@ pub const BATTERY_MAH: f64 = 2821.5;
 pub struct Kpis {
     /// Application packets of the whole run.
     pub account: PacketAccount,
+    /// What motes should send.
+    applications: Applications,
     /// The account of packets that ended while robots were free to move.
     moving: PacketAccount,
     /// Robots had to wait before they were free to move.
@@ -61,6 +67,13 @@ impl Kpis {
     pub fn new(formation: Option<Formation>, statistics: Option<MoteStatistics>) -> Self {
         let latest = statistics.map(|statistics| (0, statistics));
         Self { formation, latest, ..Self::default() }
+    }
+
+    /// The same of a network whose motes should send this.
+    #[must_use]
+    pub fn with_applications(mut self, applications: Applications) -> Self {
+        self.applications = applications;
+        self
     }
 
     /// Adds what happened in one control period. Periods are added in order.
@@ -126,26 +139,83 @@ impl Kpis {
         let n = self.motes.alive.len();
         let whole = energy::summarise(self, None, n);
         let since =
-            self.formed.as_ref().map(|(_, formed)| energy::summarise(self, Some(formed), n));
+            self.formed.as_ref().and_then(|(_, formed)| energy::summarise(self, Some(formed), n));
         Some(KpiSummary {
             formation: self.formation.as_ref().map(formation),
             joining: self.joining(n),
             delivery: self.account.delivery(|_| true),
             delivery_upward: self.account.delivery(|mote| self.is_root(mote)),
+            delivered_of_expected: self.delivered_of_expected(n),
             packets: self.account.by_kind(),
             routing: self.routing(None, n),
             since_start: self.since_start(n),
             queue_drops: self.queue_drops(n),
             drops_by_reason: self.drops_by_reason(n),
             energy: whole.as_ref().map(energy::Energy::summary),
-            energy_since_formation: since.flatten().as_ref().map(energy::Energy::summary),
-            motes: self.per_mote(n, whole.as_ref()),
+            energy_since_formation: since.as_ref().map(energy::Energy::summary),
+            motes: self.per_mote(n, [whole.as_ref(), since.as_ref()]),
         })
     }
 
     /// What should be checked before the figures are trusted.
     pub fn warnings(&self) -> Vec<String> {
-        self.account.warnings()
+        let mut warnings = self.account.warnings();
+        warnings.extend(self.empty_batteries());
+        warnings
+    }
+
+    /// Motes that ran on with an empty battery. A network whose empty motes fail says of each whether it is empty.
+    fn empty_batteries(&self) -> Option<String> {
+        let statistics = self.statistics()?;
+        if statistics.column("battery_empty").is_some() {
+            return None;
+        }
+        let [charge_uc, battery_mah] =
+            [statistics.column("charge_uc")?, statistics.column("battery_mah")?];
+        let is_empty = |mote: &usize| {
+            let held_uc = battery_mah.get(*mote).map(|mah| mah * UC_PER_MAH);
+            !self.is_root(*mote)
+                && held_uc.zip(charge_uc.get(*mote)).is_some_and(|(held, drawn)| held <= drawn)
+        };
+        let motes: Vec<usize> = (0..self.motes.alive.len()).filter(is_empty).collect();
+        (!motes.is_empty()).then(|| {
+            format!(
+                "{} drew more charge than netsim.energy.battery_mah and ran on all the same ({}): set netsim.energy.deaths = \
+                 true, and motes with an empty battery fail",
+                count_of(motes.len() as u64, "mote"),
+                listed(&motes)
+            )
+        })
+    }
+
+    /// Application packets delivered, of all that every mote should have sent while it was alive; `None` where the
+    /// applications are not known.
+    fn delivered_of_expected(&self, n: usize) -> Option<DeliveredOfExpected> {
+        let expected = (0..n).filter_map(|mote| self.expected(mote, n)).sum::<f64>() as u64;
+        let delivered = self.account.delivery(|_| true).map_or(0, |delivery| delivery.delivered);
+        let alive: Vec<usize> = self.motes.alive.iter_ones().collect();
+        let joined = self.motes.joined.as_ref();
+        let n_joined = joined.map(|joined| alive.iter().filter(|&&mote| joined.get(mote)).count());
+        (expected != 0).then(|| DeliveredOfExpected {
+            delivered,
+            expected,
+            ratio: delivered as f64 / expected as f64,
+            joined_at_end: n_joined,
+            alive_at_end: alive.len(),
+        })
+    }
+
+    /// How many application packets a mote should have sent while it was on.
+    fn expected(&self, mote: usize, n: usize) -> Option<f64> {
+        if self.applications.is_empty() {
+            return None;
+        }
+        let statistic = |name: &str| self.statistics()?.column(name)?.get(mote);
+        let on_s = in_seconds(statistic("up_ns")?);
+        let expected =
+            self.applications.expected(u32::try_from(mote).ok()?, self.is_root(mote), n, on_s);
+        // Periods begin at random: a mote may have sent one more than fits into its time.
+        Some(expected.round().max(statistic("packets_created").unwrap_or(0.0)))
     }
 
     /// The values of a statistic, of motes for which it is known.
@@ -240,7 +310,7 @@ impl Kpis {
     fn per_mote(
         &self,
         n: usize,
-        energy: Option<&energy::Energy>,
+        [whole, since_formation]: [Option<&energy::Energy>; 2],
     ) -> IndexMap<String, Vec<Option<f64>>> {
         let mut columns = IndexMap::new();
         let mut add = |name: &str, value: &dyn Fn(usize) -> Option<f64>| {
@@ -256,6 +326,7 @@ impl Kpis {
         add("is_root", &|mote| statistic("is_root", mote));
         add("first_synced_s", &|mote| statistic("first_synced_ns", mote).map(in_seconds));
         add("first_joined_s", &|mote| statistic("first_joined_ns", mote).map(in_seconds));
+        add("expected", &|mote| self.expected(mote, n));
         add("created", &|mote| statistic("packets_created", mote));
         add("delivered", &|mote| of_mote(mote).map(|packets| packets.delivered as f64));
         add("dropped", &|mote| of_mote(mote).map(|packets| packets.dropped as f64));
@@ -273,7 +344,12 @@ impl Kpis {
         add("queue_drops", &|mote| statistic("queue_drops", mote));
         add("payloads_superseded", &|mote| statistic("payloads_superseded", mote));
         add("charge_uc", &|mote| statistic("charge_uc", mote));
-        if let Some(energy) = energy {
+        add("battery_empty", &|mote| statistic("battery_empty", mote));
+        for (energy, period) in [(whole, ""), (since_formation, SINCE_FORMATION)] {
+            let Some(energy) = energy else { continue };
+            let mut add = |name: &str, value: &dyn Fn(usize) -> Option<f64>| {
+                add(&format!("{name}{period}"), value);
+            };
             add("mean_current_ua", &|mote| energy.current_ua[mote]);
             add("duty_cycle", &|mote| energy.duty_cycle[mote]);
             add("lifetime_years", &|mote| {
@@ -293,6 +369,12 @@ pub const LATENCY_QUANTILES: [(&str, f64); 4] = [
     ("p99_latency_s", 0.99),
     ("max_latency_s", 1.0),
 ];
+/// What names of a mote's columns end with that are of the time since the network had formed.
+pub const SINCE_FORMATION: &str = "_since_formation";
+/// A milliampere-hour (µC).
+const UC_PER_MAH: f64 = 3.6e6;
+/// Most motes that a sentence lists.
+const MAX_LISTED: usize = 8;
 /// What names of statistics begin with that say what ended at a mote; the reason follows.
 const DROPS: &str = "drops_";
 
@@ -306,6 +388,14 @@ fn formation(formation: &Formation) -> FormationSummary {
             .map(|(words, motes)| (words.to_owned(), motes))
             .collect(),
     }
+}
+
+/// Numbers of motes in words: `mote 3`, `motes 3, 5`; of many the first, and how many follow.
+pub fn listed(motes: &[usize]) -> String {
+    let shown: Vec<String> = motes.iter().take(MAX_LISTED).map(usize::to_string).collect();
+    let rest = motes.len().saturating_sub(MAX_LISTED);
+    let more = if rest == 0 { String::new() } else { format!(" and {rest} more") };
+    format!("mote{} {}{more}", if motes.len() == 1 { "" } else { "s" }, shown.join(", "))
 }
 
 fn in_seconds(ns: f64) -> f64 {

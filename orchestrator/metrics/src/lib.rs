@@ -12,12 +12,14 @@
 //! | [`solids`] | collisions with walls, obstacles and each other |
 //! | [`kpi`] | delivery, latency, hops and energy of the network |
 //! | [`distances`] | delivery over distance |
+//! | [`hearing`] | who heard whom when, thinned for pictures |
 //! | [`trajectories`] | the ways of the robots, thinned for pictures |
 //! | [`places`] | measures of a swarm of which only positions are known |
 
 pub mod counts;
 pub mod distances;
 pub mod figures;
+pub mod hearing;
 pub mod kpi;
 pub mod lines;
 pub mod measures;
@@ -29,7 +31,7 @@ pub mod task;
 pub mod trajectories;
 
 pub use distances::DistanceBin;
-pub use kpi::{BATTERY_MAH, Kpis};
+pub use kpi::{Applications, BATTERY_MAH, Kpis};
 pub use measures::{Measures, Sample};
 pub use task::{Passage, Task};
 pub use trajectories::Trajectories;

@@ -2,6 +2,7 @@
 
 use super::counts::was_heard_by;
 use super::distances::{DistanceBin, Distances};
+use super::hearing::Hearing;
 use super::kpi::Kpis;
 use super::lines;
 use super::period::{Period, distance_m};
@@ -12,7 +13,7 @@ use super::trajectories::Trajectories;
 use crate::figures::{FigureValue, FiguresByName};
 use numbers::statistics::{quantile, ratio};
 use proto::site::Site;
-use proto::types::{AgentStates, TaskFigure, seconds};
+use proto::types::{AgentStates, Bitmap, TaskFigure, seconds};
 
 /// Measures of a run.
 #[derive(Clone, Debug)]
@@ -33,6 +34,8 @@ pub struct Measures {
     pub start_ns: u64,
     /// The network's own figures.
     pub kpis: Kpis,
+    /// Who heard whom when.
+    pub hearing: Hearing,
     /// The first step after which the robots regarded their task as done.
     pub completed_at_step: Option<u64>,
     /// What the robots say of how far their task is, after the latest step.
@@ -61,14 +64,32 @@ pub struct Measures {
     n_alive: u64,
     neighbour_sum: u64,
     isolated: u64,
+    /// The latter two by agent: steps in which it was alive, and in which it heard nobody.
+    isolated_by_agent: Vec<[u64; 2]>,
     last_states: AgentStates,
-    events: Vec<(f64, &'static str)>,
+    events: Vec<Event>,
+    /// Motes that worked after the latest step, and motes that were ordered to fail since.
+    working: Option<Bitmap>,
+    killed: Vec<u32>,
     swarm: SwarmMeasures,
     solids: Option<Solids>,
 }
 
-/// More orders than this cannot be distinguished in a picture.
+/// More events than this cannot be distinguished in a picture.
 const MOST_EVENTS: usize = 100;
+/// The word for an order to fail.
+pub const KILL: &str = "kill";
+
+/// What happened to motes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// When the step in which it happened began (s).
+    pub time_s: f64,
+    /// What happened, in one word.
+    pub what: &'static str,
+    /// The motes; empty where it concerns all.
+    pub motes: Vec<u32>,
+}
 
 /// What is measured in every step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,6 +115,7 @@ impl Measures {
             time_ns: 0,
             start_ns: 0,
             kpis,
+            hearing: Hearing::default(),
             completed_at_step: None,
             task_figures: Vec::new(),
             transmissions: 0,
@@ -111,8 +133,11 @@ impl Measures {
             n_alive: 0,
             neighbour_sum: 0,
             isolated: 0,
+            isolated_by_agent: vec![[0; 2]; states.len()],
             last_states: states.clone(),
             events: Vec::new(),
+            working: None,
+            killed: Vec::new(),
             swarm: SwarmMeasures::default(),
         }
     }
@@ -122,6 +147,8 @@ impl Measures {
         self.n_steps = period.step;
         self.time_ns = period.time_ns;
         self.kpis.add(period);
+        self.hearing.add(period);
+        self.note_failures(period);
         if let Some(solids) = &mut self.solids {
             solids.add(&self.task, period);
         }
@@ -181,18 +208,38 @@ impl Measures {
         self.anybody_moved() || self.anybody_spoke() || !self.kpis.account.has_applications()
     }
 
-    /// The orders that the network was given within the steps: when (s), in one word.
+    /// What happened to motes within the steps: orders that the network was given, and motes that failed of themselves.
     #[must_use]
-    pub fn events(&self) -> &[(f64, &'static str)] {
+    pub fn events(&self) -> &[Event] {
         &self.events
     }
 
-    /// Notes an order of the step that begins at `from_ns`, in one word. Of the same kind in one step one is enough.
-    pub fn note_event(&mut self, from_ns: u64, what: &'static str) {
-        let event = (seconds(from_ns), what);
-        if self.events.len() < MOST_EVENTS && self.events.last() != Some(&event) {
-            self.events.push(event);
+    /// Notes an order of the step that begins at `from_ns`, in one word, and the mote that it is for. Motes for which the same is
+    /// ordered at once share an event.
+    pub fn note_event(&mut self, from_ns: u64, what: &'static str, mote: Option<u32>) {
+        if what == KILL {
+            self.killed.extend(mote);
         }
+        let time_s = seconds(from_ns);
+        let is_full = MOST_EVENTS <= self.events.len();
+        match self.events.last_mut() {
+            Some(last) if last.what == what && last.time_s == time_s => last.motes.extend(mote),
+            _ if is_full => {}
+            _ => self.events.push(Event { time_s, what, motes: mote.into_iter().collect() }),
+        }
+    }
+
+    /// Notes motes that failed though nobody ordered that: their batteries are empty.
+    fn note_failures(&mut self, period: &Period<'_>) {
+        let alive = &period.motes.alive;
+        let killed = std::mem::take(&mut self.killed);
+        if let Some(working) = self.working.take() {
+            let failed = |&mote: &usize| !alive.get(mote) && !killed.contains(&(mote as u32));
+            for mote in working.iter_ones().filter(failed) {
+                self.note_event(period.from_ns, "fails", Some(mote as u32));
+            }
+        }
+        self.working = Some(alive.clone());
     }
 
     /// Whether an agent's payload was sent.
@@ -301,6 +348,19 @@ impl Measures {
     #[must_use]
     pub fn isolated_ratio(&self) -> Option<f64> {
         self.of_those_alive(self.isolated)
+    }
+
+    /// Agents that heard nobody in some steps: the agent, and in which share of the steps in which it was alive. Most first.
+    #[must_use]
+    pub fn isolated_agents(&self) -> Vec<(usize, f64)> {
+        let share = |&[alive, isolated]: &[u64; 2]| ratio(isolated as f64, alive as f64);
+        let by_agent = self.isolated_by_agent.iter().enumerate();
+        let mut agents: Vec<(usize, f64)> = by_agent
+            .filter_map(|(agent, counts)| Some((agent, share(counts)?)))
+            .filter(|&(_, share)| 0.0 < share)
+            .collect();
+        agents.sort_by(|a, b| b.1.total_cmp(&a.1));
+        agents
     }
 
     fn of_those_alive(&self, sum: u64) -> Option<f64> {
@@ -420,6 +480,11 @@ impl Measures {
 
     /// Adds how many neighbours everyone heard. Returns the quantiles, 0 where nobody is alive.
     fn add_neighbours(&mut self, period: &Period<'_>) -> [f64; 3] {
+        for agent in period.states.alive.iter_ones() {
+            let [alive, isolated] = &mut self.isolated_by_agent[agent];
+            *alive += 1;
+            *isolated += u64::from(period.counts.neighbours[agent] == 0);
+        }
         let mut heard: Vec<u32> =
             period.states.alive.iter_ones().map(|agent| period.counts.neighbours[agent]).collect();
         heard.sort_unstable();
@@ -468,6 +533,43 @@ mod tests {
         assert_eq!(measures.by_distance().iter().map(|bin| bin.attempts).sum::<u64>(), 3);
         // The delays are 4, 4 and 20 ns.
         assert!((measures.mean_delay_s().unwrap() - 28e-9 / 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn events_name_the_mote_and_who_heard_nobody_is_known() {
+        let states = AgentStates::at_origin(3);
+        // Agent 1 hears agent 0 in the first of two steps; the others hear nobody.
+        let deliveries = |indices: Vec<u32>| Deliveries {
+            transmissions: Transmissions {
+                sender: vec![0],
+                sent_ns: vec![0],
+                end_ns: vec![4],
+                payloads: Payloads::new(vec![1], vec![0].into()).unwrap(),
+                destination: vec![EVERYONE],
+            },
+            heard: Heard::Lists { ends: vec![0, indices.len() as u32, indices.len() as u32], indices },
+            ..Deliveries::default()
+        };
+        let motes = |dead: &[usize]| {
+            let mut alive = Bitmap::filled(3, true);
+            dead.iter().for_each(|&mote| alive.set(mote, false));
+            MoteStates { alive, ..MoteStates::default() }
+        };
+        let mut measures =
+            Measures::new(Task::default(), Site::default(), &states, Kpis::default());
+        let second = 1_000_000_000;
+        for (step, heard, dead) in [(1, vec![0], vec![]), (2, vec![], vec![1, 2])] {
+            let deliveries = deliveries(heard);
+            let counts = Counts::from_deliveries(&deliveries, 3);
+            let places = [((step - 1) * second, &states), (step * second, &states)];
+            if step == 2 {
+                measures.note_event(second, KILL, Some(2));
+            }
+            measures.add(&Period::of_places(step, places, (&deliveries, &counts), &motes(&dead)));
+        }
+        let event = |what, mote| Event { time_s: 1.0, what, motes: vec![mote] };
+        assert_eq!(measures.events(), [event(KILL, 2), event("fails", 1)]);
+        assert_eq!(measures.isolated_agents(), [(0, 1.0), (2, 1.0), (1, 0.5)]);
     }
 
     #[test]

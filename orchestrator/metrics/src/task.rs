@@ -24,6 +24,8 @@ pub struct Task {
     /// Of each kind of robot the number of its last one plus 1, and what happens where a wall or an obstacle stands in its way.
     /// Empty: all go through.
     pub passages: Vec<(usize, Passage)>,
+    /// Of each group the number of its last robot plus 1; empty where all are alike.
+    pub groups: Vec<usize>,
     /// The robots know the true state of all others: a baseline that no radio can reach.
     pub is_truth_baseline: bool,
 }
@@ -44,6 +46,13 @@ impl Task {
     pub fn passage(&self, agent: usize) -> Passage {
         let kind = self.passages.partition_point(|(end, _)| *end <= agent);
         self.passages.get(kind).map_or(Passage::Through, |(_, passage)| *passage)
+    }
+
+    /// The group of a robot, from 0; 0 where all are alike.
+    #[must_use]
+    pub fn group(&self, agent: usize) -> usize {
+        let group = self.groups.partition_point(|&end| end <= agent);
+        group.min(self.groups.len().saturating_sub(1))
     }
 
     /// Reads the robots' effective configuration, whose controllers are those that are built in.
@@ -102,10 +111,23 @@ impl Task {
                 }),
             diameter_m: config.get("diameter_m").and_then(number),
             passages: passages(&config, groups, known),
+            groups: ends_of(groups),
             is_truth_baseline: config.get("knowledge").and_then(toml::Value::as_str)
                 == Some("truth"),
         }
     }
+}
+
+/// Where each group ends: groups are numbered one after the other.
+fn ends_of(groups: &[toml::Value]) -> Vec<usize> {
+    let count = |group: &toml::Value| group.get("count").and_then(toml::Value::as_integer);
+    let mut end = 0;
+    let mut ends = Vec::new();
+    for group in groups {
+        end += count(group).and_then(|count| usize::try_from(count).ok()).unwrap_or(0);
+        ends.push(end);
+    }
+    ends
 }
 
 /// Kind after kind, as groups are numbered; one where there are none.

@@ -109,6 +109,24 @@ pub fn percent(share: f64) -> String {
     }
 }
 
+/// A time given in years of 365 days, in the largest of years, days, hours, minutes and seconds of which there is at least a
+/// tenth of a year, or one. Only a time of 0 is written as 0.
+#[must_use]
+pub fn years(value: f64) -> (String, &'static str) {
+    const UNITS: [(f64, f64, &str); 4] = [
+        (1.0, 0.1, "years"),
+        (365.0, 1.0, "days"),
+        (365.0 * 24.0, 1.0, "hours"),
+        (365.0 * 24.0 * 60.0, 1.0, "minutes"),
+    ];
+    let fits = |&&(per_year, least, _): &&(f64, f64, &str)| least <= value * per_year;
+    let (per_year, unit) = UNITS
+        .iter()
+        .find(fits)
+        .map_or((365.0 * 24.0 * 3600.0, "s"), |&(per_year, _, unit)| (per_year, unit));
+    (number(value * per_year), unit)
+}
+
 /// A sentence with a capital letter at its beginning.
 #[must_use]
 pub fn capitalised(sentence: &str) -> String {
@@ -177,6 +195,16 @@ mod tests {
     fn a_share_is_called_all_or_nothing_only_if_it_is() {
         let shown = [0.0, 0.0001, 0.5, 0.123, 0.99999, 1.0].map(percent);
         assert_eq!(shown, ["0 %", "< 0.1 %", "50 %", "12.3 %", "> 99.9 %", "100 %"]);
+    }
+
+    #[test]
+    fn a_short_lifetime_is_not_0_years() {
+        let shown = [4.33, 0.83, 0.05, 1e-3, 1e-5, 3e-6, 1e-7].map(|value| {
+            let (number, unit) = years(value);
+            format!("{number} {unit}")
+        });
+        let expected = "4.33 years, 0.830 years, 18.2 days, 8.76 hours, 5.26 minutes, 1.58 minutes, 3.15 s";
+        assert_eq!(shown.join(", "), expected);
     }
 
     #[test]

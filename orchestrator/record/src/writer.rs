@@ -10,8 +10,8 @@ use super::tables::Tables;
 use super::{RecordError, RunHeader, StepRecord};
 use bytes::Bytes;
 use metrics::counts::Counts;
-use metrics::kpi::Kpis;
-use metrics::measures::Measures;
+use metrics::kpi::{Applications, Kpis};
+use metrics::measures::{KILL, Measures};
 use metrics::period::Period;
 use metrics::task::Task;
 use proto::config;
@@ -184,7 +184,13 @@ impl RunWriter {
             capture.write(&network_start.capture_header)?;
             self.capture_header_bytes = network_start.capture_header.len();
         }
-        let kpis = Kpis::new(network_start.formation, statistics);
+        let network_config = if network_start.effective_toml.is_empty() {
+            &network_request.config_toml
+        } else {
+            &network_start.effective_toml
+        };
+        let kpis = Kpis::new(network_start.formation, statistics)
+            .with_applications(Applications::from_config(network_config));
         let effective = if robots_start.effective_toml.is_empty() {
             &robots_request.config_toml
         } else {
@@ -244,7 +250,8 @@ impl RunWriter {
             *run.orders.network.entry(command.source.clone()).or_default() += 1;
         }
         for command in &commands {
-            run.measures.note_event(run.time_ns, word(&command.order));
+            let (what, mote) = event(&command.order);
+            run.measures.note_event(run.time_ns, what, mote);
         }
         if let Some(log) = &mut self.log {
             if !commands.is_empty() {
@@ -323,14 +330,14 @@ fn about(header: &RunHeader) -> BTreeMap<String, String> {
     about
 }
 
-/// An order in one word.
-fn word(order: &MoteOrder) -> &'static str {
+/// An order in one word, and the mote that it is for.
+fn event(order: &MoteOrder) -> (&'static str, Option<u32>) {
     match order {
-        MoteOrder::Kill(_) => "kill",
-        MoteOrder::Revive(_) => "revive",
-        MoteOrder::Add(_) => "add",
-        MoteOrder::Jam { .. } => "jam",
-        MoteOrder::Send { .. } => "send",
+        MoteOrder::Kill(mote) => (KILL, Some(*mote)),
+        MoteOrder::Revive(mote) => ("revive", Some(*mote)),
+        MoteOrder::Add(mote) => ("add", Some(*mote)),
+        MoteOrder::Jam { .. } => ("jam", None),
+        MoteOrder::Send { mote, .. } => ("send", Some(*mote)),
     }
 }
 

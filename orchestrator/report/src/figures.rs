@@ -1,14 +1,18 @@
 //! The pictures of a report. Each says in one sentence what it shows.
 
+mod connectivity;
 pub(crate) mod network;
 
 use super::layout;
 use super::svg::{Axis, Chart};
 use maud::{Markup, html};
-use metrics::{DistanceBin, Measures, Sample, Trajectories};
-use numbers::format::{count, number, percent, shortest};
+use metrics::measures::Event;
+use metrics::{DistanceBin, Measures, Sample, Task, Trajectories};
+use numbers::format::{count, count_of, number, percent, shortest};
 use proto::types::seconds;
 use record::FinishedRun;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// A picture with its words.
 #[derive(Clone, Debug)]
@@ -18,8 +22,8 @@ pub(crate) struct Figure {
     /// What it shows, one sentence, with the numbers that matter.
     pub(crate) sentence: String,
     /// What its marks mean: class of the mark, words.
-    pub(crate) key: Vec<(&'static str, &'static str)>,
-    /// The picture.
+    pub(crate) key: Vec<(&'static str, Cow<'static, str>)>,
+    /// The picture, and what the reader may choose to see besides.
     pub(crate) svg: Markup,
     /// It takes the whole width.
     pub(crate) is_wide: bool,
@@ -60,9 +64,8 @@ fn run_figures(measures: &Measures, n_agents: u32) -> Vec<Figure> {
     }
     figures.extend(network::network_figures(measures));
     if !measures.events().is_empty() {
-        let over_time = ["Flock speed", "Neighbours heard", "Packets delivered over time"];
-        for figure in figures.iter_mut().filter(|figure| over_time.contains(&figure.title)) {
-            figure.key.push(("moment", "orders to the network"));
+        for figure in figures.iter_mut().filter(|figure| OVER_TIME.contains(&figure.title)) {
+            figure.key.push(("moment", "what happened to motes".into()));
         }
     }
     figures
@@ -78,7 +81,7 @@ fn trajectories(measures: &Measures) -> Figure {
             [low.min(point[axis]), high.max(point[axis])]
         })
     };
-    let (x, y, height) = equal_scales(span(0), span(1));
+    let (x, y, height) = equal_scales(span(0), span(1), WIDE);
     let n = starts.len();
     let mut chart = Chart::new(x, y, WIDE, height);
     if MANY < n {
@@ -97,8 +100,9 @@ fn trajectories(measures: &Measures) -> Figure {
         chart.line("path", points.iter().map(|step| step[place]).chain([stops[agent]]));
     }
     chart.dots("start", starts.iter().copied().flatten());
-    let others = stops.iter().enumerate().filter(|&(agent, _)| !is_leader(agent));
-    chart.dots("end", others.filter_map(|(_, stop)| *stop));
+    let others = || stops.iter().enumerate().filter(move |&(agent, _)| !is_leader(agent));
+    let mut key = vec![("start", "start".into()), ("path", "path".into())];
+    key.extend(dots_by_group(&mut chart, &measures.task, "end", others()));
     if let Some((place, &agent)) = agents.iter().enumerate().find(|&(_, &agent)| is_leader(agent)) {
         chart.line("path-leader", points.iter().map(|step| step[place]).chain([stops[agent]]));
         if let Some(start) = starts[agent] {
@@ -106,9 +110,10 @@ fn trajectories(measures: &Measures) -> Figure {
         }
         if let Some(stop) = stops[agent] {
             chart.dots("end-leader", [stop]);
-            chart.label("leader", stop, "leader");
+            chart.label("leader", stop, &format!("leader {agent}"));
         }
     }
+    chart.numbers(others().filter_map(|(agent, stop)| Some((agent, (*stop)?))));
 
     let spread = measures
         .final_spread_m()
@@ -125,21 +130,24 @@ fn trajectories(measures: &Measures) -> Figure {
         "Where the {} went, seen from above{spread}.{followed}",
         if n == 1 { "agent".to_owned() } else { format!("{} agents", count(n as u64)) }
     );
-    let mut key = vec![("start", "start"), ("end", "end"), ("path", "path")];
     if leader.is_some() {
-        key.push(("path-leader", "leader"));
+        key.push(("path-leader", "leader".into()));
     }
     if !walls.is_empty() || !discs.is_empty() {
-        key.push(("wall", "walls and obstacles"));
+        key.push(("wall", "walls and obstacles".into()));
     }
     let svg = chart.finish("trajectories", "Trajectories", &sentence);
     Figure { title: "Trajectories", sentence, key, svg, is_wide: true }
 }
 
 /// Axes of the same scale around what there is to show, and the height of their chart.
-pub(super) fn equal_scales([x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> (Axis, Axis, f64) {
+pub(super) fn equal_scales(
+    [x0, x1]: [f64; 2],
+    [y0, y1]: [f64; 2],
+    width: f64,
+) -> (Axis, Axis, f64) {
     let (x0, x1, y0, y1) = if x0 <= x1 { (x0, x1, y0, y1) } else { (0.0, 0.0, 0.0, 0.0) };
-    let plane = Chart::plane_width(WIDE);
+    let plane = Chart::plane_width(width);
     let margin = 0.04 * (x1 - x0).max(y1 - y0).max(0.5);
     let (width, height) = (x1 - x0 + 2.0 * margin, y1 - y0 + 2.0 * margin);
     let plane_height = (plane * height / width).clamp(190.0, 470.0);
@@ -153,12 +161,113 @@ pub(super) fn equal_scales([x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> (Axis, Axi
     (x, y, Chart::with_plane_height(plane_height))
 }
 
-/// From when the robots started to the end.
-fn time_axis(measures: &Measures) -> Axis {
-    let start_s = seconds(measures.start_ns);
-    let end_s = measures.series.last().map_or(start_s, |sample| sample.time_s);
-    Axis::new("simulated time (s)", start_s, end_s)
+/// Dots for agents, in colours by group, and what they mean. `what`: what a dot is, where there is but one group.
+pub(super) fn dots_by_group<'a>(
+    chart: &mut Chart,
+    task: &Task,
+    what: &'static str,
+    places: impl Iterator<Item = (usize, &'a Option<[f64; 2]>)>,
+) -> Vec<(&'static str, Cow<'static, str>)> {
+    let mut by_group: BTreeMap<usize, Vec<[f64; 2]>> = BTreeMap::new();
+    for (agent, place) in places {
+        by_group.entry(task.group(agent)).or_default().extend(*place);
+    }
+    let mut key = Vec::new();
+    for (group, places) in by_group {
+        let class = GROUP_ENDS[group % GROUP_ENDS.len()];
+        chart.dots(class, places);
+        let words = match task.groups.len() {
+            0 | 1 => what.into(),
+            _ => format!("{what}, group {group}").into(),
+        };
+        key.push((class, words));
+    }
+    key
 }
+
+/// Classes of the dots of each group.
+const GROUP_ENDS: [&str; 7] = [
+    "end",
+    "end series-2",
+    "end series-3",
+    "end series-4",
+    "end series-5",
+    "end series-6",
+    "end series-7",
+];
+
+/// Time as pictures show it: from when the robots started, if they had to wait, else from the beginning. What was before is a
+/// span of its own at the left.
+pub(super) struct TaskTime {
+    /// When the robots started (s).
+    start_s: f64,
+    /// The begin of the axis.
+    min: f64,
+    /// Its end (s).
+    max: f64,
+    /// The span before the start has the scale of the rest.
+    is_to_scale: bool,
+}
+
+impl TaskTime {
+    /// Of a run. `shows_before`: there is something to see before the robots started.
+    pub(super) fn new(measures: &Measures, shows_before: bool) -> Self {
+        let start_s = seconds(measures.start_ns);
+        let max = measures.series.last().map_or(seconds(measures.time_ns), |last| last.time_s) - start_s;
+        let is_to_scale = shows_before || max <= 0.0;
+        let before = if is_to_scale { start_s } else { start_s.min(SPAN * max) };
+        Self { start_s, min: -before, max, is_to_scale }
+    }
+
+    pub(super) fn axis(&self) -> Axis {
+        let label = if self.start_s == 0.0 {
+            "simulated time (s)"
+        } else {
+            "time since the robots started (s)"
+        };
+        Axis::new(label, self.min, self.max)
+    }
+
+    /// The place on the axis of a simulated time (s).
+    pub(super) fn at(&self, time_s: f64) -> f64 {
+        time_s - self.start_s
+    }
+
+    /// Draws the time before the start, and what happened to motes; returns the key to the former.
+    pub(super) fn mark(
+        &self,
+        chart: &mut Chart,
+        events: &[Event],
+    ) -> Option<(&'static str, Cow<'static, str>)> {
+        let words: Vec<(f64, String)> =
+            events.iter().map(|event| (self.at(event.time_s), words_of(event))).collect();
+        let shown = words.iter().filter(|&&(at, _)| self.is_to_scale || 0.0 <= at);
+        let moments: Vec<(f64, &str)> = shown.map(|(at, words)| (*at, words.as_str())).collect();
+        if 0.0 < self.start_s {
+            let time = format!("{} s", number(self.start_s));
+            chart.span([self.min, 0.0], &format!("robots wait, {time}"));
+            chart.moments(&moments);
+            let scale = if self.is_to_scale { "" } else { ", not to scale" };
+            return Some(("span", format!("robots wait for the network: {time}{scale}").into()));
+        }
+        chart.moments(&moments);
+        None
+    }
+}
+
+/// What happened, and to which motes.
+pub(super) fn words_of(event: &Event) -> String {
+    let motes: Vec<String> = event.motes.iter().take(MAX_MOTES).map(u32::to_string).collect();
+    let more = if MAX_MOTES < event.motes.len() { ", …" } else { "" };
+    format!("{} {}{more}", event.what, motes.join(", ")).trim_end().to_owned()
+}
+
+/// Most agents named that heard nobody.
+const MAX_ISOLATED: usize = 6;
+/// Share of the task's time that the span before it takes on an axis where it has no scale.
+const SPAN: f64 = 0.08;
+/// Most motes named beside a moment.
+const MAX_MOTES: usize = 3;
 
 fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
     let means = thinned(&measures.series, |sample| sample.flock_speed_mps);
@@ -167,7 +276,8 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
     let floor_mps = leader_mps.map(|speed| speed / f64::from(n_agents));
     let greatest = means.iter().map(|bucket| bucket.max).fold(0.0, f64::max);
     let top = greatest.max(leader_mps.unwrap_or(0.0)).max(1e-3) * 1.08;
-    let x = time_axis(measures);
+    let time = TaskTime::new(measures, false);
+    let x = time.axis();
     let mut chart = Chart::new(x, Axis::new("flock speed (m/s)", 0.0, top), HALF, HALF_HEIGHT);
     if let Some(leader_mps) = leader_mps {
         chart.level(leader_mps, "leader");
@@ -175,13 +285,13 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
     if let Some(floor_mps) = floor_mps.filter(|_| 1 < n_agents) {
         chart.level(floor_mps, "leader alone");
     }
-    let mut key = vec![("line", "magnitude of the mean velocity of all agents")];
+    let mut key = vec![("line", "magnitude of the mean velocity of all agents".into())];
     if means.len() < measures.series.len() {
-        let band: Vec<_> = means.iter().map(|bucket| (bucket.x, bucket.min, bucket.max)).collect();
+        let band: Vec<_> = means.iter().map(|bucket| (time.at(bucket.x), bucket.min, bucket.max)).collect();
         chart.band("band", &band);
-        key.push(("band", "least to greatest in the steps drawn as one point"));
+        key.push(("band", "least to greatest in the steps drawn as one point".into()));
     }
-    chart.line("line", means.iter().map(|bucket| Some([bucket.x, bucket.mean])));
+    chart.line("line", means.iter().map(|bucket| Some([time.at(bucket.x), bucket.mean])));
     let of_leader = match (leader_mps, floor_mps) {
         (Some(leader), Some(floor)) => format!(
             "; its leader moves at {} m/s, and if nobody followed it would be {} m/s",
@@ -194,7 +304,7 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
         "How fast the flock moves as a whole: {} m/s on average{of_leader}.",
         number(mean_mps)
     );
-    chart.moments(measures.events());
+    key.extend(time.mark(&mut chart, measures.events()));
     let svg = chart.finish("flock-speed", "Flock speed over time", &sentence);
     Figure { title: "Flock speed", sentence, key, svg, is_wide: false }
 }
@@ -206,19 +316,31 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
     let others = f64::from(n_agents.saturating_sub(1));
     let shows_all = others <= 1.5 * greatest;
     let top = (if shows_all { others.max(greatest) } else { greatest }).max(1.0) * 1.12;
-    let x = time_axis(measures);
+    let time = TaskTime::new(measures, false);
+    let x = time.axis();
     let mut chart =
         Chart::new(x, Axis::new("neighbours heard", 0.0, top).integer_ticks(), HALF, HALF_HEIGHT);
     if shows_all {
         chart.level(others, "all others");
     }
-    let band: Vec<_> = low.iter().zip(&high).map(|(l, h)| (l.x, l.mean, h.mean)).collect();
+    let band: Vec<_> = low.iter().zip(&high).map(|(l, h)| (time.at(l.x), l.mean, h.mean)).collect();
     chart.band("band", &band);
-    chart.line("line", median.iter().map(|bucket| Some([bucket.x, bucket.mean])));
+    chart.line("line", median.iter().map(|bucket| Some([time.at(bucket.x), bucket.mean])));
     let mean = measures.mean_neighbours().unwrap_or(0.0);
     let isolated = match measures.isolated_ratio() {
         Some(ratio) if 0.0 < ratio => {
-            format!("; in {} of agents and periods nobody was heard", percent(ratio))
+            let agents = measures.isolated_agents();
+            let named = |&(agent, share): &(usize, f64)| format!("{agent} ({})", percent(share));
+            let most: Vec<String> = agents.iter().take(MAX_ISOLATED).map(named).collect();
+            let more = match agents.len().saturating_sub(MAX_ISOLATED) {
+                0 => String::new(),
+                n => format!(" and {}", count_of(n as u64, "other")),
+            };
+            format!(
+                "; in {} of agents and periods nobody was heard, by agent, in the share of its periods: {}{more}",
+                percent(ratio),
+                most.join(", ")
+            )
         }
         _ => String::new(),
     };
@@ -227,8 +349,11 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
         number(mean),
         count(u64::from(n_agents.saturating_sub(1)))
     );
-    let key = vec![("line", "median over agents"), ("band", "10 % to 90 % of agents")];
-    chart.moments(measures.events());
+    let mut key = vec![
+        ("line", "median over agents".into()),
+        ("band", "10 % to 90 % of agents".into()),
+    ];
+    key.extend(time.mark(&mut chart, measures.events()));
     let svg = chart.finish("neighbours", "Neighbours heard over time", &sentence);
     Figure { title: "Neighbours heard", sentence, key, svg, is_wide: false }
 }
@@ -269,7 +394,7 @@ fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
     );
     let key = vec![(
         "interval",
-        "share delivered, with the 95 % interval (Wilson) for independent attempts",
+        "share delivered, with the 95 % interval (Wilson) for independent attempts".into(),
     )];
     let svg = chart.finish("delivery", "Delivery against distance", &sentence);
     Figure { title: "Delivery against distance", sentence, key, svg, is_wide: true }
@@ -300,6 +425,8 @@ fn thinned(series: &[Sample], value: impl Fn(&Sample) -> f64) -> Vec<Bucket> {
         .collect()
 }
 
+/// Pictures whose axis is time.
+const OVER_TIME: [&str; 3] = ["Flock speed", "Neighbours heard", "Packets delivered over time"];
 /// Most points of a line.
 const MAX_POINTS: usize = 500;
 /// More agents than this are drawn with finer marks.
@@ -310,3 +437,34 @@ pub(super) const WIDE: f64 = 1110.0;
 pub(super) const HALF: f64 = 540.0;
 /// Height of such a picture.
 pub(super) const HALF_HEIGHT: f64 = 300.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use metrics::Kpis;
+    use proto::site::Site;
+    use proto::types::AgentStates;
+
+    #[test]
+    fn time_axes_start_with_the_task_and_formation_is_a_span_of_its_own() {
+        let states = AgentStates::at_origin(1);
+        let mut measures = Measures::new(Task::default(), Site::default(), &states, Kpis::default());
+        let sample = Sample { time_s: 450.0, flock_speed_mps: 1.0, neighbours: [0.0; 3] };
+        measures.series = vec![Sample { time_s: 401.0, ..sample }, sample];
+        measures.start_ns = 400_000_000_000;
+        let time = TaskTime::new(&measures, false);
+        assert_eq!((time.at(400.0), time.axis().min, time.axis().max), (0.0, -4.0, 50.0));
+        let mut chart = Chart::new(time.axis(), Axis::new("", 0.0, 1.0), HALF, HALF_HEIGHT);
+        let event = |time_s, motes| Event { time_s, what: "kill", motes };
+        let (mark, words) =
+            time.mark(&mut chart, &[event(300.0, vec![1]), event(410.0, vec![7, 8])]).unwrap();
+        assert_eq!((mark, &*words), ("span", "robots wait for the network: 400 s, not to scale"));
+        let picture = chart.finish("", "", "").into_string();
+        assert!(picture.contains("robots wait, 400 s") && picture.contains("kill 7, 8"));
+        assert!(!picture.contains("kill 1<"), "what was before has no place on the axis");
+        // Where something is to be seen before, the span has the scale of the rest.
+        assert_eq!(TaskTime::new(&measures, true).axis().min, -400.0);
+        measures.start_ns = 0;
+        assert_eq!(TaskTime::new(&measures, true).axis().min, 0.0);
+    }
+}

@@ -85,6 +85,14 @@ impl<'a> MeasuredAnswer<'a> {
         }
     }
 
+    /// The comparison, if it is one.
+    fn comparison(self) -> Option<&'a Comparison> {
+        match self {
+            Self::Comparison(comparison) => Some(comparison),
+            Self::Diagnosis(_) => None,
+        }
+    }
+
     /// The diagnosis, if it is one.
     fn diagnosis(self) -> Option<&'a Diagnosis> {
         match self {

@@ -5,7 +5,7 @@ use super::figures::network::depths;
 use maud::{Markup, html};
 use metrics::Measures;
 use metrics::kpi::kpi_summary::KpiSummary;
-use numbers::format::{count, count_of, number, percent};
+use numbers::format::{count, count_of, number, percent, years};
 use record::FinishedRun;
 use std::cmp::Ordering;
 
@@ -49,7 +49,11 @@ fn table(kpis: &KpiSummary, measures: &Measures) -> Option<Markup> {
         details.motes open[n <= MAX_OPEN] {
             summary { (count_of(n as u64, "mote")) " one by one" }
             p {
-                "At the end of the run. Packets are the mote's own, of applications, to one destination; what ended at a mote is \
+                "At the end of the run"
+                @if let Some((_, period)) = kpis.energy_shown() {
+                    "; radio on and lifetime: " (period.words())
+                }
+                ". Packets are the mote's own, of applications, to one destination; what ended at a mote is \
                  anything that it had to send."
                 @if shown.len() < n {
                     " Of " (count(n as u64)) " motes these are the " (count(shown.len() as u64)) " that do worst: those that never \
@@ -93,6 +97,12 @@ impl Figures<'_> {
     /// A figure of `summary.json` of each mote.
     fn values(&self, name: &str) -> Vec<Option<f64>> {
         self.kpis.motes.get(name).cloned().unwrap_or_else(|| vec![None; self.n])
+    }
+
+    /// The same of the period of which energy is shown.
+    fn energy_values(&self, name: &str) -> Vec<Option<f64>> {
+        let period = self.kpis.energy_shown().map_or("", |(_, period)| period.suffix());
+        self.values(&format!("{name}{period}"))
     }
 
     fn is_root(&self, mote: usize) -> bool {
@@ -170,9 +180,12 @@ impl Figures<'_> {
             };
         let integer = |value: f64| count(value as u64);
         let (ended, why) = self.ended();
+        let empty = self.values("battery_empty");
         vec![
             each("mote", "its number", &|mote| {
+                let is_empty = empty[mote].is_some_and(|empty| empty != 0.0);
                 let state = match (self.is_root(mote), motes.alive.get(mote)) {
+                    (_, false) if is_empty => " battery empty",
                     (_, false) => " off",
                     (true, true) => " root",
                     (false, true) => "",
@@ -193,6 +206,12 @@ impl Figures<'_> {
                 rank.map_or_else(dash, u32::to_string)
             }),
             figure("hops", "to the root, along parents", self.depth(), &integer),
+            figure(
+                "expected",
+                "packets that it should have sent while it was alive",
+                self.values("expected"),
+                &integer,
+            ),
             figure("created", "packets created", self.values("created"), &integer),
             figure("delivered", "packets delivered", self.values("delivered"), &integer),
             figure("dropped", "packets dropped on the way", self.values("dropped"), &integer),
@@ -218,16 +237,19 @@ impl Figures<'_> {
             ),
             figure(
                 "radio on",
-                "time the radio sent or listened, over the time it was on",
-                self.values("duty_cycle"),
+                "time the radio sent or listened, over the time the mote was on",
+                self.energy_values("duty_cycle"),
                 &percent,
             ),
             figure("charge (C)", "charge drawn", self.values("charge_uc"), &|uc| number(uc / 1e6)),
             figure(
-                "years",
+                "lifetime",
                 "how long its battery lasts at that rate",
-                self.values("lifetime_years"),
-                &number,
+                self.energy_values("lifetime_years"),
+                &|value| {
+                    let (time, unit) = years(value);
+                    format!("{time} {unit}")
+                },
             ),
             figure(
                 "ended here",
@@ -247,7 +269,7 @@ impl Figures<'_> {
             key("what ended here, most first", self.ended().0, true),
             key("hops, most first", self.depth(), true),
             key("joining, latest first", self.values("first_joined_s"), true),
-            key("radio, longest on first", self.values("duty_cycle"), true),
+            key("radio, longest on first", self.energy_values("duty_cycle"), true),
         ]
     }
 }

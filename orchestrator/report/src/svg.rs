@@ -295,6 +295,42 @@ impl Chart {
         });
     }
 
+    /// Numbers beside points, each where it covers no other; those for which there is no room are left out.
+    pub fn numbers(&mut self, points: impl IntoIterator<Item = (usize, [f64; 2])>) {
+        let mut taken: Vec<[f64; 4]> = Vec::new();
+        let mut texts = Markup::default();
+        for (number, point) in points {
+            let text = number.to_string();
+            let [x, y] = self.place(point);
+            let width = DIGIT * text.len() as f64;
+            let to_the_left = self.width - RIGHT < x + 5.0 + width;
+            let left = if to_the_left { x - 5.0 - width } else { x + 5.0 };
+            let area = [left, y - 5.0, left + width, y + 5.0];
+            let overlaps = |other: &[f64; 4]| {
+                area[0] < other[2] && other[0] < area[2] && area[1] < other[3] && other[1] < area[3]
+            };
+            if taken.len() < MAX_NUMBERS && !taken.iter().any(overlaps) {
+                taken.push(area);
+                html! { text x=(Px(left)) y=(Px(y + 4.0)) { (text) } }.render_to(&mut texts.0);
+            }
+        }
+        self.draw_over(&html! { g.numbers { (texts) } });
+    }
+
+    /// A span of time from top to bottom, with a few words along its middle.
+    pub fn span(&mut self, [from, to]: [f64; 2], label: &str) {
+        let ([left, top], [right, bottom]) =
+            (self.place([from, self.y.max]), self.place([to, self.y.min]));
+        let path = format!("M{left:.1},{top:.1}H{right:.1}V{bottom:.1}H{left:.1}Z");
+        self.draw_path("span", &path);
+        let (x, y) = ((left + right) / 2.0 + 4.0, (top + bottom) / 2.0);
+        self.draw_over(&html! {
+            text.note transform={ "translate(" (Px(x)) "," (Px(y)) ")rotate(-90)" } text-anchor="middle" {
+                (label)
+            }
+        });
+    }
+
     /// The picture as part of a page, with a name and a text that says the same. `id`: the identifier that its name and text
     /// begin with, which no other picture of the page has.
     pub fn finish(self, id: &str, title: &str, alternative: &str) -> Markup {
@@ -412,6 +448,9 @@ impl Chart {
     }
 }
 
+/// Width of a digit of a number beside a point, and most such numbers in a picture.
+const DIGIT: f64 = 6.5;
+const MAX_NUMBERS: usize = 250;
 const LEFT: f64 = 62.0;
 const RIGHT: f64 = 16.0;
 const TOP: f64 = 12.0;
@@ -428,6 +467,16 @@ mod tests {
         assert_eq!(ticks(-3.0, 3.0, 4.0), [-2.0, 0.0, 2.0]);
         assert_eq!(Axis::new("", 0.0, 1.0).tick_label(-0.0, 0.2), "0.0");
         assert_eq!(Axis::new("", 0.0, 1.0).tick_label(-20.0, 20.0), "−20");
+    }
+
+    #[test]
+    fn numbers_are_left_out_where_they_would_cover_each_other() {
+        let axis = || Axis::new("", 0.0, 100.0);
+        let mut chart = Chart::new(axis(), axis(), 578.0, 556.0);
+        chart.numbers([(7, [50.0, 50.0]), (8, [50.1, 50.0]), (9, [20.0, 50.0])]);
+        let picture = chart.finish("", "", "").into_string();
+        assert!(picture.contains(">7</text>") && picture.contains(">9</text>"));
+        assert!(!picture.contains(">8</text>"));
     }
 
     #[test]

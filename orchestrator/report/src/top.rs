@@ -4,7 +4,8 @@ use super::is_truth;
 use super::layout::{self, with_unit};
 use maud::{Markup, html};
 use metrics::task::Goal;
-use numbers::format::{count, number, percent, shortest};
+use metrics::kpi::kpi_summary::{DeliveredOfExpected, KpiSummary};
+use numbers::format::{count, number, percent, shortest, years};
 use proto::types::Coupling;
 use record::run_summary::RunSummary;
 use record::{FinishedRun, Status, TRUTH_BASELINE};
@@ -59,10 +60,12 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     let formation = kpis.and_then(|kpis| kpis.formation.as_ref());
     let delivery = kpis.and_then(|kpis| kpis.delivery.as_ref());
     let latency_s = delivery.and_then(|delivery| delivery.latency_s.as_ref()?.median);
-    // Of the standing network: before, motes scan.
-    let energy =
-        kpis.and_then(|kpis| kpis.energy_since_formation.as_ref().or(kpis.energy.as_ref()));
-    let lifetime_years = energy.and_then(|energy| energy.network_lifetime_years);
+    let expected = kpis.and_then(|kpis| kpis.delivered_of_expected.as_ref());
+    let shown = kpis.and_then(KpiSummary::energy_shown);
+    let radio_on = shown.map(|(_, period)| format!("Radio on, {}", period.words()));
+    let lifetime = shown.map(|(_, period)| format!("Network lifetime, {}", period.words()));
+    let energy = shown.map(|(energy, _)| energy);
+    let lifetime_years = energy.and_then(|energy| energy.network_lifetime_years).map(years);
     let unit = |value: Option<f64>, unit: &str| Some(with_unit(&number(value?), unit));
     let share = |value: Option<f64>| Some(html! { (percent(value?)) });
     let others = format!("of {}", count(u64::from(n_agents.saturating_sub(1))));
@@ -70,6 +73,18 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     let has_way = measures.has_way();
     let is_flock = !is_line && measures.anybody_moved();
     let residual_m2 = measures.line_residual_m2().filter(|_| is_line);
+    let leads = expected.is_some_and(DeliveredOfExpected::leads);
+    let expected = (
+        "Delivered of expected packets",
+        expected.map(|expected| {
+            let joined = expected.joined_at_end.map(|joined| {
+                format!("{} of {} motes joined", joined, expected.alive_at_end)
+            });
+            let share = percent(expected.ratio);
+            joined.map_or_else(|| html! { (share) }, |joined| with_unit(&share, &joined))
+        }),
+    );
+    let (first, later) = if leads { (Some(expected), None) } else { (None, Some(expected)) };
     let tiles = [
         ("Flock speed", unit(measures.flock_speed_mps().filter(|_| is_flock), "m/s")),
         ("Residual of the line", unit(residual_m2, "m²")),
@@ -79,10 +94,19 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
         ("Delivery ratio", share(measures.delivery_ratio())),
         ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
         ("Network formed after", unit(formation.and_then(|formation| formation.formed_s), "s")),
-        ("Packets delivered", share(delivery.map(|delivery| delivery.ratio))),
-        ("Median latency", unit(latency_s, "s")),
-        ("Radio on", share(energy.and_then(|energy| energy.duty_cycle.mean))),
-        ("Network lifetime", unit(lifetime_years, "years")),
+        ("Packets delivered, of those sent", share(delivery.map(|delivery| delivery.ratio))),
     ];
-    Some(layout::tiles(tiles.into_iter().filter_map(|(name, value)| Some((name, value?)))))
+    let last = [
+        ("Median latency", unit(latency_s, "s")),
+        (
+            radio_on.as_deref().unwrap_or_default(),
+            share(energy.and_then(|energy| energy.duty_cycle.mean)),
+        ),
+        (
+            lifetime.as_deref().unwrap_or_default(),
+            lifetime_years.map(|(time, unit)| with_unit(&time, unit)),
+        ),
+    ];
+    let all = first.into_iter().chain(tiles).chain(later).chain(last);
+    Some(layout::tiles(all.filter_map(|(name, value)| Some((name, value?)))))
 }

@@ -134,6 +134,14 @@ fn of_packets(kpis: &KpiSummary) -> Vec<String> {
     if let Some(formed_s) = kpis.formation.as_ref().and_then(|formation| formation.formed_s) {
         lines.push(format!("the network had formed after {formed_s:.1} s"));
     }
+    if let Some(expected) = kpis.delivered_of_expected.as_ref().filter(|it| it.leads()) {
+        lines.push(format!(
+            "{:.1} % of the packets that motes should have sent delivered; {} of {} motes joined at the end",
+            expected.ratio * 100.0,
+            expected.joined_at_end.unwrap_or_default(),
+            expected.alive_at_end
+        ));
+    }
     if let Some(delivery) = &kpis.delivery {
         let latency_s = delivery.latency_s.as_ref().and_then(|latency| latency.median);
         let latency = latency_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default();

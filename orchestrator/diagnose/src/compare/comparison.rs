@@ -28,7 +28,7 @@ pub struct Comparison {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "IndexMap<String, [Option<f64>; 2]>")]
     pub intervals: IndexMap<String, [f64; 2]>,
-    /// Covariates, by how much of the squared error their bins explain, most first.
+    /// Covariates, by how much of the variance of the error their bins explain, most first.
     #[serde(rename = "where")]
     pub places: Vec<Place>,
     /// The file of measurements, and how much of it was used.
@@ -41,7 +41,8 @@ pub struct Comparison {
 pub struct Place {
     /// Name of the covariate: a column, or a quantity computed from the rows.
     pub covariate: String,
-    /// The share of the squared error that the means of its bins explain, less what as many bins of noise would.
+    /// The share of the variance of the error that the means of its bins explain, less what as many bins of noise would; an
+    /// offset of all rows is not counted.
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub explained: f64,
@@ -58,7 +59,7 @@ pub struct Place {
 /// What the bins of a covariate explain of an error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Explained {
-    /// The share of the squared error.
+    /// The share of the variance of the error.
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub explained: f64,

@@ -18,7 +18,7 @@ pub fn text(comparison: &Comparison) -> String {
     if !comparison.places.is_empty() {
         let _ = writeln!(
             text,
-            "\nerror by covariate: share of the squared error that each covariate explains"
+            "\nerror by covariate: share of the error variance that each covariate explains"
         );
     }
     for place in comparison.places.iter().take(MOST_COVARIATES) {

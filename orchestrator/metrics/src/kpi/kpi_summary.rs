@@ -16,6 +16,8 @@ pub struct KpiSummary {
     pub delivery: Option<Delivery>,
     /// Application packets to roots.
     pub delivery_upward: Option<Delivery>,
+    /// Application packets delivered, of all that every mote should have sent while it was alive; null where that is unknown.
+    pub delivered_of_expected: Option<DeliveredOfExpected>,
     /// Counts of packets by kind, for instance those of applications; null where they are not recorded.
     pub packets: Option<IndexMap<String, PacketsOfKind>>,
     /// Changes of preferred parents.
@@ -91,6 +93,34 @@ pub struct Delivery {
     /// Hops that those delivered took, mean; null if none was delivered.
     pub mean_hops: Option<f64>,
 }
+
+/// Application packets delivered, of all that every mote should have sent while it was alive, joined or not.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DeliveredOfExpected {
+    /// Packets delivered.
+    pub delivered: u64,
+    /// Packets that motes should have sent: their time on over the period of each application, and bursts whose time had
+    /// come; of each mote never less than it created.
+    pub expected: u64,
+    /// Delivered / expected. Packets on their way at the end count as not delivered.
+    pub ratio: f64,
+    /// Living motes that were joined at the end; null where that is unknown.
+    pub joined_at_end: Option<usize>,
+    /// Living motes at the end.
+    pub alive_at_end: usize,
+}
+
+impl DeliveredOfExpected {
+    /// Whether fewer than 95 % of the living motes are joined: [`Delivery::ratio`] is then that of a few.
+    #[must_use]
+    pub fn leads(&self) -> bool {
+        let least = LEAST_JOINED * self.alive_at_end as f64;
+        self.joined_at_end.is_some_and(|joined| (joined as f64) < least)
+    }
+}
+
+/// With a smaller share of joined motes, reports lead with the packets that should have been sent.
+const LEAST_JOINED: f64 = 0.95;
 
 /// Latencies of packets (s).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -174,6 +204,49 @@ pub struct EnergySummary {
     pub network_lifetime_years: Option<f64>,
     /// How long it lasts the median mote (years).
     pub median_lifetime_years: Option<f64>,
+}
+
+impl KpiSummary {
+    /// The energy that reports show, and its period: since the network formed if it has run on from there, because motes scan
+    /// before; else the whole run.
+    #[must_use]
+    pub fn energy_shown(&self) -> Option<(&EnergySummary, EnergyPeriod)> {
+        let since = self.energy_since_formation.as_ref();
+        let known = |energy: &&EnergySummary| energy.mean_current_ua.mean.is_some();
+        since
+            .filter(known)
+            .map(|energy| (energy, EnergyPeriod::SinceFormation))
+            .or_else(|| self.energy.as_ref().map(|energy| (energy, EnergyPeriod::Whole)))
+    }
+}
+
+/// The time over which energy is summed up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EnergyPeriod {
+    /// From the beginning.
+    Whole,
+    /// From when the network had formed.
+    SinceFormation,
+}
+
+impl EnergyPeriod {
+    /// What names of motes' columns of that time end with.
+    #[must_use]
+    pub fn suffix(self) -> &'static str {
+        match self {
+            Self::Whole => "",
+            Self::SinceFormation => super::SINCE_FORMATION,
+        }
+    }
+
+    /// In words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Whole => "whole run",
+            Self::SinceFormation => "since formation",
+        }
+    }
 }
 
 /// A figure over motes.

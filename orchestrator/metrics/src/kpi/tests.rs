@@ -346,3 +346,82 @@ fn what_ended_at_motes_is_told_by_reason_and_nothing_is_told_of_reasons_that_did
     assert_eq!(drops_by_reason(&[("drops_killed", [0.0; N])]), json!({}));
     assert_eq!(drops_by_reason(&[("queue_drops", [4.0; N])]), Value::Null);
 }
+
+/// An application packet from every mote to the root, every 10 s.
+const EVERY_10_S: &str = "[[app]]\nkind = \"periodic\"\nperiod_s = 10.0\nsenders = \"all\"\ndestination = \"root\"\n";
+
+#[test]
+fn pdr_of_a_network_that_one_of_two_motes_never_joined_counts_what_that_one_should_have_sent() {
+    let ended: Vec<Ended> = (0..10).map(|k| (1, 0, 0, k, 1, 0)).collect();
+    let mut kpis = run(&[Step {
+        packets: Some(packets(10, &ended)),
+        statistics: Some(statistics(&[
+            ("is_root", [1.0, 0.0, 0.0]),
+            ("up_ns", [1e11; N]),
+            ("packets_created", [0.0, 11.0, 0.0]),
+        ])),
+        joined: Some([true, true, false]),
+        ..Step::default()
+    }]);
+    assert_eq!(json!(kpis.summary())["delivered_of_expected"], Value::Null, "nothing is known");
+    kpis = kpis.with_applications(Applications::from_config(EVERY_10_S));
+    let summary = kpis.summary().unwrap();
+    assert_near(&json!(summary)["delivery"]["ratio"], 1.0);
+    // Ten of the mote that never joined; of the other the eleven that it created.
+    let expected = summary.delivered_of_expected.clone().unwrap();
+    assert_eq!([expected.delivered, expected.expected], [10, 21]);
+    assert_eq!((expected.joined_at_end, expected.alive_at_end), (Some(2), 3));
+    assert!(expected.leads());
+    assert_eq!(json!(summary)["motes"]["expected"], json!([0.0, 11.0, 10.0]));
+    let all = DeliveredOfExpected { joined_at_end: Some(3), ..expected };
+    assert!(!all.leads());
+}
+
+#[test]
+fn battery_mah_of_next_to_nothing_is_warned_of_where_it_kills_nobody() {
+    let columns = [
+        ("is_root", [1.0, 0.0, 0.0]),
+        ("charge_uc", [4e4, 4e4, 3e4]),
+        ("battery_mah", [0.01; N]),
+    ];
+    let warnings = |columns: &[(&str, [f64; N])]| {
+        run(&[Step { statistics: Some(statistics(columns)), ..Step::default() }]).warnings()
+    };
+    let [warning] = &warnings(&columns)[..] else { panic!("{:?}", warnings(&columns)) };
+    assert!(warning.contains("mote 1)") && warning.contains("netsim.energy.deaths"), "{warning}");
+    // Where empty motes fail, there is nothing to warn of.
+    let dying = [&columns[..], &[("battery_empty", [0.0, 1.0, 0.0])]].concat();
+    assert_eq!(warnings(&dying), [""; 0]);
+}
+
+#[test]
+fn radio_on_and_lifetime_of_tiles_and_table_are_of_one_period() {
+    let step = |charge_uc: f64, on_ns: f64, up_ns: f64, formed_ns| Step {
+        statistics: Some(statistics(&[
+            ("charge_uc", [charge_uc; N]),
+            ("radio_on_ns", [on_ns; N]),
+            ("up_ns", [up_ns; N]),
+        ])),
+        formed_ns,
+        ..Step::default()
+    };
+    // Motes scan until they have formed; then their radios are on for a hundredth of the time.
+    let formed = Some(5 * S);
+    let kpis = run(&[
+        step(1e4, 5e9, 5e9, formed),
+        step(1e4, 1e10, 1e10, formed),
+        step(1.1e4, 1.01e10, 2e10, formed),
+    ]);
+    let summary = kpis.summary().unwrap();
+    let (energy, period) = summary.energy_shown().unwrap();
+    let duty_cycles = &summary.motes[&format!("duty_cycle{}", period.suffix())];
+    assert_eq!(period.words(), "since formation");
+    assert_eq!(Some(duty_cycles[1].unwrap()), energy.duty_cycle.mean);
+    assert!((duty_cycles[1].unwrap() - 0.01).abs() < 1e-12, "{duty_cycles:?}");
+    let lifetimes = &summary.motes[&format!("lifetime_years{}", period.suffix())];
+    assert_eq!(lifetimes[1], energy.network_lifetime_years);
+    assert!(summary.motes["duty_cycle"][1] > duty_cycles[1]);
+    // Without formation there is but the whole run.
+    let forming = run(&[step(1e4, 5e9, 5e9, None)]).summary().unwrap();
+    assert_eq!(forming.energy_shown().unwrap().1.words(), "whole run");
+}

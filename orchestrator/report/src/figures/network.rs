@@ -1,7 +1,7 @@
 //! Pictures of a network with protocols: who hears whom, the routing graph, the schedule, delivery and latency. Each is
 //! there only if the network said what it shows.
 
-use super::{Figure, HALF, HALF_HEIGHT, WIDE, equal_scales};
+use super::{Figure, HALF, HALF_HEIGHT, TaskTime, WIDE, connectivity, dots_by_group, equal_scales};
 use crate::svg::{Axis, Chart};
 use metrics::{Kpis, Measures};
 use numbers::format::{count, count_of, number, percent, shortest};
@@ -14,93 +14,65 @@ pub(super) fn network_figures(measures: &Measures) -> Vec<Figure> {
     let kpis = &measures.kpis;
     let places = &measures.trajectories.ends[1];
     let mut figures = Vec::new();
-    figures.extend(connectivity(kpis, places));
-    figures.extend(routing_graph(kpis, places));
+    figures.extend(connectivity::figure(measures));
+    figures.extend(routing_graph(measures, places));
     figures.extend(schedules(kpis));
-    figures.extend(delivery_over_time(kpis, measures.events()));
+    figures.extend(delivery_over_time(measures));
     figures.extend(latency(kpis));
     figures
 }
 
-/// Where the motes are at the end; `None` for those that do not exist.
-type Places = [Option<[f64; 2]>];
+/// Where the motes are; `None` for those that do not exist.
+pub(super) type Places = [Option<[f64; 2]>];
 
 /// A plan of all motes, on which lines between them are drawn.
-fn plan(places: &Places) -> Chart {
+pub(super) fn plan(places: &Places, width: f64) -> Chart {
     let span = |axis: usize| {
         places.iter().flatten().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
             [low.min(place[axis]), high.max(place[axis])]
         })
     };
-    let (x, y, height) = equal_scales(span(0), span(1));
-    Chart::new(x, y, WIDE, height)
+    let (x, y, height) = equal_scales(span(0), span(1), width);
+    Chart::new(x, y, width, height)
 }
 
-fn between(places: &Places, a: u32, b: u32) -> Option<[[f64; 2]; 2]> {
+pub(super) fn between(places: &Places, a: u32, b: u32) -> Option<[[f64; 2]; 2]> {
     let place = |mote: u32| places.get(mote as usize).copied().flatten();
     Some([place(a)?, place(b)?])
 }
 
-fn connectivity(kpis: &Kpis, places: &Places) -> Option<Figure> {
-    let links = kpis.heard_links.as_ref().filter(|links| !links.receiver.is_empty())?;
-    let mut pairs: BTreeMap<(u32, u32), bool> = BTreeMap::new();
-    for (&receiver, &sender) in links.receiver.iter().zip(&links.sender) {
-        let pair = (receiver.min(sender), receiver.max(sender));
-        pairs.entry(pair).and_modify(|both| *both = true).or_insert(false);
-    }
-    let every = pairs.len().div_ceil(MAX_LINES);
-    let drawn = |wanted: bool| {
-        pairs
-            .iter()
-            .step_by(every)
-            .filter(move |&(_, &both)| both == wanted)
-            .filter_map(|(&(a, b), _)| between(places, a, b))
-    };
-    let mut chart = plan(places);
-    chart.segments("link", drawn(true));
-    chart.segments("link one-way", drawn(false));
-    chart.dots("end", places.iter().copied().flatten());
-    let n = places.iter().flatten().count();
-    let n_both = pairs.values().filter(|&&both| both).count();
-    let thinned = if 1 < every { format!(" One of {every} is drawn.") } else { String::new() };
-    let sentence = format!(
-        "Which motes have heard each other: {}, {} of them both ways, {} neighbours a mote on average; drawn where they are at the end.{thinned}",
-        count_of(pairs.len() as u64, "pair"),
-        count(n_both as u64),
-        number(2.0 * pairs.len() as f64 / n.max(1) as f64)
-    );
-    let mut key = vec![("end", "mote"), ("link", "both have heard each other")];
-    if n_both < pairs.len() {
-        key.push(("link one-way", "one has heard the other"));
-    }
-    let svg = chart.finish("connectivity", "Connectivity", &sentence);
-    Some(Figure { title: "Connectivity", sentence, key, svg, is_wide: true })
-}
-
-fn routing_graph(kpis: &Kpis, places: &Places) -> Option<Figure> {
+fn routing_graph(measures: &Measures, places: &Places) -> Option<Figure> {
+    let kpis = &measures.kpis;
     let parents = &kpis.motes.parent;
     let n_with_parent = parents.iter().filter(|&&parent| parent != u32::MAX).count();
     if n_with_parent == 0 {
         return None;
     }
-    let mut chart = plan(places);
+    // Motes that have failed are no part of it.
+    let living: Vec<Option<[f64; 2]>> = places
+        .iter()
+        .enumerate()
+        .map(|(mote, place)| place.filter(|_| kpis.motes.alive.get(mote)))
+        .collect();
+    let mut chart = plan(&living, WIDE);
     chart.segments(
         "link",
-        (0..).zip(parents).filter_map(|(mote, &parent)| between(places, mote, parent)),
+        (0..).zip(parents).filter_map(|(mote, &parent)| between(&living, mote, parent)),
     );
     let has_parent = |mote: usize| parents.get(mote).is_some_and(|&parent| parent != u32::MAX);
-    let places_where = |wanted: bool| {
-        let chosen = places.iter().enumerate().filter(move |&(mote, _)| has_parent(mote) == wanted);
-        chosen.filter_map(|(_, place)| *place)
+    let motes = |wanted: bool| {
+        living.iter().enumerate().filter(move |&(mote, _)| has_parent(mote) == wanted)
     };
-    chart.dots("end", places_where(true));
-    chart.dots("start", places_where(false));
-    for (mote, place) in places.iter().enumerate().filter(|&(mote, _)| kpis.is_root(mote)) {
+    let mut key = dots_by_group(&mut chart, &measures.task, "mote with a parent", motes(true));
+    chart.dots("start", motes(false).filter_map(|(_, place)| *place));
+    for (mote, place) in living.iter().enumerate().filter(|&(mote, _)| kpis.is_root(mote)) {
         if let Some(place) = *place {
             chart.ring("start-leader", place, 6.0);
             chart.label("leader", place, &format!("root {mote}"));
         }
     }
+    let others = living.iter().enumerate().filter(|&(mote, _)| !kpis.is_root(mote));
+    chart.numbers(others.filter_map(|(mote, place)| Some((mote, (*place)?))));
     let depths = depths(parents);
     let depth = depths.iter().flatten().max().copied().unwrap_or(0);
     let sentence = format!(
@@ -109,8 +81,7 @@ fn routing_graph(kpis: &Kpis, places: &Places) -> Option<Figure> {
         count(parents.len() as u64),
         count_of(depth as u64, "hop"),
     );
-    let key =
-        vec![("end", "mote with a parent"), ("start", "mote without"), ("link", "to the parent")];
+    key.extend([("start", "mote without".into()), ("link", "to the parent".into())]);
     let svg = chart.finish("routing", "Routing graph", &sentence);
     Some(Figure { title: "Routing graph", sentence, key, svg, is_wide: true })
 }
@@ -217,9 +188,9 @@ fn slotframe(handle: u32, used: &Used) -> Figure {
         )
     };
     let key = [
-        (n_one, ("cell", "one mote may transmit")),
-        (n_several, ("cell several", "several may")),
-        (n_idle, ("cell idle", "motes listen, nobody may transmit now")),
+        (n_one, ("cell", "one mote may transmit".into())),
+        (n_several, ("cell several", "several may".into())),
+        (n_idle, ("cell idle", "motes listen, nobody may transmit now".into())),
     ];
     let key = key.into_iter().filter(|&(n, _)| n != 0).map(|(_, key)| key).collect();
     let svg = chart.finish(&format!("schedule-{handle}"), "Schedule", &sentence);
@@ -231,22 +202,25 @@ fn transmits(cells: &Schedule, cell: usize) -> bool {
     cells.options[cell] & 1 != 0
 }
 
-fn delivery_over_time(kpis: &Kpis, events: &[(f64, &str)]) -> Option<Figure> {
-    let timeline = &kpis.account.over_time;
+fn delivery_over_time(measures: &Measures) -> Option<Figure> {
+    let timeline = &measures.kpis.account.over_time;
     let [delivered, dropped] =
         timeline.bins.iter().fold([0, 0], |sum, bin| [sum[0] + bin[0], sum[1] + bin[1]]);
     if delivered + dropped == 0 {
         return None;
     }
     let bin_s = seconds(timeline.bin_ns);
-    let x = Axis::new("simulated time (s)", 0.0, timeline.bins.len() as f64 * bin_s);
-    let mut chart = Chart::new(x, Axis::new("delivered", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
+    let middle_s = |bin: usize| (bin as f64 + 0.5) * bin_s;
+    let start_s = seconds(measures.start_ns);
+    let before = timeline.bins.iter().enumerate().take_while(|&(bin, _)| middle_s(bin) < start_s);
+    let shows_before = before.into_iter().any(|(_, ended)| *ended != [0, 0]);
+    let time = TaskTime::new(measures, shows_before);
+    let mut chart = Chart::new(time.axis(), Axis::new("delivered", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
     chart.line(
         "line",
-        (0..).zip(&timeline.bins).map(|(index, &[delivered, dropped])| {
+        timeline.bins.iter().enumerate().map(|(bin, &[delivered, dropped])| {
             let ended = delivered + dropped;
-            let middle_s = (f64::from(index) + 0.5) * bin_s;
-            (ended != 0).then(|| [middle_s, delivered as f64 / ended as f64])
+            (ended != 0).then(|| [time.at(middle_s(bin)), delivered as f64 / ended as f64])
         }),
     );
     let sentence = format!(
@@ -255,8 +229,8 @@ fn delivery_over_time(kpis: &Kpis, events: &[(f64, &str)]) -> Option<Figure> {
         percent(delivered as f64 / (delivered + dropped) as f64),
         count(delivered + dropped)
     );
-    let key = vec![("line", "delivered, of those delivered or dropped")];
-    chart.moments(events);
+    let mut key = vec![("line", "delivered, of those delivered or dropped".into())];
+    key.extend(time.mark(&mut chart, measures.events()));
     let svg = chart.finish("packets", "Packets delivered over time", &sentence);
     Some(Figure { title: "Packets delivered over time", sentence, key, svg, is_wide: false })
 }
@@ -280,13 +254,11 @@ fn latency(kpis: &Kpis) -> Option<Figure> {
         number(p99),
         number(longest)
     );
-    let key = vec![("line", "share delivered by then")];
+    let key = vec![("line", "share delivered by then".into())];
     let svg = chart.finish("latency", "Latency", &sentence);
     Some(Figure { title: "Latency", sentence, key, svg, is_wide: false })
 }
 
-/// Most lines of a plan.
-const MAX_LINES: usize = 8000;
 /// Most slotframes drawn.
 const MAX_SLOTFRAMES: usize = 4;
 /// Most points of a line.

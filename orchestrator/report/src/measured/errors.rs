@@ -5,6 +5,7 @@ use super::{
 };
 
 use crate::svg::Axis;
+use diagnose::compare;
 use maud::Markup;
 use metrics::DistanceBin;
 use numbers::format::{capitalised, number, percent};
@@ -47,23 +48,12 @@ fn curve(edges: &[f64], values: &[f64], errors: &[f64]) -> Vec<Point> {
         .collect()
 }
 
-/// The share of the squared error that the means of bins take away beyond what one mean does, chance taken off.
-fn explained(values: &[f64], errors: &[f64]) -> f64 {
-    let Some(edges) = edges(values, BINS) else { return 0.0 };
-    let mut sums = vec![[0.0; 2]; edges.len() - 1];
-    let (mut squares, mut all, mut n) = (0.0, 0.0, 0.0);
-    for (&value, &error) in values.iter().zip(errors) {
-        if value.is_finite() && error.is_finite() {
-            let sum = &mut sums[bin(&edges, value)];
-            sum[0] += 1.0;
-            sum[1] += error;
-            squares += error * error;
-            all += error;
-            n += 1.0;
-        }
-    }
-    let between: f64 = sums.iter().filter(|sum| 0.0 < sum[0]).map(|[n, e]| e * e / n).sum();
-    ((between - all * all / n) / squares - (sums.len() - 1) as f64 / n).max(0.0)
+/// What a covariate explains of the errors: as the answer says where it does, as of the page's rows elsewhere.
+fn share_of(contents: &MeasuredPage<'_>, name: &str, values: &[f64], errors: &[f64]) -> f64 {
+    let places = contents.answer.comparison().map_or(&[][..], |comparison| &comparison.places);
+    let stated = places.iter().find(|place| place.covariate == name).map(|place| place.explained);
+    let share = stated.or_else(|| Some(compare::explained(values, errors)?.explained));
+    share.filter(|share| share.is_finite()).unwrap_or(0.0)
 }
 
 /// Names of covariates that a verdict speaks of.
@@ -90,7 +80,7 @@ fn over_covariates(contents: &MeasuredPage<'_>) -> Vec<Picture> {
         .covariates
         .iter()
         .filter(|(name, _)| name != "log10_distance")
-        .map(|entry| (spoken_of.contains(&entry.0), explained(&entry.1, &residuals), entry))
+        .map(|entry| (spoken_of.contains(&entry.0), share_of(contents, &entry.0, &entry.1, &residuals), entry))
         .filter(|(is_named, share, _)| *is_named || 0.005 < *share)
         .collect();
     ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
@@ -145,7 +135,7 @@ fn over(contents: &MeasuredPage<'_>, name: &str, values: &[f64], share: f64) -> 
         ends.join(", ")
     );
     let means = format!(
-        "This covariate alone explains {} of the squared error of the model as configured.{}",
+        "This covariate alone explains {} of the error variance of the model as configured.{}",
         percent(share),
         drawn(values.len())
     );

@@ -124,7 +124,7 @@ fn map(
     [x, y]: [[f64; 2]; 2],
 ) -> Picture {
     let side_m = (x[1] - x[0]).max(y[1] - y[0]) / SPOTS;
-    let (x, y, height) = equal_scales(x, y);
+    let (x, y, height) = equal_scales(x, y, WIDE);
     let mut chart = Chart::new(x, y, WIDE, height);
     let site = contents.site;
     let walls: Vec<_> = site.wall.iter().map(|wall| [wall.from_m, wall.to_m]).collect();
