@@ -3,10 +3,30 @@
 use super::period::Period;
 use std::collections::BTreeMap;
 
-/// Frames heard so far, by (receiver, sender), as reported at some times.
+/// Who heard whom: of robots that speak in windows of a second, of others as the network reports it from time to time.
 #[derive(Clone, Debug, Default)]
 pub struct Hearing {
+    /// Frames heard so far, as reported at some times.
     reports: Vec<Report>,
+    /// Windows that are kept, equally spaced.
+    kept: Vec<Window>,
+    /// One of so many windows is kept.
+    every: usize,
+    /// Windows that have ended.
+    n_ended: usize,
+    /// The latest of them, and the one under way.
+    ended: Option<Window>,
+    under_way: Option<Window>,
+}
+
+/// What robots heard of each other in a while.
+#[derive(Clone, Debug, Default)]
+struct Window {
+    from_ns: u64,
+    until_ns: u64,
+    /// (receiver, sender).
+    heard: Vec<(u32, u32)>,
+    places: Vec<Option<[f64; 2]>>,
 }
 
 /// What was reported at a time.
@@ -36,15 +56,10 @@ impl Hearing {
     pub fn add(&mut self, period: &Period<'_>) {
         let Some(links) = period.heard_links else { return };
         let pairs = links.receiver.iter().copied().zip(links.sender.iter().copied());
-        let states = period.states;
-        let place = |agent: usize| {
-            let is_alive = states.alive.get(agent) && period.motes.alive.get(agent);
-            is_alive.then(|| [states.x_m[agent], states.y_m[agent]])
-        };
         self.reports.push(Report {
             time_ns: period.time_ns,
             frames: pairs.zip(links.frames.iter().copied()).collect(),
-            places: (0..states.len()).map(place).collect(),
+            places: places(period),
         });
         if MAX_PERIODS < self.reports.len() {
             // The two periods that are shortest together become one; the latest stays as it is.
@@ -57,9 +72,65 @@ impl Hearing {
         }
     }
 
-    /// The periods, one after the other. A last one that is short is part of the one before.
+    /// Adds what robots heard in a step in which they were free to move.
+    pub fn add_payloads(&mut self, period: &Period<'_>) {
+        let begin = || Window { from_ns: period.from_ns, ..Window::default() };
+        let mut window = self.under_way.take().unwrap_or_else(begin);
+        let senders = &period.deliveries.transmissions.sender;
+        for receiver in (0..period.states.len()).filter(|_| !senders.is_empty()) {
+            let heard = period.deliveries.heard_by(receiver);
+            window.heard.extend(heard.map(|index| (receiver as u32, senders[index])));
+        }
+        window.until_ns = period.time_ns;
+        window.places = places(period);
+        let is_over = WINDOW_NS <= window.until_ns - window.from_ns;
+        if is_over || MAX_HEARD < window.heard.len() {
+            window.heard.sort_unstable();
+            window.heard.dedup();
+        }
+        if !is_over {
+            self.under_way = Some(window);
+            return;
+        }
+        if self.n_ended.is_multiple_of(self.every.max(1)) {
+            self.kept.push(window.clone());
+            if MAX_PERIODS < self.kept.len() {
+                let mut index = 0;
+                self.kept.retain(|_| {
+                    index += 1;
+                    index % 2 == 1
+                });
+                self.every = 2 * self.every.max(1);
+            }
+        }
+        self.n_ended += 1;
+        self.ended = Some(window);
+    }
+
+    /// The periods, one after the other; the last one ends with the run. One that is short is part of the one before.
     #[must_use]
     pub fn periods(&self) -> Vec<HeardPeriod> {
+        let windows = self.windows();
+        if windows.iter().any(|window| !window.pairs.is_empty()) { windows } else { self.reported() }
+    }
+
+    fn windows(&self) -> Vec<HeardPeriod> {
+        let is_long = |window: &&Window| WINDOW_NS <= 2 * (window.until_ns - window.from_ns);
+        let last = match (&self.ended, &self.under_way) {
+            (Some(ended), Some(rest)) if !is_long(&rest) => Some(Window {
+                from_ns: ended.from_ns,
+                heard: [&ended.heard[..], &rest.heard[..]].concat(),
+                ..rest.clone()
+            }),
+            (_, Some(rest)) => Some(rest.clone()),
+            (ended, None) => ended.clone(),
+        };
+        let Some(last) = last else { return Vec::new() };
+        let before = self.kept.iter().filter(|window| window.from_ns < last.from_ns);
+        before.chain([&last]).map(Window::period).collect()
+    }
+
+    fn reported(&self) -> Vec<HeardPeriod> {
         let mut reports: Vec<&Report> = self.reports.iter().collect();
         let times: Vec<u64> = reports.iter().map(|report| report.time_ns).collect();
         if let [.., before, last, end] = [&[0_u64][..], &times[..]].concat()[..]
@@ -73,23 +144,60 @@ impl Hearing {
     }
 }
 
-fn between(begin: &Report, end: &Report) -> HeardPeriod {
-    let is_alive = |mote: u32| end.places.get(mote as usize).is_some_and(Option::is_some);
-    let mut pairs: BTreeMap<(u32, u32), bool> = BTreeMap::new();
-    for (&(receiver, sender), &frames) in &end.frames {
-        let before = begin.frames.get(&(receiver, sender)).copied().unwrap_or(0);
-        if before < frames && is_alive(receiver) && is_alive(sender) {
-            let pair = (receiver.min(sender), receiver.max(sender));
-            pairs.entry(pair).and_modify(|both| *both = true).or_insert(false);
+impl Window {
+    fn period(&self) -> HeardPeriod {
+        HeardPeriod {
+            from_ns: self.from_ns,
+            until_ns: self.until_ns,
+            pairs: pairs_of(self.heard.iter().copied(), &self.places),
+            places: self.places.clone(),
         }
     }
+}
+
+/// Where living motes of living robots are after a step.
+fn places(period: &Period<'_>) -> Vec<Option<[f64; 2]>> {
+    let states = period.states;
+    let place = |agent: usize| {
+        let is_alive = states.alive.get(agent) && period.motes.alive.get(agent);
+        is_alive.then(|| [states.x_m[agent], states.y_m[agent]])
+    };
+    (0..states.len()).map(place).collect()
+}
+
+/// Pairs of which one, or both, heard the other, of motes that have a place. A (receiver, sender) may come more than once.
+fn pairs_of(
+    heard: impl Iterator<Item = (u32, u32)>,
+    places: &[Option<[f64; 2]>],
+) -> BTreeMap<(u32, u32), bool> {
+    let is_alive = |mote: u32| places.get(mote as usize).is_some_and(Option::is_some);
+    let mut directions: BTreeMap<(u32, u32), [bool; 2]> = BTreeMap::new();
+    for (receiver, sender) in heard.filter(|&(receiver, sender)| receiver != sender) {
+        if is_alive(receiver) && is_alive(sender) {
+            let pair = (receiver.min(sender), receiver.max(sender));
+            directions.entry(pair).or_default()[usize::from(receiver < sender)] = true;
+        }
+    }
+    directions.into_iter().map(|(pair, [down, up])| (pair, down && up)).collect()
+}
+
+fn between(begin: &Report, end: &Report) -> HeardPeriod {
+    let is_new = |pair: &(u32, u32), frames: u64| {
+        begin.frames.get(pair).copied().unwrap_or(0) < frames
+    };
+    let heard = end.frames.iter().filter(|&(pair, &frames)| is_new(pair, frames));
     HeardPeriod {
         from_ns: begin.time_ns,
         until_ns: end.time_ns,
-        pairs,
+        pairs: pairs_of(heard.map(|(&pair, _)| pair), &end.places),
         places: end.places.clone(),
     }
 }
+
+/// Length of a window (ns).
+const WINDOW_NS: u64 = 1_000_000_000;
+/// With more entries a window is freed of what it has twice.
+const MAX_HEARD: usize = 1_000_000;
 
 /// Most periods.
 const MAX_PERIODS: usize = 12;
@@ -98,7 +206,10 @@ const MAX_PERIODS: usize = 12;
 mod tests {
     use super::*;
     use crate::counts::Counts;
-    use proto::types::{AgentStates, Bitmap, Deliveries, HeardLinks, MoteStates};
+    use proto::types::{
+        AgentStates, Bitmap, Deliveries, EVERYONE, Heard, HeardLinks, MoteStates, Payloads,
+        Transmissions,
+    };
 
     /// Three motes; reports at these times (s) of the frames that mote 0 has heard of 1 and 1 of 0, and 2 of 0. Mote 2 is dead
     /// from 30 s on.
@@ -134,6 +245,42 @@ mod tests {
         assert_eq!(periods[2].pairs, [((0, 1), false)].into());
         assert_eq!(periods[2].places, [Some([0.0, 0.0]), Some([30.0, 0.0]), None]);
         assert_eq!([periods[2].from_ns, periods[2].until_ns], [20_000_000_000, 30_000_000_000]);
+    }
+
+    #[test]
+    fn robots_that_flew_apart_do_not_hear_each_other_in_the_last_period() {
+        let mut states = AgentStates::at_origin(2);
+        let motes = MoteStates { alive: Bitmap::filled(2, true), ..MoteStates::default() };
+        let mut hearing = Hearing::default();
+        // Ten steps a second, for 20.3 s. Both speak; they hear each other for 12 s.
+        for step in 1..=203 {
+            let is_near = step <= 120;
+            states.x_m[1] = f64::from(step);
+            let deliveries = Deliveries {
+                transmissions: Transmissions {
+                    sender: vec![0, 1],
+                    sent_ns: vec![0; 2],
+                    end_ns: vec![1; 2],
+                    payloads: Payloads::new(vec![0; 2], vec![].into()).unwrap(),
+                    destination: vec![EVERYONE; 2],
+                },
+                heard: Heard::Lists {
+                    ends: if is_near { vec![1, 2] } else { vec![0, 0] },
+                    indices: if is_near { vec![1, 0] } else { vec![] },
+                },
+                ..Deliveries::default()
+            };
+            let counts = Counts::from_deliveries(&deliveries, 2);
+            let [from_ns, time_ns] = [step - 1, step].map(|step| u64::from(step) * 100_000_000);
+            let places = [(from_ns, &states), (time_ns, &states)];
+            hearing.add_payloads(&Period::of_places(1, places, (&deliveries, &counts), &motes));
+        }
+        let periods = hearing.periods();
+        assert_eq!(periods[0].pairs, [((0, 1), true)].into());
+        let last = periods.last().unwrap();
+        assert_eq!([last.from_ns, last.until_ns], [19_000_000_000, 20_300_000_000]);
+        assert!(last.pairs.is_empty() && last.places[1] == Some([203.0, 0.0]));
+        assert!((6..=MAX_PERIODS + 1).contains(&periods.len()), "{}", periods.len());
     }
 
     #[test]

@@ -160,6 +160,7 @@ impl Measures {
             self.completed_at_step = Some(period.step);
         }
         self.trajectories.add(period.step, period.states);
+        self.hearing.add_payloads(period);
         self.swarm.add(&self.task, period);
         self.add_network(period);
         self.add_distances(period);

@@ -11,10 +11,9 @@ use proto::types::seconds;
 /// The picture, if the network reports who has heard whom.
 pub(super) fn figure(measures: &Measures) -> Option<Figure> {
     let mut periods = measures.hearing.periods();
-    if measures.kpis.heard_links.as_ref()?.receiver.is_empty() {
-        return None;
-    }
-    let last = periods.pop()?;
+    // Without protocols there is no network to be connected.
+    measures.kpis.heard_links.as_ref()?;
+    let last = periods.pop().filter(|last| !last.places.is_empty())?;
     let mut chart = plan(&last.places, WIDE);
     let thinned = links(&mut chart, &last, MAX_LINES);
     let motes = || last.places.iter().enumerate();
