@@ -153,12 +153,14 @@ fn map(
         chart.circle("found", centre, radius_m);
     }
     if let MeasuredRows::Links(links) = &contents.rows {
-        let still = links.ends.iter().flatten().filter(|(_, moves)| !moves);
-        let mut places: Vec<[f64; 2]> = still.map(|(place, _)| *place).collect();
-        places.retain(|place| place.iter().all(|c| c.is_finite()));
-        places.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-        places.dedup();
-        chart.dots("mote", places);
+        let ends = links.ends.iter().flatten().zip(links.motes.iter().flatten());
+        let still = ends.filter(|((place, moves), _)| !moves && place.iter().all(|c| c.is_finite()));
+        let mut motes: Vec<(u32, [f64; 2])> = still.map(|((place, _), mote)| (*mote, *place)).collect();
+        let order = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
+        motes.sort_by(|a, b| a.0.cmp(&b.0).then(order(&a.1, &b.1)));
+        motes.dedup();
+        chart.dots("mote", motes.iter().map(|(_, place)| *place));
+        chart.numbers(motes.iter().map(|(mote, place)| (*mote as usize, *place)));
     }
     let mut key: super::Key = CLASSES
         .into_iter()
@@ -176,7 +178,7 @@ fn map(
         })
         .collect();
     if contents.is_link() {
-        key.push(("mote", "mote that stands still".to_owned()));
+        key.push(("mote", "mote that stands still, with its number".to_owned()));
     }
     if !walls.is_empty() || !discs.is_empty() {
         key.push(("wall", "walls and obstacles of the configuration".to_owned()));
