@@ -96,7 +96,8 @@ pub fn numbers(line: &str) -> Vec<&str> {
     let mut numbers = Vec::new();
     let mut at = 0;
     while at < bytes.len() {
-        let is_in_word = 0 < at && (bytes[at - 1].is_ascii_alphanumeric() || b"_.".contains(&bytes[at - 1]));
+        let is_in_word =
+            0 < at && (bytes[at - 1].is_ascii_alphanumeric() || b"_.".contains(&bytes[at - 1]));
         if !bytes[at].is_ascii_digit() || is_in_word {
             at += 1;
             continue;
@@ -116,9 +117,8 @@ pub fn numbers(line: &str) -> Vec<&str> {
                 end += 1;
             }
         }
-        let is_negative = 0 < at
-            && bytes[at - 1] == b'-'
-            && !(1 < at && bytes[at - 2].is_ascii_alphanumeric());
+        let is_negative =
+            0 < at && bytes[at - 1] == b'-' && !(1 < at && bytes[at - 2].is_ascii_alphanumeric());
         let word = bytes.get(end).is_some_and(|byte| byte.is_ascii_alphabetic() || *byte == b'_');
         if !word {
             numbers.push(&line[at - usize::from(is_negative)..end]);
@@ -140,13 +140,15 @@ pub fn deviations(said: &[String], printed: &str) -> Vec<String> {
             continue;
         }
         let is_cut = line.trim_end().ends_with('…');
-        let has = |found: &[&str]| if is_cut { found.starts_with(&wanted) } else { found == wanted };
+        let has =
+            |found: &[&str]| if is_cut { found.starts_with(&wanted) } else { found == wanted };
         match (next..printed.len()).find(|&place| has(&numbers(printed[place]))) {
             Some(place) => next = place + 1,
             None => {
                 // The line that begins alike is the one that is meant.
                 let begin: String = line.trim_start().chars().take(8).collect();
-                let meant = printed[next..].iter().find(|printed| printed.contains(begin.trim_end()));
+                let meant =
+                    printed[next..].iter().find(|printed| printed.contains(begin.trim_end()));
                 let mut text = format!("the page:    {line}");
                 let _ = write!(text, "\n    the program: {}", meant.unwrap_or(&"nothing alike"));
                 wrong.push(text);
@@ -161,7 +163,11 @@ pub fn deviations(said: &[String], printed: &str) -> Vec<String> {
 /// # Errors
 ///
 /// Files cannot be read or written, or no shell can be started.
-pub fn deviations_of_page(page: &str, folder: &Path, programs: &Path) -> std::io::Result<Vec<String>> {
+pub fn deviations_of_page(
+    page: &str,
+    folder: &Path,
+    programs: &Path,
+) -> std::io::Result<Vec<String>> {
     let repository = crate::repository();
     let text = std::fs::read_to_string(repository.join(page))?;
     copy(&repository.join("configs"), &folder.join("configs"))?;
@@ -230,7 +236,10 @@ mod tests {
     fn numbers_are_found_with_sign_and_exponent_but_not_in_words() {
         let line = "db_per_c = -0.5645 dB (90 %: 1,234 to 4e-5), 6tisch x2 B-3 effect[0] 2026.";
         assert_eq!(numbers(line), ["-0.5645", "90", "1,234", "4e-5", "3", "0", "2026"]);
-        assert_eq!(numbers("a: 250 steps, 25.0 s simulated in 0.04 s (6981 steps/s)"), ["250", "25.0"]);
+        assert_eq!(
+            numbers("a: 250 steps, 25.0 s simulated in 0.04 s (6981 steps/s)"),
+            ["250", "25.0"]
+        );
     }
 
     #[test]

@@ -20,8 +20,7 @@ struct Args {
 fn main() -> anyhow::Result<ExitCode> {
     let args = Args::parse();
     let programs = std::env::current_exe()?.parent().map(PathBuf::from).unwrap_or_default();
-    let pages =
-        if args.pages.is_empty() { LONG.map(str::to_owned).to_vec() } else { args.pages };
+    let pages = if args.pages.is_empty() { LONG.map(str::to_owned).to_vec() } else { args.pages };
     let mut is_wrong = false;
     for page in pages {
         let temporary = tests::folder();

@@ -24,6 +24,9 @@ fn numbers_on_the_pages_are_those_that_the_documented_commands_print() {
 fn pages_whose_commands_take_minutes_have_some() {
     for page in LONG {
         let text = std::fs::read_to_string(tests::repository().join(page)).unwrap();
-        assert!(!commands(&text).is_empty(), "{page} has nothing to run: it need not be in the list");
+        assert!(
+            !commands(&text).is_empty(),
+            "{page} has nothing to run: it need not be in the list"
+        );
     }
 }

@@ -180,9 +180,8 @@ impl Mesh {
             first("first_ready_ns", &|mote| mote.tally.first_ready_ns),
         ];
         if self.settings.battery_deaths {
-            columns.push(count("battery_empty", "", &|mote| {
-                u64::from(self.is_empty(mote.id, asn))
-            }));
+            columns
+                .push(count("battery_empty", "", &|mote| u64::from(self.is_empty(mote.id, asn))));
         }
         // Payloads that are superseded have a column of their own.
         let reasons = DropReason::ALL

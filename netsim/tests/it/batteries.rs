@@ -36,7 +36,8 @@ fn battery_mah_of_next_to_nothing_kills_where_batteries_may_kill() {
     // A new robot does not bring a new battery.
     let revive = MoteCommand { source: "test".to_owned(), order: MoteOrder::Revive(2) };
     let from_ns = 3000 * STEP_NS;
-    let output = step_with(&mut network_with, &states, from_ns, from_ns + STEP_NS, &[revive], false);
+    let output =
+        step_with(&mut network_with, &states, from_ns, from_ns + STEP_NS, &[revive], false);
     assert_eq!(alive(&output), [0]);
 }
 

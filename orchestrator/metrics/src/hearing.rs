@@ -64,8 +64,7 @@ impl Hearing {
         if MAX_PERIODS < self.reports.len() {
             // The two periods that are shortest together become one; the latest stays as it is.
             let time_ns = |report: usize| self.reports[report].time_ns;
-            let together =
-                |&i: &usize| time_ns(i + 1) - if i == 0 { 0 } else { time_ns(i - 1) };
+            let together = |&i: &usize| time_ns(i + 1) - if i == 0 { 0 } else { time_ns(i - 1) };
             if let Some(shortest) = (0..self.reports.len() - 1).min_by_key(together) {
                 self.reports.remove(shortest);
             }
@@ -111,7 +110,11 @@ impl Hearing {
     #[must_use]
     pub fn periods(&self) -> Vec<HeardPeriod> {
         let windows = self.windows();
-        if windows.iter().any(|window| !window.pairs.is_empty()) { windows } else { self.reported() }
+        if windows.iter().any(|window| !window.pairs.is_empty()) {
+            windows
+        } else {
+            self.reported()
+        }
     }
 
     fn windows(&self) -> Vec<HeardPeriod> {
@@ -182,9 +185,8 @@ fn pairs_of(
 }
 
 fn between(begin: &Report, end: &Report) -> HeardPeriod {
-    let is_new = |pair: &(u32, u32), frames: u64| {
-        begin.frames.get(pair).copied().unwrap_or(0) < frames
-    };
+    let is_new =
+        |pair: &(u32, u32), frames: u64| begin.frames.get(pair).copied().unwrap_or(0) < frames;
     let heard = end.frames.iter().filter(|&(pair, &frames)| is_new(pair, frames));
     HeardPeriod {
         from_ns: begin.time_ns,

@@ -28,7 +28,8 @@ pub use samples::Samples;
 use super::period::Period;
 use indexmap::IndexMap;
 use kpi_summary::{
-    DeliveredOfExpected, FormationSummary, JoinTimes, Joining, KpiSummary, QueueDrops, Routing, SinceStart,
+    DeliveredOfExpected, FormationSummary, JoinTimes, Joining, KpiSummary, QueueDrops, Routing,
+    SinceStart,
 };
 use numbers::format::count_of;
 use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};

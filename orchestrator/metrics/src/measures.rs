@@ -548,7 +548,10 @@ mod tests {
                 payloads: Payloads::new(vec![1], vec![0].into()).unwrap(),
                 destination: vec![EVERYONE],
             },
-            heard: Heard::Lists { ends: vec![0, indices.len() as u32, indices.len() as u32], indices },
+            heard: Heard::Lists {
+                ends: vec![0, indices.len() as u32, indices.len() as u32],
+                indices,
+            },
             ..Deliveries::default()
         };
         let motes = |dead: &[usize]| {

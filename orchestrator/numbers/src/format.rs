@@ -203,7 +203,8 @@ mod tests {
             let (number, unit) = years(value);
             format!("{number} {unit}")
         });
-        let expected = "4.33 years, 0.830 years, 18.2 days, 8.76 hours, 5.26 minutes, 1.58 minutes, 3.15 s";
+        let expected =
+            "4.33 years, 0.830 years, 18.2 days, 8.76 hours, 5.26 minutes, 1.58 minutes, 3.15 s";
         assert_eq!(shown.join(", "), expected);
     }
 

@@ -213,7 +213,8 @@ impl TaskTime {
     /// Of a run. `shows_before`: there is something to see before the robots started.
     pub(super) fn new(measures: &Measures, shows_before: bool) -> Self {
         let start_s = seconds(measures.start_ns);
-        let max = measures.series.last().map_or(seconds(measures.time_ns), |last| last.time_s) - start_s;
+        let max =
+            measures.series.last().map_or(seconds(measures.time_ns), |last| last.time_s) - start_s;
         let is_to_scale = shows_before || max <= 0.0;
         let before = if is_to_scale { start_s } else { start_s.min(SPAN * max) };
         Self { start_s, min: -before, max, is_to_scale }
@@ -287,7 +288,8 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
     }
     let mut key = vec![("line", "magnitude of the mean velocity of all agents".into())];
     if means.len() < measures.series.len() {
-        let band: Vec<_> = means.iter().map(|bucket| (time.at(bucket.x), bucket.min, bucket.max)).collect();
+        let band: Vec<_> =
+            means.iter().map(|bucket| (time.at(bucket.x), bucket.min, bucket.max)).collect();
         chart.band("band", &band);
         key.push(("band", "least to greatest in the steps drawn as one point".into()));
     }
@@ -349,10 +351,8 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
         number(mean),
         count(u64::from(n_agents.saturating_sub(1)))
     );
-    let mut key = vec![
-        ("line", "median over agents".into()),
-        ("band", "10 % to 90 % of agents".into()),
-    ];
+    let mut key =
+        vec![("line", "median over agents".into()), ("band", "10 % to 90 % of agents".into())];
     key.extend(time.mark(&mut chart, measures.events()));
     let svg = chart.finish("neighbours", "Neighbours heard over time", &sentence);
     Figure { title: "Neighbours heard", sentence, key, svg, is_wide: false }
@@ -448,7 +448,8 @@ mod tests {
     #[test]
     fn time_axes_start_with_the_task_and_formation_is_a_span_of_its_own() {
         let states = AgentStates::at_origin(1);
-        let mut measures = Measures::new(Task::default(), Site::default(), &states, Kpis::default());
+        let mut measures =
+            Measures::new(Task::default(), Site::default(), &states, Kpis::default());
         let sample = Sample { time_s: 450.0, flock_speed_mps: 1.0, neighbours: [0.0; 3] };
         measures.series = vec![Sample { time_s: 401.0, ..sample }, sample];
         measures.start_ns = 400_000_000_000;

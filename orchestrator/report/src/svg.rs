@@ -278,7 +278,9 @@ impl Chart {
             let [_, top] = self.place([moment, self.y.max]);
             self.draw_path("moment", &format!("M{x:.1},{top:.1}V{bottom:.1}"));
             if free_x <= x {
-                self.draw_over(&html! { text.note x=(Px(x + 3.0)) y=(Px(bottom - 6.0)) { (word) } });
+                self.draw_over(
+                    &html! { text.note x=(Px(x + 3.0)) y=(Px(bottom - 6.0)) { (word) } },
+                );
                 free_x = x + 8.0 + 7.0 * word.chars().count() as f64;
             }
         }

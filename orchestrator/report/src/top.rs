@@ -3,8 +3,8 @@
 use super::is_truth;
 use super::layout::{self, with_unit};
 use maud::{Markup, html};
-use metrics::task::Goal;
 use metrics::kpi::kpi_summary::{DeliveredOfExpected, KpiSummary};
+use metrics::task::Goal;
 use numbers::format::{count, number, percent, shortest, years};
 use proto::types::Coupling;
 use record::run_summary::RunSummary;
@@ -77,9 +77,9 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     let expected = (
         "Delivered of expected packets",
         expected.map(|expected| {
-            let joined = expected.joined_at_end.map(|joined| {
-                format!("{} of {} motes joined", joined, expected.alive_at_end)
-            });
+            let joined = expected
+                .joined_at_end
+                .map(|joined| format!("{} of {} motes joined", joined, expected.alive_at_end));
             let share = percent(expected.ratio);
             joined.map_or_else(|| html! { (share) }, |joined| with_unit(&share, &joined))
         }),

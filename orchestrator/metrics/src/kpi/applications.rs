@@ -89,7 +89,10 @@ mod tests {
                     [[app]]\nkind = \"burst\"\nat_s = 50.0\nn_packets = 5\nsenders = \"all\"\ndestination = 1\n";
         let applications = Applications::from_config(text);
         let expected = |mote, on_s| applications.expected(mote, mote == 0, 3, on_s);
-        assert_eq!([expected(0, 100.0), expected(1, 100.0), expected(2, 100.0)], [10.0, 10.0, 20.0]);
+        assert_eq!(
+            [expected(0, 100.0), expected(1, 100.0), expected(2, 100.0)],
+            [10.0, 10.0, 20.0]
+        );
         assert_eq!(expected(2, 40.0), 6.0);
         assert!(Applications::from_config("speaks = \"otherwise\"").is_empty());
     }

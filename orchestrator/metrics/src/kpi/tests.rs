@@ -348,7 +348,8 @@ fn what_ended_at_motes_is_told_by_reason_and_nothing_is_told_of_reasons_that_did
 }
 
 /// An application packet from every mote to the root, every 10 s.
-const EVERY_10_S: &str = "[[app]]\nkind = \"periodic\"\nperiod_s = 10.0\nsenders = \"all\"\ndestination = \"root\"\n";
+const EVERY_10_S: &str =
+    "[[app]]\nkind = \"periodic\"\nperiod_s = 10.0\nsenders = \"all\"\ndestination = \"root\"\n";
 
 #[test]
 fn pdr_of_a_network_that_one_of_two_motes_never_joined_counts_what_that_one_should_have_sent() {
@@ -379,11 +380,8 @@ fn pdr_of_a_network_that_one_of_two_motes_never_joined_counts_what_that_one_shou
 
 #[test]
 fn battery_mah_of_next_to_nothing_is_warned_of_where_it_kills_nobody() {
-    let columns = [
-        ("is_root", [1.0, 0.0, 0.0]),
-        ("charge_uc", [4e4, 4e4, 3e4]),
-        ("battery_mah", [0.01; N]),
-    ];
+    let columns =
+        [("is_root", [1.0, 0.0, 0.0]), ("charge_uc", [4e4, 4e4, 3e4]), ("battery_mah", [0.01; N])];
     let warnings = |columns: &[(&str, [f64; N])]| {
         run(&[Step { statistics: Some(statistics(columns)), ..Step::default() }]).warnings()
     };

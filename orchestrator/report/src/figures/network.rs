@@ -215,7 +215,8 @@ fn delivery_over_time(measures: &Measures) -> Option<Figure> {
     let before = timeline.bins.iter().enumerate().take_while(|&(bin, _)| middle_s(bin) < start_s);
     let shows_before = before.into_iter().any(|(_, ended)| *ended != [0, 0]);
     let time = TaskTime::new(measures, shows_before);
-    let mut chart = Chart::new(time.axis(), Axis::new("delivered", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
+    let mut chart =
+        Chart::new(time.axis(), Axis::new("delivered", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
     chart.line(
         "line",
         timeline.bins.iter().enumerate().map(|(bin, &[delivered, dropped])| {

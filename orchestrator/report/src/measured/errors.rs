@@ -80,7 +80,13 @@ fn over_covariates(contents: &MeasuredPage<'_>) -> Vec<Picture> {
         .covariates
         .iter()
         .filter(|(name, _)| name != "log10_distance")
-        .map(|entry| (spoken_of.contains(&entry.0), share_of(contents, &entry.0, &entry.1, &residuals), entry))
+        .map(|entry| {
+            (
+                spoken_of.contains(&entry.0),
+                share_of(contents, &entry.0, &entry.1, &residuals),
+                entry,
+            )
+        })
         .filter(|(is_named, share, _)| *is_named || 0.005 < *share)
         .collect();
     ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));

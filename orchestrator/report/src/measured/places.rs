@@ -154,8 +154,10 @@ fn map(
     }
     if let MeasuredRows::Links(links) = &contents.rows {
         let ends = links.ends.iter().flatten().zip(links.motes.iter().flatten());
-        let still = ends.filter(|((place, moves), _)| !moves && place.iter().all(|c| c.is_finite()));
-        let mut motes: Vec<(u32, [f64; 2])> = still.map(|((place, _), mote)| (*mote, *place)).collect();
+        let still =
+            ends.filter(|((place, moves), _)| !moves && place.iter().all(|c| c.is_finite()));
+        let mut motes: Vec<(u32, [f64; 2])> =
+            still.map(|((place, _), mote)| (*mote, *place)).collect();
         let order = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
         motes.sort_by(|a, b| a.0.cmp(&b.0).then(order(&a.1, &b.1)));
         motes.dedup();
