@@ -255,7 +255,7 @@ mod tests {
         let motes = MoteStates { alive: Bitmap::filled(2, true), ..MoteStates::default() };
         let mut hearing = Hearing::default();
         // Ten steps a second, for 20.3 s. Both speak; they hear each other for 12 s.
-        for step in 1..=203 {
+        for step in 1..=203_u32 {
             let is_near = step <= 120;
             states.x_m[1] = f64::from(step);
             let deliveries = Deliveries {
