@@ -1,6 +1,7 @@
 //! Who heard whom in which part of a run, thinned out so that any run fits into a few pictures.
 
 use super::period::Period;
+use proto::types::MoteStates;
 use std::collections::BTreeMap;
 
 /// Who heard whom: of robots that speak in windows of a second, of others as the network reports it from time to time.
@@ -162,10 +163,15 @@ impl Window {
 fn places(period: &Period<'_>) -> Vec<Option<[f64; 2]>> {
     let states = period.states;
     let place = |agent: usize| {
-        let is_alive = states.alive.get(agent) && period.motes.alive.get(agent);
+        let is_alive = states.alive.get(agent) && works(period.motes, agent);
         is_alive.then(|| [states.x_m[agent], states.y_m[agent]])
     };
     (0..states.len()).map(place).collect()
+}
+
+/// Whether a mote works, as far as the network reports that.
+pub(crate) fn works(motes: &MoteStates, mote: usize) -> bool {
+    motes.alive.len() <= mote || motes.alive.get(mote)
 }
 
 /// Pairs of which one, or both, heard the other, of motes that have a place. A (receiver, sender) may come more than once.
@@ -209,8 +215,7 @@ mod tests {
     use super::*;
     use crate::counts::Counts;
     use proto::types::{
-        AgentStates, Bitmap, Deliveries, EVERYONE, Heard, HeardLinks, MoteStates, Payloads,
-        Transmissions,
+        AgentStates, Bitmap, Deliveries, EVERYONE, Heard, HeardLinks, Payloads, Transmissions,
     };
 
     /// Three motes; reports at these times (s) of the frames that mote 0 has heard of 1 and 1 of 0, and 2 of 0. Mote 2 is dead
@@ -291,7 +296,7 @@ mod tests {
         let spans: Vec<[u64; 2]> =
             hearing.periods().iter().map(|it| [it.from_ns, it.until_ns]).collect();
         assert_eq!(spans, [[0, 10_000_000_000], [10_000_000_000, 21_000_000_000]]);
-        assert_eq!(hearing.periods()[1].pairs, [((0, 1), true)].into());
+        assert_eq!(hearing.periods()[1].pairs, [((0, 1), true), ((0, 2), false)].into());
     }
 
     #[test]

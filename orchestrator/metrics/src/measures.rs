@@ -2,7 +2,7 @@
 
 use super::counts::was_heard_by;
 use super::distances::{DistanceBin, Distances};
-use super::hearing::Hearing;
+use super::hearing::{Hearing, works};
 use super::kpi::Kpis;
 use super::lines;
 use super::period::{Period, distance_m};
@@ -235,7 +235,8 @@ impl Measures {
         let alive = &period.motes.alive;
         let killed = std::mem::take(&mut self.killed);
         if let Some(working) = self.working.take() {
-            let failed = |&mote: &usize| !alive.get(mote) && !killed.contains(&(mote as u32));
+            let failed =
+                |&mote: &usize| !works(period.motes, mote) && !killed.contains(&(mote as u32));
             for mote in working.iter_ones().filter(failed) {
                 self.note_event(period.from_ns, "fails", Some(mote as u32));
             }
