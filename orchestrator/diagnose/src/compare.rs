@@ -280,8 +280,8 @@ mod tests {
         assert!(0.9 < share(5.0, 0.0).p_value);
         let [with, without] = [share(5.0, 1.0), share(0.0, 1.0)];
         assert!((with.explained - without.explained).abs() < 1e-9, "{with:?}, {without:?}");
-        // The step has the variance of the noise.
-        assert!((with.explained - 0.5).abs() < 0.01 && with.p_value < 1e-50, "{with:?}");
+        // The step has the variance of the noise; seven means explain 0.009 by chance, and a bin may have a row of either side.
+        assert!((0.48..0.5).contains(&with.explained) && with.p_value < 1e-50, "{with:?}");
         assert_eq!(explained(&values[..79], &errors(0.0, 1.0)[..79]), None);
     }
 }
