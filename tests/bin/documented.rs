@@ -3,6 +3,7 @@
 //! `documented docs/missing-physics.md …`; without a page, those whose commands take minutes.
 
 use clap::Parser;
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tests::documented::{LONG, deviations_of_page};
@@ -27,7 +28,7 @@ fn main() -> anyhow::Result<ExitCode> {
         let folder = args.folder.clone().unwrap_or_else(|| temporary.path().to_owned());
         for deviation in deviations_of_page(&page, &folder, &programs)? {
             is_wrong = true;
-            println!("{deviation}");
+            writeln!(std::io::stdout(), "{deviation}")?;
         }
     }
     Ok(if is_wrong { ExitCode::FAILURE } else { ExitCode::SUCCESS })
