@@ -22,7 +22,7 @@ fn run(network: &mut Network, states: &AgentStates, periods: std::ops::Range<u64
     for k in periods {
         last = Some(step_with(network, states, k * STEP_NS, (k + 1) * STEP_NS, &[], false));
     }
-    last.unwrap()
+    last.expect("the run has steps")
 }
 
 #[test]

@@ -110,8 +110,7 @@ impl Attempt {
         let mut leftover = Leftover::open(dir).map_err(unusable)?;
         let exchange = leftover.configured().map_err(unusable)?;
         let checkpoint = leftover.checkpoint().cloned();
-        let reservation = Reservation::new(&origin.out, &plan.name)
-            .map_err(|error| RunError::Record { error, before_start: true })?;
+        let reservation = reserve(&origin.out, &plan.name).await?;
         let begun = Begun { reservation, replace: origin.replace, log: options.run_log.clone() };
         let (robots, network) = tokio::select! {
             biased;
@@ -140,6 +139,24 @@ impl Attempt {
         }
     }
 }
+
+/// Reserves the place of the results. A process that was just killed may hold it for a moment.
+async fn reserve(out: &Path, name: &str) -> Result<Reservation, RunError> {
+    let begun = Instant::now();
+    loop {
+        match Reservation::new(out, name) {
+            Err(RecordError::Locked { .. }) if begun.elapsed() < HELD_BY_KILLED => {
+                tokio::time::sleep(Duration::from_millis(50)).await;
+            }
+            reservation => {
+                return reservation.map_err(|error| RunError::Record { error, before_start: true });
+            }
+        }
+    }
+}
+
+/// How long a process that was killed may take to be gone.
+const HELD_BY_KILLED: Duration = Duration::from_secs(3);
 
 /// The step that a checkpoint is of, and both sides' states after it.
 struct CheckpointEnd {
