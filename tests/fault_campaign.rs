@@ -392,6 +392,8 @@ fn judge(
         (Some(0), _) | (_, Some("complete")) => Fate::Unclear,
         (Some(1), Some("interrupted")) if is_asked => Fate::Interrupted,
         (Some(1), None) if is_asked && said.contains("stopped by SIG") => Fate::Interrupted,
+        // Before it could listen for signals, and before it began anything.
+        (None, None) if is_asked && !folder.join("runs").exists() => Fate::Interrupted,
         (Some(1 | 2), _) if names_the_cause(&said) => Fate::TypedError,
         _ => Fate::Unclear,
     };

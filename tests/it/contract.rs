@@ -236,7 +236,9 @@ async fn configure_lists_every_problem_with_its_path() {
     let status = network.configure(request).await.unwrap_err();
     assert_eq!(fields(&status), ["phy.radius_m", "phy.radios_m"]);
     assert!(
-        status.message().contains("phy.radius_m: must be greater than 0, got -3"),
+        status
+            .message()
+            .contains("phy.radius_m: must be greater than 0 and at most 10000000, got -3"),
         "{}",
         status.message()
     );

@@ -26,7 +26,7 @@ fn every_problem_is_named_at_once() {
         sd_db = 2\n[[phy.effect]]\nkind = \"system-gain\"\ngain_db = 1000\n";
     insta::assert_snapshot!(refusal_of(config), @r#"
     netsim.hopping_sequence[1]: must be a whole number from 11 to 26, got 27 (nearest valid: 26)
-    netsim.phy.radius_m: is missing: must be a number, greater than 0
+    netsim.phy.radius_m: is missing: must be a number, greater than 0 and at most 10000000
     netsim.phy.tx_power_dbm: must be a number, from -100 to 60, got "high"
     netsim.phy.carrier_hz: must be a finite number, from 1000000 to 1000000000000, got NaN
     netsim.phy.min_distance_m: must be from 0.001 to 1000, got -0.1 (nearest valid: 0.001)
@@ -57,7 +57,7 @@ fn a_table_of_reception_must_rise() {
 #[test]
 fn negative_and_impossible_sizes_are_refused() {
     let config = "[phy]\npropagation = \"unit-disk\"\nradius_m = -3\n";
-    insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.radius_m: must be greater than 0, got -3 (nearest valid: 3)"#);
+    insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.radius_m: must be greater than 0 and at most 10000000, got -3 (nearest valid: 3)"#);
     let config = "[phy]\npropagation = \"nearest-k\"\nk = -1\n";
     insta::assert_snapshot!(refusal_of(config), @r#"netsim.phy.k: must be a whole number from 0 to 1000000, got -1 (nearest valid: 0)"#);
     let config = "[phy]\npropagation = \"freis\"\n";

@@ -183,8 +183,9 @@ async fn restored(
         let waits = start == Start::WhenFormed;
         let again = |error: RecordError| RunError::Record { error, before_start: true };
         let mut recorder = begun.recorder(header(plan, &exchange, start)).map_err(again)?;
-        let (past, last) =
-            record_again(&mut recorder, &mut leftover, &exchange, &end, waits).map_err(again)?;
+        let (past, last) = record_again(&mut recorder, &mut leftover, &exchange, &end, waits)
+            .await
+            .map_err(again)?;
         let Some(last) = last.filter(|last| last.step == end.step) else {
             return Err(RunError::Leftover { error: leftover.ends_before(end.step) });
         };
@@ -239,7 +240,7 @@ async fn restored(
 
 /// Records what an earlier attempt has recorded, up to a checkpoint. Returns what a driver that goes on has to know, and the last
 /// step.
-fn record_again(
+async fn record_again(
     recorder: &mut Recorder,
     leftover: &mut Leftover,
     exchange: &Configured,
@@ -257,6 +258,8 @@ fn record_again(
         past.add(&step);
         last = Some(step.clone());
         recorder.step(step)?;
+        // This may take minutes: the connections to both sides must stay alive.
+        tokio::task::yield_now().await;
     }
     Ok((past.past, last))
 }
