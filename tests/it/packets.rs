@@ -138,7 +138,11 @@ fn a_run_and_its_resimulation_under_the_same_seed_are_the_same_bytes() {
         std::fs::write(&config, &text).unwrap();
         let mut recorded = RunReader::open(&run(&config, dir.path(), &[])).unwrap();
         let plan = load(&config, &Overrides::default()).unwrap();
-        let configured = recorded.configured().unwrap().clone();
+        let mut configured = recorded.configured().unwrap().clone();
+        // Asked of other processes alone: within one there is nothing to compare.
+        assert!(configured.robot_request.full_digest && configured.net_request.full_digest);
+        configured.robot_request.full_digest = false;
+        configured.net_request.full_digest = false;
         let (mut n_steps, mut n_delivered) = (0, 0);
         exchanged(
             &plan,
