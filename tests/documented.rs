@@ -177,7 +177,8 @@ pub fn deviations_of_page(
     let mut wrong = Vec::new();
     for shown in commands(&text) {
         let path = std::env::var("PATH").unwrap_or_default();
-        let output = Command::new("bash")
+        let output = Command::new("timeout")
+            .args(["600", "bash"])
             .args(["-e", "-c", &format!("{PRELUDE}{} 2>&1", grouped(&shown.script))])
             .env("PATH", format!("{}:{path}", programs.display()))
             .current_dir(folder)

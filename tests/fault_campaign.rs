@@ -7,7 +7,7 @@
 mod proxy;
 
 use crate::recording::read_recording;
-use crate::{Server, executable, repository};
+use crate::{Server, executable, hearing_hang_ups, repository};
 use anyhow::{Context as _, bail};
 use proto::rng::{philox4x64, uniform};
 use proxy::{Disturbance, Proxy};
@@ -226,7 +226,7 @@ fn reference(experiment: usize, folder: &Path) -> anyhow::Result<Reference> {
 
 fn arguments(experiment: usize, checkpoint_every_s: f64, folder: &Path) -> Command {
     let (_, config, sets) = EXPERIMENTS[experiment];
-    let mut command = Command::new(executable("orchestrator"));
+    let mut command = hearing_hang_ups("orchestrator");
     command.arg("run").arg(repository().join(format!("configs/{config}.toml")));
     for set in sets {
         command.args(["--set", set]);

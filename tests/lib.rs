@@ -39,6 +39,25 @@ pub fn executable(name: &str) -> PathBuf {
     found.unwrap_or_default()
 }
 
+/// An executable of the workspace that takes a hang-up as a program of a terminal does, even where this process ignores it, as
+/// under `nohup`: what is ignored is inherited.
+///
+/// # Panics
+///
+/// As [`executable`].
+#[must_use]
+pub fn hearing_hang_ups(name: &str) -> Command {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    if ignored & 1 == 0 {
+        return Command::new(executable(name));
+    }
+    let mut command = Command::new("env");
+    command.arg("--default-signal=HUP").arg(executable(name));
+    command
+}
+
 /// A folder for one test, removed at its end.
 ///
 /// # Panics

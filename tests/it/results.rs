@@ -44,7 +44,7 @@ fn spawn(command: &mut Command, folder: &Path) -> Child {
 
 /// A run that lasts until it is stopped, once it records.
 fn endless(folder: &Path) -> Child {
-    let mut command = Command::new(tests::executable("orchestrator"));
+    let mut command = tests::hearing_hang_ups("orchestrator");
     let run = spawn(command.args(["run", "e.toml", "--set", ENDLESS]), folder);
     until_it_records(folder, &run);
     run
@@ -131,7 +131,7 @@ fn of_six_runs_into_one_folder_one_writes() {
     let folder = folder("");
     let holder = endless(folder.path());
     let command = || {
-        let mut command = Command::new(tests::executable("orchestrator"));
+        let mut command = tests::hearing_hang_ups("orchestrator");
         command.args(["run", "e.toml"]);
         command
     };
@@ -218,7 +218,7 @@ fn a_run_under_nohup_outlives_its_session() {
 #[test]
 fn a_simulator_that_is_served_ends_with_a_hang_up() {
     for name in ["netsim", "robotsim"] {
-        let mut child = Command::new(tests::executable(name))
+        let mut child = tests::hearing_hang_ups(name)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .spawn()
