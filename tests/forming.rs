@@ -123,11 +123,12 @@ impl Forming {
         }
     }
 
-    fn heard_links(&self) -> HeardLinks {
+    /// Each mote hears the one before it once in 100 ms.
+    fn heard_links(&self, time_ns: u64) -> HeardLinks {
         let receiver: Vec<u32> = (1..self.n as u32).collect();
         HeardLinks {
             sender: receiver.iter().map(|mote| mote - 1).collect(),
-            frames: vec![17; receiver.len()],
+            frames: vec![time_ns / 100_000_000; receiver.len()],
             rssi_dbm: vec![-71.5; receiver.len()],
             receiver,
         }
@@ -231,7 +232,7 @@ impl NetSimulator for Forming {
             },
             statistics: wanted(NetRecord::Statistics).then(|| self.statistics(time_ns)),
             schedule: wanted(NetRecord::Schedule).then(|| self.schedule()),
-            heard_links: wanted(NetRecord::HeardLinks).then(|| self.heard_links()),
+            heard_links: wanted(NetRecord::HeardLinks).then(|| self.heard_links(time_ns)),
             ..output
         }
     }
