@@ -1,7 +1,7 @@
 //! `checkpoint` in the folder of a run that is not finished: both sides' states after a step, and what of the record up to that
 //! step is not in its files yet.
 //!
-//! The file is replaced as a whole. It begins with [`MAGIC`] and the SHA-256 of what follows, which is [`Checkpoint`] in postcard.
+//! The file is replaced as a whole. It begins with a magic number and the SHA-256 of what follows, a [`Checkpoint`] in postcard.
 
 use super::RecordError;
 use super::log::Topic;

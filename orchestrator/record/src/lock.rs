@@ -2,7 +2,7 @@
 //!
 //! The lock is a file, `OUT/.<name>.lock`, that names its holder. It comes into being by link(2), or by O_EXCL where the
 //! file system has no hard links; both are atomic on shared file systems, which flock(2) is not. A lock is stale if its
-//! process has ended (same host), or if its holder has not touched it for [`STALE_AFTER`] (other hosts). A program that
+//! process has ended (same host), or if its holder has not touched it for two minutes (other hosts). A program that
 //! takes over a stale lock first takes the lock of that very lock, so that of several only one removes it.
 
 use super::RecordError;
