@@ -15,8 +15,8 @@ pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 
 use crate::dry_run;
-use attempt::{Attempt, Begun};
-use course::{Origin, carry_out};
+use attempt::{Attempt, Begun, Origin};
+use course::carry_out;
 use drive::peer::SideError;
 use drive::{Failure, ProgressObserver, Taken, Wanted};
 use experiment::Overrides;

@@ -4,7 +4,7 @@
 //! The file is replaced as a whole. It begins with a magic number and the SHA-256 of what follows, a [`Checkpoint`] in postcard.
 
 use super::RecordError;
-use super::log::Topic;
+use super::log::{StoredMessage, Topic};
 use bytes::Bytes;
 use proto::digest;
 use serde::{Deserialize, Serialize};
@@ -32,9 +32,6 @@ pub struct Checkpoint {
     /// The latest messages, by step: what `run.mcap` may not hold yet.
     pub(crate) latest: Vec<(u64, Vec<StoredMessage>)>,
 }
-
-/// A message as it was recorded: its topic, as an index into [`Topic::ALL`], and its bytes.
-pub(crate) type StoredMessage = (u8, Vec<u8>);
 
 /// Why there is no checkpoint to go on from.
 #[derive(Debug, thiserror::Error)]

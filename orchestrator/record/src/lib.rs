@@ -23,7 +23,7 @@ pub mod run_summary;
 mod summary;
 pub mod table;
 mod tables;
-mod values;
+pub mod values;
 pub mod verify;
 mod writer;
 

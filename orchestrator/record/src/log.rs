@@ -4,7 +4,6 @@
 //! in one thread, and transport-dependent fields are cleared before a message comes here.
 
 use super::RecordError;
-use super::checkpoint::StoredMessage;
 use super::hashed_file::{Fingerprint, WholeFile};
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
@@ -68,6 +67,9 @@ impl Topic {
         Self::ALL.into_iter().find(|topic| topic.names().0 == name)
     }
 }
+
+/// A message as it was recorded: its topic, as an index into [`Topic::ALL`], and its bytes.
+pub(crate) type StoredMessage = (u8, Vec<u8>);
 
 /// The log being written.
 pub(crate) struct MessageLog {

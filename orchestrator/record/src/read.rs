@@ -1,14 +1,11 @@
 //! Opens `run.mcap` again.
 
 use super::log::Topic;
-use super::values;
 use super::writer::LOG_FILE;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use prost::Message;
 use proto::bounds::RECORDING_BYTES;
-use proto::exchange::Configured;
-use proto_messages::convert::InvalidField;
 use proto_messages::v1;
 use std::fs::File;
 use std::io::BufReader;
@@ -150,15 +147,6 @@ impl RunReader {
     #[must_use]
     pub fn configured(&self) -> Option<&RecordedConfiguration> {
         self.configured.as_ref()
-    }
-
-    /// The same as values; `None` of a run that ended before that.
-    ///
-    /// # Errors
-    ///
-    /// A field that no run records.
-    pub fn exchange(&self) -> Result<Option<Configured>, InvalidField> {
-        self.configured.clone().map(values::configured).transpose()
     }
 
     /// The next step; `None` after the last.

@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// # Errors
 ///
 /// A field that no run records.
-pub(crate) fn configured(recorded: RecordedConfiguration) -> Result<Configured, InvalidField> {
+pub fn configured(recorded: RecordedConfiguration) -> Result<Configured, InvalidField> {
     let RecordedConfiguration { robot_request, robot_response, net_request, net_response } =
         recorded;
     let n_agents = robot_request.agent_count as usize;
@@ -28,7 +28,7 @@ pub(crate) fn configured(recorded: RecordedConfiguration) -> Result<Configured, 
 /// # Errors
 ///
 /// A field that no run records.
-pub(crate) fn step(recorded: RecordedStep, n_agents: usize) -> Result<StepRecord, InvalidField> {
+pub fn step(recorded: RecordedStep, n_agents: usize) -> Result<StepRecord, InvalidField> {
     let RecordedStep { commands, robots, net, barrier } = recorded;
     let digest = barrier.digest[..].try_into().map_err(|_| {
         InvalidField::new("digest", format!("must have 32 bytes, got {}", barrier.digest.len()))

@@ -2,6 +2,7 @@
 
 mod connectivity;
 pub(crate) mod network;
+mod plan;
 
 use super::layout;
 use super::svg::{Axis, Chart};

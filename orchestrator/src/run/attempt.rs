@@ -1,6 +1,5 @@
 //! A run under way: begun, or gone on from a checkpoint. A run that loses a side goes on as a new attempt.
 
-use super::course::Origin;
 use super::interrupt::Interrupt;
 use super::start::{
     Processes, SideIdentity, StartOptions, Started, connect, header, identity, orders, ready_with,
@@ -18,7 +17,7 @@ use record::checkpoint::Checkpoint;
 use record::leftover::{Leftover, LeftoverError};
 use record::run_log::RunLog;
 use record::{RecordError, Recorder, ReplacePolicy, Reservation, RunHeader, States, StepRecord};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Both sides and the record, ready for the next step.
@@ -34,6 +33,25 @@ pub(super) struct Attempt {
     pub(super) warnings: Vec<String>,
     /// Where and how other programs may give orders, by side.
     pub(super) orders: Vec<(&'static str, Orders)>,
+}
+
+/// Where a run's results go, and what it has come from.
+pub(super) struct Origin {
+    /// Folder of results.
+    pub(super) out: PathBuf,
+    /// Which earlier results the result replaces.
+    pub(super) replace: ReplacePolicy,
+    /// Folders of attempts that failed: removed when the run is recorded.
+    pub(super) left: Vec<PathBuf>,
+    /// The steps after which it went on from a checkpoint.
+    pub(super) resumed: Vec<u64>,
+}
+
+impl Origin {
+    /// A run that begins.
+    pub(super) fn new(out: PathBuf, replace: ReplacePolicy) -> Self {
+        Self { out, replace, left: Vec::new(), resumed: Vec::new() }
+    }
 }
 
 /// Where a run is recorded.

@@ -1,6 +1,6 @@
 //! The course of a run: steps, new attempts when a side is lost, and the end of the record.
 
-use super::attempt::{Attempt, is_lost};
+use super::attempt::{Attempt, Origin, is_lost};
 use super::interrupt::Interrupt;
 use super::milestones::Milestones;
 use super::provenance::Provenance;
@@ -8,29 +8,9 @@ use super::start::StartOptions;
 use super::{Audience, RunError, RunReport, ended_by, next_to};
 use drive::{Driver, Failure, Schedule, Stopped};
 use experiment::Plan;
-use record::{Ending, ReplacePolicy, Status};
+use record::{Ending, Status};
 use report;
-use std::path::PathBuf;
 use std::time::Instant;
-
-/// Where a run's results go, and what it has come from.
-pub(super) struct Origin {
-    /// Folder of results.
-    pub(super) out: PathBuf,
-    /// Which earlier results the result replaces.
-    pub(super) replace: ReplacePolicy,
-    /// Folders of attempts that failed: removed when the run is recorded.
-    pub(super) left: Vec<PathBuf>,
-    /// The steps after which it went on from a checkpoint.
-    pub(super) resumed: Vec<u64>,
-}
-
-impl Origin {
-    /// A run that begins.
-    pub(super) fn new(out: PathBuf, replace: ReplacePolicy) -> Self {
-        Self { out, replace, left: Vec::new(), resumed: Vec::new() }
-    }
-}
 
 /// Takes all steps that are still to be taken, as often anew as the plan allows, and makes the record whole.
 pub(super) async fn carry_out(

@@ -1,7 +1,7 @@
 //! What a run that was killed had recorded, as a result; and a recorded run once more, to compare.
 
-use super::attempt::{Attempt, Begun, plan_of, recorded_plan};
-use super::course::{Origin, carry_out};
+use super::attempt::{Attempt, Begun, Origin, plan_of, recorded_plan};
+use super::course::carry_out;
 use super::interrupt::Interrupt;
 use super::start::{StartOptions, connect, header, ready_with};
 use super::{Audience, RunError, RunReport, provenance};
@@ -10,6 +10,7 @@ use experiment::{Overrides, Start};
 use record::leftover::Leftover;
 use record::read::RunReader;
 use record::run_summary::RunSummary;
+use record::values;
 use record::{Ending, Finished, RecordError, Recorder, ReplacePolicy, Reservation, Status};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -148,7 +149,12 @@ pub async fn reproduce(
         return Err(not_complete(format!("the run is {}, not complete", summary.status.name())));
     }
     let reader = RunReader::open(run).map_err(|error| not_complete(error.to_string()))?;
-    let exchange = reader.exchange().map_err(|error| not_complete(error.to_string()))?;
+    let exchange = reader
+        .configured()
+        .cloned()
+        .map(values::configured)
+        .transpose()
+        .map_err(|error| not_complete(error.to_string()))?;
     let Some(exchange) = exchange else {
         return Err(not_complete("it ended before both sides were configured".to_owned()));
     };

@@ -1,6 +1,6 @@
 //! Who heard whom: in the last period of a run, and in each one before it for those who ask.
 
-use super::network::{between, plan};
+use super::plan::{between, plan};
 use super::{Figure, HALF, WIDE, dots_by_group};
 use maud::{Markup, html};
 use metrics::Measures;

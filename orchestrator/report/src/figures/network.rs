@@ -1,7 +1,8 @@
 //! Pictures of a network with protocols: who hears whom, the routing graph, the schedule, delivery and latency. Each is
 //! there only if the network said what it shows.
 
-use super::{Figure, HALF, HALF_HEIGHT, TaskTime, WIDE, connectivity, dots_by_group, equal_scales};
+use super::plan::{Places, between, plan};
+use super::{Figure, HALF, HALF_HEIGHT, TaskTime, WIDE, connectivity, dots_by_group};
 use crate::svg::{Axis, Chart};
 use metrics::{Kpis, Measures};
 use numbers::format::{count, count_of, number, percent, shortest};
@@ -20,25 +21,6 @@ pub(super) fn network_figures(measures: &Measures) -> Vec<Figure> {
     figures.extend(delivery_over_time(measures));
     figures.extend(latency(kpis));
     figures
-}
-
-/// Where the motes are; `None` for those that do not exist.
-pub(super) type Places = [Option<[f64; 2]>];
-
-/// A plan of all motes, on which lines between them are drawn.
-pub(super) fn plan(places: &Places, width: f64) -> Chart {
-    let span = |axis: usize| {
-        places.iter().flatten().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
-            [low.min(place[axis]), high.max(place[axis])]
-        })
-    };
-    let (x, y, height) = equal_scales(span(0), span(1), width);
-    Chart::new(x, y, width, height)
-}
-
-pub(super) fn between(places: &Places, a: u32, b: u32) -> Option<[[f64; 2]; 2]> {
-    let place = |mote: u32| places.get(mote as usize).copied().flatten();
-    Some([place(a)?, place(b)?])
 }
 
 fn routing_graph(measures: &Measures, places: &Places) -> Option<Figure> {
