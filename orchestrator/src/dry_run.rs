@@ -4,10 +4,10 @@
 //! folder, and are extrapolated in proportion to steps. A simulator that runs elsewhere is not disturbed: then only the least
 //! space is known.
 
+use crate::disk_space::{bytes, free_bytes, least_bytes, n_steps, size_of};
 use crate::run::{RunError, StartOptions, record_of, start};
 use drive::{Driver, Failure, Observer, Schedule, Taken, Uninterrupted, Wanted};
 use experiment::Plan;
-use nix::sys::statvfs::statvfs;
 use numbers::format::{count, count_of};
 use proto::types::seconds;
 use record::{RecordError, Recorder};
@@ -22,9 +22,6 @@ use std::time::{Duration, Instant};
 pub const SCHEMA: &str = "dry-run/1";
 /// How long steps are taken for the estimate.
 const MEASURED: Duration = Duration::from_secs(2);
-/// The least that a step takes of `run.mcap` and of `steps.parquet` for each agent (bytes): what is left of columns of numbers
-/// that hardly change, compressed. Robots that move and hear others take ten to a hundred times as much.
-const LEAST_PER_AGENT: u64 = 2;
 /// What a report takes (bytes).
 const REPORT_BYTES: u64 = 100_000;
 /// What a line of a sweep's journal takes (bytes).
@@ -145,55 +142,6 @@ impl DryRun {
     }
 }
 
-/// Refuses work whose results do not fit by far, before it starts.
-///
-/// # Errors
-///
-/// Where the least that the results take exceeds the free space: both, in words.
-pub(crate) fn fits(least_bytes: u64, out: &Path) -> Result<(), String> {
-    match free_bytes(out) {
-        Some(free) if free < least_bytes => Err(format!(
-            "--out {}: results take at least {}, but {} are free; choose another folder, or leave out files in [output]",
-            out.display(),
-            bytes(least_bytes),
-            bytes(free)
-        )),
-        _ => Ok(()),
-    }
-}
-
-/// What to say if a recording that has taken so many bytes for `step` of `n_steps` steps will not fit.
-pub(crate) fn outgrows(dir: &Path, step: u64, n_steps: u64) -> Option<String> {
-    let so_far = size_of(dir) as f64;
-    let to_come = so_far / step.max(1) as f64 * n_steps.saturating_sub(step) as f64;
-    let free = free_bytes(dir)?;
-    ((free as f64) < to_come).then(|| {
-        format!(
-            "the recording has taken {} in {step} of {n_steps} steps: at this rate the {} that are free do not suffice; stop \
-             it with Ctrl-C to keep what there is, or make room",
-            bytes(so_far as u64),
-            bytes(free)
-        )
-    })
-}
-
-/// Steps of an experiment after its network has formed.
-pub(crate) fn n_steps(plan: &Plan) -> u64 {
-    plan.duration_ns.div_ceil(plan.experiment.step_ns)
-}
-
-/// The least that a recording takes, whatever happens in it: nothing may be heard, and robots may be done at once.
-pub(crate) fn least_bytes(plan: &Plan) -> u64 {
-    if plan.stop_when_complete {
-        return 0;
-    }
-    let rows = n_steps(plan).saturating_mul(plan.experiment.agent_count as u64);
-    let output = &plan.output;
-    let in_log = if output.mcap { rows } else { 0 };
-    let in_table = if output.steps { rows / output.every_steps } else { 0 };
-    LEAST_PER_AGENT.saturating_mul(in_log.saturating_add(in_table))
-}
-
 /// The first steps of an experiment, and what they took.
 pub(crate) struct FirstSteps {
     n: u64,
@@ -291,26 +239,6 @@ impl Observer for Measuring {
     }
 }
 
-/// Bytes of all files below a folder.
-pub(crate) fn size_of(folder: &Path) -> u64 {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries
-        .map(|entry| match entry.metadata() {
-            Ok(metadata) if metadata.is_dir() => size_of(&entry.path()),
-            Ok(metadata) => metadata.len(),
-            Err(_) => 0,
-        })
-        .sum()
-}
-
-/// Free space for this user where `path` is or will be.
-pub(crate) fn free_bytes(path: &Path) -> Option<u64> {
-    let path = std::path::absolute(path).ok()?;
-    let existing = path.ancestors().find(|path| path.exists())?;
-    let stat = statvfs(existing).ok()?;
-    stat.blocks_available().checked_mul(stat.fragment_size())
-}
-
 /// The most memory that this process and its children have held at a time.
 fn memory_bytes() -> Option<u64> {
     let this = std::process::id().to_string();
@@ -331,22 +259,6 @@ fn memory_bytes() -> Option<u64> {
     kib.checked_mul(1024)
 }
 
-/// Bytes for people, with three digits.
-fn bytes(n: u64) -> String {
-    const UNITS: [&str; 4] = ["kB", "MB", "GB", "TB"];
-    if n < 1000 {
-        return format!("{n} bytes");
-    }
-    let mut size = n as f64 / 1e3;
-    let mut unit = 0;
-    while 999.5 <= size && unit + 1 < UNITS.len() {
-        size /= 1e3;
-        unit += 1;
-    }
-    let digits = if size < 10.0 { 2 } else { usize::from(size < 100.0) };
-    format!("{size:.digits$} {}", UNITS[unit])
-}
-
 /// A time of minutes and more, for people.
 fn duration(s: f64) -> String {
     let minutes = (s / 60.0).ceil() as u64;
@@ -365,19 +277,5 @@ mod tests {
         let sizes = [999, 1000, 12_345, 999_499, 999_500, 5 << 40].map(bytes);
         assert_eq!(sizes, ["999 bytes", "1.00 kB", "12.3 kB", "999 kB", "1.00 MB", "5.50 TB"]);
         assert_eq!([150.0, 7200.0, 1e7].map(duration), ["3 min", "2 h 0 min", "2,777 h 47 min"]);
-    }
-
-    #[test]
-    fn the_space_of_a_folder_that_is_yet_to_come_is_known() {
-        let folder = tempfile::tempdir().unwrap();
-        let free = free_bytes(&folder.path().join("a/b")).unwrap();
-        assert!(0 < free);
-        assert!(fits(1, folder.path()).is_ok());
-        let error = fits(u64::MAX, folder.path()).unwrap_err();
-        assert!(error.contains("results take at least") && error.contains("are free"), "{error}");
-        fs::write(folder.path().join("run.mcap"), [0; 5000]).unwrap();
-        assert_eq!(outgrows(folder.path(), 10, 20), None);
-        let warning = outgrows(folder.path(), 10, 1 << 60).unwrap();
-        assert!(warning.starts_with("the recording has taken 5.00 kB in 10 of "), "{warning}");
     }
 }

@@ -21,6 +21,7 @@ pub mod cli;
 pub mod compare_runs;
 pub mod conformance;
 pub mod console;
+mod disk_space;
 pub mod dry_run;
 pub mod effects;
 pub mod run;

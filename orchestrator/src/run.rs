@@ -14,7 +14,7 @@ pub use recover::{Reproduction, ResumeOptions, recover, reproduce, resume};
 pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 
-use crate::dry_run;
+use crate::disk_space;
 use attempt::{Attempt, Begun, Origin};
 use course::carry_out;
 use drive::peer::SideError;
@@ -218,7 +218,7 @@ pub async fn run(
     audience: &mut impl Audience,
 ) -> Result<RunReport, RunError> {
     let plan = experiment::load(&options.config, &options.overrides)?;
-    dry_run::fits(dry_run::least_bytes(&plan), &options.out).map_err(RunError::Space)?;
+    disk_space::fits(disk_space::least_bytes(&plan), &options.out).map_err(RunError::Space)?;
     let mut interrupt = Interrupt::listen();
     // A place for the results first: what cannot be written is not worth computing.
     let reservation = Reservation::new(&options.out, &plan.name)

@@ -19,7 +19,8 @@ mod worker;
 pub use journal::JournalError;
 
 use crate::console::{self, ProgressDisplay};
-use crate::dry_run::{self, DryRun, JOURNAL_LINE_BYTES};
+use crate::disk_space;
+use crate::dry_run::{DryRun, JOURNAL_LINE_BYTES};
 use crate::run::{RunError, StartOptions};
 use experiment::Overrides;
 use journal::{Journal, TrialRow};
@@ -202,7 +203,7 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
         ));
     }
     let left: Vec<SweepTrial> = plan.trials().filter(|t| !rows.contains_key(t)).collect();
-    dry_run::fits(least_bytes(&plan, &left)?, &options.out).map_err(SweepError::Space)?;
+    disk_space::fits(least_bytes(&plan, &left)?, &options.out).map_err(SweepError::Space)?;
     let queue = TrialQueue::new(&plan, left.into_iter());
     let mut account = WorkSummary::default();
     if !queue.is_empty() {
@@ -291,7 +292,7 @@ fn least_bytes(plan: &SweepPlan, trials: &[SweepTrial]) -> Result<u64, Refusal> 
     for trial in trials.iter().filter(|&&trial| plan.keeps(trial)) {
         let of_setting = match by_setting.get(&trial.setting) {
             Some(of_setting) => *of_setting,
-            None => dry_run::least_bytes(&plan.plan(*trial)?),
+            None => disk_space::least_bytes(&plan.plan(*trial)?),
         };
         by_setting.insert(trial.setting, of_setting);
         least = least.saturating_add(of_setting);

@@ -1,7 +1,7 @@
 //! How far a run is, as its log has it: a line for each tenth of the steps, and for each minute.
 
 use super::Audience;
-use crate::dry_run::outgrows;
+use crate::disk_space::outgrows;
 use drive::ProgressObserver;
 use proto::types::{Formation, seconds};
 use record::run_log::RunLog;
