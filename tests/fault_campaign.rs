@@ -105,7 +105,7 @@ pub enum Fate {
     Resumed,
     /// An error that says what failed.
     TypedError,
-    /// It was told to stop, and kept what it had recorded.
+    /// A signal interrupted it, and its recording up to then is kept.
     Interrupted,
     /// It did not end in time. A defect.
     Hangs,
@@ -424,7 +424,8 @@ fn ended(mut run: Child, limit: Duration) -> anyhow::Result<Option<Output>> {
 }
 
 /// Processes that `parent` has started, with the subcommand of each.
-fn children(parent: u32) -> Vec<(u32, String)> {
+#[must_use]
+pub fn children(parent: u32) -> Vec<(u32, String)> {
     let listed =
         Command::new("ps").args(["-o", "pid=,args=", "--ppid", &parent.to_string()]).output();
     let text = listed.map(|output| String::from_utf8_lossy(&output.stdout).into_owned());

@@ -5,7 +5,7 @@ use nix::sys::statvfs::statvfs;
 use std::fs;
 use std::path::Path;
 
-/// The least that a step takes of `run.mcap` and of `steps.parquet` for each agent (bytes): what is left of columns of numbers
+/// The least that a step takes of `run.mcap` and of `steps.parquet` for each agent (bytes): columns of numbers
 /// that hardly change, compressed. Robots that move and hear others take ten to a hundred times as much.
 const LEAST_PER_AGENT: u64 = 2;
 

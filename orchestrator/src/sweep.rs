@@ -232,7 +232,7 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
     Ok(SweepReport { dir, summary, text, n_trials, n_before, failed, n_starts, wall_s })
 }
 
-/// What a sweep, or what is left of it, would take.
+/// Estimates the time and space of the trials of a sweep that have not been run.
 ///
 /// # Errors
 ///

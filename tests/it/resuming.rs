@@ -5,6 +5,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tests::Server;
 use tests::fake::{Fault, Faulty};
+use tests::fault_campaign::children;
 use tests::recording::assert_same;
 
 /// A propagation-only run and one with all protocols and a capture, each of some thousand steps.
@@ -93,21 +94,6 @@ fn a_run_killed_hard_is_resumed_to_the_same_bytes() {
     }
 }
 
-/// Processes that `parent` has started, with the simulator that each is.
-fn children(parent: u32) -> Vec<(String, String)> {
-    let listed = Command::new("ps")
-        .args(["-o", "pid=,args=", "--ppid", &parent.to_string()])
-        .output()
-        .unwrap();
-    let text = String::from_utf8(listed.stdout).unwrap();
-    text.lines()
-        .filter_map(|line| {
-            let mut words = line.split_whitespace();
-            Some((words.next()?.to_owned(), words.nth(1)?.to_owned()))
-        })
-        .collect()
-}
-
 #[test]
 fn a_simulator_that_dies_is_restarted_from_the_last_checkpoint() {
     for ((name, sets), side) in EXPERIMENTS.into_iter().zip(["robotsim", "netsim"]) {
@@ -117,7 +103,7 @@ fn a_simulator_that_dies_is_restarted_from_the_last_checkpoint() {
         with_checkpoint(&folder.path().join("killed"));
         let children = children(run.id());
         let (pid, _) = children.iter().find(|(_, args)| args == side).unwrap();
-        assert!(Command::new("kill").args(["-KILL", pid]).status().unwrap().success());
+        assert!(Command::new("kill").args(["-KILL", &pid.to_string()]).status().unwrap().success());
         let output = run.wait_with_output().unwrap();
         let said = tests::said(&output);
         assert!(output.status.success(), "{said}");
@@ -157,7 +143,7 @@ fn restarts_0_ends_a_run_that_loses_a_simulator() {
     let run = started(&arguments(name, &sets, "killed", &[]), folder.path());
     with_checkpoint(&folder.path().join("killed"));
     for (pid, _) in children(run.id()) {
-        assert!(Command::new("kill").args(["-KILL", &pid]).status().unwrap().success());
+        assert!(Command::new("kill").args(["-KILL", &pid.to_string()]).status().unwrap().success());
     }
     let output = run.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));

@@ -14,7 +14,7 @@ pub struct End {
 }
 
 impl End {
-    /// An end of which nothing but the place is known.
+    /// An end with a known position, and without heading or velocity.
     #[must_use]
     pub fn new(id: u32, position_m: [f64; 3]) -> Self {
         Self { id, position_m, heading_rad: None, velocity_mps: None }

@@ -149,7 +149,7 @@ impl FormulaRequest {
         formula.names().iter().filter(|name| !is_known(name)).cloned().collect()
     }
 
-    /// What is said of parameters with the name of a column.
+    /// The refusal of parameters that have the name of a column.
     fn shadows(&self, columns: &[&str]) -> Vec<String> {
         let both = self.parameters.iter().filter(|(name, _)| columns.contains(&name.as_str()));
         both.map(|(name, _)| {

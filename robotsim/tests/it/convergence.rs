@@ -122,7 +122,7 @@ fn robots_disperse_until_each_ones_best_link_is_at_the_floor() {
         let others = (0..8).filter(|&other| other != agent);
         let near_m = others.map(|other| distance(place_m(&air, agent), place_m(&air, other)));
         let near_m = near_m.fold(f64::INFINITY, f64::min);
-        // Strengths are reported with 24 bits: a ten-thousandth of a metre; what is left of the slow approach is more.
+        // Strengths are reported with 24 bits: a ten-thousandth of a metre; the residual of the slow approach is larger.
         assert!((near_m - FLOOR_M).abs() < 0.05, "robot {agent}: {near_m} m");
     }
 }
