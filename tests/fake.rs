@@ -37,6 +37,8 @@ pub enum Fault {
     OtherPayload,
     /// Its digests are of positions and deliveries alone.
     LesserDigest,
+    /// It announces the full digest, but its digests are of positions and deliveries alone.
+    FalseDigest,
     /// It speaks another version of the contract.
     OtherVersion,
     /// It keeps no snapshots, which is no fault.
@@ -191,6 +193,10 @@ macro_rules! faulty {
                 &self,
                 request: Request<v1::$configure>,
             ) -> Result<Response<v1::$configured>, Status> {
+                let mut request = request;
+                if self.fault == Fault::FalseDigest {
+                    request.get_mut().full_digest = false;
+                }
                 self.inner.configure(request).await
             }
 
@@ -238,6 +244,7 @@ macro_rules! faulty {
                     | Fault::OtherVersion
                     | Fault::NoSnapshots
                     | Fault::LesserDigest
+                    | Fault::FalseDigest
                     | Fault::CannotHold
                     | Fault::Restless => {}
                 }

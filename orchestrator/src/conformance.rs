@@ -2,10 +2,12 @@
 
 mod probe;
 
-use drive::peer::{SideError, Standing, connect};
+use drive::peer::{Described, SideError, Standing, connect};
 use experiment::Tls;
 use probe::Probe;
 use proto::digest;
+use proto::exchange::ConfigureRequest;
+use proto::types::{Coupling, Experiment};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt;
@@ -220,7 +222,16 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
         };
         findings.push(Finding { promise, verdict });
     }
-    // Last: it begins another experiment.
+    // Last: both begin other experiments.
+    let whole = if described.full_digest {
+        let result = session.compares_everything(&described).await;
+        result.map_or_else(ContractVerdict::Broken, |()| ContractVerdict::Kept)
+    } else {
+        ContractVerdict::NotAnnounced
+    };
+    let promise =
+        "when asked for the full digest, Barrier has it, of all that was asked and replied";
+    findings.push(Finding { promise, verdict: whole });
     if let Some(promise) = S::HOLD {
         let verdict = if described.hold {
             S::holds(&session)
@@ -278,6 +289,41 @@ impl<S: Probe> Questions<'_, S> {
 
     async fn barrier(&self, step: u64) -> Result<Standing, String> {
         within(S::barrier(self.client.clone(), step, step * STEP_NS)).await.map_err(status_text)
+    }
+
+    /// Takes some steps of an experiment that asks for the full digest, and for all that the simulator can reply.
+    async fn compares_everything(&self, described: &Described) -> Result<(), String> {
+        let n = self.n as usize;
+        let coupling = Coupling::Sequential;
+        let request = ConfigureRequest {
+            experiment: Experiment { seed: 1, agent_count: n, step_ns: STEP_NS, coupling },
+            site_toml: String::new(),
+            config_toml: self.toml.to_owned(),
+            files: std::collections::BTreeMap::new(),
+            columns: described.columns.clone(),
+            records: described.records.clone(),
+            full_digest: true,
+        };
+        let configured = S::configure(self.client.clone(), S::configuration(&request));
+        let configured = within(configured).await.map_err(status_text)?;
+        let start = S::start(configured, n).map_err(|invalid| invalid.to_string())?;
+        let kept = S::kept(&start);
+        let start = S::start_digest(&request, &start);
+        for step in 1..=N_STEPS {
+            let (request, given) = S::given(step, step * STEP_NS, n, &kept);
+            let reply = within(S::step(self.client.clone(), request)).await.map_err(status_text)?;
+            let (reply, _) = S::reply(reply, n).map_err(|invalid| invalid.to_string())?;
+            let expected = S::full_digest(&start, &given, &reply);
+            let standing = self.barrier(step).await?;
+            if standing.digest[..] != expected[..] {
+                return Err(format!(
+                    "the digest of step {step} is {}, expected {}",
+                    digest::hex(&standing.digest),
+                    digest::hex(&expected)
+                ));
+            }
+        }
+        Ok(())
     }
 
     async fn repeats(&self, replies: &[Vec<u8>]) -> Result<(), String> {

@@ -58,6 +58,23 @@ fn what_is_wrong_with_others_is_found() {
 }
 
 #[test]
+fn a_full_digest_that_leaves_something_out_is_found() {
+    for (side, url, config) in [
+        ("robotsim", Faulty::robots(Fault::FalseDigest).url, ROBOTS),
+        ("netsim", Faulty::network(Fault::FalseDigest).url, NETWORK),
+    ] {
+        let (status, findings) = ask(side, &url, config);
+        assert_eq!(status, Some(1), "{side}: {findings:?}");
+        let broken: Vec<_> = findings.iter().filter(|(_, verdict)| verdict == "broken").collect();
+        assert_eq!(broken.len(), 1, "{side}: {findings:?}");
+        assert!(broken[0].0.starts_with("when asked for the full digest"), "{broken:?}");
+    }
+    let (status, findings) = ask("netsim", &Faulty::network(Fault::LesserDigest).url, NETWORK);
+    assert_eq!(status, Some(0), "{findings:?}");
+    assert!(findings.iter().any(|(_, verdict)| verdict == "not-announced"), "{findings:?}");
+}
+
+#[test]
 fn robots_that_do_not_stand_still_when_told_to_are_found() {
     for (fault, said, status_expected) in
         [(Fault::Restless, "broken", 1), (Fault::CannotHold, "not-announced", 0)]

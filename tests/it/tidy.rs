@@ -132,6 +132,33 @@ fn clippy_holds_what_computes_to_the_rules_of_cores() {
 }
 
 #[test]
+fn the_orchestrator_reads_files_up_to_a_bound() {
+    // Files of the kernel and programs that it starts are not input.
+    const NOT_INPUT: [&str; 2] = ["\"/proc/", "fs::read(executable)"];
+    for file in rust_files(&tests::repository().join("orchestrator")) {
+        if file.components().any(|part| {
+            ["tests", "tests.rs", "benches"].contains(&&*part.as_os_str().to_string_lossy())
+        }) {
+            continue;
+        }
+        let text = std::fs::read_to_string(&file).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        for line in code.lines().filter(|line| {
+            ["fs::read(", "fs::read_to_string(", ".read_to_end(&"]
+                .iter()
+                .any(|call| line.contains(call))
+        }) {
+            assert!(
+                NOT_INPUT.iter().any(|allowed| line.contains(allowed)),
+                "{}: reads without a bound of proto::bounds: {}",
+                file.display(),
+                line.trim()
+            );
+        }
+    }
+}
+
+#[test]
 fn the_two_simulators_do_not_know_each_other() {
     let manifest = |name: &str| {
         std::fs::read_to_string(tests::repository().join(name).join("Cargo.toml")).unwrap()

@@ -5,9 +5,11 @@
 //! | here | [`Remote`]: a connection with deadlines, whose every failure names the side; its messages become values here, and nowhere else |
 //! | `in_process` | [`InProcess`]: a simulator of this process, called directly |
 //! | `side` | what both are to whoever drives them |
+//! | `channel` | how a connection is opened, and with which certificates |
 //! | `service` | the generated clients behind one face, and the border between their messages and values |
 
 mod awake;
+mod channel;
 mod error;
 mod in_process;
 mod process;
@@ -22,19 +24,18 @@ pub use side::{Described, NetworkSide, Peer, RobotSide, Side, Standing};
 
 use awake::Awake;
 use bytes::Bytes;
+use channel::channel;
 use experiment::{Tls, Transport};
 use process::ChildProcess;
 use proto::config::Problem;
 use proto::digest::Digest;
 use proto::exchange::ConfigureRequest;
-use proto_host::{CONNECTION_WINDOW_BYTES, HEADER_LIST_BYTES, STREAM_WINDOW_BYTES};
 use proto_messages::convert::InvalidField;
 use std::future::Future;
-use std::os::unix::fs::PermissionsExt as _;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
+use tonic::transport::Channel;
 use tonic::{Code, Status, Streaming};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
@@ -532,66 +533,4 @@ fn cause(status: &Status) -> String {
         }
         text => text,
     }
-}
-
-async fn channel(side: &'static str, url: &str, tls: Option<&Tls>) -> Result<Channel, SideError> {
-    let unreachable = |reason: String| SideError::Unreachable { side, url: url.to_owned(), reason };
-    let mut endpoint = Endpoint::from_shared(url.to_owned())
-        .map_err(|error| unreachable(error.to_string()))?
-        .connect_timeout(SETUP)
-        .tcp_nodelay(true)
-        .initial_stream_window_size(STREAM_WINDOW_BYTES)
-        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
-        .http2_max_header_list_size(HEADER_LIST_BYTES);
-    if url.starts_with("https://") {
-        let tls = tls.ok_or_else(|| {
-            unreachable(
-                "https requires the certificate authority; give --tls-ca or [experiment.tls] ca"
-                    .to_owned(),
-            )
-        })?;
-        let read = |path: &std::path::Path| {
-            std::fs::read(path).map_err(|error| SideError::Certificate {
-                path: path.to_owned(),
-                reason: error.to_string(),
-            })
-        };
-        let mut config =
-            ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(&tls.ca)?));
-        if let Some((cert, key)) = &tls.identity {
-            private(key)?;
-            config = config.identity(Identity::from_pem(read(cert)?, read(key)?));
-        }
-        endpoint = endpoint.tls_config(config).map_err(|error| unreachable(innermost(&error)))?;
-    }
-    // The endpoint's own limit does not cover the handshake of TLS.
-    tokio::time::timeout(SETUP, endpoint.connect())
-        .await
-        .map_err(|_| unreachable(format!("no connection within {} s", SETUP.as_secs())))?
-        .map_err(|error| unreachable(innermost(&error)))
-}
-
-/// A key that other users can read is no secret.
-fn private(key: &std::path::Path) -> Result<(), SideError> {
-    // One that is missing is named when it is read.
-    let Ok(metadata) = std::fs::metadata(key) else { return Ok(()) };
-    let mode = metadata.permissions().mode() & 0o777;
-    if mode & 0o077 == 0 {
-        return Ok(());
-    }
-    Err(SideError::Certificate {
-        path: key.to_owned(),
-        reason: format!(
-            "other users can read this private key (its mode is {mode:03o}); run: chmod 600 {}",
-            key.display()
-        ),
-    })
-}
-
-fn innermost(error: &dyn std::error::Error) -> String {
-    let mut error = error;
-    while let Some(source) = error.source() {
-        error = source;
-    }
-    error.to_string()
 }

@@ -4,8 +4,10 @@
 //! The file is replaced as a whole. It begins with a magic number and the SHA-256 of what follows, a [`Checkpoint`] in postcard.
 
 use super::RecordError;
+use super::bounded::read_file;
 use super::log::{StoredMessage, Topic};
 use bytes::Bytes;
+use proto::bounds::CHECKPOINT_BYTES;
 use proto::digest;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
@@ -86,7 +88,7 @@ impl Checkpoint {
     pub fn read(dir: &Path) -> Result<Option<Self>, CheckpointError> {
         let path = dir.join(FILE);
         let shown = path.display().to_string();
-        let content = match fs::read(&path) {
+        let content = match read_file(&CHECKPOINT_BYTES, &path) {
             Ok(content) => content,
             Err(source) if source.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(CheckpointError::Read { path: shown, source }),

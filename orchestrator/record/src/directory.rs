@@ -1,9 +1,11 @@
 //! Where a record grows and where it goes: `OUT/.<name>.partial-<pid>/` until it is whole, then `OUT/<name>/`, or
 //! `OUT/<name>-2/` where it may not replace what stands there.
 
+use super::bounded::read_file;
 use super::lock::ResultLock;
 use super::run_summary::RunSummary;
 use super::{RecordError, Status, TABLES};
+use proto::bounds::DESCRIPTION_BYTES;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -211,7 +213,7 @@ impl Directory {
         if !lock.is_held() {
             return Err(RecordError::LockLost { target, partial });
         }
-        let config = fs::read(partial.join(CONFIG_FILE)).ok();
+        let config = read_file(&DESCRIPTION_BYTES, &partial.join(CONFIG_FILE)).ok();
         let mut kept = None;
         for n in 1u32.. {
             let dir = if n == 1 { target.clone() } else { out.join(format!("{name}-{n}")) };
@@ -258,7 +260,7 @@ impl EarlierResult {
     fn read(dir: &Path) -> Option<Self> {
         is_record(dir).then(|| Self {
             summary: RunSummary::read(dir).ok(),
-            config: fs::read(dir.join(CONFIG_FILE)).ok(),
+            config: read_file(&DESCRIPTION_BYTES, &dir.join(CONFIG_FILE)).ok(),
         })
     }
 
@@ -331,7 +333,7 @@ fn files_of_run(dir: &Path) -> BTreeSet<String> {
     let always = [CONFIG_FILE, "provenance.json", "report.html", RunSummary::FILE, "run.log"];
     let mut names: BTreeSet<String> = always.map(str::to_owned).into();
     names.extend(TABLES.iter().map(|table| table.file.to_owned()));
-    let provenance = fs::read(dir.join("provenance.json")).ok();
+    let provenance = read_file(&DESCRIPTION_BYTES, &dir.join("provenance.json")).ok();
     let provenance: Option<Provenance> =
         provenance.and_then(|content| serde_json::from_slice(&content).ok());
     names.extend(provenance.into_iter().flat_map(|provenance| provenance.files).map(|(n, _)| n));
@@ -376,7 +378,7 @@ fn sync_dir(dir: &Path) -> Result<(), RecordError> {
 
 /// Whether `dir` holds what a run left.
 pub(crate) fn is_record(dir: &Path) -> bool {
-    fs::read(dir.join(RunSummary::FILE))
+    read_file(&DESCRIPTION_BYTES, &dir.join(RunSummary::FILE))
         .ok()
         .and_then(|text| serde_json::from_slice::<Tagged>(&text).ok())
         .is_some_and(|tagged| tagged.schema.starts_with(SCHEMA_PREFIX))

@@ -78,7 +78,11 @@ impl Write for WholeFile {
 }
 
 /// The fingerprint of a file that stands on disk.
-pub(crate) fn fingerprint(path: &Path) -> std::io::Result<Fingerprint> {
+///
+/// # Errors
+///
+/// It cannot be read.
+pub fn fingerprint(path: &Path) -> std::io::Result<Fingerprint> {
     let mut file = BufReader::new(File::open(path)?);
     let mut hash = Sha256::new();
     let mut n_bytes = 0;

@@ -8,6 +8,7 @@
 //! The same configuration and seed leave the same messages, tables and summary, byte for byte. What depends on when, where
 //! and how a run was made is in `provenance.json` alone.
 
+pub mod bounded;
 pub mod checkpoint;
 mod directory;
 mod error;
@@ -28,6 +29,7 @@ pub mod verify;
 mod writer;
 
 pub use error::RecordError;
+pub use hashed_file::fingerprint;
 pub use measurer::Measurer;
 pub use pcap::CapturePart;
 pub use table::{ColumnKind, ColumnShape, TableShape};

@@ -6,9 +6,11 @@
 //! takes over a stale lock first takes the lock of that very lock, so that of several only one removes it.
 
 use super::RecordError;
+use super::bounded::read_file;
 use nix::errno::Errno;
 use nix::sys::signal::kill;
 use nix::unistd::Pid;
+use proto::bounds::LOCK_BYTES;
 use proto::digest::hex;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -219,7 +221,7 @@ enum Found {
 }
 
 fn read(path: &Path) -> io::Result<Found> {
-    match fs::read(path) {
+    match read_file(&LOCK_BYTES, path) {
         Ok(content) => {
             Ok(serde_json::from_slice(&content).map_or(Found::Unreadable, Found::Holder))
         }

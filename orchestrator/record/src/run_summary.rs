@@ -1,10 +1,12 @@
 //! `summary.json`: what came of a run, in numbers, as it is written and read back.
 
 use super::Status;
+use super::bounded::read_file;
 use experiment::Start;
 use indexmap::IndexMap;
 use metrics::figures::FiguresByName;
 use metrics::kpi::kpi_summary::KpiSummary;
+use proto::bounds::DESCRIPTION_BYTES;
 use proto::types::Coupling;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -201,6 +203,6 @@ impl RunSummary {
     ///
     /// There is none, or it is not that of a run.
     pub fn read(dir: &Path) -> Result<Self, SummaryError> {
-        Ok(serde_json::from_slice(&std::fs::read(dir.join(Self::FILE))?)?)
+        Ok(serde_json::from_slice(&read_file(&DESCRIPTION_BYTES, &dir.join(Self::FILE))?)?)
     }
 }

@@ -1,11 +1,13 @@
 //! Checks a record: every file whole, every step there, every digest right.
 
+use super::bounded::{read_file, read_text_file};
 use super::directory::is_record;
 use super::hashed_file::{Fingerprint, fingerprint};
 use super::pcap::{self, Counter};
 use super::read::{ReadError, RunReader};
 use super::run_summary::{FileCount, RunSummary};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use proto::bounds::DESCRIPTION_BYTES;
 use proto::digest::full::{NetworkReply, RobotsReply, of_exchange};
 use proto::digest::{Digest, hex, of_step};
 use proto::types::{AgentStates, Coupling, Deliveries};
@@ -82,7 +84,8 @@ struct Provenance {
 
 fn json<T: DeserializeOwned>(dir: &Path, name: &str, report: &mut VerifyReport) -> Option<T> {
     let read = || -> Result<T, String> {
-        let text = std::fs::read(dir.join(name)).map_err(|error| error.to_string())?;
+        let text =
+            read_file(&DESCRIPTION_BYTES, &dir.join(name)).map_err(|error| error.to_string())?;
         serde_json::from_slice(&text).map_err(|error| error.to_string())
     };
     read().map_err(|error| report.problems.push(format!("{name}: {error}"))).ok()
@@ -116,7 +119,7 @@ fn whole_files(dir: &Path, provenance: Provenance, report: &mut VerifyReport) {
 }
 
 fn configuration(dir: &Path, report: &mut VerifyReport) {
-    match std::fs::read_to_string(dir.join("config.toml")) {
+    match read_text_file(&DESCRIPTION_BYTES, &dir.join("config.toml")) {
         Ok(text) => {
             if let Err(error) = text.parse::<toml::Table>() {
                 report.problems.push(format!("config.toml: is not TOML: {}", error.message()));

@@ -8,6 +8,8 @@ use metrics::figures::FigureValue;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
+use proto::bounds::DESCRIPTION_BYTES;
+use record::bounded::{read_file, read_text_file};
 use record::run_summary::RunSummary;
 use record::{SCHEMA_PREFIX, Status, Tagged};
 use std::collections::{BTreeMap, BTreeSet};
@@ -41,10 +43,11 @@ pub(super) fn find(path: &Path) -> Result<RunFolder, CompareRunsError> {
         let hint = "is not the folder of a run or of a finished sweep";
         wrong(format!("{hint} (summary.json: {error})"))
     };
-    let text = std::fs::read(path.join(RunSummary::FILE)).map_err(|error| foreign(&error))?;
+    let text = read_file(&DESCRIPTION_BYTES, &path.join(RunSummary::FILE))
+        .map_err(|error| foreign(&error))?;
     let Tagged { schema } = serde_json::from_slice(&text).map_err(|error| foreign(&error))?;
     let config = |name: &str| {
-        std::fs::read_to_string(path.join(name))
+        read_text_file(&DESCRIPTION_BYTES, &path.join(name))
             .map_err(|error| error.to_string())
             .and_then(|text| text.parse::<toml::Table>().map_err(|error| error.to_string()))
             .map_err(|reason| wrong(format!("{name}: {reason}")))

@@ -1,10 +1,15 @@
 //! What differs between asking robots and asking a network.
 
 use super::{Questions, STEP_NS, status_text, within};
+use bytes::Bytes;
 use drive::peer::{NetworkSide, RobotSide, Service};
 use prost::Message as _;
+use proto::digest::full::{
+    NetworkGiven, NetworkReply, RobotsGiven, RobotsReply, of_network_step, of_robots_step,
+};
 use proto::digest::{self, Digest};
-use proto::types::{AgentStates, Deliveries, Heard, Payloads, Transmissions};
+use proto::side::{NetInput, RobotInput};
+use proto::types::{AgentStates, Deliveries, Heard, NetRecord, Payloads, Transmissions};
 use proto_messages::{convert, v1};
 use tokio_stream::StreamExt as _;
 use tonic::Status;
@@ -13,6 +18,8 @@ use tonic::Status;
 pub(super) trait Probe: Service {
     /// What must be remembered between steps to compute the digest.
     type Exchange: Default + Send;
+    /// What the full digest knows of what the side was given.
+    type Given: Send;
     /// The promise to stand still while `hold` is set. `None`: this side has no such field.
     const HOLD: Option<&'static str> = None;
 
@@ -28,6 +35,17 @@ pub(super) trait Probe: Service {
         n: usize,
         exchange: &mut Self::Exchange,
     ) -> Result<Digest, String>;
+    /// The records that a step may ask for, of those that `Configure` asked for.
+    fn kept(start: &Self::Start) -> Vec<NetRecord>;
+    /// A step that asks for `records`, and what the side is given by it.
+    fn given(
+        step: u64,
+        until_ns: u64,
+        n: usize,
+        records: &[NetRecord],
+    ) -> (Self::StepRequest, Self::Given);
+    /// The full digest of a step that was answered with `reply`.
+    fn full_digest(start: &Digest, given: &Self::Given, reply: &Self::Reply) -> Digest;
     /// A reply for comparison: its digest, which single calls may leave out, does not count.
     fn bytes(reply: Self::StepResponse) -> Vec<u8>;
     /// Requests that break the contract, with the promise that each tests.
@@ -108,6 +126,7 @@ fn stands(step: u64, until_ns: u64, got: (u64, u64)) -> Result<(), String> {
 
 impl Probe for RobotSide {
     type Exchange = ();
+    type Given = RobotsGiven;
     const HOLD: Option<&'static str> = Some(
         "with hold, robots stand still while time advances; without it, they are stepped as usual",
     );
@@ -149,6 +168,33 @@ impl Probe for RobotSide {
         let states =
             convert::states(reply.states.clone(), n).map_err(|invalid| invalid.to_string())?;
         Ok(digest::of_step(step, until_ns, &states, deliveries_for_step(step, n).as_ref()))
+    }
+
+    fn kept(_: &Self::Start) -> Vec<NetRecord> {
+        Vec::new()
+    }
+
+    fn given(
+        step: u64,
+        until_ns: u64,
+        n: usize,
+        _: &[NetRecord],
+    ) -> (Self::StepRequest, Self::Given) {
+        let deliveries = deliveries_for_step(step, n);
+        let input = RobotInput {
+            step,
+            from_ns: until_ns - STEP_NS,
+            until_ns,
+            deliveries: deliveries.as_ref(),
+            motes: None,
+            commands: &[],
+            hold: false,
+        };
+        (Self::request(&input, Bytes::new()), RobotsGiven::of_input(&input, &[]))
+    }
+
+    fn full_digest(start: &Digest, given: &Self::Given, reply: &Self::Reply) -> Digest {
+        of_robots_step(start, given, &RobotsReply::of_step(reply))
     }
 
     fn bytes(mut reply: Self::StepResponse) -> Vec<u8> {
@@ -260,6 +306,7 @@ fn stands_still(before: &AgentStates, after: &AgentStates) -> Result<(), String>
 impl Probe for NetworkSide {
     /// What was delivered in the step before.
     type Exchange = Option<Deliveries>;
+    type Given = NetworkGiven;
 
     fn configure_request(seed: u64, n: u32, step_ns: u64, toml: &str) -> Self::ConfigureRequest {
         v1::NetSimServiceConfigureRequest {
@@ -300,6 +347,34 @@ impl Probe for NetworkSide {
         let digest = digest::of_step(step, until_ns, &states(n), before.as_ref());
         *before = Some(delivered.unwrap_or_default());
         Ok(digest)
+    }
+
+    fn kept(start: &Self::Start) -> Vec<NetRecord> {
+        start.records.iter().copied().filter(|record| record.is_state()).collect()
+    }
+
+    fn given(
+        step: u64,
+        until_ns: u64,
+        n: usize,
+        records: &[NetRecord],
+    ) -> (Self::StepRequest, Self::Given) {
+        let input = NetInput {
+            step,
+            from_ns: until_ns - STEP_NS,
+            until_ns,
+            states: &states(n),
+            payloads: &payloads(n),
+            moved_obstacles: &[],
+            commands: &[],
+            stop_at_first_delivery: false,
+            records,
+        };
+        (Self::request(&input, Bytes::new()), NetworkGiven::of_input(&input, &[]))
+    }
+
+    fn full_digest(start: &Digest, given: &Self::Given, reply: &Self::Reply) -> Digest {
+        of_network_step(start, given, &NetworkReply::of_step(reply), &reply.capture)
     }
 
     fn bytes(mut reply: Self::StepResponse) -> Vec<u8> {

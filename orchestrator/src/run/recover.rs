@@ -7,11 +7,15 @@ use super::start::{StartOptions, connect, header, ready_with};
 use super::{Audience, RunError, RunReport, provenance};
 use drive::{ConfigureRequests, Wanted};
 use experiment::{Overrides, Start};
+use proto::bounds::DESCRIPTION_BYTES;
+use record::bounded::read_file;
 use record::leftover::Leftover;
 use record::read::RunReader;
 use record::run_summary::RunSummary;
 use record::values;
-use record::{Ending, Finished, RecordError, Recorder, ReplacePolicy, Reservation, Status};
+use record::{
+    Ending, Finished, RecordError, Recorder, ReplacePolicy, Reservation, Status, fingerprint,
+};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -140,7 +144,7 @@ pub async fn reproduce(
     audience: &mut impl Audience,
 ) -> Result<Reproduction, RunError> {
     let not_complete = |reason: String| RunError::NotReproducible { dir: run.to_owned(), reason };
-    let text = std::fs::read(run.join(RunSummary::FILE)).map_err(|error| {
+    let text = read_file(&DESCRIPTION_BYTES, &run.join(RunSummary::FILE)).map_err(|error| {
         not_complete(format!("its {} cannot be read: {error}", RunSummary::FILE))
     })?;
     let summary: RunSummary = serde_json::from_slice(&text)
@@ -181,7 +185,8 @@ pub async fn reproduce(
 fn compare(run: &Path, again: &Path) -> Result<Reproduction, String> {
     let list = |dir: &Path| -> Result<(Map<String, Value>, String), String> {
         let path = dir.join("provenance.json");
-        let text = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let text = read_file(&DESCRIPTION_BYTES, &path)
+            .map_err(|error| format!("{}: {error}", path.display()))?;
         let value: Value = serde_json::from_slice(&text)
             .map_err(|error| format!("{}: {error}", path.display()))?;
         let files = value["files"].as_object().cloned().unwrap_or_default();
@@ -197,8 +202,8 @@ fn compare(run: &Path, again: &Path) -> Result<Reproduction, String> {
             continue;
         }
         // What stands there counts, not what was listed when it was written.
-        let read = |dir: &Path| std::fs::read(dir.join(name)).ok();
-        let is_equal = match (read(run), read(again)) {
+        let found = |dir: &Path| fingerprint(&dir.join(name)).ok();
+        let is_equal = match (found(run), found(again)) {
             (Some(before), Some(after)) => before == after,
             _ => false,
         };

@@ -5,14 +5,16 @@
 //! was changed, is moved to a file of its own, and its trial is run again.
 
 use metrics::figures::FiguresByName;
+use proto::bounds::JOURNAL_BYTES;
 use proto::digest::hex;
 use record::RecordError;
+use record::bounded::read_file;
 use record::lock::ResultLock;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
-use std::io::{Read as _, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// What came of a trial.
@@ -150,11 +152,10 @@ impl Journal {
             .truncate(false)
             .open(&path)
             .map_err(failed)?;
-        let mut bytes = Vec::new();
         if anew {
             file.set_len(0).map_err(failed)?;
         }
-        file.read_to_end(&mut bytes).map_err(failed)?;
+        let bytes = JOURNAL_BYTES.read(&mut file).map_err(failed)?;
         let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
         file.set_len(whole as u64).map_err(failed)?;
         let mut content = JournalContent::default();
@@ -220,7 +221,7 @@ impl Journal {
 
 /// The keys of trials in a journal that need not be run again, without a look at who writes it; none where it cannot be read.
 pub(super) fn keys(path: &Path) -> BTreeSet<String> {
-    let bytes = fs::read(path).unwrap_or_default();
+    let bytes = read_file(&JOURNAL_BYTES, path).unwrap_or_default();
     let rows = bytes.split(|&byte| byte == b'\n').filter_map(|line| match read(line) {
         Line::Row(row) | Line::Unchecked(row) if !row.has_failed() => Some(row.key),
         _ => None,

@@ -46,13 +46,26 @@ pub const CELLS: Bound = Bound { what: "number of rows times columns", most: 500
 /// One message or chunk of `run.mcap`, decompressed.
 pub const RECORDING_BYTES: Bound =
     Bound { what: "size of a record of run.mcap (bytes)", most: 512 << 20 };
+/// Size of a file that describes a result: `summary.json`, `provenance.json`, `config.toml`, `sweep.toml`.
+pub const DESCRIPTION_BYTES: Bound =
+    Bound { what: "size of a file that describes a result (bytes)", most: 256 << 20 };
+/// Size of the state of an interrupted run.
+pub const CHECKPOINT_BYTES: Bound = Bound { what: "size of a checkpoint (bytes)", most: 8 << 30 };
+/// Size of the journal of a sweep.
+pub const JOURNAL_BYTES: Bound =
+    Bound { what: "size of the journal of a sweep (bytes)", most: 8 << 30 };
+/// Size of a file that says who writes a result.
+pub const LOCK_BYTES: Bound = Bound { what: "size of a lock (bytes)", most: 64 << 10 };
+/// Size of a file of certificates, or of a key.
+pub const CERTIFICATE_BYTES: Bound =
+    Bound { what: "size of a certificate or key (bytes)", most: 16 << 20 };
 /// Time of a packet since the network was switched on: what is simulated again.
 pub const PACKET_TIME_S: Bound = Bound { what: "time of a packet (s)", most: 604_800 };
 /// Time that a packet takes from its source to its destination.
 pub const LATENCY_S: Bound = Bound { what: "latency of a packet (s)", most: 3600 };
 
 /// All of them.
-pub const ALL: [Bound; 15] = [
+pub const ALL: [Bound; 20] = [
     CONFIGURATION_BYTES,
     CONFIGURATION_VALUES,
     TABLE_KEYS,
@@ -66,6 +79,11 @@ pub const ALL: [Bound; 15] = [
     ROWS,
     CELLS,
     RECORDING_BYTES,
+    DESCRIPTION_BYTES,
+    CHECKPOINT_BYTES,
+    JOURNAL_BYTES,
+    LOCK_BYTES,
+    CERTIFICATE_BYTES,
     PACKET_TIME_S,
     LATENCY_S,
 ];

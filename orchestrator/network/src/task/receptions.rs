@@ -3,6 +3,7 @@
 use bytes::Bytes;
 use measure::table::DataTable;
 use measure::{links, packets};
+use proto::bounds::DESCRIPTION_BYTES;
 use proto::types::{Deliveries, Heard, NS_PER_S, Payloads, Transmissions};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -233,7 +234,8 @@ pub fn collect(
     reason = "what a run has kept is in the configuration beside its tables"
 )]
 fn is_whole(run: &Path) -> Result<(), String> {
-    let text = std::fs::read_to_string(run.join("config.toml"))
+    let text = std::fs::File::open(run.join("config.toml"))
+        .and_then(|file| DESCRIPTION_BYTES.read_text(file))
         .map_err(|error| format!("{}: {error}", run.join("config.toml").display()))?;
     let config: toml::Table = text.parse().unwrap_or_default();
     let output = config.get("output").and_then(toml::Value::as_table);
