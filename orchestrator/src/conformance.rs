@@ -5,6 +5,7 @@ mod probe;
 use drive::peer::{Described, SideError, Standing, connect};
 use experiment::Tls;
 use probe::Probe;
+use proto::config::Problem;
 use proto::digest;
 use proto::exchange::ConfigureRequest;
 use proto::types::{Coupling, Experiment};
@@ -187,6 +188,17 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
     );
     let name = if described.name.is_empty() { S::SIDE.to_owned() } else { described.name.clone() };
     let configured = session.configure(1).await;
+    if let Err(reason) = &configured
+        && reason.starts_with("InvalidArgument")
+    {
+        let hint = match options.config_toml.trim() {
+            "" => "give the simulator its section of an experiment file with --config FILE",
+            _ => "mend the file of --config",
+        };
+        let problem =
+            Problem::new("", format!("the simulator refused its configuration; {hint}: {reason}"));
+        return Err(SideError::Unacceptable { side: S::SIDE, problems: vec![problem] });
+    }
     if !found("Configure begins an experiment", configured.map(|_| ())) {
         return Ok(Conformance { name, findings });
     }

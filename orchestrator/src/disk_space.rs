@@ -48,9 +48,24 @@ pub(crate) fn n_steps(plan: &Plan) -> u64 {
 
 /// The least that a recording takes, whatever happens in it: nothing may be heard, and robots may be done at once.
 pub(crate) fn least_bytes(plan: &Plan) -> u64 {
-    if plan.stop_when_complete {
-        return 0;
-    }
+    if plan.stop_when_complete { 0 } else { least_bytes_to_the_end(plan) }
+}
+
+/// What to say before a run that fits only if the robots are done early.
+pub(crate) fn fits_if_ended_early(plan: &Plan, out: &Path) -> Option<String> {
+    let least = least_bytes_to_the_end(plan);
+    let free = free_bytes(out).filter(|&free| free < least)?;
+    Some(format!(
+        "--out {}: results take at least {} if the robots are not done before {} s, but {} are free; --dry-run estimates how \
+         much they take",
+        out.display(),
+        bytes(least),
+        proto::types::seconds(plan.duration_ns),
+        bytes(free)
+    ))
+}
+
+fn least_bytes_to_the_end(plan: &Plan) -> u64 {
     let rows = n_steps(plan).saturating_mul(plan.experiment.agent_count as u64);
     let output = &plan.output;
     let in_log = if output.mcap { rows } else { 0 };

@@ -89,6 +89,14 @@ pub enum RunError {
         /// Its folder.
         dir: PathBuf,
     },
+    /// What a killed run has left cannot be made a result.
+    #[error("{} cannot be recovered: {reason}", dir.display())]
+    NotRecovered {
+        /// Its folder.
+        dir: PathBuf,
+        /// Why not.
+        reason: String,
+    },
     /// A recorded run cannot be run again.
     #[error("{} cannot be reproduced: {reason}", dir.display())]
     NotReproducible {
@@ -149,6 +157,7 @@ impl RunError {
             | Self::Space(_)
             | Self::Leftover { .. }
             | Self::NoCheckpoint { .. }
+            | Self::NotRecovered { .. }
             | Self::NotReproducible { .. } => 2,
             Self::Record { before_start: true, .. } => 2,
             Self::Side { error, .. } => side_status(error),
@@ -219,6 +228,9 @@ pub async fn run(
 ) -> Result<RunReport, RunError> {
     let plan = experiment::load(&options.config, &options.overrides)?;
     disk_space::fits(disk_space::least_bytes(&plan), &options.out).map_err(RunError::Space)?;
+    if let Some(warning) = disk_space::fits_if_ended_early(&plan, &options.out) {
+        audience.warn(&warning);
+    }
     let mut interrupt = Interrupt::listen();
     // A place for the results first: what cannot be written is not worth computing.
     let reservation = Reservation::new(&options.out, &plan.name)
@@ -238,7 +250,7 @@ pub async fn run(
         // What was started ends with the future that holds it.
         signal = interrupt.first() => Err(RunError::Interrupted { signal }),
     };
-    let begun = Begun { reservation, replace: options.replace, log: log.clone() };
+    let begun = Begun { reservation, replace: options.replace, log: log.clone(), before: None };
     let attempt = Attempt::begin(&plan, begun, started?).await?;
     let origin = Origin::new(options.out.clone(), options.replace);
     carry_out(&plan, &options.start, attempt, origin, interrupt, audience).await

@@ -267,7 +267,7 @@ pub async fn dry_run(options: &SweepOptions) -> Result<DryRun, SweepError> {
     let mut dry = DryRun {
         name: plan.name.clone(),
         trials: n_trials,
-        wall_s: dry.wall_s.map(|wall_s| wall_s * shares / n_jobs as f64),
+        wall_s: dry.wall_s.filter(|_| n_trials != 0).map(|wall_s| wall_s * shares / n_jobs as f64),
         memory_bytes: dry.memory_bytes.map(|bytes| bytes.saturating_mul(n_jobs)),
         disk_bytes: dry.disk_bytes.map(|bytes| (bytes as f64 * kept_shares) as u64 + lines),
         least_disk_bytes: least_bytes(&plan, &trials)?,

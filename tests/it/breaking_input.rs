@@ -73,7 +73,7 @@ fn a_temperature_of_1e308_and_an_antenna_below_the_ground_are_warned_of() {
     let warned = warnings(&links_with("temperature_c", 7, "1e308"));
     assert!(
         warned.contains(
-            "temperature_c is 1e308 on line 8, but must be from -273.15 to 2000; 1 such rows"
+            "temperature_c is 1e308 on line 8, but must be from -273.15 to 2000; rows that are not used for that: 1"
         ),
         "{warned}"
     );
@@ -165,4 +165,22 @@ fn the_documentation_lists_every_bound() {
         let row = format!("| {} | {} |", bound.what, bound.most);
         assert!(page.contains(&row), "docs/outputs.md has no row {row}");
     }
+}
+
+#[test]
+fn a_network_whose_batteries_are_empty_has_not_formed() {
+    let folder = tests::folder();
+    let config = repository().join("configs/sensors-msf.toml");
+    let sets = [
+        "netsim.energy.battery_mah=0.01",
+        "netsim.energy.deaths=true",
+        "experiment.formation_limit_s=60",
+    ];
+    let mut arguments = vec!["run", config.to_str().unwrap()];
+    arguments.extend(sets.iter().flat_map(|set| ["--set", set]));
+    let output = orchestrator(&arguments, folder.path());
+    let said = said(&output);
+    assert!(!output.status.success(), "{said}");
+    assert!(said.contains("the network had not formed after 60 s"), "{said}");
+    assert!(said.contains("has an empty battery: 1, 2, 3"), "{said}");
 }

@@ -75,6 +75,17 @@ fn a_full_digest_that_leaves_something_out_is_found() {
 }
 
 #[test]
+fn a_configuration_that_is_refused_is_no_broken_promise() {
+    let server = Server::start("robotsim", &[]).unwrap();
+    let folder = tests::folder();
+    let output = tests::orchestrator(&["conformance", "robotsim", &server.url], folder.path());
+    let said = tests::said(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("--config FILE") && said.contains("scenario.kind"), "{said}");
+    assert!(!said.contains("BROKEN"), "{said}");
+}
+
+#[test]
 fn robots_that_do_not_stand_still_when_told_to_are_found() {
     for (fault, said, status_expected) in
         [(Fault::Restless, "broken", 1), (Fault::CannotHold, "not-announced", 0)]

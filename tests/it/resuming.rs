@@ -237,3 +237,67 @@ fn a_recorded_run_is_reproduced_from_its_own_folder() {
     assert!(tests::said(&other).contains("run.mcap"), "{}", tests::said(&other));
     assert!(tests::said(&other).contains("the first difference is in step"));
 }
+
+#[test]
+fn a_result_is_not_recovered_and_stays() {
+    let folder = tests::folder();
+    let (name, sets) = EXPERIMENTS[0];
+    finished(&arguments(name, sets, "whole", &[]), folder.path());
+    let result = folder.path().join("whole").join(name);
+    let before = std::fs::read(result.join("run.mcap")).unwrap();
+    for command in [&["recover"][..], &["run", "--resume"]] {
+        let arguments = [command, &[result.to_str().unwrap()]].concat();
+        let output = tests::orchestrator(&arguments, folder.path());
+        assert_eq!(output.status.code(), Some(2), "{}", tests::said(&output));
+        assert!(tests::said(&output).contains("it is the result of a run that ended"));
+    }
+    assert_eq!(std::fs::read(result.join("run.mcap")).unwrap(), before);
+}
+
+#[test]
+fn a_seed_that_was_changed_after_the_run_is_named() {
+    let folder = tests::folder();
+    let (name, sets) = EXPERIMENTS[0];
+    let left = killed(&arguments(name, sets, "killed", &[]), folder.path(), "killed");
+    let config = std::fs::read_to_string(left.join("config.toml")).unwrap();
+    let other = config.replace("\nseed = 1\n", "\nseed = 5\n");
+    assert_ne!(other, config);
+    std::fs::write(left.join("config.toml"), &other).unwrap();
+    let output = tests::orchestrator(&["recover", left.to_str().unwrap()], folder.path());
+    let said = tests::said(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("seed 5") && said.contains("recorded are seed 1"), "{said}");
+    // Put back, it is recovered, with the log of the run.
+    std::fs::write(left.join("config.toml"), &config).unwrap();
+    let output = tests::orchestrator(&["recover", left.to_str().unwrap()], folder.path());
+    assert!(output.status.success(), "{}", tests::said(&output));
+    let result = folder.path().join("killed").join(name);
+    let log = std::fs::read_to_string(result.join("run.log")).unwrap();
+    assert!(log.contains("seed"), "{log}");
+    std::fs::write(result.join("config.toml"), &other).unwrap();
+    let output = tests::orchestrator(&["verify", result.to_str().unwrap()], folder.path());
+    let said = tests::said(&output);
+    assert!(said.contains("config.toml: experiment.seed is 5"), "{said}");
+}
+
+#[test]
+fn the_log_of_a_resumed_run_tells_of_both_parts() {
+    let folder = tests::folder();
+    let (name, sets) = EXPERIMENTS[0];
+    let left = killed(&arguments(name, sets, "killed", &[]), folder.path(), "killed");
+    let before = std::fs::read_to_string(left.join("run.log")).unwrap();
+    finished(&["run", "--resume", left.to_str().unwrap()].map(str::to_owned), folder.path());
+    let result = folder.path().join("killed").join(name);
+    let log = std::fs::read_to_string(result.join("run.log")).unwrap();
+    assert!(log.starts_with(&before) && before.len() < log.len(), "{log}");
+}
+
+#[test]
+fn another_interval_of_checkpoints_is_the_same_experiment() {
+    let folder = tests::folder();
+    let (name, sets) = EXPERIMENTS[0];
+    finished(&arguments(name, sets, "out", &[]), folder.path());
+    let more = ["--set", "experiment.restarts=7"];
+    let said = finished(&arguments(name, sets, "out", &more), folder.path());
+    assert!(!folder.path().join("out").join(format!("{name}-2")).exists(), "{said}");
+}

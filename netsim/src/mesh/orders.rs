@@ -55,6 +55,11 @@ impl Mesh {
         }
     }
 
+    /// Whether the mote has failed because its battery is empty.
+    pub(super) fn has_run_empty(&self, mote: u32, asn: u64) -> bool {
+        self.settings.battery_deaths && self.is_empty(mote, asn)
+    }
+
     /// Whether the mote has drawn what its battery held, until slot `asn`. Roots have none.
     pub(super) fn is_empty(&self, mote: u32, asn: u64) -> bool {
         let node = &self.state.motes[mote as usize];

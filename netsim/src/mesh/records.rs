@@ -69,11 +69,12 @@ impl Mesh {
         if !std::mem::take(&mut self.readiness_changed) || self.state.formed.formed_ns.is_some() {
             return;
         }
-        let state = &mut self.state;
-        let mut on = state.motes.iter().filter(|mote| mote.is_on());
-        let all = on.all(|mote| mote.ready);
+        let all =
+            self.state.motes.iter().all(|mote| {
+                if mote.is_on() { mote.ready } else { !self.has_run_empty(mote.id, asn) }
+            });
         if all {
-            state.formed.formed_ns = Some((asn + 1) * self.config.slot_ns);
+            self.state.formed.formed_ns = Some((asn + 1) * self.config.slot_ns);
         }
     }
 
@@ -88,10 +89,17 @@ impl Mesh {
         };
         if formed_ns.is_none() {
             for mote in &self.state.motes {
+                if !mote.is_on() && self.has_run_empty(mote.id, self.state.asn) {
+                    formation.missing.push(mote.id);
+                    formation.reason.push(Lack::ALL.len() as u32);
+                }
                 if let (true, Some(lack)) = (mote.is_on(), mote.lacks()) {
                     formation.missing.push(mote.id);
                     formation.reason.push(lack as u32);
                 }
+            }
+            if formation.reason.contains(&(Lack::ALL.len() as u32)) {
+                formation.reasons.push("has an empty battery".to_owned());
             }
         }
         formation

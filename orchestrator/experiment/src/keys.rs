@@ -3,6 +3,10 @@
 use super::control;
 use proto::config::{Choice, Default, Field, Kind, Range, TableSpec};
 
+/// Keys of `[experiment]` on which no result depends.
+pub const WITHOUT_EFFECT: [&str; 6] =
+    ["transport", "tls", "step_deadline_s", "checkpoint_every_s", "restarts", "reconnect_limit_s"];
+
 /// Description of `[experiment]`.
 pub const EXPERIMENT: TableSpec = TableSpec {
     doc: "The experiment: its name, seed, duration and number of robots, and how the two simulators are coupled.",

@@ -9,7 +9,7 @@ pub mod sweep;
 pub mod timeline;
 
 pub use control::ControlPeriod;
-pub use keys::EXPERIMENT;
+pub use keys::{EXPERIMENT, WITHOUT_EFFECT};
 pub use output::OutputConfig;
 pub use overrides::Overrides;
 pub use overrides::opened;

@@ -76,7 +76,7 @@ impl<'a> RangeCheck<'a> {
         self.columns.iter().filter_map(|column| {
             let (rows, value, line) = column.outside?;
             Some(format!(
-                "{} is {value:?} on line {line}, but must be {}; {rows} such rows are not used. Check the unit",
+                "{} is {value:?} on line {line}, but must be {}; rows that are not used for that: {rows}. Check the unit",
                 column.name,
                 column.range.describe()
             ))

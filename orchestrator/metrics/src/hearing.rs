@@ -1,7 +1,7 @@
 //! Who heard whom in which part of a run, thinned out so that any run fits into a few pictures.
 
 use super::period::Period;
-use proto::types::MoteStates;
+use proto::types::{Deliveries, Heard, MoteStates};
 use std::collections::BTreeMap;
 
 /// Who heard whom: of robots that speak in windows of a second, of others as the network reports it from time to time.
@@ -10,7 +10,7 @@ pub struct Hearing {
     /// Frames heard so far, as reported at some times.
     reports: Vec<Report>,
     /// Windows that are kept, equally spaced.
-    kept: Vec<Window>,
+    kept: Vec<HeardPeriod>,
     /// One of so many windows is kept.
     every: usize,
     /// Windows that have ended.
@@ -25,9 +25,63 @@ pub struct Hearing {
 struct Window {
     from_ns: u64,
     until_ns: u64,
-    /// (receiver, sender).
-    heard: Vec<(u32, u32)>,
+    heard: HeardMatrix,
     places: Vec<Option<[f64; 2]>>,
+}
+
+/// Who heard whom: a row of bits for each receiver, a bit for each sender.
+#[derive(Clone, Debug, Default)]
+struct HeardMatrix {
+    row_bytes: usize,
+    bytes: Vec<u8>,
+}
+
+impl HeardMatrix {
+    fn new(n_agents: usize) -> Self {
+        let row_bytes = n_agents.div_ceil(8);
+        Self { row_bytes, bytes: vec![0; n_agents * row_bytes] }
+    }
+
+    fn add(&mut self, deliveries: &Deliveries) {
+        let senders = &deliveries.transmissions.sender;
+        // All speak once, in their order: the usual case, whose rows are this matrix.
+        let is_each = 8 * (self.row_bytes.max(1) - 1) < senders.len()
+            && senders.iter().enumerate().all(|(index, &sender)| index == sender as usize);
+        match &deliveries.heard {
+            Heard::Rows { bytes, row_bytes }
+                if is_each && *row_bytes == self.row_bytes && bytes.len() == self.bytes.len() =>
+            {
+                self.bytes.iter_mut().zip(bytes).for_each(|(all, &new)| *all |= new);
+            }
+            _ if senders.is_empty() => {}
+            _ => {
+                for (receiver, row) in self.bytes.chunks_exact_mut(self.row_bytes).enumerate() {
+                    for index in deliveries.heard_by(receiver) {
+                        let sender = senders[index] as usize;
+                        row[sender / 8] |= 1 << (sender % 8);
+                    }
+                }
+            }
+        }
+    }
+
+    /// What either says.
+    fn with(&self, other: &Self) -> Self {
+        let bytes = self.bytes.iter().zip(&other.bytes).map(|(one, two)| one | two).collect();
+        Self { row_bytes: self.row_bytes, bytes }
+    }
+
+    /// (receiver, sender) of all bits.
+    fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let rows = self.bytes.chunks_exact(self.row_bytes.max(1)).enumerate();
+        rows.flat_map(|(receiver, row)| {
+            let bytes = row.iter().enumerate().filter(|(_, byte)| **byte != 0);
+            bytes.flat_map(move |(at, byte)| {
+                let senders = (0..8).filter(move |bit| byte >> bit & 1 == 1);
+                senders.map(move |bit| (receiver as u32, (8 * at + bit) as u32))
+            })
+        })
+    }
 }
 
 /// What was reported at a time.
@@ -74,26 +128,21 @@ impl Hearing {
 
     /// Adds what robots heard in a step in which they were free to move.
     pub fn add_payloads(&mut self, period: &Period<'_>) {
-        let begin = || Window { from_ns: period.from_ns, ..Window::default() };
+        let begin = || Window {
+            from_ns: period.from_ns,
+            heard: HeardMatrix::new(period.states.len()),
+            ..Window::default()
+        };
         let mut window = self.under_way.take().unwrap_or_else(begin);
-        let senders = &period.deliveries.transmissions.sender;
-        for receiver in (0..period.states.len()).filter(|_| !senders.is_empty()) {
-            let heard = period.deliveries.heard_by(receiver);
-            window.heard.extend(heard.map(|index| (receiver as u32, senders[index])));
-        }
+        window.heard.add(period.deliveries);
         window.until_ns = period.time_ns;
         window.places = places(period);
-        let is_over = WINDOW_NS <= window.until_ns - window.from_ns;
-        if is_over || MAX_HEARD < window.heard.len() {
-            window.heard.sort_unstable();
-            window.heard.dedup();
-        }
-        if !is_over {
+        if window.until_ns - window.from_ns < WINDOW_NS {
             self.under_way = Some(window);
             return;
         }
         if self.n_ended.is_multiple_of(self.every.max(1)) {
-            self.kept.push(window.clone());
+            self.kept.push(window.period());
             if MAX_PERIODS < self.kept.len() {
                 let mut index = 0;
                 self.kept.retain(|_| {
@@ -123,7 +172,7 @@ impl Hearing {
         let last = match (&self.ended, &self.under_way) {
             (Some(ended), Some(rest)) if !is_long(&rest) => Some(Window {
                 from_ns: ended.from_ns,
-                heard: [&ended.heard[..], &rest.heard[..]].concat(),
+                heard: ended.heard.with(&rest.heard),
                 ..rest.clone()
             }),
             (_, Some(rest)) => Some(rest.clone()),
@@ -131,7 +180,7 @@ impl Hearing {
         };
         let Some(last) = last else { return Vec::new() };
         let before = self.kept.iter().filter(|window| window.from_ns < last.from_ns);
-        before.chain([&last]).map(Window::period).collect()
+        before.cloned().chain([last.period()]).collect()
     }
 
     fn reported(&self) -> Vec<HeardPeriod> {
@@ -153,7 +202,7 @@ impl Window {
         HeardPeriod {
             from_ns: self.from_ns,
             until_ns: self.until_ns,
-            pairs: pairs_of(self.heard.iter().copied(), &self.places),
+            pairs: pairs_of(self.heard.pairs(), &self.places),
             places: self.places.clone(),
         }
     }
@@ -204,8 +253,6 @@ fn between(begin: &Report, end: &Report) -> HeardPeriod {
 
 /// Length of a window (ns).
 const WINDOW_NS: u64 = 1_000_000_000;
-/// With more entries a window is freed of what it has twice.
-const MAX_HEARD: usize = 1_000_000;
 
 /// Most periods.
 const MAX_PERIODS: usize = 12;
@@ -214,9 +261,7 @@ const MAX_PERIODS: usize = 12;
 mod tests {
     use super::*;
     use crate::counts::Counts;
-    use proto::types::{
-        AgentStates, Bitmap, Deliveries, EVERYONE, Heard, HeardLinks, Payloads, Transmissions,
-    };
+    use proto::types::{AgentStates, Bitmap, EVERYONE, HeardLinks, Payloads, Transmissions};
 
     /// Three motes; reports at these times (s) of the frames that mote 0 has heard of 1 and 1 of 0, and 2 of 0. Mote 2 is dead
     /// from 30 s on.
@@ -288,6 +333,48 @@ mod tests {
         assert_eq!([last.from_ns, last.until_ns], [19_000_000_000, 20_300_000_000]);
         assert!(last.pairs.is_empty() && last.places[1] == Some([203.0, 0.0]));
         assert!((6..=MAX_PERIODS + 1).contains(&periods.len()), "{}", periods.len());
+    }
+
+    #[test]
+    fn rows_of_bits_and_lists_say_the_same_of_who_heard_whom() {
+        let n = 11;
+        // Receiver r hears r+1 and r+4; all speak, or all but the first two.
+        for silent in [0, 2_u32] {
+            let sender: Vec<u32> = (silent..n).collect();
+            let heard_of = |receiver: u32| {
+                let mut heard = vec![(receiver + 1) % n, (receiver + 4) % n];
+                heard.sort_unstable();
+                heard
+                    .into_iter()
+                    .filter_map(|one| sender.iter().position(|&it| it == one))
+                    .collect::<Vec<_>>()
+            };
+            let (mut ends, mut indices) = (Vec::new(), Vec::new());
+            let mut bytes = vec![0_u8; 2 * n as usize];
+            for receiver in 0..n {
+                for index in heard_of(receiver) {
+                    indices.push(index as u32);
+                    bytes[2 * receiver as usize + index / 8] |= 1 << (index % 8);
+                }
+                ends.push(indices.len() as u32);
+            }
+            let expected: Vec<(u32, u32)> = (0..n)
+                .flat_map(|receiver| {
+                    heard_of(receiver).into_iter().map(move |index| (receiver, index))
+                })
+                .map(|(receiver, index)| (receiver, sender[index]))
+                .collect();
+            for heard in [
+                Heard::Lists { ends: ends.clone(), indices: indices.clone() },
+                Heard::Rows { bytes: bytes.clone().into(), row_bytes: 2 },
+            ] {
+                let transmissions =
+                    Transmissions { sender: sender.clone(), ..Transmissions::default() };
+                let mut matrix = HeardMatrix::new(n as usize);
+                matrix.add(&Deliveries { transmissions, heard, ..Deliveries::default() });
+                assert_eq!(matrix.pairs().collect::<Vec<_>>(), expected);
+            }
+        }
     }
 
     #[test]

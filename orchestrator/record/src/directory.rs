@@ -5,6 +5,7 @@ use super::bounded::read_file;
 use super::lock::ResultLock;
 use super::run_summary::RunSummary;
 use super::{RecordError, Status, TABLES};
+use experiment::WITHOUT_EFFECT;
 use proto::bounds::DESCRIPTION_BYTES;
 use serde::Deserialize;
 use std::collections::BTreeSet;
@@ -283,9 +284,24 @@ impl EarlierResult {
         match &self.summary {
             _ if !is_new_complete => Some(KeptReason::Incomplete),
             Some(summary) if summary.seed != new.seed => Some(KeptReason::OtherSeed(summary.seed)),
-            _ if self.config.as_deref() == config => None,
+            _ if is_same_configuration(self.config.as_deref(), config) => None,
             _ => Some(KeptReason::OtherConfiguration),
         }
+    }
+}
+
+/// Whether two configurations give the same results.
+fn is_same_configuration(one: Option<&[u8]>, other: Option<&[u8]>) -> bool {
+    let with_effect = |text: Option<&[u8]>| {
+        let mut config: toml::Table = str::from_utf8(text?).ok()?.parse().ok()?;
+        if let Some(section) = config.get_mut("experiment").and_then(toml::Value::as_table_mut) {
+            WITHOUT_EFFECT.iter().for_each(|key| drop(section.remove(*key)));
+        }
+        Some(config)
+    };
+    match (with_effect(one), with_effect(other)) {
+        (Some(one), Some(other)) => one == other,
+        _ => one == other,
     }
 }
 

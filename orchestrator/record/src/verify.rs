@@ -4,7 +4,7 @@ use super::bounded::{read_file, read_text_file};
 use super::directory::is_record;
 use super::hashed_file::{Fingerprint, fingerprint};
 use super::pcap::{self, Counter};
-use super::read::{ReadError, RunReader};
+use super::read::{ReadError, RecordedConfiguration, RunReader};
 use super::run_summary::{FileCount, RunSummary};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use proto::bounds::DESCRIPTION_BYTES;
@@ -180,7 +180,7 @@ fn capture(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
 /// Every step is there, one after the other, and its digest is that of what was exchanged.
 fn steps(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
     let mut last_digest = None;
-    if let Err(error) = read_steps(dir, report, &mut last_digest) {
+    if let Err(error) = read_steps(dir, summary, report, &mut last_digest) {
         report.problems.push(error);
     }
     let expected = summary.steps;
@@ -195,8 +195,37 @@ fn steps(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
     }
 }
 
+/// The summary and the configuration are of the experiment that is recorded.
+fn is_of_the_experiment(
+    dir: &Path,
+    summary: &RunSummary,
+    configured: &RecordedConfiguration,
+    report: &mut VerifyReport,
+) {
+    let recorded = &configured.robot_request;
+    let mut compare = |file: &str, key: &str, found: u64, recorded: u64| {
+        if found != recorded {
+            report.problems.push(format!(
+                "{file}: {key} is {found}, but run.mcap is of a run with {recorded}"
+            ));
+        }
+    };
+    let file = RunSummary::FILE;
+    compare(file, "seed", summary.seed, recorded.seed);
+    compare(file, "agent_count", summary.agent_count.into(), recorded.agent_count.into());
+    compare(file, "step_ns", summary.step_ns, recorded.step_ns);
+    // A file that cannot be read is named elsewhere.
+    let config = read_text_file(&DESCRIPTION_BYTES, &dir.join("config.toml")).unwrap_or_default();
+    let config: toml::Table = config.parse().unwrap_or_default();
+    let seed = config.get("experiment").and_then(|section| section.get("seed"));
+    if let Some(seed) = seed.and_then(toml::Value::as_integer) {
+        compare("config.toml", "experiment.seed", seed as u64, recorded.seed);
+    }
+}
+
 fn read_steps(
     dir: &Path,
+    summary: &RunSummary,
     report: &mut VerifyReport,
     last_digest: &mut Option<String>,
 ) -> Result<(), String> {
@@ -205,6 +234,7 @@ fn read_steps(
         |step: u64| move |error: InvalidField| format!("run.mcap: step {step}: {error}");
     let mut reader = RunReader::open(dir).map_err(read_error)?;
     let Some(configured) = reader.configured() else { return Ok(()) };
+    is_of_the_experiment(dir, summary, configured, report);
     let n = configured.robot_request.agent_count as usize;
     let coupling = convert::coupling(configured.robot_request.coupling).map_err(field_error(0))?;
     let mut lesser = Lesser {

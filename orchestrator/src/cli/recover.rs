@@ -85,7 +85,7 @@ pub(super) fn reproduce(args: &ReproduceArgs, start: StartOptions) -> Result<(),
         return Ok(());
     }
     let mut text =
-        format!("{}: not reproduced: {} differ", args.run.display(), different.join(", "));
+        format!("{}: not reproduced; different: {}", args.run.display(), different.join(", "));
     if let Some(step) = first_different_step {
         text.push_str(&format!("; the first difference is in step {step}"));
     }

@@ -15,7 +15,7 @@ use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::checkpoint::Checkpoint;
 use record::leftover::{Leftover, LeftoverError};
-use record::run_log::RunLog;
+use record::run_log::{self, RunLog};
 use record::{RecordError, Recorder, ReplacePolicy, Reservation, RunHeader, States, StepRecord};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -59,12 +59,23 @@ pub(super) struct Begun {
     pub(super) reservation: Reservation,
     pub(super) replace: ReplacePolicy,
     pub(super) log: RunLog,
+    /// The folder of the attempt before, whose log goes on.
+    pub(super) before: Option<PathBuf>,
 }
 
 impl Begun {
     /// Begins the record.
     fn recorder(self, header: RunHeader) -> Result<Recorder, RecordError> {
         let recorder = Recorder::create_in(self.reservation, self.replace, header)?;
+        if let Some(before) = &self.before {
+            let [from, to] = [before.clone(), recorder.path()].map(|dir| dir.join(run_log::FILE));
+            match std::fs::copy(&from, &to) {
+                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(RecordError::Write { path: to, source });
+                }
+                _ => {}
+            }
+        }
         self.log.open(&recorder.path())?;
         Ok(recorder)
     }
@@ -129,7 +140,12 @@ impl Attempt {
         let exchange = leftover.configured().map_err(unusable)?;
         let checkpoint = leftover.checkpoint().cloned();
         let reservation = reserve(&origin.out, &plan.name).await?;
-        let begun = Begun { reservation, replace: origin.replace, log: options.run_log.clone() };
+        let begun = Begun {
+            reservation,
+            replace: origin.replace,
+            log: options.run_log.clone(),
+            before: Some(dir.to_owned()),
+        };
         let (robots, network) = tokio::select! {
             biased;
             connected = connect_patiently(plan, options) => connected?,

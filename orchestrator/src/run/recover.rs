@@ -20,6 +20,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// What to go on with.
@@ -45,6 +46,7 @@ pub async fn resume(
     audience: &mut impl Audience,
 ) -> Result<RunReport, RunError> {
     let dir = &options.dir;
+    is_unfinished(dir)?;
     let mut interrupt = Interrupt::listen();
     let mut leftover = Leftover::open(dir).map_err(|error| RunError::Leftover { error })?;
     let mut overrides = options.overrides.clone();
@@ -64,6 +66,17 @@ pub async fn resume(
     carry_out(&plan, &options.start, attempt, origin, interrupt, audience).await
 }
 
+/// Refuses the folder of a result: it is no run to go on with.
+fn is_unfinished(dir: &Path) -> Result<(), RunError> {
+    let name = std::path::absolute(dir).ok().and_then(|dir| dir.file_name().map(OsString::from));
+    let is_hidden = name.is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    if is_hidden || RunSummary::read(dir).is_err() {
+        return Ok(());
+    }
+    let reason = "it is the result of a run that ended; there is nothing to recover".to_owned();
+    Err(RunError::NotRecovered { dir: dir.to_owned(), reason })
+}
+
 /// The folder of results that an unfinished run stands in.
 fn out_of(dir: &Path) -> PathBuf {
     match std::path::absolute(dir).ok().as_deref().and_then(Path::parent) {
@@ -79,8 +92,18 @@ fn out_of(dir: &Path) -> PathBuf {
 /// See [`RunError`]. The folder is then as it was.
 pub fn recover(dir: &Path) -> Result<Finished, RunError> {
     let unusable = |error| RunError::Leftover { error };
+    is_unfinished(dir)?;
     let mut leftover = Leftover::open(dir).map_err(unusable)?;
     let (plan, exchange) = plan_of(dir, &mut leftover, &Overrides::default())?;
+    let recorded = &exchange.robots_request.experiment;
+    if (recorded.seed, recorded.agent_count) != (plan.experiment.seed, plan.experiment.agent_count)
+    {
+        let reason = format!(
+            "its config.toml was changed: seed {}, {} agents; recorded are seed {}, {} agents. Put back what was recorded",
+            plan.experiment.seed, plan.experiment.agent_count, recorded.seed, recorded.agent_count
+        );
+        return Err(RunError::NotRecovered { dir: dir.to_owned(), reason });
+    }
     let unwritten = |error: RecordError| RunError::Record { error, before_start: false };
     // A record of a network that forms says when its robots started.
     let start = plan.start.unwrap_or(Start::AtOnce);
@@ -105,6 +128,13 @@ pub fn recover(dir: &Path) -> Result<Finished, RunError> {
         "command_line": std::env::args().collect::<Vec<_>>(),
     });
     let finished = recorder.finish(&ending, provenance, report::page).map_err(unwritten)?;
+    // What happened to it is in its log.
+    let log = dir.join(record::run_log::FILE);
+    if log.exists() {
+        let to = finished.dir.join(record::run_log::FILE);
+        std::fs::copy(&log, &to)
+            .map_err(|source| unwritten(RecordError::Write { path: to, source }))?;
+    }
     if let Err(source) = std::fs::remove_dir_all(dir) {
         let error = RecordError::Write { path: dir.to_owned(), source };
         return Err(RunError::Record { error, before_start: false });
@@ -171,7 +201,7 @@ pub async fn reproduce(
     let reservation = Reservation::new(out, &plan.name)
         .map_err(|error| RunError::Record { error, before_start: true })?;
     let replace = ReplacePolicy::SameExperiment;
-    let begun = Begun { reservation, replace, log: start.run_log.clone() };
+    let begun = Begun { reservation, replace, log: start.run_log.clone(), before: None };
     let attempt = Attempt::begin(&plan, begun, started).await?;
     let origin = Origin::new(out.to_owned(), replace);
     let again = carry_out(&plan, start, attempt, origin, interrupt, audience).await?;

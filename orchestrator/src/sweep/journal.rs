@@ -161,12 +161,29 @@ impl Journal {
         let mut content = JournalContent::default();
         let (mut good, mut damaged): (Vec<&[u8]>, Vec<&[u8]>) = (Vec::new(), Vec::new());
         let mut n_unchecked = 0;
-        for (index, line) in bytes[..whole].split(|&byte| byte == b'\n').enumerate() {
+        let lines = || bytes[..whole].split(|&byte| byte == b'\n').enumerate();
+        // A program that gives its lines checksums gives them to all.
+        let with_checksums: BTreeSet<String> = lines()
+            .filter_map(|(_, line)| match read(line) {
+                Line::Row(row) => Some(row.program),
+                Line::Unchecked(_) | Line::Damaged(_) => None,
+            })
+            .collect();
+        for (index, line) in lines() {
             if line.is_empty() {
                 continue;
             }
             let row = match read(line) {
                 Line::Row(row) => row,
+                Line::Unchecked(row) if with_checksums.contains(&row.program) => {
+                    content.warnings.push(format!(
+                        "{}:{}: its checksum is missing; its trial is run again, the line is in {DAMAGED_FILE}",
+                        path.display(),
+                        index + 1
+                    ));
+                    damaged.push(line);
+                    continue;
+                }
                 Line::Unchecked(row) => {
                     n_unchecked += 1;
                     row
@@ -186,8 +203,8 @@ impl Journal {
         }
         if n_unchecked != 0 {
             content.warnings.push(format!(
-                "{}: {n_unchecked} trials have no checksum, since an earlier version of this program wrote them; they are used \
-                 unchecked, --restart runs them again",
+                "{}: lines without a checksum, of an earlier version of this program: {n_unchecked}; they are used unchecked, \
+                 --restart runs their trials again",
                 path.display()
             ));
         }
@@ -341,6 +358,21 @@ mod tests {
     }
 
     #[test]
+    fn a_line_that_has_lost_its_checksum_is_run_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let lost = serde_json::to_string(&row("a")).unwrap();
+        let whole = written(&row("b")).unwrap();
+        std::fs::write(folder.path().join("trials.jsonl"), format!("{lost}\n{whole}\n")).unwrap();
+        let (_, content) = Journal::open(folder.path(), "trials.jsonl", false).unwrap();
+        assert_eq!(content.rows.keys().collect::<Vec<_>>(), ["b"]);
+        assert!(
+            content.warnings[0].contains("trials.jsonl:1: its checksum is missing"),
+            "{:?}",
+            content.warnings
+        );
+    }
+
+    #[test]
     fn lines_without_a_checksum_are_read_and_named() {
         let folder = tempfile::tempdir().unwrap();
         let old = serde_json::to_string(&row("a")).unwrap();
@@ -348,7 +380,8 @@ mod tests {
         let (_, content) = Journal::open(folder.path(), "trials.jsonl", false).unwrap();
         assert_eq!(content.rows["a"], row("a"));
         assert!(
-            content.warnings[0].contains("1 trials have no checksum"),
+            content.warnings[0]
+                .contains("lines without a checksum, of an earlier version of this program: 1;"),
             "{:?}",
             content.warnings
         );

@@ -198,8 +198,9 @@ fn identity(plan: &Plan) -> String {
     experiment.remove("output");
     if let Some(table) = experiment.get_mut("experiment").and_then(toml::Value::as_table_mut) {
         // Results do not depend on these.
-        for key in ["name", "seed", "transport", "tls", "step_deadline_s", "accept_commands"] {
-            table.remove(key);
+        let others = ["name", "seed", "accept_commands"];
+        for key in others.iter().chain(&experiment::WITHOUT_EFFECT) {
+            table.remove(*key);
         }
     }
     let mut hash = Sha256::new();

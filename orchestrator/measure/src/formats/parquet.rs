@@ -7,6 +7,7 @@ use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use proto::bounds::{CELLS, ROWS, TABLE_BYTES};
 use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// The format. It is read by place, not from beginning to end.
@@ -17,9 +18,17 @@ pub const FORMAT: Format = Format {
     read: |path, _| {
         let file =
             File::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
-        read(path, file)
+        read_or_refuse(path, file)
     },
 };
+
+/// Reads a file. The library panics on some that are damaged.
+fn read_or_refuse(path: &Path, file: File) -> Result<DataTable, DataError> {
+    catch_unwind(AssertUnwindSafe(|| read(path, file))).unwrap_or_else(|_| {
+        let message = "it is damaged: its columns cannot be decoded".to_owned();
+        Err(DataError::Format { path: path.to_owned(), message })
+    })
+}
 
 fn read(path: &Path, file: File) -> Result<DataTable, DataError> {
     let format = |error: parquet::errors::ParquetError| DataError::Format {

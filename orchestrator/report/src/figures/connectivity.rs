@@ -23,7 +23,7 @@ pub(super) fn figure(measures: &Measures) -> Option<Figure> {
     let n_both = last.pairs.values().filter(|&&both| both).count();
     let dead = match last.places.len() - n {
         0 => String::new(),
-        n => format!(" {} that do not work then are left out.", count_of(n as u64, "mote")),
+        n => format!(" Left out, not working then: {}.", count_of(n as u64, "mote")),
     };
     let sentence = format!(
         "Which motes heard each other {}: {}, {} of them both ways, {} neighbours a mote on average; drawn where they are at the end of \
