@@ -168,6 +168,20 @@ fn the_documentation_lists_every_bound() {
 }
 
 #[test]
+fn figures_that_the_model_leaves_undefined_are_called_so() {
+    let folder = tests::folder();
+    let root = repository();
+    std::fs::copy(root.join("fuzz/corpus/csv/packets"), folder.path().join("packets.csv")).unwrap();
+    let config = root.join("configs/sensors-msf.toml");
+    let arguments = ["compare", config.to_str().unwrap(), "--data", "packets.csv", "--seeds", "39"];
+    let output = orchestrator(&arguments, folder.path());
+    let said = said(&output);
+    assert!(output.status.success(), "{said}");
+    assert!(!said.contains("NaN") && said.contains("undefined"), "{said}");
+    assert!(!said.contains("the delivery ratio of motes"), "{said}");
+}
+
+#[test]
 fn a_network_whose_batteries_are_empty_has_not_formed() {
     let folder = tests::folder();
     let config = repository().join("configs/sensors-msf.toml");

@@ -121,6 +121,7 @@ pub fn among(
 /// A figure in words: `93.1 %`, `1.24 s`.
 fn shown(value: f64, unit: &str) -> String {
     match unit {
+        _ if value.is_nan() => "undefined".to_owned(),
         "" => percent(value),
         unit => format!("{} {unit}", number(value)),
     }
@@ -218,8 +219,9 @@ fn by_mote(among: &SeedComparison) -> (Vec<MoteDelivery>, BySource) {
     for &mote in &numbers {
         let counts = among.measured.of_mote.get(&mote).copied().unwrap_or_default();
         let measured = share(&among.measured, mote);
-        let (mean, [low, high]) =
-            spread(among.seeds.iter().map(|seed| share(seed, mote)).collect());
+        // A seed in which the mote made no packet says nothing of its delivery.
+        let sending = among.seeds.iter().filter(|seed| seed.of_mote.contains_key(&mote));
+        let (mean, [low, high]) = spread(sending.map(|seed| share(seed, mote)).collect());
         motes.push(MoteDelivery {
             mote,
             sent: counts.sent,
