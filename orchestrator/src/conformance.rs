@@ -6,7 +6,7 @@ use drive::peer::{Described, SideError, Standing, connect};
 use experiment::Tls;
 use probe::Probe;
 use proto::config::Problem;
-use proto::digest;
+use proto::digest::{self, Digest};
 use proto::exchange::ConfigureRequest;
 use proto::types::{Coupling, Experiment};
 use schemars::JsonSchema;
@@ -187,19 +187,21 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
         },
     );
     let name = if described.name.is_empty() { S::SIDE.to_owned() } else { described.name.clone() };
-    let configured = session.configure(1).await;
-    if let Err(reason) = &configured
-        && reason.starts_with("InvalidArgument")
+    let configured = session.try_to_configure(1).await;
+    if let Err(status) = &configured
+        && status.code() == Code::InvalidArgument
     {
         let hint = match options.config_toml.trim() {
             "" => "give the simulator its section of an experiment file with --config FILE",
             _ => "mend the file of --config",
         };
-        let problem =
-            Problem::new("", format!("the simulator refused its configuration; {hint}: {reason}"));
+        let problem = Problem::new(
+            "",
+            format!("the simulator refused its configuration; {hint}: {}", status.message()),
+        );
         return Err(SideError::Unacceptable { side: S::SIDE, problems: vec![problem] });
     }
-    if !found("Configure begins an experiment", configured.map(|_| ())) {
+    if !found("Configure begins an experiment", configured.map(|_| ()).map_err(status_text)) {
         return Ok(Conformance { name, findings });
     }
     let first = session.run(1).await;
@@ -266,8 +268,12 @@ struct Questions<'a, S: Probe> {
 
 impl<S: Probe> Questions<'_, S> {
     async fn configure(&self, seed: u64) -> Result<S::ConfigureResponse, String> {
+        self.try_to_configure(seed).await.map_err(status_text)
+    }
+
+    async fn try_to_configure(&self, seed: u64) -> Result<S::ConfigureResponse, Status> {
         let request = S::configure_request(seed, self.n, STEP_NS, self.toml);
-        within(S::configure(self.client.clone(), request)).await.map_err(status_text)
+        within(S::configure(self.client.clone(), request)).await
     }
 
     /// Takes some steps, checking each. Returns the replies.
@@ -287,13 +293,7 @@ impl<S: Probe> Questions<'_, S> {
                     standing.step, standing.time_ns
                 ));
             }
-            if standing.digest[..] != digest[..] {
-                return Err(format!(
-                    "the digest of step {step} is {}, expected {}",
-                    digest::hex(&standing.digest),
-                    digest::hex(&digest)
-                ));
-            }
+            has_digest(&standing, step, &digest)?;
             replies.push(S::bytes(reply));
         }
         Ok(replies)
@@ -327,13 +327,7 @@ impl<S: Probe> Questions<'_, S> {
             let (reply, _) = S::reply(reply, n).map_err(|invalid| invalid.to_string())?;
             let expected = S::full_digest(&start, &given, &reply);
             let standing = self.barrier(step).await?;
-            if standing.digest[..] != expected[..] {
-                return Err(format!(
-                    "the digest of step {step} is {}, expected {}",
-                    digest::hex(&standing.digest),
-                    digest::hex(&expected)
-                ));
-            }
+            has_digest(&standing, step, &expected)?;
         }
         Ok(())
     }
@@ -417,6 +411,17 @@ async fn within<T>(call: impl Future<Output = Result<T, Status>>) -> Result<T, S
     tokio::time::timeout(DEADLINE, call).await.unwrap_or_else(|_| {
         Err(Status::deadline_exceeded(format!("no reply within {} s", DEADLINE.as_secs())))
     })
+}
+
+fn has_digest(standing: &Standing, step: u64, expected: &Digest) -> Result<(), String> {
+    if standing.digest[..] == expected[..] {
+        return Ok(());
+    }
+    Err(format!(
+        "the digest of step {step} is {}, expected {}",
+        digest::hex(&standing.digest),
+        digest::hex(expected)
+    ))
 }
 
 fn status_text(status: Status) -> String {

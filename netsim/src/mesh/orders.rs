@@ -18,7 +18,7 @@ impl Mesh {
                 }
                 MoteOrder::Revive(mote) | MoteOrder::Add(mote) => {
                     // A mote that works again has the battery that it had.
-                    if self.settings.battery_deaths && self.is_empty(*mote, asn) {
+                    if self.has_run_empty(*mote, asn) {
                         self.state.place.working.set(*mote as usize, false);
                     }
                     if self.state.place.is_alive(*mote as usize) {
@@ -55,7 +55,7 @@ impl Mesh {
         }
     }
 
-    /// Whether the mote has failed because its battery is empty.
+    /// Whether the mote's battery is empty, where the configuration lets that end a mote.
     pub(super) fn has_run_empty(&self, mote: u32, asn: u64) -> bool {
         self.settings.battery_deaths && self.is_empty(mote, asn)
     }

@@ -3,7 +3,7 @@
 use super::RecordError;
 use super::lock::{now, utc};
 use std::fs::{File, OpenOptions};
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -30,6 +30,21 @@ struct State {
     waiting: String,
     n_bytes: usize,
     is_full: bool,
+}
+
+/// Copies the log of an earlier part of a run into the folder in which it goes on; there may be none.
+///
+/// # Errors
+///
+/// It cannot be read, or not be written.
+pub fn carry_over(from: &Path, to: &Path) -> Result<(), RecordError> {
+    let path = to.join(FILE);
+    match std::fs::copy(from.join(FILE), &path) {
+        Err(source) if source.kind() != ErrorKind::NotFound => {
+            Err(RecordError::Write { path, source })
+        }
+        _ => Ok(()),
+    }
 }
 
 impl RunLog {

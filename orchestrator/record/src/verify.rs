@@ -64,12 +64,12 @@ pub fn verify(dir: &Path) -> Result<VerifyReport, VerifyError> {
     let summary: Option<RunSummary> = json(dir, RunSummary::FILE, &mut report);
     let provenance: Option<Provenance> = json(dir, "provenance.json", &mut report);
     whole_files(dir, provenance.unwrap_or_default(), &mut report);
-    configuration(dir, &mut report);
+    let config = configuration(dir, &mut report);
     if let Some(summary) = summary {
         tables(dir, &summary, &mut report);
         capture(dir, &summary, &mut report);
         if summary.files.contains_key("run.mcap") {
-            steps(dir, &summary, &mut report);
+            steps(dir, &summary, &config, &mut report);
         }
     }
     Ok(report)
@@ -118,15 +118,16 @@ fn whole_files(dir: &Path, provenance: Provenance, report: &mut VerifyReport) {
     }
 }
 
-fn configuration(dir: &Path, report: &mut VerifyReport) {
-    match read_text_file(&DESCRIPTION_BYTES, &dir.join("config.toml")) {
-        Ok(text) => {
-            if let Err(error) = text.parse::<toml::Table>() {
-                report.problems.push(format!("config.toml: is not TOML: {}", error.message()));
-            }
-        }
-        Err(error) => report.problems.push(format!("config.toml: {error}")),
-    }
+/// The configuration; empty where it cannot be read.
+fn configuration(dir: &Path, report: &mut VerifyReport) -> toml::Table {
+    let text = read_text_file(&DESCRIPTION_BYTES, &dir.join("config.toml"));
+    let config = text.map_err(|error| error.to_string()).and_then(|text| {
+        text.parse().map_err(|error: toml::de::Error| format!("is not TOML: {}", error.message()))
+    });
+    config.unwrap_or_else(|problem| {
+        report.problems.push(format!("config.toml: {problem}"));
+        toml::Table::new()
+    })
 }
 
 /// Every table can be opened and has as many rows as were written.
@@ -178,9 +179,9 @@ fn capture(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
 }
 
 /// Every step is there, one after the other, and its digest is that of what was exchanged.
-fn steps(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
+fn steps(dir: &Path, summary: &RunSummary, config: &toml::Table, report: &mut VerifyReport) {
     let mut last_digest = None;
-    if let Err(error) = read_steps(dir, summary, report, &mut last_digest) {
+    if let Err(error) = read_steps(dir, summary, config, report, &mut last_digest) {
         report.problems.push(error);
     }
     let expected = summary.steps;
@@ -197,8 +198,8 @@ fn steps(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
 
 /// The summary and the configuration are of the experiment that is recorded.
 fn is_of_the_experiment(
-    dir: &Path,
     summary: &RunSummary,
+    config: &toml::Table,
     configured: &RecordedConfiguration,
     report: &mut VerifyReport,
 ) {
@@ -214,9 +215,6 @@ fn is_of_the_experiment(
     compare(file, "seed", summary.seed, recorded.seed);
     compare(file, "agent_count", summary.agent_count.into(), recorded.agent_count.into());
     compare(file, "step_ns", summary.step_ns, recorded.step_ns);
-    // A file that cannot be read is named elsewhere.
-    let config = read_text_file(&DESCRIPTION_BYTES, &dir.join("config.toml")).unwrap_or_default();
-    let config: toml::Table = config.parse().unwrap_or_default();
     let seed = config.get("experiment").and_then(|section| section.get("seed"));
     if let Some(seed) = seed.and_then(toml::Value::as_integer) {
         compare("config.toml", "experiment.seed", seed as u64, recorded.seed);
@@ -226,6 +224,7 @@ fn is_of_the_experiment(
 fn read_steps(
     dir: &Path,
     summary: &RunSummary,
+    config: &toml::Table,
     report: &mut VerifyReport,
     last_digest: &mut Option<String>,
 ) -> Result<(), String> {
@@ -234,7 +233,7 @@ fn read_steps(
         |step: u64| move |error: InvalidField| format!("run.mcap: step {step}: {error}");
     let mut reader = RunReader::open(dir).map_err(read_error)?;
     let Some(configured) = reader.configured() else { return Ok(()) };
-    is_of_the_experiment(dir, summary, configured, report);
+    is_of_the_experiment(summary, config, configured, report);
     let n = configured.robot_request.agent_count as usize;
     let coupling = convert::coupling(configured.robot_request.coupling).map_err(field_error(0))?;
     let mut lesser = Lesser {

@@ -68,13 +68,7 @@ impl Begun {
     fn recorder(self, header: RunHeader) -> Result<Recorder, RecordError> {
         let recorder = Recorder::create_in(self.reservation, self.replace, header)?;
         if let Some(before) = &self.before {
-            let [from, to] = [before.clone(), recorder.path()].map(|dir| dir.join(run_log::FILE));
-            match std::fs::copy(&from, &to) {
-                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(RecordError::Write { path: to, source });
-                }
-                _ => {}
-            }
+            run_log::carry_over(before, &recorder.path())?;
         }
         self.log.open(&recorder.path())?;
         Ok(recorder)

@@ -11,6 +11,7 @@ use proto::bounds::DESCRIPTION_BYTES;
 use record::bounded::read_file;
 use record::leftover::Leftover;
 use record::read::RunReader;
+use record::run_log;
 use record::run_summary::RunSummary;
 use record::values;
 use record::{
@@ -129,12 +130,7 @@ pub fn recover(dir: &Path) -> Result<Finished, RunError> {
     });
     let finished = recorder.finish(&ending, provenance, report::page).map_err(unwritten)?;
     // What happened to it is in its log.
-    let log = dir.join(record::run_log::FILE);
-    if log.exists() {
-        let to = finished.dir.join(record::run_log::FILE);
-        std::fs::copy(&log, &to)
-            .map_err(|source| unwritten(RecordError::Write { path: to, source }))?;
-    }
+    run_log::carry_over(dir, &finished.dir).map_err(unwritten)?;
     if let Err(source) = std::fs::remove_dir_all(dir) {
         let error = RecordError::Write { path: dir.to_owned(), source };
         return Err(RunError::Record { error, before_start: false });

@@ -161,36 +161,37 @@ impl Journal {
         let mut content = JournalContent::default();
         let (mut good, mut damaged): (Vec<&[u8]>, Vec<&[u8]>) = (Vec::new(), Vec::new());
         let mut n_unchecked = 0;
-        let lines = || bytes[..whole].split(|&byte| byte == b'\n').enumerate();
+        let lines: Vec<(usize, &[u8], Line)> = bytes[..whole]
+            .split(|&byte| byte == b'\n')
+            .enumerate()
+            .filter(|(_, line)| !line.is_empty())
+            .map(|(index, line)| (index, line, read(line)))
+            .collect();
         // A program that gives its lines checksums gives them to all.
-        let with_checksums: BTreeSet<String> = lines()
-            .filter_map(|(_, line)| match read(line) {
-                Line::Row(row) => Some(row.program),
+        let with_checksums: BTreeSet<String> = lines
+            .iter()
+            .filter_map(|(_, _, line)| match line {
+                Line::Row(row) => Some(row.program.clone()),
                 Line::Unchecked(_) | Line::Damaged(_) => None,
             })
             .collect();
-        for (index, line) in lines() {
-            if line.is_empty() {
-                continue;
-            }
-            let row = match read(line) {
-                Line::Row(row) => row,
+        for (index, line, found) in lines {
+            let row = match found {
+                Line::Row(row) => Ok(row),
                 Line::Unchecked(row) if with_checksums.contains(&row.program) => {
-                    content.warnings.push(format!(
-                        "{}:{}: its checksum is missing; its trial is run again, the line is in {DAMAGED_FILE}",
-                        path.display(),
-                        index + 1
-                    ));
-                    damaged.push(line);
-                    continue;
+                    Err("its checksum is missing".to_owned())
                 }
                 Line::Unchecked(row) => {
                     n_unchecked += 1;
-                    row
+                    Ok(row)
                 }
-                Line::Damaged(reason) => {
+                Line::Damaged(reason) => Err(format!("is damaged ({reason})")),
+            };
+            let row = match row {
+                Ok(row) => row,
+                Err(problem) => {
                     content.warnings.push(format!(
-                        "{}:{}: is damaged ({reason}); its trial is run again, the line is in {DAMAGED_FILE}",
+                        "{}:{}: {problem}; its trial is run again, the line is in {DAMAGED_FILE}",
                         path.display(),
                         index + 1
                     ));

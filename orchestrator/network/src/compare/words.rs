@@ -19,10 +19,7 @@ pub fn text(comparison: &NetworkComparison) -> String {
     for kpi in &among.kpis {
         let p = kpi.p_value.map_or("–".to_owned(), |p_value| format!("{p_value:.3}"));
         let [low, high] = [kpi.model.low, kpi.model.high].map(|end| shown(end, kpi.unit));
-        let model = match kpi.model.low.is_nan() {
-            true => low,
-            false => format!("{low} to {high}"),
-        };
+        let model = if kpi.model.low.is_nan() { low } else { format!("{low} to {high}") };
         let measured = shown(kpi.measured, kpi.unit);
         let _ = writeln!(text, "{:<20} {measured:>12}   {model:<28} {p:>8}", kpi.name);
     }
