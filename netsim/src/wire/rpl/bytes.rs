@@ -18,6 +18,10 @@ const TARGET: u8 = 5;
 const TRANSIT: u8 = 6;
 const PREFIX: u8 = 8;
 
+/// Flags of the DODAG configuration (§ 6.7.6): 'T', whose motes compress as RFC 8138 says (RFC 9035, § 3), and the RPL
+/// option's type, 0x23 (RFC 9008, § 4.1.3).
+const COMPRESSED: u8 = 0x20;
+const OPTION_TYPE_0X23: u8 = 0x10;
 /// The 'K' flag of a DAO (§ 6.4.1).
 const ACK_REQUEST: u8 = 0x80;
 /// The 'D' flag of a DAO: a DODAG identifier follows. It does not here: instances are global.
@@ -95,7 +99,7 @@ fn put_dio<S: Sink>(dio: &DioRepr, sink: &mut S) {
     sink.put(&[flags, dio.dtsn, 0, 0]);
     sink.put_ip(dio.dodag_id);
     if let Some(configuration) = dio.configuration {
-        sink.put(&[CONFIGURATION, 14, 0]);
+        sink.put(&[CONFIGURATION, 14, COMPRESSED | OPTION_TYPE_0X23]);
         sink.put_u8(configuration.dio_interval_doublings);
         sink.put_u8(configuration.dio_interval_min);
         sink.put_u8(configuration.dio_redundancy);

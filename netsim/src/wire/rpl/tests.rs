@@ -53,7 +53,7 @@ fn rfc6550_6_7_6_the_configuration_option_has_14_bytes_of_content() {
         lifetime_unit_s: 60,
     });
     let bytes = RplMessage::Dio(DioRepr { configuration, ..dio() }).to_vec();
-    assert_eq!(bytes[24..], [4, 14, 0, 9, 14, 3, 7, 0, 1, 0, 0, 0, 0, 30, 0, 60]);
+    assert_eq!(bytes[24..], [4, 14, 0x30, 9, 14, 3, 7, 0, 1, 0, 0, 0, 0, 30, 0, 60]);
 }
 
 #[test]
