@@ -260,6 +260,8 @@ fn up(datagram: Datagram) -> Datagram {
 
 fn down(datagram: Datagram, hops: &[u32]) -> Datagram {
     let hops = hops.iter().map(|&mote| Eui64::of_mote(mote).global()).collect();
-    let route = Some(SourceRoute { root: Eui64::of_mote(0).global(), hops });
+    let root = Eui64::of_mote(0).global();
+    let tunnel_hop_limit = (datagram.source != root).then_some(64);
+    let route = Some(SourceRoute { root, hops, tunnel_hop_limit });
     Datagram { rpi: rpi(true, 256), route, ..datagram }
 }

@@ -26,7 +26,7 @@ pub fn step(datagram: &Datagram, own: Eui64) -> Result<Step, DropReason> {
     if datagram.destination.is_multicast() {
         return Ok(Step::Here);
     }
-    let route = match datagram.route.as_ref().map(|route| (route.root, route.hops.as_slice())) {
+    let mut route = match datagram.route.as_ref().map(|route| (route, route.hops.as_slice())) {
         None | Some((_, [])) if is_own(datagram.destination) => return Ok(Step::Here),
         None | Some((_, [])) => None,
         Some((_, [last])) if is_own(*last) && is_own(datagram.destination) => {
@@ -40,16 +40,21 @@ pub fn step(datagram: &Datagram, own: Eui64) -> Result<Step, DropReason> {
         {
             return Err(DropReason::SourceRouteError);
         }
-        Some((root, [_, rest @ ..])) => Some(SourceRoute { root, hops: rest.to_vec() }),
+        Some((route, [_, rest @ ..])) => Some(SourceRoute { hops: rest.to_vec(), ..*route }),
     };
     // Link-local addresses mean something else on the next link (RFC 4291, § 2.5.6).
     if datagram.destination.is_unicast_link_local() || datagram.source.is_unicast_link_local() {
         return Err(DropReason::NoRoute);
     }
-    if datagram.hop_limit <= 1 {
+    // Within a tunnel the outer header counts (RFC 2473, § 3.1).
+    let mut hop_limit = datagram.hop_limit;
+    let counts = route.as_mut().and_then(|route| route.tunnel_hop_limit.as_mut());
+    let counts = counts.unwrap_or(&mut hop_limit);
+    if *counts <= 1 {
         return Err(DropReason::TimeExceeded);
     }
-    Ok(Step::Onward(Datagram { hop_limit: datagram.hop_limit - 1, route, ..datagram.clone() }))
+    *counts -= 1;
+    Ok(Step::Onward(Datagram { hop_limit, route, ..datagram.clone() }))
 }
 
 #[cfg(test)]
@@ -71,7 +76,11 @@ mod tests {
             dscp: 0,
             hop_limit: 64,
             rpi: None,
-            route: (!hops.is_empty()).then_some(SourceRoute { root: mote(0).global(), hops }),
+            route: (!hops.is_empty()).then_some(SourceRoute {
+                root: mote(0).global(),
+                hops,
+                tunnel_hop_limit: (source != 0).then_some(64),
+            }),
             upper: Upper::Udp(UdpRepr {
                 source_port: 1,
                 destination_port: 2,
@@ -107,6 +116,20 @@ mod tests {
         assert_eq!(step(&last, mote(2)), Err(DropReason::TimeExceeded));
         let routed = Datagram { hop_limit: 1, ..datagram(0, 2, &[1, 2]) };
         assert_eq!(step(&routed, mote(1)), Err(DropReason::TimeExceeded));
+    }
+
+    #[test]
+    fn rfc2473_3_1_within_a_tunnel_the_outer_hop_limit_falls_and_the_inner_one_stays() {
+        let sent = Datagram { hop_limit: 1, ..datagram(5, 3, &[1, 2, 3]) };
+        let Ok(Step::Onward(next)) = step(&sent, mote(1)) else { panic!() };
+        let Ok(Step::Onward(next)) = step(&next, mote(2)) else { panic!() };
+        let limits = (next.hop_limit, next.route.as_ref().and_then(|route| route.tunnel_hop_limit));
+        assert_eq!(limits, (1, Some(62)));
+        assert_eq!(step(&next, mote(3)), Ok(Step::Here));
+
+        let mut last = sent;
+        last.route.as_mut().unwrap().tunnel_hop_limit = Some(1);
+        assert_eq!(step(&last, mote(1)), Err(DropReason::TimeExceeded));
     }
 
     #[test]

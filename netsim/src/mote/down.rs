@@ -26,7 +26,9 @@ pub(super) fn hops_of(datagram: &Datagram) -> u32 {
     if datagram.source.is_unicast_link_local() {
         return 1;
     }
-    u32::from(HOP_LIMIT.saturating_sub(datagram.hop_limit)) + 1
+    let taken = |left: u8| u32::from(HOP_LIMIT.saturating_sub(left));
+    let in_tunnel = datagram.route.as_ref().and_then(|route| route.tunnel_hop_limit);
+    taken(datagram.hop_limit) + in_tunnel.map_or(0, taken) + 1
 }
 
 /// A frame that wants to be sent.
@@ -91,7 +93,12 @@ impl Mote {
             Route::Neighbour(neighbour) => return Some(neighbour),
             Route::Up(parent) => (parent, false),
             Route::Down(child) => (child, true),
-            Route::Source { first_hop, route } => {
+            Route::Source { first_hop, mut route } => {
+                if route.root != datagram.source {
+                    route.tunnel_hop_limit = Some(HOP_LIMIT);
+                    // The outer headers begin here, and what they say of the way with them.
+                    datagram.rpi = None;
+                }
                 datagram.route = Some(route);
                 (first_hop, true)
             }

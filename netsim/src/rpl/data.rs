@@ -78,7 +78,10 @@ impl Rpl {
         let first_hop = Eui64::of_ip(*hops.first()?);
         Some(match hops.len() {
             1 => Route::Down(first_hop),
-            _ => Route::Source { first_hop, route: SourceRoute { root: dodag.id, hops } },
+            _ => {
+                let route = SourceRoute { root: dodag.id, hops, tunnel_hop_limit: None };
+                Route::Source { first_hop, route }
+            }
         })
     }
 
@@ -122,14 +125,17 @@ impl Rpl {
             self.refresh_child(from, now_ns);
         }
         rpi.sender_rank = self.sender_rank().unwrap_or_default();
-        if mode == Some(Mode::Storing) && !is_source_routed && self.address() != Some(destination) {
-            let has_route = self.next_hop_down(destination).is_some();
-            if rpi.down && !has_route {
-                rpi.forwarding_error = true;
-                return ForwardingDecision::Return(from);
-            }
-            rpi.down = has_route;
+        if is_source_routed || self.address() == Some(destination) {
+            return ForwardingDecision::Forward;
         }
+        // Where a datagram turns round, at the common ancestor or the root, the direction that it is expected in changes.
+        let goes_down =
+            matches!(self.route(destination), Some(Route::Down(_) | Route::Source { .. }));
+        if mode == Some(Mode::Storing) && rpi.down && !goes_down {
+            rpi.forwarding_error = true;
+            return ForwardingDecision::Return(from);
+        }
+        rpi.down |= goes_down;
         ForwardingDecision::Forward
     }
 

@@ -1,6 +1,7 @@
 //! What several machines do together, and clauses that need a whole one.
 
 mod clauses;
+mod data;
 mod mrhof;
 mod network;
 mod vectors;

@@ -223,7 +223,8 @@ pub(crate) fn datagram(payload: usize) -> impl Strategy<Value = (Datagram, Eui64
         prop_oneof![3 => unicast(), 1 => multicast()],
     );
     let limit = prop_oneof![Just(1), Just(64), Just(255), any::<u8>()];
-    let headers = (option::of(rpi()), option::of((vec(unicast(), 1..40), option::of(unicast()))));
+    let tunnel = option::of((unicast(), any::<u8>()));
+    let headers = (option::of(rpi()), option::of((vec(unicast(), 1..40), tunnel)));
     let hop = (eui64(), option::of(eui64()), any::<(bool, bool)>());
     let dscp = prop_oneof![Just(0_u8), 0_u8..64];
     (ends, (limit, dscp), headers, upper, hop).prop_map(
@@ -234,8 +235,11 @@ pub(crate) fn datagram(payload: usize) -> impl Strategy<Value = (Datagram, Eui64
                 Some(hop) if derived.1 => hop.link_local(),
                 _ => destination,
             };
-            let route =
-                route.map(|(hops, root)| SourceRoute { root: root.unwrap_or(source), hops });
+            let route = route.map(|(hops, tunnel)| SourceRoute {
+                root: tunnel.map_or(source, |(root, _)| root),
+                hops,
+                tunnel_hop_limit: tunnel.map(|(_, hop_limit)| hop_limit),
+            });
             let packet = 0;
             let datagram =
                 Datagram { packet, source, destination, dscp, hop_limit, rpi, route, upper };

@@ -2,8 +2,9 @@
 //!
 //! Uncompressed, a datagram is an IPv6 header, a hop-by-hop header with the RPL option, a routing header, then ICMPv6 or
 //! UDP. If the root encapsulates (see [`SourceRoute`]), the first three are the outer headers, and another IPv6 header
-//! follows. Both IPv6 headers carry one hop limit: it is copied at both ends of the tunnel. The inner datagram has no RPL
-//! option of its own: RFC 9008, § 8.3.1, would let the one of the way up ride along "to no avail".
+//! follows. Each IPv6 header has its own hop limit: on the way through the tunnel only the outer one falls (RFC 2473,
+//! § 3.1 and § 6.3). The inner datagram has no RPL option of its own: RFC 9008, § 8.3.1, would let the one of the way up
+//! ride along "to no avail".
 //!
 //! Compressed, context 0 is fd00::/64, and interface identifiers that follow from the MAC addresses of the hop are
 //! left out.
@@ -31,7 +32,7 @@ pub struct Datagram {
     pub destination: Ipv6Addr,
     /// Differentiated services code point (RFC 2474), 0 to 63; 0: best effort.
     pub dscp: u8,
-    /// Hop limit: hops that it may still take.
+    /// Hop limit: hops that it may still take. In a tunnel it stays as it was at the tunnel's entry.
     pub hop_limit: u8,
     /// RPL packet information, on datagrams within a DODAG (RFC 6550, § 11.2; RFC 6553).
     pub rpi: Option<RpiRepr>,
@@ -69,11 +70,13 @@ pub struct RpiRepr {
 /// Every hop takes itself off (RFC 8138, § 5.5), so that the header shrinks on its way.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SourceRoute {
-    /// The root, which put the route into the datagram. Unless the datagram is its own, it did so by encapsulating
-    /// (RFC 9008, § 8.3): headers are not inserted into others' datagrams.
+    /// The root, which put the route into the datagram.
     pub root: Ipv6Addr,
     /// Hops still to visit.
     pub hops: Vec<Ipv6Addr>,
+    /// Hop limit of the outer header, if the root encapsulated somebody else's datagram (RFC 9008, § 8.3): headers are not
+    /// inserted into others' datagrams. `None`: the datagram is the root's own.
+    pub tunnel_hop_limit: Option<u8>,
 }
 
 /// What a datagram carries.

@@ -12,4 +12,5 @@ mod mac;
 mod mac_time;
 mod medium;
 mod msf;
+mod peers;
 mod routing;

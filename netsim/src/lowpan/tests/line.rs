@@ -29,7 +29,7 @@ pub(super) fn datagram(from: u32, to: u32, packet: u64, payload: usize) -> Datag
 /// From the root down to a mote, over all in between.
 pub(super) fn down(to: u32, packet: u64, payload: usize) -> Datagram {
     let hops = (1..=to).map(|hop| mote(hop).global()).collect();
-    let route = SourceRoute { root: mote(0).global(), hops };
+    let route = SourceRoute { root: mote(0).global(), hops, tunnel_hop_limit: None };
     Datagram { route: Some(route), ..datagram(0, to, packet, payload) }
 }
 

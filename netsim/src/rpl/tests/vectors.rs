@@ -113,7 +113,8 @@ fn r9_the_root_routes_by_what_daos_say() {
     let address = |n| mote(n).global();
     assert_eq!(root.rpl.route(address(1)), Some(Route::Down(mote(1))));
     let hops = vec![address(1), address(2), address(3)];
-    let route = crate::wire::datagram::SourceRoute { root: address(0), hops };
+    let route =
+        crate::wire::datagram::SourceRoute { root: address(0), hops, tunnel_hop_limit: None };
     assert_eq!(root.rpl.route(address(3)), Some(Route::Source { first_hop: mote(1), route }));
     assert_eq!(root.rpl.route(address(4)), None);
     assert_eq!(root.rpl.route(address(5)), None);

@@ -83,12 +83,17 @@ impl Datagram {
     /// Whether the root carries somebody else's datagram down in one of its own.
     #[must_use]
     pub fn is_encapsulated(&self) -> bool {
-        self.source_route().is_some_and(|route| route.root != self.source)
+        self.tunnel_hop_limit().is_some()
     }
 
     /// Length (bytes) of the compressed headers.
     pub(crate) fn headers_len(&self, hop: Hop) -> usize {
         length_of(&Headers(self, hop))
+    }
+
+    /// Hop limit of the outer header of an encapsulated datagram.
+    fn tunnel_hop_limit(&self) -> Option<u8> {
+        self.source_route()?.tunnel_hop_limit
     }
 
     fn source_route(&self) -> Option<&SourceRoute> {
@@ -136,9 +141,9 @@ impl Put for Headers<'_> {
         if let Some(rpi) = datagram.rpi {
             put_rpi(rpi, hop, sink);
         }
-        if datagram.is_encapsulated() {
+        if let Some(hop_limit) = datagram.tunnel_hop_limit() {
             // The encapsulator is the root, and thereby left out (RFC 8138, § 7).
-            sink.put(&[ELECTIVE | 1, IP_IN_IP, datagram.hop_limit]);
+            sink.put(&[ELECTIVE | 1, IP_IN_IP, hop_limit]);
         }
         put_iphc(datagram, hop, sink);
         if let Upper::Udp(udp) = &datagram.upper {

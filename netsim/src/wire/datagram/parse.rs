@@ -43,7 +43,14 @@ impl Datagram {
             None => Ok(addresses.source),
         };
         let route = match routing.route {
-            Some(mut entries) => Some(resolve(root?, &mut entries)?),
+            Some(mut entries) => Some(SourceRoute {
+                hops: resolve(root?, &mut entries)?,
+                root: root?,
+                tunnel_hop_limit: routing.tunnel_hop_limit,
+            }),
+            None if routing.tunnel_hop_limit.is_some() => {
+                return Err(reader.malformed("encapsulated without a source route"));
+            }
             None => None,
         };
         let datagram = Self {
@@ -51,7 +58,7 @@ impl Datagram {
             source: addresses.source,
             destination: addresses.destination,
             dscp: addresses.dscp,
-            hop_limit: routing.tunnel_hop_limit.unwrap_or(addresses.hop_limit),
+            hop_limit: addresses.hop_limit,
             rpi: routing.rpi,
             route,
             upper,
@@ -115,7 +122,7 @@ fn parse_rpi(first: u8, reader: &mut ByteReader<'_>) -> Result<RpiRepr, Malforme
 fn resolve(
     root: Ipv6Addr,
     headers: &mut [(usize, ByteReader<'_>)],
-) -> Result<SourceRoute, Malformed> {
+) -> Result<Vec<Ipv6Addr>, Malformed> {
     let mut hops = Vec::new();
     let mut octets = root.octets();
     for (kind, addresses) in headers {
@@ -125,7 +132,7 @@ fn resolve(
             hops.push(Ipv6Addr::from(octets));
         }
     }
-    Ok(SourceRoute { root, hops })
+    Ok(hops)
 }
 
 struct Addresses {

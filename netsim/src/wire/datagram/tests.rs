@@ -145,7 +145,7 @@ fn rfc8138_6_rpi_without_instance_and_with_a_short_rank_takes_three_bytes() {
 #[test]
 fn rfc8138_5_4_each_hop_is_relative_to_the_one_before_it() {
     let hops = vec![mote(1), mote(2), mote(3)];
-    let route = Some(SourceRoute { root: mote(0), hops });
+    let route = Some(SourceRoute { root: mote(0), hops, tunnel_hop_limit: None });
     let datagram = Datagram { rpi: Some(UP), route, ..udp(0, 3) };
     let bytes = bytes(&datagram, 0, 1);
     // The root is fd00::1:0: the first hop differs in three bytes, for which there is room in four; the others in one.
@@ -156,7 +156,7 @@ fn rfc8138_5_4_each_hop_is_relative_to_the_one_before_it() {
 #[test]
 fn rfc8138_5_1_a_header_holds_at_most_32_addresses() {
     let hops: Vec<_> = (1..=40).map(mote).collect();
-    let route = Some(SourceRoute { root: mote(100), hops });
+    let route = Some(SourceRoute { root: mote(100), hops, tunnel_hop_limit: None });
     let datagram = Datagram { route, ..udp(100, 40) };
     let bytes = bytes(&datagram, 100, 1);
     assert_eq!(bytes[..3], [0xf1, 0x80 | 31, 0]);
@@ -166,12 +166,13 @@ fn rfc8138_5_1_a_header_holds_at_most_32_addresses() {
 
 #[test]
 fn rfc9008_8_3_1_the_root_encapsulates_what_is_not_its_own() {
-    let route = Some(SourceRoute { root: mote(0), hops: vec![mote(2)] });
+    let (root, hops) = (mote(0), vec![mote(2)]);
+    let route = Some(SourceRoute { root, hops, tunnel_hop_limit: Some(60) });
     let datagram = Datagram { hop_limit: 62, rpi: Some(UP), route, ..udp(1, 2) };
     assert!(datagram.is_encapsulated());
     let bytes = bytes(&datagram, 0, 2);
     // Source route, packet information, IP in IP without the root's address, then the datagram as the root got it.
-    assert_eq!(bytes[7..13], [0x83, 5, 3, 0xa1, 6, 62]);
+    assert_eq!(bytes[7..13], [0x83, 5, 3, 0xa1, 6, 60]);
     assert_eq!(bytes[13..16], [0x7c, 0x55, 62]);
     assert_eq!(datagram.uncompressed_len(), 40 + 8 + 40 + 8 + 3);
     let (hop, next) = (Eui64::of_mote(0), Some(Eui64::of_mote(2)));
@@ -181,7 +182,8 @@ fn rfc9008_8_3_1_the_root_encapsulates_what_is_not_its_own() {
 
 #[test]
 fn rfc6554_3_the_routing_header_lacks_the_next_hop_and_the_common_prefix() {
-    let route = |hops: Vec<Ipv6Addr>| Some(SourceRoute { root: mote(0), hops });
+    let route =
+        |hops: Vec<Ipv6Addr>| Some(SourceRoute { root: mote(0), hops, tunnel_hop_limit: None });
     let length = |route| Datagram { route, ..udp(0, 3) }.uncompressed_len() - (40 + 8 + 3);
     assert_eq!(length(route(vec![mote(3)])), 0);
     assert_eq!(length(route(vec![mote(2), mote(3)])), 8 + 8);

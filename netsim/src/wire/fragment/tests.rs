@@ -86,7 +86,7 @@ fn rfc8930_6_a_first_fragment_still_fits_where_less_can_be_left_out() {
     let room = 104;
     let hops: Vec<_> = (1..=3).map(|n| Eui64::of_mote(n).global()).collect();
     let root = Eui64::of_mote(0).global();
-    let route = Some(SourceRoute { root, hops });
+    let route = Some(SourceRoute { root, hops, tunnel_hop_limit: None });
     let datagram = Arc::new(Datagram { route, ..udp(300) });
     let mut fragments = datagram.fragment(1, room).unwrap();
     let whole: Vec<u8> = vec![7; 300];
@@ -112,7 +112,7 @@ fn datagrams_beyond_11_bits_and_headers_beyond_a_frame_are_not_cut() {
     assert!(Arc::new(udp(2000)).fragment(1, 104).is_none());
     let root = Eui64::of_mote(0).global();
     let hops = (1..100).map(|n| Eui64(n * 0x1234_5678_9abc).global()).collect();
-    let route = Some(SourceRoute { root, hops });
+    let route = Some(SourceRoute { root, hops, tunnel_hop_limit: None });
     assert!(Arc::new(Datagram { route, ..udp(10) }).fragment(1, 104).is_none());
 }
 
