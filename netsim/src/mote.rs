@@ -53,6 +53,8 @@ pub struct World<'a> {
     pub asn: u64,
     /// When it begins (ns).
     pub now_ns: u64,
+    /// When the frame that is being handled had arrived in full (ns); without one, when the slot begins.
+    pub received_ns: u64,
     /// The first slot in which a change of the schedule counts: the current one, or the next if its radio has acted.
     pub effective_asn: u64,
     /// Set when a mote has become ready to send data, or is no longer.
@@ -342,7 +344,7 @@ impl Mote {
         FrameRepr {
             source: self.address,
             destination: None,
-            sequence: 0,
+            sequence: self.mac.beacon_sequence(),
             ack_request: false,
             pending: false,
             slots: None,

@@ -44,6 +44,8 @@ pub struct Tsch {
     forgets_neighbours: bool,
     /// The number of the next frame that is sent for the first time: its last eight bits are the sequence number.
     next_number: u32,
+    /// Sequence number of the next beacon: macEbsn.
+    beacon_sequence: u8,
     beacons: Beacons,
     extra: Option<Extra>,
     ration: Option<Ration>,
@@ -80,6 +82,7 @@ impl Tsch {
             neighbours: Neighbours::default(),
             forgets_neighbours: config.beacon_probability.is_none(),
             next_number: 0,
+            beacon_sequence: 0,
             beacons: Beacons::default(),
             extra: None,
             ration: None,
@@ -183,6 +186,13 @@ impl Tsch {
         if let State::Synced { source, keep_alive_ns, .. } = &mut self.state {
             (*source, *keep_alive_ns) = (None, u64::MAX);
         }
+    }
+
+    /// The sequence number of the next beacon: one more than that of the one before (IEEE Std 802.15.4-2015, 6.3.1:
+    /// macEbsn).
+    #[must_use]
+    pub fn beacon_sequence(&self) -> u8 {
+        self.beacon_sequence
     }
 
     /// Sends beacons from now on, or no longer.
@@ -453,7 +463,10 @@ impl Tsch {
     ) -> Done {
         let Transmission { at, channel, outgoing, pending } = transmission;
         let frame = match outgoing {
-            Outgoing::Beacon => return Done::Broadcast(None),
+            Outgoing::Beacon => {
+                self.beacon_sequence = self.beacon_sequence.wrapping_add(1);
+                return Done::Broadcast(None);
+            }
             Outgoing::Frame(frame) => frame,
         };
         self.in_flight = false;

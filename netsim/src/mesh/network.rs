@@ -256,6 +256,7 @@ impl Mesh {
             asn,
             effective_asn: asn,
             now_ns: asn * self.config.slot_ns,
+            received_ns: asn * self.config.slot_ns,
             readiness_changed: &mut self.readiness_changed,
             swarm: &mut self.scratch.swarm,
         };

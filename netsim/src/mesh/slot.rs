@@ -8,6 +8,7 @@ use super::scratch::{Scratch, Sending};
 use super::settings::Settings;
 use crate::energy::SlotUse;
 use crate::mac::tsch::{Listening, Outgoing, channel_of};
+use crate::medium::slot::timing::{TX_ACK_DELAY_NS, TX_OFFSET_NS, airtime_ns};
 use crate::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
 use crate::mote::ports::SWARM_PORT;
 use crate::mote::up::Arrived;
@@ -33,6 +34,21 @@ fn loses_acknowledgment(settings: &Settings, seed: u64, from: u32, to: u32, asn:
     let loss = settings.burden(from).ack_loss;
     let draw = || Draws::new(seed, Purpose::AckLoss).uniform(ordered_link(from, to), asn, 0);
     loss != 0.0 && draw() < loss
+}
+
+/// From the true beginning of the slot until a frame begins (ns).
+fn begins_ns(frame: &OnAir) -> i64 {
+    TX_OFFSET_NS + frame.starts_ns
+}
+
+/// From the true beginning of the slot until a frame has ended (ns).
+fn ends_ns(frame: &OnAir) -> i64 {
+    begins_ns(frame) + airtime_ns(frame.psdu_bytes)
+}
+
+/// True time (ns) of what happens `within_ns` after the beginning of a slot.
+fn at_ns(asn: u64, slot_ns: u64, within_ns: i64) -> u64 {
+    (asn * slot_ns).saturating_add_signed(within_ns)
 }
 
 impl Mesh {
@@ -247,13 +263,9 @@ impl Mesh {
         let receptions = std::mem::take(&mut self.scratch.receptions);
         self.scratch.answers.clear();
         self.scratch.touched.clear();
-        for sending in &sending {
-            self.capture.frame(
-                asn,
-                self.config.slot_ns,
-                sending.transmission.channel,
-                sending.frame(),
-            );
+        for (sending, on_air) in sending.iter().zip(&self.scratch.on_air) {
+            let begins_ns = at_ns(asn, self.config.slot_ns, begins_ns(on_air));
+            self.capture.frame(asn, begins_ns, sending.transmission.channel, sending.frame());
         }
         for ((mote, listening), reception) in listeners.iter().zip(&receptions) {
             match *reception {
@@ -269,6 +281,7 @@ impl Mesh {
             }
         }
         self.acknowledge(&mut sending, asn);
+        self.capture.end_slot();
         for sent in sending.drain(..) {
             self.finish(sent, asn);
         }
@@ -307,7 +320,11 @@ impl Mesh {
         let now_ns = asn * self.config.slot_ns;
         let bytes = sent.psdu_bytes;
         self.state.motes[mote as usize].tally.n_rx += 1;
-        let source_ns = self.scratch.on_air[index as usize].starts_ns;
+        let on_air = self.scratch.on_air[index as usize];
+        let source_ns = on_air.starts_ns;
+        // Within the slot, however far off a clock is that scanning motes hear all the same.
+        let received_ns = at_ns(asn, self.config.slot_ns, ends_ns(&on_air))
+            .clamp(now_ns, now_ns + self.config.slot_ns - 1);
         self.note_heard(mote, sent.sender, rssi_dbm);
         if let (Some(payload), false) = (sent.payload, listening.scans) {
             // The swarm's payload for everyone: nothing above the MAC changes but what the robot knows.
@@ -348,6 +365,7 @@ impl Mesh {
         }
         let (node, mut world) = self.mote_and_world(mote, asn);
         world.effective_asn = asn + 1;
+        world.received_ns = received_ns;
         let n_brought = world.swarm.len();
         let verdict = node.handle_frame(&mut world, &arrived);
         let acknowledges = verdict.acknowledge;
@@ -395,15 +413,10 @@ impl Mesh {
                 sequence: frame.sequence,
                 time_correction_us: (correction_ns / 1000).clamp(-2048, 2047) as i16,
             };
-            self.capture.ack(
-                asn,
-                self.config.slot_ns,
-                sent.transmission.channel,
-                sent.psdu_bytes,
-                &ack,
-            );
+            let on_air = &self.scratch.on_air[answer.transmission as usize];
+            let begins_ns = at_ns(asn, self.config.slot_ns, ends_ns(on_air) + TX_ACK_DELAY_NS);
+            self.capture.ack(asn, begins_ns, sent.transmission.channel, &ack);
         }
-        self.capture.end_slot();
         let slot = Slot { asn, begins_ns: now_ns };
         let Self { scratch, links, medium, settings, experiment, .. } = self;
         let verdicts = medium.acknowledge(links, slot, &scratch.on_air, &scratch.answers);

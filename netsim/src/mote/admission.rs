@@ -73,13 +73,13 @@ impl Mote {
             return self.lose(world, datagram.packet, DropReason::Malformed);
         };
         let hops = hops_of(datagram);
-        let now_ns = world.now_ns;
+        let (now_ns, received_ns) = (world.now_ns, world.received_ns);
         let answer = match &message {
             CojpRepr::Request { pledge, .. } => match &mut self.registrar {
                 Some(registrar) => {
                     let answer = registrar.handle_request(datagram.source, &message, now_ns);
                     answer.map(|answer| {
-                        world.packets.deliver(datagram.packet, now_ns, hops);
+                        world.packets.deliver(datagram.packet, received_ns, hops);
                         let packet = self.begin_join(world, *pledge, &answer);
                         (answer, packet)
                     })
@@ -96,7 +96,7 @@ impl Mote {
                 passed.map(|passed| Self::pass_on(world, datagram.packet, passed, hops))
             }
             CojpRepr::Response { proxy_state: None, .. } => {
-                world.packets.deliver(datagram.packet, now_ns, hops);
+                world.packets.deliver(datagram.packet, received_ns, hops);
                 self.pledge.handle_response(&message);
                 return;
             }

@@ -192,7 +192,7 @@ impl Mote {
         match udp.destination_port {
             APPLICATION_PORT | SWARM_PORT => {
                 let hops = hops_of(datagram);
-                let delivered = world.packets.deliver(datagram.packet, world.now_ns, hops);
+                let delivered = world.packets.deliver(datagram.packet, world.received_ns, hops);
                 if let Some(packet) = delivered
                     && udp.destination_port == SWARM_PORT
                 {

@@ -1,6 +1,6 @@
 //! KPI1, KPI2 and the end-to-end vector: packets of whole networks.
 
-use super::bench::{Bench, EAGER, FULL, LINE, What, line, own_cells};
+use super::bench::{Bench, EAGER, EXACT, FULL, LINE, SLOT_NS, What, line, own_cells};
 use netsim::mac::CellOptions;
 use netsim::rpl::routes::Via;
 use netsim::sf::msf::NEGOTIATED;
@@ -31,6 +31,24 @@ fn kpi1_a_packet_from_the_end_of_a_line_of_ten_takes_nine_hops() {
             assert_eq!(bench.ended[1].hops, 0);
         }
     }
+}
+
+#[test]
+fn a_packet_that_goes_in_the_slot_it_was_made_in_arrives_when_its_frame_has_ended() {
+    let config = format!("{LINE}{EAGER}{EXACT}{}", own_cells(2, &[(1, 0)]));
+    let mut bench = Bench::new(&line(2), &config);
+    bench.form();
+    // Each slot of the slotframe in turn.
+    for _ in 0..20 {
+        bench.send(1, 0, 20);
+        bench.run(101);
+    }
+    assert_eq!(bench.ended.len(), 20);
+    let latencies_ns: Vec<u64> =
+        bench.ended.iter().map(|ended| ended.ended_ns - ended.created_ns).collect();
+    // 2.12 ms into the slot the frame begins: 32 µs for each of its 6 and 23 to 127 bytes.
+    assert!(latencies_ns.iter().all(|ns| (3_048_000..=6_376_000).contains(&(ns % SLOT_NS))));
+    assert!(latencies_ns.iter().any(|&ns| ns < SLOT_NS), "{latencies_ns:?}");
 }
 
 #[test]

@@ -29,6 +29,9 @@ pub(super) const EAGER: &str =
 /// Nobody asks for the time; so clocks do not drift, or a mote that misses some frames would be deaf for good.
 pub(super) const NO_KEEP_ALIVES: &str = "keep_alive_s = 0.0\nmax_drift_ppm = 0.0\n";
 
+/// Clocks that never differ, so that frames begin when the slot says.
+pub(super) const EXACT: &str = "max_drift_ppm = 0.0\ncrystal_hz = 1000000000\n";
+
 /// What a frame carried.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum What {
@@ -48,6 +51,8 @@ pub(super) enum What {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct OnAir {
     pub(super) asn: u64,
+    /// When it began (ns of true time).
+    pub(super) begins_ns: u64,
     pub(super) channel: u8,
     pub(super) source: u32,
     /// `None`: everyone.
@@ -282,12 +287,13 @@ impl Bench {
             let (fields, psdu) = record.split_at(u16_at(record, 2));
             // FCS type, channel, start of frame, ASN: nobody's reception, so without strength.
             let channel = fields[16];
+            let begins_ns = u64::from_le_bytes(fields[24..32].try_into().expect("eight bytes"));
             let asn = u64::from_le_bytes(fields[36..44].try_into().expect("eight bytes"));
-            self.note_frame(asn, channel, psdu);
+            self.note_frame(asn, begins_ns, channel, psdu);
         }
     }
 
-    fn note_frame(&mut self, asn: u64, channel: u8, psdu: &[u8]) {
+    fn note_frame(&mut self, asn: u64, begins_ns: u64, channel: u8, psdu: &[u8]) {
         if let Ok(ack) = AckRepr::parse(psdu) {
             let to = self.number(ack.destination);
             let answered = self
@@ -305,7 +311,16 @@ impl Bench {
         let what = what(psdu, &envelope);
         let sequence = envelope.sequence;
         let answered = false;
-        self.frames.push(OnAir { asn, channel, source, destination, sequence, what, answered });
+        self.frames.push(OnAir {
+            asn,
+            begins_ns,
+            channel,
+            source,
+            destination,
+            sequence,
+            what,
+            answered,
+        });
     }
 }
 

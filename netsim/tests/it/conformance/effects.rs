@@ -1,6 +1,6 @@
 //! Effects on motes, in running networks: each shows where it should, with the sign and, where that is known, the size.
 
-use super::bench::{Bench, EAGER, LINE, line, own_cells};
+use super::bench::{Bench, EAGER, EXACT, LINE, line, own_cells};
 
 const N: usize = 4;
 /// Slots of the slotframe of [`config`].
@@ -9,7 +9,7 @@ const SLOTFRAME: u64 = (N + 2 * (N - 1)) as u64;
 /// A line of four in which nothing collides and nothing is lost.
 fn config(more: &str) -> String {
     let links: Vec<(usize, usize)> = (1..N).map(|mote| (mote, mote - 1)).collect();
-    format!("{LINE}{EAGER}[rpl]\nmax_rank_increase = 0\n{}{more}", own_cells(N, &links))
+    format!("{LINE}{EAGER}{EXACT}[rpl]\nmax_rank_increase = 0\n{}{more}", own_cells(N, &links))
 }
 
 fn effect(keys: &str) -> String {

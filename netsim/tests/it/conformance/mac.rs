@@ -1,6 +1,6 @@
 //! T1 to T18: which frame goes in which cell, how often, and on which channel.
 
-use super::bench::{Bench, EAGER, FULL, LINE, OnAir, What, line, settings};
+use super::bench::{Bench, EAGER, EXACT, FULL, LINE, OnAir, SLOT_NS, What, line, settings};
 use netsim::mac::queue::Queued;
 use netsim::mac::tsch::{Done, Outgoing, Tsch};
 use netsim::mac::{Cell, CellOptions, Schedule};
@@ -84,6 +84,45 @@ fn t7_the_join_metric_is_0_at_the_root_and_dag_rank_less_1_elsewhere() {
         let beacons = bench.sent(mote, |what| matches!(what, What::Beacon { .. }));
         assert!(10 < beacons.len());
         assert!(beacons.iter().all(|beacon| beacon.what == What::Beacon { join_metric: metric }));
+    }
+}
+
+#[test]
+fn ieee802154_6_3_1_each_motes_beacons_are_numbered_one_after_the_other() {
+    let mut bench = Bench::new(&line(3), &format!("{LINE}{EAGER}"));
+    bench.form();
+    bench.run(300_000);
+    for mote in 0..3 {
+        let beacons = bench.sent(mote, |what| matches!(what, What::Beacon { .. }));
+        assert!(256 < beacons.len(), "{mote}: {}", beacons.len());
+        for pair in beacons.windows(2) {
+            assert_eq!(pair[1].sequence, pair[0].sequence.wrapping_add(1), "{mote}: {pair:?}");
+        }
+    }
+}
+
+#[test]
+fn a_capture_says_when_frames_began_by_the_clock_of_whoever_sent_them() {
+    let off_grid_ns = |drift: &str| {
+        let mut bench = Bench::new(&line(3), &format!("{LINE}{EAGER}{drift}"));
+        bench.form();
+        bench.run(10_000);
+        let mut of_mote = [(0, 0); 3];
+        for frame in &bench.frames {
+            let off_ns = frame.begins_ns as i64 - (frame.asn * SLOT_NS) as i64 - 2_120_000;
+            let (least, most) = &mut of_mote[frame.source as usize];
+            (*least, *most) = (off_ns.min(*least), off_ns.max(*most));
+        }
+        assert!(bench.frames.is_sorted_by_key(|frame| frame.begins_ns));
+        of_mote
+    };
+    assert_eq!(off_grid_ns(EXACT), [(0, 0); 3]);
+    let [root, others @ ..] = off_grid_ns("");
+    assert_eq!(root, (0, 0), "the root's clock is the true time");
+    for (least, most) in others {
+        // Within the guard time, and by more than a tick of a clock.
+        assert!(-1_100_000 < least && most < 1_100_000, "{least} {most}");
+        assert!(30_518 < most - least, "{least} {most}");
     }
 }
 

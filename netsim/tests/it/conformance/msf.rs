@@ -234,6 +234,7 @@ impl Lone<'_> {
             seed: 1,
             asn: self.asn,
             now_ns: self.asn * SLOT_NS,
+            received_ns: self.asn * SLOT_NS,
             effective_asn: self.asn,
             readiness_changed: &mut false,
             swarm: &mut Vec::new(),

@@ -126,6 +126,7 @@ impl Plain {
             asn,
             effective_asn,
             now_ns: asn * self.config.slot_ns,
+            received_ns: asn * self.config.slot_ns,
             readiness_changed: &mut readiness_changed,
             swarm: &mut swarm,
         };

@@ -101,7 +101,11 @@ pub(super) const PACKETS: TableShape = TableShape {
         never_null("source", ColumnKind::U32, "The mote that created it."),
         nullable("destination", ColumnKind::U32, "it was a broadcast", "The destination mote."),
         never_null("created_ns", ColumnKind::U64, "When it was created (ns)."),
-        never_null("ended_ns", ColumnKind::U64, "When it was delivered, or dropped (ns)."),
+        never_null(
+            "ended_ns",
+            ColumnKind::U64,
+            "When the last frame that it took had ended, or when it was dropped (ns).",
+        ),
         never_null("hops", ColumnKind::U32, "Number of hops until then."),
         never_null("payload_bytes", ColumnKind::U32, "Its payload (bytes), without any header."),
         never_null(

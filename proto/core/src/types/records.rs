@@ -53,7 +53,7 @@ pub struct Packets {
     pub destination: Vec<u32>,
     /// When it was created (ns).
     pub created_ns: Vec<u64>,
-    /// When it was delivered, or dropped (ns).
+    /// When the last frame that it took had ended, or when it was dropped (ns).
     pub ended_ns: Vec<u64>,
     /// Hops it took until then.
     pub hops: Vec<u32>,
