@@ -4,6 +4,7 @@ import functools
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,32 @@ def stubs(tmp_path_factory):
     succeed([*make, f"--python_out={out}", f"--grpc_python_out={out}", *protos])
     sys.path.insert(0, str(out))
     return out
+
+
+@pytest.fixture(scope="session")
+def captures(tmp_path_factory):
+    """The captures of all audited networks, dissected, by name."""
+    from audited_frames import read_capture
+    from audited_networks import NETWORKS, capture_of
+
+    folder = tmp_path_factory.mktemp("audit")
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        read = pool.map(lambda name: read_capture(NETWORKS[name], capture_of(name, folder)), NETWORKS)
+        return dict(zip(NETWORKS, read, strict=True))
+
+
+@pytest.fixture(scope="session")
+def audited(request, captures):
+    """One of them."""
+    return captures[request.param]
+
+
+def pytest_generate_tests(metafunc):
+    """Tests of `audited` are asked for every audited network."""
+    if "audited" in metafunc.fixturenames:
+        from audited_networks import NETWORKS
+
+        metafunc.parametrize("audited", NETWORKS, indirect=True, scope="session")
 
 
 def pytest_configure(config):

@@ -1,0 +1,316 @@
+"""An audit on the wire: frames of every scheduling function and mode, one by one, against IEEE Std 802.15.4-2015 and 6P."""
+
+from collections import Counter, defaultdict
+
+from audited_frames import SLOT_NS, TX_ACK_DELAY_NS, expect_none, faults_of
+from audited_networks import HOPPING_SEQUENCE, MOTES
+from dissection import GOOD
+
+ROOT = 0
+# Severities of Wireshark's expert information: chats and notes are less (retransmitted CoAP is a note).
+WARNING = 0x600000
+
+
+def test_every_network_formed(audited):
+    assert audited.formed_ns is not None, f"{audited.path}: see run.log and summary.json there"
+
+
+# What every frame has.
+
+
+def test_every_frame_dissects_without_malformation_or_warning(audited):
+    def is_right(frame):
+        return not frame["_ws.malformed"] and all(int(level) < WARNING for level in frame["_ws.expert.severity"])
+
+    frames = [*audited.frames, *(frame for frame in audited.datagrams if frame not in audited.frames)]
+    faults_of(audited, frames, is_right, lambda frame: f"{frame['_ws.malformed']}, {frame['_ws.expert.message']}", 1000)
+
+
+def test_every_checksum_is_right(audited):
+    faults_of(audited, audited.frames, lambda frame: frame["wpan.fcs_ok"] == [GOOD], lambda frame: "FCS", 1000)
+    for status in ("udp.checksum.status", "icmpv6.checksum.status"):
+        summed = [frame for frame in audited.datagrams if frame[status]]
+        faults_of(audited, summed, lambda frame, status=status: frame[status] == [GOOD], lambda frame, status=status: status, 50)
+
+
+def test_frames_have_no_more_than_127_bytes(audited):
+    # IEEE Std 802.15.4-2015, 11.3: aMaxPhyPacketSize.
+    faults_of(audited, audited.frames, lambda frame: frame.psdu_bytes <= 127, lambda frame: f"{frame.psdu_bytes} bytes")
+
+
+def test_frames_are_of_version_2_without_security_and_numbered(audited):
+    # IEEE Std 802.15.4-2015, 7.2.1; docs/audited.network.md: link-layer security is off.
+    def is_right(frame):
+        return (frame["wpan.version"], frame["wpan.security"], frame["wpan.seqno_suppression"]) == (["2"], ["0"], ["0"])
+
+    faults_of(audited, audited.frames, is_right, lambda frame: f"{frame['wpan.version']} {frame['wpan.security']}")
+
+
+def test_addresses_and_pan_identifiers_are_compressed_as_table_7_2_says(audited):
+    # Destination mode, source mode, PAN ID compression: the destination's PAN identifier is there, the source's is not.
+    short_to_long, long_to_long, long_alone = ("0x0002", "0x0003", "1"), ("0x0003", "0x0003", "0"), ("0x0003", "0x0000", "0")
+
+    def is_right(frame):
+        modes = tuple(frame[f][0] for f in ("wpan.dst_addr_mode", "wpan.src_addr_mode", "wpan.pan_id_compression"))
+        expected = long_alone if frame.is_ack else short_to_long if frame.destination is None else long_to_long
+        return modes == expected and frame["wpan.dst_pan"] == ["0xabcd"] and not frame["wpan.src_pan"]
+
+    def what(frame):
+        return f"{frame['wpan.dst_addr_mode']} {frame['wpan.src_addr_mode']} {frame['wpan.pan_id_compression']}"
+
+    faults_of(audited, audited.frames, is_right, what)
+
+
+def test_a_frame_to_everyone_asks_for_no_acknowledgment_and_one_to_a_mote_does(audited):
+    sent = [frame for frame in audited.frames if not frame.is_ack]
+    faults_of(
+        audited, sent, lambda frame: frame.ack_request == (frame.destination is not None), lambda frame: "acknowledgment request"
+    )
+
+
+def test_sequence_numbers_of_data_frames_advance_by_one(audited):
+    # IEEE Std 802.15.4-2015, 6.7.1: macDsn goes into a new frame, then is incremented; a repetition keeps its number.
+    faults, checked, sent = [], 0, {}
+    for frame in audited.frames:
+        if not frame.is_data:
+            continue
+        before = sent.setdefault(frame.source, [frame.sequence])
+        # Frames that wait for another neighbour's cell are repeated among newer ones.
+        if frame.sequence not in before[-64:]:
+            checked += 1
+            if frame.sequence != (before[-1] + 1) % 256 and audited.network.stands:
+                faults.append(audited.says(frame, f"{frame.sequence} after {before[-1]}"))
+            before.append(frame.sequence)
+    expect_none(faults, checked, 300)
+
+
+def test_a_mote_sends_one_frame_or_one_acknowledgment_in_a_slot(audited):
+    senders = [(frame, frame.source) for frame in sent_on_time(audited)]
+    senders += [(ack, frame.destination) for ack, frame in audited.answered if frame]
+    n_sent = Counter((frame.asn, sender) for frame, sender in senders)
+    several = [(frame, sender) for frame, sender in senders if n_sent[frame.asn, sender] > 1]
+    expect_none((audited.says(frame, f"not the only one of mote {sender}") for frame, sender in several), len(senders), 500)
+
+
+def test_frames_are_sent_six_times_at_most(audited):
+    # IEEE Std 802.15.4-2015, table 8-81: macMaxFrameRetries, here 5.
+    attempts, faults = {}, []
+    for frame in audited.frames:
+        if not frame.ack_request:
+            continue
+        # Numbers come again after 256 frames, and then with other octets.
+        octets = frame.record[16 + int.from_bytes(frame.record[18:20], "little") :]
+        n, last_ns = attempts.get(octets, (0, frame.time_ns))
+        n = n + 1 if frame.time_ns < last_ns + 20_000_000_000 else 1
+        attempts[octets] = n, frame.time_ns
+        if n > 6:
+            faults.append(audited.says(frame, f"sent for the {n}th time"))
+    expect_none(faults, len(attempts), 200)
+
+
+# Enhanced beacons.
+
+
+def test_beacons_are_numbered_by_one_from_beacon_to_beacon(audited):
+    # IEEE Std 802.15.4-2015, 6.3.1 and table 8-81: macEbsn goes into an enhanced beacon, then is incremented.
+    faults, checked, last = [], 0, {}
+    for frame in audited.beacons:
+        before = last.get(frame.source)
+        if before is not None:
+            checked += 1
+            # A mote that was switched off begins anew.
+            follows = frame.sequence == (before + 1) % 256 if audited.network.stands else frame.sequence != before
+            if not follows:
+                faults.append(audited.says(frame, f"mote {frame.source}'s beacon {frame.sequence} follows {before}"))
+        last[frame.source] = frame.sequence
+    expect_none(faults, checked, 200)
+
+
+def test_beacons_tell_time_metric_timeslot_and_hopping_sequence(audited):
+    # RFC 8180, section 4.5 and appendix A.1: the TSCH Synchronization, Slotframe and Link, Timeslot and Channel Hopping IEs.
+    # The template of timeslots is the standard's (0), the sequence of channels another one (1).
+    def is_right(frame):
+        nested = ["0x001a", "0x001c", "0x001b", "0x0009"]
+        return (
+            frame.number_in("wpan.tsch.asn") == frame.asn
+            and frame["wpan.header_ie.id"] == ["0x007e"]
+            and frame["wpan.payload_ie.id"][0] == "0x0001"
+            and frame["wpan.mlme.ie.id"] == nested
+            and frame["wpan.tsch.timeslot.id"] == ["0x00"]
+            and frame["wpan.tsch.hopping_sequence_id"] == ["0x01"]
+            and all(options == "0x0f" for options in frame["wpan.tsch.link_options"])
+            and (frame["wpan.tsch.join_metric"] == ["0"]) == (frame.source == ROOT)
+        )
+
+    def what(frame):
+        return f"ASN {frame['wpan.tsch.asn']} for {frame.asn}, elements {frame['wpan.mlme.ie.id']}, metric {frame['wpan.tsch.join_metric']}"
+
+    faults_of(audited, audited.beacons, is_right, what, 200)
+
+
+def test_beacons_follow_the_hopping_sequence(audited):
+    # IEEE Std 802.15.4-2015, 6.2.6.3. All beacons have channel offset 0, but for those in Orchestra's common cell.
+    offset = 1 if "link-based" in audited.network.sf else 0
+
+    def is_right(frame):
+        return frame.channel == HOPPING_SEQUENCE[(frame.asn + offset) % len(HOPPING_SEQUENCE)]
+
+    faults_of(audited, audited.beacons, is_right, lambda frame: f"channel {frame.channel}", 200)
+
+
+# Time.
+
+
+def sent_on_time(audited):
+    """Beacons and data frames: those that begin macTsTxOffset after their sender's slot does."""
+    return [frame for frame in audited.frames if not frame.is_ack]
+
+
+def test_frames_are_in_the_order_of_time(audited):
+    pairs = zip(audited.frames, audited.frames[1:])
+    faults = (
+        audited.says(after, f"{after.time_ns} ns after {before.time_ns} ns") for before, after in pairs if after.time_ns < before.time_ns
+    )
+    expect_none(faults, len(audited.frames))
+
+
+def test_frames_begin_when_their_senders_clocks_say(audited):
+    # IEEE Std 802.15.4-2015, 8.4.3.3.1: macTsTxOffset after the slot begins by the sender's clock. The root's clock is right.
+    frames = sent_on_time(audited)
+    if "max_drift_ppm = 0.0" in audited.network.mac:
+        on_grid = frames
+    else:
+        on_grid = [frame for frame in frames if frame.source == ROOT]
+        off = Counter(frame.source for frame in frames if frame.source != ROOT and frame.deviation_ns != 0)
+        assert set(off) == set(range(1, MOTES)), f"{audited.path}: only the clocks of {sorted(off)} are ever off"
+    faults_of(audited, on_grid, lambda frame: frame.deviation_ns == 0, lambda frame: f"{frame.deviation_ns} ns late", 100)
+    faults_of(audited, frames, lambda frame: abs(frame.deviation_ns) < SLOT_NS // 4, lambda frame: f"{frame.deviation_ns} ns late")
+
+
+class Clocks:
+    """How far each mote's clock was off, by what it sent."""
+
+    # Rates differ from true time by so much at most; a correction is right to within a tick of 32,768 Hz.
+    DRIFT_PPM = 30
+    TICK_NS = 30_518
+
+    def __init__(self, audited):
+        self.seen = defaultdict(list)
+        for frame in sent_on_time(audited):
+            self.seen[frame.source].append((frame.time_ns, frame.deviation_ns))
+
+    def bounds(self, mote, time_ns, within_ns=2_000_000_000):
+        """Between what (ns) a mote's deviation was at a time; None: it sent nothing shortly before or shortly after."""
+        if mote == ROOT:
+            return 0, 0
+        before = [seen for seen in self.seen[mote] if time_ns - within_ns <= seen[0] <= time_ns][-1:]
+        after = [seen for seen in self.seen[mote] if time_ns < seen[0] <= time_ns + within_ns][:1]
+        if not before or not after:
+            return None
+        margin_ns = (after[0][0] - before[0][0]) * self.DRIFT_PPM // 1_000_000 + self.TICK_NS
+        deviations = before[0][1], after[0][1]
+        return min(deviations) - margin_ns, max(deviations) + margin_ns
+
+
+def test_time_corrections_say_by_how_much_the_frame_was_off(audited):
+    # IEEE Std 802.15.4-2015, 6.5.4.2: the receiver's expectation less when the frame came, in microseconds.
+    clocks = Clocks(audited)
+    faults, checked = [], 0
+    for ack, frame in audited.answered:
+        bounds = clocks.bounds(frame.destination, frame.time_ns) if frame else None
+        if bounds is None:
+            continue
+        checked += 1
+        correction_us = ack.number_in("wpan.header_ie.time_correction.value")
+        least, most = ((bound - frame.deviation_ns) / 1000 for bound in bounds)
+        if not least - 1 <= correction_us <= most + 1:
+            expected = f"between {least:.0f} and {most:.0f}"
+            faults.append(audited.says(ack, f"mote {frame.destination} corrects {frame.source} by {correction_us} us, {expected} were right"))
+    expect_none(faults, checked, 100)
+
+
+# Acknowledgments.
+
+
+def test_every_acknowledgment_answers_one_frame_of_its_slot_and_channel(audited):
+    faults = [audited.says(ack, f"answers nothing: {ack.asn}, {ack.sequence}") for ack, frame in audited.answered if frame is None]
+    expect_none(faults, len(audited.acks), 200)
+    answered = Counter(frame.number for _, frame in audited.answered)
+    assert max(answered.values()) == 1, answered.most_common(1)
+
+
+def test_acknowledgments_begin_one_millisecond_after_their_frames_end(audited):
+    # IEEE Std 802.15.4-2015, 8.4.3.3.1: macTsTxAckDelay.
+    faults, checked = [], 0
+    for ack, frame in audited.answered:
+        if frame is None:
+            continue
+        checked += 1
+        late_ns = ack.time_ns - (frame.time_ns + frame.air_ns + TX_ACK_DELAY_NS)
+        if late_ns != 0:
+            faults.append(audited.says(ack, f"{late_ns} ns late after frame {frame.number}"))
+    expect_none(faults, checked, 200)
+
+
+def test_acknowledgments_end_within_their_slots(audited):
+    # A slot of 10 ms holds 2.12 ms, the longest frame, 1 ms and the longest acknowledgment (table 8-93: macTsTimeslotLength).
+    def is_right(ack):
+        return ack.time_ns + ack.air_ns < (ack.asn + 1) * SLOT_NS + SLOT_NS // 8
+
+    faults_of(audited, audited.acks, is_right, lambda ack: "beyond its slot", 200)
+
+
+# 6P.
+
+
+# 6P.
+
+
+def sixp(audited):
+    return [frame for frame in audited.frames if frame["wpan.6top_type"]]
+
+
+def test_6p_messages_are_msf_s_of_version_0_and_their_cells_lie_in_the_slotframe(audited):
+    # RFC 8480, section 3.2.2; RFC 9033, sections 2 and 8: slot 0 is the minimal cell's.
+    def is_right(frame):
+        slots = [int(slot, 0) for slot in frame["wpan.6top_cell_slot_offset"]]
+        channels = [int(channel, 0) for channel in frame["wpan.6top_channel_offset"]]
+        return (
+            frame.number_in("wpan.6top_version") == 0
+            and frame.number_in("wpan.6top_sfid") == 0
+            and frame.destination is not None
+            and all(0 < slot < 101 for slot in slots)
+            and all(channel < 16 for channel in channels)
+            and len(set(slots)) == len(slots)
+        )
+
+    is_msf = 'kind = "msf"' in audited.network.sf
+    faults_of(audited, sixp(audited), is_right, lambda frame: f"{frame['wpan.6top_cell_slot_offset']}", 20 if is_msf else 0)
+    assert is_msf or not sixp(audited)
+
+
+def test_6p_responses_have_the_number_of_their_requests(audited):
+    # RFC 8480, section 3.4.3.
+    faults, checked, asked = [], 0, {}
+    for frame in sixp(audited):
+        kind = frame.number_in("wpan.6top_type")
+        if kind == 0:
+            numbers = asked.setdefault((frame.source, frame.destination), [])
+            numbers += {frame.number_in("wpan.6top_seqnum")}.difference(numbers[-1:])
+        elif kind == 1:
+            checked += 1
+            numbers = asked.get((frame.destination, frame.source), [])
+            if frame.number_in("wpan.6top_seqnum") not in numbers[-3:]:
+                faults.append(audited.says(frame, f"number {frame['wpan.6top_seqnum']}, asked {numbers[-3:]}"))
+    expect_none(faults, checked, 10 if sixp(audited) else 0)
+
+
+def test_relocate_and_clear_are_among_what_was_captured(captures):
+    asked = Counter(
+        frame.number_in("wpan.6top_code")
+        for name in ("msf-relocating", "msf-restless")
+        for frame in sixp(captures[name])
+        if frame.number_in("wpan.6top_type") == 0
+    )
+    add, relocate, clear = 1, 3, 7
+    assert all(asked[command] >= 2 for command in (add, relocate, clear)), asked
