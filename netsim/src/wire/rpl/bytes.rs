@@ -26,6 +26,9 @@ const OPTION_TYPE_0X23: u8 = 0x10;
 const ACK_REQUEST: u8 = 0x80;
 /// The 'D' flag of a DAO: a DODAG identifier follows. It does not here: instances are global.
 const DODAG_ID: u8 = 0x40;
+/// Path control (§ 6.7.8, § 9.9): there is one parent, which has the one bit that a Path Control Size of 0 leaves, the most
+/// preferred.
+const PATH_CONTROL: u8 = 0x80;
 /// The 'A' flag of a prefix (§ 6.7.10): addresses may be formed under it.
 const AUTONOMOUS: u8 = 0x40;
 
@@ -126,7 +129,7 @@ fn put_dao<S: Sink>(dao: &DaoRepr, sink: &mut S) {
         sink.put_ip(target);
     }
     let length = if dao.parent.is_some() { 20 } else { 4 };
-    sink.put(&[TRANSIT, length, 0, 0, dao.path_sequence, dao.path_lifetime]);
+    sink.put(&[TRANSIT, length, 0, PATH_CONTROL, dao.path_sequence, dao.path_lifetime]);
     if let Some(parent) = dao.parent {
         sink.put_ip(parent);
     }

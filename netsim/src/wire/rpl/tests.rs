@@ -78,10 +78,11 @@ fn rfc6550_6_4_a_non_storing_dao_has_target_and_parent() {
     };
     let bytes = RplMessage::Dao(dao.clone()).to_vec();
     assert_eq!(bytes[..8], [0, 0x80, 0, 241, 5, 18, 0, 128]);
-    assert_eq!(bytes[24..30], [6, 20, 0, 0, 242, 30]);
+    // § 9.9: of the eight bits of path control one is active, the most preferred.
+    assert_eq!(bytes[24..30], [6, 20, 0, 0x80, 242, 30]);
     assert_eq!(bytes.len(), 4 + 20 + 22);
     let storing = RplMessage::Dao(DaoRepr { parent: None, ..dao });
-    assert_eq!(storing.to_vec()[24..], [6, 4, 0, 0, 242, 30]);
+    assert_eq!(storing.to_vec()[24..], [6, 4, 0, 0x80, 242, 30]);
 }
 
 #[test]
