@@ -16,6 +16,8 @@ pub(super) struct Sending {
     pub(super) payload: Option<u32>,
     /// Who shall acknowledge it, and has.
     pub(super) answered_by: Option<u32>,
+    /// How much later than it came the mote that acknowledges it had expected it (ns).
+    pub(super) correction_ns: i64,
     pub(super) acknowledged: bool,
 }
 

@@ -155,6 +155,7 @@ impl Mesh {
                 psdu_bytes,
                 payload,
                 answered_by: None,
+                correction_ns: 0,
                 acknowledged: false,
             });
         }
@@ -363,6 +364,8 @@ impl Mesh {
             node.handle_frame(&mut world, &arrived);
             return self.note_use(mote, listening, SlotUse::Overhear { bytes });
         }
+        // By its clock as it was then: the frame may correct it.
+        let expected_ns = self.state.motes[mote as usize].mac.deviation_ns(now_ns);
         let (node, mut world) = self.mote_and_world(mote, asn);
         world.effective_asn = asn + 1;
         world.received_ns = received_ns;
@@ -388,6 +391,7 @@ impl Mesh {
                 queued.has_arrived |= verdict.deliver;
             }
             sent.answered_by = Some(mote);
+            sent.correction_ns = expected_ns - on_air.starts_ns;
             self.scratch.answers.push(Acknowledgment {
                 transmission: index,
                 receiver: mote,
@@ -405,13 +409,10 @@ impl Mesh {
         for answer in &self.scratch.answers {
             let sent = &sending[answer.transmission as usize];
             let frame = sent.frame();
-            let from = &self.state.motes[answer.receiver as usize];
-            let correction_ns = self.state.motes[sent.sender as usize].mac.deviation_ns(now_ns)
-                - from.mac.deviation_ns(now_ns);
             let ack = AckRepr {
                 destination: frame.source,
                 sequence: frame.sequence,
-                time_correction_us: (correction_ns / 1000).clamp(-2048, 2047) as i16,
+                time_correction_us: (sent.correction_ns / 1000).clamp(-2048, 2047) as i16,
             };
             let on_air = &self.scratch.on_air[answer.transmission as usize];
             let begins_ns = at_ns(asn, self.config.slot_ns, ends_ns(on_air) + TX_ACK_DELAY_NS);

@@ -88,7 +88,8 @@ pub struct AckRepr {
     pub destination: Eui64,
     /// Sequence number of the frame it answers.
     pub sequence: u8,
-    /// How much later than expected the frame came (µs), −2048 to 2047.
+    /// When the frame was expected, less when it came (µs), −2048 to 2047: what its sender adds to its time (IEEE Std
+    /// 802.15.4-2015, 6.5.4.2).
     pub time_correction_us: i16,
 }
 

@@ -61,6 +61,8 @@ pub(super) struct OnAir {
     pub(super) what: What,
     /// Whether somebody sent an acknowledgment.
     pub(super) answered: bool,
+    /// The time correction (µs) in the acknowledgment.
+    pub(super) correction_us: Option<i16>,
 }
 
 /// A packet whose way has ended.
@@ -302,7 +304,8 @@ impl Bench {
                 .rev()
                 .take_while(|frame| frame.asn == asn)
                 .find(|frame| frame.source == to && frame.sequence == ack.sequence);
-            answered.expect("an acknowledgment follows its frame").answered = true;
+            let answered = answered.expect("an acknowledgment follows its frame");
+            (answered.answered, answered.correction_us) = (true, Some(ack.time_correction_us));
             return;
         }
         let envelope = Envelope::parse(psdu).expect("a frame of this network");
@@ -320,6 +323,7 @@ impl Bench {
             sequence,
             what,
             answered,
+            correction_us: None,
         });
     }
 }

@@ -127,6 +127,23 @@ fn a_capture_says_when_frames_began_by_the_clock_of_whoever_sent_them() {
 }
 
 #[test]
+fn ieee802154_6_5_4_2_an_acknowledgment_says_how_much_later_the_frame_was_expected() {
+    let mut bench = Bench::new(&line(3), &format!("{LINE}{EAGER}"));
+    bench.form();
+    bench.run(100_000);
+    let to_root = bench.frames.iter().filter(|frame| frame.destination == Some(0));
+    let mut checked = 0;
+    for frame in to_root {
+        let Some(correction_us) = frame.correction_us else { continue };
+        // The root expects it when the slot says.
+        let off_ns = frame.begins_ns as i64 - (frame.asn * SLOT_NS) as i64 - 2_120_000;
+        assert_eq!(i64::from(correction_us), -off_ns / 1000, "{frame:?}");
+        checked += usize::from(correction_us != 0);
+    }
+    assert!(5 < checked, "{checked}");
+}
+
+#[test]
 fn t8_beacons_keep_to_advertising_cells() {
     let cells = "[sf]\nkind = \"static\"\nslotframe_slots = 2\n\
         [[sf.cell]]\nslot = 0\nfrom = \"any\"\nto = \"all\"\nadvertising = true\n\
