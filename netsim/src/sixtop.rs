@@ -147,7 +147,7 @@ impl Default for Config {
 pub struct Sixtop {
     config: Config,
     peers: BTreeMap<Eui64, Peer>,
-    /// Neighbours with an open transaction; others may be among them whose last one is over.
+    /// Neighbours with an open transaction: whose deadlines count.
     busy: Vec<Eui64>,
     outgoing: VecDeque<(Eui64, SixpRepr)>,
     purges: VecDeque<Eui64>,
@@ -196,15 +196,19 @@ impl Sixtop {
         Ok(())
     }
 
-    /// A transaction with a neighbour has begun. Those that are over are forgotten.
+    /// A transaction with a neighbour has begun.
     fn note_busy(&mut self, peer: Eui64) {
+        if !self.busy.contains(&peer) {
+            self.busy.push(peer);
+        }
+    }
+
+    /// Transactions may have ended: neighbours without an open one are no longer busy.
+    fn note_ended(&mut self) {
         let Self { busy, peers, .. } = self;
         let is_open =
             |peer: &Eui64| peers.get(peer).is_some_and(|peer| peer.deadline_ns().is_some());
         busy.retain(is_open);
-        if !busy.contains(&peer) {
-            busy.push(peer);
-        }
     }
 
     /// Answers the request that [`Event::Request`] reported. Without one it does nothing.
@@ -227,6 +231,7 @@ impl Sixtop {
             && state.answering.as_ref().is_some_and(|open| open.answer.is_none())
         {
             state.answering = None;
+            self.note_ended();
         }
     }
 
@@ -258,6 +263,7 @@ impl Sixtop {
             (None, None) => None,
         };
         self.call_off(peer);
+        self.note_ended();
         if let Some((seqnum, body)) = farewell {
             self.send(peer, seqnum, body);
         }
@@ -300,6 +306,7 @@ impl Sixtop {
                 self.lapse(peer, open, Failure::Timeout);
             }
         }
+        self.note_ended();
     }
 
     /// Whether a transaction with a neighbour is open.

@@ -35,6 +35,7 @@ impl Sixtop {
                 self.handle_confirmation(from, answer, message.seqnum);
             }
         }
+        self.note_ended();
     }
 
     fn handle_request(

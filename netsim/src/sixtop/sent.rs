@@ -20,6 +20,7 @@ impl Sixtop {
                 self.handle_confirmation_sent(to, message.seqnum, acknowledged);
             }
         }
+        self.note_ended();
     }
 
     fn handle_request_sent(
