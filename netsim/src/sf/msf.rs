@@ -389,7 +389,7 @@ impl SchedulingFunction for Msf {
 
     fn is_ready(&self, cx: &Context<'_>) -> bool {
         let mut to_parent =
-            self.parent.iter().flat_map(|&parent| cells::negotiated(cx.schedule, parent));
+            self.parent.iter().flat_map(|&parent| cells::negotiated_tx(cx.schedule, parent));
         cx.is_root || to_parent.any(|cell| cell.options == CellOptions::TX)
     }
 

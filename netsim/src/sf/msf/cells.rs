@@ -12,6 +12,13 @@ pub(super) fn negotiated(schedule: &Schedule, peer: Eui64) -> impl Iterator<Item
     cells.iter().filter(move |cell| cell.neighbour == Some(peer))
 }
 
+/// Those in which we transmit to it. Few: of the cells that receive none is looked at.
+pub(super) fn negotiated_tx(schedule: &Schedule, peer: Eui64) -> impl Iterator<Item = &Cell> {
+    let frame = schedule.slotframe(NEGOTIATED);
+    let cells = frame.into_iter().flat_map(|frame| frame.tx_cells());
+    cells.filter(move |cell| cell.neighbour == Some(peer))
+}
+
 /// Negotiated cells in which we transmit to a neighbour, and those in which we receive from it.
 pub(super) fn count(schedule: &Schedule, peer: Eui64) -> Cells {
     let n = |options: CellOptions| {
@@ -127,17 +134,18 @@ impl Msf {
     /// § 3: a shared cell towards a neighbour is there while frames for it wait and no negotiated cell takes them.
     pub(super) fn update_autonomous_tx(&mut self, cx: &mut Context<'_>, neighbour: Eui64) {
         let is_wanted = self.waiting.contains(&neighbour)
-            && !negotiated(cx.schedule, neighbour).any(|cell| cell.options.tx);
-        let (slot, channel) =
-            hash::autonomous_cell(neighbour, self.config.slotframe_slots, cx.n_channels);
-        let cell = Cell::new(slot, channel, CellOptions::TX_SHARED, Some(neighbour));
+            && negotiated_tx(cx.schedule, neighbour).next().is_none();
         let Some(frame) = cx.schedule.slotframe(AUTONOMOUS) else { return };
-        let is_there = frame.at_slot(slot).iter().any(|other| other.is_same(&cell));
+        // No other cell of this slotframe has a neighbour.
+        let is_there = frame.tx_cells().any(|cell| cell.neighbour == Some(neighbour));
         if is_wanted && !is_there {
+            let (slot, channel) =
+                hash::autonomous_cell(neighbour, self.config.slotframe_slots, cx.n_channels);
+            let cell = Cell::new(slot, channel, CellOptions::TX_SHARED, Some(neighbour));
             // The slot is one of the slotframe's.
             let _ = cx.schedule.add(AUTONOMOUS, cell);
         } else if is_there && !is_wanted {
-            cx.schedule.remove_where(AUTONOMOUS, |other| other.is_same(&cell));
+            cx.schedule.remove_where(AUTONOMOUS, |cell| cell.neighbour == Some(neighbour));
         }
     }
 }
