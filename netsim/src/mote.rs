@@ -129,6 +129,19 @@ pub struct Mote {
     reboots_ns: Option<u64>,
     /// How often that was drawn.
     n_reboots_drawn: u64,
+    #[serde(skip)]
+    cells_known: CellsKnown,
+}
+
+/// Whether the scheduling function has cells enough, with the number of changes of the schedule and the parent for which it
+/// said so. It would say the same again, so it is no part of the state: all are equal.
+#[derive(Clone, Copy, Debug, Default)]
+struct CellsKnown(Option<((u64, Option<Eui64>), bool)>);
+
+impl PartialEq for CellsKnown {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// Random draws of a mote, one stream for each layer, so that draws of one do not move those of another.
@@ -203,6 +216,7 @@ impl Mote {
             in_work: VecDeque::new(),
             reboots_ns: None,
             n_reboots_drawn: 0,
+            cells_known: CellsKnown::default(),
         }
     }
 

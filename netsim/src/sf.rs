@@ -185,7 +185,8 @@ pub trait SchedulingFunction: Stored {
     /// The time has come.
     fn handle_timeout(&mut self, _cx: &mut Context<'_>) {}
 
-    /// Whether there are cells enough to send data to the parent. Until then applications wait.
+    /// Whether there are cells enough to send data to the parent. Until then applications wait. The answer changes only when
+    /// the schedule or the parent does.
     fn is_ready(&self, _cx: &Context<'_>) -> bool {
         true
     }

@@ -1,7 +1,7 @@
 //! What the layers have to say to each other after something happened.
 
 use super::down::{HOP_LIMIT, Wanted};
-use super::{Mote, World};
+use super::{CellsKnown, Mote, World};
 use crate::lowpan::DropReason;
 use crate::mac::tsch::Due;
 use crate::rpl;
@@ -145,14 +145,27 @@ impl Mote {
         }
     }
 
+    /// Whether the scheduling function has cells enough, asked anew only where the answer may be another one.
+    fn has_cells(&mut self, world: &mut World<'_>) -> bool {
+        self.schedule.set_effective(world.effective_asn);
+        let of = (self.schedule.n_changes(), self.rpl.parent());
+        if let CellsKnown(Some((known_of, has_cells))) = self.cells_known
+            && known_of == of
+        {
+            return has_cells;
+        }
+        let mut has_cells = false;
+        self.with_sf(world, |sf, cx| has_cells = sf.is_ready(cx));
+        self.cells_known = CellsKnown(Some((of, has_cells)));
+        has_cells
+    }
+
     /// Whether everything is there that data need; beacons and applications begin and end with it.
     fn judge_readiness(&mut self, world: &mut World<'_>) {
         let mut ready =
             self.mac.is_synced() && self.joined && (self.is_root || self.rpl.parent().is_some());
         if ready {
-            let mut has_cells = false;
-            self.with_sf(world, |sf, cx| has_cells = sf.is_ready(cx));
-            ready = has_cells;
+            ready = self.has_cells(world);
         }
         // Who joins through this mote is answered through it: it invites nobody before the answer finds its way.
         let reachable = ready && self.rpl.is_reachable();
