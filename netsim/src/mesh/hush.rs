@@ -18,6 +18,8 @@ pub(super) struct ListeningCache {
     /// `words` entries per mote, in each 64 slots: a bit per slot for listening, and one for listening in the background cell.
     bits: Vec<[u64; 2]>,
     words: usize,
+    /// `slots` entries per mote: the channel offset of the cell in which it listens there, or [`ASK`].
+    channels: Vec<u8>,
     /// The absolute slot number asked for last, and its offset in the slotframe.
     latest: (u64, usize),
 }
@@ -31,10 +33,14 @@ pub(super) enum Known {
     Silent,
     /// It listens in its background cell.
     Background(CellRef),
+    /// It listens in a cell of this channel offset: ask the mote which, if a frame comes on it.
+    Listens(u16),
 }
 
-/// Longest slotframe that is cached (slots): two kilobytes for each mote.
+/// Longest slotframe that is cached (slots): ten kilobytes for each mote.
 const LONGEST: u16 = 8192;
+/// A channel offset that is not cached: ask the mote.
+const ASK: u8 = u8::MAX;
 
 impl ListeningCache {
     pub(super) fn new(n: usize) -> Self {
@@ -45,6 +51,7 @@ impl ListeningCache {
             slots: 0,
             bits: Vec::new(),
             words: 0,
+            channels: Vec::new(),
             latest: (0, 0),
         }
     }
@@ -71,6 +78,7 @@ impl ListeningCache {
             self.slots = slots;
             self.words = listens.len();
             self.bits = vec![[0; 2]; self.words * self.is_known.len()];
+            self.channels = vec![ASK; usize::from(slots) * self.is_known.len()];
         }
         if slots != self.slots {
             return;
@@ -78,6 +86,14 @@ impl ListeningCache {
         let bits = &mut self.bits[place * self.words..][..self.words];
         for (bits, &listens) in bits.iter_mut().zip(listens) {
             *bits = [listens, 0];
+        }
+        let channels = &mut self.channels[place * usize::from(slots)..][..usize::from(slots)];
+        for (slot, channel) in channels.iter_mut().enumerate() {
+            if listens[slot / 64] & 1 << (slot % 64) != 0 {
+                // All slotframes are as long as each other: a slot offset is an absolute slot.
+                let at = schedule.listens(slot as u64);
+                *channel = at.and_then(|at| at.cell.channel.try_into().ok()).unwrap_or(ASK);
+            }
         }
         self.background[place] = schedule.background().map(|(handle, channel, in_force)| {
             for (slot, in_force) in in_force.enumerate() {
@@ -109,7 +125,10 @@ impl ListeningCache {
                 let cell = Cell::new(slot as u16, channel, CellOptions::RX, None);
                 Known::Background(CellRef { handle, cell })
             }
-            _ => Known::Unknown,
+            _ => match self.channels[place * usize::from(self.slots) + slot] {
+                ASK => Known::Unknown,
+                channel => Known::Listens(channel.into()),
+            },
         }
     }
 }
@@ -177,13 +196,19 @@ mod tests {
         schedule.add(0, Cell::new(70, 0, CellOptions::TX, None)).unwrap();
         cache.note(0, &motes[0].0, &motes[0].1);
         cache.forget(2);
-        let mut n_background = 0;
+        let (mut n_background, mut n_listening) = (0, 0);
         for asn in 0..1010 {
             for (mote, (mac, schedule)) in (0..).zip(&motes) {
                 let listening = mac.listening(&config, schedule, 1, asn);
                 let known = match cache.known(mote, asn) {
                     Known::Unknown => {
                         assert!(2 <= mote || listening.is_some(), "{mote} in {asn}");
+                        continue;
+                    }
+                    Known::Listens(offset) => {
+                        n_listening += 1;
+                        let channel = listening.map(|listening| listening.channel);
+                        assert_eq!(channel, Some(channel_of(&config, asn, offset)));
                         continue;
                     }
                     Known::Silent => None,
@@ -198,5 +223,7 @@ mod tests {
         }
         // All slots but that of its cell that receives and of the one that sends.
         assert_eq!(n_background, 10 * (101 - 2));
+        // The cell of mote 0 that receives, and two of mote 1, one of whose slotframes is empty.
+        assert_eq!(n_listening, 10 * (1 + 2));
     }
 }

@@ -200,7 +200,11 @@ impl Mesh {
                         let listening = Listening::synchronised(Some(at), channel);
                         Listening { is_background: true, ..listening }
                     }
-                    Known::Unknown => {
+                    Known::Listens(offset) if channel_of(&settings.mac, asn, offset) != channel => {
+                        // As below, without a look at the mote.
+                        continue;
+                    }
+                    Known::Unknown | Known::Listens(_) => {
                         let node = &state.motes[mote as usize];
                         let mac = &settings.mac;
                         match node.mac.listening(mac, &node.schedule, experiment.seed, asn) {
