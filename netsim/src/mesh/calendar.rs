@@ -5,20 +5,38 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// The next slot of every mote, and all of them in order. Slots in which nobody acts are never looked at.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+///
+/// Most motes act again within a slotframe: what is that near stands in a list for each slot, and only what is later in a heap
+/// (Varghese and Lauck: "Hashed and Hierarchical Timing Wheels", SOSP 1987, scheme 4).
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(from = "Vec<u64>", into = "Vec<u64>")]
 pub struct Calendar {
     /// By mote; `u64::MAX`: never.
     wake: Vec<u64>,
-    /// Holds at least the entries of `wake`, and outdated ones.
+    /// The slot after the latest one that was taken.
+    begin_asn: u64,
+    /// By slot modulo [`NEAR_SLOTS`], of those from `begin_asn` on: who acts there, and outdated entries.
+    near: Vec<Vec<u32>>,
+    /// By list, a bit: it has entries.
+    has_entries: [u64; NEAR_SLOTS as usize / 64],
+    /// Entries of other slots, and outdated ones. With those of `near` at least the entries of `wake`.
     heap: BinaryHeap<Reverse<(u64, u32)>>,
 }
+
+/// Slots that have lists: more than most slotframes have.
+const NEAR_SLOTS: u64 = 256;
 
 impl From<Vec<u64>> for Calendar {
     fn from(wake: Vec<u64>) -> Self {
         let entries = (0..).zip(&wake).filter(|(_, asn)| **asn != u64::MAX);
         let heap = entries.map(|(mote, &asn)| Reverse((asn, mote))).collect();
-        Self { wake, heap }
+        Self {
+            wake,
+            begin_asn: 0,
+            near: vec![Vec::new(); NEAR_SLOTS as usize],
+            has_entries: [0; NEAR_SLOTS as usize / 64],
+            heap,
+        }
     }
 }
 
@@ -45,18 +63,31 @@ impl Calendar {
     pub fn set(&mut self, mote: u32, asn: Option<u64>) {
         let asn = asn.unwrap_or(u64::MAX);
         let entry = &mut self.wake[mote as usize];
-        if *entry != asn {
-            *entry = asn;
-            if asn != u64::MAX {
-                self.heap.push(Reverse((asn, mote)));
-            }
+        if *entry == asn {
+            return;
         }
+        *entry = asn;
+        if self.is_near(asn) {
+            let list = (asn % NEAR_SLOTS) as usize;
+            self.near[list].push(mote);
+            self.has_entries[list / 64] |= 1 << (list % 64);
+        } else if asn != u64::MAX {
+            self.heap.push(Reverse((asn, mote)));
+        }
+    }
+
+    fn is_near(&self, asn: u64) -> bool {
+        asn.checked_sub(self.begin_asn).is_some_and(|ahead| ahead < NEAR_SLOTS)
     }
 
     /// The first slot in which somebody acts.
     pub fn next_asn(&mut self) -> Option<u64> {
+        let near = self.next_near();
         loop {
-            let &Reverse((asn, mote)) = self.heap.peek()?;
+            let Some(&Reverse((asn, mote))) = self.heap.peek() else { return near };
+            if near.is_some_and(|near| near <= asn) {
+                return near;
+            }
             if self.wake[mote as usize] == asn {
                 return Some(asn);
             }
@@ -64,25 +95,66 @@ impl Calendar {
         }
     }
 
-    /// Takes out those who act in a slot, in ascending order. Each is then without an entry.
+    /// The first slot with a list in which somebody acts. Lists before it are emptied: their entries are outdated.
+    fn next_near(&mut self) -> Option<u64> {
+        let first = self.begin_asn % NEAR_SLOTS;
+        let mut ahead = 0;
+        while ahead < NEAR_SLOTS {
+            let list = (first + ahead) % NEAR_SLOTS;
+            let word = self.has_entries[list as usize / 64] >> (list % 64);
+            if word == 0 {
+                // None up to the end of the word.
+                ahead += 64 - list % 64;
+                continue;
+            }
+            let skipped = u64::from(word.trailing_zeros());
+            ahead += skipped;
+            if NEAR_SLOTS <= ahead {
+                break;
+            }
+            let (asn, list) = (self.begin_asn + ahead, (list + skipped) as usize);
+            if self.near[list].iter().any(|&mote| self.wake[mote as usize] == asn) {
+                return Some(asn);
+            }
+            self.near[list].clear();
+            self.has_entries[list / 64] &= !(1 << (list % 64));
+        }
+        None
+    }
+
+    /// Takes out those who act in the first slot in which somebody does, in ascending order. Each is then without an entry.
     pub fn take(&mut self, asn: u64, motes: &mut Vec<u32>) {
         motes.clear();
+        let wake = &mut self.wake;
+        let mut take = |mote: u32, at: u64| {
+            let entry = &mut wake[mote as usize];
+            if *entry == at {
+                *entry = u64::MAX;
+                motes.push(mote);
+            }
+        };
+        if asn.checked_sub(self.begin_asn).is_some_and(|ahead| ahead < NEAR_SLOTS) {
+            let list = (asn % NEAR_SLOTS) as usize;
+            self.near[list].drain(..).for_each(|mote| take(mote, asn));
+            self.has_entries[list / 64] &= !(1 << (list % 64));
+        }
         while let Some(&Reverse((at, mote))) = self.heap.peek() {
             if asn < at {
                 break;
             }
             self.heap.pop();
-            if self.wake[mote as usize] == at {
-                self.wake[mote as usize] = u64::MAX;
-                motes.push(mote);
-            }
+            take(mote, at);
         }
+        motes.sort_unstable();
+        self.begin_asn = self.begin_asn.max(asn + 1);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dice::Dice;
+    use proto::rng::Purpose;
 
     #[test]
     fn motes_come_in_order_once_and_as_last_said() {
@@ -99,5 +171,32 @@ mod tests {
         assert_eq!(calendar.next_asn(), None);
         let mut again: Calendar = Vec::from(calendar).into();
         assert_eq!(again.next_asn(), None);
+    }
+
+    #[test]
+    fn motes_act_when_they_last_said_near_or_far() {
+        let mut dice = Dice::new(1, Purpose::Mac, 0);
+        let mut calendar = Calendar::new(40);
+        let mut wake = [u64::MAX; 40];
+        let mut motes = Vec::new();
+        let mut asn = 0;
+        for round in 0..20_000 {
+            for _ in 0..dice.below(4) {
+                let mote = dice.below(40) as usize;
+                // From the next slot on, mostly within the lists; some never.
+                let ahead = dice.below([10, 300, 5000][dice.below(3) as usize]);
+                wake[mote] = if dice.below(20) == 0 { u64::MAX } else { asn + ahead };
+                calendar.set(mote as u32, Some(wake[mote]).filter(|&asn| asn != u64::MAX));
+            }
+            let next = wake.iter().copied().min().filter(|&asn| asn != u64::MAX);
+            assert_eq!(calendar.next_asn(), next, "{round}");
+            // Time may also pass without anybody who acts.
+            let Some(next) = next.filter(|_| dice.below(4) != 0) else { continue };
+            calendar.take(next, &mut motes);
+            let expected: Vec<u32> = (0..40).filter(|&mote| wake[mote as usize] == next).collect();
+            assert_eq!(motes, expected, "{round}");
+            wake.iter_mut().filter(|asn| **asn == next).for_each(|asn| *asn = u64::MAX);
+            asn = next + 1;
+        }
     }
 }
