@@ -3,7 +3,8 @@
 //! The physics is that of [`crate::phy`], asked link by link as frames are sent: base model, effects, scatter, curve. The
 //! power of a link is `Model::evaluate_at` of it, whatever has been asked before. Kept from one frame to the next is only
 //! what spares work: who is within reach of a sender ([`Links::neighbours`](Paths::neighbours), found on its first frame),
-//! and scatter that lasts (shadowing, frozen levels), while neither end moves. A result never depends on it, so it is not
+//! scatter that lasts (shadowing, frozen levels), while neither end moves, and without scatter the latest budgets of models
+//! for which distance and channel decide. A result never depends on it, so it is not
 //! part of a snapshot.
 //!
 //! # Horizon
@@ -17,6 +18,7 @@
 //! Scatter is keyed as in propagation-only runs, but that levels which change with every frame are keyed by the frame's
 //! begin and not by the period: here a mote sends more than one frame to a period.
 
+mod budgets;
 mod rows;
 
 #[cfg(test)]
@@ -29,6 +31,7 @@ use crate::phy::model::Model;
 use crate::phy::nearest::{Grid, Nearest};
 use crate::phy::propagation::Reach;
 use crate::phy::scatter::{Moment, PairBlock, Renewal, Scatter};
+use budgets::Budgets;
 use proto::site::Site;
 use proto::types::Covariate;
 use rows::SenderRows;
@@ -46,6 +49,8 @@ pub struct Links {
     passing: Vec<Scatter>,
     place: Place,
     rows: SenderRows,
+    /// `None`: more than distance and channel decides.
+    budgets: Option<Budgets>,
     nearest: Option<Nearest>,
     grid: Option<Grid>,
     is_prepared: bool,
@@ -94,7 +99,9 @@ impl Links {
         let (lasting, passing) = model.scatters().iter().partition(|scatter| {
             matches!(scatter.renewal, Renewal::Frozen | Renewal::Coherence { .. })
         });
+        let is_plain = model.is_isotropic() && model.scatters().is_empty();
         Self {
+            budgets: is_plain.then(Budgets::default),
             reach: reach.unwrap_or_else(|| model.reach_of(floor_dbm, None)),
             model,
             seed,
@@ -187,7 +194,7 @@ impl Links {
             receivers.iter().for_each(|_| found(Arrival::NOTHING));
             return;
         };
-        let Self { place, rows, .. } = self;
+        let Self { place, rows, budgets, .. } = self;
         let mut scene = Scene {
             site: Some(&place.site),
             agents: &place.ends,
@@ -218,7 +225,7 @@ impl Links {
             sent,
         };
         for &receiver in receivers {
-            found(on_air.arrival_at(receiver, rows));
+            found(on_air.arrival_at(receiver, rows, budgets.as_mut()));
         }
         Scene { nearest: self.nearest, grid: self.grid, .. } = scene;
     }
@@ -262,13 +269,19 @@ struct OnAir<'a> {
 
 impl OnAir<'_> {
     #[inline]
-    fn arrival_at(&self, receiver: u32, rows: &mut SenderRows) -> Arrival {
+    fn arrival_at(
+        &self,
+        receiver: u32,
+        rows: &mut SenderRows,
+        budgets: Option<&mut Budgets>,
+    ) -> Arrival {
         let Self { model, place, sent, from, .. } = *self;
         let Some(to) = place.index_of(receiver).filter(|&to| to != from) else {
             return Arrival::NOTHING;
         };
         let (sender, receiver) = (&place.ends[from], &place.ends[to]);
-        if self.within_m2 < sender.distance_squared_m2(receiver) {
+        let distance_squared_m2 = sender.distance_squared_m2(receiver);
+        if self.within_m2 < distance_squared_m2 {
             return Arrival::NOTHING;
         }
         let Sent { channel, sent_ns, end_ns, .. } = sent;
@@ -284,8 +297,14 @@ impl OnAir<'_> {
         for scatter in self.passing {
             scatter_db += self.passing_db(scatter, to);
         }
-        let link = model.link(self.scene, *sender, *receiver, Some(channel), sent_ns);
-        let budget = model.evaluate_at(&link, scatter_db);
+        let compute = || {
+            let link = model.link(self.scene, *sender, *receiver, Some(channel), sent_ns);
+            model.evaluate_at(&link, scatter_db)
+        };
+        let budget = match budgets {
+            Some(budgets) => budgets.get(distance_squared_m2, channel, compute),
+            None => compute(),
+        };
         let arrives = if budget.is_stated {
             0.0 < budget.reception_probability
         } else {
