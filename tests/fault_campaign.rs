@@ -22,7 +22,15 @@ use std::time::{Duration, Instant};
 const EXPERIMENTS: [(&str, &str, &[&str]); 4] = [
     ("propagation", "flocking", &["experiment.duration_s=60"]),
     ("packet control", "packet-control", &["experiment.duration_s=5"]),
-    ("sensors, 6TiSCH", "sensors-msf", &["experiment.duration_s=300", "output.pcap=true"]),
+    (
+        "sensors, 6TiSCH",
+        "sensors-msf",
+        &[
+            "experiment.control_period={ rate_hz = 1.0 }",
+            "experiment.duration_s=300",
+            "output.pcap=true",
+        ],
+    ),
     ("swarm, 6TiSCH", "flocking-msf", &["experiment.duration_s=2", "output.pcap=true"]),
 ];
 

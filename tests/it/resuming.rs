@@ -11,7 +11,14 @@ use tests::recording::assert_same;
 /// A propagation-only run and one with all protocols and a capture, each of some thousand steps.
 const EXPERIMENTS: [(&str, &[&str]); 2] = [
     ("flocking", &["experiment.duration_s=150"]),
-    ("sensors-msf", &["experiment.duration_s=900", "output.pcap=true"]),
+    (
+        "sensors-msf",
+        &[
+            "experiment.control_period={ rate_hz = 1.0 }",
+            "experiment.duration_s=900",
+            "output.pcap=true",
+        ],
+    ),
 ];
 
 /// The command line of a run with frequent checkpoints.
