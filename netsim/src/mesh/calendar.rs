@@ -184,7 +184,8 @@ mod tests {
             for _ in 0..dice.below(4) {
                 let mote = dice.below(40) as usize;
                 // From the next slot on, mostly within the lists; some never.
-                let ahead = dice.below([10, 300, 5000][dice.below(3) as usize]);
+                let most = [10, 300, 5000][dice.below(3) as usize];
+                let ahead = dice.below(most);
                 wake[mote] = if dice.below(20) == 0 { u64::MAX } else { asn + ahead };
                 calendar.set(mote as u32, Some(wake[mote]).filter(|&asn| asn != u64::MAX));
             }
