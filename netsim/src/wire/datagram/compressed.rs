@@ -12,16 +12,16 @@ pub(super) const PAGE_1: u8 = 0xf1;
 /// A routing header that must be understood, and one that may be skipped (RFC 8138, § 4).
 pub(super) const CRITICAL: u8 = 0x80;
 pub(super) const ELECTIVE: u8 = 0xa0;
-/// Types of routing headers: 0 to 4 are source routes with addresses of 1, 2, 4, 8, 16 bytes (§ 6.1).
+/// Types of routing headers: 0 to 4 are source routes with addresses of 1, 2, 4, 8, 16 bytes (§ 5.1).
 pub(super) const SRH_BYTES: [usize; 5] = [1, 2, 4, 8, 16];
-/// RPL packet information (§ 7).
+/// RPL packet information (§ 6).
 pub(super) const RPI: u8 = 5;
-/// IP in IP (§ 8).
+/// IP in IP (§ 7).
 pub(super) const IP_IN_IP: u8 = 6;
-/// Addresses that one source route header holds at most (§ 6.1: five bits, less one).
+/// Addresses that one source route header holds at most (§ 5.1: five bits, less one).
 const SRH_MOST: usize = 32;
 
-/// Flags of the RPL packet information (§ 7).
+/// Flags of the RPL packet information (§ 6).
 pub(super) const DOWN: u8 = 0x10;
 pub(super) const RANK_ERROR: u8 = 0x08;
 pub(super) const FORWARDING_ERROR: u8 = 0x04;
