@@ -78,7 +78,7 @@ pub enum LowpanAction {
     /// A datagram is complete. [`step`] decides whether it is for this mote.
     Deliver(Arc<Datagram>),
     /// The first part of a datagram that goes on: with hop limit and source route as they are on the next hop. Routing finds
-    /// that; then [`Lowpan::forward`].
+    /// that; then [`Lowpan::forward`], or [`Lowpan::reassemble`] where headers are added.
     Route(Box<Datagram>),
     /// A part to be sent to a neighbour.
     Forward {
@@ -246,6 +246,18 @@ impl Lowpan {
         self.vrb.insert((from, first.tag), Entry::new(first, next_hop, tag, until_ns));
         let part = LowpanRepr::First(Fragment { tag, datagram, ..first.clone() });
         LowpanAction::Forward { next_hop, part }
+    }
+
+    /// Puts a datagram together of which the first part has come, and for which [`Lowpan::handle`] asked for a route: it
+    /// goes on with more headers than it has come with, so that its parts would no longer fit their frames, nor their size
+    /// and offsets the datagram (RFC 4944, § 5.3). It is delivered when it is complete.
+    pub fn reassemble(&mut self, from: Eui64, received: &LowpanRepr, now_ns: u64) -> LowpanAction {
+        match received {
+            LowpanRepr::Whole(datagram) => LowpanAction::Deliver(datagram.clone()),
+            LowpanRepr::First(part) | LowpanRepr::Next(part) => {
+                self.collect((from, part.tag), part, now_ns)
+            }
+        }
     }
 
     /// When something is given up (ns).

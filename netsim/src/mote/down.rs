@@ -84,6 +84,12 @@ impl Mote {
         }
     }
 
+    /// Whether a datagram gets a source route here, and with it the headers of a tunnel.
+    pub(super) fn tunnels(&self, datagram: &Datagram) -> bool {
+        let has_route = datagram.route.as_ref().is_some_and(|route| !route.hops.is_empty());
+        !has_route && matches!(self.rpl.route(datagram.destination), Some(Route::Source { .. }))
+    }
+
     /// The next hop of a datagram; what routing has to say in its headers is written into them.
     pub(super) fn next_hop(&self, datagram: &mut Datagram) -> Option<Eui64> {
         if let Some(hop) = datagram.route.as_ref().and_then(|route| route.hops.first()) {

@@ -112,6 +112,10 @@ impl Mote {
                 }
                 Err(reason) => self.lose(world, datagram.packet, reason),
             },
+            LowpanAction::Route(onward) if self.tunnels(&onward) => {
+                let outcome = self.lowpan.reassemble(from, part, world.now_ns);
+                self.handle_outcome(world, from, part, outcome);
+            }
             LowpanAction::Route(onward) => {
                 if let Some((onward, next_hop)) = self.onward(world, from, *onward) {
                     let onward = Arc::new(onward);

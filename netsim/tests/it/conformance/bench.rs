@@ -295,7 +295,9 @@ impl Bench {
         }
     }
 
+    /// No frame is longer than 127 bytes, aMaxPhyPacketSize (IEEE Std 802.15.4-2015, 11.3).
     fn note_frame(&mut self, asn: u64, begins_ns: u64, channel: u8, psdu: &[u8]) {
+        assert!(psdu.len() <= 127, "{} bytes at {asn}", psdu.len());
         if let Ok(ack) = AckRepr::parse(psdu) {
             let to = self.number(ack.destination);
             let answered = self

@@ -1,6 +1,6 @@
 //! F3, F8: datagrams in parts over several hops of a network.
 
-use super::bench::{Bench, EAGER, LINE, NO_KEEP_ALIVES, What, line, own_cells};
+use super::bench::{Bench, EAGER, LINE, NO_KEEP_ALIVES, OnAir, What, line, own_cells};
 
 /// A line of four. The nearer a hop is to the root, the earlier in the slotframe its cell lies.
 fn cells() -> String {
@@ -60,5 +60,36 @@ fn f8_a_datagram_in_parts_goes_down_two_hops_to_its_end() {
             assert!(2 <= parts.len(), "{fragmentation}: {parts:?}");
             assert!(parts.iter().all(|part| part.destination == Some(destination)));
         }
+    }
+}
+
+#[test]
+fn rfc4944_5_3_parts_that_turn_round_at_the_root_are_put_together_before_they_enter_its_tunnel() {
+    for fragmentation in ["per-hop", "forwarding"] {
+        let lowpan = format!("[lowpan]\nfragmentation = \"{fragmentation}\"\n");
+        let cells = own_cells(4, &[(0, 1), (0, 2), (2, 3)]);
+        // 1 - 0 - 2 - 3
+        let places = [(10.0, 0.0), (0.0, 0.0), (20.0, 0.0), (30.0, 0.0)];
+        let mut bench = Bench::new(&places, &format!("{LINE}{EAGER}{lowpan}{cells}"));
+        bench.form();
+        bench.run_until(101, 20_000, |bench| bench.mote(0).rpl.routes().len() == 3);
+        bench.frames.clear();
+        bench.send(1, 3, 180);
+        bench.run(5_000);
+        let [ended] = &bench.ended[..] else { panic!("{:?}", bench.ended) };
+        assert_eq!((ended.lost.as_deref(), ended.hops), (None, 3), "{fragmentation}");
+        let sizes = |source| {
+            let parts = bench.sent(source, |what| matches!(what, What::Fragment(_)));
+            let size_of = |part: &OnAir| match &part.what {
+                What::Fragment(header) => header.size,
+                _ => unreachable!("only fragments were kept"),
+            };
+            let mut sizes: Vec<u16> = parts.iter().map(size_of).collect();
+            sizes.dedup();
+            sizes
+        };
+        // IPv6, the RPL option and UDP: 56 bytes. In the tunnel another IPv6 header, and a routing header of 16 bytes.
+        assert_eq!(sizes(1), [180 + 56], "{fragmentation}");
+        assert_eq!(sizes(0), [180 + 56 + 40 + 16], "{fragmentation}");
     }
 }
