@@ -91,22 +91,46 @@ fn small_resimulation(text: &str) -> Resimulation {
 const OFTEN: &str = "[[netsim.app]]\nkind = \"periodic\"\nperiod_s = 5.0\npayload_bytes = 40\n";
 
 /// What a model finds in the packets of a true network: that `first` is missing; that `effect`, if it is another one,
-/// cannot be told from that; and that the number of `effect` is `value`.
-fn is_found(model: &str, truth: &str, first: &str, effect: &str, (key, value): (&str, f64)) {
+/// cannot be told from that; and that the number of `effect` is `value`. One measurement in ten misses it by chance, as nine
+/// intervals in ten cover, and one in twenty leaves something over: two of three must have it all.
+fn is_found(model: &str, truth: &str, first: &str, effect: &str, number: (&str, f64)) {
+    let mut misses = Vec::new();
+    for draw in 0..3 {
+        misses.extend(is_found_in(1000 + draw, model, truth, first, effect, number).err());
+        let n_found = draw + 1 - misses.len() as u64;
+        if n_found == 2 {
+            return;
+        }
+    }
+    panic!("{misses:#?}");
+}
+
+/// The same, in the packets of the truth under one seed; what is not found, if something is not.
+fn is_found_in(
+    seed: u64,
+    model: &str,
+    truth: &str,
+    first: &str,
+    effect: &str,
+    (key, value): (&str, f64),
+) -> Result<(), String> {
     let truth = small_resimulation(truth);
-    let packets = truth.packets(&truth.network(), 1000..1001).unwrap().remove(0);
+    let packets = truth.packets(&truth.network(), seed..seed + 1).unwrap().remove(0);
     let (found, json) = diagnosed_by(&small_resimulation(model), &packets);
     let sentence = &json["sentence"];
-    assert_eq!(json["verdict"], "missing-effects", "{sentence}");
-    assert_eq!(json["missing"].as_array().unwrap(), &[first], "{sentence}");
     let trial = |name: &str| found.tests.iter().find(|it| it.candidate.name == name).unwrap();
-    assert!(effect == first || trial(first).ties.contains(&effect), "{sentence}");
-    let fitted = trial(effect).fitted.unwrap();
+    let fitted = trial(effect).fitted.ok_or_else(|| format!("{effect} not fitted, {sentence}"))?;
     let [low, high] = fitted.interval;
-    assert!(low <= value && value <= high, "{key}: {low} to {high}, {sentence}");
-    assert!(high < 8.0 * low, "{key}: {low} to {high} says little, {sentence}");
     let chances: Vec<f64> = found.rungs.iter().map(|rung| rung.among.placed.p_value).collect();
-    assert!(chances[0] <= LEVEL && LEVEL < chances[1], "{chances:?}");
+    let is_named = json["verdict"] == "missing-effects"
+        && json["missing"].as_array().unwrap() == &[first]
+        && (effect == first || trial(first).ties.contains(&effect));
+    let is_covered = low <= value && value <= high && high < 8.0 * low;
+    let is_enough = chances[0] <= LEVEL && chances.get(1).is_some_and(|&chance| LEVEL < chance);
+    if is_named && is_covered && is_enough {
+        return Ok(());
+    }
+    Err(format!("seed {seed}: {key}: {low} to {high}, {chances:?}, {sentence}"))
 }
 
 #[test]
@@ -114,7 +138,9 @@ fn clocks_off_their_rating_are_found_with_how_far() {
     // Clocks that the model takes for right.
     let model = small(OFTEN, "max_drift_ppm = 0.0", "");
     let truth = small(OFTEN, "max_drift_ppm = 600.0", "");
-    is_found(&model, &truth, "clock-drift", "clock-drift", ("max_ppm", 600.0));
+    // Under other seeds a quarter of an hour of six motes may leave reboots or lost acknowledgments as likely.
+    let number = ("max_ppm", 600.0);
+    is_found_in(1000, &model, &truth, "clock-drift", "clock-drift", number).unwrap();
 }
 
 #[test]
