@@ -35,6 +35,11 @@ pub(crate) trait Sink {
     fn put_ip(&mut self, address: Ipv6Addr) {
         self.put(&address.octets());
     }
+
+    /// A checksum in network order. It is computed only where its value matters.
+    fn put_checksum(&mut self, checksum: impl FnOnce() -> u16) {
+        self.put_u16(checksum());
+    }
 }
 
 /// A message that says which bytes it consists of.
@@ -49,6 +54,10 @@ struct Length(usize);
 impl Sink for Length {
     fn put(&mut self, bytes: &[u8]) {
         self.0 += bytes.len();
+    }
+
+    fn put_checksum(&mut self, _: impl FnOnce() -> u16) {
+        self.0 += size_of::<u16>();
     }
 }
 

@@ -148,7 +148,7 @@ impl Put for Headers<'_> {
         put_iphc(datagram, hop, sink);
         if let Upper::Udp(udp) = &datagram.upper {
             put_ports(udp.source_port, udp.destination_port, sink);
-            sink.put_u16(datagram.checksum());
+            sink.put_checksum(|| datagram.checksum());
         }
     }
 }

@@ -38,14 +38,14 @@ impl Put for Tail<'_> {
     fn put<S: Sink>(&self, sink: &mut S) {
         match &self.0.upper {
             Upper::Udp(udp) => sink.put(&udp.payload),
-            Upper::Rpl(message) => put_rpl(message, self.0.checksum(), sink),
+            Upper::Rpl(message) => put_rpl(message, || self.0.checksum(), sink),
         }
     }
 }
 
-fn put_rpl<S: Sink>(message: &RplMessage, checksum: u16, sink: &mut S) {
+fn put_rpl<S: Sink>(message: &RplMessage, checksum: impl FnOnce() -> u16, sink: &mut S) {
     sink.put(&[RPL, message.code()]);
-    sink.put_u16(checksum);
+    sink.put_checksum(checksum);
     message.put(sink);
 }
 
@@ -70,7 +70,7 @@ impl Put for Summed<'_> {
             }
             Upper::Rpl(message) => {
                 sink.put_u32(u32::from(ICMPV6));
-                put_rpl(message, 0, sink);
+                put_rpl(message, || 0, sink);
             }
         }
     }
