@@ -11,6 +11,7 @@
 //! | [`model`] | all of these together: [`Model::evaluate`] |
 //! | [`sight`] | what stands between two antennas |
 //! | [`nearest`] | who is near whom |
+//! | `memo` | values kept for arguments that return |
 //!
 //! A running simulation and a comparison with measurements call the same [`Model::evaluate_at`]: the one with the levels
 //! it draws, the other over the distribution that [`Model::scatters`] describes.
@@ -19,6 +20,7 @@ pub mod effect;
 pub mod end;
 pub mod interference;
 pub mod link;
+mod memo;
 pub mod model;
 pub mod nearest;
 pub mod propagation;

@@ -1,6 +1,7 @@
 //! Interference by the bit error rate of IEEE 802.15.4's O-QPSK.
 
 use super::{Entry, NOISE_FIELD, Rule, milliwatts};
+use crate::phy::memo::Memo;
 use crate::phy::reception::o_qpsk::bit_error_rate;
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
@@ -68,6 +69,21 @@ const CERTAIN: f64 = 15.848_931_924_611_133;
 /// Bits of a frame of 20 bytes, headers of the physical layer included.
 const CRITERION_BITS: f64 = 208.0;
 
+thread_local! {
+    static POWERS_MW: Memo = const { Memo::new() };
+    static LOGS_RIGHT: Memo = const { Memo::new() };
+}
+
+/// As [`milliwatts`].
+fn power_mw(level_dbm: f64) -> f64 {
+    POWERS_MW.with(|memo| memo.value(level_dbm, milliwatts))
+}
+
+/// Logarithm of the probability that a bit is right.
+fn log_right(sinr: f64) -> f64 {
+    LOGS_RIGHT.with(|memo| memo.value(sinr, |sinr| libm::log1p(-bit_error_rate(sinr))))
+}
+
 impl OQpsk {
     /// Interference over this noise (dBm), with this co-channel rejection (dB).
     #[must_use]
@@ -97,18 +113,18 @@ impl Rule for OQpsk {
     }
 
     fn disturbance_mw(&self, rssi_dbm: f64) -> f64 {
-        self.weight * milliwatts(rssi_dbm)
+        self.weight * power_mw(rssi_dbm)
     }
 
     fn survival(&self, signal_dbm: f64, interference_mw: f64, stretch_ns: i64, _: i64) -> f64 {
-        let signal_mw = milliwatts(signal_dbm);
+        let signal_mw = power_mw(signal_dbm);
         let sinr = signal_mw / (self.noise_mw + interference_mw);
         if CERTAIN <= sinr || interference_mw == 0.0 {
             return 1.0;
         }
         let snr = signal_mw / self.noise_mw;
-        let quiet = if CERTAIN <= snr { 0.0 } else { bit_error_rate(snr) };
-        let per_bit = libm::log1p(-bit_error_rate(sinr)) - libm::log1p(-quiet);
+        let quiet = if CERTAIN <= snr { 0.0 } else { log_right(snr) };
+        let per_bit = log_right(sinr) - quiet;
         libm::exp(stretch_ns as f64 / BIT_NS * per_bit).min(1.0)
     }
 
