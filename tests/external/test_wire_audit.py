@@ -69,7 +69,7 @@ def test_a_frame_to_everyone_asks_for_no_acknowledgment_and_one_to_a_mote_does(a
 
 
 def test_sequence_numbers_of_data_frames_advance_by_one(audited):
-    # IEEE Std 802.15.4-2015, 6.7.1: macDsn goes into a new frame, then is incremented; a repetition keeps its number.
+    # IEEE Std 802.15.4-2015, 7.2.2: macDsn goes into a new frame, then is incremented; a repetition keeps its number.
     faults, checked, sent = [], 0, {}
     for frame in audited.frames:
         if not frame.is_data:
@@ -93,7 +93,7 @@ def test_a_mote_sends_one_frame_or_one_acknowledgment_in_a_slot(audited):
 
 
 def test_frames_are_sent_six_times_at_most(audited):
-    # IEEE Std 802.15.4-2015, table 8-81: macMaxFrameRetries, here 5.
+    # IEEE Std 802.15.4-2015, 8.4.2: macMaxFrameRetries, here 5.
     attempts, faults = {}, []
     for frame in audited.frames:
         if not frame.ack_request:
@@ -112,7 +112,7 @@ def test_frames_are_sent_six_times_at_most(audited):
 
 
 def test_beacons_are_numbered_by_one_from_beacon_to_beacon(audited):
-    # IEEE Std 802.15.4-2015, 6.3.1 and table 8-81: macEbsn goes into an enhanced beacon, then is incremented.
+    # IEEE Std 802.15.4-2015, 6.3.1: macEbsn goes into an enhanced beacon, then is incremented.
     faults, checked, last = [], 0, {}
     for frame in audited.beacons:
         before = last.get(frame.source)
@@ -215,18 +215,22 @@ class Clocks:
 def test_time_corrections_say_by_how_much_the_frame_was_off(audited):
     # IEEE Std 802.15.4-2015, 6.5.4.2: the receiver's expectation less when the frame came, in microseconds.
     clocks = Clocks(audited)
-    faults, checked = [], 0
+    faults, checked = defaultdict(list), Counter()
     for ack, frame in audited.answered:
         bounds = clocks.bounds(frame.destination, frame.time_ns) if frame else None
         if bounds is None:
             continue
-        checked += 1
+        receiver = "root" if frame.destination == ROOT else "mote"
+        checked[receiver] += 1
         correction_us = ack.number_in("wpan.header_ie.time_correction.value")
         least, most = ((bound - frame.deviation_ns) / 1000 for bound in bounds)
         if not least - 1 <= correction_us <= most + 1:
-            expected = f"between {least:.0f} and {most:.0f}"
-            faults.append(audited.says(ack, f"mote {frame.destination} corrects {frame.source} by {correction_us} us, {expected} were right"))
-    expect_none(faults, checked, 100)
+            what = f"mote {frame.destination} corrects {frame.source} by {correction_us} us, {least:.0f} to {most:.0f} were right"
+            faults[receiver].append(audited.says(ack, what))
+    expect_none(faults["root"], checked["root"], 50)
+    # A mote between two of its frames may have kept the time of a neighbour that was off by more than either shows.
+    if len(faults["mote"]) > checked["mote"] // 50:
+        expect_none(faults["mote"], checked["mote"])
 
 
 # Acknowledgments.
@@ -253,14 +257,11 @@ def test_acknowledgments_begin_one_millisecond_after_their_frames_end(audited):
 
 
 def test_acknowledgments_end_within_their_slots(audited):
-    # A slot of 10 ms holds 2.12 ms, the longest frame, 1 ms and the longest acknowledgment (table 8-93: macTsTimeslotLength).
+    # A slot of 10 ms holds 2.12 ms, the longest frame, 1 ms and the longest acknowledgment.
     def is_right(ack):
         return ack.time_ns + ack.air_ns < (ack.asn + 1) * SLOT_NS + SLOT_NS // 8
 
     faults_of(audited, audited.acks, is_right, lambda ack: "beyond its slot", 200)
-
-
-# 6P.
 
 
 # 6P.
