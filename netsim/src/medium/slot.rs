@@ -46,7 +46,7 @@ use crate::phy::interference::Rule;
 use lock::{Locker, ReceiverOutcome};
 use pairing::{Ear, Emission, Pairing};
 use proto::rng::Purpose;
-use timing::{TX_ACK_DELAY_NS, TX_OFFSET_NS, airtime_ns};
+use timing::{TX_ACK_DELAY_NS, airtime_ns};
 
 /// Resolves slots.
 #[derive(Debug)]
@@ -231,12 +231,11 @@ impl SlotMedium {
 }
 
 fn data(frame: &OnAir, number: u32) -> Emission {
-    let begins_ns = TX_OFFSET_NS + frame.starts_ns;
     Emission {
         sender: frame.sender,
         channel: frame.channel,
-        begins_ns,
-        ends_ns: begins_ns + airtime_ns(frame.psdu_bytes),
+        begins_ns: frame.begins_ns(),
+        ends_ns: frame.ends_ns(),
         purpose: Purpose::SlotReception,
         number,
     }

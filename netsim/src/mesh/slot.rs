@@ -8,7 +8,7 @@ use super::scratch::{Scratch, Sending};
 use super::settings::Settings;
 use crate::energy::SlotUse;
 use crate::mac::tsch::{Listening, Outgoing, channel_of};
-use crate::medium::slot::timing::{TX_ACK_DELAY_NS, TX_OFFSET_NS, airtime_ns};
+use crate::medium::slot::timing::TX_ACK_DELAY_NS;
 use crate::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
 use crate::mote::ports::SWARM_PORT;
 use crate::mote::up::Arrived;
@@ -34,16 +34,6 @@ fn loses_acknowledgment(settings: &Settings, seed: u64, from: u32, to: u32, asn:
     let loss = settings.burden(from).ack_loss;
     let draw = || Draws::new(seed, Purpose::AckLoss).uniform(ordered_link(from, to), asn, 0);
     loss != 0.0 && draw() < loss
-}
-
-/// From the true beginning of the slot until a frame begins (ns).
-fn begins_ns(frame: &OnAir) -> i64 {
-    TX_OFFSET_NS + frame.starts_ns
-}
-
-/// From the true beginning of the slot until a frame has ended (ns).
-fn ends_ns(frame: &OnAir) -> i64 {
-    begins_ns(frame) + airtime_ns(frame.psdu_bytes)
 }
 
 /// True time (ns) of what happens `within_ns` after the beginning of a slot.
@@ -269,7 +259,7 @@ impl Mesh {
         self.scratch.answers.clear();
         self.scratch.touched.clear();
         for (sending, on_air) in sending.iter().zip(&self.scratch.on_air) {
-            let begins_ns = at_ns(asn, self.config.slot_ns, begins_ns(on_air));
+            let begins_ns = at_ns(asn, self.config.slot_ns, on_air.begins_ns());
             self.capture.frame(asn, begins_ns, sending.transmission.channel, sending.frame());
         }
         for ((mote, listening), reception) in listeners.iter().zip(&receptions) {
@@ -328,7 +318,7 @@ impl Mesh {
         let on_air = self.scratch.on_air[index as usize];
         let source_ns = on_air.starts_ns;
         // Within the slot, however far off a clock is that scanning motes hear all the same.
-        let received_ns = at_ns(asn, self.config.slot_ns, ends_ns(&on_air))
+        let received_ns = at_ns(asn, self.config.slot_ns, on_air.ends_ns())
             .clamp(now_ns, now_ns + self.config.slot_ns - 1);
         self.note_heard(mote, sent.sender, rssi_dbm);
         if let (Some(payload), false) = (sent.payload, listening.scans) {
@@ -419,7 +409,7 @@ impl Mesh {
                 time_correction_us: (sent.correction_ns / 1000).clamp(-2048, 2047) as i16,
             };
             let on_air = &self.scratch.on_air[answer.transmission as usize];
-            let begins_ns = at_ns(asn, self.config.slot_ns, ends_ns(on_air) + TX_ACK_DELAY_NS);
+            let begins_ns = at_ns(asn, self.config.slot_ns, on_air.ends_ns() + TX_ACK_DELAY_NS);
             self.capture.ack(asn, begins_ns, sent.transmission.channel, &ack);
         }
         let slot = Slot { asn, begins_ns: now_ns };

@@ -1,6 +1,6 @@
 //! What is on the air, who listens, and what arrives where.
 
-use super::timing::{RX_OFFSET_NS, RX_WAIT_NS};
+use super::timing::{RX_OFFSET_NS, RX_WAIT_NS, TX_OFFSET_NS, airtime_ns};
 use serde::{Deserialize, Serialize};
 
 /// Which slot.
@@ -23,6 +23,20 @@ pub struct OnAir {
     pub starts_ns: i64,
     /// Length (bytes), header and check sequence of the MAC included.
     pub psdu_bytes: u16,
+}
+
+impl OnAir {
+    /// When its first symbol is on the air (ns after the slot's true begin).
+    #[must_use]
+    pub fn begins_ns(&self) -> i64 {
+        TX_OFFSET_NS + self.starts_ns
+    }
+
+    /// When its last symbol has been on the air (ns after the slot's true begin).
+    #[must_use]
+    pub fn ends_ns(&self) -> i64 {
+        self.begins_ns() + airtime_ns(self.psdu_bytes)
+    }
 }
 
 /// A receiver that is on.
