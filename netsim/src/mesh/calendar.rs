@@ -125,6 +125,7 @@ impl Calendar {
     /// Takes out those who act in the first slot in which somebody does, in ascending order. Each is then without an entry.
     pub fn take(&mut self, asn: u64, motes: &mut Vec<u32>) {
         motes.clear();
+        let is_near = self.is_near(asn);
         let wake = &mut self.wake;
         let mut take = |mote: u32, at: u64| {
             let entry = &mut wake[mote as usize];
@@ -133,7 +134,7 @@ impl Calendar {
                 motes.push(mote);
             }
         };
-        if asn.checked_sub(self.begin_asn).is_some_and(|ahead| ahead < NEAR_SLOTS) {
+        if is_near {
             let list = (asn % NEAR_SLOTS) as usize;
             self.near[list].drain(..).for_each(|mote| take(mote, asn));
             self.has_entries[list / 64] &= !(1 << (list % 64));
