@@ -20,7 +20,7 @@ pub mod effect;
 pub mod end;
 pub mod interference;
 pub mod link;
-mod memo;
+pub(crate) mod memo;
 pub mod model;
 pub mod nearest;
 pub mod propagation;

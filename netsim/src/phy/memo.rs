@@ -9,8 +9,13 @@ pub(super) struct Memo([Cell<(u64, f64)>; N_ENTRIES]);
 
 /// A power of two.
 const N_ENTRIES: usize = 64;
-/// 2^64 over the golden ratio: multiplied by it, numbers that are near each other part (Knuth, TAOCP 3, 6.4).
-const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// The place of a key among `n`, a power of two: keys that are near each other part. The upper bits of a product depend on
+/// all bits of the key, and the factor is 2^64 over the golden ratio (Knuth: The Art of Computer Programming, 6.4).
+#[inline]
+pub(crate) fn place_of(key: u64, n: usize) -> usize {
+    (key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (u64::BITS - n.ilog2())) as usize
+}
 
 impl Memo {
     pub(super) const fn new() -> Self {
@@ -21,7 +26,7 @@ impl Memo {
     /// `function` of `x`. It must be the same function in every call.
     pub(super) fn value(&self, x: f64, function: impl FnOnce(f64) -> f64) -> f64 {
         let bits = x.to_bits();
-        let entry = &self.0[(bits.wrapping_mul(SPREAD) >> (64 - N_ENTRIES.ilog2())) as usize];
+        let entry = &self.0[place_of(bits, N_ENTRIES)];
         let (known, value) = entry.get();
         if known == bits {
             return value;

@@ -1,5 +1,6 @@
 //! Budgets of links that were computed lately, where a budget follows from distance and channel alone.
 
+use crate::phy::memo::place_of;
 use crate::phy::model::LinkBudget;
 
 /// Budgets by distance and channel, each at a place that follows from both: one that is asked for anew takes the place of the
@@ -30,9 +31,7 @@ impl Budgets {
         compute: impl FnOnce() -> LinkBudget,
     ) -> LinkBudget {
         let of = (distance_squared_m2.to_bits(), channel);
-        // The upper bits of a product depend on all bits of the distance (Knuth: The Art of Computer Programming, 6.4).
-        let spread = (of.0 ^ u64::from(channel)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let place = (spread >> (u64::BITS - MOST.ilog2())) as usize;
+        let place = place_of(of.0 ^ u64::from(channel), MOST);
         match self.known.get(place) {
             Some(known) if known.of == of => return known.budget,
             _ => {}
