@@ -129,9 +129,10 @@ impl Rpl {
             return ForwardingDecision::Forward;
         }
         // Where a datagram turns round, at the common ancestor or the root, the direction that it is expected in changes.
+        let is_storing = mode == Some(Mode::Storing);
         let goes_down =
-            matches!(self.route(destination), Some(Route::Down(_) | Route::Source { .. }));
-        if mode == Some(Mode::Storing) && rpi.down && !goes_down {
+            self.next_hop_down(destination).is_some() || (parent.is_none() && !is_storing);
+        if is_storing && rpi.down && !goes_down {
             rpi.forwarding_error = true;
             return ForwardingDecision::Return(from);
         }
