@@ -8,11 +8,9 @@ from functools import cached_property
 from pathlib import Path
 
 from audited_networks import Network
-from dissection import ACK, BEACON, DATA, PAYLOADS, dissect
+from dissection import ACK, BEACON, DATA, PAYLOADS, SLOT_NS, TX_OFFSET_NS, dissect
 
-SLOT_NS = 10_000_000
-# macTsTxOffset, macTsTxAckDelay (IEEE Std 802.15.4-2015, 8.4.3.3.1), and O-QPSK at 2.4 GHz: a byte, bytes before the PSDU.
-TX_OFFSET_NS = 2_120_000
+# macTsTxAckDelay (IEEE Std 802.15.4-2015, 8.4.3.3.1), and O-QPSK at 2.4 GHz: a byte, bytes before the PSDU.
 TX_ACK_DELAY_NS = 1_000_000
 BYTE_NS = 32_000
 PHY_HEADER_BYTES = 6

@@ -12,6 +12,10 @@ BEACON, DATA, ACK = "0x0000", "0x0001", "0x0002"
 RPL = "155"
 GOOD = "1"
 
+# A slot, and how much of it a frame begins after: macTsTxOffset (IEEE Std 802.15.4-2015, 8.4.3.3.1).
+SLOT_NS = 10_000_000
+TX_OFFSET_NS = 2_120_000
+
 
 def dissect(capture, *fields, more=()):
     """Per frame a dictionary: of every field the list of its values."""

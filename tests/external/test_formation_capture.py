@@ -7,7 +7,7 @@ from collections import Counter, defaultdict
 import pyarrow.parquet as pq
 import pytest
 from conftest import only_directory, program, succeed
-from dissection import ACK, BEACON, DATA, GOOD, READ, RPL, dissect, troubles
+from dissection import ACK, BEACON, DATA, GOOD, READ, RPL, SLOT_NS, TX_OFFSET_NS, dissect, troubles
 
 # A chain over links that lose frames; packets of 150 bytes up, which take two frames, and of 30 bytes down.
 EXPERIMENT = """
@@ -44,10 +44,7 @@ payload_bytes = 30
 pcap = true
 """
 
-# How much of the slot frames and acknowledgments begin after: macTsTxOffset; then a byte is 32 us (IEEE Std 802.15.4).
-TX_OFFSET_NS = 2_120_000
 ROOT = "02:00:00:00:00:01:00:00"
-SLOT_NS = 10_000_000
 
 
 @pytest.fixture(scope="module")

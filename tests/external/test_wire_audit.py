@@ -2,9 +2,9 @@
 
 from collections import Counter, defaultdict
 
-from audited_frames import SLOT_NS, TX_ACK_DELAY_NS, expect_none, faults_of
+from audited_frames import TX_ACK_DELAY_NS, expect_none, faults_of
 from audited_networks import HOPPING_SEQUENCE, MOTES
-from dissection import GOOD
+from dissection import GOOD, SLOT_NS
 
 ROOT = 0
 # Severities of Wireshark's expert information: chats and notes are less (retransmitted CoAP is a note).
