@@ -12,8 +12,17 @@ const fn slots(duration_s: u64) -> u64 {
     duration_s * 1_000_000_000 / SLOT_NS
 }
 
-#[test]
-fn rfc6550_11_2_on_a_perfect_line_motes_reach_each_other_under_every_function_and_mode() {
+/// Twelve motes: the root between two arms, the longer of which has a branch. Traffic turns round at the root and below it.
+fn tree() -> Vec<(f64, f64)> {
+    let trunk = (0..6).map(|mote| (10.0 * f64::from(mote), 0.0));
+    let branch = (0..3).map(|mote| (20.0, 14.0 + 10.0 * f64::from(mote)));
+    let other_arm = (1..4).map(|mote| (-10.0 * f64::from(mote), 0.0));
+    trunk.chain(branch).chain(other_arm).collect()
+}
+
+/// Under every scheduling function and mode all packets arrive that motes at `places` send each other, a minute after the
+/// network has formed.
+fn all_arrive(places: &[(f64, f64)]) {
     for function in FUNCTIONS {
         for mode in MODES {
             for seed in [1, 2] {
@@ -21,7 +30,7 @@ fn rfc6550_11_2_on_a_perfect_line_motes_reach_each_other_under_every_function_an
                 let config = format!(
                     "{LINE}{EAGER}[sf]\nkind = \"{function}\"\n[rpl]\nmode = \"{mode}\"\n{APP}"
                 );
-                let mut bench = Bench::seeded(&line(12), &config, seed);
+                let mut bench = Bench::seeded(places, &config, seed);
                 bench.form();
                 // Cells follow the traffic.
                 bench.run(slots(60));
@@ -35,4 +44,14 @@ fn rfc6550_11_2_on_a_perfect_line_motes_reach_each_other_under_every_function_an
             }
         }
     }
+}
+
+#[test]
+fn rfc6550_11_2_on_a_perfect_line_motes_reach_each_other_under_every_function_and_mode() {
+    all_arrive(&line(12));
+}
+
+#[test]
+fn rfc6550_11_2_on_a_tree_whose_traffic_turns_round_above_the_ends_motes_reach_each_other() {
+    all_arrive(&tree());
 }
