@@ -34,7 +34,7 @@ pub const SPEC: TableSpec = TableSpec {
             "shared_slot_0",
             "The round-robin slotframe has N slots, and slot 0 is the shared minimal cell, so mote 0 has no slot of its \
              own. In shared cells the back-off restarts with every frame, and a keep-alive misses the slot in which it is \
-             due.",
+             due. Queues know two priorities: 6P and keep-alive frames, and all others.",
         ),
         off(
             "eb_rule",

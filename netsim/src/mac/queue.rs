@@ -1,21 +1,66 @@
 //! Frames that wait to be sent.
 
 use super::schedule::{Cell, CellKind, Schedule};
+use crate::join::ports;
 use crate::wire::Eui64;
-use crate::wire::frame::FrameRepr;
+use crate::wire::datagram::{Upper, code_points};
+use crate::wire::frame::{Content, FrameRepr};
 use serde::{Deserialize, Serialize};
 
 /// A frame is sent again while no more than so many newer ones have gone out. A sequence number has eight bits (IEEE Std
 /// 802.15.4-2015, 7.2.2), and the nearer half of their range lies behind the newest.
 pub(super) const N_NEWER_MOST: u32 = 127;
 
+/// What a frame is for: the most important first. The queue sends more important frames first, and drops less important
+/// ones where it is full.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Priority {
+    /// Keep-alive frames: without time a mote can neither send nor receive.
+    Time,
+    /// 6P messages, whose transactions time out (RFC 8480, § 3.4.4).
+    Sixp,
+    /// Join requests of pledges and join responses.
+    Join,
+    /// Join requests that a proxy has forwarded. They are not authenticated, and are dropped before responses, as their
+    /// class AF43 has it (RFC 9031, § 6.1; RFC 2597, § 2).
+    ForwardedRequest,
+    /// RPL messages; and the swarm's payloads, which routing delays no longer than it would in the order of arrival.
+    Routing,
+    /// Other datagrams.
+    Data,
+}
+
+impl Priority {
+    /// Of a frame with this content. `is_latest_only`: it is a payload of the swarm.
+    #[must_use]
+    pub fn of(content: &Content, is_latest_only: bool) -> Self {
+        match content {
+            Content::Beacon(_) | Content::KeepAlive => Self::Time,
+            Content::Sixp(_) => Self::Sixp,
+            Content::Lowpan(_) if is_latest_only => Self::Routing,
+            Content::Lowpan(part) => match &part.datagram().upper {
+                Upper::Rpl(_) => Self::Routing,
+                Upper::Udp(udp) if udp.destination_port != ports::COAP => Self::Data,
+                Upper::Udp(_) if content.dscp() == code_points::AF43 => Self::ForwardedRequest,
+                Upper::Udp(_) => Self::Join,
+            },
+        }
+    }
+
+    /// The same in a queue of two classes, as the 6TiSCH simulator has it: 6P and keep-alive, and all others.
+    #[must_use]
+    pub fn of_two(self) -> Self {
+        if self <= Self::Sixp { Self::Sixp } else { Self::Data }
+    }
+}
+
 /// A frame that waits, or is on its way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Queued {
     /// The frame. Its sequence number is given when it is first sent, the same in every attempt.
     pub frame: FrameRepr,
-    /// Goes before ordinary frames: 6P and keep-alive.
-    pub priority: bool,
+    /// Its place among others.
+    pub priority: Priority,
     /// The slotframe whose cells it may use; `None`: any.
     pub slotframe: Option<u8>,
     /// The swarm's payload: a newer one takes its place.
@@ -40,7 +85,7 @@ impl Queued {
     }
 }
 
-/// The frames of a mote that wait: in order, those with priority first.
+/// The frames of a mote that wait: by priority, those of the same priority in the order in which they came.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Queue {
     frames: Vec<Queued>,
@@ -90,21 +135,22 @@ impl Queue {
         self.frames.iter().any(|frame| frame.destination() == Some(neighbour))
     }
 
-    /// Whether a frame for `neighbour` waits before which no ordinary frame for another neighbour is sent.
+    /// Whether a frame for `neighbour` waits that is sent as soon as a keep-alive for it would be: one of the frames that 6P
+    /// and time-keeping send, or the first of the others.
     #[must_use]
     pub fn goes_soon(&self, neighbour: Eui64) -> bool {
-        let mut soon = self.frames.iter().take(self.n_priority() + 1);
+        let mut soon = self.frames.iter().take(self.n_before(Priority::Join) + 1);
         soon.any(|frame| frame.destination() == Some(neighbour))
     }
 
-    /// Frames with priority: they stand before the others.
-    fn n_priority(&self) -> usize {
-        self.frames.iter().take_while(|frame| frame.priority).count()
+    /// Frames that are more important: they stand before all of this priority.
+    fn n_before(&self, priority: Priority) -> usize {
+        self.frames.partition_point(|frame| frame.priority < priority)
     }
 
-    /// Adds a frame. The swarm's payload takes the place of an older one; a frame with priority goes behind others of its
-    /// kind and, where the queue is full, drives out the last one without. Frames in flight are not in the queue and
-    /// count through `n_in_flight`.
+    /// Adds a frame behind others of its priority; the swarm's payload takes the place of an older one. Where the queue is
+    /// full, the newest of the least important frames has to go if it is less important than this one. Frames in flight are
+    /// not in the queue and count through `n_in_flight`.
     ///
     /// # Errors
     ///
@@ -122,20 +168,19 @@ impl Queue {
             .is_some_and(|capacity| usize::from(capacity) <= self.frames.len() + n_in_flight);
         let mut displaced = None;
         if is_full {
-            let victim = self.frames.iter().rposition(|other| !other.priority);
-            match victim {
-                Some(place) if frame.priority => displaced = Some(self.frames.remove(place)),
+            match self.frames.last() {
+                Some(last) if frame.priority < last.priority => displaced = self.frames.pop(),
                 _ => return Err(frame),
             }
         }
-        let place = if frame.priority { self.n_priority() } else { self.frames.len() };
+        let place = self.frames.partition_point(|other| other.priority <= frame.priority);
         self.frames.insert(place, frame);
         Ok(displaced)
     }
 
-    /// Puts a frame that was in flight back to the front of its kind.
+    /// Puts a frame that was in flight back, before all others of its priority.
     pub fn put_back(&mut self, frame: Queued) {
-        let place = if frame.priority { 0 } else { self.n_priority() };
+        let place = self.n_before(frame.priority);
         self.frames.insert(place, frame);
     }
 
@@ -193,10 +238,12 @@ pub fn may_use(frame: &Queued, handle: u8, cell: &Cell, schedule: &Schedule) -> 
 
 #[cfg(test)]
 mod tests {
+    use super::Priority::{Data, ForwardedRequest, Join, Routing, Sixp, Time};
     use super::*;
-    use crate::wire::frame::Content;
+    use crate::wire::datagram::{Datagram, UdpRepr};
+    use crate::wire::fragment::LowpanRepr;
 
-    fn frame(packet: u64, priority: bool) -> Queued {
+    fn frame(packet: u64, priority: Priority) -> Queued {
         Queued {
             frame: FrameRepr {
                 source: Eui64::of_mote(0),
@@ -226,32 +273,79 @@ mod tests {
     fn t2_a_full_queue_refuses_ordinary_frames() {
         let mut queue = Queue::new(Some(10));
         for packet in 0..10 {
-            queue.push(frame(packet, false), 0).unwrap();
+            queue.push(frame(packet, Data), 0).unwrap();
         }
-        assert_eq!(queue.push(frame(10, false), 0).unwrap_err().packet, 10);
+        assert_eq!(queue.push(frame(10, Data), 0).unwrap_err().packet, 10);
         assert_eq!(queue.len(), 10);
     }
 
     #[test]
     fn t3_priority_goes_first_in_order_and_drives_out_the_last_ordinary_frame() {
         let mut queue = Queue::new(Some(4));
-        for (packet, priority) in [(1, false), (2, true), (3, false), (4, true)] {
+        for (packet, priority) in [(1, Data), (2, Sixp), (3, Data), (4, Sixp)] {
             queue.push(frame(packet, priority), 0).unwrap();
         }
         assert_eq!(order(&queue), [2, 4, 1, 3]);
-        let displaced = queue.push(frame(5, true), 0).unwrap();
+        let displaced = queue.push(frame(5, Sixp), 0).unwrap();
         assert_eq!(displaced.unwrap().packet, 3);
         assert_eq!(order(&queue), [2, 4, 5, 1]);
-        queue.push(frame(6, true), 0).unwrap();
-        assert_eq!(queue.push(frame(7, true), 0).unwrap_err().packet, 7);
+        queue.push(frame(6, Sixp), 0).unwrap();
+        assert_eq!(queue.push(frame(7, Sixp), 0).unwrap_err().packet, 7);
         assert_eq!(order(&queue), [2, 4, 5, 6]);
+    }
+
+    #[test]
+    fn time_goes_before_6p_joining_routing_and_data_and_the_least_important_newest_gives_way() {
+        let classes = [Time, Sixp, Join, ForwardedRequest, Routing, Data];
+        let mut queue = Queue::new(Some(12));
+        for (packet, &class) in (1..).zip(classes.iter().rev()) {
+            queue.push(frame(packet, class), 0).unwrap();
+            queue.push(frame(10 + packet, class), 0).unwrap();
+        }
+        assert_eq!(order(&queue), [6, 16, 5, 15, 4, 14, 3, 13, 2, 12, 1, 11]);
+        for gone in [11, 1, 12, 2] {
+            assert_eq!(queue.push(frame(20 + gone, Join), 0).unwrap().unwrap().packet, gone);
+        }
+        assert_eq!(order(&queue), [6, 16, 5, 15, 4, 14, 31, 21, 32, 22, 3, 13]);
+        assert_eq!(queue.push(frame(40, Routing), 0).unwrap_err().packet, 40);
+        let sent = queue.take(4);
+        queue.put_back(sent);
+        assert_eq!(order(&queue), [6, 16, 5, 15, 4, 14, 31, 21, 32, 22, 3, 13]);
+    }
+
+    fn datagram(destination_port: u16, dscp: u8, payload: &'static [u8]) -> Datagram {
+        let payload = payload.into();
+        Datagram {
+            packet: 0,
+            source: Eui64::of_mote(0).global(),
+            destination: Eui64::of_mote(1).global(),
+            dscp,
+            hop_limit: 64,
+            rpi: None,
+            route: None,
+            upper: Upper::Udp(UdpRepr { source_port: ports::COAP, destination_port, payload }),
+        }
+    }
+
+    fn whole(datagram: Datagram) -> Content {
+        Content::Lowpan(LowpanRepr::Whole(datagram.into()))
+    }
+
+    #[test]
+    fn rfc9031_6_1_forwarded_requests_come_after_join_responses() {
+        let of = |port, dscp| Priority::of(&whole(datagram(port, dscp, &[])), false);
+        assert_eq!(of(ports::COAP, code_points::AF42), Join);
+        assert_eq!(of(ports::COAP, code_points::AF43), ForwardedRequest);
+        assert_eq!(of(ports::COAP, 0), Join);
+        assert_eq!(of(0xf0b1, code_points::AF43), Data);
+        assert_eq!(Priority::of(&Content::KeepAlive, false), Time);
     }
 
     #[test]
     fn t13_a_queue_without_limit_takes_a_hundred() {
         let mut queue = Queue::new(None);
         for packet in 0..100 {
-            queue.push(frame(packet, false), 0).unwrap();
+            queue.push(frame(packet, Data), 0).unwrap();
         }
         assert_eq!(queue.len(), 100);
     }
@@ -259,10 +353,10 @@ mod tests {
     #[test]
     fn a_frame_in_flight_takes_up_room_and_returns_to_the_front() {
         let mut queue = Queue::new(Some(2));
-        queue.push(frame(1, false), 0).unwrap();
-        queue.push(frame(2, false), 0).unwrap();
+        queue.push(frame(1, Data), 0).unwrap();
+        queue.push(frame(2, Data), 0).unwrap();
         let sent = queue.take(0);
-        assert!(queue.push(frame(3, false), 1).is_err());
+        assert!(queue.push(frame(3, Data), 1).is_err());
         queue.put_back(sent);
         assert_eq!(order(&queue), [1, 2]);
     }
@@ -270,9 +364,9 @@ mod tests {
     #[test]
     fn a_newer_payload_takes_the_place_of_the_older_one() {
         let mut queue = Queue::new(Some(3));
-        queue.push(Queued { is_latest_only: true, ..frame(1, false) }, 0).unwrap();
-        queue.push(frame(2, false), 0).unwrap();
-        let displaced = queue.push(Queued { is_latest_only: true, ..frame(3, false) }, 0).unwrap();
+        queue.push(Queued { is_latest_only: true, ..frame(1, Data) }, 0).unwrap();
+        queue.push(frame(2, Data), 0).unwrap();
+        let displaced = queue.push(Queued { is_latest_only: true, ..frame(3, Data) }, 0).unwrap();
         assert_eq!(displaced.unwrap().packet, 1);
         assert_eq!(order(&queue), [3, 2]);
     }

@@ -4,7 +4,7 @@ use super::ports::{APPLICATION_PORT, SWARM_PORT};
 use super::{Mote, World};
 use crate::app;
 use crate::lowpan::DropReason;
-use crate::mac::queue::{Queued, SWARM_HANDLE};
+use crate::mac::queue::{Priority, Queued, SWARM_HANDLE};
 use crate::mesh::packets::PacketKind;
 use crate::mesh::settings::Transport;
 use crate::rpl::Route;
@@ -36,7 +36,6 @@ pub(super) fn hops_of(datagram: &Datagram) -> u32 {
 pub(super) struct Wanted {
     pub(super) destination: Option<Eui64>,
     pub(super) content: Content,
-    pub(super) priority: bool,
     pub(super) slotframe: Option<u8>,
     pub(super) is_latest_only: bool,
     pub(super) packet: u64,
@@ -45,8 +44,7 @@ pub(super) struct Wanted {
 impl Wanted {
     /// An ordinary frame that belongs to no packet.
     pub(super) fn new(destination: Option<Eui64>, content: Content) -> Self {
-        let (priority, is_latest_only) = (false, false);
-        Self { destination, content, priority, slotframe: None, is_latest_only, packet: 0 }
+        Self { destination, content, slotframe: None, is_latest_only: false, packet: 0 }
     }
 }
 
@@ -218,14 +216,16 @@ impl Mote {
         self.enqueue(world, wanted);
     }
 
-    /// Puts a frame into the queue. Returns whether it found a place.
-    pub(super) fn enqueue(&mut self, world: &mut World<'_>, wanted: Wanted) -> bool {
-        let Wanted { destination, content, priority, slotframe, is_latest_only, packet } = wanted;
+    /// Puts a frame into the queue.
+    pub(super) fn enqueue(&mut self, world: &mut World<'_>, wanted: Wanted) {
+        let Wanted { destination, content, slotframe, is_latest_only, packet } = wanted;
+        let priority = Priority::of(&content, is_latest_only);
+        let has_two = world.settings.compat.shared_slot_0;
+        let priority = if has_two { priority.of_two() } else { priority };
         self.tally.frames.n_given += 1;
         if !self.mac.is_synced() {
             self.tally.drop_frame(DropReason::Desynchronised, false);
-            world.packets.lose(packet, world.now_ns, DropReason::Desynchronised);
-            return false;
+            return world.packets.lose(packet, world.now_ns, DropReason::Desynchronised);
         }
         let traffic = destination.map_or(Traffic::Broadcast, Traffic::Unicast);
         let slotframe = slotframe.or_else(|| self.sf.slotframe_of(traffic));
@@ -255,7 +255,7 @@ impl Mote {
             self.with_sf(world, |sf, cx| sf.handle_queue(cx, neighbour, true));
         }
         match self.mac.enqueue(frame) {
-            Ok(None) => true,
+            Ok(None) => {}
             Ok(Some(displaced)) => {
                 let reason = if displaced.is_latest_only && is_latest_only {
                     DropReason::Superseded
@@ -264,12 +264,10 @@ impl Mote {
                     DropReason::TxqueueFull
                 };
                 self.discard(world, displaced, reason);
-                true
             }
             Err(refused) => {
                 self.tally.n_queue_drops += 1;
                 self.discard(world, refused, DropReason::TxqueueFull);
-                false
             }
         }
     }

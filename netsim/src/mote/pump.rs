@@ -54,8 +54,7 @@ impl Mote {
             }
             while let Some((peer, message)) = self.sixtop.poll_transmit() {
                 moved = true;
-                let wanted = Wanted::new(Some(peer), Content::Sixp(message));
-                self.enqueue(world, Wanted { priority: true, ..wanted });
+                self.enqueue(world, Wanted::new(Some(peer), Content::Sixp(message)));
             }
             while let Some(event) = self.sixtop.poll_event() {
                 moved = true;

@@ -287,7 +287,6 @@ impl Mote {
 
     /// A keep-alive for the time source.
     pub(super) fn keep_alive(&mut self, world: &mut World<'_>, source: Eui64) {
-        let wanted = Wanted::new(Some(source), Content::KeepAlive);
-        self.enqueue(world, Wanted { priority: true, ..wanted });
+        self.enqueue(world, Wanted::new(Some(source), Content::KeepAlive));
     }
 }

@@ -1,7 +1,7 @@
 //! T1 to T18: which frame goes in which cell, how often, and on which channel.
 
 use super::bench::{Bench, EAGER, EXACT, FULL, LINE, OnAir, SLOT_NS, What, line, settings};
-use netsim::mac::queue::Queued;
+use netsim::mac::queue::{Priority, Queued};
 use netsim::mac::tsch::{Done, Outgoing, Tsch};
 use netsim::mac::{Cell, CellOptions, Schedule};
 use netsim::wire::Eui64;
@@ -186,7 +186,7 @@ fn frame_to(neighbour: Eui64, packet: u64) -> Queued {
             slots: None,
             content: Content::KeepAlive,
         },
-        priority: false,
+        priority: Priority::Data,
         slotframe: None,
         is_latest_only: false,
         packet,

@@ -2,7 +2,7 @@
 //! plain one is asked in every slot; the one under test only in those that it has announced.
 
 use netsim::dice::Dice;
-use netsim::mac::queue::{Queued, SWARM_HANDLE};
+use netsim::mac::queue::{Priority, Queued, SWARM_HANDLE};
 use netsim::mac::tsch::{Config, Done, Outgoing, Transmission};
 use netsim::mac::{Cell, CellKind, CellOptions, CellRef, Schedule, Tsch};
 use netsim::wire::Eui64;
@@ -14,13 +14,21 @@ use std::collections::BTreeMap;
 const SLOT_NS: u64 = 10_000_000;
 const N_SLOTS: u64 = 3000;
 const BEACON_NS: u64 = 700_000_000;
+const PRIORITIES: [Priority; 6] = [
+    Priority::Time,
+    Priority::Sixp,
+    Priority::Join,
+    Priority::ForwardedRequest,
+    Priority::Routing,
+    Priority::Data,
+];
 
 /// A frame that waits.
 #[derive(Clone, Debug, PartialEq)]
 struct Waiting {
     id: u64,
     to: Option<Eui64>,
-    urgent: bool,
+    priority: Priority,
     slotframe: Option<u8>,
     latest_only: bool,
     attempts: u16,
@@ -61,9 +69,9 @@ struct Plain {
 }
 
 impl Plain {
-    /// Frames without priority come after those with it, each kind in the order of arrival. The swarm's payload replaces the
-    /// one before. A full queue takes only frames with priority, at the cost of the last one without. Returns those that were
-    /// not kept.
+    /// Frames stand by priority, those of the same one in the order of arrival. The swarm's payload replaces the one before.
+    /// A full queue takes a frame only at the cost of a less important one: of the least important ones, the last. Returns
+    /// those that were not kept.
     fn push(&mut self, frame: Waiting) -> Option<u64> {
         if frame.latest_only
             && let Some(old) = self.frames.iter_mut().find(|other| other.latest_only)
@@ -72,19 +80,15 @@ impl Plain {
         }
         let mut dropped = None;
         if self.capacity.is_some_and(|capacity| capacity <= self.frames.len() + self.in_flight) {
-            let ordinary: Vec<u64> =
-                self.frames.iter().filter(|other| !other.urgent).map(|other| other.id).collect();
-            match ordinary.last() {
-                Some(&last) if frame.urgent => {
-                    self.frames.retain(|other| other.id != last);
-                    dropped = Some(last);
-                }
-                _ => return Some(frame.id),
-            }
+            let least = self.frames.iter().map(|other| other.priority).max();
+            let least = least.filter(|&least| frame.priority < least);
+            let last = self.frames.iter().rposition(|other| Some(other.priority) == least);
+            let Some(last) = last else { return Some(frame.id) };
+            dropped = Some(self.frames.remove(last).id);
         }
         self.frames.push(frame);
         // Stable: equal ones stay in order.
-        self.frames.sort_by_key(|other| !other.urgent);
+        self.frames.sort_by_key(|other| other.priority);
         dropped
     }
 
@@ -180,7 +184,7 @@ impl Plain {
         }
         // In front of its kind.
         self.frames.insert(0, frame);
-        self.frames.sort_by_key(|other| !other.urgent);
+        self.frames.sort_by_key(|other| other.priority);
         None
     }
 }
@@ -247,7 +251,7 @@ fn of_queue(queued: &Queued) -> Waiting {
     Waiting {
         id: queued.packet,
         to: queued.destination(),
-        urgent: queued.priority,
+        priority: queued.priority,
         slotframe: queued.slotframe,
         latest_only: queued.is_latest_only,
         attempts: queued.n_attempts,
@@ -329,7 +333,11 @@ impl Pair {
         let frame = Waiting {
             id: self.n_pushed,
             to,
-            urgent: !latest_only && self.dice.below(4) == 0,
+            priority: if latest_only {
+                Priority::Routing
+            } else {
+                PRIORITIES[self.dice.below(6) as usize]
+            },
             slotframe: slotframes[self.dice.below(5) as usize],
             latest_only,
             attempts: 0,
@@ -345,7 +353,7 @@ impl Pair {
                 slots: None,
                 content: Content::KeepAlive,
             },
-            priority: frame.urgent,
+            priority: frame.priority,
             slotframe: frame.slotframe,
             is_latest_only: latest_only,
             packet: frame.id,
