@@ -4,6 +4,7 @@ use super::schedule::{Cell, CellKind, Schedule};
 use crate::join::ports;
 use crate::wire::Eui64;
 use crate::wire::datagram::{Upper, code_points};
+use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +46,12 @@ impl Priority {
                 Upper::Udp(_) => Self::Join,
             },
         }
+    }
+
+    /// Whether it is of the join protocol or of routing, whose messages mean the same when they come twice.
+    #[must_use]
+    pub fn is_control(self) -> bool {
+        matches!(self, Self::Join | Self::ForwardedRequest | Self::Routing)
     }
 
     /// The same in a queue of two classes, as the 6TiSCH simulator has it: 6P and keep-alive, and all others.
@@ -133,6 +140,21 @@ impl Queue {
     #[must_use]
     pub fn waits_for(&self, neighbour: Eui64) -> bool {
         self.frames.iter().any(|frame| frame.destination() == Some(neighbour))
+    }
+
+    /// Whether a frame waits that carries the same message over the same way as one for `destination` with this content.
+    #[must_use]
+    pub fn has_same(&self, destination: Option<Eui64>, content: &Content) -> bool {
+        let Content::Lowpan(LowpanRepr::Whole(new)) = content else { return false };
+        self.frames.iter().any(|frame| match &frame.frame.content {
+            Content::Lowpan(LowpanRepr::Whole(waits)) => {
+                frame.destination() == destination
+                    && (waits.source, waits.destination) == (new.source, new.destination)
+                    && waits.route == new.route
+                    && waits.upper == new.upper
+            }
+            _ => false,
+        })
     }
 
     /// Whether a frame for `neighbour` waits that is sent as soon as a keep-alive for it would be: one of the frames that 6P
@@ -241,7 +263,6 @@ mod tests {
     use super::Priority::{Data, ForwardedRequest, Join, Routing, Sixp, Time};
     use super::*;
     use crate::wire::datagram::{Datagram, UdpRepr};
-    use crate::wire::fragment::LowpanRepr;
 
     fn frame(packet: u64, priority: Priority) -> Queued {
         Queued {
@@ -339,6 +360,20 @@ mod tests {
         assert_eq!(of(ports::COAP, 0), Join);
         assert_eq!(of(0xf0b1, code_points::AF43), Data);
         assert_eq!(Priority::of(&Content::KeepAlive, false), Time);
+    }
+
+    #[test]
+    fn the_same_message_is_one_that_says_the_same_to_the_same_over_the_same_way() {
+        let message = datagram(ports::COAP, 0, &[1]);
+        let mut queue = Queue::new(Some(3));
+        let mut waits = frame(1, Join);
+        waits.frame.content = whole(message.clone());
+        queue.push(waits, 0).unwrap();
+        let to = Some(Eui64::of_mote(1));
+        assert!(queue.has_same(to, &whole(Datagram { packet: 7, ..message.clone() })));
+        assert!(!queue.has_same(Some(Eui64::of_mote(2)), &whole(message)));
+        assert!(!queue.has_same(to, &whole(datagram(ports::COAP, 0, &[2]))));
+        assert!(!queue.has_same(to, &Content::KeepAlive));
     }
 
     #[test]

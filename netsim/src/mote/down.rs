@@ -216,11 +216,16 @@ impl Mote {
         self.enqueue(world, wanted);
     }
 
-    /// Puts a frame into the queue.
+    /// Puts a frame into the queue. A control message that waits there is not queued again: routing and pledges repeat
+    /// theirs because an answer is late, not lost.
     pub(super) fn enqueue(&mut self, world: &mut World<'_>, wanted: Wanted) {
         let Wanted { destination, content, slotframe, is_latest_only, packet } = wanted;
         let priority = Priority::of(&content, is_latest_only);
         let has_two = world.settings.compat.shared_slot_0;
+        let may_repeat = has_two || is_latest_only || !priority.is_control();
+        if !may_repeat && self.mac.queue().has_same(destination, &content) {
+            return self.lose(world, packet, DropReason::Duplicate);
+        }
         let priority = if has_two { priority.of_two() } else { priority };
         self.tally.frames.n_given += 1;
         if !self.mac.is_synced() {
