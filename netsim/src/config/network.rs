@@ -173,7 +173,7 @@ pub(super) fn build(
         apps.extend(app::Spec::read(table, &path, given.agent_count as u32, problems));
     }
     let (energy, battery_mah, battery_deaths) = energy::build(&keys.energy);
-    let rpl = rpl::build(&keys.rpl, compat);
+    let mut rpl = rpl::build(&keys.rpl, compat);
     let join = admission::build(&keys.join);
     if join.secure && !rpl.advertises && roots.len() + 1 < given.agent_count {
         warnings.push(format!(
@@ -202,6 +202,8 @@ pub(super) fn build(
         max_be: mac.max_exponent,
         ..sixtop::Config::default()
     };
+    let queue_frames = mac.queue_capacity.unwrap_or(QUEUE_FRAMES);
+    rpl.wait_for_dao_acks(u64::from(queue_frames) * sixtop.slotframe_ns);
     let settings = Settings {
         roots,
         mac,
@@ -220,6 +222,9 @@ pub(super) fn build(
     };
     Some((settings, addresses))
 }
+
+/// Frames that wait before an acknowledgment where queues have no limit.
+const QUEUE_FRAMES: u16 = 10;
 
 /// From the begin of a slot to the end of the longest acknowledgment of the longest frame (ns).
 pub(super) const LEAST_SLOT_NS: u64 =

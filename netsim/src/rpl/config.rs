@@ -163,6 +163,11 @@ impl Default for Config {
 }
 
 impl Config {
+    /// Waits for acknowledgments as long as it takes to send what can stand before one at the root (ns), if that is longer.
+    pub fn wait_for_dao_acks(&mut self, backlog_ns: u64) {
+        self.dao_ack_wait_ns = self.dao_ack_wait_ns.max(backlog_ns);
+    }
+
     /// What a root announces to its DODAG (RFC 6550, § 6.7.6).
     #[must_use]
     pub fn configuration(&self) -> DodagConfiguration {

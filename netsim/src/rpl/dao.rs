@@ -29,6 +29,8 @@ pub(super) struct Dao {
     left: Option<Eui64>,
     /// Not acknowledged yet.
     pending: Vec<Pending>,
+    /// The way down was acknowledged as it is: it is only refreshed.
+    is_known: bool,
     /// Routes down to this mote are known above: it was acknowledged that they are, or none was asked to acknowledge it.
     pub(super) is_advertised: bool,
 }
@@ -52,6 +54,7 @@ impl Dao {
             in_full: false,
             left: None,
             pending: vec![],
+            is_known: false,
             is_advertised: false,
         }
     }
@@ -60,6 +63,7 @@ impl Dao {
         self.at_ns = None;
         self.left = None;
         self.pending.clear();
+        self.is_known = false;
         self.is_advertised = false;
     }
 
@@ -104,8 +108,9 @@ impl Rpl {
         self.schedule_dao(now_ns, dice);
     }
 
-    /// An advertisement is due soon (DelayDAO: RFC 6550, § 9.5).
+    /// There is news to advertise: soon (DelayDAO: RFC 6550, § 9.5), and to be acknowledged.
     pub(super) fn schedule_dao(&mut self, now_ns: u64, dice: &mut Dice) {
+        self.dao.is_known = false;
         if !self.config.advertises || self.mode().is_none() {
             return;
         }
@@ -153,11 +158,12 @@ impl Rpl {
             groups.entry(path_sequence).or_default().push(target);
         }
         for (path_sequence, targets) in groups {
-            self.send_dao(from, &targets, path_sequence, 0, now_ns);
+            self.send_dao(from, &targets, path_sequence, 0, false, now_ns);
         }
     }
 
-    /// Advertises the own address and, in storing mode where asked for, everything below.
+    /// Advertises the own address and, in storing mode where asked for, everything below. What was acknowledged and is only
+    /// refreshed needs no acknowledgment: the next refresh comes before the route ends.
     fn advertise(&mut self, to: Eui64, lifetime: u8, now_ns: u64) {
         let Some(address) = self.address() else { return };
         let path_sequence = self.dao.path_sequence;
@@ -173,18 +179,21 @@ impl Rpl {
                 groups.entry((entry.path_sequence, units)).or_default().push(target);
             }
         }
+        let wants_ack = !self.dao.is_known;
         for ((path_sequence, lifetime), targets) in groups {
-            self.send_dao(to, &targets, path_sequence, lifetime, now_ns);
+            self.send_dao(to, &targets, path_sequence, lifetime, wants_ack, now_ns);
         }
     }
 
-    /// Sends targets of one path sequence and lifetime, as many to a message as fit.
+    /// Sends targets of one path sequence and lifetime, as many to a message as fit. `wants_ack`: they are to be acknowledged
+    /// if acknowledgments are used.
     fn send_dao(
         &mut self,
         to: Eui64,
         targets: &[Ipv6Addr],
         path_sequence: u8,
         path_lifetime: u8,
+        wants_ack: bool,
         now_ns: u64,
     ) {
         let Some(dodag) = &self.dodag else { return };
@@ -197,7 +206,7 @@ impl Rpl {
             self.dao.sequence = lollipop::next(self.dao.sequence);
             let dao = DaoRepr {
                 instance: self.config.instance,
-                ack_request: self.config.dao_ack && path_lifetime != 0,
+                ack_request: self.config.dao_ack && wants_ack,
                 sequence: self.dao.sequence,
                 targets: targets.to_vec(),
                 path_sequence,
@@ -243,7 +252,7 @@ impl Rpl {
             true
         });
         if given_up {
-            self.dao.in_full = true;
+            (self.dao.in_full, self.dao.is_known) = (true, false);
             let pause_ns = wait_ns.saturating_mul(1 << max.min(16));
             let at_ns = now_ns + dice.duration_ns(pause_ns / 2, pause_ns.saturating_add(1));
             self.dao.at_ns = Some(self.dao.at_ns.map_or(at_ns, |soon_ns| soon_ns.min(at_ns)));
@@ -327,7 +336,8 @@ impl Rpl {
             self.lose_child(from);
         }
         if let Some(parent) = self.parent().filter(|_| !news.is_empty()) {
-            self.send_dao(parent, &news, dao.path_sequence, dao.path_lifetime, now_ns);
+            let (path_sequence, lifetime) = (dao.path_sequence, dao.path_lifetime);
+            self.send_dao(parent, &news, path_sequence, lifetime, lifetime != 0, now_ns);
         }
         status
     }
@@ -346,6 +356,7 @@ impl Rpl {
         }
         self.dao.pending.retain(|one| !is_ours(one));
         self.dao.is_advertised |= ack.status < REJECTED;
+        self.dao.is_known = ack.status < REJECTED && self.dao.pending.is_empty();
         if ack.status >= REJECTED
             && self.mode() == Some(Mode::Storing)
             && self.parent() == Some(from)
@@ -359,7 +370,7 @@ impl Rpl {
         let Some(parent) = self.parent() else { return };
         if self.mode() == Some(Mode::Storing) {
             for &(target, path_sequence) in gone {
-                self.send_dao(parent, &[target], path_sequence, 0, now_ns);
+                self.send_dao(parent, &[target], path_sequence, 0, false, now_ns);
             }
         }
     }

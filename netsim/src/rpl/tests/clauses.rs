@@ -328,6 +328,28 @@ fn routes_are_refreshed_at_about_half_of_their_lifetime() {
 }
 
 #[test]
+fn a_route_that_was_acknowledged_is_refreshed_without_asking_again() {
+    let mut bench = Bench::mote(Bench::perfect());
+    bench.hear(1, &dio_of(0, 512));
+    let first = daos(&bench.pass(2 * SECOND_NS));
+    assert!(first[0].1.ack_request);
+    bench.receive(1, false, &ack(first[0].1.sequence, 0));
+    let mut refresh = || loop {
+        bench.rpl.handle_rssi(mote(1), -60.0, bench.now_ns);
+        if let Some((_, dao)) = daos(&bench.pass(10 * SECOND_NS)).pop() {
+            break dao;
+        }
+    };
+    assert!(!refresh().ack_request);
+    assert!(!refresh().ack_request);
+    // Another parent is news.
+    bench.hear(2, &dio_of(0, 256));
+    bench.link(1, 10, false);
+    assert_eq!(bench.rpl.parent(), Some(mote(2)));
+    assert!(daos(&bench.pass(2 * SECOND_NS))[0].1.ack_request);
+}
+
+#[test]
 fn rfc6550_9_6_a_newer_dtsn_of_the_parent_asks_for_a_dao_and_goes_on_below() {
     let mut bench = joined(Config { dao_ack: false, ..Bench::perfect() });
     bench.hear(1, &DioRepr { dtsn: 241, ..dio_of(0, 512) });
