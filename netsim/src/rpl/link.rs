@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 const WINDOW: u32 = 64;
 /// Transmissions of one estimate of the 6TiSCH simulator.
 const HUNDRED: u16 = 100;
+/// Transmissions that may not speak against an assumption yet: a good link loses a frame now and then, too.
+const N_DOUBTED: u16 = 10;
 /// Counts are kept in parts of this, so that halving loses nothing that matters.
 const SCALE: u32 = 256;
 
@@ -13,7 +15,8 @@ const SCALE: u32 = 256;
 ///
 /// Whenever 64 transmissions have been counted, both counts are halved: the ratio stays, and the past weighs half from then
 /// on. So the estimate is that of the last 64 to 128 transmissions and needs no clock; a link that was never used has one
-/// acknowledgment's worth of an assumed ETX, which a few frames outweigh. Unlike an average of per-frame counts it knows
+/// acknowledgment's worth of an assumed ETX, which a few frames outweigh, though only for the better among the first ten
+/// transmissions: a first frame that is lost tells little of a link. Unlike an average of per-frame counts it knows
 /// failures, too, whose number of transmissions never ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Etx {
@@ -23,15 +26,19 @@ pub struct Etx {
     n_failed: u16,
     /// Counted by hundreds: transmissions and acknowledgments of the hundred that is not full yet.
     hundred: (u16, u16),
+    /// The assumed ETX × 128, and the transmissions in which the estimate does not get worse than that.
+    doubted: (u16, u16),
 }
 
 impl Etx {
     /// An assumption, of little weight: ETX × 128.
     #[must_use]
     pub fn assumed(etx_x128: u16) -> Self {
+        let etx_x128 = etx_x128.max(128);
         Self {
-            n_tx: u32::from(etx_x128.max(128)) * SCALE / 128,
+            n_tx: u32::from(etx_x128) * SCALE / 128,
             n_ack: SCALE,
+            doubted: (etx_x128, N_DOUBTED),
             ..Self::counted(0, 0)
         }
     }
@@ -40,11 +47,12 @@ impl Etx {
     #[must_use]
     pub fn counted(n_tx: u16, n_ack: u16) -> Self {
         let (n_tx, n_ack) = (u32::from(n_tx) * SCALE, u32::from(n_ack) * SCALE);
-        Self { n_tx, n_ack, n_failed: 0, hundred: (0, 0) }
+        Self { n_tx, n_ack, n_failed: 0, hundred: (0, 0), doubted: (0, 0) }
     }
 
     /// A frame was sent `n_transmissions` times; the last one may have been acknowledged.
     pub fn count(&mut self, n_transmissions: u16, acknowledged: bool) {
+        self.doubted.1 = self.doubted.1.saturating_sub(n_transmissions);
         self.n_tx = self.n_tx.saturating_add(u32::from(n_transmissions) * SCALE);
         if acknowledged {
             self.n_ack += SCALE;
@@ -68,6 +76,7 @@ impl Etx {
         if HUNDRED <= *n_tx {
             (self.n_tx, self.n_ack) = (u32::from(*n_tx) * SCALE, u32::from(*n_ack) * SCALE);
             self.hundred = (0, 0);
+            self.doubted = (0, 0);
         }
     }
 
@@ -77,18 +86,28 @@ impl Etx {
         self.n_failed
     }
 
+    /// Transmissions by acknowledgments.
+    fn ratio(&self) -> (u64, u64) {
+        let counted = (u64::from(self.n_tx), u64::from(self.n_ack));
+        let (assumed_x128, n_left) = self.doubted;
+        let assumed = (u64::from(assumed_x128), 128);
+        if n_left != 0 && assumed.0 * counted.1 < counted.0 * assumed.1 { assumed } else { counted }
+    }
+
     /// floor(n × ETX), exactly; the largest number if nothing was ever acknowledged.
     #[must_use]
     pub fn times(&self, n: u32) -> u32 {
-        (u64::from(self.n_tx) * u64::from(n))
-            .checked_div(self.n_ack.into())
+        let (n_tx, n_ack) = self.ratio();
+        (n_tx * u64::from(n))
+            .checked_div(n_ack)
             .map_or(u32::MAX, |product| u32::try_from(product).unwrap_or(u32::MAX))
     }
 
     /// Whether ETX × 128 exceeds a bound (exactly, without rounding).
     #[must_use]
     pub fn exceeds(&self, bound_x128: u16) -> bool {
-        u64::from(bound_x128) * u64::from(self.n_ack) < u64::from(self.n_tx) * 128
+        let (n_tx, n_ack) = self.ratio();
+        u64::from(bound_x128) * n_ack < n_tx * 128
     }
 
     /// ETX × 128 as RFC 6719, § 3.1, and RFC 6551, § 4.3.2, write it, rounded to the nearest.
@@ -141,6 +160,22 @@ mod tests {
             let estimate = f64::from(etx.x128()) / 128.0;
             assert!((estimate - truth).abs() < 0.54, "{estimate} {truth}");
         }
+    }
+
+    #[test]
+    fn a_first_frame_that_is_lost_does_not_end_a_link_that_was_assumed_to_be_usable() {
+        let mut etx = Etx::assumed(384);
+        for n_lost in 1..10 {
+            etx.count(1, false);
+            assert!(!etx.exceeds(384), "{n_lost}");
+        }
+        etx.count(1, false);
+        assert!(etx.exceeds(384));
+        // Good news counts at once, and what follows it.
+        let mut etx = Etx::assumed(384);
+        etx.count(1, true);
+        etx.count(1, false);
+        assert_eq!(etx.x128(), 5 * 64);
     }
 
     #[test]
