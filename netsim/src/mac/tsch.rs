@@ -170,13 +170,14 @@ impl Tsch {
 
     /// From now on another neighbour is the time source.
     pub fn set_time_source(&mut self, config: &Config, new: Eui64, now_ns: u64) {
-        if let State::Synced { source, keep_alive_ns, .. } = &mut self.state
+        if let State::Synced { source, heard_ns, keep_alive_ns } = &mut self.state
             && !self.is_root
             && *source != Some(new)
         {
             *source = Some(new);
-            // Hear it soon: until then the clock runs as the old one set it.
-            *keep_alive_ns = (*keep_alive_ns).min(config.keep_alive_at(now_ns));
+            // Until it is heard the clock runs as the old one set it, when that was heard last.
+            let since_ns = if config.contends_as_peer { now_ns } else { *heard_ns };
+            *keep_alive_ns = (*keep_alive_ns).min(config.keep_alive_at(since_ns)).max(now_ns);
         }
     }
 
