@@ -12,6 +12,8 @@ pub struct Neighbours {
     newest: Vec<u64>,
     /// Of each, the numbers of the latest frames for us, continued likewise, and when each was heard first (ASN).
     known: Vec<Vec<(u64, u64)>>,
+    /// Of each, whether it has sent a beacon.
+    sends_beacons: Vec<bool>,
     /// Of those that were forgotten, ascending by address: what they would send again is still known.
     before: BTreeMap<Eui64, (u64, Vec<(u64, u64)>)>,
     #[serde(skip)]
@@ -56,6 +58,12 @@ impl Neighbours {
         self.addresses.is_empty()
     }
 
+    /// Number of those that have sent a beacon.
+    #[must_use]
+    pub fn n_with_beacons(&self) -> usize {
+        self.sends_beacons.iter().filter(|&&sends| sends).count()
+    }
+
     /// Their addresses, ascending.
     pub fn addresses(&self) -> impl Iterator<Item = Eui64> + '_ {
         self.addresses.iter().copied()
@@ -64,13 +72,14 @@ impl Neighbours {
     /// Forgets them all, but not which of their frames it has had: the acknowledgment of the last may have been lost. So
     /// it is over a restart as well, where a secured network keeps its frame counters (IEEE Std 802.15.4-2015, 9.2).
     pub fn forget(&mut self) {
+        self.sends_beacons.clear();
         let numbers =
             std::mem::take(&mut self.newest).into_iter().zip(std::mem::take(&mut self.known));
         let of_each = std::mem::take(&mut self.addresses).into_iter().zip(numbers);
         self.before.extend(of_each.filter(|(_, (_, known))| !known.is_empty()));
     }
 
-    /// A frame from a neighbour, with its sequence number if it has one. Returns whether it is new: not one for us that
+    /// A frame from a neighbour, with its sequence number; `None`: a beacon, whose numbers are others. Returns whether it is new: not one for us that
     /// was received before and is sent again because the acknowledgment was lost (IEEE Std 802.15.4-2015, 6.7.2).
     #[inline]
     pub fn hear(&mut self, address: Eui64, sequence: Option<u8>, for_us: bool, asn: u64) -> bool {
@@ -78,7 +87,10 @@ impl Neighbours {
         let is_next = self.addresses.get(next) == Some(&address);
         let place = if is_next { next } else { self.place_of(address, sequence) };
         self.next = Next(place + 1);
-        let Some(sequence) = sequence else { return true };
+        let Some(sequence) = sequence else {
+            self.sends_beacons[place] = true;
+            return true;
+        };
         let newest = &mut self.newest[place];
         let number = continued(*newest, sequence);
         *newest = number.max(*newest);
@@ -105,6 +117,7 @@ impl Neighbours {
             self.addresses.insert(place, address);
             self.newest.insert(place, newest);
             self.known.insert(place, known);
+            self.sends_beacons.insert(place, false);
             place
         })
     }
@@ -129,6 +142,18 @@ mod tests {
         }
         assert!(neighbours.hear(a, Some(250), true, 7));
         assert_eq!(neighbours.len(), 2);
+    }
+
+    #[test]
+    fn neighbours_that_send_beacons_are_counted_by_themselves() {
+        let mut neighbours = Neighbours::default();
+        let [a, b, c] = [1, 2, 3].map(Eui64::of_mote);
+        for (from, sequence) in [(b, None), (a, Some(1)), (c, None), (b, Some(7)), (b, None)] {
+            neighbours.hear(from, sequence, false, 1);
+        }
+        assert_eq!((neighbours.len(), neighbours.n_with_beacons()), (3, 2));
+        neighbours.forget();
+        assert_eq!(neighbours.n_with_beacons(), 0);
     }
 
     #[test]

@@ -206,9 +206,11 @@ impl Tsch {
         self.beacons.is_due &= enabled;
     }
 
-    /// The mean time between this mote's beacons (ns): longer where many others send them too.
+    /// The mean time between this mote's beacons (ns): longer where many others send them too. A neighbour that has joined
+    /// only sends none yet.
     fn beacon_interval_ns(&self, config: &Config) -> u64 {
-        let crowd_ns = config.beacon_spacing_ns.saturating_mul(1 + self.neighbours.len() as u64);
+        let n_senders = 1 + self.neighbours.n_with_beacons() as u64;
+        let crowd_ns = config.beacon_spacing_ns.saturating_mul(n_senders);
         config.beacon_period_ns.max(crowd_ns)
     }
 

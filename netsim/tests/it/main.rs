@@ -8,6 +8,7 @@
 mod batteries;
 mod broadcast;
 mod conformance;
+mod crowds;
 mod delivery;
 mod extension;
 mod frames;
