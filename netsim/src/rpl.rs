@@ -8,6 +8,7 @@
 //! | [`link`] | ETX |
 //! | [`objective`], [`of0`], [`mrhof`] | how rank follows from links: RFC 6552, 6719, 8180 |
 //! | [`neighbours`] | who was heard |
+//! | `probe` | looking for a better parent |
 //! | `select` | the choice of the parent, local repair |
 //! | `dio`, `dao` | control messages in and out |
 //! | `children` | who routes through this mote |
@@ -27,6 +28,7 @@ pub mod mrhof;
 pub mod neighbours;
 pub mod objective;
 pub mod of0;
+mod probe;
 pub mod routes;
 mod select;
 #[cfg(test)]
@@ -39,6 +41,7 @@ use crate::wire::rpl::RplMessage;
 use dao::Dao;
 use dodag::{Dodag, Past};
 use neighbours::Neighbours;
+use probe::Probes;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use std::net::Ipv6Addr;
@@ -115,6 +118,9 @@ pub struct Rpl {
     dis_at_ns: Option<u64>,
     has_solicited: bool,
     hold_until_ns: Option<u64>,
+    /// Since when a neighbour has offered a rank better by a hop than the parent does (ns).
+    outdone_since_ns: Option<u64>,
+    probes: Probes,
     global_repair_ns: Option<u64>,
     /// A link is why parents are being looked at.
     etx_changed: bool,
@@ -145,6 +151,8 @@ impl Rpl {
             dis_at_ns: None,
             has_solicited: false,
             hold_until_ns: None,
+            outdone_since_ns: None,
+            probes: Probes::default(),
             global_repair_ns: None,
             etx_changed: false,
             outgoing: VecDeque::new(),
@@ -196,6 +204,8 @@ impl Rpl {
         self.dis_at_ns = None;
         self.has_solicited = false;
         self.hold_until_ns = None;
+        self.outdone_since_ns = None;
+        self.probes = Probes::default();
         self.global_repair_ns = None;
         self.outgoing.clear();
     }
@@ -329,6 +339,8 @@ impl Rpl {
             self.routes.poll_timeout(),
             self.children_check_ns,
             self.neighbours.poll_timeout(),
+            self.outdone_since_ns.map(|since_ns| since_ns.saturating_add(self.config.outdone_ns)),
+            self.probes.at_ns,
         ]
         .into_iter()
         .flatten()
@@ -362,8 +374,12 @@ impl Rpl {
         if held {
             self.hold_until_ns = None;
         }
-        if self.neighbours.expire(lifetime_ns, now_ns) || held {
+        let is_outdone = self.is_outdone(now_ns);
+        if self.neighbours.expire(lifetime_ns, now_ns) || held || is_outdone {
             self.select(now_ns, dice);
+        }
+        if is_due(self.probes.at_ns) {
+            self.probe(now_ns, dice);
         }
         self.dao_timeout(now_ns, dice);
     }

@@ -54,7 +54,8 @@ pub const SPEC: TableSpec = TableSpec {
             "stale_rank",
             "A mote updates its rank only when its own link changes, not when its parent announces another rank, and keeps \
              a lost parent as time source. ETX is 3 until 100 frames were sent to a neighbour in dedicated cells, and is \
-             then updated every 100 frames.",
+             then updated every 100 frames. It looks for no other parent, and leaves its own for a gain above the \
+             threshold only.",
         ),
     ],
     tag: None,

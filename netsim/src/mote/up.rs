@@ -73,6 +73,8 @@ impl Mote {
             match &frame.content {
                 Content::KeepAlive => {}
                 Content::Beacon(beacon) => {
+                    let (metric, dice) = (beacon.join_metric, &mut self.dice.routing);
+                    self.rpl.handle_beacon(from, metric, world.now_ns, dice);
                     self.with_sf(world, |sf, cx| sf.handle_beacon(cx, from, beacon.join_metric));
                 }
                 Content::Sixp(message) => self.sixtop.handle_message(from, message, world.now_ns),

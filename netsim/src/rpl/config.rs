@@ -87,6 +87,12 @@ pub struct Config {
     pub max_neighbours: u16,
     /// How many motes can be parents at a time (PARENT_SET_SIZE: RFC 6719, § 5; RFC 6552, § 4.2).
     pub parent_set_size: u8,
+    /// A parent is left for one that is better by a hop of rank, but not by the threshold of the objective function, once there
+    /// has been such a one for so long (ns). 5 min; Contiki-NG waits for 10.
+    pub outdone_ns: u64,
+    /// Time between frames that a mote sends to a neighbour that could be a better parent, but over whose link it has sent too
+    /// little to know that (ns). 90 s: Contiki-NG's.
+    pub probe_period_ns: u64,
     /// After leaving a DODAG, motes of no lower rank than one's own had been are not joined for so long (ns): they may
     /// have been below, and have not heard of it.
     pub repair_hold_ns: u64,
@@ -144,6 +150,8 @@ impl Default for Config {
             neighbour_lifetime_ns: 1800 * SECOND_NS,
             max_neighbours: 32,
             parent_set_size: 3,
+            outdone_ns: 300 * SECOND_NS,
+            probe_period_ns: 90 * SECOND_NS,
             repair_hold_ns: 16 * SECOND_NS,
             forget_ns: 300 * SECOND_NS,
             solicitation: Solicitation::Unicast,

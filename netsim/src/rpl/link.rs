@@ -8,6 +8,8 @@ const WINDOW: u32 = 64;
 const HUNDRED: u16 = 100;
 /// Transmissions that may not speak against an assumption yet: a good link loses a frame now and then, too.
 const N_DOUBTED: u16 = 10;
+/// Transmissions that make an estimate: half of those over which it forgets.
+const N_MEASURED: u16 = 32;
 /// Counts are kept in parts of this, so that halving loses nothing that matters.
 const SCALE: u32 = 256;
 
@@ -26,8 +28,10 @@ pub struct Etx {
     n_failed: u16,
     /// Counted by hundreds: transmissions and acknowledgments of the hundred that is not full yet.
     hundred: (u16, u16),
-    /// The assumed ETX × 128, and the transmissions in which the estimate does not get worse than that.
-    doubted: (u16, u16),
+    /// ETX × 128 that was assumed; 0: none was.
+    assumed_x128: u16,
+    /// Transmissions since then.
+    n_counted: u16,
 }
 
 impl Etx {
@@ -38,21 +42,27 @@ impl Etx {
         Self {
             n_tx: u32::from(etx_x128) * SCALE / 128,
             n_ack: SCALE,
-            doubted: (etx_x128, N_DOUBTED),
+            assumed_x128: etx_x128,
             ..Self::counted(0, 0)
         }
+    }
+
+    /// Whether too little was sent over the link for the estimate to be good.
+    #[must_use]
+    pub fn is_vague(&self) -> bool {
+        self.assumed_x128 != 0 && self.n_counted < N_MEASURED
     }
 
     /// Exactly `n_tx` transmissions, `n_ack` of them acknowledged.
     #[must_use]
     pub fn counted(n_tx: u16, n_ack: u16) -> Self {
         let (n_tx, n_ack) = (u32::from(n_tx) * SCALE, u32::from(n_ack) * SCALE);
-        Self { n_tx, n_ack, n_failed: 0, hundred: (0, 0), doubted: (0, 0) }
+        Self { n_tx, n_ack, n_failed: 0, hundred: (0, 0), assumed_x128: 0, n_counted: 0 }
     }
 
     /// A frame was sent `n_transmissions` times; the last one may have been acknowledged.
     pub fn count(&mut self, n_transmissions: u16, acknowledged: bool) {
-        self.doubted.1 = self.doubted.1.saturating_sub(n_transmissions);
+        self.n_counted = self.n_counted.saturating_add(n_transmissions);
         self.n_tx = self.n_tx.saturating_add(u32::from(n_transmissions) * SCALE);
         if acknowledged {
             self.n_ack += SCALE;
@@ -76,7 +86,7 @@ impl Etx {
         if HUNDRED <= *n_tx {
             (self.n_tx, self.n_ack) = (u32::from(*n_tx) * SCALE, u32::from(*n_ack) * SCALE);
             self.hundred = (0, 0);
-            self.doubted = (0, 0);
+            self.assumed_x128 = 0;
         }
     }
 
@@ -89,9 +99,9 @@ impl Etx {
     /// Transmissions by acknowledgments.
     fn ratio(&self) -> (u64, u64) {
         let counted = (u64::from(self.n_tx), u64::from(self.n_ack));
-        let (assumed_x128, n_left) = self.doubted;
-        let assumed = (u64::from(assumed_x128), 128);
-        if n_left != 0 && assumed.0 * counted.1 < counted.0 * assumed.1 { assumed } else { counted }
+        let assumed = (u64::from(self.assumed_x128), 128);
+        let is_doubted = self.assumed_x128 != 0 && self.n_counted < N_DOUBTED;
+        if is_doubted && assumed.0 * counted.1 < counted.0 * assumed.1 { assumed } else { counted }
     }
 
     /// floor(n × ETX), exactly; the largest number if nothing was ever acknowledged.

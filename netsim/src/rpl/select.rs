@@ -52,20 +52,46 @@ impl Rpl {
                 best = Some(offer);
             }
         }
+        self.note_outdone(best.as_ref(), current.as_ref(), now_ns);
         match (best, current) {
             (None, _) if self.dodag.is_some() => self.detach(now_ns, dice),
             (None, _) => {}
-            (Some(best), Some(current)) if !self.switches(&best, &current) => {
+            (Some(best), Some(current)) if !self.switches(&best, &current, now_ns) => {
                 self.adopt(&current, now_ns, dice);
             }
-            (Some(best), _) => self.adopt(&best, now_ns, dice),
+            (Some(best), _) => {
+                self.outdone_since_ns = None;
+                self.adopt(&best, now_ns, dice);
+            }
         }
+        self.schedule_probe(now_ns, dice);
+    }
+
+    /// Remembers since when somebody has offered a rank that is better by a hop than the one through the parent.
+    fn note_outdone(&mut self, best: Option<&Offer>, current: Option<&Offer>, now_ns: u64) {
+        let (Some(best), Some(current), false) = (best, current, self.config.stale_rank) else {
+            self.outdone_since_ns = None;
+            return;
+        };
+        let hop = self.dodag.as_ref().map_or(1, |dodag| dodag.configuration.min_hop_rank_increase);
+        let is_outdone = best.preference == current.preference
+            && best.is_newer == current.is_newer
+            && best.rank.saturating_add(hop.max(1)) <= current.rank;
+        self.outdone_since_ns = is_outdone.then(|| self.outdone_since_ns.unwrap_or(now_ns));
+    }
+
+    /// Whether the parent has been outdone for so long that no threshold protects it.
+    pub(super) fn is_outdone(&self, now_ns: u64) -> bool {
+        let outdone_ns = self.config.outdone_ns;
+        self.outdone_since_ns.is_some_and(|since_ns| since_ns.saturating_add(outdone_ns) <= now_ns)
     }
 
     /// Hysteresis: a permitted parent is left for a DODAG of higher preference, a newer version, or a rank that is better
-    /// by more than the threshold (RFC 8180, § 6.4; RFC 6719, § 3.2.2).
-    fn switches(&self, best: &Offer, current: &Offer) -> bool {
-        best.preference > current.preference
+    /// by more than the threshold (RFC 8180, § 6.4; RFC 6719, § 3.2.2). Below the threshold it may be kept, and is for a
+    /// while: a threshold of 640 would keep a way of three good hops where there is one of one.
+    fn switches(&self, best: &Offer, current: &Offer, now_ns: u64) -> bool {
+        self.is_outdone(now_ns)
+            || best.preference > current.preference
             || (best.is_newer && !current.is_newer)
             || self.objective().switch_threshold() < current.rank.saturating_sub(best.rank)
     }
@@ -229,6 +255,7 @@ impl Rpl {
         self.remember(now_ns);
         self.forget_below();
         self.dodag = None;
+        self.outdone_since_ns = None;
         self.trickle.stop();
         self.hold_until_ns = Some(now_ns.saturating_add(self.config.repair_hold_ns));
         self.events.push_back(Event::ParentChanged { old, new: None });

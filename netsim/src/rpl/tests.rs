@@ -4,6 +4,7 @@ mod clauses;
 mod data;
 mod mrhof;
 mod network;
+mod probing;
 mod vectors;
 
 use super::*;

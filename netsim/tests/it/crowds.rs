@@ -47,3 +47,23 @@ fn two_hundred_and_fifty_robots_are_admitted_by_a_root_that_has_a_slot_in_250() 
         assert!(formed_s.is_some(), "seed {seed}");
     }
 }
+
+#[test]
+fn where_everyone_hears_the_root_everyone_comes_to_be_its_child() {
+    let n = 30;
+    let config = "mode = \"6tisch\"\n[phy]\npropagation = \"full\"\n[sf]\nkind = \"rrsf\"\n\
+                  [swarm]\ntransport = \"none\"\n";
+    let (mut network, _) = started(&setup(n, config));
+    let output = network.step(&NetInput {
+        step: 1,
+        from_ns: 0,
+        until_ns: 3600 * NS_PER_S,
+        states: &line(n),
+        payloads: &payloads(n),
+        moved_obstacles: &[],
+        commands: &[],
+        stop_at_first_delivery: false,
+        records: &[],
+    });
+    assert_eq!(output.motes.parent[1..], vec![0; n - 1]);
+}
