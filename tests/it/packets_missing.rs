@@ -135,9 +135,12 @@ fn is_found_in(
 
 #[test]
 fn clocks_off_their_rating_are_found_with_how_far() {
-    // Clocks that the model takes for right.
-    let model = small(OFTEN, "max_drift_ppm = 0.0", "");
-    let truth = small(OFTEN, "max_drift_ppm = 600.0", "");
+    // Clocks that the model takes for right, of motes that do not learn how far they are off.
+    let mac = |max_drift_ppm: u32| {
+        format!("adaptive_synchronization = false\nmax_drift_ppm = {max_drift_ppm}.0")
+    };
+    let model = small(OFTEN, &mac(0), "");
+    let truth = small(OFTEN, &mac(600), "");
     // Under other seeds a quarter of an hour of six motes may leave reboots or lost acknowledgments as likely.
     let number = ("max_ppm", 600.0);
     is_found_in(1000, &model, &truth, "clock-drift", "clock-drift", number).unwrap();

@@ -81,6 +81,22 @@ pub(super) const SPEC: TableSpec = TableSpec {
             default: Default::Number(17.5),
         },
         Field {
+            key: "adaptive_synchronization",
+            doc: "Whether a mote learns how fast its clock is against that of its time source, compensates that, and waits \
+                  longer with keep-alives where the clock then holds for longer (Chang et al., Computer Networks 76, 2015, \
+                  as in Contiki-NG and OpenWSN). Off with compat.shared_slot_0.",
+            kind: Kind::Bool,
+            default: Default::Bool(true),
+        },
+        Field {
+            key: "max_keep_alive_s",
+            doc: "Maximum keep-alive interval (s) with adaptive_synchronization; the synchronisation timeout grows in \
+                  proportion. Less than keep_alive_s: keep_alive_s. 30: half of Contiki-NG's, so that a mote notices within a \
+                  minute that its time source is gone.",
+            kind: Kind::Number(Range::closed(0.0, 1e5)),
+            default: Default::Number(30.0),
+        },
+        Field {
             key: "max_drift_ppm",
             doc: "Maximum clock drift (ppm); each mote's drift is uniform up to it. 0: perfect clocks.",
             kind: Kind::Number(Range::closed(0.0, 1e4)),
@@ -123,6 +139,8 @@ struct Keys {
     scan_dwell_s: f64,
     keep_alive_s: f64,
     desynchronise_s: f64,
+    adaptive_synchronization: bool,
+    max_keep_alive_s: f64,
     max_drift_ppm: f64,
     crystal_hz: u32,
     pending_bit: bool,
@@ -217,6 +235,8 @@ pub(super) fn build(
             .clamp(1, u64::from(u32::MAX)) as u32,
         keep_alive_ns,
         desynchronise_ns,
+        max_keep_alive_ns: (keys.adaptive_synchronization && !given.contends_as_peer)
+            .then(|| ns(keys.max_keep_alive_s).max(keep_alive_ns)),
         max_drift_ppm: keys.max_drift_ppm,
         crystal_hz: keys.crystal_hz,
         pending_bit: keys.pending_bit,

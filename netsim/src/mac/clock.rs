@@ -1,12 +1,14 @@
-//! A mote's clock: how far it has drifted from true time since it was last corrected.
+//! A mote's clock: how far it has drifted from true time since it was last corrected, and what it has learned of its rate.
 
 use crate::dice::Dice;
+use crate::medium::slot::timing::RX_WAIT_NS;
+use crate::wire::Eui64;
 use serde::{Deserialize, Serialize};
 
-/// A crystal and its last correction.
+/// A crystal, its last correction, and the rate that the mote compensates.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Clock {
-    /// How much too fast (parts per 10⁹, negative: too slow).
+    /// How much too fast (parts per 10⁹, negative: too slow), compensation included.
     rate_ppb: i64,
     /// When it was corrected (ns).
     corrected_ns: u64,
@@ -14,7 +16,42 @@ pub struct Clock {
     offset_ns: i64,
     /// Resolution of a correction (ns): one tick.
     tick_ns: u64,
+    drift: Drift,
 }
+
+/// What a mote has learned of the rate of its clock against that of its time source.
+///
+/// # Model
+///
+/// The corrections of a window of at least 10 s are added up. Their sum over the length of the window is the rate by which the
+/// compensated clock is still off, to within a tick over that length. The first window is compensated wholly, the n-th by
+/// 1/n of what it shows and at least by 1/8: a mean of the latest eight or so, as Contiki-NG forms it. The bound on the rate
+/// that remains is the greatest that windows have shown lately, an older one counting a quarter less with each newer one, and
+/// a tick over the length of a window more.
+///
+/// T. Chang, T. Watteyne, K. Pister, Q. Wang, "Adaptive synchronization in multi-hop TSCH networks", Computer Networks 76, 2015.
+///
+/// # Validity
+///
+/// A mote that counts whole ticks compensates to within one more tick.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct Drift {
+    /// Whose time the corrections of the window were taken from.
+    source: Option<Eui64>,
+    /// When the window began (ns).
+    begun_ns: u64,
+    /// Sum of its corrections (ns).
+    sum_ns: i64,
+    /// Windows that were measured against this source; counted to 8.
+    n_windows: u8,
+    /// Bound on the rate that remains (parts per 10⁹).
+    bound_ppb: Option<u64>,
+}
+
+/// Least length of a window: a tick of 32,768 Hz over it is 3 ppm.
+const WINDOW_NS: u64 = 10_000_000_000;
+/// So many windows are averaged.
+const N_AVERAGED: u8 = 8;
 
 impl Clock {
     /// A clock of a rate error uniform within ±`max_drift_ppm`, corrected in ticks of a `crystal_hz` crystal.
@@ -29,7 +66,7 @@ impl Clock {
     /// A clock that is always right: a root's, which defines time.
     #[must_use]
     pub fn exact() -> Self {
-        Self { rate_ppb: 0, corrected_ns: 0, offset_ns: 0, tick_ns: 0 }
+        Self { rate_ppb: 0, corrected_ns: 0, offset_ns: 0, tick_ns: 0, drift: Drift::default() }
     }
 
     /// The same crystal, faster by so much (ppm).
@@ -56,6 +93,50 @@ impl Clock {
         self.offset_ns = source_ns + dice.below(self.tick_ns.max(1)) as i64;
         self.corrected_ns = now_ns;
     }
+
+    /// The same, and learns from it how fast the clock is against that of `source`.
+    ///
+    /// What was learned against another source is compensated further, as both keep the root's time, but no bound on what
+    /// remains is known until it is measured against this one.
+    pub fn learn(&mut self, source: Eui64, source_ns: i64, now_ns: u64, dice: &mut Dice) {
+        let before_ns = self.deviation_ns(now_ns);
+        self.correct(source_ns, now_ns, dice);
+        let drift = &mut self.drift;
+        if drift.source != Some(source) {
+            *drift = Drift { source: Some(source), begun_ns: now_ns, ..Drift::default() };
+            return;
+        }
+        drift.sum_ns += self.offset_ns - before_ns;
+        let length_ns = now_ns - drift.begun_ns;
+        if length_ns < WINDOW_NS {
+            return;
+        }
+        let over_length = |ns: i64| (i128::from(ns) * 1_000_000_000 / i128::from(length_ns)) as i64;
+        let remaining_ppb = over_length(drift.sum_ns);
+        let shown_ppb =
+            remaining_ppb.unsigned_abs() + over_length(self.tick_ns as i64).unsigned_abs();
+        if drift.n_windows != 0 {
+            let remembered_ppb = drift.bound_ppb.map_or(0, |bound| bound - bound / 4);
+            drift.bound_ppb = Some(shown_ppb.max(remembered_ppb));
+        }
+        drift.n_windows = (drift.n_windows + 1).min(N_AVERAGED);
+        self.rate_ppb -= remaining_ppb / i64::from(drift.n_windows);
+        (drift.begun_ns, drift.sum_ns) = (now_ns, 0);
+    }
+
+    /// Begins to measure anew: time has been lost, or the source is another one.
+    pub fn forget_source(&mut self) {
+        self.drift = Drift::default();
+    }
+
+    /// How long it certainly stays within half of the guard time of its source without a correction (ns); `None`: that is not
+    /// known. The other half is for the source, whose own clock is corrected meanwhile.
+    #[must_use]
+    pub fn holds_ns(&self) -> Option<u64> {
+        let bound_ppb = self.drift.bound_ppb?.max(1);
+        let budget_ns = (RX_WAIT_NS / 4).unsigned_abs().saturating_sub(self.tick_ns);
+        Some((u128::from(budget_ns) * 1_000_000_000 / u128::from(bound_ppb)) as u64)
+    }
 }
 
 #[cfg(test)]
@@ -63,16 +144,79 @@ mod tests {
     use super::*;
     use proto::rng::Purpose;
 
+    const S: u64 = 1_000_000_000;
+
     #[test]
     fn a_clock_drifts_with_its_rate_and_is_put_right_to_a_tick() {
         for seed in 0..200 {
             let mut dice = Dice::new(seed, Purpose::Mac, 1);
             let mut clock = Clock::new(30.0, 32_768, &mut dice);
-            assert!(clock.deviation_ns(100_000_000_000).abs() <= 3_000_000);
-            clock.correct(-500, 100_000_000_000, &mut dice);
-            let after_ns = clock.deviation_ns(100_000_000_000);
+            assert!(clock.deviation_ns(100 * S).abs() <= 3_000_000);
+            clock.correct(-500, 100 * S, &mut dice);
+            let after_ns = clock.deviation_ns(100 * S);
             assert!((-500..-500 + 30_518).contains(&after_ns), "{after_ns}");
         }
         assert_eq!(Clock::exact().deviation_ns(u64::MAX), 0);
+    }
+
+    /// Learns against a source whose clock is off by `source_ns` at each time (s).
+    fn learn(
+        clock: &mut Clock,
+        times_s: impl Iterator<Item = u64>,
+        source_ns: impl Fn(u64) -> i64,
+    ) {
+        let mut dice = Dice::new(7, Purpose::Mac, 2);
+        for at_s in times_s {
+            clock.learn(Eui64::of_mote(0), source_ns(at_s * S), at_s * S, &mut dice);
+        }
+    }
+
+    #[test]
+    fn a_rate_is_learned_from_corrections_whatever_their_spacing() {
+        for seed in 0..100 {
+            for every_s in [1, 7, 16] {
+                let mut clock = Clock::new(100.0, 32_768, &mut Dice::new(seed, Purpose::Mac, 1));
+                let times_s = (0..=300).step_by(every_s);
+                let last_s = 300 / every_s as u64 * every_s as u64;
+                learn(&mut clock, times_s, |_| 0);
+                // A tick over 10 s is 3 ppm, and less in the mean of several windows.
+                let off_ns = clock.deviation_ns((last_s + 100) * S);
+                assert!(off_ns.abs() < 300_000, "{off_ns}");
+                let holds_ns = clock.holds_ns().unwrap();
+                let off_ns = clock.deviation_ns(last_s * S + holds_ns);
+                assert!(30 * S < holds_ns && off_ns.abs() < 550_000, "{holds_ns} {off_ns}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_known_before_two_windows_and_after_another_source() {
+        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        learn(&mut clock, 0..20, |_| 0);
+        assert_eq!(clock.holds_ns(), None);
+        learn(&mut clock, 20..=20, |_| 0);
+        assert!(clock.holds_ns().is_some());
+        let mut dice = Dice::new(2, Purpose::Mac, 2);
+        clock.learn(Eui64::of_mote(5), 0, 21 * S, &mut dice);
+        assert_eq!(clock.holds_ns(), None);
+        // Who follows the root keeps its rate: the estimate remains.
+        let drifted_ns = clock.deviation_ns(121 * S) - clock.deviation_ns(21 * S);
+        assert!(drifted_ns.abs() < 700_000, "{drifted_ns}");
+    }
+
+    #[test]
+    fn a_source_that_changes_its_pace_shortens_what_is_relied_on() {
+        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        learn(&mut clock, (0..=200).step_by(5), |_| 0);
+        let calm_ns = clock.holds_ns().unwrap();
+        // 50 ppm one way for a minute, then the other.
+        let swings = |at_ns: u64| {
+            let phase = (at_ns - 200 * S) % (120 * S);
+            let ramp = if phase < 60 * S { phase } else { 120 * S - phase };
+            ramp as i64 * 50 / 1_000_000
+        };
+        learn(&mut clock, (205..=800).step_by(5), swings);
+        let holds_ns = clock.holds_ns().unwrap();
+        assert!(holds_ns * 4 < calm_ns, "{holds_ns} {calm_ns}");
     }
 }

@@ -2,6 +2,7 @@
 
 mod burden;
 mod channel;
+mod timekeeping;
 mod types;
 mod waiting;
 
@@ -36,6 +37,10 @@ pub struct Tsch {
     is_root: bool,
     state: State,
     clock: Clock,
+    /// How long it does without its time source (ns); not less than is set.
+    patience_ns: u64,
+    /// When the time source was heard for which the next keep-alive was drawn (ns).
+    drawn_for_ns: Option<u64>,
     queue: Queue,
     in_flight: bool,
     backoff: Backoff,
@@ -76,6 +81,8 @@ impl Tsch {
             is_root,
             state: State::Off,
             clock,
+            patience_ns: config.desynchronise_ns,
+            drawn_for_ns: None,
             queue: Queue::new(config.queue_capacity),
             in_flight: false,
             backoff: Backoff::new(config.min_exponent, config.max_exponent),
@@ -156,37 +163,6 @@ impl Tsch {
         self.beacons = Beacons::default();
         self.extra = None;
         self.queue.take_where(|_| true)
-    }
-
-    /// Keeps the time of `source`, whose clock is off by `source_ns`.
-    pub fn synchronise(&mut self, config: &Config, source: Eui64, source_ns: i64, now_ns: u64) {
-        self.clock.correct(source_ns, now_ns, &mut self.dice);
-        self.state = State::Synced {
-            source: Some(source),
-            heard_ns: now_ns,
-            keep_alive_ns: config.keep_alive_at(now_ns),
-        };
-    }
-
-    /// From now on another neighbour is the time source.
-    pub fn set_time_source(&mut self, config: &Config, new: Eui64, now_ns: u64) {
-        if let State::Synced { source, heard_ns, keep_alive_ns } = &mut self.state
-            && !self.is_root
-            && *source != Some(new)
-        {
-            *source = Some(new);
-            // Until it is heard the clock runs as the old one set it, when that was heard last.
-            let since_ns = if config.contends_as_peer { now_ns } else { *heard_ns };
-            *keep_alive_ns = (*keep_alive_ns).min(config.keep_alive_at(since_ns)).max(now_ns);
-        }
-    }
-
-    /// Nobody leads to the root any more whose time could be kept: two motes would keep each other's, away from all
-    /// others'. Unless it gets another source the mote looks for a network again, when it would have lost the old one.
-    pub fn lose_time_source(&mut self) {
-        if let State::Synced { source, keep_alive_ns, .. } = &mut self.state {
-            (*source, *keep_alive_ns) = (None, u64::MAX);
-        }
     }
 
     /// The sequence number of the next beacon: one more than that of the one before (IEEE Std 802.15.4-2015, 6.3.1:
@@ -405,7 +381,7 @@ impl Tsch {
         // A frame for another mote is discarded before it could correct the clock (IEEE Std 802.15.4-2015, 6.7.2).
         if *source == Some(from) && (for_us || destination.is_none()) {
             *heard_ns = now_ns;
-            self.clock.correct(source_ns, now_ns, &mut self.dice);
+            self.take_time(config, from, source_ns, now_ns);
         }
         FrameHandling { acknowledge: for_us, deliver: destination.is_none() || (for_us && is_new) }
     }
@@ -484,7 +460,7 @@ impl Tsch {
             {
                 let now_ns = asn * config.slot_ns;
                 *heard_ns = now_ns;
-                self.clock.correct(source_ns, now_ns, &mut self.dice);
+                self.take_time(config, destination, source_ns, now_ns);
             }
             if pending {
                 self.extra = Some(Extra { asn: asn + 1, channel, sends_to: Some(destination) });
@@ -522,7 +498,7 @@ impl Tsch {
                 };
                 let time_ns = match source {
                     _ if self.is_root || config.keep_alive_ns == 0 => u64::MAX,
-                    Some(_) | None => (*keep_alive_ns).min(heard_ns + config.desynchronise_ns),
+                    Some(_) | None => (*keep_alive_ns).min(heard_ns + self.patience_ns),
                 };
                 let first = beacon_ns.min(time_ns);
                 (first != u64::MAX).then_some(first)
@@ -549,26 +525,14 @@ impl Tsch {
             State::Synced { source, heard_ns, keep_alive_ns }
                 if !self.is_root && config.keep_alive_ns != 0 =>
             {
-                if *heard_ns + config.desynchronise_ns <= now_ns {
+                let (source, heard_ns) = (*source, *heard_ns);
+                if heard_ns + self.patience_ns <= now_ns {
                     return Some(Due::Desynchronised);
                 }
                 if now_ns < *keep_alive_ns {
                     return None;
                 }
-                let late_ns = if config.contends_as_peer { config.slot_ns } else { 0 };
-                let wanted_ns = *heard_ns + config.keep_alive_ns + late_ns;
-                if now_ns < wanted_ns {
-                    *keep_alive_ns = wanted_ns;
-                    return None;
-                }
-                let source = (*source)?;
-                let (again_ns, goes_soon) = if config.contends_as_peer {
-                    (config.keep_alive_ns, self.queue.waits_for(source))
-                } else {
-                    (config.keep_alive_retry_ns(), self.queue.goes_soon(source))
-                };
-                *keep_alive_ns = now_ns + again_ns;
-                (!goes_soon).then_some(Due::KeepAlive(source))
+                self.ask_for_time(config, source?, heard_ns, now_ns)
             }
             State::Off | State::Scanning { .. } | State::Synced { .. } => None,
         }

@@ -155,6 +155,7 @@ mod tests {
             scan_dwell_slots: 1,
             keep_alive_ns: 0,
             desynchronise_ns: 1,
+            max_keep_alive_ns: None,
             max_drift_ppm: 0.0,
             crystal_hz: 32_768,
             pending_bit: false,

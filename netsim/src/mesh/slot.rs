@@ -333,6 +333,11 @@ impl Mesh {
                 asn,
                 source_ns,
             );
+            // Its clock may be relied on for less long than before.
+            let wakes_ns = node.mac.poll_timeout(&self.settings.mac);
+            if wakes_ns.is_some_and(|at_ns| at_ns < self.due_ns[mote as usize]) {
+                self.scratch.touched.push(mote);
+            }
             if let (Some(at), false) = (&listening.at, listening.is_background) {
                 node.schedule.count_rx(at);
             }

@@ -94,7 +94,7 @@ impl Mote {
                     self.tally.n_parent_changes += 1;
                 }
                 if new.is_none() && !world.settings.compat.stale_rank {
-                    self.mac.lose_time_source();
+                    self.mac.lose_time_source(&world.settings.mac, world.now_ns);
                 }
                 if let Some(parent) = new {
                     self.mac.set_time_source(&world.settings.mac, parent, world.now_ns);

@@ -14,3 +14,4 @@ mod medium;
 mod msf;
 mod peers;
 mod routing;
+mod standing;

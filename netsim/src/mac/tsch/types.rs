@@ -40,6 +40,9 @@ pub struct Config {
     pub keep_alive_ns: u64,
     /// A mote that has not heard its time source for so long is no longer synchronised (ns).
     pub desynchronise_ns: u64,
+    /// The longest that a mote waits before it sends a frame to its time source (ns), once it has learned how fast its clock
+    /// is against that of the source; `None`: motes do not learn that.
+    pub max_keep_alive_ns: Option<u64>,
     /// Greatest rate error of a clock (ppm).
     pub max_drift_ppm: f64,
     /// Frequency of the crystal whose ticks clocks count (Hz).
@@ -49,16 +52,28 @@ pub struct Config {
 }
 
 impl Config {
-    /// When to ask for the time that was heard at `now_ns` (ns); never without keep-alives.
-    pub(super) fn keep_alive_at(&self, now_ns: u64) -> u64 {
-        if self.keep_alive_ns == 0 { u64::MAX } else { now_ns + self.keep_alive_ns }
+    /// After how long without its time source a mote asks for it that is lost `desynchronise_ns` after it was heard (ns). The
+    /// ratio of the two is always the same.
+    pub(super) fn keep_alive_within(&self, desynchronise_ns: u64) -> u64 {
+        if desynchronise_ns == self.desynchronise_ns {
+            return self.keep_alive_ns;
+        }
+        scaled(desynchronise_ns, self.keep_alive_ns, self.desynchronise_ns)
     }
 
-    /// How soon a keep-alive is asked for again while its time source is not heard (ns): twice more before
-    /// synchronisation is lost.
-    pub(super) fn keep_alive_retry_ns(&self) -> u64 {
-        (self.desynchronise_ns.saturating_sub(self.keep_alive_ns) / 3).max(self.slot_ns)
+    /// How long a mote that knows the rate of its clock does without its time source (ns), where the clock certainly holds for
+    /// `holds_ns`: no shorter than one that does not know it, and no longer than is set.
+    pub(super) fn desynchronise_within(&self, holds_ns: Option<u64>) -> u64 {
+        let (Some(holds_ns), Some(max_ns)) = (holds_ns, self.max_keep_alive_ns) else {
+            return self.desynchronise_ns;
+        };
+        let longest_ns = scaled(self.desynchronise_ns, max_ns, self.keep_alive_ns.max(1));
+        holds_ns.min(longest_ns).max(self.desynchronise_ns)
     }
+}
+
+fn scaled(value: u64, by: u64, over: u64) -> u64 {
+    (u128::from(value) * u128::from(by) / u128::from(over.max(1))) as u64
 }
 
 /// Synchronisation of a mote.

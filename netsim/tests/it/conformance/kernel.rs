@@ -40,7 +40,7 @@ fn k7_the_same_seed_gives_the_same_bytes_and_another_seed_others() {
     );
     let run = |seed: u64| {
         let mut bench = Bench::seeded(&line(4), &config, seed);
-        bench.run(20_000);
+        bench.run(40_000);
         (bench.capture, postcard_of(&bench.mesh))
     };
     let first = [1, 10, 100].map(run);

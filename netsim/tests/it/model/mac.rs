@@ -228,6 +228,7 @@ fn config(dice: &mut Dice) -> Config {
         scan_dwell_slots: 100,
         keep_alive_ns: 0,
         desynchronise_ns: u64::MAX,
+        max_keep_alive_ns: None,
         max_drift_ppm: 0.0,
         crystal_hz: 32_768,
         pending_bit: pick(&[0, 1]) == 1,
