@@ -55,6 +55,13 @@ pub(super) const SPEC: TableSpec = TableSpec {
             default: Default::Number(180.0),
         },
         Field {
+            key: "rejoin_wait_s",
+            doc: "The same wait (s) of a mote that has lost its time and rejoins, if that is shorter. RFC 8180, § 6.2, has an \
+                  upper limit only; Contiki-NG and OpenWSN follow the first beacon. 16: one period of beacons.",
+            kind: Kind::Number(Range::closed(0.0, 1e5)),
+            default: Default::Number(16.0),
+        },
+        Field {
             key: "neighbours_to_wait",
             doc: "Number of neighbours whose beacons end this wait: NUM_NEIGHBOURS_TO_WAIT of RFC 8180, § 6.2.",
             kind: Kind::Integer { min: 1, max: 1000 },
@@ -97,6 +104,14 @@ pub(super) const SPEC: TableSpec = TableSpec {
             default: Default::Number(30.0),
         },
         Field {
+            key: "max_free_run_s",
+            doc: "Maximum time (s) that a mote without a parent keeps time by its own clock, with adaptive_synchronization: it \
+                  scans for beacons when its clock is no longer known to hold, and after desynchronise_s at the earliest. \
+                  300: a root that was off for less finds its motes synchronised.",
+            kind: Kind::Number(Range::closed(0.0, 1e5)),
+            default: Default::Number(300.0),
+        },
+        Field {
             key: "max_drift_ppm",
             doc: "Maximum clock drift (ppm); each mote's drift is uniform up to it. 0: perfect clocks.",
             kind: Kind::Number(Range::closed(0.0, 1e4)),
@@ -135,12 +150,14 @@ struct Keys {
     beacon_period_s: f64,
     beacon_spacing_s: f64,
     beacon_wait_s: f64,
+    rejoin_wait_s: f64,
     neighbours_to_wait: u16,
     scan_dwell_s: f64,
     keep_alive_s: f64,
     desynchronise_s: f64,
     adaptive_synchronization: bool,
     max_keep_alive_s: f64,
+    max_free_run_s: f64,
     max_drift_ppm: f64,
     crystal_hz: u32,
     pending_bit: bool,
@@ -230,6 +247,7 @@ pub(super) fn build(
         beacon_probability: given.beacon_probability,
         contends_as_peer: given.contends_as_peer,
         beacon_wait_ns: ns(keys.beacon_wait_s),
+        rejoin_wait_ns: ns(keys.rejoin_wait_s.min(keys.beacon_wait_s)),
         neighbours_to_wait: keys.neighbours_to_wait,
         scan_dwell_slots: (ns(keys.scan_dwell_s) / given.slot_ns.max(1))
             .clamp(1, u64::from(u32::MAX)) as u32,
@@ -237,6 +255,7 @@ pub(super) fn build(
         desynchronise_ns,
         max_keep_alive_ns: (keys.adaptive_synchronization && !given.contends_as_peer)
             .then(|| ns(keys.max_keep_alive_s).max(keep_alive_ns)),
+        max_free_run_ns: ns(keys.max_free_run_s),
         max_drift_ppm: keys.max_drift_ppm,
         crystal_hz: keys.crystal_hz,
         pending_bit: keys.pending_bit,

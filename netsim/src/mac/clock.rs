@@ -23,11 +23,11 @@ pub struct Clock {
 ///
 /// # Model
 ///
-/// The corrections of a window of at least 10 s are added up. Their sum over the length of the window is the rate by which the
-/// compensated clock is still off, to within a tick over that length. The first window is compensated wholly, the n-th by
-/// 1/n of what it shows and at least by 1/8: a mean of the latest eight or so, as Contiki-NG forms it. The bound on the rate
-/// that remains is the greatest that windows have shown lately, an older one counting a quarter less with each newer one, and
-/// a tick over the length of a window more.
+/// The corrections of a window are added up. Their sum over the length of the window is the rate by which the compensated clock
+/// is still off, to within a tick over that length. The first window lasts at least 10 s and is compensated wholly; each of the
+/// next three is at least twice as long as the one before, and half of what it shows is compensated, so that errors of a single
+/// window fade. The bound on the rate that remains is the greatest that windows have shown lately, an older one counting a
+/// quarter less with each newer one, and a tick over the length of a window more.
 ///
 /// T. Chang, T. Watteyne, K. Pister, Q. Wang, "Adaptive synchronization in multi-hop TSCH networks", Computer Networks 76, 2015.
 ///
@@ -36,22 +36,26 @@ pub struct Clock {
 /// A mote that counts whole ticks compensates to within one more tick.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Drift {
+    /// Rate that is compensated (parts per 10⁹).
+    compensated_ppb: i64,
     /// Whose time the corrections of the window were taken from.
     source: Option<Eui64>,
     /// When the window began (ns).
     begun_ns: u64,
     /// Sum of its corrections (ns).
     sum_ns: i64,
-    /// Windows that were measured against this source; counted to 8.
+    /// Windows that were measured, those against sources before counting for one; counted to [`N_DOUBLINGS`].
     n_windows: u8,
     /// Bound on the rate that remains (parts per 10⁹).
     bound_ppb: Option<u64>,
+    /// Whether a window against this source has confirmed it.
+    is_confirmed: bool,
 }
 
-/// Least length of a window: a tick of 32,768 Hz over it is 3 ppm.
+/// Least length of the first window: a tick of 32,768 Hz over it is 3 ppm.
 const WINDOW_NS: u64 = 10_000_000_000;
-/// So many windows are averaged.
-const N_AVERAGED: u8 = 8;
+/// So often the next one is twice as long: a tick over the last is 0.4 ppm.
+const N_DOUBLINGS: u8 = 3;
 
 impl Clock {
     /// A clock of a rate error uniform within ±`max_drift_ppm`, corrected in ticks of a `crystal_hz` crystal.
@@ -88,27 +92,31 @@ impl Clock {
             }
     }
 
-    /// Takes over the time of another clock that is off by `source_ns`, to within a tick.
+    /// Takes over the time of another clock that is off by `source_ns`, to the nearest tick.
     pub fn correct(&mut self, source_ns: i64, now_ns: u64, dice: &mut Dice) {
-        self.offset_ns = source_ns + dice.below(self.tick_ns.max(1)) as i64;
+        let half_ns = (self.tick_ns / 2) as i64;
+        self.offset_ns = source_ns + dice.below(self.tick_ns.max(1)) as i64 - half_ns;
         self.corrected_ns = now_ns;
     }
 
     /// The same, and learns from it how fast the clock is against that of `source`.
     ///
-    /// What was learned against another source is compensated further, as both keep the root's time, but no bound on what
-    /// remains is known until it is measured against this one.
+    /// What was learned against another source is compensated further, as both keep the root's time, but how long the clock
+    /// holds against this one is not known until it is measured.
     pub fn learn(&mut self, source: Eui64, source_ns: i64, now_ns: u64, dice: &mut Dice) {
         let before_ns = self.deviation_ns(now_ns);
         self.correct(source_ns, now_ns, dice);
         let drift = &mut self.drift;
         if drift.source != Some(source) {
-            *drift = Drift { source: Some(source), begun_ns: now_ns, ..Drift::default() };
+            let n_windows = drift.n_windows.min(1);
+            let (source, is_confirmed) = (Some(source), false);
+            *drift =
+                Drift { source, begun_ns: now_ns, sum_ns: 0, n_windows, is_confirmed, ..*drift };
             return;
         }
         drift.sum_ns += self.offset_ns - before_ns;
         let length_ns = now_ns - drift.begun_ns;
-        if length_ns < WINDOW_NS {
+        if length_ns < WINDOW_NS << drift.n_windows {
             return;
         }
         let over_length = |ns: i64| (i128::from(ns) * 1_000_000_000 / i128::from(length_ns)) as i64;
@@ -118,14 +126,24 @@ impl Clock {
         if drift.n_windows != 0 {
             let remembered_ppb = drift.bound_ppb.map_or(0, |bound| bound - bound / 4);
             drift.bound_ppb = Some(shown_ppb.max(remembered_ppb));
+            drift.is_confirmed = true;
         }
-        drift.n_windows = (drift.n_windows + 1).min(N_AVERAGED);
-        self.rate_ppb -= remaining_ppb / i64::from(drift.n_windows);
+        let step_ppb = if drift.n_windows == 0 { remaining_ppb } else { remaining_ppb / 2 };
+        self.rate_ppb -= step_ppb;
+        drift.compensated_ppb += step_ppb;
+        drift.n_windows = (drift.n_windows + 1).min(N_DOUBLINGS);
         (drift.begun_ns, drift.sum_ns) = (now_ns, 0);
     }
 
-    /// Begins to measure anew: time has been lost, or the source is another one.
+    /// Time has been lost: what the clock is compared with begins anew. The rate that was learned is compensated further.
     pub fn forget_source(&mut self) {
+        let compensated_ppb = self.drift.compensated_ppb;
+        self.drift = Drift { compensated_ppb, ..Drift::default() };
+    }
+
+    /// The mote is switched off, and what it has learned is lost.
+    pub fn forget(&mut self) {
+        self.rate_ppb += self.drift.compensated_ppb;
         self.drift = Drift::default();
     }
 
@@ -133,6 +151,12 @@ impl Clock {
     /// known. The other half is for the source, whose own clock is corrected meanwhile.
     #[must_use]
     pub fn holds_ns(&self) -> Option<u64> {
+        self.runs_free_ns().filter(|_| self.drift.is_confirmed)
+    }
+
+    /// The same without a source: how long it stays so near to the time that all sources kept so far, the root's.
+    #[must_use]
+    pub fn runs_free_ns(&self) -> Option<u64> {
         let bound_ppb = self.drift.bound_ppb?.max(1);
         let budget_ns = (RX_WAIT_NS / 4).unsigned_abs().saturating_sub(self.tick_ns);
         Some((u128::from(budget_ns) * 1_000_000_000 / u128::from(bound_ppb)) as u64)
@@ -154,7 +178,7 @@ mod tests {
             assert!(clock.deviation_ns(100 * S).abs() <= 3_000_000);
             clock.correct(-500, 100 * S, &mut dice);
             let after_ns = clock.deviation_ns(100 * S);
-            assert!((-500..-500 + 30_518).contains(&after_ns), "{after_ns}");
+            assert!((-500 - 15_259..-500 + 15_259).contains(&after_ns), "{after_ns}");
         }
         assert_eq!(Clock::exact().deviation_ns(u64::MAX), 0);
     }
@@ -179,7 +203,6 @@ mod tests {
                 let times_s = (0..=300).step_by(every_s);
                 let last_s = 300 / every_s as u64 * every_s as u64;
                 learn(&mut clock, times_s, |_| 0);
-                // A tick over 10 s is 3 ppm, and less in the mean of several windows.
                 let off_ns = clock.deviation_ns((last_s + 100) * S);
                 assert!(off_ns.abs() < 300_000, "{off_ns}");
                 let holds_ns = clock.holds_ns().unwrap();
@@ -192,16 +215,27 @@ mod tests {
     #[test]
     fn nothing_is_known_before_two_windows_and_after_another_source() {
         let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
-        learn(&mut clock, 0..20, |_| 0);
+        learn(&mut clock, 0..30, |_| 0);
         assert_eq!(clock.holds_ns(), None);
-        learn(&mut clock, 20..=20, |_| 0);
+        learn(&mut clock, 30..=30, |_| 0);
         assert!(clock.holds_ns().is_some());
         let mut dice = Dice::new(2, Purpose::Mac, 2);
-        clock.learn(Eui64::of_mote(5), 0, 21 * S, &mut dice);
+        clock.learn(Eui64::of_mote(5), 0, 31 * S, &mut dice);
         assert_eq!(clock.holds_ns(), None);
         // Who follows the root keeps its rate: the estimate remains.
-        let drifted_ns = clock.deviation_ns(121 * S) - clock.deviation_ns(21 * S);
+        let drifted_ns = clock.deviation_ns(131 * S) - clock.deviation_ns(31 * S);
         assert!(drifted_ns.abs() < 700_000, "{drifted_ns}");
+    }
+
+    #[test]
+    fn who_is_switched_off_knows_nothing_of_its_clock() {
+        let new = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        let mut clock = new.clone();
+        learn(&mut clock, (0..=200).step_by(5), |_| 0);
+        let drift_ns = |clock: &Clock| clock.deviation_ns(1200 * S) - clock.deviation_ns(200 * S);
+        assert!(drift_ns(&clock).abs() * 10 < drift_ns(&new).abs(), "{}", drift_ns(&clock));
+        clock.forget();
+        assert_eq!((drift_ns(&clock), clock.runs_free_ns()), (drift_ns(&new), None));
     }
 
     #[test]

@@ -39,6 +39,8 @@ pub struct Tsch {
     clock: Clock,
     /// How long it does without its time source (ns); not less than is set.
     patience_ns: u64,
+    /// Whether it has kept time since it was switched on.
+    had_time: bool,
     /// When the time source was heard for which the next keep-alive was drawn (ns).
     drawn_for_ns: Option<u64>,
     queue: Queue,
@@ -82,6 +84,7 @@ impl Tsch {
             state: State::Off,
             clock,
             patience_ns: config.desynchronise_ns,
+            had_time: false,
             drawn_for_ns: None,
             queue: Queue::new(config.queue_capacity),
             in_flight: false,
@@ -151,6 +154,8 @@ impl Tsch {
     /// Switches off. The frames that waited are returned.
     pub fn switch_off(&mut self) -> Vec<Queued> {
         let frames = self.reset();
+        self.had_time = false;
+        self.clock.forget();
         self.state = State::Off;
         frames
     }
@@ -417,7 +422,8 @@ impl Tsch {
             None => heard.push((from, join_metric)),
         }
         if decide_ns.is_none() {
-            *decide_ns = Some(now_ns + config.beacon_wait_ns);
+            let wait_ns = if self.had_time { config.rejoin_wait_ns } else { config.beacon_wait_ns };
+            *decide_ns = Some(now_ns + wait_ns);
         }
         if usize::from(config.neighbours_to_wait) <= heard.len() { self.choose() } else { None }
     }
@@ -527,7 +533,7 @@ impl Tsch {
             {
                 let (source, heard_ns) = (*source, *heard_ns);
                 if heard_ns + self.patience_ns <= now_ns {
-                    return Some(Due::Desynchronised);
+                    return Some(self.miss_source(config, heard_ns, now_ns));
                 }
                 if now_ns < *keep_alive_ns {
                     return None;

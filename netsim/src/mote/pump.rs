@@ -94,7 +94,7 @@ impl Mote {
                     self.tally.n_parent_changes += 1;
                 }
                 if new.is_none() && !world.settings.compat.stale_rank {
-                    self.mac.lose_time_source(&world.settings.mac, world.now_ns);
+                    self.mac.lose_time_source(&world.settings.mac);
                 }
                 if let Some(parent) = new {
                     self.mac.set_time_source(&world.settings.mac, parent, world.now_ns);
@@ -221,7 +221,10 @@ impl Mote {
                 None => {}
                 Some(Due::Synchronise(source)) => self.wants_sync = Some(source),
                 Some(Due::KeepAlive(source)) => self.keep_alive(world, source),
-                Some(Due::Desynchronised) => self.desynchronise(world),
+                Some(Due::SourceLost(source)) if self.rpl.parent() == Some(source) => {
+                    self.rpl.handle_unusable(source, now_ns, &mut self.dice.routing);
+                }
+                Some(Due::SourceLost(_) | Due::Desynchronised) => self.desynchronise(world),
             }
         }
         if is_due(self.sixtop.poll_timeout()) {

@@ -32,6 +32,8 @@ pub struct Config {
     pub contends_as_peer: bool,
     /// How long to wait for further beacons after the first (RFC 8180, § 6.2: MAX_EB_DELAY) (ns).
     pub beacon_wait_ns: u64,
+    /// The same for a mote that has lost its time (ns); no longer than `beacon_wait_ns`.
+    pub rejoin_wait_ns: u64,
     /// Beacons of so many neighbours end the wait (RFC 8180, § 6.2: NUM_NEIGHBOURS_TO_WAIT).
     pub neighbours_to_wait: u16,
     /// How long a scanning mote stays on a channel (slots).
@@ -43,6 +45,8 @@ pub struct Config {
     /// The longest that a mote waits before it sends a frame to its time source (ns), once it has learned how fast its clock
     /// is against that of the source; `None`: motes do not learn that.
     pub max_keep_alive_ns: Option<u64>,
+    /// The longest that a mote without a time source keeps time by its own clock (ns), as far as that is known to hold.
+    pub max_free_run_ns: u64,
     /// Greatest rate error of a clock (ppm).
     pub max_drift_ppm: f64,
     /// Frequency of the crystal whose ticks clocks count (Hz).
@@ -69,6 +73,11 @@ impl Config {
         };
         let longest_ns = scaled(self.desynchronise_ns, max_ns, self.keep_alive_ns.max(1));
         holds_ns.min(longest_ns).max(self.desynchronise_ns)
+    }
+
+    /// How long a mote runs free that has no time source any more (ns).
+    pub(super) fn runs_free_for(&self, holds_ns: Option<u64>) -> u64 {
+        holds_ns.map_or(0, |ns| ns.min(self.max_free_run_ns)).max(self.desynchronise_ns)
     }
 }
 
@@ -176,6 +185,8 @@ pub enum Due {
     Synchronise(Eui64),
     /// A keep-alive for the time source.
     KeepAlive(Eui64),
-    /// The time source has not been heard for too long.
+    /// The time source has not been heard for too long; the mote's own clock still holds.
+    SourceLost(Eui64),
+    /// The mote does not know the time any more.
     Desynchronised,
 }

@@ -77,7 +77,7 @@ fn t12_a_mote_without_a_way_to_the_root_keeps_nobodys_time_and_looks_for_a_netwo
     let config = settings("").mac;
     let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
     mac.synchronise(&config, Eui64::of_mote(0), 0, 0);
-    mac.lose_time_source(&config, 0);
+    mac.lose_time_source(&config);
     assert_eq!(mac.poll_timeout(&config), Some(config.desynchronise_ns));
     assert_eq!(mac.handle_timeout(&config, config.desynchronise_ns - 1), None);
     let mut found = mac.clone();
@@ -87,7 +87,7 @@ fn t12_a_mote_without_a_way_to_the_root_keeps_nobodys_time_and_looks_for_a_netwo
     // The root keeps its own.
     let mut root = Tsch::new(&config, Eui64::of_mote(0), 0, true, 1);
     root.start_root(0);
-    root.lose_time_source(&config, 0);
+    root.lose_time_source(&config);
     assert_eq!(root.handle_timeout(&config, 100 * config.desynchronise_ns), None);
 }
 
@@ -149,7 +149,10 @@ fn a_mote_that_has_learned_its_clock_does_without_its_source_for_longer_and_not_
         worst_ns = worst_ns.max(mac.deviation_ns(at_ns).abs());
         match mac.handle_timeout(&config, at_ns) {
             Some(Due::KeepAlive(_)) => asked_ns.push(at_ns),
-            Some(Due::Desynchronised) => break at_ns,
+            Some(Due::SourceLost(source)) => {
+                assert_eq!(source, Eui64::of_mote(0));
+                break at_ns;
+            }
             _ => {}
         }
     };
@@ -166,18 +169,24 @@ fn a_mote_that_has_learned_its_clock_does_without_its_source_for_longer_and_not_
 }
 
 #[test]
-fn a_mote_that_has_no_source_any_more_looks_for_a_network_as_soon_as_one_that_never_learned() {
+fn a_mote_that_has_no_source_any_more_runs_free_as_long_as_its_clock_holds() {
     let config = settings("").mac;
-    let mut mac = heard_for(&config, 200);
-    let now_ns = 205_000_000_000;
-    mac.lose_time_source(&config, now_ns);
-    assert_eq!(mac.poll_timeout(&config), Some(now_ns + config.desynchronise_ns));
+    let s = 1_000_000_000;
+    let mut mac = heard_for(&config, 400);
+    mac.lose_time_source(&config);
+    let lost_ns = mac.poll_timeout(&config).unwrap();
+    assert!((500 * s..=700 * s).contains(&lost_ns), "{lost_ns}");
+    assert!(mac.deviation_ns(lost_ns).abs() < 550_000, "{}", mac.deviation_ns(lost_ns));
+    // One that knows nothing of its clock looks for a network when it would have lost its source.
+    let mut mac = heard_for(&config, 5);
+    mac.lose_time_source(&config);
+    assert_eq!(mac.poll_timeout(&config), Some(5 * s + config.desynchronise_ns));
 }
 
 #[test]
 fn t12_a_mote_whose_source_dies_scans_1750_slots_after_it_last_heard_it() {
-    // One that does not learn its clock; else up to three times as long, by how well it has.
-    for (learns, [least, most]) in [(false, [1750, 1750]), (true, [1750, 5250])] {
+    // One that does not learn its clock; else as long as its clock holds, at most 300 s.
+    for (learns, [least, most]) in [(false, [1750, 1750]), (true, [1750, 30_000])] {
         let learning = format!("adaptive_synchronization = {learns}\n");
         let mut bench = Bench::new(&line(2), &format!("{FULL}{EAGER}{learning}"));
         bench.form();

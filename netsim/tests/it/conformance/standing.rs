@@ -2,6 +2,7 @@
 
 use super::bench::Bench;
 use netsim::mac::tsch::State;
+use proto::types::MoteOrder;
 
 /// Motes on a grid, 10 m apart, mote 0 in a corner.
 fn grid(columns: usize, rows: usize) -> Vec<(f64, f64)> {
@@ -50,5 +51,32 @@ fn orchestra_keeps_everybody_synchronised_over_links_that_lose_nothing() {
         let (n_lost, lost) = an_hour(&grid(10, 10), &orchestra(max_drift_ppm, ""), 2);
         assert_eq!(n_lost, 0, "{max_drift_ppm} ppm");
         assert!(lost.len() < 30, "{lost:?}");
+    }
+}
+
+#[test]
+fn a_root_that_was_off_for_two_minutes_has_its_motes_back_within_five() {
+    for function in ["minimal", "msf", "rrsf", "orchestra"] {
+        for seed in 1..=3 {
+            let config = orchestra(30, "").replace("\"orchestra\"", &format!("\"{function}\""));
+            let places = grid(5, 4);
+            let mut bench = Bench::seeded(&places, &config, seed);
+            bench.form();
+            bench.run(60_000);
+            bench.order(MoteOrder::Kill(0));
+            bench.run(12_000);
+            bench.order(MoteOrder::Revive(0));
+            // Part of the DODAG that the root has begun anew, which has a new version, and known to it.
+            let are_back = |bench: &Bench| {
+                let version = bench.mote(0).rpl.version();
+                let is_back = |mote: usize| {
+                    bench.mote(mote).ready && bench.mote(mote).rpl.version() == version
+                };
+                (0..20).all(is_back) && bench.mote(0).rpl.routes().len() == 19
+            };
+            bench.run_until(100, 30_000, are_back);
+            let n_lost: u64 = (0..20).map(|mote| bench.mote(mote).tally.n_desynchronised).sum();
+            assert_eq!(n_lost, 0, "{function}, seed {seed}");
+        }
     }
 }
