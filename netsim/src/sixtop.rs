@@ -188,7 +188,10 @@ impl Sixtop {
             timeout::default_ns(&self.config, role, request::is_three_step(&request))
         });
         let state = self.peers.entry(peer).or_default();
-        let seqnum = state.seqnum;
+        let seqnum = match request {
+            SixpRequest::Clear { .. } => state.number_clear(),
+            _ => state.seqnum,
+        };
         state.crossed = None;
         state.initiated = Some(Initiated::new(request.clone(), seqnum, timeout_ns, now_ns));
         self.send(peer, seqnum, SixpBody::Request(request));

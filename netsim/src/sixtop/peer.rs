@@ -31,6 +31,8 @@ pub(super) struct Peer {
     pub(super) crossed: Option<u8>,
     /// Number of a request that we refused with RC_ERR_BUSY and that counts once the refusal is acknowledged.
     pub(super) refused: Option<u8>,
+    /// Number of our last CLEAR.
+    pub(super) last_clear: Option<u8>,
 }
 
 /// A transaction that we began.
@@ -152,6 +154,15 @@ impl Peer {
         initiated.chain(self.answering.iter().flat_map(Answering::locked))
     }
 
+    /// The number of a CLEAR of ours. It is not checked (§ 3.3.6), and differs from that of the last one, which would make it a
+    /// duplicate (§ 3.4.6.1) where nothing was agreed on between the two.
+    pub(super) fn number_clear(&mut self) -> u8 {
+        let is_same = self.last_clear == Some(self.seqnum);
+        let seqnum = if is_same { next_seqnum(self.seqnum) } else { self.seqnum };
+        self.last_clear = Some(seqnum);
+        seqnum
+    }
+
     /// A transaction of ours has failed.
     pub(super) fn remember(&mut self, failed: GivenUp) {
         self.given_up.insert(0, failed);
@@ -166,6 +177,7 @@ impl Peer {
             matches!(message.body, SixpBody::Request(SixpRequest::Clear { .. }))
         };
         let last_request = self.last_request.take().filter(is_clear);
-        *self = Self { initiated, answering, last_request, ..Self::default() };
+        let last_clear = self.last_clear;
+        *self = Self { initiated, answering, last_request, last_clear, ..Self::default() };
     }
 }

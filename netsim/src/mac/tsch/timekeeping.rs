@@ -26,8 +26,13 @@ impl Tsch {
             let silent_ns = now_ns.saturating_sub(*heard_ns);
             let holds_ns = config.runs_free_for(self.clock.runs_free_ns());
             self.patience_ns = silent_ns.saturating_add(config.desynchronise_ns).min(holds_ns);
-            // Hear it soon: until then the clock runs as the old one set it.
-            *keep_alive_ns = (*keep_alive_ns).min(now_ns.saturating_add(soon_ns));
+            // Hear it soon: until then the clock runs as the old one set it. Time is lost `desynchronise_ns` after this.
+            let since_ns = if config.contends_as_peer {
+                now_ns
+            } else {
+                heard_ns.saturating_add(self.patience_ns.saturating_sub(config.desynchronise_ns))
+            };
+            *keep_alive_ns = (*keep_alive_ns).min(since_ns.saturating_add(soon_ns)).max(now_ns);
         }
     }
 

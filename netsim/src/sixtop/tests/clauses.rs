@@ -290,6 +290,19 @@ fn rfc8480_3_4_6_1_repeated_clears_and_responses_do_no_harm_to_the_transaction_a
 }
 
 #[test]
+fn rfc8480_3_4_6_1_a_second_clear_with_nothing_agreed_on_between_is_no_duplicate() {
+    let mut pair = Pair::new();
+    for _ in 0..3 {
+        pair.two_steps(CLEAR, error(ReturnCode::Success));
+        // It does not arrive, and is given up.
+        pair.request(A, add(&[7]));
+        pair.take(A);
+        pair.a.abort(B);
+        assert_eq!(pair.seqnums(), (0, 0));
+    }
+}
+
+#[test]
 fn rfc8480_3_3_6_what_waits_when_clear_is_done_carries_old_numbers_and_is_purged() {
     let mut pair = Pair::with_seqnum(4, 4);
     pair.two_steps(CLEAR, error(ReturnCode::Success));
