@@ -57,6 +57,7 @@ impl Rpl {
         let objective = self.objective();
         (self.neighbours.as_slice().iter())
             .filter(|one| one.is_usable() && one.etx.is_vague())
+            .filter(|one| Some(one.address) != dodag.parent)
             .filter(|one| one.dio.dodag_id == dodag.id && one.dio.version == dodag.version)
             .filter(|one| self.could_outdo(dodag.dag_rank(one.dio.rank)))
             .filter(|one| {
