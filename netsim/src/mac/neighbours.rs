@@ -12,10 +12,10 @@ pub struct Neighbours {
     newest: Vec<u64>,
     /// Of each, the numbers of the latest frames for us, continued likewise, and when each was heard first (ASN).
     known: Vec<Vec<(u64, u64)>>,
-    /// Of each, whether it has sent a beacon.
-    sends_beacons: Vec<bool>,
     /// Of those that were forgotten, ascending by address: what they would send again is still known.
     before: BTreeMap<Eui64, (u64, Vec<(u64, u64)>)>,
+    /// All that have ever sent a beacon, ascending.
+    with_beacons: Vec<Eui64>,
     #[serde(skip)]
     next: Next,
 }
@@ -58,10 +58,11 @@ impl Neighbours {
         self.addresses.is_empty()
     }
 
-    /// Number of those that have sent a beacon.
+    /// Number of those that have sent a beacon, forgotten ones included: a mote that has lost the network comes back to the
+    /// same crowd.
     #[must_use]
     pub fn n_with_beacons(&self) -> usize {
-        self.sends_beacons.iter().filter(|&&sends| sends).count()
+        self.with_beacons.len()
     }
 
     /// Their addresses, ascending.
@@ -72,7 +73,6 @@ impl Neighbours {
     /// Forgets them all, but not which of their frames it has had: the acknowledgment of the last may have been lost. So
     /// it is over a restart as well, where a secured network keeps its frame counters (IEEE Std 802.15.4-2015, 9.2).
     pub fn forget(&mut self) {
-        self.sends_beacons.clear();
         let numbers =
             std::mem::take(&mut self.newest).into_iter().zip(std::mem::take(&mut self.known));
         let of_each = std::mem::take(&mut self.addresses).into_iter().zip(numbers);
@@ -88,7 +88,9 @@ impl Neighbours {
         let place = if is_next { next } else { self.place_of(address, sequence) };
         self.next = Next(place + 1);
         let Some(sequence) = sequence else {
-            self.sends_beacons[place] = true;
+            if let Err(place) = self.with_beacons.binary_search(&address) {
+                self.with_beacons.insert(place, address);
+            }
             return true;
         };
         let newest = &mut self.newest[place];
@@ -117,7 +119,6 @@ impl Neighbours {
             self.addresses.insert(place, address);
             self.newest.insert(place, newest);
             self.known.insert(place, known);
-            self.sends_beacons.insert(place, false);
             place
         })
     }
@@ -153,7 +154,7 @@ mod tests {
         }
         assert_eq!((neighbours.len(), neighbours.n_with_beacons()), (3, 2));
         neighbours.forget();
-        assert_eq!(neighbours.n_with_beacons(), 0);
+        assert_eq!((neighbours.len(), neighbours.n_with_beacons()), (0, 2));
     }
 
     #[test]
