@@ -14,8 +14,8 @@ pub struct Neighbours {
     known: Vec<Vec<(u64, u64)>>,
     /// Of those that were forgotten, ascending by address: what they would send again is still known.
     before: BTreeMap<Eui64, (u64, Vec<(u64, u64)>)>,
-    /// All that have ever sent a beacon, ascending.
-    with_beacons: Vec<Eui64>,
+    /// All that have ever sent a beacon, ascending by address, and when each did so last (ASN).
+    with_beacons: Vec<(Eui64, u64)>,
     #[serde(skip)]
     next: Next,
 }
@@ -58,11 +58,11 @@ impl Neighbours {
         self.addresses.is_empty()
     }
 
-    /// Number of those that have sent a beacon, forgotten ones included: a mote that has lost the network comes back to the
-    /// same crowd.
+    /// Number of those that have sent a beacon since then, forgotten ones included: a mote that has lost the network comes
+    /// back to the same crowd.
     #[must_use]
-    pub fn n_with_beacons(&self) -> usize {
-        self.with_beacons.len()
+    pub fn n_with_beacons(&self, since_asn: u64) -> usize {
+        self.with_beacons.iter().filter(|(_, asn)| since_asn <= *asn).count()
     }
 
     /// Their addresses, ascending.
@@ -88,8 +88,9 @@ impl Neighbours {
         let place = if is_next { next } else { self.place_of(address, sequence) };
         self.next = Next(place + 1);
         let Some(sequence) = sequence else {
-            if let Err(place) = self.with_beacons.binary_search(&address) {
-                self.with_beacons.insert(place, address);
+            match self.with_beacons.binary_search_by_key(&address, |&(other, _)| other) {
+                Ok(place) => self.with_beacons[place].1 = asn,
+                Err(place) => self.with_beacons.insert(place, (address, asn)),
             }
             return true;
         };
@@ -149,12 +150,14 @@ mod tests {
     fn neighbours_that_send_beacons_are_counted_by_themselves() {
         let mut neighbours = Neighbours::default();
         let [a, b, c] = [1, 2, 3].map(Eui64::of_mote);
-        for (from, sequence) in [(b, None), (a, Some(1)), (c, None), (b, Some(7)), (b, None)] {
-            neighbours.hear(from, sequence, false, 1);
+        let heard = [(b, None), (a, Some(1)), (c, None), (b, Some(7)), (b, None)];
+        for (asn, (from, sequence)) in (1..).zip(heard) {
+            neighbours.hear(from, sequence, false, asn);
         }
-        assert_eq!((neighbours.len(), neighbours.n_with_beacons()), (3, 2));
+        assert_eq!((neighbours.len(), neighbours.n_with_beacons(3)), (3, 2));
+        assert_eq!(neighbours.n_with_beacons(4), 1);
         neighbours.forget();
-        assert_eq!((neighbours.len(), neighbours.n_with_beacons()), (0, 2));
+        assert_eq!((neighbours.len(), neighbours.n_with_beacons(0)), (0, 2));
     }
 
     #[test]

@@ -20,6 +20,9 @@ use crate::wire::Eui64;
 use proto::rng::Purpose;
 use serde::{Deserialize, Serialize};
 
+/// Others count as senders of beacons for so many beacon periods after each that is heard: motes move, and leave.
+const N_PERIODS: u64 = 16;
+
 /// The next slot follows a frame with the pending bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Extra {
@@ -181,16 +184,17 @@ impl Tsch {
     pub fn enable_beacons(&mut self, config: &Config, enabled: bool, now_ns: u64) {
         if enabled && !self.beacons.enabled {
             self.beacons.next_ns =
-                now_ns + self.dice.duration_ns(0, self.beacon_interval_ns(config));
+                now_ns + self.dice.duration_ns(0, self.beacon_interval_ns(config, now_ns));
         }
         self.beacons.enabled = enabled;
         self.beacons.is_due &= enabled;
     }
 
-    /// The mean time between this mote's beacons (ns): longer where many others send them too. A neighbour that has joined
-    /// only sends none yet.
-    fn beacon_interval_ns(&self, config: &Config) -> u64 {
-        let n_senders = 1 + self.neighbours.n_with_beacons() as u64;
+    /// The mean time between this mote's beacons (ns): longer where many others have sent them lately, too. A neighbour that has
+    /// joined only sends none yet.
+    fn beacon_interval_ns(&self, config: &Config, now_ns: u64) -> u64 {
+        let lately_ns = now_ns.saturating_sub(N_PERIODS * config.beacon_period_ns);
+        let n_senders = 1 + self.neighbours.n_with_beacons(lately_ns / config.slot_ns) as u64;
         let crowd_ns = config.beacon_spacing_ns.saturating_mul(n_senders);
         config.beacon_period_ns.max(crowd_ns)
     }
@@ -519,7 +523,7 @@ impl Tsch {
             && config.beacon_probability.is_none()
             && self.beacons.next_ns <= now_ns
         {
-            let interval_ns = self.beacon_interval_ns(config);
+            let interval_ns = self.beacon_interval_ns(config, now_ns);
             self.beacons.is_due = true;
             self.beacons.next_ns =
                 now_ns + self.dice.duration_ns(interval_ns * 3 / 4, interval_ns * 5 / 4);

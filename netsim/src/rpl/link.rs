@@ -6,9 +6,8 @@ use serde::{Deserialize, Serialize};
 const WINDOW: u32 = 64;
 /// Transmissions of one estimate of the 6TiSCH simulator.
 const HUNDRED: u16 = 100;
-/// Transmissions that may not speak against an assumption yet: a good link loses a frame now and then, too.
-const N_DOUBTED: u16 = 10;
-/// Transmissions that make an estimate: half of those over which it forgets.
+/// Transmissions that make an estimate; fewer do not speak against an assumption. Half of those over which it forgets: of so
+/// many a link that loses three of ten hardly ever loses two thirds.
 const N_MEASURED: u16 = 32;
 /// Counts are kept in parts of this, so that halving loses nothing that matters.
 const SCALE: u32 = 256;
@@ -17,7 +16,7 @@ const SCALE: u32 = 256;
 ///
 /// Whenever 64 transmissions have been counted, both counts are halved: the ratio stays, and the past weighs half from then
 /// on. So the estimate is that of the last 64 to 128 transmissions and needs no clock; a link that was never used has one
-/// acknowledgment's worth of an assumed ETX, which a few frames outweigh, though only for the better among the first ten
+/// acknowledgment's worth of an assumed ETX, which a few frames outweigh, though only for the better among the first 32
 /// transmissions: a first frame that is lost tells little of a link. Unlike an average of per-frame counts it knows
 /// failures, too, whose number of transmissions never ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,7 +99,7 @@ impl Etx {
     fn ratio(&self) -> (u64, u64) {
         let counted = (u64::from(self.n_tx), u64::from(self.n_ack));
         let assumed = (u64::from(self.assumed_x128), 128);
-        let is_doubted = self.assumed_x128 != 0 && self.n_counted < N_DOUBTED;
+        let is_doubted = self.assumed_x128 != 0 && self.n_counted < N_MEASURED;
         if is_doubted && assumed.0 * counted.1 < counted.0 * assumed.1 { assumed } else { counted }
     }
 
@@ -175,9 +174,9 @@ mod tests {
     #[test]
     fn a_first_frame_that_is_lost_does_not_end_a_link_that_was_assumed_to_be_usable() {
         let mut etx = Etx::assumed(384);
-        for n_lost in 1..10 {
-            etx.count(1, false);
-            assert!(!etx.exceeds(384), "{n_lost}");
+        for n_sent in 1..32 {
+            etx.count(1, n_sent % 5 == 0);
+            assert!(!etx.exceeds(384), "{n_sent}");
         }
         etx.count(1, false);
         assert!(etx.exceeds(384));
@@ -190,7 +189,7 @@ mod tests {
 
     #[test]
     fn failures_worsen_the_estimate_and_an_acknowledgment_ends_their_row() {
-        let mut etx = Etx::assumed(128);
+        let mut etx = Etx::counted(1, 1);
         etx.count(5, false);
         etx.count(5, false);
         assert_eq!(etx.n_failed(), 10);
