@@ -30,16 +30,25 @@ impl Rpl {
         dice: &mut Dice,
     ) {
         let dag_rank = u16::from(join_metric) + 1;
+        // Of most beacons this is known before the neighbour is looked up.
+        let is_better = self.probes.beacon.is_none_or(|(_, other)| dag_rank < other);
+        if !is_better || !self.could_outdo(dag_rank) {
+            return;
+        }
         let Some(dodag) = &self.dodag else { return };
-        let known = self.neighbours.get(neighbour);
-        let is_known = known.is_some_and(|one| {
+        let is_known = self.neighbours.get(neighbour).is_some_and(|one| {
             dodag.id == one.dio.dodag_id && dodag.dag_rank(one.dio.rank) <= dag_rank
         });
-        let is_better = self.probes.beacon.is_none_or(|(_, other)| dag_rank < other);
-        if !is_known && is_better && self.could_outdo(dag_rank) {
+        if !is_known {
             self.probes.beacon = Some((neighbour, dag_rank));
             self.schedule_probe(now_ns, dice);
         }
+    }
+
+    /// When the next frame is due that looks for a better parent (ns).
+    #[must_use]
+    pub fn probe_due_ns(&self) -> Option<u64> {
+        self.probes.at_ns
     }
 
     /// Whether a neighbour of this DAGRank, one good hop away, would give a rank better by a hop.
