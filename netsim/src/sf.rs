@@ -127,6 +127,12 @@ pub trait SchedulingFunction: Stored {
     /// A beacon was received. A join metric of 0 says that it came from a root (RFC 8180, § 6.1).
     fn handle_beacon(&mut self, _cx: &mut Context<'_>, _from: Eui64, _join_metric: u8) {}
 
+    /// Whether a beacon may lead to a message, to another timer or to other cells. Where it cannot, most beacons are done with
+    /// once they are counted.
+    fn heeds_beacons(&self) -> bool {
+        true
+    }
+
     /// The preferred parent has changed; `cx.parent` is the new one.
     fn handle_parent(&mut self, _cx: &mut Context<'_>, _old: Option<Eui64>) {}
 

@@ -369,9 +369,8 @@ impl Mesh {
         world.effective_asn = asn + 1;
         world.received_ns = received_ns;
         let n_brought = world.swarm.len();
-        let verdict = node.handle_frame(&mut world, &arrived);
+        let (verdict, has_changed) = node.take_in(&mut world, &arrived);
         let acknowledges = verdict.acknowledge;
-        node.pump(&mut world);
         for brought in &mut world.swarm[n_brought..] {
             brought.rssi_dbm = rssi_dbm as f32;
         }
@@ -384,7 +383,9 @@ impl Mesh {
             SlotUse::Overhear { bytes }
         };
         self.note_use(mote, listening, used);
-        self.scratch.touched.push(mote);
+        if has_changed {
+            self.scratch.touched.push(mote);
+        }
         if acknowledges {
             if let Outgoing::Frame(queued) = &mut sent.transmission.outgoing {
                 queued.has_arrived |= verdict.deliver;

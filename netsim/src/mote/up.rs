@@ -87,6 +87,23 @@ impl Mote {
         verdict
     }
 
+    /// As [`Mote::handle_frame`], and all that follows from it. Returns whether timers or cells may have changed: most beacons
+    /// change neither, and leave nothing to pass on.
+    pub fn take_in(&mut self, world: &mut World<'_>, arrived: &Arrived<'_>) -> (FrameHandling, bool) {
+        let is_beacon = matches!(arrived.frame.content, Content::Beacon(_));
+        let may_rest = is_beacon && !self.mac.is_scanning() && !self.sf.heeds_beacons();
+        let probe_ns = self.rpl.probe_due_ns();
+        let verdict = self.handle_frame(world, arrived);
+        if may_rest
+            && self.mac.time_source() != Some(arrived.frame.source)
+            && self.rpl.probe_due_ns() == probe_ns
+        {
+            return (verdict, false);
+        }
+        self.pump(world);
+        (verdict, true)
+    }
+
     fn handle_outcome(
         &mut self,
         world: &mut World<'_>,
