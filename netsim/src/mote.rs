@@ -8,6 +8,7 @@
 //! | [`up`] | from a received frame to the layer it is for |
 //! | [`pump`] | what the layers have to say to each other after something happened |
 //! | [`tally`] | what is counted of a mote |
+//! | `timer` | the first of several timers |
 
 mod admission;
 mod announce;
@@ -15,6 +16,7 @@ pub mod down;
 pub mod ports;
 pub mod pump;
 pub mod tally;
+pub(crate) mod timer;
 pub mod up;
 
 use crate::app::App;

@@ -36,6 +36,7 @@ mod tests;
 pub mod trickle;
 
 use crate::dice::Dice;
+use crate::mote::timer::earliest;
 use crate::wire::Eui64;
 use crate::wire::rpl::RplMessage;
 use dao::Dao;
@@ -330,7 +331,7 @@ impl Rpl {
         if !self.is_running {
             return None;
         }
-        [
+        earliest([
             self.trickle.poll_timeout(),
             self.dis_at_ns,
             self.hold_until_ns,
@@ -341,10 +342,7 @@ impl Rpl {
             self.neighbours.poll_timeout(),
             self.outdone_since_ns.map(|since_ns| since_ns.saturating_add(self.config.outdone_ns)),
             self.probes.at_ns,
-        ]
-        .into_iter()
-        .flatten()
-        .min()
+        ])
     }
 
     /// Does what is due by `now_ns`: messages, and neighbours and routes that have expired.

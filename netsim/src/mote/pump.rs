@@ -1,7 +1,9 @@
 //! What the layers have to say to each other after something happened.
 
 use super::down::{HOP_LIMIT, Wanted};
+use super::timer::earliest;
 use super::{CellsKnown, Mote, World};
+use crate::app::App;
 use crate::lowpan::DropReason;
 use crate::mac::tsch::Due;
 use crate::rpl;
@@ -191,8 +193,8 @@ impl Mote {
     /// The first moment at which some layer wants to act (ns).
     #[must_use]
     pub fn poll_timeout(&self, world_mac: &crate::mac::tsch::Config) -> Option<u64> {
-        let apps = self.apps.iter().filter_map(crate::app::App::poll_timeout);
-        [
+        let of_apps = self.apps.iter().filter_map(App::poll_timeout).min();
+        earliest([
             self.mac.poll_timeout(world_mac),
             self.sixtop.poll_timeout(),
             self.sf.poll_timeout(),
@@ -201,11 +203,8 @@ impl Mote {
             self.pledge.poll_timeout(),
             self.in_work.front().map(|(at_ns, _)| *at_ns),
             self.reboots_ns,
-        ]
-        .into_iter()
-        .flatten()
-        .chain(apps)
-        .min()
+            of_apps,
+        ])
     }
 
     /// Time has come to `world.now_ns`.

@@ -89,7 +89,11 @@ impl Mote {
 
     /// As [`Mote::handle_frame`], and all that follows from it. Returns whether timers or cells may have changed: most beacons
     /// change neither, and leave nothing to pass on.
-    pub fn take_in(&mut self, world: &mut World<'_>, arrived: &Arrived<'_>) -> (FrameHandling, bool) {
+    pub fn take_in(
+        &mut self,
+        world: &mut World<'_>,
+        arrived: &Arrived<'_>,
+    ) -> (FrameHandling, bool) {
         let is_beacon = matches!(arrived.frame.content, Content::Beacon(_));
         let may_rest = is_beacon && !self.mac.is_scanning() && !self.sf.heeds_beacons();
         let probe_ns = self.rpl.probe_due_ns();

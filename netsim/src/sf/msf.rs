@@ -21,6 +21,7 @@ mod tests;
 
 use super::{Configured, Context, SchedulingFunction, Traffic};
 use crate::mac::{Cell, CellOptions, CellRef};
+use crate::mote::timer::earliest;
 use crate::sixtop::Event;
 use crate::wire::Eui64;
 use crate::wire::datagram::code_points;
@@ -368,10 +369,7 @@ impl SchedulingFunction for Msf {
 
     fn poll_timeout(&self) -> Option<u64> {
         let quarantine_ns = self.quarantined.values().min().copied();
-        [self.due_ns, self.hold_until_ns, self.housekeeping_ns, quarantine_ns]
-            .into_iter()
-            .flatten()
-            .min()
+        earliest([self.due_ns, self.hold_until_ns, self.housekeeping_ns, quarantine_ns])
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) {
