@@ -2,10 +2,11 @@
 
 use super::objective::INFINITE_RANK;
 use super::routes::Via;
-use super::{Mode, Rpl};
+use super::{Mode, Outgoing, Rpl};
 use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::datagram::{RpiRepr, SourceRoute};
+use crate::wire::rpl::RplMessage;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 
@@ -98,6 +99,9 @@ impl Rpl {
     ) -> ForwardingDecision {
         let Some(dodag) = self.dodag.as_ref().filter(|_| rpi.instance == self.config.instance)
         else {
+            if !rpi.down && rpi.instance == self.config.instance {
+                self.tell(from);
+            }
             return ForwardingDecision::Drop(DropReason::NotInDodag);
         };
         let mode = dodag.mode();
@@ -112,15 +116,21 @@ impl Rpl {
         } else {
             (is_known && sender < own) || parent == Some(from)
         };
-        if is_wrong {
-            if rpi.rank_error {
-                self.reset_trickle(now_ns, dice);
-                if !rpi.down && parent == Some(from) {
+        if is_wrong && rpi.rank_error {
+            self.reset_trickle(now_ns, dice);
+            if !rpi.down {
+                if parent == Some(from) {
                     self.distrust(from, now_ns, dice);
                 }
-                return ForwardingDecision::Drop(DropReason::RankError);
+                self.tell(from);
             }
+            return ForwardingDecision::Drop(DropReason::RankError);
+        }
+        if is_wrong {
             rpi.rank_error = true;
+            if !rpi.down {
+                self.tell(from);
+            }
         } else if !rpi.down {
             self.refresh_child(from, now_ns);
         }
@@ -138,6 +148,23 @@ impl Rpl {
         }
         rpi.down |= goes_down;
         ForwardingDecision::Forward
+    }
+
+    /// A neighbour sends up what it cannot send up here: it has missed a DIO that said so. It alone is told once more, as
+    /// Contiki-NG does; a DIO to everyone may be lost again, and is not acknowledged.
+    fn tell(&mut self, neighbour: Eui64) {
+        if self.config.stale_rank {
+            return;
+        }
+        let instance = self.config.instance;
+        let left = self.past.last().map(|past| past.dodag.dio(instance, INFINITE_RANK));
+        if let Some(dio) = self.current_dio().or(left) {
+            self.outgoing.push_back(Outgoing {
+                destination: neighbour.link_local(),
+                next_hop: Some(neighbour),
+                message: RplMessage::Dio(dio),
+            });
+        }
     }
 
     /// A datagram that went down comes back (RFC 6550, § 11.2.2.3): the route was wrong. Without another one, it goes back

@@ -42,7 +42,40 @@ fn rfc6550_11_2_2_2_a_parent_that_sends_up_what_was_sent_up_to_it_is_no_parent()
     assert_eq!(bench.rpl.parent(), Some(mote(1)));
     assert_eq!(bench.data(&mut info, 1, 0), ForwardingDecision::Drop(DropReason::RankError));
     assert_eq!(bench.rpl.parent(), None);
-    assert_eq!(dio_ranks(&bench.sent()), [INFINITE_RANK]);
+    // To it alone the rank of before, then to all and to it that there is no way any more.
+    assert_eq!(dio_ranks(&bench.sent()), [768, INFINITE_RANK, INFINITE_RANK]);
+}
+
+/// To whom DIOs went alone, and the rank in each.
+fn told(bench: &mut Bench) -> Vec<(Eui64, u16)> {
+    let rank = |message: &RplMessage| match message {
+        RplMessage::Dio(dio) => dio.rank,
+        other => panic!("{other:?}"),
+    };
+    let sent = bench.sent();
+    sent.iter().filter_map(|one| Some((one.next_hop?, rank(&one.message)))).collect()
+}
+
+#[test]
+fn who_sends_up_where_it_does_not_go_up_is_told_so() {
+    let mut bench = joined(Config { advertises: false, ..Bench::perfect() });
+    bench.sent();
+    bench.data(&mut rpi(false, 1024), 5, 0);
+    assert_eq!(told(&mut bench), []);
+    bench.data(&mut rpi(false, 512), 5, 0);
+    assert_eq!(told(&mut bench), [(mote(5), 768)]);
+    // It has left, which the other has not heard.
+    let now_ns = bench.now_ns;
+    bench.rpl.handle_unusable(mote(1), now_ns, &mut bench.dice);
+    assert_eq!(bench.rpl.parent(), None);
+    bench.sent();
+    let decision = bench.data(&mut rpi(false, 1024), 5, 0);
+    assert_eq!(decision, ForwardingDecision::Drop(DropReason::NotInDodag));
+    assert_eq!(told(&mut bench), [(mote(5), INFINITE_RANK)]);
+    // What comes down is for the one above to judge, and another instance none of ours.
+    bench.data(&mut rpi(true, 1024), 1, 0);
+    bench.data(&mut RpiRepr { instance: 3, ..rpi(false, 1024) }, 5, 0);
+    assert_eq!(told(&mut bench), []);
 }
 
 #[test]
