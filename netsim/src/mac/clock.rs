@@ -24,7 +24,7 @@ pub struct Clock {
 /// # Model
 ///
 /// The corrections of a window are added up. Their sum over the length of the window is the rate by which the compensated clock
-/// is still off, to within a tick over that length. The first window lasts at least 10 s and is compensated wholly; each of the
+/// is still off, to within a tick over that length. The first window lasts at least 20 s and is compensated wholly; each of the
 /// next three is at least twice as long as the one before, and half of what it shows is compensated, so that errors of a single
 /// window fade. The bound on the rate that remains is the greatest that windows have shown lately, an older one counting a
 /// quarter less with each newer one, and a tick over the length of a window more.
@@ -50,12 +50,17 @@ struct Drift {
     bound_ppb: Option<u64>,
     /// Whether a window against this source has confirmed it.
     is_confirmed: bool,
+    /// Whether some source has been kept long enough for the rate to be that of the root, not of motes that pass by.
+    is_settled: bool,
 }
 
-/// Least length of the first window: a tick of 32,768 Hz over it is 3 ppm.
-const WINDOW_NS: u64 = 10_000_000_000;
-/// So often the next one is twice as long: a tick over the last is 0.4 ppm.
+/// Least length of the first window: a tick of 32,768 Hz over it is 1.5 ppm. Motes that move keep a source for 10 s or 20, which is
+/// too short to learn from, as the source itself is corrected meanwhile.
+const WINDOW_NS: u64 = 20_000_000_000;
+/// So often the next one is twice as long: a tick over the last is 0.2 ppm.
 const N_DOUBLINGS: u8 = 3;
+/// Windows after which a mote settles with its source: they take two minutes. Among motes that move none is kept for so long.
+const N_TO_SETTLE: u8 = 3;
 
 impl Clock {
     /// A clock of a rate error uniform within ±`max_drift_ppm`, corrected in ticks of a `crystal_hz` crystal.
@@ -132,6 +137,7 @@ impl Clock {
         self.rate_ppb -= step_ppb;
         drift.compensated_ppb += step_ppb;
         drift.n_windows = (drift.n_windows + 1).min(N_DOUBLINGS);
+        drift.is_settled |= drift.n_windows == N_TO_SETTLE;
         (drift.begun_ns, drift.sum_ns) = (now_ns, 0);
     }
 
@@ -151,15 +157,18 @@ impl Clock {
     /// known. The other half is for the source, whose own clock is corrected meanwhile.
     #[must_use]
     pub fn holds_ns(&self) -> Option<u64> {
-        self.runs_free_ns().filter(|_| self.drift.is_confirmed)
+        self.drift.bound_ppb.filter(|_| self.drift.is_confirmed).map(|ppb| self.holds_within(ppb))
     }
 
     /// The same without a source: how long it stays so near to the time that all sources kept so far, the root's.
     #[must_use]
     pub fn runs_free_ns(&self) -> Option<u64> {
-        let bound_ppb = self.drift.bound_ppb?.max(1);
+        self.drift.bound_ppb.filter(|_| self.drift.is_settled).map(|ppb| self.holds_within(ppb))
+    }
+
+    fn holds_within(&self, bound_ppb: u64) -> u64 {
         let budget_ns = (RX_WAIT_NS / 4).unsigned_abs().saturating_sub(self.tick_ns);
-        Some((u128::from(budget_ns) * 1_000_000_000 / u128::from(bound_ppb)) as u64)
+        (u128::from(budget_ns) * 1_000_000_000 / u128::from(bound_ppb.max(1))) as u64
     }
 }
 
@@ -215,16 +224,35 @@ mod tests {
     #[test]
     fn nothing_is_known_before_two_windows_and_after_another_source() {
         let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
-        learn(&mut clock, 0..30, |_| 0);
+        learn(&mut clock, 0..60, |_| 0);
         assert_eq!(clock.holds_ns(), None);
-        learn(&mut clock, 30..=30, |_| 0);
+        learn(&mut clock, 60..=60, |_| 0);
         assert!(clock.holds_ns().is_some());
         let mut dice = Dice::new(2, Purpose::Mac, 2);
-        clock.learn(Eui64::of_mote(5), 0, 31 * S, &mut dice);
+        clock.learn(Eui64::of_mote(5), 0, 61 * S, &mut dice);
         assert_eq!(clock.holds_ns(), None);
         // Who follows the root keeps its rate: the estimate remains.
-        let drifted_ns = clock.deviation_ns(131 * S) - clock.deviation_ns(31 * S);
-        assert!(drifted_ns.abs() < 700_000, "{drifted_ns}");
+        let drifted_ns = clock.deviation_ns(161 * S) - clock.deviation_ns(61 * S);
+        assert!(drifted_ns.abs() < 500_000, "{drifted_ns}");
+    }
+
+    #[test]
+    fn who_has_kept_a_source_for_two_minutes_runs_free_and_not_who_meets_others_all_the_time() {
+        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        learn(&mut clock, (0..140).step_by(5), |_| 0);
+        assert_eq!(clock.runs_free_ns(), None);
+        learn(&mut clock, 140..=140, |_| 0);
+        let known_ns = clock.runs_free_ns();
+        assert!(known_ns.is_some());
+        // Another source does not make it forget how fast it is itself.
+        let mut dice = Dice::new(2, Purpose::Mac, 2);
+        clock.learn(Eui64::of_mote(5), 0, 141 * S, &mut dice);
+        assert_eq!(clock.runs_free_ns(), known_ns);
+        let mut restless = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        for at_s in 0..1000 {
+            restless.learn(Eui64::of_mote((at_s / 60) as u32), 0, at_s * S, &mut dice);
+        }
+        assert_eq!(restless.runs_free_ns(), None);
     }
 
     #[test]
