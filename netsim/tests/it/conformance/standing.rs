@@ -43,14 +43,15 @@ fn an_hour(places: &[(f64, f64)], config: &str, seed: u64) -> (u64, Vec<String>)
 #[test]
 fn orchestra_keeps_everybody_synchronised_over_links_that_lose_nothing() {
     for max_drift_ppm in [30, 5] {
-        for seed in 1..=5 {
-            let (n_lost, lost) = an_hour(&grid(10, 5), &orchestra(max_drift_ppm, ""), seed);
-            assert_eq!((n_lost, lost), (0, Vec::new()), "{max_drift_ppm} ppm, seed {seed}");
+        for (places, seeds) in [(grid(10, 5), 1..=5), (grid(10, 10), 2..=2)] {
+            for seed in seeds {
+                let (n_lost, lost) = an_hour(&places, &orchestra(max_drift_ppm, ""), seed);
+                assert_eq!(n_lost, 0, "{max_drift_ppm} ppm, seed {seed}");
+                // A frame in a shared cell that meets others in every attempt is lost: one packet in 200 at most.
+                assert!(lost.iter().all(|reason| reason == "max_retries"), "{lost:?}");
+                assert!(lost.len() < places.len() * 60 / 200, "{max_drift_ppm} ppm, seed {seed}");
+            }
         }
-        // A hundred in hidden-terminal range of each other lose a packet now and then to their last retry: one in 200 at most.
-        let (n_lost, lost) = an_hour(&grid(10, 10), &orchestra(max_drift_ppm, ""), 2);
-        assert_eq!(n_lost, 0, "{max_drift_ppm} ppm");
-        assert!(lost.len() < 30, "{lost:?}");
     }
 }
 
