@@ -48,21 +48,41 @@ fn interval(json: &Value, effect: &str, key: &str) -> [f64; 2] {
     ["low", "high"].map(|end| entry["parameters"][key][end].as_f64().unwrap())
 }
 
+/// What must hold of the packets of two of three draws of a measurement. One in ten misses by chance, as nine intervals in ten
+/// cover, and one in twenty leaves something over.
+fn in_two_of_three(is_found_in: impl Fn(u64) -> Result<(), String>) {
+    let mut misses = Vec::new();
+    for draw in 0..3 {
+        misses.extend(is_found_in(1000 + draw).err());
+        let n_found = draw + 1 - misses.len() as u64;
+        if n_found == 2 {
+            return;
+        }
+    }
+    panic!("{misses:#?}");
+}
+
 #[test]
 fn lost_acknowledgments_are_found_with_their_part() {
     let effect = "[[netsim.mac.effect]]\nkind = \"ack-loss\"\nprobability = 0.4";
-    let (found, json) = diagnosed(&measured(effect, 1000));
-    assert_eq!(json["verdict"], "missing-effects", "{}", json["sentence"]);
-    assert_eq!(json["missing"].as_array().unwrap(), &["ack-loss"], "{}", json["sentence"]);
-    let [low, high] = interval(&json, "ack-loss", "probability");
-    // A 90 % interval is 3.3 standard errors wide; within four of them of the truth, as half an hour of one network tells it.
-    let four = 4.0 * (high - low) / 3.29;
-    let trial = found.tests.iter().find(|trial| trial.is_accepted).unwrap();
-    let value = trial.fitted.unwrap().value;
-    assert!((value - 0.4).abs() <= four && high - low < 0.3, "{value}: {low} to {high}");
-    let chances: Vec<f64> = found.rungs.iter().map(|rung| rung.among.placed.p_value).collect();
-    assert!(chances[0] <= 0.01 && LEVEL < chances[1], "{chances:?}");
-    assert_eq!(json["unexplained"].as_array().unwrap().len(), 0);
+    in_two_of_three(|seed| {
+        let (found, json) = diagnosed(&measured(effect, seed));
+        let sentence = json["sentence"].to_string();
+        if json["missing"].as_array().unwrap() != &["ack-loss"] {
+            return Err(sentence);
+        }
+        let [low, high] = interval(&json, "ack-loss", "probability");
+        // A 90 % interval is 3.3 standard errors wide; within four of them of the truth, as half an hour of one network tells
+        // it.
+        let four = 4.0 * (high - low) / 3.29;
+        let trial = found.tests.iter().find(|trial| trial.is_accepted).unwrap();
+        let value = trial.fitted.unwrap().value;
+        let is_near = (value - 0.4).abs() <= four && high - low < 0.3;
+        let chances: Vec<f64> = found.rungs.iter().map(|rung| rung.among.placed.p_value).collect();
+        let is_enough = chances[0] <= 0.01 && LEVEL < chances[1];
+        let is_all = json["unexplained"].as_array().unwrap().is_empty();
+        if is_near && is_enough && is_all { Ok(()) } else { Err(sentence) }
+    });
 }
 
 #[test]
@@ -91,18 +111,9 @@ fn small_resimulation(text: &str) -> Resimulation {
 const OFTEN: &str = "[[netsim.app]]\nkind = \"periodic\"\nperiod_s = 5.0\npayload_bytes = 40\n";
 
 /// What a model finds in the packets of a true network: that `first` is missing; that `effect`, if it is another one,
-/// cannot be told from that; and that the number of `effect` is `value`. One measurement in ten misses it by chance, as nine
-/// intervals in ten cover, and one in twenty leaves something over: two of three must have it all.
+/// cannot be told from that; and that the number of `effect` is `value`.
 fn is_found(model: &str, truth: &str, first: &str, effect: &str, number: (&str, f64)) {
-    let mut misses = Vec::new();
-    for draw in 0..3 {
-        misses.extend(is_found_in(1000 + draw, model, truth, first, effect, number).err());
-        let n_found = draw + 1 - misses.len() as u64;
-        if n_found == 2 {
-            return;
-        }
-    }
-    panic!("{misses:#?}");
+    in_two_of_three(|seed| is_found_in(seed, model, truth, first, effect, number));
 }
 
 /// The same, in the packets of the truth under one seed; what is not found, if something is not.
@@ -141,9 +152,7 @@ fn clocks_off_their_rating_are_found_with_how_far() {
     };
     let model = small(OFTEN, &mac(0), "");
     let truth = small(OFTEN, &mac(600), "");
-    // Under other seeds a quarter of an hour of six motes may leave reboots or lost acknowledgments as likely.
-    let number = ("max_ppm", 600.0);
-    is_found_in(1000, &model, &truth, "clock-drift", "clock-drift", number).unwrap();
+    is_found(&model, &truth, "clock-drift", "clock-drift", ("max_ppm", 600.0));
 }
 
 #[test]
