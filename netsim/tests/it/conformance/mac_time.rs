@@ -161,6 +161,9 @@ fn a_mote_that_has_learned_its_clock_does_without_its_source_for_longer_and_not_
     assert!(3 <= asked_ns.len(), "{asked_ns:?}");
     assert_eq!(lost_ns, 252 * s + s / 2);
     assert!(worst_ns < 550_000, "{worst_ns}");
+    // It may be told to ask as often as before.
+    let config = settings("[mac]\nmax_keep_alive_s = 10.0\n").mac;
+    assert!(heard_for(&config, 200).poll_timeout(&config).unwrap() <= 210 * s);
     // Without, all is as set, and the clock has left the guard time before another minute is over.
     let config = settings("[mac]\nadaptive_synchronization = false\nmax_drift_ppm = 100.0\n").mac;
     let mac = heard_for(&config, 200);

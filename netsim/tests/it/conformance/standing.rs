@@ -47,8 +47,9 @@ fn orchestra_keeps_everybody_synchronised_over_links_that_lose_nothing() {
             for seed in seeds {
                 let (n_lost, lost) = an_hour(&places, &orchestra(max_drift_ppm, ""), seed);
                 assert_eq!(n_lost, 0, "{max_drift_ppm} ppm, seed {seed}");
-                // A frame in a shared cell that meets others in every attempt is lost: one packet in 200 at most.
-                assert!(lost.iter().all(|reason| reason == "max_retries"), "{lost:?}");
+                // Frames in shared cells meet others: one packet in 200 at most is lost to that, or to the queue behind it.
+                let crowd = ["max_retries", "txqueue_full"];
+                assert!(lost.iter().all(|reason| crowd.contains(&reason.as_str())), "{lost:?}");
                 assert!(lost.len() < places.len() * 60 / 200, "{max_drift_ppm} ppm, seed {seed}");
             }
         }
