@@ -113,7 +113,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "max_drift_ppm",
-            doc: "Maximum clock drift (ppm); each mote's drift is uniform up to it. 0: perfect clocks.",
+            doc: "Maximum clock drift (ppm); each mote's drift is uniform up to it. 0: clocks that run right, though each correction of one is to the nearest tick of mac.crystal_hz.",
             kind: Kind::Number(Range::closed(0.0, 1e4)),
             default: Default::Number(30.0),
         },
