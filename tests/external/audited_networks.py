@@ -146,7 +146,7 @@ NETWORKS = {
     "minimal-mrhof": Network('kind = "minimal"', rpl='objective = "mrhof"'),
     "msf": Network(MSF),
     "msf-storing": Network(MSF, storing=True, place=TREE),
-    "msf-relocating": Network(RESTLESS_MSF, tables=LOST_ACKS, stands=False, period_s=60.0, duration_s=600.0),
+    "msf-relocating": Network(RESTLESS_MSF, tables=LOST_ACKS, stands=False, period_s=60.0, duration_s=1500.0),
     "msf-restless": Network(MSF, tables=COMES_AND_GOES, place=LOSSY, stands=False, duration_s=700.0),
     "msf-fragments": Network(MSF, payload_bytes=200, period_s=40.0),
     "msf-fragments-per-hop": Network(
