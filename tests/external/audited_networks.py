@@ -165,6 +165,7 @@ NETWORKS = {
     "rrsf": Network('kind = "rrsf"\nshared_slots = 4'),
     "rrsf-storing": Network('kind = "rrsf"\nshared_slots = 4', storing=True, place=TREE),
     "sotdma": Network('kind = "sotdma"\nslotframe_slots = 32'),
+    "sotdma-storing": Network('kind = "sotdma"\nslotframe_slots = 32', storing=True, place=TREE),
     "static": Network(static_schedule(LINE_LINKS)),
     "static-storing": Network(static_schedule(TREE_LINKS), storing=True, place=TREE),
     "exact-clocks": Network('kind = "minimal"', mac="max_drift_ppm = 0.0\ncrystal_hz = 1_000_000_000"),

@@ -82,8 +82,8 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "desynchronise_s",
-            doc: "Synchronisation timeout (s): a mote that has not heard its time source for this long scans for beacons. \
-                  17.5: clocks of 30 ppm in opposite directions are then off by the guard time, 1.1 ms.",
+            doc: "Synchronisation timeout (s): a mote that has not heard its time source for this long scans for beacons; one \
+                  that knows its clock waits longer (max_keep_alive_s, max_free_run_s). 17.5: clocks of 30 ppm in opposite directions are then off by the guard time, 1.1 ms.",
             kind: Kind::Number(Range::above(0.0, 1e6)),
             default: Default::Number(17.5),
         },

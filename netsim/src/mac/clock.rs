@@ -59,7 +59,7 @@ struct Drift {
 const WINDOW_NS: u64 = 20_000_000_000;
 /// So often the next one is twice as long: a tick over the last is 0.2 ppm.
 const N_DOUBLINGS: u8 = 3;
-/// Windows after which a mote settles with its source: they take two minutes. Among motes that move none is kept for so long.
+/// Windows after which a mote settles with its source: they take 140 s, 120 s with a later source. Among motes that move none is kept for so long.
 const N_TO_SETTLE: u8 = 3;
 
 impl Clock {

@@ -150,8 +150,8 @@ impl Rpl {
         ForwardingDecision::Forward
     }
 
-    /// A neighbour sends up what it cannot send up here: it has missed a DIO that said so. It alone is told once more, as
-    /// Contiki-NG does; a DIO to everyone may be lost again, and is not acknowledged.
+    /// A neighbour sends up what cannot go up through this mote: it has missed a DIO that said so, or the two are each other's
+    /// parents. It alone is told this mote's rank, as Contiki-NG does; a DIO to everyone may be lost, and is not acknowledged.
     fn tell(&mut self, neighbour: Eui64) {
         if self.config.stale_rank {
             return;

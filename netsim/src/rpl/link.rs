@@ -14,8 +14,8 @@ const SCALE: u32 = 256;
 
 /// An estimate of ETX: transmissions by acknowledgments, both counted with a memory that fades.
 ///
-/// Whenever 64 transmissions have been counted, both counts are halved: the ratio stays, and the past weighs half from then
-/// on. So the estimate is that of the last 64 to 128 transmissions and needs no clock; a link that was never used has one
+/// Whenever the count of transmissions comes to 64, both counts are halved: the ratio stays, and the past weighs half from then
+/// on. So the last 32 to 64 transmissions make most of the estimate, which needs no clock; a link that was never used has one
 /// acknowledgment's worth of an assumed ETX, which a few frames outweigh, though only for the better among the first 32
 /// transmissions: a first frame that is lost tells little of a link. Unlike an average of per-frame counts it knows
 /// failures, too, whose number of transmissions never ends.

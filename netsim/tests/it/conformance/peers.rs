@@ -4,7 +4,7 @@ use super::bench::{Bench, EAGER, Ended, LINE, SLOT_NS, line};
 
 const APP: &str = "[[app]]\nkind = \"periodic\"\nperiod_s = 30.0\npayload_bytes = 20\n\
                    destination = \"peers\"\n";
-const FUNCTIONS: [&str; 4] = ["minimal", "msf", "orchestra", "rrsf"];
+const FUNCTIONS: [&str; 5] = ["minimal", "msf", "orchestra", "rrsf", "sotdma"];
 const MODES: [&str; 2] = ["non-storing", "storing"];
 
 /// Slots in a time (s).

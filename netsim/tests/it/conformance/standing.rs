@@ -43,7 +43,7 @@ fn an_hour(places: &[(f64, f64)], config: &str, seed: u64) -> (u64, Vec<String>)
 #[test]
 fn orchestra_keeps_everybody_synchronised_over_links_that_lose_nothing() {
     for max_drift_ppm in [30, 5] {
-        for (places, seeds) in [(grid(10, 5), 1..=5), (grid(10, 10), 2..=2)] {
+        for (places, seeds) in [(grid(10, 5), 1..=5), (grid(10, 10), 1..=3)] {
             for seed in seeds {
                 let (n_lost, lost) = an_hour(&places, &orchestra(max_drift_ppm, ""), seed);
                 assert_eq!(n_lost, 0, "{max_drift_ppm} ppm, seed {seed}");
