@@ -54,12 +54,13 @@ struct Drift {
     is_settled: bool,
 }
 
-/// Least length of the first window: a tick of 32,768 Hz over it is 1.5 ppm. Motes that move keep a source for 10 s or 20, which is
-/// too short to learn from, as the source itself is corrected meanwhile.
+/// Least length of the first window: a tick of 32,768 Hz over it is 1.5 ppm. Motes that move keep a source for 10 s or 20, which
+/// is too short to learn from, as the source itself is corrected meanwhile.
 const WINDOW_NS: u64 = 20_000_000_000;
 /// So often the next one is twice as long: a tick over the last is 0.2 ppm.
 const N_DOUBLINGS: u8 = 3;
-/// Windows after which a mote settles with its source: they take 140 s, 120 s with a later source. Among motes that move none is kept for so long.
+/// Windows after which a mote settles with its source: they take 140 s, 120 s with a later source. Among motes that move none is
+/// kept for so long.
 const N_TO_SETTLE: u8 = 3;
 
 impl Clock {

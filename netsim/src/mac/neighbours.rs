@@ -79,8 +79,9 @@ impl Neighbours {
         self.before.extend(of_each.filter(|(_, (_, known))| !known.is_empty()));
     }
 
-    /// A frame from a neighbour, with its sequence number; `None`: a beacon, whose numbers are others. Returns whether it is new: not one for us that
-    /// was received before and is sent again because the acknowledgment was lost (IEEE Std 802.15.4-2015, 6.7.2).
+    /// A frame from a neighbour, with its sequence number; `None`: a beacon, whose numbers are others. Returns whether it is new:
+    /// not one for us that was received before and is sent again because the acknowledgment was lost (IEEE Std 802.15.4-2015,
+    /// 6.7.2).
     #[inline]
     pub fn hear(&mut self, address: Eui64, sequence: Option<u8>, for_us: bool, asn: u64) -> bool {
         let Next(next) = self.next;

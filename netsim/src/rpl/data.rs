@@ -2,7 +2,7 @@
 
 use super::objective::INFINITE_RANK;
 use super::routes::Via;
-use super::{Mode, Outgoing, Rpl};
+use super::{Mode, Rpl};
 use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::datagram::{RpiRepr, SourceRoute};
@@ -150,8 +150,9 @@ impl Rpl {
         ForwardingDecision::Forward
     }
 
-    /// A neighbour sends up what cannot go up through this mote: it has missed a DIO that said so, or the two are each other's
-    /// parents. It alone is told this mote's rank, as Contiki-NG does; a DIO to everyone may be lost, and is not acknowledged.
+    /// A neighbour routes upwards through this mote although this mote's rank is not lower: it has missed a DIO, or the two are
+    /// each other's parents. A unicast DIO gives it the present rank, as in Contiki-NG; a multicast DIO is not acknowledged and
+    /// may be lost again.
     fn tell(&mut self, neighbour: Eui64) {
         if self.config.stale_rank {
             return;
@@ -159,11 +160,7 @@ impl Rpl {
         let instance = self.config.instance;
         let left = self.past.last().map(|past| past.dodag.dio(instance, INFINITE_RANK));
         if let Some(dio) = self.current_dio().or(left) {
-            self.outgoing.push_back(Outgoing {
-                destination: neighbour.link_local(),
-                next_hop: Some(neighbour),
-                message: RplMessage::Dio(dio),
-            });
+            self.send_alone(neighbour, RplMessage::Dio(dio));
         }
     }
 

@@ -172,6 +172,12 @@ impl Rpl {
         Some(dodag.dio(self.config.instance, rank))
     }
 
+    /// Sends a message to one neighbour alone.
+    pub(super) fn send_alone(&mut self, to: Eui64, message: RplMessage) {
+        let destination = to.link_local();
+        self.outgoing.push_back(Outgoing { destination, next_hop: Some(to), message });
+    }
+
     /// Sends a DIO to all RPL nodes.
     pub(super) fn multicast_dio(&mut self, dio: DioRepr) {
         let message = RplMessage::Dio(dio);

@@ -99,8 +99,11 @@ impl Etx {
     fn ratio(&self) -> (u64, u64) {
         let counted = (u64::from(self.n_tx), u64::from(self.n_ack));
         let assumed = (u64::from(self.assumed_x128), 128);
-        let is_doubted = self.assumed_x128 != 0 && self.n_counted < N_MEASURED;
-        if is_doubted && assumed.0 * counted.1 < counted.0 * assumed.1 { assumed } else { counted }
+        if self.is_vague() && assumed.0 * counted.1 < counted.0 * assumed.1 {
+            assumed
+        } else {
+            counted
+        }
     }
 
     /// floor(n × ETX), exactly; the largest number if nothing was ever acknowledged.

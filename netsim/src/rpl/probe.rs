@@ -4,8 +4,8 @@
 //! DIOs of the Trickle timer are rare in a network that stands, and a link counts as a bad one until something was sent over
 //! it. Without more, a mote would keep the parent through which it has joined. Contiki-NG probes likewise.
 
+use super::Rpl;
 use super::link::Etx;
-use super::{Outgoing, Rpl};
 use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::rpl::{DisRepr, RplMessage};
@@ -105,8 +105,7 @@ impl Rpl {
             self.current_dio().map(RplMessage::Dio)
         };
         if let Some((to, message)) = asked.or_else(|| self.candidate()).zip(message) {
-            let destination = to.link_local();
-            self.outgoing.push_back(Outgoing { destination, next_hop: Some(to), message });
+            self.send_alone(to, message);
         }
         self.schedule_probe(now_ns, dice);
     }

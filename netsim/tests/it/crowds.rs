@@ -1,7 +1,6 @@
 //! Networks of many motes whose root can say little.
 
-use crate::harness::{payloads, setup, started};
-use proto::side::{NetInput, NetSimulator as _};
+use crate::harness::{interval, setup, started};
 use proto::types::{AgentStates, NS_PER_S};
 
 /// Robots 2 m apart on a line, the root in the middle.
@@ -19,19 +18,9 @@ fn formed_s(n: usize, config: &str, seed: u64, limit_s: u64) -> Option<u64> {
     let mut setup = setup(n, config);
     setup.experiment.seed = seed;
     let (mut network, _) = started(&setup);
-    let (states, payloads) = (line(n), payloads(n));
+    let states = line(n);
     for second in 0..limit_s {
-        let output = network.step(&NetInput {
-            step: second + 1,
-            from_ns: second * NS_PER_S,
-            until_ns: (second + 1) * NS_PER_S,
-            states: &states,
-            payloads: &payloads,
-            moved_obstacles: &[],
-            commands: &[],
-            stop_at_first_delivery: false,
-            records: &[],
-        });
+        let output = interval(&mut network, &states, second * NS_PER_S, (second + 1) * NS_PER_S);
         if output.formation.is_some_and(|formation| formation.formed_ns.is_some()) {
             return Some(second);
         }
@@ -54,16 +43,6 @@ fn where_everyone_hears_the_root_everyone_comes_to_be_its_child() {
     let config = "mode = \"6tisch\"\n[phy]\npropagation = \"full\"\n[sf]\nkind = \"rrsf\"\n\
                   [swarm]\ntransport = \"none\"\n";
     let (mut network, _) = started(&setup(n, config));
-    let output = network.step(&NetInput {
-        step: 1,
-        from_ns: 0,
-        until_ns: 3600 * NS_PER_S,
-        states: &line(n),
-        payloads: &payloads(n),
-        moved_obstacles: &[],
-        commands: &[],
-        stop_at_first_delivery: false,
-        records: &[],
-    });
+    let output = interval(&mut network, &line(n), 0, 3600 * NS_PER_S);
     assert_eq!(output.motes.parent[1..], vec![0; n - 1]);
 }
