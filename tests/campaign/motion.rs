@@ -54,6 +54,10 @@ pub(crate) struct Physics {
     /// Amplitude of a drift that swings (m/s), and its period (s).
     pub(crate) tide: ([f64; 2], f64),
     pub(crate) stream_per_s: f64,
+    /// Of unicycles: the share of the speed that is lost per yaw rate (s).
+    pub(crate) turn_loss_s: f64,
+    /// A drift to the north that varies with x: amplitude (m/s), wavelength (m), phase (rad).
+    pub(crate) swell: (f64, f64, f64),
 }
 
 impl Physics {
@@ -79,6 +83,8 @@ impl Physics {
             slip_per_kg: 0.0,
             tide: ([0.0; 2], 1.0),
             stream_per_s: 0.0,
+            turn_loss_s: 0.0,
+            swell: (0.0, 1.0, 0.0),
         }
     }
 
@@ -98,9 +104,12 @@ impl Physics {
     /// Velocity that the place and the time add (m/s).
     fn drift_mps(&self, at: Point, time_s: f64) -> [f64; 2] {
         let swing = (std::f64::consts::TAU * time_s / self.tide.1).sin();
+        let (amplitude_mps, wavelength_m, phase) = self.swell;
+        let swell_mps =
+            amplitude_mps * (std::f64::consts::TAU * at[0] / wavelength_m + phase).sin();
         let mut drift = [
             self.wind_mps[0] + swing * self.tide.0[0] + self.stream_per_s * at[1],
-            self.wind_mps[1] + swing * self.tide.0[1],
+            self.wind_mps[1] + swing * self.tide.0[1] + swell_mps,
         ];
         for hill in &self.hills {
             let square = hill.radius_m.powi(2);
@@ -189,7 +198,11 @@ fn drive(
             let scale = physics.steady_mps(asked_mps, payload_kg) / asked_mps.max(1e-9);
             rotated(command, physics.rotation_rad).map(|component| scale * component)
         }
-        Drive::Unicycle | Drive::Car => [physics.steady_mps(command[0], payload_kg), 0.0],
+        Drive::Unicycle => {
+            let kept = (1.0 - physics.turn_loss_s * (command[1] + physics.trim).abs()).max(0.0);
+            [kept * physics.steady_mps(command[0], payload_kg), 0.0]
+        }
+        Drive::Car => [physics.steady_mps(command[0], payload_kg), 0.0],
     };
     let before = robot.velocity_mps;
     let off = [0, 1].map(|k| steady[k] - before[k]);
@@ -277,6 +290,9 @@ mod tests {
         // d x / d t = c y with y = 4 t.
         let stream = Physics { stream_per_s: 0.1, ..ideal };
         near(after_a_second(&stream, [0.0, 4.0]).at_m[0], 0.2, 1e-9);
+        // d y / d t = a sin(2π x / w) with x = 4 t: half a wave of 8 m, of which the mean is 2/π.
+        let swell = Physics { swell: (0.1, 8.0, 0.0), ..Physics::ideal(Drive::Velocity) };
+        near(after_a_second(&swell, [4.0, 0.0]).at_m[1], 0.2 / std::f64::consts::PI, 1e-5);
     }
 
     #[test]
@@ -298,6 +314,11 @@ mod tests {
         near(robot.heading_rad, 1.0, 1e-9);
         near(robot.at_m[0], 2.0 * 1.0_f64.sin(), 1e-5);
         near(robot.at_m[1], 2.0 * (1.0 - 1.0_f64.cos()), 1e-5);
+        let slower = Physics { turn_loss_s: 0.25, ..Physics::ideal(Drive::Unicycle) };
+        let robot = after_a_second(&slower, [2.0, -1.0]);
+        // 1.5 m/s at 1 rad/s to the right: a circle of 1.5 m.
+        near(robot.at_m[0], 1.5 * 1.0_f64.sin(), 1e-5);
+        near(robot.at_m[1], -1.5 * (1.0 - 1.0_f64.cos()), 1e-5);
         let car = after_a_second(&Physics::ideal(Drive::Car), [2.0, 0.1]);
         near(car.heading_rad, 2.0 * 0.1_f64.tan() / WHEELBASE_M, 1e-9);
     }

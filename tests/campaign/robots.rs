@@ -14,11 +14,11 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 
 /// Standard deviation of the measured heading (rad).
-const HEADING_SD_RAD: f64 = 0.002;
+pub(crate) const HEADING_SD_RAD: f64 = 0.002;
 /// Spacing of the heights in the configuration (m); the true hills are smooth.
 const GRID_M: f64 = 2.0;
 /// Samples in the window that a size and a score are about: one second.
-const WINDOW: usize = 20;
+pub(crate) const WINDOW: usize = 20;
 
 impl Campaign {
     /// A robot campaign with this hidden in it, of at most `n_rows` rows: all robots at each of so many samples, 20 per second.
@@ -41,15 +41,15 @@ impl Campaign {
 }
 
 /// All of a campaign that does not depend on how strong an effect is.
-struct Plan<'a> {
+pub(crate) struct Plan<'a> {
     seed: u64,
     fleet: &'a Fleet,
     kinds: Vec<RobotHidden>,
-    n_samples: usize,
+    pub(crate) n_samples: usize,
     orders: Vec<Vec<Order>>,
     hills: Vec<Hill>,
     /// What each robot carries (kg), per sample.
-    payloads_kg: Vec<Vec<f64>>,
+    pub(crate) payloads_kg: Vec<Vec<f64>>,
     /// Per effect, what of its shape is drawn.
     shapes: Vec<[f64; 3]>,
 }
@@ -63,22 +63,27 @@ struct Order {
 }
 
 /// What robots did.
-struct Tracks {
+pub(crate) struct Tracks {
     /// Per sample and robot.
-    robots: Vec<Vec<Robot>>,
+    pub(crate) robots: Vec<Vec<Robot>>,
     /// Per robot and sample.
-    commands: Vec<Vec<Command>>,
+    pub(crate) commands: Vec<Vec<Command>>,
 }
 
 /// What was measured of a robot at a sample: less the truth.
 #[derive(Clone, Copy, Debug)]
-struct Error {
-    at_m: [f64; 2],
-    heading_rad: f64,
+pub(crate) struct Error {
+    pub(crate) at_m: [f64; 2],
+    pub(crate) heading_rad: f64,
 }
 
 impl<'a> Plan<'a> {
-    fn new(seed: u64, fleet: &'a Fleet, kinds: &[RobotHidden], n_samples: usize) -> Self {
+    pub(crate) fn new(
+        seed: u64,
+        fleet: &'a Fleet,
+        kinds: &[RobotHidden],
+        n_samples: usize,
+    ) -> Self {
         let mut draws = Draws::new(seed, "hills");
         let hills = (0..3)
             .map(|_| Hill {
@@ -160,6 +165,16 @@ impl<'a> Plan<'a> {
 
     /// The whole campaign.
     fn driven(&self, physics: &Physics) -> Tracks {
+        self.driven_by(|robots, commands, sample| {
+            advance(physics, robots, commands, &self.payloads_kg[sample], sample);
+        })
+    }
+
+    /// The whole campaign; `step` moves all robots from a sample to the next, given their commands up to it.
+    pub(crate) fn driven_by(
+        &self,
+        mut step: impl FnMut(&mut [Robot], &[Vec<Command>], usize),
+    ) -> Tracks {
         let n_robots = self.fleet.n_robots;
         let mut draws = Draws::new(self.seed, "starts");
         let mut now: Vec<Robot> = (0..n_robots)
@@ -182,7 +197,7 @@ impl<'a> Plan<'a> {
                 });
             }
             robots.push(now.clone());
-            advance(physics, &mut now, &commands, &self.payloads_kg[sample], sample);
+            step(&mut now, &commands, sample);
         }
         Tracks { robots, commands }
     }
@@ -257,7 +272,7 @@ impl<'a> Plan<'a> {
         self.fleet.noise_m * more.map_or(1.0, |k| 1.0_f64.hypot(strengths[k]))
     }
 
-    fn measured(&self, tracks: &Tracks, noise_m: f64) -> Vec<Vec<Error>> {
+    pub(crate) fn measured(&self, tracks: &Tracks, noise_m: f64) -> Vec<Vec<Error>> {
         let mut draws = Draws::new(self.seed, "localization");
         let mut one = |_: &Robot| Error {
             at_m: [noise_m * draws.normal(), noise_m * draws.normal()],
@@ -266,7 +281,7 @@ impl<'a> Plan<'a> {
         tracks.robots.iter().map(|robots| robots.iter().map(&mut one).collect()).collect()
     }
 
-    fn csv(&self, tracks: &Tracks, measured: &[Vec<Error>]) -> String {
+    pub(crate) fn csv(&self, tracks: &Tracks, measured: &[Vec<Error>]) -> String {
         let columns = match self.fleet.drive {
             Drive::Velocity => "cmd_vx_mps,cmd_vy_mps",
             Drive::Unicycle => "heading_rad,cmd_speed_mps,cmd_yaw_rate_radps",
@@ -290,7 +305,7 @@ impl<'a> Plan<'a> {
         text
     }
 
-    fn config(&self) -> String {
+    pub(crate) fn config(&self) -> String {
         let kind = match self.fleet.drive {
             Drive::Velocity => "kind = \"point-mass\"".to_owned(),
             Drive::Unicycle => "kind = \"unicycle\"".to_owned(),
