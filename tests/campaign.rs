@@ -20,6 +20,7 @@ mod radio;
 #[cfg(test)]
 mod robot_tests;
 mod robots;
+pub mod unforeseen;
 mod world;
 
 pub use fleet::{Drive, Fleet, RobotHidden};

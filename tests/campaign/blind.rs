@@ -27,7 +27,7 @@ pub enum Subject {
 }
 
 /// Two effects at once.
-const LINK_PAIRS: [[Hidden; 2]; 8] = [
+pub(super) const LINK_PAIRS: [[Hidden; 2]; 8] = [
     [Hidden::TwoRayGround, Hidden::AntennaPattern],
     [Hidden::PathLossExponent, Hidden::Interference],
     [Hidden::WallAttenuation, Hidden::Temperature],
@@ -39,7 +39,7 @@ const LINK_PAIRS: [[Hidden; 2]; 8] = [
 ];
 
 /// Two effects at once, of robots.
-const ROBOT_PAIRS: [[RobotHidden; 2]; 3] = [
+pub(super) const ROBOT_PAIRS: [[RobotHidden; 2]; 3] = [
     [RobotHidden::Slip, RobotHidden::Wind],
     [RobotHidden::HeadingBias, RobotHidden::QuadraticDrag],
     [RobotHidden::Slope, RobotHidden::SpeedLimit],
@@ -186,7 +186,7 @@ fn link_name(kind: Hidden, size: Size) -> String {
     format!("{} {}{place}", size.name(), kind.effect())
 }
 
-fn texts(list: &Value) -> Vec<&str> {
+pub(super) fn texts(list: &Value) -> Vec<&str> {
     list.as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
 
@@ -208,7 +208,7 @@ fn is_tied(truth: &Truth, diagnosis: &Value) -> bool {
 }
 
 /// Whether a covariate, perhaps with its curve's prefix or without its unit, is one of those.
-fn is_one_of(named: &str, covariates: &[&str]) -> bool {
+pub(super) fn is_one_of(named: &str, covariates: &[&str]) -> bool {
     let named = named.strip_prefix("curve:").unwrap_or(named);
     covariates.iter().any(|covariate| {
         covariate.strip_prefix(named).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
@@ -346,7 +346,7 @@ fn summaries(text: &mut String, groups: &BTreeMap<&str, Vec<&Value>>) {
 }
 
 /// A share with its exact 95 % interval.
-fn percent(n_of: usize, n: usize) -> String {
+pub(super) fn percent(n_of: usize, n: usize) -> String {
     let [low, high] = binomial_interval(n_of, n, 0.05);
     let share = n_of as f64 / n as f64;
     format!("{:.0} % ({:.0} to {:.0})", 100.0 * share, 100.0 * low, 100.0 * high)

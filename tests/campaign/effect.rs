@@ -451,7 +451,7 @@ fn blockers(world: &World, row: &Row, radius_m: f64) -> f64 {
 }
 
 /// Two cardioids of 1 dB from front to back. `still`: headings of those that report none.
-fn cardioids(row: &Row, boresight_rad: f64, still: &[f64]) -> f64 {
+pub(crate) fn cardioids(row: &Row, boresight_rad: f64, still: &[f64]) -> f64 {
     let [a, b] = [row.tx_at.plane_m, row.rx_at.plane_m];
     let bearing = (b[1] - a[1]).atan2(b[0] - a[0]);
     let loss = |bearing: f64, node: usize, heading: Option<f64>| {

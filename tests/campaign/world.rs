@@ -347,7 +347,7 @@ fn grove(draws: &mut Draws, layout: &Layout) -> Vec<Point> {
 }
 
 /// The way of a moving node.
-struct Path {
+pub(crate) struct Path {
     legs: Vec<Leg>,
 }
 
@@ -362,7 +362,7 @@ struct Leg {
 
 impl Path {
     /// From waypoint to waypoint at speeds from 1 m/s to the layout's greatest, with a halt of 2 to 20 s at every tenth.
-    fn new(draws: &mut Draws, layout: &Layout) -> Self {
+    pub(crate) fn new(draws: &mut Draws, layout: &Layout) -> Self {
         let mut at = anywhere(draws, layout, 0.5);
         let (mut now_s, mut heading_rad) = (0.0, 0.0);
         let mut legs = Vec::new();
@@ -385,7 +385,8 @@ impl Path {
         Self { legs }
     }
 
-    fn place_at(&self, time_s: f64) -> At {
+    /// Where the node is at a moment; its height is left at 0.
+    pub(crate) fn place_at(&self, time_s: f64) -> At {
         let index = self.legs.partition_point(|leg| leg.until_s < time_s);
         let leg = &self.legs[index];
         let left = if leg.lasts_s == 0.0 { 0.0 } else { (leg.until_s - time_s) / leg.lasts_s };
