@@ -2,6 +2,10 @@
 //!
 //! `cargo build --release --workspace && cargo run --release -p tests --bin blind-campaign -- --seeds 2`
 //!
+//! With `--unforeseen` the campaigns are of kinds that the diagnosis was not made for, and each answer is judged as honest,
+//! uncertain or falsely certain. With `--nulls` nothing of the catalogue is hidden, and the noise is of several kinds. Seeds of both
+//! follow from the last commit, so that every commit is measured on campaigns that nobody has seen.
+//!
 //! Each campaign that is finished is a line of the file named by `--out`; called again, only those that are not there are made.
 
 use anyhow::{Context as _, bail};
@@ -15,14 +19,25 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
-use tests::campaign::blind::{Cell, tables};
+use tests::campaign::blind::{self, Cell};
+use tests::campaign::unforeseen::{Question, table};
 
 /// Campaigns with a hidden effect, a diagnosis of each, and a table of how it did.
 #[derive(Parser)]
 struct Args {
-    /// Campaigns of each kind and size; 25 times as many with nothing hidden.
-    #[arg(long, default_value_t = 40)]
-    seeds: u64,
+    /// Campaigns of each kind and size; 25 times as many with nothing hidden [default: 40]. With --unforeseen or --nulls: campaigns
+    /// of each row [default: 30].
+    #[arg(long)]
+    seeds: Option<u64>,
+    /// Campaigns of kinds that the diagnosis was not made for, each with its honest answer.
+    #[arg(long, conflicts_with_all = ["nulls", "drawn", "rows"])]
+    unforeseen: bool,
+    /// Campaigns with nothing of the catalogue hidden, and noise of several kinds.
+    #[arg(long, conflicts_with_all = ["drawn", "rows"])]
+    nulls: bool,
+    /// Text that the seeds of --unforeseen and --nulls follow from [default: the last commit].
+    #[arg(long)]
+    seed_from: Option<String>,
     /// Rows of a campaign of links; of robots, four times as many.
     #[arg(long, default_value_t = 5000)]
     rows: usize,
@@ -49,16 +64,56 @@ struct Args {
 
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
+    if args.unforeseen || args.nulls {
+        let seed_from = match &args.seed_from {
+            Some(text) => text.clone(),
+            None => last_commit()?,
+        };
+        let n_seeds = args.seeds.unwrap_or(30);
+        let plan = if args.unforeseen {
+            Question::plan(n_seeds, &seed_from)
+        } else {
+            Question::nulls(n_seeds, &seed_from)
+        };
+        writeln!(std::io::stderr(), "seeds follow from {}", seed_from.trim())?;
+        let lines = lines(&args, plan, Question::name, answered)?;
+        write!(std::io::stdout(), "{}", table::tables(&lines))?;
+    } else {
+        let plan = Cell::plan(args.seeds.unwrap_or(40), args.drawn);
+        let lines = lines(&args, plan, Cell::name, line)?;
+        write!(std::io::stdout(), "{}", blind::tables(&lines))?;
+    }
+    Ok(())
+}
+
+/// The last commit's hash.
+fn last_commit() -> anyhow::Result<String> {
+    let output = Command::new("git")
+        .args(["rev-parse", "HEAD"])
+        .current_dir(tests::repository())
+        .stderr(Stdio::inherit())
+        .output()
+        .context("starting git for the last commit; name another text with --seed-from")?;
+    if !output.status.success() {
+        bail!("git names no last commit: name another text with --seed-from");
+    }
+    String::from_utf8(output.stdout).context("reading the last commit")
+}
+
+/// The lines of all campaigns of a plan: those of the file, and those made now.
+fn lines<T: Sync>(
+    args: &Args,
+    plan: Vec<T>,
+    name: fn(&T) -> String,
+    make: fn(&T, &Args) -> anyhow::Result<Value>,
+) -> anyhow::Result<Vec<Value>> {
     let mut lines = finished(&args.out)?;
     let done: BTreeSet<String> =
         lines.iter().filter_map(|line| line["cell"].as_str().map(str::to_owned)).collect();
     let is_asked = |name: &str| args.only.is_empty() || args.only.iter().any(|o| name.contains(o));
-    let plan: Vec<Cell> = Cell::plan(args.seeds, args.drawn)
-        .into_iter()
-        .filter(|cell| is_asked(&cell.name()))
-        .collect();
-    let names: BTreeSet<String> = plan.iter().map(Cell::name).collect();
-    let todo: Vec<&Cell> = plan.iter().filter(|cell| !done.contains(&cell.name())).collect();
+    let plan: Vec<T> = plan.into_iter().filter(|one| is_asked(&name(one))).collect();
+    let names: BTreeSet<String> = plan.iter().map(name).collect();
+    let todo: Vec<&T> = plan.iter().filter(|one| !done.contains(&name(one))).collect();
     if let Some(folder) = args.out.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
@@ -68,24 +123,25 @@ fn main() -> anyhow::Result<()> {
     let begin = Instant::now();
     let n_done = Mutex::new(0_usize);
     let new: Vec<Value> = pool.install(|| {
-        let each = todo.par_iter().with_max_len(1).map(|cell| {
-            let line = line(cell, &args)?;
+        let each = todo.par_iter().with_max_len(1).map(|one| {
+            let line = make(one, args)?;
             let mut n_done = n_done.lock().expect("no thread panics while it counts");
             *n_done += 1;
             writeln!(file.lock().expect("no thread panics while it writes"), "{line}")?;
             let left_s =
                 begin.elapsed().as_secs_f64() / *n_done as f64 * (todo.len() - *n_done) as f64;
-            let became = match line["error"].as_str() {
-                Some(error) => error.lines().next().unwrap_or("failed"),
-                None if line["right_first"] == true => "right",
-                None => "not right",
+            let became = match (line["error"].as_str(), line["judgement"].as_str()) {
+                (Some(error), _) => error.lines().next().unwrap_or("failed"),
+                (None, Some(judgement)) => judgement,
+                (None, None) if line["right_first"] == true => "right",
+                (None, None) => "not right",
             };
             writeln!(
                 std::io::stderr(),
                 "{} of {}, {left_s:.0} s left: {}: {became}",
                 *n_done,
                 todo.len(),
-                cell.name()
+                name(one)
             )?;
             Ok(line)
         });
@@ -96,8 +152,7 @@ fn main() -> anyhow::Result<()> {
     if lines.is_empty() {
         bail!("no campaign has one of {:?} in its name", args.only);
     }
-    write!(std::io::stdout(), "{}", tables(&lines))?;
-    Ok(())
+    Ok(lines)
 }
 
 /// The lines of an earlier call.
@@ -114,34 +169,56 @@ fn finished(path: &Path) -> anyhow::Result<Vec<Value>> {
 /// Makes a campaign, has it diagnosed, and judges that.
 fn line(cell: &Cell, args: &Args) -> anyhow::Result<Value> {
     let campaign = cell.campaign(args.rows);
+    let files = [campaign.csv.as_str(), campaign.config_toml.as_str()];
+    let judge = |written: &Value| cell.judged(&campaign, written);
+    let mut line = judged(args, &cell.name(), files, "diagnose", judge)?;
+    line["rows"] = json!(args.rows);
+    Ok(line)
+}
+
+/// Makes a campaign of a kind that was not foreseen, asks about it, and judges the answer.
+fn answered(question: &Question, args: &Args) -> anyhow::Result<Value> {
+    let case = question.case();
+    let files = [case.csv.as_str(), case.config_toml.as_str()];
+    judged(args, &question.name(), files, case.command(), |written| question.line(&case, written))
+}
+
+/// Writes data and configuration into a folder, runs a command of the orchestrator on them, and judges what it wrote.
+fn judged(
+    args: &Args,
+    name: &str,
+    [csv, config_toml]: [&str; 2],
+    command: &str,
+    judge: impl Fn(&Value) -> Value,
+) -> anyhow::Result<Value> {
     let temporary = tempfile::tempdir()?;
     let folder = match &args.keep {
-        Some(keep) => keep.join(cell.name().replace([' ', ':', '#', '(', ')', '+'], "_")),
+        Some(keep) => keep.join(name.replace([' ', ':', ',', '#', '(', ')', '+'], "_")),
         None => temporary.path().to_owned(),
     };
     std::fs::create_dir_all(&folder)?;
-    std::fs::write(folder.join("data.csv"), &campaign.csv)?;
-    std::fs::write(folder.join("config.toml"), &campaign.config_toml)?;
+    std::fs::write(folder.join("data.csv"), csv)?;
+    std::fs::write(folder.join("config.toml"), config_toml)?;
     let begin = Instant::now();
-    let mut line = match diagnosed(&folder, Duration::from_secs_f64(args.limit_s)) {
-        Ok(diagnosis) => cell.judged(&campaign, &diagnosis),
+    let mut line = match written(&folder, command, Duration::from_secs_f64(args.limit_s)) {
+        Ok(written) => judge(&written),
         Err(error) => {
-            let mut line = cell.judged(&campaign, &json!({}));
+            let mut line = judge(&json!({}));
             line["error"] = json!(format!("{error:#}"));
             line
         }
     };
     line["wall_s"] = json!(begin.elapsed().as_secs_f64());
-    line["rows"] = json!(args.rows);
     Ok(line)
 }
 
-/// Runs the diagnosis in a folder that holds a campaign: `orchestrator`, built beside this program.
-fn diagnosed(folder: &Path, limit: Duration) -> anyhow::Result<Value> {
+/// The JSON that a command writes about the campaign in a folder: of `orchestrator`, built beside this program.
+fn written(folder: &Path, command: &str, limit: Duration) -> anyhow::Result<Value> {
     let orchestrator = std::env::current_exe()?.with_file_name("orchestrator");
     let errors = std::fs::File::create(folder.join("errors.txt"))?;
+    let file = if command == "compare" { "comparison.json" } else { "diagnosis.json" };
     let mut child = Command::new(&orchestrator)
-        .args(["diagnose", "config.toml", "--data", "data.csv", "--json", "diagnosis.json"])
+        .args([command, "config.toml", "--data", "data.csv", "--json", file])
         .current_dir(folder)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -164,6 +241,6 @@ fn diagnosed(folder: &Path, limit: Duration) -> anyhow::Result<Value> {
         let said = std::fs::read_to_string(folder.join("errors.txt"))?;
         bail!("{status}: {}", said.trim());
     }
-    let text = std::fs::read_to_string(folder.join("diagnosis.json"))?;
+    let text = std::fs::read_to_string(folder.join(file))?;
     serde_json::from_str(&text).context("reading what it wrote")
 }
