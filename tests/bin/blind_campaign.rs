@@ -2,9 +2,9 @@
 //!
 //! `cargo build --release --workspace && cargo run --release -p tests --bin blind-campaign -- --seeds 2`
 //!
-//! With `--unforeseen` the campaigns are of kinds that the diagnosis was not made for, and each answer is judged as honest,
-//! uncertain or falsely certain. With `--nulls` nothing of the catalogue is hidden, and the noise is of several kinds. Seeds of both
-//! follow from the last commit, so that every commit is measured on campaigns that nobody has seen.
+//! With `--unforeseen` the campaigns are unlike those that the diagnosis was developed on, and each answer is judged as honest,
+//! uncertain or falsely certain. With `--nulls` no effect is hidden, and the noise is of several kinds. The seeds of both follow
+//! from the last commit, so that every commit is measured on fresh campaigns.
 //!
 //! Each campaign that is finished is a line of the file named by `--out`; called again, only those that are not there are made.
 
@@ -29,13 +29,13 @@ struct Args {
     /// of each row [default: 30].
     #[arg(long)]
     seeds: Option<u64>,
-    /// Campaigns of kinds that the diagnosis was not made for, each with its honest answer.
+    /// Run campaigns unlike those that the diagnosis was developed on, and judge how honest the answers are.
     #[arg(long, conflicts_with_all = ["nulls", "drawn", "rows"])]
     unforeseen: bool,
-    /// Campaigns with nothing of the catalogue hidden, and noise of several kinds.
+    /// Run null campaigns: nothing hidden, several kinds of noise.
     #[arg(long, conflicts_with_all = ["drawn", "rows"])]
     nulls: bool,
-    /// Text that the seeds of --unforeseen and --nulls follow from [default: the last commit].
+    /// Derive the seeds of --unforeseen and --nulls from this text [default: the hash of the last commit].
     #[arg(long)]
     seed_from: Option<String>,
     /// Rows of a campaign of links; of robots, four times as many.
@@ -76,11 +76,11 @@ fn main() -> anyhow::Result<()> {
             Question::nulls(n_seeds, &seed_from)
         };
         writeln!(std::io::stderr(), "seeds follow from {}", seed_from.trim())?;
-        let lines = lines(&args, plan, Question::name, answered)?;
+        let lines = lines(&args, plan, Question::name, question_line)?;
         write!(std::io::stdout(), "{}", table::tables(&lines))?;
     } else {
         let plan = Cell::plan(args.seeds.unwrap_or(40), args.drawn);
-        let lines = lines(&args, plan, Cell::name, line)?;
+        let lines = lines(&args, plan, Cell::name, cell_line)?;
         write!(std::io::stdout(), "{}", blind::tables(&lines))?;
     }
     Ok(())
@@ -93,14 +93,14 @@ fn last_commit() -> anyhow::Result<String> {
         .current_dir(tests::repository())
         .stderr(Stdio::inherit())
         .output()
-        .context("starting git for the last commit; name another text with --seed-from")?;
+        .context("starting git to find the last commit; give a text with --seed-from instead")?;
     if !output.status.success() {
-        bail!("git names no last commit: name another text with --seed-from");
+        bail!("no commit found: give a text with --seed-from");
     }
     String::from_utf8(output.stdout).context("reading the last commit")
 }
 
-/// The lines of all campaigns of a plan: those of the file, and those made now.
+/// The lines of all campaigns of a plan: those in the file, and those of campaigns run now.
 fn lines<T: Sync>(
     args: &Args,
     plan: Vec<T>,
@@ -166,25 +166,27 @@ fn finished(path: &Path) -> anyhow::Result<Vec<Value>> {
     Ok(lines.filter(|line: &Value| !line["error"].is_string()).collect())
 }
 
-/// Makes a campaign, has it diagnosed, and judges that.
-fn line(cell: &Cell, args: &Args) -> anyhow::Result<Value> {
+/// Makes a campaign, has it diagnosed, and judges the diagnosis.
+fn cell_line(cell: &Cell, args: &Args) -> anyhow::Result<Value> {
     let campaign = cell.campaign(args.rows);
     let files = [campaign.csv.as_str(), campaign.config_toml.as_str()];
     let judge = |written: &Value| cell.judged(&campaign, written);
-    let mut line = judged(args, &cell.name(), files, "diagnose", judge)?;
+    let mut line = judged_line(args, &cell.name(), files, "diagnose", judge)?;
     line["rows"] = json!(args.rows);
     Ok(line)
 }
 
-/// Makes a campaign of a kind that was not foreseen, asks about it, and judges the answer.
-fn answered(question: &Question, args: &Args) -> anyhow::Result<Value> {
+/// Makes a campaign of `--unforeseen` or `--nulls`, runs its command, and judges the answer.
+fn question_line(question: &Question, args: &Args) -> anyhow::Result<Value> {
     let case = question.case();
     let files = [case.csv.as_str(), case.config_toml.as_str()];
-    judged(args, &question.name(), files, case.command(), |written| question.line(&case, written))
+    judged_line(args, &question.name(), files, case.command(), |written| {
+        question.line(&case, written)
+    })
 }
 
-/// Writes data and configuration into a folder, runs a command of the orchestrator on them, and judges what it wrote.
-fn judged(
+/// Writes data and configuration into a folder, runs a command of the orchestrator there, and judges its JSON.
+fn judged_line(
     args: &Args,
     name: &str,
     [csv, config_toml]: [&str; 2],
@@ -200,7 +202,7 @@ fn judged(
     std::fs::write(folder.join("data.csv"), csv)?;
     std::fs::write(folder.join("config.toml"), config_toml)?;
     let begin = Instant::now();
-    let mut line = match written(&folder, command, Duration::from_secs_f64(args.limit_s)) {
+    let mut line = match run_orchestrator(&folder, command, Duration::from_secs_f64(args.limit_s)) {
         Ok(written) => judge(&written),
         Err(error) => {
             let mut line = judge(&json!({}));
@@ -212,8 +214,8 @@ fn judged(
     Ok(line)
 }
 
-/// The JSON that a command writes about the campaign in a folder: of `orchestrator`, built beside this program.
-fn written(folder: &Path, command: &str, limit: Duration) -> anyhow::Result<Value> {
+/// Runs a command of the orchestrator, built beside this program, in the folder of a campaign. Returns its JSON.
+fn run_orchestrator(folder: &Path, command: &str, limit: Duration) -> anyhow::Result<Value> {
     let orchestrator = std::env::current_exe()?.with_file_name("orchestrator");
     let errors = std::fs::File::create(folder.join("errors.txt"))?;
     let file = if command == "compare" { "comparison.json" } else { "diagnosis.json" };

@@ -1,21 +1,21 @@
-//! Campaigns of kinds that the diagnosis was not made for, each with its honest answer, and how diagnoses of them are judged.
+//! Campaigns unlike those that the diagnosis was developed on, each with its honest answer, and the judgement of a diagnosis.
 //!
-//! The rows are numbered 1 to 13, and may have variants that take turns from seed to seed. Beside them are kinds of noise with
-//! nothing of the catalogue hidden.
+//! The kinds are 13 rows of a table. A row may have several variants, which rotate with the seed. Null campaigns, in which no
+//! effect of the catalogue is hidden, differ in the distribution and the autocorrelation of their noise.
 
 mod air;
 mod anchors;
 pub mod answer;
 mod bands;
+mod constant_bias;
 mod drift;
 mod exponent;
 mod intervals;
 mod labels;
 pub mod nulls;
-mod plain;
 mod readings;
 mod robots;
-mod shadowed;
+mod shadowing;
 pub mod table;
 mod testbed;
 mod truck;
@@ -33,18 +33,18 @@ pub struct Case {
     pub csv: String,
     /// The model as configured.
     pub config_toml: String,
-    /// What should be said of it.
+    /// The honest answer.
     pub expected: Expected,
 }
 
-/// What should be said of a campaign.
+/// The honest answer to a campaign, and who gives it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Expected {
-    /// By `diagnose`: this answer.
+    /// `diagnose` gives this answer.
     Answer(Answer),
-    /// By `compare`: this plain error (dB), and nothing that a constant bias would depend on.
+    /// `compare` reports this root mean square error (dB), and blames no covariate that a constant bias does not depend on.
     PlainError(f64),
-    /// By `diagnose`: only parameters that are in intervals worth the name.
+    /// `diagnose` reports only parameters with valid intervals.
     Intervals,
 }
 
@@ -63,8 +63,8 @@ impl Case {
     pub fn judged(&self, written: &Value) -> Judged {
         match &self.expected {
             Expected::Answer(answer) => answer.judged(written),
-            Expected::PlainError(rmse_db) => plain::judged(*rmse_db, written),
-            Expected::Intervals => intervals::judged(intervals::ends(&self.csv), written),
+            Expected::PlainError(rmse_db) => constant_bias::judged(*rmse_db, written),
+            Expected::Intervals => intervals::judged(intervals::n_ends(&self.csv), written),
         }
     }
 }
@@ -72,18 +72,18 @@ impl Case {
 /// A kind of campaign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// A row of the table of what was not foreseen, from 1 on.
+    /// A row of the table, from 1 to 13.
     Row(u8),
-    /// Links with such noise, and nothing hidden.
+    /// Links with nothing hidden, and this noise.
     NullLinks(Noise),
-    /// Robots with such noise, and nothing hidden.
+    /// Robots with nothing hidden, and this noise.
     NullRobots(Noise),
 }
 
-/// What makes a variant from a seed.
+/// Makes the campaign of a seed.
 type Make = fn(u64) -> Case;
 
-/// The rows: what they are about, and their variants.
+/// The rows: title and variants.
 const ROWS: [(&str, &[(&str, Make)]); 13] = [
     (
         "one robot differs",
@@ -96,15 +96,17 @@ const ROWS: [(&str, &[(&str, Make)]); 13] = [
         "what changes over links, places or for a time",
         &[
             ("drift of every link", drift::link_case),
-            ("all nodes move under shadowing", |seed| shadowed::case(seed, shadowed::Movers::All)),
+            ("all nodes move under shadowing", |seed| {
+                shadowing::case(seed, shadowing::Movers::All)
+            }),
             ("truck", truck::case),
         ],
     ),
     (
         "only shadowing",
         &[
-            ("fixed nodes", |seed| shadowed::case(seed, shadowed::Movers::Nobody)),
-            ("fixed and moving nodes", |seed| shadowed::case(seed, shadowed::Movers::Some)),
+            ("fixed nodes", |seed| shadowing::case(seed, shadowing::Movers::Nobody)),
+            ("fixed and moving nodes", |seed| shadowing::case(seed, shadowing::Movers::Some)),
         ],
     ),
     (
@@ -125,7 +127,7 @@ const ROWS: [(&str, &[(&str, Make)]); 13] = [
     ("slower in turns", &[("unicycles", robots::slower_in_turns)]),
     ("unknown effect in x of robots", &[("drift over x", robots::unknown_in_x)]),
     ("exponent of another base", &[("log-distance", exponent::case)]),
-    ("compare: a constant bias", &[("constant bias", plain::case)]),
+    ("compare: a constant bias", &[("constant bias", constant_bias::case)]),
     (
         "parameters of any diagnosis",
         &[
@@ -149,16 +151,16 @@ const ROWS: [(&str, &[(&str, Make)]); 13] = [
     ),
 ];
 
-/// Number of variants before the one whose turn it is comes again.
+/// The variant of a row that a seed selects.
 fn variant(row: u8, seed: u64) -> &'static (&'static str, Make) {
     let (_, variants) = ROWS[usize::from(row) - 1];
     &variants[(seed % variants.len() as u64) as usize]
 }
 
-/// Two effects of the catalogue, of links or of robots, of which only the intervals are judged.
+/// A campaign with two effects of the catalogue, of links or of robots. Only the intervals are judged.
 fn pair(seed: u64) -> Case {
     let n_pairs = (LINK_PAIRS.len() + ROBOT_PAIRS.len()) as u64;
-    // By more than the number of variants, so that all pairs take their turns.
+    // Neighbouring seeds of this variant select different pairs.
     let turn = (seed / 3 % n_pairs) as usize;
     let size = [Size::Medium, Size::Clear][(seed / 48 % 2) as usize];
     let campaign = match LINK_PAIRS.get(turn) {
@@ -176,9 +178,9 @@ fn pair(seed: u64) -> Case {
     Case { csv, config_toml, expected: Expected::Intervals }
 }
 
-/// A campaign of another row, of which only the intervals are judged.
+/// A campaign of another row. Only the intervals are judged.
 fn only_intervals(row: u8, seed: u64) -> Case {
-    // Variants of the other row take turns over seeds that come here.
+    // One seed in 16 selects this variant: count those.
     let (_, make) = variant(row, seed / 16);
     Case { expected: Expected::Intervals, ..make(seed) }
 }
@@ -193,19 +195,19 @@ pub struct Question {
 }
 
 impl Question {
-    /// The plan of all rows, `n_seeds` campaigns of each.
+    /// The plan of all rows, `n_seeds` campaigns a row. The seeds follow from a text.
     #[must_use]
     pub fn plan(n_seeds: u64, seed_from: &str) -> Vec<Self> {
         let kinds: Vec<Kind> = (1..=13).map(Kind::Row).collect();
-        planned(&kinds, n_seeds, seed_from)
+        plan_of(&kinds, n_seeds, seed_from)
     }
 
-    /// The plan of all kinds of noise with nothing hidden, `n_seeds` campaigns of each.
+    /// The plan of all null campaigns, `n_seeds` of each kind. The seeds follow from a text.
     #[must_use]
     pub fn nulls(n_seeds: u64, seed_from: &str) -> Vec<Self> {
         let links = Noise::LINKS.map(Kind::NullLinks);
         let robots = Noise::ROBOTS.map(Kind::NullRobots);
-        planned(&[&links[..], &robots].concat(), n_seeds, seed_from)
+        plan_of(&[&links[..], &robots].concat(), n_seeds, seed_from)
     }
 
     /// Its row in the table.
@@ -246,7 +248,7 @@ impl Question {
         }
     }
 
-    /// What came of it: the line that is kept. `written`: the JSON of the command.
+    /// The line that is kept of it. `written`: the JSON of the command.
     #[must_use]
     pub fn line(&self, case: &Case, written: &Value) -> Value {
         let Judged { judgement, wrong } = case.judged(written);
@@ -278,14 +280,14 @@ impl Question {
 }
 
 /// Campaigns of these kinds, one of each before the next of any.
-fn planned(kinds: &[Kind], n_seeds: u64, seed_from: &str) -> Vec<Question> {
+fn plan_of(kinds: &[Kind], n_seeds: u64, seed_from: &str) -> Vec<Question> {
     let first = first_seed(seed_from);
     (first..first + n_seeds)
         .flat_map(|seed| kinds.iter().map(move |&kind| Question { kind, seed }))
         .collect()
 }
 
-/// The first seed that follows from a text: FNV-1a, and room for a million seeds before that of another text.
+/// The first of a million seeds that follow from a text, by its FNV-1a hash.
 fn first_seed(text: &str) -> u64 {
     let hash = text.trim().bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
@@ -299,7 +301,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn the_plan_has_thirty_campaigns_a_row_and_all_variants_take_turns() {
+    fn the_plan_has_thirty_campaigns_a_row_and_rotates_the_variants() {
         let plan = Question::plan(30, "some commit");
         assert_eq!(plan.len(), 390);
         let names: BTreeSet<String> = plan.iter().map(Question::name).collect();
@@ -329,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn all_pairs_take_their_turns_in_forty_campaigns() {
+    fn all_pairs_of_effects_rotate() {
         let pairs: Vec<u64> = (0..160)
             .filter(|seed| variant(13, *seed).0 == "pair of effects")
             .map(|seed| seed / 3 % 11)

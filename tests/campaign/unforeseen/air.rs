@@ -1,4 +1,4 @@
-//! Received power, frames and files of the link campaigns, from a world of the other campaigns.
+//! Received power, reception and files of the link campaigns.
 
 use crate::campaign::draws::Draws;
 use crate::campaign::link::bisected;
@@ -8,7 +8,7 @@ use crate::campaign::world::{Layout, Row, World, rounded};
 /// A link campaign before its frames are sent.
 pub(super) struct Air {
     pub(super) world: World,
-    /// Mean received power of every row at a transmit power of 0 dBm, as it truly is (dB).
+    /// True mean received power of every row at a transmit power of 0 dBm (dB).
     pub(super) level_db: Vec<f64>,
     /// The same, of the model as configured (dB).
     pub(super) model_db: Vec<f64>,
@@ -22,7 +22,7 @@ pub(super) struct Air {
     share: f64,
 }
 
-/// The frames, sent.
+/// The frames after reception.
 pub(super) struct Sent {
     pub(super) tx_power_dbm: f64,
     /// Per row what was read (dBm), if the frame was received.
@@ -30,12 +30,12 @@ pub(super) struct Sent {
 }
 
 impl Air {
-    /// Of a layout, with white noise, as the configured model says.
+    /// The air of a layout, in which the model as configured is right, with white noise.
     pub(super) fn new(seed: u64, layout: &Layout, n_rows: usize) -> Self {
         Self::of(seed, layout, World::new(seed, layout, &[], n_rows))
     }
 
-    /// Of a world.
+    /// The same, of a world that exists.
     pub(super) fn of(seed: u64, layout: &Layout, world: World) -> Self {
         let (mut noise, mut luck) = (Draws::new(seed, "noise"), Draws::new(seed, "reception"));
         let base = |row: &Row| world.base.gain_db(row.distance_m(), row.channel);
@@ -52,14 +52,14 @@ impl Air {
         }
     }
 
-    /// Adds to the received power of every row (dB), and not to what the model says.
+    /// Adds to the true received power of every row (dB), but not to the model.
     pub(super) fn add(&mut self, added_db: impl Fn(usize, &Row) -> f64) {
         for (index, row) in self.world.rows.iter().enumerate() {
             self.level_db[index] += added_db(index, row);
         }
     }
 
-    /// Adds to the received power of every row (dB), and to what the model says.
+    /// Adds to the true received power of every row and to the model (dB).
     pub(super) fn add_known(&mut self, added_db: impl Fn(usize, &Row) -> f64) {
         for (index, row) in self.world.rows.iter().enumerate() {
             let added_db = added_db(index, row);
@@ -68,7 +68,7 @@ impl Air {
         }
     }
 
-    /// Sends every frame, at a power at which the share drawn for this seed is received.
+    /// Sends every frame, at the transmit power at which the share of frames drawn for this seed is received.
     pub(super) fn send(&self) -> Sent {
         let n = self.level_db.len();
         let tx_power_dbm = bisected(-90.0, 90.0, 24, |power_dbm| {
@@ -89,7 +89,7 @@ impl Air {
         self.level_db[row] + self.noise_db[row]
     }
 
-    /// Root mean square error (dB) of the mean that the model as configured gives, over received rows.
+    /// Root mean square error of the mean of the model as configured over received rows (dB).
     pub(super) fn plain_rmse_db(&self, sent: &Sent) -> f64 {
         let errors = sent.readings.iter().zip(&self.model_db).filter_map(|(reading, level_db)| {
             reading.map(|reading| reading - sent.tx_power_dbm - level_db)
@@ -98,7 +98,7 @@ impl Air {
         (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()
     }
 
-    /// The same, divided by what noise and rounding leave.
+    /// The same, divided by the standard deviation of noise and rounding.
     pub(super) fn error_over_noise(&self, sent: &Sent) -> f64 {
         self.plain_rmse_db(sent) / (self.noise_sd_db.powi(2) + 1.0 / 12.0).sqrt()
     }
@@ -114,20 +114,20 @@ impl Air {
     }
 }
 
-/// A layout drawn from a seed, at most 2 dB of noise, with nodes that move at up to `speed_mps`.
+/// A layout drawn from a seed, with at most 2 dB of noise and nodes that move at up to `speed_mps`.
 pub(super) fn layout(seed: u64, speed_mps: f64) -> Layout {
     let drawn = Layout::drawn(seed);
     let noise_db = drawn.noise_db.min(2.0);
     Layout { speed_mps, noise_db, ..drawn }
 }
 
-/// How many rows a campaign has: between two bounds.
+/// The number of rows of a campaign, drawn between two bounds.
 pub(super) fn n_rows(seed: u64, low: usize, high: usize) -> usize {
     low + Draws::new(seed, "rows").below(high - low + 1)
 }
 
-/// An Ornstein-Uhlenbeck process at ascending times: its stationary standard deviation, and the time in which its correlation
-/// falls to 1/e (Uhlenbeck and Ornstein 1930).
+/// An Ornstein-Uhlenbeck process (Uhlenbeck and Ornstein 1930) at ascending times. `tau_s`: correlation time; `sd`: stationary
+/// standard deviation.
 pub(super) fn ornstein_uhlenbeck(
     draws: &mut Draws,
     times_s: impl Iterator<Item = f64>,
@@ -145,7 +145,7 @@ pub(super) fn ornstein_uhlenbeck(
         .collect()
 }
 
-/// A random walk at ascending times, from 0 at the first: `per_root_s` is its standard deviation after a second.
+/// A random walk at ascending times, 0 at the first. `per_root_s`: its standard deviation after a second.
 pub(super) fn random_walk(
     draws: &mut Draws,
     times_s: impl Iterator<Item = f64>,
@@ -162,7 +162,7 @@ pub(super) fn random_walk(
         .collect()
 }
 
-/// A value per frame, per row.
+/// The value of each row's frame.
 pub(super) fn per_frame(world: &World, values: &[f64]) -> Vec<f64> {
     world.rows.iter().map(|row| values[row.frame]).collect()
 }

@@ -1,4 +1,4 @@
-//! One node that moves among anchors, for a few minutes: few blocks of time, and a level that is far off.
+//! One node that moves among anchors for a few minutes. The blocks of time are few, and the level is far off.
 
 use super::air::{Air, layout};
 use super::answer::{Answer, Claim};
@@ -7,7 +7,7 @@ use crate::campaign::draws::Draws;
 use crate::campaign::field::{Kernel, pair_field};
 use crate::campaign::world::{Base, Layout, World, rounded};
 
-/// What the model lacks: a constant (dB).
+/// The constant that the model lacks (dB).
 fn bias_db(seed: u64) -> f64 {
     let mut draws = Draws::new(seed, "bias");
     let size_db = draws.between(17.0, 50.0);
@@ -49,7 +49,7 @@ fn air(seed: u64) -> Air {
     air
 }
 
-/// A campaign: the level must be named, over places, and random effects may be named beside it.
+/// Honest: the level, judged on places. Random effects may be named beside it.
 pub(super) fn case(seed: u64) -> Case {
     let air = air(seed);
     let sent = air.send();

@@ -1,4 +1,4 @@
-//! What a diagnosis should say of a campaign, and how what it says is judged.
+//! The honest answer to a campaign, and the judgement of a diagnosis by it.
 
 use crate::campaign::blind::{is_one_of, texts};
 use serde_json::Value;
@@ -8,9 +8,9 @@ use serde_json::Value;
 pub enum Judgement {
     /// It gave the honest answer.
     Honest,
-    /// It claimed nothing wrong with certainty, and did not give the answer.
+    /// It made no wrong claim with certainty, but did not give the honest answer.
     Uncertain,
-    /// It claimed something wrong with certainty.
+    /// It made a wrong claim without a warning or a tie to the truth, or certified a model that is visibly wrong.
     FalseCertain,
 }
 
@@ -31,7 +31,7 @@ impl Judgement {
 pub struct Judged {
     /// How the diagnosis did.
     pub judgement: Judgement,
-    /// Names of what it claimed wrongly.
+    /// Names of the wrong claims.
     pub wrong: Vec<String>,
 }
 
@@ -40,26 +40,26 @@ pub struct Judged {
 pub struct Answer {
     /// Claims that must all be made.
     pub required: Vec<Claim>,
-    /// Claims that may stand beside those.
+    /// Claims that may be made beside those.
     pub permitted: Vec<Claim>,
     /// Covariates in which the truth leaves structure.
     pub structure: Vec<&'static str>,
     /// Verdicts that are right.
     pub verdicts: Vec<&'static str>,
-    /// How the unit that was held out must begin, where that is part of the answer.
+    /// The unit that must be held out, if that is part of the answer: the first letters of its name.
     pub split: Option<&'static str>,
-    /// Root mean square error of the model as configured, divided by that of the noise.
+    /// Root mean square error of the model as configured, divided by the standard deviation of the noise.
     pub error_over_noise: f64,
 }
 
-/// A claim that something acts.
+/// A claim that an effect acts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Claim {
-    /// Names, any of which makes the claim.
+    /// Names of effects, any of which makes the claim.
     pub effects: Vec<&'static str>,
-    /// For whom and when; empty: for all, always.
+    /// For whom and when; empty: for all agents, nodes and runs, always.
     pub scope: Scope,
-    /// Ranges of parameters.
+    /// Parameters, and the range in which each must be.
     pub near: Vec<(&'static str, [f64; 2])>,
 }
 
@@ -76,7 +76,7 @@ pub struct Scope {
     pub from_s: Option<[f64; 2]>,
     /// Range of the end (s).
     pub until_s: Option<[f64; 2]>,
-    /// Whether a claim without any scope is as good.
+    /// Whether a claim without a scope is as good.
     pub is_optional: bool,
 }
 
@@ -85,14 +85,14 @@ pub struct Scope {
 enum Agreement {
     /// Another cause, or the right one with a wrong scope or value.
     No,
-    /// The right cause, of a scope that is wider or narrower than the true one.
+    /// The right cause, with a scope wider or narrower than the true one.
     Vague,
-    /// The claim itself.
+    /// The right cause with the right scope.
     Full,
 }
 
 impl Claim {
-    /// That this effect acts on all, always.
+    /// The claim that this effect acts on all, always.
     #[must_use]
     pub fn of(effect: &'static str) -> Self {
         Self { effects: vec![effect], ..Self::default() }
@@ -150,7 +150,7 @@ fn vague_unless(is_full: bool) -> Agreement {
 }
 
 impl Answer {
-    /// The answer that these claims are.
+    /// The answer that makes these claims.
     #[must_use]
     pub fn of(required: Vec<Claim>) -> Self {
         Self { required, verdicts: vec!["missing-effects"], ..Self::default() }
@@ -162,7 +162,7 @@ impl Answer {
         Self { verdicts: vec!["nothing-missing"], ..Self::default() }
     }
 
-    /// The same, where these effects may be named, too.
+    /// Permits these effects.
     #[must_use]
     pub fn permitting(mut self, effects: &[&'static str]) -> Self {
         self.permitted.extend(effects.iter().map(|effect| Claim::of(effect)));
@@ -172,21 +172,21 @@ impl Answer {
         self
     }
 
-    /// The same, where these covariates carry structure.
+    /// Permits structure over these covariates.
     #[must_use]
     pub fn with_structure(mut self, covariates: &[&'static str]) -> Self {
         self.structure.extend(covariates);
         self
     }
 
-    /// The same, of a model as configured that errs by this many times the noise.
+    /// States the error of the model as configured, divided by the noise.
     #[must_use]
     pub const fn with_error(mut self, error_over_noise: f64) -> Self {
         self.error_over_noise = error_over_noise;
         self
     }
 
-    /// Judges what `diagnose --json` wrote.
+    /// Judges the JSON of `diagnose`.
     #[must_use]
     pub fn judged(&self, diagnosis: &Value) -> Judged {
         let list = |key: &str| diagnosis[key].as_array().into_iter().flatten();
@@ -252,7 +252,7 @@ impl Answer {
     }
 }
 
-/// Name of a candidate, or covariate of structure.
+/// Name of a candidate, or the covariate of a structure.
 fn name(one: &Value) -> &str {
     one["covariate"].as_str().or_else(|| one["effect"].as_str()).unwrap_or_default()
 }

@@ -8,10 +8,10 @@ use crate::campaign::radio;
 
 /// Half the width of a band (MHz).
 const HALF_MHZ: f64 = 11.0;
-/// How near a centre must be named (MHz): less than half the distance between channels.
+/// Tolerance of a named centre (MHz): less than half the distance between channels.
 const NEAR_MHZ: f64 = 2.4;
 
-/// Centres (MHz) and shares of the time that they are occupied.
+/// Centres (MHz) and duty cycles.
 fn bands(seed: u64) -> [(f64, f64); 2] {
     let mut draws = Draws::new(seed, "two bands");
     let order = draws.order(3);
@@ -30,7 +30,7 @@ fn air(seed: u64) -> Air {
     air
 }
 
-/// A campaign: interference must be named twice, with its centres.
+/// Honest: interference twice, with the two centres.
 pub(super) fn case(seed: u64) -> Case {
     let air = air(seed);
     let sent = air.send();

@@ -1,4 +1,4 @@
-//! Noise that drifts: of all links in common, and of every link by itself.
+//! Received power that drifts: common to all links, or independently on every link.
 
 use super::air::{Air, frame_times, layout, n_rows, ornstein_uhlenbeck, per_frame};
 use super::answer::{Answer, Claim};
@@ -7,7 +7,7 @@ use super::{Case, Expected};
 use crate::campaign::draws::Draws;
 use std::collections::BTreeMap;
 
-/// Correlation time (s) and standard deviation (dB) of the drift that all links have in common.
+/// Correlation time (s) and standard deviation (dB) of the common drift.
 fn common(seed: u64) -> (f64, f64) {
     let mut draws = Draws::new(seed, "common drift");
     (draws.between(60.0, 300.0), draws.between(1.0, 2.0))
@@ -24,19 +24,19 @@ fn common_air(seed: u64) -> Air {
     air
 }
 
-/// All links drift together, beside temperature, humidity and dust that vary and do nothing.
+/// Honest: drift. Temperature, humidity and dust vary smoothly and have no effect.
 pub(super) fn common_case(seed: u64) -> Case {
     case(&common_air(seed), "drift", &["time_s"])
 }
 
-/// Correlation time (s) and standard deviation (dB) of the drift of every link.
+/// Correlation time (s) and standard deviation (dB) of the drift of each link.
 fn single(seed: u64) -> (f64, f64) {
     let mut draws = Draws::new(seed, "drift of a link");
     (100.0 * 10_f64.powf(draws.uniform()), draws.between(2.0, 4.0))
 }
 
 fn link_air(seed: u64) -> Air {
-    // Few nodes, so that every link is heard several times within its correlation time.
+    // With few nodes, every link has several rows within its correlation time.
     let few = 5 + Draws::new(seed, "nodes").below(3);
     let mut layout = layout(seed, 1.0);
     (layout.n_fixed, layout.n_moving) = (few, 0);
@@ -60,7 +60,7 @@ fn link_air(seed: u64) -> Air {
     air
 }
 
-/// Every link drifts by itself.
+/// Honest: time-correlated fading of each link.
 pub(super) fn link_case(seed: u64) -> Case {
     case(&link_air(seed), "link-drift", &[])
 }

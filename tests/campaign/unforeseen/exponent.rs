@@ -1,4 +1,4 @@
-//! A model with an exponent of the path loss that is not the site's.
+//! A log-distance base whose path loss exponent is not the site's.
 
 use super::air::{Air, layout, n_rows};
 use super::answer::{Answer, Claim};
@@ -6,10 +6,10 @@ use super::{Case, Expected};
 use crate::campaign::draws::Draws;
 use crate::campaign::world::{Base, Layout, rounded};
 
-/// How near the exponent must be named.
+/// Tolerance of the named exponent.
 const NEAR: f64 = 0.15;
 
-/// The exponent that the model has, and that of the site.
+/// The configured exponent and the site's.
 fn exponents(seed: u64) -> [f64; 2] {
     let mut draws = Draws::new(seed, "exponents");
     [rounded(draws.between(2.9, 3.1), 1), draws.between(2.0, 2.6)]
@@ -28,7 +28,7 @@ fn air(seed: u64) -> Air {
     air
 }
 
-/// A campaign: the exponent of the site must be named.
+/// Honest: the path loss exponent, with the site's value.
 pub(super) fn case(seed: u64) -> Case {
     let air = air(seed);
     let sent = air.send();

@@ -1,11 +1,11 @@
-//! What must hold of every parameter that a diagnosis reports, whatever was hidden.
+//! Rules that every reported parameter must obey, whatever was hidden.
 
 use super::answer::{Judged, Judgement};
 use crate::campaign::blind::texts;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// The range that each parameter is fitted in: `docs/effects.md`.
+/// Width of the range in which each parameter is fitted (`docs/effects.md`).
 const RANGES: [(&str, &str, f64); 36] = [
     ("acceleration-limit", "limit_mps2", 1e6),
     ("actuator-lag", "tau_s", 10.0),
@@ -46,7 +46,7 @@ const RANGES: [(&str, &str, f64); 36] = [
 ];
 
 /// Numbers of distinct senders and receivers in a file of links; `None` for robots.
-pub(super) fn ends(csv: &str) -> Option<[usize; 2]> {
+pub(super) fn n_ends(csv: &str) -> Option<[usize; 2]> {
     let mut lines = csv.lines();
     let names: Vec<&str> = lines.next()?.split(',').collect();
     let [tx, rx] = ["tx", "rx"].map(|name| names.iter().position(|other| *other == name));
@@ -60,7 +60,7 @@ pub(super) fn ends(csv: &str) -> Option<[usize; 2]> {
     Some([senders.len(), receivers.len()])
 }
 
-/// Judges the parameters of a diagnosis. `ends`: how many senders and receivers the file has.
+/// Judges the parameters of a diagnosis. `ends`: numbers of senders and receivers in the file.
 pub(super) fn judged(ends: Option<[usize; 2]>, diagnosis: &Value) -> Judged {
     let mut wrong = Vec::new();
     let mut n_parameters = 0;
@@ -150,14 +150,14 @@ mod tests {
     }
 
     #[test]
-    fn what_reports_nothing_is_not_judged_right() {
+    fn a_diagnosis_without_parameters_is_not_honest() {
         let nothing = json!({"verdict": "nothing-missing", "missing": [], "candidates": []});
         assert_eq!(judged(None, &nothing).judgement, Judgement::Uncertain);
     }
 
     #[test]
     fn ends_are_counted() {
-        assert_eq!(ends("time_s,tx,rx\n1,4,2\n2,4,3\n3,4,2\n"), Some([1, 2]));
-        assert_eq!(ends("time_s,agent\n1,4\n"), None);
+        assert_eq!(n_ends("time_s,tx,rx\n1,4,2\n2,4,3\n3,4,2\n"), Some([1, 2]));
+        assert_eq!(n_ends("time_s,agent\n1,4\n"), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Defects of what stands beside a reading: directions, moments, channels, places, and who sent to whom.
+//! Defects of the other columns: headings, times, channels, positions, sender and receiver.
 
 use super::air::{Air, Sent, layout, n_rows, with_column};
 use super::answer::Scope;
@@ -11,21 +11,21 @@ use crate::campaign::world::{At, Layout, Path, Row, World, rounded};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt::Write as _;
 
-/// What a file says in place of the truth: rows and their readings.
+/// The rows as logged, and their readings.
 struct Log {
     rows: Vec<Row>,
     readings: Vec<Option<f64>>,
 }
 
 impl Log {
-    /// The true rows, each changed.
+    /// The true rows with an error in each.
     fn new(air: &Air, sent: &Sent, mut change: impl FnMut(&mut Row)) -> Self {
         let mut rows = air.world.rows.clone();
         rows.iter_mut().for_each(&mut change);
         Self { rows, readings: sent.readings.clone() }
     }
 
-    /// Root mean square error of a model (dB, of the row as written) over received rows, divided by the noise.
+    /// Root mean square error over received rows of a model given the rows as logged, divided by the noise.
     fn error_over_noise(&self, air: &Air, sent: &Sent, model_db: impl Fn(&Row) -> f64) -> f64 {
         let squares: Vec<f64> = (self.rows.iter().zip(&self.readings))
             .filter_map(|(row, reading)| {
@@ -57,13 +57,13 @@ fn place(seed: u64, n_fixed: [usize; 2], n_moving: [usize; 2]) -> Layout {
     Layout { n_fixed, n_moving, ..layout(seed, draws.between(2.0, 6.0)) }
 }
 
-/// Front-to-back ratio (dB) and boresight (rad) of the pattern that the model knows.
+/// Front-to-back ratio (dB) and boresight (rad) of the configured antenna pattern.
 fn pattern(seed: u64) -> (f64, f64) {
     let mut draws = Draws::new(seed, "pattern");
     (rounded(draws.between(8.0, 20.0), 1), rounded(draws.between(-PI, PI), 2))
 }
 
-/// Headings are written clockwise from north, and the model has the pattern of the antennas.
+/// Honest: `measurement:heading-convention`. Headings are logged clockwise from north; the antenna pattern is configured.
 pub(super) fn heading_convention(seed: u64) -> Case {
     let mut air = Air::new(seed, &place(seed, [0, 0], [6, 9]), n_rows(seed, 3000, 4800));
     let (front_to_back_db, boresight_rad) = pattern(seed);
@@ -86,19 +86,19 @@ pub(super) fn heading_convention(seed: u64) -> Case {
     case(log.csv(&air), config_toml, answer)
 }
 
-/// A direction from east, counter-clockwise, as one from north, clockwise.
+/// Converts an angle counter-clockwise from east into one clockwise from north.
 fn compass_rad(heading_rad: f64) -> f64 {
     rounded((FRAC_PI_2 - heading_rad + PI).rem_euclid(TAU) - PI, 4)
 }
 
-/// The receiver whose clock is wrong, and by how much its stamps are late (s).
+/// The receiver whose clock is wrong, and its error (s).
 fn skew(seed: u64, n_nodes: usize) -> (usize, f64) {
     let mut draws = Draws::new(seed, "clock");
     let late_s = draws.between(4.0, 8.0);
     (draws.below(n_nodes), rounded(if draws.chance(0.5) { late_s } else { -late_s }, 2))
 }
 
-/// The clock of one receiver is wrong: what it heard is joined with where the nodes were at another moment.
+/// Honest: `measurement:clock-skew`. One receiver's clock is wrong, so its readings are joined with the positions of another time.
 pub(super) fn clock_skew(seed: u64) -> Case {
     let place = place(seed, [2, 6], [5, 8]);
     let air = Air::new(seed, &place, n_rows(seed, 3000, 4800));
@@ -119,7 +119,7 @@ pub(super) fn clock_skew(seed: u64) -> Case {
             row.time_s = stamp_s;
         }
     });
-    // What would be stamped before the beginning or after the end is not in the file.
+    // Rows with times before the start or after the end are dropped.
     let is_kept =
         |row: &Row| row.rx != node || (0.0..=place.duration_s).contains(&(row.time_s + late_s));
     let kept: Vec<bool> = air.world.rows.iter().map(is_kept).collect();
@@ -133,12 +133,12 @@ pub(super) fn clock_skew(seed: u64) -> Case {
     case(log.csv(&air), air.config(&sent), answer)
 }
 
-/// Whether channel labels are one too high or one too low.
+/// The error of channel labels: 1 or -1.
 fn shift(seed: u64) -> i16 {
     if Draws::new(seed, "labels").chance(0.5) { 1 } else { -1 }
 }
 
-/// Bands that other traffic occupies, and for which share of the time, as the model knows.
+/// Centre (MHz) and duty cycle of the configured interference.
 fn bands(seed: u64) -> [(f64, f64); 2] {
     let mut draws = Draws::new(seed, "bands");
     let order = draws.order(3);
@@ -148,7 +148,7 @@ fn bands(seed: u64) -> [(f64, f64); 2] {
 fn channel_air(seed: u64) -> Air {
     let place = place(seed, [6, 12], [0, 5]);
     let mut world = World::new(seed, &place, &[], n_rows(seed, 3500, 5000));
-    // All labels stay between 11 and 26.
+    // All labels stay in 11 to 26.
     let (lowest, beyond) = if shift(seed) == 1 { (11, 26) } else { (12, 11) };
     for row in world.rows.iter_mut().filter(|row| row.channel == beyond) {
         row.channel = lowest + (row.frame % 15) as u8;
@@ -164,7 +164,7 @@ fn channel_air(seed: u64) -> Air {
     air
 }
 
-/// Labels of channels are shifted by one, and the model knows which bands are occupied.
+/// Honest: `measurement:channel-shift`. Channel labels are shifted by one; interference on two bands is configured.
 pub(super) fn channel_shift(seed: u64) -> Case {
     let air = channel_air(seed);
     let sent = air.send();
@@ -185,8 +185,8 @@ pub(super) fn channel_shift(seed: u64) -> Case {
     case(log.csv(&air), config_toml, answer)
 }
 
-/// The file of an air in which the places of moving nodes are off, independently at every frame, by 1 to 2 m.
-fn misplaced(seed: u64, air: &Air, sent: &Sent) -> Log {
+/// Adds noise of 1 to 2 m to the positions of moving nodes, independently in every frame.
+fn with_position_noise(seed: u64, air: &Air, sent: &Sent) -> Log {
     let mut draws = Draws::new(seed, "places off");
     let sd_m = draws.between(1.0, 2.0);
     let off_m: Vec<Vec<[f64; 2]>> = air
@@ -207,31 +207,32 @@ fn misplaced(seed: u64, air: &Air, sent: &Sent) -> Log {
     })
 }
 
-/// Positions of moving nodes are measured with noise.
+/// Honest: `measurement:position-noise`.
 pub(super) fn position_noise(seed: u64) -> Case {
     let (csv, config_toml, error) = with_noisy_places(seed);
     let answer = defect("measurement:position-noise", Scope::default()).with_error(error);
     case(csv, config_toml, answer)
 }
 
-/// File, configuration and error over noise of a campaign with noisy positions.
+/// File, configuration and error over noise of a campaign with noisy positions of moving nodes.
 pub(super) fn with_noisy_places(seed: u64) -> (String, String, f64) {
     let place = place(seed, [4, 8], [5, 8]);
     let place = Layout { noise_db: place.noise_db.min(1.2), ..place };
     let air = Air::new(seed, &place, n_rows(seed, 3500, 5000));
     let sent = air.send();
-    let log = misplaced(seed, &air, &sent);
+    let log = with_position_noise(seed, &air, &sent);
     let error = log.error_over_noise(&air, &sent, |row| base_db(&air, row));
     (log.csv(&air), air.config(&sent), error)
 }
 
-/// Offsets that the model knows: of sent frames and of received ones (dB).
+/// The configured offsets of each node as transmitter and as receiver (dB).
 fn known_offsets(seed: u64, n_nodes: usize) -> [Vec<f64>; 2] {
     let mut draws = Draws::new(seed, "known offsets");
     [(); 2].map(|()| (0..n_nodes).map(|_| rounded(4.0 * draws.normal(), 1)).collect())
 }
 
-/// Sender and receiver are exchanged in one run, or in what one receiver logged.
+/// Honest: `measurement:swapped-ends`. Sender and receiver are swapped in one run, or in the log of one receiver. Node offsets are
+/// configured.
 pub(super) fn swapped_ends(seed: u64) -> Case {
     let mut air = Air::new(seed, &place(seed, [7, 12], [0, 4]), n_rows(seed, 3000, 4800));
     let n_nodes = air.world.n_nodes;
@@ -278,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn a_compass_counts_from_north_clockwise() {
+    fn compass_headings_count_clockwise_from_north() {
         // East, north, west, south.
         let compass = [0.0, FRAC_PI_2, PI, -FRAC_PI_2].map(compass_rad);
         for (said, expected) in compass.into_iter().zip([FRAC_PI_2, 0.0, -FRAC_PI_2, -PI]) {
@@ -292,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn the_late_receiver_alone_has_other_moments() {
+    fn only_the_receiver_with_the_wrong_clock_has_other_times() {
         for seed in 0..4 {
             let case = clock_skew(seed);
             assert!(case.csv.lines().count() <= 4801);
@@ -323,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_frames_pass_on_the_channels_whose_true_number_is_in_a_band() {
+    fn interference_acts_on_the_true_channel() {
         let seed = 3;
         let air = channel_air(seed);
         let sent = air.send();
@@ -352,11 +353,11 @@ mod tests {
     }
 
     #[test]
-    fn places_of_moving_nodes_alone_are_off() {
+    fn only_positions_of_moving_nodes_are_noisy() {
         let seed = 5;
         let air = Air::new(seed, &place(seed, [4, 8], [5, 8]), 4000);
         let sent = air.send();
-        let log = misplaced(seed, &air, &sent);
+        let log = with_position_noise(seed, &air, &sent);
         let off: Vec<f64> = (air.world.rows.iter().zip(&log.rows))
             .map(|(truth, said)| {
                 let off_m = said.tx_at.plane_m[0] - truth.tx_at.plane_m[0];
@@ -371,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn exchanged_ends_contradict_the_known_offsets() {
+    fn swapped_ends_contradict_the_configured_offsets() {
         for seed in 0..4 {
             let case = swapped_ends(seed);
             assert!(1.2 < error(&case), "{}", error(&case));

@@ -1,4 +1,4 @@
-//! Campaigns in which nothing of the catalogue is hidden, and the noise is not always white.
+//! Null campaigns: no effect of the catalogue is hidden, and the noise is white or not.
 
 use super::air::{Air, frame_times, layout, n_rows, ornstein_uhlenbeck, per_frame, random_walk};
 use super::answer::{Answer, Claim};
@@ -8,24 +8,24 @@ use crate::campaign::fleet::Drive;
 use crate::campaign::motion::{Physics, SAMPLE_S, advance};
 use crate::campaign::robots::{Error, HEADING_SD_RAD, Plan};
 
-/// What the noise is like.
+/// A kind of noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Noise {
     /// Independent and normal.
     White,
     /// Student's t with four degrees of freedom.
     HeavyTailed,
-    /// A gamma distribution of shape 4 less its mean, to either side.
+    /// A centred gamma distribution of shape 4, skewed to either side.
     Skewed,
-    /// White, and a drift with this correlation time (s).
+    /// White, with a drift of this correlation time (s).
     Drift(f64),
-    /// White, and a random walk.
+    /// White, with a random walk.
     RandomWalk,
-    /// White, node offsets, and a drift: links only.
+    /// White, with node offsets and a drift: links only.
     OffsetsAndDrift,
-    /// White, and positions of moving nodes are noisy: links only.
+    /// White, with noisy positions of moving nodes: links only.
     NoisyPositions,
-    /// White, and a gross error in a hundred readings.
+    /// White, with about 1 % of gross errors.
     Outliers,
 }
 
@@ -70,8 +70,8 @@ impl Noise {
         }
     }
 
-    /// One draw of the independent part: mean 0, standard deviation 1. `side`: where a skewed one has its tail.
-    fn draw(self, draws: &mut Draws, side: f64) -> f64 {
+    /// One draw of the independent part: mean 0, standard deviation 1. `skew_sign`: 1 or -1.
+    fn draw(self, draws: &mut Draws, skew_sign: f64) -> f64 {
         match self {
             Self::HeavyTailed => {
                 // A normal over the root of a χ² with four degrees over four has the variance 2.
@@ -80,20 +80,21 @@ impl Noise {
             }
             Self::Skewed => {
                 let sum: f64 = (0..4).map(|_| -(1.0 - draws.uniform()).ln()).sum();
-                side * (sum - 4.0) / 2.0
+                skew_sign * (sum - 4.0) / 2.0
             }
             _ => draws.normal(),
         }
     }
 }
 
-/// Which way skewed noise has its tail.
-fn side(seed: u64) -> f64 {
+/// The sign of the skewness: 1 or -1.
+fn skew_sign(seed: u64) -> f64 {
     if Draws::new(seed, "side").chance(0.5) { 1.0 } else { -1.0 }
 }
 
-/// The course of a drift, if there is one, at ascending times; its size is that of the noise times `scale`.
-fn course(
+/// The drift at ascending times, if this kind of noise has one. `scale`: its standard deviation, of a random walk after ten
+/// minutes.
+fn drift_course(
     noise: Noise,
     seed: u64,
     purpose: &str,
@@ -107,7 +108,6 @@ fn course(
             let tau_s = draws.between(60.0, 300.0);
             Some(ornstein_uhlenbeck(&mut draws, times_s, tau_s, scale))
         }
-        // As far as the noise in ten minutes.
         Noise::RandomWalk => Some(random_walk(&mut draws, times_s, scale / 600.0_f64.sqrt())),
         _ => None,
     }
@@ -116,13 +116,13 @@ fn course(
 fn link_air(seed: u64, noise: Noise) -> Air {
     let mut air = Air::new(seed, &layout(seed, 15.0), n_rows(seed, 2000, 5000));
     let mut draws = Draws::new(seed, "noise of this kind");
-    let side = side(seed);
+    let skew_sign = skew_sign(seed);
     for value in &mut air.noise_db {
-        *value = air.noise_sd_db * noise.draw(&mut draws, side);
+        *value = air.noise_sd_db * noise.draw(&mut draws, skew_sign);
     }
     let times = frame_times(&air.world);
     let scale_db = air.noise_sd_db * draws.between(0.5, 1.0);
-    if let Some(drift) = course(noise, seed, "drift", times.into_iter(), scale_db) {
+    if let Some(drift) = drift_course(noise, seed, "drift", times.into_iter(), scale_db) {
         let drift_db = per_frame(&air.world, &drift);
         air.add(|index, _| drift_db[index]);
     }
@@ -134,7 +134,7 @@ fn link_air(seed: u64, noise: Noise) -> Air {
     air
 }
 
-/// What may be named: nothing, or what the noise is.
+/// The honest answer: nothing, or the kind of noise.
 fn answer(noise: Noise) -> Answer {
     match noise {
         Noise::White | Noise::HeavyTailed | Noise::Skewed => Answer::nothing(),
@@ -158,13 +158,13 @@ pub(super) fn links(seed: u64, noise: Noise) -> Case {
     let air = link_air(seed, noise);
     let mut sent = air.send();
     if noise == Noise::Outliers {
-        readings::spoil(&mut sent, seed);
+        readings::add_outliers(&mut sent, seed);
     }
     let answer = answer(noise).with_error(air.error_over_noise(&sent));
     Case { csv: air.csv(&sent), config_toml: air.config(&sent), expected: Expected::Answer(answer) }
 }
 
-/// What is measured of robots less the truth, per sample and robot.
+/// Errors of the measured positions, per sample and robot.
 fn errors(
     seed: u64,
     noise: Noise,
@@ -173,11 +173,11 @@ fn errors(
     sd_m: f64,
 ) -> Vec<Vec<Error>> {
     let mut draws = Draws::new(seed, "localization of this kind");
-    let side = side(seed);
+    let skew_sign = skew_sign(seed);
     let share = draws.between(0.007, 0.015);
-    // Of a drift in common (a base station), or of every robot by itself.
+    // The drift is common to all robots (a base station), or independent.
     let is_common = draws.chance(0.5);
-    // A drift that changes in a second by up to as much as the noise.
+    // In a second the drift changes by 0.3 to 1 times the noise.
     let per_root_s = sd_m * draws.between(0.3, 1.0);
     let scale_m = match noise {
         Noise::Drift(tau_s) => per_root_s * (tau_s / 2.0).sqrt(),
@@ -187,7 +187,7 @@ fn errors(
         .map(|k| {
             let of = if is_common { k % 2 } else { k };
             let times = (0..n_samples).map(|sample| sample as f64 * SAMPLE_S);
-            course(noise, seed, &format!("drift {of}"), times, scale_m)
+            drift_course(noise, seed, &format!("drift {of}"), times, scale_m)
         })
         .collect();
     let mut one = |sample: usize, agent: usize| {
@@ -195,7 +195,7 @@ fn errors(
         let at_m = [0, 1].map(|axis| {
             let drift = drifts[2 * agent + axis].as_ref().map_or(0.0, |drift| drift[sample]);
             let gross_m = if is_gross { sd_m * draws.between(-60.0, 60.0) } else { 0.0 };
-            sd_m * noise.draw(&mut draws, side) + drift + gross_m
+            sd_m * noise.draw(&mut draws, skew_sign) + drift + gross_m
         });
         Error { at_m, heading_rad: HEADING_SD_RAD * draws.normal() }
     };

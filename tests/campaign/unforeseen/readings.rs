@@ -1,4 +1,4 @@
-//! Defects of what is read: a register that ends, a receiver that is stuck, gross errors, lines that stand twice.
+//! Defects of readings: a register with a floor, a receiver stuck at one reading, outliers, duplicated lines.
 
 use super::air::{Air, Sent, layout, n_rows};
 use super::answer::{Answer, Claim, Scope};
@@ -6,7 +6,7 @@ use super::{Case, Expected};
 use crate::campaign::draws::Draws;
 use crate::campaign::world::Layout;
 
-/// Receivers whose register ends at some level: what is weaker reads as that level.
+/// Honest: `measurement:register-floor`. The register of every receiver stops at a floor, and weaker frames read as the floor.
 pub(super) fn register_floor(seed: u64) -> Case {
     let (air, mut sent) = sent(seed);
     let floor_dbm = floor_dbm(seed);
@@ -25,10 +25,10 @@ fn floor_dbm(seed: u64) -> f64 {
     -92.0 + Draws::new(seed, "floor").below(5) as f64
 }
 
-/// A receiver that reads the same whatever arrives.
+/// Honest: `measurement:stuck-node`. One receiver reports the same reading for every frame.
 pub(super) fn stuck_node(seed: u64) -> Case {
     let (air, mut sent) = sent(seed);
-    let (node, stuck_dbm) = stuck(seed, &air);
+    let (node, stuck_dbm) = stuck_receiver(seed, &air);
     for (row, reading) in air.world.rows.iter().zip(&mut sent.readings) {
         if row.rx == node {
             *reading = reading.map(|_| stuck_dbm);
@@ -38,21 +38,21 @@ pub(super) fn stuck_node(seed: u64) -> Case {
     case(&air, &sent, answer.with_structure(&["receiver"]))
 }
 
-/// The receiver, and what it reads (dBm).
-fn stuck(seed: u64, air: &Air) -> (usize, f64) {
+/// The receiver and its reading (dBm).
+fn stuck_receiver(seed: u64, air: &Air) -> (usize, f64) {
     let mut draws = Draws::new(seed, "stuck");
     (draws.below(air.world.n_nodes), draws.between(-85.0, -55.0).round())
 }
 
-/// About one reading in a hundred is off by 15 to 40 dB.
+/// Honest: `measurement:outliers`. About 1 % of the readings are off by 15 to 40 dB.
 pub(super) fn outliers(seed: u64) -> Case {
     let (air, mut sent) = sent(seed);
-    spoil(&mut sent, seed);
+    add_outliers(&mut sent, seed);
     case(&air, &sent, defect("measurement:outliers", Scope::default()))
 }
 
-/// Makes gross errors of about one reading in a hundred.
-pub(super) fn spoil(sent: &mut Sent, seed: u64) {
+/// Adds gross errors to 0.7 to 1.5 % of the readings.
+pub(super) fn add_outliers(sent: &mut Sent, seed: u64) {
     let mut draws = Draws::new(seed, "outliers");
     let share = draws.between(0.007, 0.015);
     for reading in sent.readings.iter_mut().flatten() {
@@ -64,14 +64,14 @@ pub(super) fn spoil(sent: &mut Sent, seed: u64) {
     }
 }
 
-/// Lines of the log stand twice: some of them, or all of a stretch of time.
+/// Honest: `measurement:duplicates`. Random lines of the log are doubled, or all lines of an interval.
 pub(super) fn duplicates(seed: u64) -> Case {
     let (air, sent) = sent(seed);
     let csv = air.csv(&sent);
     let lines: Vec<&str> = csv.lines().collect();
-    let doubled = doubled(seed, lines.len() - 1);
+    let is_duplicate = duplicate_lines(seed, lines.len() - 1);
     let mut text = format!("{}\n", lines[0]);
-    for (line, is_doubled) in lines[1..].iter().zip(doubled) {
+    for (line, is_doubled) in lines[1..].iter().zip(is_duplicate) {
         for _ in 0..1 + usize::from(is_doubled) {
             text.push_str(line);
             text.push('\n');
@@ -81,8 +81,8 @@ pub(super) fn duplicates(seed: u64) -> Case {
     Case { csv: text, ..case(&air, &sent, answer) }
 }
 
-/// Which of so many lines stand twice.
-fn doubled(seed: u64, n_lines: usize) -> Vec<bool> {
+/// Whether each line is doubled.
+fn duplicate_lines(seed: u64, n_lines: usize) -> Vec<bool> {
     let mut draws = Draws::new(seed, "duplicates");
     let share = draws.between(0.05, 0.2);
     if draws.chance(0.5) {
@@ -99,14 +99,14 @@ fn sent(seed: u64) -> (Air, Sent) {
     (air, sent)
 }
 
-/// The answer that a defect of the measurement is.
+/// The answer that names a defect of the measurement.
 pub(super) fn defect(name: &'static str, scope: Scope) -> Answer {
     let claim = Claim { scope: Scope { is_optional: true, ..scope }, ..Claim::of(name) };
-    // Nothing of the physics is missing: either verdict is right where the defect is named.
+    // The physics of the model is right, so either verdict is honest if the defect is named.
     Answer { verdicts: vec!["missing-effects", "nothing-missing"], ..Answer::of(vec![claim]) }
 }
 
-/// Of one node.
+/// The scope of one node.
 pub(super) fn of_node(node: usize) -> Scope {
     Scope { nodes: Some(vec![node as u64]), ..Scope::default() }
 }
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn no_reading_is_below_the_floor_and_many_are_on_it() {
+    fn no_reading_is_below_the_floor_and_many_are_at_it() {
         for seed in 0..5 {
             let floor_dbm = floor_dbm(seed);
             let readings = readings(&register_floor(seed).csv);
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn one_receiver_is_stuck() {
         let (air, _) = sent(4);
-        let (node, stuck_dbm) = stuck(4, &air);
+        let (node, stuck_dbm) = stuck_receiver(4, &air);
         let readings = readings(&stuck_node(4).csv);
         let values_of = |node: usize| {
             readings.iter().filter(move |(rx, _)| *rx == node).map(|(_, value)| *value as i64)
@@ -158,10 +158,10 @@ mod tests {
     }
 
     #[test]
-    fn one_reading_in_a_hundred_is_off() {
+    fn about_one_reading_in_a_hundred_is_an_outlier() {
         let (_, clean) = sent(5);
         let (_, mut spoiled) = sent(5);
-        spoil(&mut spoiled, 5);
+        add_outliers(&mut spoiled, 5);
         let off: Vec<f64> = (clean.readings.iter().zip(&spoiled.readings))
             .filter_map(|(clean, spoiled)| Some((spoiled.as_ref()? - clean.as_ref()?).abs()))
             .collect();
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn doubled_lines_stand_beside_each_other() {
+    fn duplicates_follow_their_originals() {
         for seed in 0..4 {
             let case = duplicates(seed);
             let lines: Vec<&str> = case.csv.lines().skip(1).collect();

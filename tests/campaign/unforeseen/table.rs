@@ -1,11 +1,11 @@
-//! The table of how diagnoses of unforeseen campaigns did.
+//! The table of judgements.
 
 use crate::campaign::blind::{percent, texts};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// The tables, as Markdown, from the lines kept: by row, and by variant where a row has several.
+/// The tables as Markdown, from the lines kept: by row, and by variant for rows with several.
 #[must_use]
 pub fn tables(lines: &[Value]) -> String {
     let judged = || lines.iter().filter(|line| line["judgement"].is_string());
@@ -16,7 +16,7 @@ pub fn tables(lines: &[Value]) -> String {
         rows.entry(row.to_owned()).or_default().push(line);
         variants.entry(format!("{row}: {variant}")).or_default().push(line);
     }
-    // Of a row with one variant, a second line would say the same.
+    // A row with one variant needs no second line.
     variants.retain(|_, lines| {
         let row = &rows[lines[0]["row"].as_str().unwrap_or_default()];
         lines.len() < row.len()
@@ -59,7 +59,7 @@ fn table_row(name: &str, lines: &[&Value]) -> String {
     )
 }
 
-/// The four names that were wrong most often.
+/// The four most frequent wrong names.
 fn wrong_names(lines: &[&Value]) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for name in lines.iter().flat_map(|line| texts(&line["wrong"])) {

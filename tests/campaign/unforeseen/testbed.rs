@@ -1,4 +1,5 @@
-//! A testbed of fixed nodes, of which the model is optimistic: another level, another exponent, walls that nobody mapped.
+//! A testbed of fixed nodes, for which the model is optimistic: the level is lower, the path loss exponent larger, and links are
+//! shadowed.
 
 use super::air::{Air, layout, n_rows};
 use super::answer::{Answer, Claim};
@@ -11,7 +12,7 @@ use std::collections::BTreeMap;
 /// Random effects of a testbed.
 const RANDOM: [&str; 2] = ["shadowing", "node-offset"];
 
-/// Draws of the testbed.
+/// What the model lacks.
 struct Bench {
     /// Mean error of the model (dB).
     level_db: f64,
@@ -54,7 +55,7 @@ fn air(seed: u64) -> Air {
     air
 }
 
-/// The nodes of a row, the lower number first.
+/// The unordered pair of a row: the lower node number first.
 pub(super) fn link(row: &Row) -> (usize, usize) {
     (row.tx.min(row.rx), row.tx.max(row.rx))
 }
@@ -65,7 +66,7 @@ pub(super) fn links(draws: &mut Draws, n_nodes: usize) -> BTreeMap<(usize, usize
     pairs.map(|pair| (pair, draws.normal())).collect()
 }
 
-/// A campaign: the level or the exponent must be named, random effects may be named beside them.
+/// Honest: the level or the exponent. Random effects may be named beside them, not instead.
 pub(super) fn case(seed: u64) -> Case {
     let air = air(seed);
     let sent = air.send();

@@ -1,4 +1,4 @@
-//! A truck that stands in the way of some links for a while.
+//! A truck that obstructs some links for a quarter of an hour or more.
 
 use super::air::{Air, layout, n_rows};
 use super::answer::{Answer, Claim, Scope};
@@ -7,10 +7,10 @@ use crate::campaign::draws::Draws;
 use crate::campaign::geometry::{Point, crossing};
 use crate::campaign::world::{Layout, Row, World};
 
-/// How near the moments must be named (s): some 10 frames pass in this time, of which every fourth is attenuated.
+/// Tolerance of the named times (s).
 const NEAR_S: f64 = 120.0;
 
-/// A truck: its side, and from when until when it stands there.
+/// A truck: a segment in the plane, and when it stands there.
 struct Truck {
     side: [Point; 2],
     from_s: f64,
@@ -19,7 +19,7 @@ struct Truck {
 }
 
 impl Truck {
-    /// Of forty places, that where the share of paths that cross the truck is nearest to a quarter.
+    /// Of forty random places, the one where the share of obstructed paths is nearest to a quarter.
     fn new(seed: u64, world: &World) -> Self {
         let mut draws = Draws::new(seed, "truck");
         let stands_s = 60.0 * draws.between(15.0, 25.0);
@@ -41,7 +41,7 @@ impl Truck {
         Self { side, from_s, until_s: from_s + stands_s, loss_db }
     }
 
-    /// What it adds to a row (dB).
+    /// Its contribution to a row (dB).
     fn added_db(&self, row: &Row) -> f64 {
         let stands = self.from_s <= row.time_s && row.time_s < self.until_s;
         if stands && is_crossed(self.side, row) { -self.loss_db } else { 0.0 }
@@ -66,7 +66,7 @@ fn air(seed: u64) -> (Air, Truck) {
     (air, truck)
 }
 
-/// A campaign: an obstacle must be named, with when it came and went.
+/// Honest: an obstacle, with the times at which it came and went.
 pub(super) fn case(seed: u64) -> Case {
     let (air, truck) = air(seed);
     let sent = air.send();
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_truck_attenuates_while_it_stands_what_crosses_it() {
+    fn a_truck_attenuates_the_links_that_cross_it_while_it_stands() {
         for seed in 0..5 {
             let (air, truck) = air(seed);
             let stands_s = truck.until_s - truck.from_s;

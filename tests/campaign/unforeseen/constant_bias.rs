@@ -1,4 +1,4 @@
-//! A constant bias, held against what `compare` says of it: the plain error, and nothing that the bias would depend on.
+//! A constant bias: `compare` reports the plain error, and blames no covariate.
 
 use super::air::{Air, layout, n_rows};
 use super::answer::{Judged, Judgement};
@@ -6,9 +6,9 @@ use super::{Case, Expected};
 use crate::campaign::draws::Draws;
 use serde_json::Value;
 
-/// Share by which the plain error may be off.
+/// Tolerance of the plain error, as a share of it.
 const NEAR: f64 = 0.02;
-/// A covariate is blamed if it is at least this unlikely by chance, and explains at least so much.
+/// A covariate is blamed if its p-value is below the first, and its explained share above the second.
 const BLAMED: (f64, f64) = (0.005, 0.05);
 
 /// Covariates that a constant bias does not depend on.
@@ -28,7 +28,7 @@ fn air(seed: u64) -> Air {
     air
 }
 
-/// A campaign.
+/// Honest: the plain error on received rows, and no blame.
 pub(super) fn case(seed: u64) -> Case {
     let air = air(seed);
     let sent = air.send();
@@ -36,7 +36,7 @@ pub(super) fn case(seed: u64) -> Case {
     Case { csv: air.csv(&sent), config_toml: air.config(&sent), expected }
 }
 
-/// Judges what `compare --json` wrote, given the plain error (dB).
+/// Judges the JSON of `compare`, given the plain error (dB).
 pub(super) fn judged(rmse_db: f64, comparison: &Value) -> Judged {
     let places = comparison["where"].as_array().into_iter().flatten();
     let mut wrong: Vec<String> = places

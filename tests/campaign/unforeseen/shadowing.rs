@@ -1,4 +1,4 @@
-//! Nothing but shadowing, correlated along the way of nodes that move (Gudmundson 1991).
+//! Nothing but shadowing, spatially correlated where nodes move (Gudmundson 1991).
 
 use super::air::{Air, layout, n_rows};
 use super::answer::{Answer, Claim};
@@ -7,7 +7,7 @@ use crate::campaign::draws::Draws;
 use crate::campaign::field::{Kernel, pair_field};
 use crate::campaign::world::Layout;
 
-/// Who moves.
+/// Which nodes move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Movers {
     Nobody,
@@ -40,7 +40,7 @@ fn air(seed: u64, movers: Movers) -> Air {
     air
 }
 
-/// A campaign: shadowing must be named, and nothing else.
+/// Honest: shadowing, and nothing beside it.
 pub(super) fn case(seed: u64, movers: Movers) -> Case {
     let air = air(seed, movers);
     let sent = air.send();
