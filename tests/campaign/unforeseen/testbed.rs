@@ -71,7 +71,9 @@ pub(super) fn case(seed: u64) -> Case {
     let air = air(seed);
     let sent = air.send();
     let level = Claim { effects: vec!["system-gain", "path-loss-exponent"], ..Claim::default() };
-    let answer = Answer::of(vec![level])
+    // Structure over the distance is true where the exponent is not named.
+    let verdicts = vec!["missing-effects", "unexplained-structure"];
+    let answer = Answer { verdicts, ..Answer::of(vec![level]) }
         .permitting(&["system-gain", "path-loss-exponent"])
         .permitting(&RANDOM)
         .with_structure(&["distance_m", "log10_distance", "transmitter", "receiver"])
