@@ -323,7 +323,13 @@ mod tests {
                 assert_ne!(one.csv, other.csv, "{row}: {name}");
                 let n_rows = one.csv.lines().count() - 1;
                 assert!((900..=12_000).contains(&n_rows), "{row}: {name}: {n_rows}");
-                assert!(toml::from_str::<toml::Table>(&one.config_toml).is_ok());
+                let config: toml::Table = toml::from_str(&one.config_toml).unwrap();
+                let power_dbm =
+                    config.get("netsim").and_then(|n| n["phy"]["tx_power_dbm"].as_float());
+                assert!(
+                    power_dbm.is_none_or(|dbm| (-89.0..59.0).contains(&dbm)),
+                    "{row}: {name}: {power_dbm:?}"
+                );
                 // The noise is for the diagnosis to find.
                 assert!(!one.config_toml.contains("sd_"), "{row}: {name}");
             }

@@ -68,13 +68,15 @@ impl Air {
         }
     }
 
-    /// Sends every frame, at the transmit power at which the share of frames drawn for this seed is received.
+    /// Sends every frame, at the transmit power at which the share drawn for this seed is received, of the frames that
+    /// are not lost for another reason.
     pub(super) fn send(&self) -> Sent {
         let n = self.level_db.len();
+        let not_lost: f64 = self.loss.iter().map(|loss| 1.0 - loss).sum();
         let tx_power_dbm = bisected(-90.0, 90.0, 24, |power_dbm| {
             let passes =
                 |row| radio::table(power_dbm + self.power_db(row)) * (1.0 - self.loss[row]);
-            (0..n).map(passes).sum::<f64>() < self.share * n as f64
+            (0..n).map(passes).sum::<f64>() < self.share * not_lost
         });
         let tx_power_dbm = rounded(tx_power_dbm, 1);
         let reading = |row: usize| {
